@@ -51,19 +51,19 @@ from lighting.preview.drawing import (
     write,
     write_inside,
 )
-from lighting.probe.alignment import Scan, orient, yaw_rotation
-from lighting.probe.bracket import bracket_of
+from lighting.probe.alignment import Scan, fit_orientation, yaw_rotation
+from lighting.probe.bracket import make_bracket
 from lighting.probe.develop import BracketSettings, Moment, Probe, make_probe, write_probe
-from lighting.probe.fisheye import fisheye_lens
+from lighting.probe.fisheye import make_lens
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.cie import general_luminance
 from lighting.sky.hosek_wilkie import sky_radiance
 from lighting.sky.perez import perez_luminance
 from lighting.stereo.network import Network
-from lighting.stereo.plan_figure import draw_plan, shown_error
-from lighting.stereo.plan_records import Plan, Question, clock
-from lighting.stereo.planner import ModelledSkies, conditions, plan_photos, title
-from lighting.stereo.schedule import in_grey
+from lighting.stereo.plan_figure import draw_plan, format_angle_error
+from lighting.stereo.plan_records import Plan, PlanRequest, format_clock
+from lighting.stereo.planner import ModelledSkies, plan_conditions, plan_photos, plan_title
+from lighting.stereo.schedule import gray_skies
 
 # axes.png: the frame, the angles and the environment map, all by lighting.geometry itself.
 
@@ -247,7 +247,7 @@ def _probe_exposures() -> list[LinearPhoto]:
     """Seven exposures of a clear June morning through a fisheye, the sun clipped in all."""
     picture = photograph_sky(
         clear_sky_at(Moment(SKY_DAY, *SKY_PLACE)),
-        fisheye_lens("equidistant", PROBE_SIDE, PROBE_SIDE),
+        make_lens("equidistant", PROBE_SIDE, PROBE_SIDE),
         yaw_rotation(PROBE_YAW),
     )
     return expose_bracket(picture, BracketCamera(14, fill=8.0), np.random.default_rng(0), BRACKET_TIMES)
@@ -329,16 +329,16 @@ def _write_exposures(exposures: Sequence[LinearPhoto], folder: Path) -> None:
 def draw_probe(folder: Path) -> None:
     exposures = _probe_exposures()
     _write_exposures(exposures, folder)
-    probe = make_probe(bracket_of(exposures), Moment(SKY_DAY, *SKY_PLACE), BracketSettings(fill=True))
+    probe = make_probe(make_bracket(exposures), Moment(SKY_DAY, *SKY_PLACE), BracketSettings(fill=True))
     write_probe(probe, folder / "probe.exr")
     day = read_sky_scans()[SUNNY]
-    _draw_probe_panels(exposures, probe, day[4], orient(day).offset)
+    _draw_probe_panels(exposures, probe, day[4], fit_orientation(day).offset)
 
 
 # stereo-plan.png: a relief on a south wall in Bregenz, under skies that the project models.
 
 PLAN_PICTURE = Path(__file__).with_name("stereo-plan.png")
-PLAN_WALL = Question(facing=180.0)
+PLAN_WALL = PlanRequest(facing=180.0)
 PLAN_DAYS = (date(2026, 3, 20), date(2026, 6, 21), date(2026, 12, 21))
 
 
@@ -352,12 +352,15 @@ def draw_stereo_plan() -> None:
         for sky in ("clear", "mixed"):
             skies, plan = _wall_plan(day, sky)
             best = ", ".join(
-                f"{w.hours} h {clock(w.start)} to {clock(w.end)} {shown_error(w.error)} (gain {w.gain:.0f})"
+                f"{w.hours} h {format_clock(w.start)} to {format_clock(w.end)} "
+                f"{format_angle_error(w.error)} (gain {w.gain:.0f})"
                 for w in plan.windows
             )
-            click.echo(f"{title(skies, plan)}: {best}")
+            click.echo(f"{plan_title(skies, plan)}: {best}")
             if (day, sky) == (PLAN_DAYS[1], "clear"):
-                drawing = draw_plan(plan, f"When to photograph: {title(skies, plan)}", conditions(skies, PLAN_WALL))
+                drawing = draw_plan(
+                    plan, f"When to photograph: {plan_title(skies, plan)}", plan_conditions(skies, PLAN_WALL)
+                )
                 PLAN_PICTURE.write_bytes(encode_png(drawing))
 
 
@@ -372,7 +375,7 @@ def draw_stereo_normals() -> None:
     surface, network, rows = subject.surface, Network.load(), []
     for name in ("47° N, March", "47° N, June"):
         trial = Trial(SEASONS[name], shadows=True)
-        photos = photograph(subject, trial, in_grey(trial.day.skies()))[[0, 3, 7], ..., 0]
+        photos = photograph(subject, trial, gray_skies(trial.day.skies()))[[0, 3, 7], ..., 0]
         (found,) = session([subject], trial, network)
         search, both = found.errors()
         errors = (f"{np.median(part):.1f} / {part.mean():.1f}" for part in (search, both))

@@ -21,7 +21,7 @@ from export.data.panoramas import (
 from export.data.rendered_panoramas import render_panorama
 from lighting.geometry import angle_between, direction
 from lighting.probe.sky_fit import fit_sky
-from lighting.probe.sun_detection import HEIGHT, FoundSun, find_sun
+from lighting.probe.sun_detection import ANALYSIS_HEIGHT, DetectedSun, find_sun
 
 # Labels of panoramas, as a CSV file: where the sun is, and the Hosek-Wilkie sky that fits.
 
@@ -92,7 +92,7 @@ GIVEN_UNCERTAINTY = 5.0  # deg, of a given sun whose uncertainty is not given
 
 def _label_panorama(panorama: Panorama) -> Label:
     """The panorama's label; a sun given in the index wins over the one found in the picture."""
-    linear = read_linear_panorama(panorama, HEIGHT)
+    linear = read_linear_panorama(panorama, ANALYSIS_HEIGHT)
     found = find_sun(linear)
     azimuth, elevation, uncertainty, source = _sun_of(panorama, found)
     fit = None if source == "none" else fit_sky(linear, direction(azimuth, max(elevation, 0.0)))
@@ -112,7 +112,7 @@ def _label_panorama(panorama: Panorama) -> Label:
     )
 
 
-def _sun_of(panorama: Panorama, found: FoundSun | None) -> tuple[float, float, float, str]:
+def _sun_of(panorama: Panorama, found: DetectedSun | None) -> tuple[float, float, float, str]:
     """Azimuth, elevation, uncertainty [deg] and source."""
     if panorama.sun_azimuth is not None and panorama.sun_elevation is not None:
         given = panorama.sun_uncertainty

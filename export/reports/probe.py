@@ -22,10 +22,10 @@ from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.alignment import Scan, yaw_rotation
-from lighting.probe.bracket import bracket_of
+from lighting.probe.bracket import make_bracket
 from lighting.probe.develop import BracketSettings, Moment, make_probe
-from lighting.probe.fisheye import Lens, fisheye_lens, lens_directions, lens_pixels, to_latlong
-from lighting.probe.hdr_merge import clipped
+from lighting.probe.fisheye import Lens, make_lens, project_to_lens, resample_to_latlong, unproject_from_lens
+from lighting.probe.hdr_merge import clipped_mask
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.solar_position import sun_position
@@ -48,12 +48,12 @@ _DARK = 0.05  # quantile that counts as the darkest sky
 
 def report_probe() -> str:
     """A table in Markdown of seven brackets, by bits and by what they are exposed for; it takes a minute."""
-    lens, moment = fisheye_lens("equidistant", PICTURE_SIDE, PICTURE_SIDE), Moment(SKY_DAY, *SKY_PLACE)
+    lens, moment = make_lens("equidistant", PICTURE_SIDE, PICTURE_SIDE), Moment(SKY_DAY, *SKY_PLACE)
     rows = []
     for bits in (8, 12, 14):
         for fill, name in ((0.8, "the sun"), (SKY_FILL, "the sky")):
             errors = _measure_bracket(BracketCamera(bits, fill), moment, lens, 40.0)
-            sun = ["-", "clipped"] if errors.clipped else [f"{100 * errors.sun:.1f} %", "not clipped"]
+            sun = ["-", "clipped"] if errors.clipped else [f"{100 * errors.sun:.1f} %", "not clipped_mask"]
             sky = [f"{errors.steps:.1f}", f"{100 * errors.longest:.1f} %", f"{100 * errors.sky:.1f} %"]
             rows.append([str(bits), name, *sky, *sun, f"{errors.rotation:.2f}°"])
     title = f"Seven exposures of 1/8000 to 1 s, {PICTURE_SIDE} x {PICTURE_SIDE} pixels, map of {MAP_HEIGHT} rows"
@@ -104,13 +104,13 @@ def photograph_sky(lighting: Lighting, lens: Lens, rotation: Floats) -> NDArray[
         rotation: (3, 3) from the camera's axes to the world's.
     """
     pixels = np.stack(np.meshgrid(np.arange(lens.width) + 0.5, np.arange(lens.height) + 0.5), axis=-1)
-    rays = lens_directions(lens, pixels) @ rotation.T
+    rays = unproject_from_lens(lens, pixels) @ rotation.T
     inside = np.isfinite(rays).all(axis=-1)
     sun = lighting.sun_direction
     picture = np.zeros((lens.height, lens.width, 3))
     picture[inside] = sky_radiance(rays[inside], sun, lighting.turbidity, lighting.ground_albedo)
     points, weight = sun_disc_points(sun)
-    at = np.floor(lens_pixels(lens, points @ rotation)).astype(np.intp)
+    at = np.floor(project_to_lens(lens, points @ rotation)).astype(np.intp)
     radiance = sun_disc_radiance(points, sun, lighting.turbidity) * weight[:, None]
     np.add.at(picture, (at[:, 1], at[:, 0]), radiance / _pixel_solid_angle(lens, at)[:, None])
     return np.asarray(picture * lighting.exposure, dtype=np.float32)
@@ -118,7 +118,7 @@ def photograph_sky(lighting: Lighting, lens: Lens, rotation: Floats) -> NDArray[
 
 def _pixel_solid_angle(lens: Lens, at: NDArray[np.intp]) -> Floats:
     """Solid angle [sr] (N,) of the pixels in these columns and rows (N, 2)."""
-    a, b, c, d = (lens_directions(lens, at + np.array(corner)) for corner in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    a, b, c, d = (unproject_from_lens(lens, at + np.array(corner)) for corner in ((0, 0), (1, 0), (1, 1), (0, 1)))
     return np.asarray(np.linalg.norm(np.cross(c - a, d - b), axis=-1) / 2)
 
 
@@ -165,7 +165,7 @@ class _BracketErrors:
     longest: float  # the same of the longest exposure alone, without any merging
     steps: float  # of the camera's rounding, that red has in it in the darkest twentieth of the sky
     sun: float  # largest relative error of the sun's irradiance over the channels
-    clipped: bool  # whether the probe says so of the sun
+    clipped_mask: bool  # whether the probe says so of the sun
     rotation: float  # deg, between the estimated and the true one
 
 
@@ -173,7 +173,7 @@ def _measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: flo
     """Photograph a clear sky, merge it and compare."""
     lighting, rotation = clear_sky_at(moment), yaw_rotation(yaw)
     picture = photograph_sky(lighting, lens, rotation)
-    bracket = bracket_of(expose_bracket(picture, camera, np.random.default_rng(seed)))
+    bracket = make_bracket(expose_bracket(picture, camera, np.random.default_rng(seed)))
     settings = BracketSettings(
         kind=lens.kind, fov=lens.fov, centre=lens.centre, radius=lens.radius, pitch=lens.pitch, height=MAP_HEIGHT
     )
@@ -183,7 +183,9 @@ def _measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: flo
     gain = _bracket_gain(picture, camera)
     power = probe.spot.irradiance / gain / sun_irradiance(lighting) - 1
     longest, seconds = bracket.photos[-1], BRACKET_TIMES[-1]
-    single = to_latlong(longest.pixels / np.float32(seconds), clipped(longest), lens, rotation, MAP_HEIGHT)[0]
+    single = resample_to_latlong(
+        longest.pixels / np.float32(seconds), clipped_mask(longest), lens, rotation, MAP_HEIGHT
+    )[0]
     return _BracketErrors(
         sky=_sky_error(probe.image, lighting, gain),
         longest=_sky_error(single, lighting, gain),

@@ -23,9 +23,9 @@ from lighting.model import Model
 from lighting.records import SunEstimate
 from lighting.video.decode import Frame
 from lighting.video.intrinsics import zoomed_fov
-from lighting.video.keyframes import smoothed
+from lighting.video.keyframes import smooth_parabolic
 from lighting.video.light import FrameObservation, ShotLight
-from lighting.video.shot import SEEN_EVERY, Shot, estimate_frame, shots_watched, solve_shot
+from lighting.video.shot import NETWORK_INTERVAL, Shot, estimate_frame, observe_shots, solve_shot
 from lighting.video.tracking import ClipMetadata
 
 CLIP_WIDTH, CLIP_HEIGHT = 640, 360  # pixels
@@ -246,7 +246,7 @@ def _paste_boxes(picture: Pixels, boxes: Sequence[_Box], time: float) -> Pixels:
 
 
 def _measure_clip(clip: _Clip, model: Model) -> dict[str, float]:
-    shots = list(shots_watched(clip.frames(), model))
+    shots = list(observe_shots(clip.frames(), model))
     longest = max(shots, key=lambda watched: len(watched.steps))
     shot = solve_shot(longest, ClipMetadata())
     first = int(shot.frames[0])
@@ -288,7 +288,7 @@ def _tracking_errors(shot: Shot, clip: _Clip) -> dict[str, float]:
     return {
         "heading": float(np.median(heading)),
         "heading, 90 %": float(np.percentile(heading, 90)),
-        "trembling": float((sun - smoothed(path.time, sun, window)).std()),
+        "trembling": float((sun - smooth_parabolic(path.time, sun, window)).std()),
         "elevation": float(np.median(np.abs(path.elevation - elevation))),
         "roll": float(np.median(np.abs(path.roll - roll))),
         "gain": 100.0 * float(np.median(np.abs(np.array(gains) - 1.0))),
@@ -299,7 +299,7 @@ def _tracking_errors(shot: Shot, clip: _Clip) -> dict[str, float]:
 def _sun_by_true_rotations(clip: _Clip, first: int, model: Model) -> SunEstimate:
     """The sun that many frames give with true rotations, as frame `first` sees it."""
     light, azimuth = ShotLight(), clip.path[0]
-    every = max(1, round(SEEN_EVERY / float(np.median(np.diff(clip.time)))))
+    every = max(1, round(NETWORK_INTERVAL / float(np.median(np.diff(clip.time)))))
     for frame in clip.frames(every):
         heading = float(azimuth[frame.index] - azimuth[first])
         fov = zoomed_fov(clip.vertical_fov, float(clip.zoom[frame.index]))

@@ -12,8 +12,8 @@ from export.data.panoramas import DataError
 from export.stereo.renders import Material, cast_shadows, shade_surface
 from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, relief, turned, view
 from lighting.geometry import Floats
-from lighting.stereo.grid_search import Candidates, Pose, candidates, search, to_camera
-from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, suns_at
+from lighting.stereo.grid_search import Candidates, Pose, make_candidates, search_normals, world_to_camera
+from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, sun_directions
 from lighting.stereo.network import BY_IMAGE, NormalFeatures, normal_features
 
 # Days to photograph: a place, a date, the hours, the sky and how the camera stands.
@@ -38,7 +38,7 @@ class CaptureDay:
 
     def suns(self) -> Floats:
         """Unit vectors (T, 3) to the sun in world axes."""
-        return suns_at(self.times, self.latitude, self.longitude)
+        return sun_directions(self.times, self.latitude, self.longitude)
 
     def skies(self, height: int = 64) -> Skies:
         """Its clear skies."""
@@ -144,7 +144,7 @@ def _size(rng: np.random.Generator) -> int:
 
 def _of_surface(surface: Surface, day: CaptureDay, rng: np.random.Generator) -> Iterator[Sample]:
     skies, told = day.skies(_SKY_HEIGHT), _believed(day, rng)
-    table = candidates(told.skies(_SKY_HEIGHT), told.pose, _CANDIDATES)
+    table = make_candidates(told.skies(_SKY_HEIGHT), told.pose, _CANDIDATES)
     shadows, glossy, coloured = rng.random() < 0.6, rng.random() < 0.4, rng.random() < 0.3
     table = table if coloured else _grey(table)
     noise = float(np.exp(rng.normal(np.log(0.01), 0.5)))
@@ -152,12 +152,12 @@ def _of_surface(surface: Surface, day: CaptureDay, rng: np.random.Generator) -> 
         mask = surface.mask[window]
         pixels = np.argwhere(mask) + np.array([window[0].start, window[1].start])
         normals = surface.normals[window][mask]
-        lit = cast_shadows(surface, pixels, to_camera(skies.sun_direction, day.pose)) if shadows else None
+        lit = cast_shadows(surface, pixels, world_to_camera(skies.sun_direction, day.pose)) if shadows else None
         gloss = rng.uniform(0.02, 0.15) if glossy else 0.0
         material = Material(_albedo(surface.mask.shape, rng)[window][mask], gloss, rng.uniform(8, 60))
         images = shade_surface(normals, skies, day.pose, material, lit, quick=True)
         images = images if coloured else images.mean(axis=2, keepdims=True)
-        yield _sample(images, mask, normals, (table, to_camera(told.suns(), told.pose), noise), rng)
+        yield _sample(images, mask, normals, (table, world_to_camera(told.suns(), told.pose), noise), rng)
 
 
 def _grey(table: Candidates) -> Candidates:
@@ -199,7 +199,7 @@ def _sample(
     table, suns, noise = told
     sigma = noise * float(images.max())
     noisy = np.maximum(images + rng.normal(0, sigma, images.shape), 0).astype(np.float32)
-    planes = normal_features(noisy, mask, suns, search(noisy, table, sigma), sigma)
+    planes = normal_features(noisy, mask, suns, search_normals(noisy, table, sigma), sigma)
     truth = np.zeros((3, *mask.shape), dtype=np.float16)
     truth[:, mask] = normals.T
     return _padded(planes, suns, truth)

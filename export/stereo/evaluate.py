@@ -18,12 +18,12 @@ from export.stereo.dataset import CaptureDay, hours_of
 from export.stereo.renders import Material, Subject, cast_shadows, shade_surface, subjects
 from lighting.errors import LightingError
 from lighting.geometry import Floats
-from lighting.stereo.grid_search import to_camera, to_world
-from lighting.stereo.light_vectors import Skies, illumination
+from lighting.stereo.grid_search import camera_to_world, world_to_camera
+from lighting.stereo.light_vectors import Skies, illumination_matrices
 from lighting.stereo.network import Network
-from lighting.stereo.output import depth_error, integrate
-from lighting.stereo.schedule import in_grey
-from lighting.stereo.solver import Session, fitted_turbidity, improved, solve_normals, solve_with_planes
+from lighting.stereo.output import depth_error, integrate_normals
+from lighting.stereo.schedule import gray_skies
+from lighting.stereo.solver import Session, apply_network, fit_turbidity, solve_normals, solve_with_planes
 
 # Simulated sessions: a shape photographed over a day, solved from what the photographer knows of it.
 
@@ -84,7 +84,7 @@ def photograph(subject: Subject, trial: Trial, skies: Skies) -> Image:
     surface, pose = subject.surface, trial.day.pose
     lit = None
     if trial.shadows:
-        lit = cast_shadows(surface, np.argwhere(surface.mask), to_camera(skies.sun_direction, pose))
+        lit = cast_shadows(surface, np.argwhere(surface.mask), world_to_camera(skies.sun_direction, pose))
     normals = surface.normals[surface.mask]
     material = Material(np.full(len(normals), _ALBEDO, dtype=np.float32), trial.gloss)
     values = shade_surface(normals, skies, pose, material, lit)
@@ -96,7 +96,7 @@ def photograph(subject: Subject, trial: Trial, skies: Skies) -> Image:
 def session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[_Found]:
     """Shapes that stand side by side in the photos of one day, solved together."""
     told, skies = trial.told(), trial.day.skies()
-    skies = skies if trial.colour else in_grey(skies)
+    skies = skies if trial.colour else gray_skies(skies)
     sheet, windows = _side_by_side([photograph(subject, trial, skies) for subject in subjects])
     mask = np.zeros(sheet.shape[1:3], dtype=bool)
     for subject, window in zip(subjects, windows, strict=True):
@@ -106,11 +106,11 @@ def session(subjects: Sequence[Subject], trial: Trial, network: Network | None) 
 
     def believed(turbidity: float, height: int = 32) -> Session:
         seen = replace(told, turbidity=turbidity).skies(height)
-        return Session(images, mask, seen if trial.colour else in_grey(seen), told.pose)
+        return Session(images, mask, seen if trial.colour else gray_skies(seen), told.pose)
 
-    turbidity = fitted_turbidity(believed) if trial.fitted else told.turbidity
+    turbidity = fit_turbidity(believed) if trial.fitted else told.turbidity
     alone, planes = solve_with_planes(believed(turbidity, 64))
-    both = alone if network is None else improved(alone, network, planes)
+    both = alone if network is None else apply_network(alone, network, planes)
     return [
         _Found(subject, alone.normal[window], both.normal[window], both.error[window])
         for subject, window in zip(subjects, windows, strict=True)
@@ -212,7 +212,7 @@ def _each(found: Sequence[Sequence[_Found]], say: Say) -> None:
 
 def _depth(found: _Found) -> str:
     surface, scale = found.subject.surface, found.subject.scale
-    depths = (integrate(normals, surface.mask) for normals in (surface.normals, found.search, found.network))
+    depths = (integrate_normals(normals, surface.mask) for normals in (surface.normals, found.search, found.network))
     return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in depths)
 
 
@@ -265,10 +265,10 @@ def print_speed(say: Callable[[str], None]) -> None:
     day = SEASONS["47° N, June"]
     y, x = np.mgrid[:SIDE, :SIDE] / (SIDE / 2) - 1
     normals = np.stack([0.6 * x, -0.6 * y, np.sqrt(1 - 0.36 * (x * x + y * y))], axis=-1).reshape(-1, 3)
-    world = to_world(normals[::16], day.pose)
+    world = camera_to_world(normals[::16], day.pose)
     for channels in (1, 3):
-        skies = day.skies() if channels == 3 else in_grey(day.skies())
-        values = np.einsum("ptjc,pj->ptc", illumination(skies, world), world)
+        skies = day.skies() if channels == 3 else gray_skies(day.skies())
+        values = np.einsum("ptjc,pj->ptc", illumination_matrices(skies, world), world)
         images = np.moveaxis(np.repeat(values, 16, axis=0).reshape(SIDE, SIDE, -1, channels), 2, 0).astype(np.float32)
         images += np.random.default_rng(0).normal(0, 0.01 * images.max(), images.shape).astype(np.float32)
         session = Session(np.maximum(images, 0), np.ones((SIDE, SIDE), dtype=bool), skies, day.pose)

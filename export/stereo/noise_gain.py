@@ -7,27 +7,27 @@ from datetime import date
 import numpy as np
 
 from lighting.geometry import Floats, angle_between, direction
-from lighting.stereo.light_vectors import Skies, draw_sunshine, illumination
+from lighting.stereo.light_vectors import Skies, draw_sunshine, illumination_matrices
 from lighting.stereo.noise_gain import (
-    angular_spread,
-    gram,
-    inverse,
+    angular_std,
+    gram_matrix,
+    invert_symmetric,
     largest_gain,
     noise_gain,
     normals_of_interest,
     rotation_free_gain,
 )
-from lighting.stereo.plan_records import HOURS, Plan, Question
+from lighting.stereo.plan_records import HOURS, Plan, PlanRequest
 from lighting.stereo.schedule import (
-    DRAWS,
+    CLOUD_DRAWS,
     SPELLS,
-    Place,
+    ClockLocation,
     SkyDay,
     Weather,
     clear_brightness,
+    list_windows,
     make_plan,
     modelled_day,
-    windows_of,
 )
 
 LIFTS = (10, 15, 20, 30, 45, 60, 75, 90)  # deg out of the solar plane
@@ -44,7 +44,7 @@ class _Case:
     """A place, a day and its sky."""
 
     name: str
-    place: Place
+    place: ClockLocation
     day: date
     sky: Weather = "clear"
 
@@ -56,9 +56,9 @@ class _Case:
 
 
 CASES = (
-    _Case("47° N, 20 March", Place(47.0, 10.0, 1.0), date(2026, 3, 20)),
-    _Case("47° N, 21 June", Place(47.0, 10.0, 1.0), date(2026, 6, 21)),
-    _Case("35° N, 21 December", Place(35.0, 10.0, 1.0), date(2026, 12, 21)),
+    _Case("47° N, 20 March", ClockLocation(47.0, 10.0, 1.0), date(2026, 3, 20)),
+    _Case("47° N, 21 June", ClockLocation(47.0, 10.0, 1.0), date(2026, 6, 21)),
+    _Case("35° N, 21 December", ClockLocation(35.0, 10.0, 1.0), date(2026, 12, 21)),
 )
 CLOUDY = replace(CASES[1], sky="mixed")
 
@@ -79,29 +79,29 @@ def _spread_of_noise(day: SkyDay, hours: float, noise: float, draws: int) -> tup
 
     Pixels of every orientation of interest over one window about noon, estimated by iterated least squares.
     """
-    normals, window = normals_of_interest(None), windows_of(day, hours, SHOTS)
+    normals, window = normals_of_interest(None), list_windows(day, hours, SHOTS)
     noon = int(np.argmin(np.abs(window.start + 30 * hours - 720)))
     skies = day.skies.at(window.moments[0, noon])
-    matrix = illumination(skies, normals)[..., 0]
-    resolved = noise * angular_spread(inverse(gram(matrix)), normals) < 0.05
+    matrix = illumination_matrices(skies, normals)[..., 0]
+    resolved = noise * angular_std(invert_symmetric(gram_matrix(matrix)), normals) < 0.05
     normals, matrix = normals[resolved], matrix[resolved]
     found = _estimates(skies, normals, noise, draws, np.random.default_rng(5))
     scatter = (found - normals).std(axis=0) / (noise * noise_gain(matrix))
     turn = np.radians(_rms(angle_between(found, normals)))
-    expected = noise * angular_spread(inverse(gram(matrix)), normals)
+    expected = noise * angular_std(invert_symmetric(gram_matrix(matrix)), normals)
     return float(scatter.mean()), float((turn / expected).mean())
 
 
 def _estimates(skies: Skies, normals: Floats, noise: float, draws: int, rng: np.random.Generator) -> Floats:
     """Normals x albedo (draws, N, 3) from noisy pixels (draws, N, T): least squares, with the light of the normal
     found before, from the true one on."""
-    matrix = illumination(skies, normals)[..., 0]
+    matrix = illumination_matrices(skies, normals)[..., 0]
     bright = np.einsum("ntk,nk->nt", matrix, normals)
     noisy = bright + noise * rng.standard_normal((draws, *bright.shape))
     found = _solve(matrix, noisy)
     for _ in range(_ITERATIONS):
         unit = found / np.linalg.norm(found, axis=-1, keepdims=True)
-        found = _solve(illumination(skies, unit)[..., 0], noisy)
+        found = _solve(illumination_matrices(skies, unit)[..., 0], noisy)
     return found
 
 
@@ -117,7 +117,7 @@ class _Studied:
 def _study(case: _Case, *, coarse: bool = False) -> _Studied:
     """The case planned."""
     day = case.light(coarse=coarse)
-    return _Studied(case, day, make_plan([case.day], lambda *_: day, Question(shots=SHOTS), reference=1.0))
+    return _Studied(case, day, make_plan([case.day], lambda *_: day, PlanRequest(shots=SHOTS), reference=1.0))
 
 
 def _simulated(light: Floats, normals: Floats, draws: int) -> float:
@@ -133,8 +133,8 @@ def _choice(studied: _Studied, hours: int) -> tuple[float, float]:
     """The simulated error [deg] in the plan's window, and the least over windows; of clouds that the plan never saw."""
     day, normals = studied.day, normals_of_interest(None)
     if len(day.clouds) > 1:
-        day = replace(day, clouds=draw_sunshine(DRAWS, SPELLS, seed=1).astype(np.intp))
-    windows, light = windows_of(day, hours, SHOTS), day.light(normals)
+        day = replace(day, clouds=draw_sunshine(CLOUD_DRAWS, SPELLS, seed=1).astype(np.intp))
+    windows, light = list_windows(day, hours, SHOTS), day.light(normals)
     (chosen,) = (window for window in studied.plan.windows if window.hours == hours)
     draws = -(-_TRIALS // len(day.clouds))
     errors = [_simulated(light[:, windows.moments[:, i]], normals, draws) for i in range(len(windows))]
@@ -194,7 +194,7 @@ def _choices(studied: Sequence[_Studied]) -> str:
 def _solve(matrix: Floats, bright: Floats) -> Floats:
     """Least squares (..., N, 3) of matrices (..., N, T, 3) and brightnesses (..., N, T)."""
     projected = np.einsum("...tk,...t->...k", matrix, bright)
-    inverses = inverse(gram(matrix))
+    inverses = invert_symmetric(gram_matrix(matrix))
     solvable = np.where(np.isfinite(inverses), inverses, 0.0)
     return np.asarray(np.einsum("...ij,...j->...i", solvable, projected))
 

@@ -17,8 +17,8 @@ from PIL import Image
 
 from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, view
 from lighting.geometry import Floats
-from lighting.stereo.grid_search import Pose, to_camera, to_world, visible_normals
-from lighting.stereo.light_vectors import Skies, sky_light, sun_light
+from lighting.stereo.grid_search import Pose, camera_to_world, sample_visible_normals, world_to_camera
+from lighting.stereo.light_vectors import Skies, sky_light_vectors, sun_light_vectors
 
 # Pictures of a surface on a day: skies' light by mean light vectors, the sun's with cast shadows and gloss.
 
@@ -84,30 +84,32 @@ def shade_surface(
 
     A quick picture takes the skies' light from the nearest of _GRID normals, within half a per cent.
     """
-    world = to_world(normals, pose).astype(np.float32)
+    world = camera_to_world(normals, pose).astype(np.float32)
     by_sky = _quick_sky(skies, normals, pose) if quick else _exact_sky(skies, world)
-    sun = np.maximum(np.einsum("ptjc,pj->ptc", sun_light(skies.sun_direction, skies.sun_irradiance, world), world), 0)
+    sun = np.maximum(
+        np.einsum("ptjc,pj->ptc", sun_light_vectors(skies.sun_direction, skies.sun_irradiance, world), world), 0
+    )
     diffuse = material.albedo[:, None, None] * by_sky
     direct = material.albedo[:, None, None] * sun + _gloss(normals, skies, pose, material)
     return np.asarray(diffuse + (direct if lit is None else direct * lit[..., None]), dtype=np.float32)
 
 
 def _exact_sky(skies: Skies, world: FloatImage) -> Floats:
-    return np.asarray(np.einsum("ptjc,pj->ptc", sky_light(skies.radiance, world), world))
+    return np.asarray(np.einsum("ptjc,pj->ptc", sky_light_vectors(skies.radiance, world), world))
 
 
 def _quick_sky(skies: Skies, normals: FloatImage, pose: Pose) -> Floats:
-    grid = visible_normals(_GRID)
-    light = sky_light(skies.radiance, to_world(grid, pose))
+    grid = sample_visible_normals(_GRID)
+    light = sky_light_vectors(skies.radiance, camera_to_world(grid, pose))
     nearest = (normals @ grid.T).argmax(axis=1)
-    return np.asarray(np.einsum("ptjc,pj->ptc", light[nearest], to_world(normals, pose)))
+    return np.asarray(np.einsum("ptjc,pj->ptc", light[nearest], camera_to_world(normals, pose)))
 
 
 def _gloss(normals: FloatImage, skies: Skies, pose: Pose, material: Material) -> Floats:
     """The sun's reflection (P, T, C) towards the camera."""
     if not material.gloss:
         return np.zeros((1, 1, 1))
-    suns = to_camera(skies.sun_direction, pose)
+    suns = world_to_camera(skies.sun_direction, pose)
     half = suns + np.array([0.0, 0.0, 1.0])
     half /= np.maximum(np.linalg.norm(half, axis=1, keepdims=True), 1e-6)
     lobe = np.maximum(normals @ half.T, 0) ** material.exponent * np.maximum(normals @ suns.T, 0)

@@ -77,7 +77,7 @@ def _merge(
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
     filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
     """
-    from lighting.probe.bracket import group_brackets, shot_of
+    from lighting.probe.bracket import group_brackets, read_bracket_files
 
     _check_output(output, series)
     _check_lens(options)
@@ -86,7 +86,7 @@ def _merge(
     if series and when[0] is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
     settings = _settings(options)
-    shots = group_brackets(exposures) if series else [shot_of(_files(exposures))]
+    shots = group_brackets(exposures) if series else [read_bracket_files(_files(exposures))]
     moments = [_moment(shot, *when) for shot in shots]
     _check_targets(shots, moments, output)
     if series:
@@ -114,10 +114,10 @@ def _check_output(output: str, series: bool) -> None:
 
 def _check_lens(options: dict[str, Any]) -> None:
     """Raise UsageError for an option that the lens does not have."""
-    from lighting.probe.fisheye import ABSENT
+    from lighting.probe.fisheye import UNUSED_LENS_OPTIONS
 
     kind = options["kind"]
-    for name in ABSENT.get(kind, ()):
+    for name in UNUSED_LENS_OPTIONS.get(kind, ()):
         if options[name] is not None:
             raise click.UsageError(f"--{name} does not go with --lens {kind}.")
 
@@ -142,9 +142,9 @@ def _check_told(
 
 def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"], output: str) -> None:
     """Raise UsageError where a probe would replace an exposure or another probe."""
-    from lighting.probe.develop import target_of
+    from lighting.probe.develop import probe_output_path
 
-    targets = [target_of(output, moment.time).resolve() for moment in moments]
+    targets = [probe_output_path(output, moment.time).resolve() for moment in moments]
     if not {file.resolve() for shot in shots for file in shot.files}.isdisjoint(targets):
         raise click.UsageError("The input and the outputs must be different files.")
     if len(set(targets)) < len(targets):
@@ -152,9 +152,9 @@ def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"],
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:
-    from lighting.probe.bracket import pictures_in
+    from lighting.probe.bracket import list_pictures
 
-    return [file for path in exposures for file in (pictures_in(path) if path.is_dir() else [path])]
+    return [file for path in exposures for file in (list_pictures(path) if path.is_dir() else [path])]
 
 
 def _moment(
@@ -256,9 +256,9 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
 def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
     """What the map in a file says; errors name the file."""
     from lighting.files.exr import read_envmap
-    from lighting.probe.sky_fit import describe
+    from lighting.probe.sky_fit import describe_sky
 
     with silence():
         image = read_envmap(sky)
     with prefix_errors(sky):
-        return describe(image, sun)
+        return describe_sky(image, sun)

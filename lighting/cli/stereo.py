@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from lighting.stereo.network import Network
     from lighting.stereo.output import NormalsOptions, NormalsProgress, NormalsResult
     from lighting.stereo.plan_records import Plan, Window
-    from lighting.stereo.planner import AskedSkies
+    from lighting.stereo.planner import PlanSkies
     from lighting.stereo.schedule import DayProgress
 
 # The commands about photometric stereo outdoors: when to photograph, and normals from the photos of a day.
@@ -74,13 +74,13 @@ def _plan(
     Compares windows of 1, 2, 3 and 6 hours of a day, or of the best day of a range, and says how far the normals will
     be off.
     """
-    from lighting.stereo.plan_records import Question
+    from lighting.stereo.plan_records import PlanRequest
     from lighting.stereo.planner import plan_photos, plan_record
 
     if output == "-" and as_json:
         raise click.UsageError('--json and "-o -" both go to stdout.')
     with wrong_usage():
-        skies, question = _skies(**said), Question(facing, shots, noise)
+        skies, question = _skies(**said), PlanRequest(facing, shots, noise)
     with silence() as stderr:
         found = plan_photos(skies, question, _progress(quiet, stderr))
     if output:
@@ -91,7 +91,7 @@ def _plan(
         click.echo(_format_plan(skies, found))
 
 
-def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "AskedSkies":
+def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "PlanSkies":
     """The skies asked for; wrong usage where what they need is missing or would do nothing."""
     from lighting.stereo.planner import MeasuredSkies, ModelledSkies
 
@@ -115,46 +115,46 @@ def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":
     return lambda days: tqdm(days, unit="day", disable=quiet or len(days) < 2 or not stderr.isatty(), file=stderr)
 
 
-def _draw(output: str, skies: "AskedSkies", found: "Plan") -> None:
+def _draw(output: str, skies: "PlanSkies", found: "Plan") -> None:
     from lighting.files.atomic import encode_png
     from lighting.stereo.plan_figure import draw_plan
-    from lighting.stereo.planner import conditions, title
+    from lighting.stereo.planner import plan_conditions, plan_title
 
-    headline = f"When to photograph: {title(skies, found)}"
-    write_png(output, encode_png(draw_plan(found, headline, conditions(skies, found.question))))
+    headline = f"When to photograph: {plan_title(skies, found)}"
+    write_png(output, encode_png(draw_plan(found, headline, plan_conditions(skies, found.question))))
 
 
-def _format_plan(skies: "AskedSkies", found: "Plan") -> str:
+def _format_plan(skies: "PlanSkies", found: "Plan") -> str:
     """A line for each window, and a table of the errors by orientation."""
-    from lighting.stereo.plan_figure import shown_error
-    from lighting.stereo.planner import conditions, title
+    from lighting.stereo.plan_figure import format_angle_error
+    from lighting.stereo.planner import plan_conditions, plan_title
 
     names = [orientation.name for orientation in found.windows[0].orientations]
     width = max(map(len, names))
     table = [f"{'':{width}}" + "".join(f"{window.hours:>6} h" for window in found.windows)]
     for row, name in enumerate(names):
-        errors = (shown_error(window.orientations[row].error) for window in found.windows)
+        errors = (format_angle_error(window.orientations[row].error) for window in found.windows)
         table.append(f"{name:{width}}" + "".join(f"{error:>8}" for error in errors))
-    lines = [f"{title(skies, found)}; {conditions(skies, found.question)}.", *map(_line, found.windows)]
+    lines = [f"{plan_title(skies, found)}; {plan_conditions(skies, found.question)}.", *map(_line, found.windows)]
     return "\n".join([*lines, "Expected error of the normal by orientation:", *table, *_verdict(found)])
 
 
 def _line(window: "Window") -> str:
-    from lighting.stereo.plan_figure import shown_error
-    from lighting.stereo.plan_records import clock
+    from lighting.stereo.plan_figure import format_angle_error
+    from lighting.stereo.plan_records import format_clock
 
     gain = f"{window.gain:.1f}" if window.gain < 1e4 else "infinite"
     return (
-        f"{window.hours} h  {clock(window.start)} to {clock(window.end)}  "
-        f"median error {shown_error(window.error)}, noise gain {gain}"
+        f"{window.hours} h  {format_clock(window.start)} to {format_clock(window.end)}  "
+        f"median error {format_angle_error(window.error)}, noise gain {gain}"
     )
 
 
 def _verdict(found: "Plan") -> list[str]:
     """A sentence where no window is any good."""
-    from lighting.stereo.plan_figure import HOPELESS
+    from lighting.stereo.plan_figure import MAX_USEFUL_ERROR
 
-    if min(window.error for window in found.windows) <= HOPELESS:
+    if min(window.error for window in found.windows) <= MAX_USEFUL_ERROR:
         return []
     return ["No window resolves the normals: the light comes from nearly one direction or one plane all day."]
 
@@ -191,7 +191,7 @@ def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool
     """
     if said["probes"] and (said["sky"] or said["turbidity"]):
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
-    from lighting.stereo.output import check_normals_folder, estimate_normals, write_solved
+    from lighting.stereo.output import check_normals_folder, estimate_normals, write_normals
 
     folder = Path(output)
     if folder.resolve() == day.resolve():
@@ -199,7 +199,7 @@ def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool
     check_normals_folder(folder, overwrite=overwrite)
     with silence() as stderr:
         solved = estimate_normals(day, _told(**said), _network() if network else None, _watch(quiet, stderr))
-    write_solved(folder, solved)
+    write_normals(folder, solved)
     for warning in solved.warnings:
         click.echo(f"Warning: {warning}", err=True)
     if not quiet:

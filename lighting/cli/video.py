@@ -67,22 +67,29 @@ def _video(
     """
     from lighting.errors import VideoError
     from lighting.model import Model
-    from lighting.video.output import FILM, PART, OutputOptions, VideoJob, check_video_folder, process
+    from lighting.video.output import (
+        FILM_FILE,
+        PARTIAL_FILE,
+        OutputOptions,
+        VideoJob,
+        check_video_folder,
+        process_video,
+    )
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
     job = VideoJob(Path(clip), Path(output), given, every, OutputOptions(**options))
     check_video_folder(job.folder, overwrite=overwrite)
-    refuse_collisions(clip, str(job.folder / FILM) if job.wanted.film else None)
+    refuse_collisions(clip, str(job.folder / FILM_FILE) if job.wanted.film else None)
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
-            done = process(job, network, lambda time: bar.update(round(time, 2) - bar.n))
+            done = process_video(job, network, lambda time: bar.update(round(time, 2) - bar.n))
     except VideoError as error:
         raise VideoError(f"{escape_path(clip)}: {error}") from error
     except KeyboardInterrupt:
-        _tell_interrupted(job.folder / PART)
+        _tell_interrupted(job.folder / PARTIAL_FILE)
         raise
     _report(clip, done, quiet)
     ctx.exit(1 if done.failed else 0)
@@ -121,9 +128,9 @@ def _report(clip: str, done: "VideoResult", quiet: bool) -> None:
 
 def _in_words(number: int, shot: "Shot") -> str:
     """One line for people about a shot."""
-    from lighting.video.shot import light_of
+    from lighting.video.shot import shot_lighting
 
-    path, light = shot.path, light_of(shot)
+    path, light = shot.path, shot_lighting(shot)
     turned = path.heading.max() - path.heading.min()
     north = "" if shot.north is None else f", first heading {round(shot.north + path.heading[0]) % 360}°"
     frames = "1 frame" if len(shot.frames) == 1 else f"{len(shot.frames)} frames"

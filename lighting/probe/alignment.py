@@ -18,17 +18,17 @@ from numpy.typing import NDArray
 from lighting.color import luminance
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
-from lighting.probe.fisheye import Lens, lens_directions
+from lighting.probe.fisheye import Lens, unproject_from_lens
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.hosek_wilkie import sky_radiance
 
-LEAST_SUNS = 3  # that a series needs
-LEAST_ARC = 15.0  # deg, that the suns of a series must span
-SUNS_FOR_LENS = 4  # and
-ARC_FOR_LENS = 40.0  # deg, from which on the field of view is fitted too
+MIN_SUNS = 3  # that a series needs
+MIN_ARC = 15.0  # deg, that the suns of a series must span
+MIN_SUNS_FOR_FOV = 4  # and
+MIN_ARC_FOR_FOV = 40.0  # deg, from which on the field of view is fitted too
 _FOV_REACH, _FOV_STEPS = 0.2, (0.02, 0.004, 0.001)  # of the field of view: how far it is sought, and in what steps
-_OUTLIER = 4.0  # medians of the residuals
-_LEAST_OUTLIER = 1.0  # deg
+_OUTLIER_MEDIANS = 4.0  # medians of the residuals
+_MIN_OUTLIER = 1.0  # deg
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ def yaw_rotation(yaw: float) -> Floats:
     return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def align_one(lens: Lens, found: tuple[float, float], truth: tuple[float, float]) -> Alignment:
+def align_by_sun(lens: Lens, found: tuple[float, float], truth: tuple[float, float]) -> Alignment:
     """Yaw alone, from azimuth and elevation [deg] of one sun in the camera's frame and by the ephemeris."""
     rotation = yaw_rotation(float(wrap_azimuth(truth[0] - found[0])))
     return Alignment(rotation, lens, np.array([abs(truth[1] - found[1])]), np.array([True]))
@@ -69,33 +69,33 @@ def align_series(lens: Lens, pixels: Floats, truth: Floats) -> Alignment:
     Raises ProbeError for fewer than three suns or suns too near each other.
     """
     arc = float(max(angle_between(truth[:, None], truth[None]).max(), 0.0))
-    if len(truth) < LEAST_SUNS or arc < LEAST_ARC:
+    if len(truth) < MIN_SUNS or arc < MIN_ARC:
         raise ProbeError(
-            f"A series needs the sun in {LEAST_SUNS} probes or more over {LEAST_ARC:g} deg of its path; "
+            f"A series needs the sun in {MIN_SUNS} probes or more over {MIN_ARC:g} deg of its path; "
             f"it was found in {len(truth)}, over {arc:.0f} deg."
         )
     senses = [lens, replace(lens, mirrored=not lens.mirrored)]
-    return min((_fitted(sense, pixels, truth, arc) for sense in senses), key=_typical)
+    return min((_fit_series(sense, pixels, truth, arc) for sense in senses), key=_robust_rms)
 
 
-def _fitted(lens: Lens, pixels: Floats, truth: Floats, arc: float) -> Alignment:
-    if len(truth) < SUNS_FOR_LENS or arc < ARC_FOR_LENS or lens.kind in ("ball", "latlong"):
-        return _rotated(lens, pixels, truth)
-    best, reach = _rotated(lens, pixels, truth), _FOV_REACH
+def _fit_series(lens: Lens, pixels: Floats, truth: Floats, arc: float) -> Alignment:
+    if len(truth) < MIN_SUNS_FOR_FOV or arc < MIN_ARC_FOR_FOV or lens.kind in ("ball", "latlong"):
+        return _fit_rotation(lens, pixels, truth)
+    best, reach = _fit_rotation(lens, pixels, truth), _FOV_REACH
     for step in _FOV_STEPS:
         factors = np.arange(-reach, reach + step / 2, step)
-        best = _best(best, (_rotated(_with_fov(best.lens, factor), pixels, truth) for factor in factors))
+        best = _best(best, (_fit_rotation(_with_fov(best.lens, factor), pixels, truth) for factor in factors))
         reach = step
     return best
 
 
 def _best(first: Alignment, others: Iterable[Alignment]) -> Alignment:
-    return min([first, *others], key=_typical)
+    return min([first, *others], key=_robust_rms)
 
 
-def _typical(alignment: Alignment) -> float:
+def _robust_rms(alignment: Alignment) -> float:
     """What is made small: the root mean square with the worst suns counted as outliers."""
-    worst = np.maximum(_OUTLIER * np.median(alignment.residuals), _LEAST_OUTLIER)
+    worst = np.maximum(_OUTLIER_MEDIANS * np.median(alignment.residuals), _MIN_OUTLIER)
     return float(np.sqrt(np.mean(np.minimum(alignment.residuals, worst) ** 2)))
 
 
@@ -103,17 +103,17 @@ def _with_fov(lens: Lens, factor: float) -> Lens:
     return replace(lens, fov=min(lens.fov * (1 + factor), 359.0))
 
 
-def _rotated(lens: Lens, pixels: Floats, truth: Floats) -> Alignment:
+def _fit_rotation(lens: Lens, pixels: Floats, truth: Floats) -> Alignment:
     """The rotation of least squares, twice: the second time without suns that are far off."""
-    seen = lens_directions(lens, pixels)
+    seen = unproject_from_lens(lens, pixels)
     shown = np.asarray(np.isfinite(seen).all(axis=-1))
     seen, used = np.where(shown[:, None], seen, [0.0, 1.0, 0.0]), shown
     for _ in range(2):
         rotation = _kabsch(seen[used], truth[used])
         residuals = np.where(shown, angle_between(seen @ rotation.T, truth), 180.0)
-        limit = max(_OUTLIER * float(np.median(residuals)), _LEAST_OUTLIER)
+        limit = max(_OUTLIER_MEDIANS * float(np.median(residuals)), _MIN_OUTLIER)
         kept = residuals <= limit
-        used = kept if kept.sum() >= LEAST_SUNS else used
+        used = kept if kept.sum() >= MIN_SUNS else used
     return Alignment(rotation, lens, residuals, used)
 
 
@@ -126,9 +126,9 @@ def _kabsch(seen: Floats, truth: Floats) -> Floats:
 
 TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
 SUN_CLEARANCE = 10.0  # deg around the sun left out
-LIMIT = 0.5  # of |log(measured / model)|: from here on an error counts no more
-_STEP = 2.0  # deg, between the offsets tried
-_LEAST_DIFFERENCE = 1.05  # the other sense's error / the better one's, from which on the sense is known
+MAX_LOG_ERROR = 0.5  # of |log(measured / model)|: from here on an error counts no more
+_OFFSET_STEP = 2.0  # deg, between the offsets tried
+_MIN_ERROR_RATIO = 1.05  # the other sense's error / the better one's, from which on the sense is known
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,21 +157,21 @@ class ProbeOrientation:
 
     @property
     def sure(self) -> bool:
-        return self.other > _LEAST_DIFFERENCE * self.error
+        return self.other > _MIN_ERROR_RATIO * self.error
 
 
-def orient(scans: Sequence[Scan]) -> ProbeOrientation:
+def fit_orientation(scans: Sequence[Scan]) -> ProbeOrientation:
     """Sense and offset of scans by one instrument that stood still; ProbeError for none or with the sun down."""
     if not scans:
         raise ProbeError("There is no scan to orient.")
     if any(scan.sun[1] < 0 for scan in scans):
         raise ProbeError("The sun is below the horizon in a scan; there is no sky to fit.")
-    offsets = np.arange(0.0, 360.0, _STEP)
-    errors = {sense: np.array([_errors(scan, sense, offsets) for scan in scans]) for sense in (1, -1)}
+    offsets = np.arange(0.0, 360.0, _OFFSET_STEP)
+    errors = {sense: np.array([_offset_errors(scan, sense, offsets) for scan in scans]) for sense in (1, -1)}
     joint = {sense: np.sqrt((each**2).mean(axis=0)) for sense, each in errors.items()}
     sense = min(joint, key=lambda s: float(joint[s].min()))
-    best = float(_lowest(offsets, joint[sense]))
-    alone = np.array([_lowest(offsets, each) for each in errors[sense]])
+    best = float(_minimum_offset(offsets, joint[sense]))
+    alone = np.array([_minimum_offset(offsets, each) for each in errors[sense]])
     return ProbeOrientation(sense, best, float(joint[sense].min()), float(joint[-sense].min()), alone)
 
 
@@ -181,7 +181,7 @@ def log_errors(measured: Floats, model: Floats) -> Floats:
     return np.asarray(error - np.median(error))
 
 
-def _errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
+def _offset_errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
     """The least error over turbidities at each offset (M,): root mean square of the logarithm, cut at LIMIT."""
     sun = direction(*scan.sun)
     towards = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
@@ -192,14 +192,14 @@ def _errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
         error = np.log(np.maximum(scan.luminance, 1e-12)) - np.log(np.maximum(model, 1e-12))
         error = np.where(far, error, np.nan)
         error -= np.nanmedian(error, axis=1, keepdims=True)
-        squares.append(np.nanmean(np.minimum(error**2, LIMIT**2), axis=1))
+        squares.append(np.nanmean(np.minimum(error**2, MAX_LOG_ERROR**2), axis=1))
     return np.asarray(np.sqrt(np.min(squares, axis=0)))
 
 
-def _lowest(offsets: Floats, errors: Floats) -> float:
+def _minimum_offset(offsets: Floats, errors: Floats) -> float:
     """The offset of the least error, between the steps by a parabola, in (-180, 180]."""
     index = int(errors.argmin())
     before, at, after = errors[index - 1], errors[index], errors[(index + 1) % len(errors)]
     bend = before - 2 * at + after
     shift = 0.5 * (before - after) / bend if bend > 0 else 0.0
-    return float(wrap_azimuth(offsets[index] + shift * _STEP))
+    return float(wrap_azimuth(offsets[index] + shift * _OFFSET_STEP))

@@ -27,7 +27,7 @@ from lighting.photo.metadata import PhotoMetadata, to_utc
 # The exposures of one bracket, as files and as arrays.
 
 _FLOAT_SUFFIXES = tuple(f".{name}" for name, entry in MAP_FORMATS.items() if entry.read)
-PICTURES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
+PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,11 +56,11 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
         if (file := Path(path).resolve()) in files:
             raise ProbeError(f"{path} is given twice.", code=ErrorCode.DUPLICATE)
         files.add(file)
-    photos = [_read(Path(path), curve) for path in paths]
-    return bracket_of(photos, [Path(path).name for path in paths])
+    photos = [_read_exposure(Path(path), curve) for path in paths]
+    return make_bracket(photos, [Path(path).name for path in paths])
 
 
-def bracket_of(photos: Sequence[LinearPhoto], names: Sequence[str] | None = None) -> Bracket:
+def make_bracket(photos: Sequence[LinearPhoto], names: Sequence[str] | None = None) -> Bracket:
     """The exposures in order: by EXIF where all have it, else by how bright they are.
 
     Raises ProbeError where there is none, and for sizes that differ.
@@ -85,18 +85,18 @@ def _brightness(pixels: NDArray[np.float32]) -> float:
     return float(np.minimum(pixels[::4, ::4], 1.0).mean())
 
 
-def _read(path: Path, curve: Curve | None) -> LinearPhoto:
+def _read_exposure(path: Path, curve: Curve | None) -> LinearPhoto:
     if path.suffix.lower() not in _FLOAT_SUFFIXES:
         return read_linear(path, curve)
     if curve == "srgb":
         raise PhotoError(f"{path.name} holds floats, which are linear; --curve srgb is for integers.")
     try:
-        return linear_from_array(_floats(path))
+        return linear_from_array(_read_floats(path))
     except (PhotoError, EnvironmentMapError) as error:
         raise PhotoError(f"{path}: {error}") from error
 
 
-def _floats(path: Path) -> NDArray[np.float32]:
+def _read_floats(path: Path) -> NDArray[np.float32]:
     read = MAP_FORMATS[path.suffix.lower().removeprefix(".")].read
     assert read is not None
     return read(path.read_bytes())
@@ -104,7 +104,7 @@ def _floats(path: Path) -> NDArray[np.float32]:
 
 # Which files make a bracket, and when it was taken.
 
-GAP = timedelta(seconds=20)  # between the starts of two exposures from which on another bracket begins
+MAX_EXPOSURE_GAP = timedelta(seconds=20)  # between the starts of two exposures from which on another bracket begins
 
 _STAMP = re.compile(r"(20\d{2})(\d{2})(\d{2})\D?(\d{2})(\d{2})(\d{2})")
 
@@ -133,11 +133,11 @@ class BracketFiles:
         return self.time if self.time.tzinfo else to_utc(self.time, utc_offset or 0.0)
 
 
-def shot_of(files: Sequence[Path]) -> BracketFiles:
+def read_bracket_files(files: Sequence[Path]) -> BracketFiles:
     """A bracket's files, with the first time and place that one of them or their folder's name says."""
     facts = [read_metadata_and_exposure(file)[0] for file in files]
-    times = [time for fact in facts if (time := _time(fact)) is not None]
-    named = _named(files[0].parent)
+    times = [time for fact in facts if (time := _capture_time(fact)) is not None]
+    named = _time_in_names(files[0].parent)
     placed = next((fact for fact in facts if fact.latitude is not None), PhotoMetadata())
     return BracketFiles(tuple(files), times[0] if times else named, placed.latitude, placed.longitude)
 
@@ -148,39 +148,39 @@ def group_brackets(inputs: Sequence[Path]) -> list[BracketFiles]:
     Raises ProbeError for a folder without pictures and for files without times.
     """
     folders, files = ([path for path in inputs if path.is_dir() is kind] for kind in (True, False))
-    shots = [shot_of(pictures_in(folder)) for folder in folders]
-    return shots + [shot_of(group) for group in _by_time(files)]
+    shots = [read_bracket_files(list_pictures(folder)) for folder in folders]
+    return shots + [read_bracket_files(group) for group in _split_by_time(files)]
 
 
-def pictures_in(folder: Path) -> list[Path]:
+def list_pictures(folder: Path) -> list[Path]:
     """The pictures directly in a folder, by name; ProbeError where there is none."""
-    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (*PICTURES, *RAW_SUFFIXES))
+    files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (*PICTURE_SUFFIXES, *RAW_SUFFIXES))
     if not files:
         raise ProbeError(f"{folder} holds no pictures.")
     return files
 
 
-def _by_time(files: Sequence[Path]) -> list[list[Path]]:
+def _split_by_time(files: Sequence[Path]) -> list[list[Path]]:
     timed = []
     for file in files:
-        time = _time(read_metadata_and_exposure(file)[0])
+        time = _capture_time(read_metadata_and_exposure(file)[0])
         if time is None:
             raise ProbeError(f"{file} has no time in EXIF; give each bracket of a series as a folder of its own.")
         timed.append((time, file))
     timed.sort(key=lambda pair: (pair[0].replace(tzinfo=None), pair[1]))
     groups = [[timed[0][1]]] if timed else []
     for (before, _), (time, file) in pairwise(timed):
-        if time.replace(tzinfo=None) - before.replace(tzinfo=None) > GAP:
+        if time.replace(tzinfo=None) - before.replace(tzinfo=None) > MAX_EXPOSURE_GAP:
             groups.append([])
         groups[-1].append(file)
     return groups
 
 
-def _time(facts: PhotoMetadata) -> datetime | None:
+def _capture_time(facts: PhotoMetadata) -> datetime | None:
     return facts.utc_time or facts.local_time
 
 
-def _named(folder: Path) -> datetime | None:
+def _time_in_names(folder: Path) -> datetime | None:
     """The naive time in the names of a folder and its parent, such as 20240601/143000 or 2024060114_3000."""
     stamp = _STAMP.search("".join(folder.absolute().parts[-2:]))
     try:
@@ -191,8 +191,8 @@ def _named(folder: Path) -> datetime | None:
 
 # Folders of sky probes in the layout of the SkyDB: `YYYYMMDD/HHMMSS/envmap.exr`, one probe a moment.
 
-FILE = "envmap.exr"
-TIME = "lighting.time"  # the header's attribute: ISO 8601 with the offset from UTC
+PROBE_FILE = "envmap.exr"
+TIME_ATTRIBUTE = "lighting.time"  # the header's attribute: ISO 8601 with the offset from UTC
 
 _DAY, _MOMENT = re.compile(r"\d{8}"), re.compile(r"\d{6}")
 
@@ -207,7 +207,7 @@ class _ProbeFile:
 
 def probe_path(folder: str | Path, time: datetime) -> Path:
     """Where a probe of an aware time belongs: folders are named by UTC."""
-    return Path(folder) / time.astimezone(UTC).strftime("%Y%m%d/%H%M%S") / FILE
+    return Path(folder) / time.astimezone(UTC).strftime("%Y%m%d/%H%M%S") / PROBE_FILE
 
 
 def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
@@ -219,9 +219,9 @@ def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
     root = Path(folder)
     if not root.is_dir():
         raise ProbeError(f"There is no folder {root}.", "folder", ErrorCode.MISSING)
-    probes = [_probe(path, zone) for path in root.glob(f"*/*/{FILE}") if _is_dated(path)]
+    probes = [_read_probe_file(path, zone) for path in root.glob(f"*/*/{PROBE_FILE}") if _is_dated(path)]
     if not probes:
-        raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {FILE} inside.")
+        raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {PROBE_FILE} inside.")
     return sorted(probes, key=lambda probe: probe.time)
 
 
@@ -229,10 +229,10 @@ def _is_dated(path: Path) -> bool:
     return bool(_DAY.fullmatch(path.parts[-3]) and _MOMENT.fullmatch(path.parts[-2]))
 
 
-def _probe(path: Path, zone: tzinfo) -> _ProbeFile:
-    filed = read_exr_attributes(path).get(TIME)
+def _read_probe_file(path: Path, zone: tzinfo) -> _ProbeFile:
+    filed = read_exr_attributes(path).get(TIME_ATTRIBUTE)
     if isinstance(filed, str):
-        return _ProbeFile(_filed(filed, path, zone), path)
+        return _ProbeFile(_parse_time_attribute(filed, path, zone), path)
     try:
         named = datetime.strptime("".join(path.parts[-3:-1]), "%Y%m%d%H%M%S")
     except ValueError as error:
@@ -240,12 +240,12 @@ def _probe(path: Path, zone: tzinfo) -> _ProbeFile:
     return _ProbeFile(named.replace(tzinfo=zone), path)
 
 
-def _filed(text: str, path: Path, zone: tzinfo) -> datetime:
+def _parse_time_attribute(text: str, path: Path, zone: tzinfo) -> datetime:
     """The time in a file's header."""
     try:
         time = datetime.fromisoformat(text)
     except ValueError as error:
         raise ProbeError(
-            f"{path}: {TIME} is {reprlib.repr(text)}, which is no time.", code=ErrorCode.MALFORMED
+            f"{path}: {TIME_ATTRIBUTE} is {reprlib.repr(text)}, which is no time.", code=ErrorCode.MALFORMED
         ) from error
     return time if time.tzinfo else time.replace(tzinfo=zone)

@@ -16,18 +16,33 @@ from lighting.errors import ErrorCode, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth
 from lighting.photo.linear import Curve
-from lighting.probe.alignment import Alignment, align_one, align_series, yaw_rotation
-from lighting.probe.bracket import TIME, Bracket, probe_path
-from lighting.probe.fisheye import Kind, Lens, check_circle, fisheye_lens, lens_pixels, pixels_per_degree, to_latlong
-from lighting.probe.hdr_merge import REACH, ExposureRatios, MergedHdr, dequantize, measure_ratios, merge_exposures
+from lighting.probe.alignment import Alignment, align_by_sun, align_series, yaw_rotation
+from lighting.probe.bracket import TIME_ATTRIBUTE, Bracket, probe_path
+from lighting.probe.fisheye import (
+    Lens,
+    LensKind,
+    check_lens,
+    make_lens,
+    pixels_per_degree,
+    project_to_lens,
+    resample_to_latlong,
+)
+from lighting.probe.hdr_merge import (
+    SMOOTHING_REACH,
+    ExposureRatios,
+    MergedHdr,
+    dequantize,
+    measure_ratios,
+    merge_exposures,
+)
 from lighting.probe.sky_fit import SkyFit, fit_sky
-from lighting.probe.sun_detection import Mask, SunBlob, find_spot
+from lighting.probe.sun_detection import Mask, SunBlob, find_sun_blob
 from lighting.records import Lighting
 from lighting.solar_position import sun_position
 
 # How and when the exposures of a probe were taken.
 
-MOST_STOPS = 40.0  # of a filter; one for the sun has 17
+MAX_STOPS = 40.0  # of a filter; one for the sun has 17
 
 
 @dataclass(frozen=True)
@@ -37,7 +52,7 @@ class BracketSettings:
     Raises ProbeError for numbers that no picture is taken by.
     """
 
-    kind: Kind = "equidistant"
+    kind: LensKind = "equidistant"
     fov: float | None = None  # deg
     centre: tuple[float, float] | None = None  # pixels
     radius: float | None = None  # pixels
@@ -51,10 +66,10 @@ class BracketSettings:
 
     def __post_init__(self) -> None:
         _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
-        check_circle(self.kind, self.fov, self.radius)
-        if not 0.0 <= self.nd <= MOST_STOPS:
+        check_lens(self.kind, self.fov, self.radius)
+        if not 0.0 <= self.nd <= MAX_STOPS:
             raise ProbeError(
-                f"The filter has {self.nd:g} stops; it must have 0 to {MOST_STOPS:g}.", "nd", ErrorCode.OUT_OF_RANGE
+                f"The filter has {self.nd:g} stops; it must have 0 to {MAX_STOPS:g}.", "nd", ErrorCode.OUT_OF_RANGE
             )
         if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:
             raise ProbeError(
@@ -106,15 +121,15 @@ def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple
     fit = fit_sky(image, spot.direction)
     if fit is None:
         raise ProbeError("The sun cannot be filled in: too little clear sky is seen to fit the model to.")
-    lighting = _lighting_of(spot, fit)
-    filled = _without_clipped(image, clipped, spot)
+    lighting = _lighting_from_fit(spot, fit)
+    filled = _replace_clipped(image, clipped, spot)
     upper = len(image) // 2
     with_disc, without = (render(lighting, len(image), sun=shines)[:upper] for shines in (True, False))
     filled[:upper] += with_disc - without
     return filled, replace(spot, irradiance=sun_irradiance(lighting)), fit
 
 
-def _lighting_of(spot: SunBlob, fit: SkyFit) -> Lighting:
+def _lighting_from_fit(spot: SunBlob, fit: SkyFit) -> Lighting:
     """The model's sky of a fit, as a record that can be rendered."""
     return Lighting(
         sun_azimuth=spot.azimuth,
@@ -124,7 +139,7 @@ def _lighting_of(spot: SunBlob, fit: SkyFit) -> Lighting:
     )
 
 
-def _without_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> NDArray[np.float32]:
+def _replace_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> NDArray[np.float32]:
     """A copy whose clipped pixels around the sun have the median colour of the ring beside them."""
     away = angle_between(latlong_directions(len(image)), spot.direction)
     reach = max(spot.radius, 1.5 * 180.0 / len(image)) + 1.0
@@ -139,9 +154,9 @@ def _without_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -
 # From the exposures of a bracket, a time and a place to a sky in the world's axes.
 
 SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
-OFF = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
-TILTED = 7.0  # deg, of a series' camera from which on a warning says so: a clock an hour off looks like 10 at 47 deg
-_MOST_CLIPPED = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
+MAX_SUN_ERROR = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
+MAX_TILT = 7.0  # deg, of a series' camera from which on a warning says so: a clock an hour off looks like 10 at 47 deg
+_MAX_CLIPPED_SKY = 0.001  # share of the sky that may be clipped beside the sun before a warning says so
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,7 +195,7 @@ def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> P
     _check_day(moment)
     developed = _merge_bracket(bracket, settings)
     if settings.yaw is not None:
-        return _finish(developed, yaw_rotation(settings.yaw), None, moment, settings)
+        return _finish_probe(developed, yaw_rotation(settings.yaw), None, moment, settings)
     if developed.spot is None:
         raise ProbeError(
             "No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw.",
@@ -188,8 +203,8 @@ def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> P
             ErrorCode.MISSING,
         )
     found = (developed.spot.azimuth, developed.spot.elevation)
-    alignment = align_one(developed.lens, found, moment.sun)
-    return _finish(developed, alignment.rotation, alignment, moment, settings)
+    alignment = align_by_sun(developed.lens, found, moment.sun)
+    return _finish_probe(developed, alignment.rotation, alignment, moment, settings)
 
 
 def make_series(
@@ -205,7 +220,7 @@ def make_series(
     told = replace(settings, fov=alignment.lens.fov, mirrored=alignment.lens.mirrored)
     for read, moment in zip(brackets, moments, strict=True):
         developed = _merge_bracket(read(), told)
-        yield _finish(developed, alignment.rotation, alignment, moment, told)
+        yield _finish_probe(developed, alignment.rotation, alignment, moment, told)
 
 
 def _series_alignment(
@@ -217,7 +232,7 @@ def _series_alignment(
         developed = _merge_bracket(read(), settings)
         lens = developed.lens
         if developed.spot is not None:
-            pixels.append(lens_pixels(lens, developed.spot.direction))
+            pixels.append(project_to_lens(lens, developed.spot.direction))
             truth.append(direction(*moment.sun))
     if lens is None or not pixels:
         raise ProbeError("No sun is found in any probe of the series, so it cannot be aligned.")
@@ -230,7 +245,7 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
     relative = lengths.relative / 2.0**settings.nd
     merged = merge_exposures(bracket, relative)
     height, width = merged.clipped.shape
-    lens = fisheye_lens(
+    lens = make_lens(
         settings.kind,
         width,
         height,
@@ -240,32 +255,32 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
         pitch=settings.pitch,
         mirrored=settings.mirrored,
     )
-    merged = dequantize(merged, bracket, relative, REACH * pixels_per_degree(lens))
-    spot = find_spot(*to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
+    merged = dequantize(merged, bracket, relative, SMOOTHING_REACH * pixels_per_degree(lens))
+    spot = find_sun_blob(*resample_to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
     return _MergedBracket(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
 
 
-def _finish(
+def _finish_probe(
     developed: _MergedBracket, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: BracketSettings
 ) -> Probe:
     """The probe of a merged bracket by the rotation (3, 3) from its camera to the world."""
     merged = developed.merged
-    image, clipped = to_latlong(merged.radiance, merged.clipped, developed.lens, rotation, settings.height)
-    spot = None if developed.spot is None else _turned(developed.spot, rotation)
+    image, clipped = resample_to_latlong(merged.radiance, merged.clipped, developed.lens, rotation, settings.height)
+    spot = None if developed.spot is None else _rotate_sun(developed.spot, rotation)
     probe = Probe(image, clipped, moment, spot, False, None, alignment, developed.exposed, developed.warnings)
     if settings.fill and spot is not None and spot.clipped:
         filled, sun, fit = _fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
-    return replace(probe, warnings=(*probe.warnings, *_said(probe)))
+    return replace(probe, warnings=(*probe.warnings, *_probe_warnings(probe)))
 
 
-def _turned(spot: SunBlob, rotation: Floats) -> SunBlob:
+def _rotate_sun(spot: SunBlob, rotation: Floats) -> SunBlob:
     """The sun of a camera's frame in the world's, by the rotation (3, 3) between them."""
     azimuth, elevation = angles(rotation @ spot.direction)
     return replace(spot, azimuth=float(azimuth), elevation=float(elevation))
 
 
-def _said(probe: Probe) -> Iterator[str]:
+def _probe_warnings(probe: Probe) -> Iterator[str]:
     """What a user must know of a probe, in sentences."""
     if probe.spot is None:
         yield "No sun is seen in this probe."
@@ -273,22 +288,22 @@ def _said(probe: Probe) -> Iterator[str]:
         yield "The sun is clipped in every exposure; its light is estimated by the model of the sky around it."
     elif probe.spot.clipped:
         yield "The sun is clipped in every exposure: it is brighter than the map says by an unknown factor."
-    share = _clipped_sky(probe)
-    if share > _MOST_CLIPPED:
+    share = _clipped_sky_share(probe)
+    if share > _MAX_CLIPPED_SKY:
         yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
-    if probe.off is not None and probe.off > OFF:
+    if probe.off is not None and probe.off > MAX_SUN_ERROR:
         yield (
             f"The sun in the map is {probe.off:.1f} deg off the ephemeris: the lens's field of view, its centre or the "
             f"camera's tilt is not as told; several probes of a day find them with --series."
         )
-    if probe.alignment is not None and probe.alignment.tilt > TILTED:
+    if probe.alignment is not None and probe.alignment.tilt > MAX_TILT:
         yield (
             f"The camera stood {probe.alignment.tilt:.0f} deg from how it is told, or the times are wrong: a clock or "
             f"an offset from UTC that is an hour off looks like a tilt."
         )
 
 
-def _clipped_sky(probe: Probe) -> float:
+def _clipped_sky_share(probe: Probe) -> float:
     """Share of the upper half's pixels that are clipped and not the sun's."""
     upper = probe.clipped[: len(probe.clipped) // 2]
     if probe.spot is None:
@@ -300,7 +315,7 @@ def _clipped_sky(probe: Probe) -> float:
 # A probe as an OpenEXR map with what is known of it in the header.
 
 
-def target_of(output: str | Path, time: datetime) -> Path:
+def probe_output_path(output: str | Path, time: datetime) -> Path:
     """Where a probe of an aware time goes: the file that ends in .exr, or below a folder in the SkyDB's layout."""
     path = Path(output)
     return path if path.suffix.lower() == ".exr" and not path.is_dir() else probe_path(path, time)
@@ -311,7 +326,7 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
 
     Raises EnvironmentMapError or ProbeError where it cannot be written.
     """
-    path = target_of(output, probe.moment.time)
+    path = probe_output_path(output, probe.moment.time)
     if path != Path(output):
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -319,16 +334,16 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
             raise ProbeError(
                 f"{path.parent} cannot be made: {error.strerror or error}.", code=ErrorCode.UNWRITABLE
             ) from error
-    write_exr(path, probe.image, attributes=_attributes(probe))
+    write_exr(path, probe.image, attributes=_probe_attributes(probe))
     return path
 
 
-def _attributes(probe: Probe) -> dict[str, Any]:
+def _probe_attributes(probe: Probe) -> dict[str, Any]:
     """The header's entries: time, the ephemeris's sun, and what the sun's light rests on."""
     utc = probe.moment.time.astimezone(UTC)
     azimuth, elevation = probe.moment.sun
     known: dict[str, Any] = {
-        TIME: utc.isoformat(timespec="seconds"),
+        TIME_ATTRIBUTE: utc.isoformat(timespec="seconds"),
         "capDate": utc.strftime("%Y:%m:%d %H:%M:%S"),
         "utcOffset": 0.0,
         "lighting.sun_azimuth": azimuth,

@@ -19,10 +19,12 @@ from lighting.probe.sun_detection import Mask
 
 # Which direction each pixel of a probe's picture shows: fisheye lenses, a mirrored ball, a lat-long panorama.
 
-Kind = Literal["equidistant", "equisolid", "ball", "latlong"]
+LensKind = Literal["equidistant", "equisolid", "ball", "latlong"]
 
-KINDS: tuple[Kind, ...] = ("equidistant", "equisolid", "ball", "latlong")
-ABSENT: dict[Kind, tuple[str, ...]] = {  # what can be told of other lenses, but does nothing with these
+LENS_KINDS: tuple[LensKind, ...] = ("equidistant", "equisolid", "ball", "latlong")
+UNUSED_LENS_OPTIONS: dict[
+    LensKind, tuple[str, ...]
+] = {  # what can be told of other lenses, but does nothing with these
     "ball": ("fov",),
     "latlong": ("fov", "centre", "radius"),
 }
@@ -33,7 +35,7 @@ _PITCH = {"equidistant": 90.0, "equisolid": 90.0, "ball": 0.0, "latlong": 0.0}
 class Lens:
     """A projection; lengths in pixels of the picture, centres of pixels at (i + 0.5)."""
 
-    kind: Kind
+    kind: LensKind
     width: int
     height: int
     centre: tuple[float, float]  # x and y of the axis
@@ -43,7 +45,7 @@ class Lens:
     mirrored: bool = False  # the picture was flipped left to right
 
 
-def fisheye_lens(kind: Kind, width: int, height: int, **told: Any) -> Lens:
+def make_lens(kind: LensKind, width: int, height: int, **told: Any) -> Lens:
     """The lens of a picture; what is not told (None) is usual: the largest circle in the middle, a fisheye looks up.
 
     Raises ProbeError for a field of view or a circle that no picture has, and for a panorama not twice as wide as high.
@@ -53,13 +55,13 @@ def fisheye_lens(kind: Kind, width: int, height: int, **told: Any) -> Lens:
     lens = Lens(kind, width, height, **{**usual, **given})
     if kind == "latlong" and width != 2 * height:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
-    check_circle(kind, lens.fov, lens.radius)
+    check_lens(kind, lens.fov, lens.radius)
     if not (0 <= lens.centre[0] <= width and 0 <= lens.centre[1] <= height):
         raise ProbeError("The lens's circle must have its centre in the picture.", "centre", ErrorCode.OUT_OF_RANGE)
     return lens
 
 
-def check_circle(kind: Kind, fov: float | None, radius: float | None) -> None:
+def check_lens(kind: LensKind, fov: float | None, radius: float | None) -> None:
     """Raise ProbeError for a field of view [deg] or a circle's radius [pixels] that no lens of the kind has."""
     if fov is not None and not 0 < fov <= 360:
         raise ProbeError(
@@ -75,7 +77,7 @@ def check_circle(kind: Kind, fov: float | None, radius: float | None) -> None:
         )
 
 
-def lens_pixels(lens: Lens, towards: ArrayLike) -> Floats:
+def project_to_lens(lens: Lens, towards: ArrayLike) -> Floats:
     """Continuous pixel coordinates (..., 2) as (x, y) of directions (..., 3); NaN where the lens shows nothing."""
     d = np.asarray(towards, dtype=np.float64)
     if lens.kind == "latlong":
@@ -90,7 +92,7 @@ def lens_pixels(lens: Lens, towards: ArrayLike) -> Floats:
     return np.where((reach <= lens.radius * (1 + 1e-9))[..., None], pixel, np.nan)
 
 
-def lens_directions(lens: Lens, pixels: ArrayLike) -> Floats:
+def unproject_from_lens(lens: Lens, pixels: ArrayLike) -> Floats:
     """Unit vectors (..., 3) of continuous pixel coordinates (..., 2); NaN outside the lens's circle."""
     x, y = np.moveaxis(np.asarray(pixels, dtype=np.float64), -1, 0)
     if lens.kind == "latlong":
@@ -144,14 +146,16 @@ def _from_axis(lens: Lens, towards: Floats) -> Floats:
 
 # A probe's picture as a lat-long map, with as much light in every direction as the picture has.
 
-_MOST_SAMPLES, _MOST_SAMPLES_OF_SMALL = 4, 6  # per side of a pixel, of maps from and under
-_SMALL = 256  # rows
-_FINER = 1.5  # times finer than the map a picture stays at least
-_TOUCHED = 1e-3  # of a map's pixel covered by clipped pixels: even the smallest sun in the largest pixel is more
-_ROWS = 16  # mapped at once
+_MAX_SAMPLES, _MAX_SAMPLES_OF_SMALL = 4, 6  # per side of a pixel, of maps from and under
+_SMALL_HEIGHT = 256  # rows
+_MIN_OVERSAMPLING = 1.5  # times finer than the map a picture stays at least
+_MIN_CLIPPED_SHARE = (
+    1e-3  # of a map's pixel covered by clipped pixels: even the smallest sun in the largest pixel is more
+)
+_ROWS_AT_ONCE = 16  # mapped at once
 
 
-def to_latlong(
+def resample_to_latlong(
     radiance: NDArray[np.float32], clipped: Mask, lens: Lens, rotation: Floats, height: int
 ) -> tuple[NDArray[np.float32], Mask]:
     """Map (H, 2H, 3) and its clipped pixels (H, 2H) of a picture (h, w, 3) and its clipped pixels (h, w).
@@ -159,17 +163,17 @@ def to_latlong(
     `rotation` (3, 3) takes directions of the camera to directions of the world. What the lens does not show is 0.
     """
     picture = np.concatenate([radiance, clipped[..., None].astype(np.float32)], axis=-1)
-    picture, lens = _averaged(picture, lens, height)
-    most = _MOST_SAMPLES_OF_SMALL if height < _SMALL else _MOST_SAMPLES
+    picture, lens = _reduce_picture(picture, lens, height)
+    most = _MAX_SAMPLES_OF_SMALL if height < _SMALL_HEIGHT else _MAX_SAMPLES
     samples = int(np.clip(np.ceil(2 * pixels_per_degree(lens) * 180.0 / height), 2, most))
     result = np.empty((height, 2 * height, 4), dtype=np.float32)
-    for start in range(0, height, _ROWS):
-        rows = np.arange(start, min(start + _ROWS, height))
-        result[rows] = _mapped_rows(picture, lens, rotation, height, samples, rows)
-    return result[..., :3], result[..., 3] >= _TOUCHED
+    for start in range(0, height, _ROWS_AT_ONCE):
+        rows = np.arange(start, min(start + _ROWS_AT_ONCE, height))
+        result[rows] = _resample_rows(picture, lens, rotation, height, samples, rows)
+    return result[..., :3], result[..., 3] >= _MIN_CLIPPED_SHARE
 
 
-def _mapped_rows(
+def _resample_rows(
     picture: Floats, lens: Lens, rotation: Floats, height: int, samples: int, rows: NDArray[np.intp]
 ) -> Floats:
     """Some rows (R, 2H, C) of a map, the mean of `samples` samples each way of every pixel of a picture (h, w, C)."""
@@ -177,11 +181,11 @@ def _mapped_rows(
     elevation = 90.0 - (rows[:, None] + within).reshape(-1) * 180.0 / height
     azimuth = ((np.arange(2 * height)[:, None] + within).reshape(-1) / height - 1) * 180.0
     towards = direction(azimuth[None, :], elevation[:, None])
-    values = _bilinear(picture, lens_pixels(lens, towards @ rotation), wrap=lens.kind == "latlong")
+    values = _sample_bilinear(picture, project_to_lens(lens, towards @ rotation), wrap=lens.kind == "latlong")
     return np.asarray(values.reshape(len(rows), samples, 2 * height, samples, -1).mean(axis=(1, 3)))
 
 
-def _bilinear(picture: Floats, pixels: Floats, *, wrap: bool = False) -> Floats:
+def _sample_bilinear(picture: Floats, pixels: Floats, *, wrap: bool = False) -> Floats:
     """Samples (..., C) of a picture (h, w, C) at continuous coordinates (..., 2) as (x, y); 0 where they are NaN.
 
     Beyond the outermost centres the edge goes on, or with `wrap` the other side begins.
@@ -202,9 +206,9 @@ def _bilinear(picture: Floats, pixels: Floats, *, wrap: bool = False) -> Floats:
     return np.where(seen[..., None], total, 0)
 
 
-def _averaged(picture: Floats, lens: Lens, height: int) -> tuple[Floats, Lens]:
+def _reduce_picture(picture: Floats, lens: Lens, height: int) -> tuple[Floats, Lens]:
     """The picture and its lens, averaged over whole squares of pixels until it is not much finer than the map."""
-    factor = int(pixels_per_degree(lens) * 180.0 / height / _FINER)
+    factor = int(pixels_per_degree(lens) * 180.0 / height / _MIN_OVERSAMPLING)
     if lens.kind == "latlong":
         factor = next((f for f in range(factor, 1, -1) if lens.height % f == 0), 1)
     if factor < 2:

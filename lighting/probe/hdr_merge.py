@@ -44,28 +44,35 @@ def _noise_variance(value: Any, step: Any) -> Any:
     return READ_NOISE**2 + step**2 / 12 + LIGHT_NOISE * np.maximum(value, 0)
 
 
-def _smooth_below(step: float) -> float:
+def _max_terraced_value(step: float) -> float:
     """The value under which noise is less than half a step of rounding; negative where it never is."""
     return (step**2 / 4 - READ_NOISE**2) / LIGHT_NOISE
 
 
 # How much longer one exposure of a bracket is than the next: by EXIF, or measured from the pixels.
 
-LEAST_VALUE, MOST_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
-LEAST_SAMPLES = 24  # values that a ratio is measured from
-LEAST_SPREAD = 20.0  # variance of these values / that of noise, from which on a line's slope is less than 5 % too flat
-MOST_ERROR = 0.2  # relative, of a ratio that is worth telling
-SURE_SAMPLES, SURE_ERROR = 1000, 0.02  # values from which on, and error up to which, a ratio counts as well measured
-MOST_SAMPLES = 20_000  # used of them
-GAMMA = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
-DIFFERENCE = 0.08  # relative, between EXIF's ratio and the pixels', that is worth a warning: third stops round to 7 %
-LEAST_STEP = 1.2  # between exposures, for their ratio to tell a curve
-_STEPS = 8  # of re-weighted least squares
+MIN_VALUE, MAX_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
+MIN_SAMPLES = 24  # values that a ratio is measured from
+MIN_VARIANCE_RATIO = (
+    20.0  # variance of these values / that of noise, from which on a line's slope is less than 5 % too flat
+)
+MAX_RATIO_ERROR = 0.2  # relative, of a ratio that is worth telling
+MIN_SURE_SAMPLES, MAX_SURE_ERROR = (
+    1000,
+    0.02,
+)  # values from which on, and error up to which, a ratio counts as well measured
+MAX_SAMPLES = 20_000  # used of them
+MIN_LINEAR_EXPONENT = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
+MAX_EXIF_DIFFERENCE = (
+    0.08  # relative, between EXIF's ratio and the pixels', that is worth a warning: third stops round to 7 %
+)
+MIN_EXPOSURE_STEP = 1.2  # between exposures, for their ratio to tell a curve
+_REWEIGHTINGS = 8  # of re-weighted least squares
 _CURVE = {True: "srgb", False: "linear"}
 
 
 @dataclass(frozen=True)
-class _Ratio:
+class _ExposureRatio:
     """A longer exposure / the next shorter one."""
 
     value: float
@@ -74,7 +81,7 @@ class _Ratio:
 
     @property
     def sure(self) -> bool:
-        return self.samples >= SURE_SAMPLES and self.error <= SURE_ERROR
+        return self.samples >= MIN_SURE_SAMPLES and self.error <= MAX_SURE_ERROR
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +89,7 @@ class ExposureRatios:
     """How long each exposure of a bracket is."""
 
     relative: Floats  # (N,), with EXIF s x ISO / 100 / f-number^2, else the longest is 1
-    ratios: tuple[_Ratio | None, ...]  # measured, (N - 1); None where the pixels cannot say
+    ratios: tuple[_ExposureRatio | None, ...]  # measured, (N - 1); None where the pixels cannot say
     from_exif: bool
     warnings: tuple[str, ...]
 
@@ -92,11 +99,11 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
 
     Raises ProbeError where neither can say, and where EXIF shows that the pixels are coded by a curve.
     """
-    ratios = tuple(_measured_ratio(short, long) for short, long in pairwise(bracket.photos))
+    ratios = tuple(_measure_ratio(short, long) for short, long in pairwise(bracket.photos))
     told = [photo.exposure for photo in bracket.photos]
     if all(value is not None for value in told):
         relative = np.array(told, dtype=np.float64)
-        return ExposureRatios(relative, ratios, True, _against_pixels(relative, ratios, bracket.names))
+        return ExposureRatios(relative, ratios, True, _check_exif_ratios(relative, ratios, bracket.names))
     missing = next((index for index, ratio in enumerate(ratios) if ratio is None), None)
     if missing is not None:
         first, second = bracket.names[missing : missing + 2]
@@ -109,31 +116,33 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
     return ExposureRatios(relative / relative[-1], ratios, False, ())
 
 
-def _measured_ratio(short: LinearPhoto, long: LinearPhoto) -> _Ratio | None:
+def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> _ExposureRatio | None:
     """The ratio by the pixels that both show; None where they are too few."""
     full = min(long.white, float(long.pixels.max()))
-    usable = (long.pixels < MOST_VALUE * full) & (long.pixels > LEAST_VALUE * full) & (short.pixels < short.white)
-    clear = usable & ~_beside(clipped(long))[..., None]
-    index = np.flatnonzero(clear if clear.sum() >= SURE_SAMPLES else usable)
-    if len(index) < LEAST_SAMPLES:
+    usable = (long.pixels < MAX_VALUE * full) & (long.pixels > MIN_VALUE * full) & (short.pixels < short.white)
+    clear = usable & ~_dilate(clipped_mask(long))[..., None]
+    index = np.flatnonzero(clear if clear.sum() >= MIN_SURE_SAMPLES else usable)
+    if len(index) < MIN_SAMPLES:
         return None
-    chosen = index[:: -(-len(index) // MOST_SAMPLES)]
+    chosen = index[:: -(-len(index) // MAX_SAMPLES)]
     x, y = (np.asarray(photo.pixels.reshape(-1)[chosen], dtype=np.float64) for photo in (long, short))
-    if x.var() < LEAST_SPREAD * _noise_variance(x.mean(), long.step):
+    if x.var() < MIN_VARIANCE_RATIO * _noise_variance(x.mean(), long.step):
         slope, error = y.mean() / x.mean(), short.step / 2 / x.mean()
     else:
         slope, error = _robust_slope(x, y)
     return (
-        None if slope <= 0 or error > MOST_ERROR * slope else _Ratio(float(1 / slope), float(error / slope), len(index))
+        None
+        if slope <= 0 or error > MAX_RATIO_ERROR * slope
+        else _ExposureRatio(float(1 / slope), float(error / slope), len(index))
     )
 
 
-def clipped(photo: LinearPhoto) -> Mask:
+def clipped_mask(photo: LinearPhoto) -> Mask:
     """Pixels (H, W) of which a channel is clipped."""
     return np.asarray((photo.pixels >= photo.white).any(axis=-1))
 
 
-def _beside(mask: Mask) -> Mask:
+def _dilate(mask: Mask) -> Mask:
     """The mask (H, W) and the eight neighbours of each of its pixels: a lens and demosaicing smear over one."""
     wide = mask.copy()
     wide[1:] |= mask[:-1]
@@ -151,7 +160,7 @@ def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
     The error counts an eighth of the values as independent, for neighbours and channels share their errors.
     """
     weight = np.ones_like(x)
-    for _ in range(_STEPS):
+    for _ in range(_REWEIGHTINGS):
         total = weight.sum()
         mean_x, mean_y = weight @ x / total, weight @ y / total
         spread = weight @ (x - mean_x) ** 2
@@ -164,16 +173,18 @@ def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
     return float(slope), float(np.sqrt(weight @ residual**2 / total * 8 / spread))
 
 
-def _against_pixels(relative: Floats, ratios: tuple[_Ratio | None, ...], names: tuple[str, ...]) -> tuple[str, ...]:
+def _check_exif_ratios(
+    relative: Floats, ratios: tuple[_ExposureRatio | None, ...], names: tuple[str, ...]
+) -> tuple[str, ...]:
     """Warnings where the pixels contradict EXIF; ProbeError where they do as a curve would."""
     different = []
     for told, ratio, pair in zip(relative[1:] / relative[:-1], ratios, pairwise(names), strict=True):
-        if ratio and ratio.sure and told > LEAST_STEP and abs(told / ratio.value - 1) > DIFFERENCE:
+        if ratio and ratio.sure and told > MIN_EXPOSURE_STEP and abs(told / ratio.value - 1) > MAX_EXIF_DIFFERENCE:
             different.append((float(told), ratio.value, pair))
     powers = [np.log(value) / np.log(t) for t, value, _ in different]
-    if powers and not GAMMA < np.median(powers) < 1 / GAMMA:
+    if powers and not MIN_LINEAR_EXPONENT < np.median(powers) < 1 / MIN_LINEAR_EXPONENT:
         t, value, _ = different[0]
-        coded = bool(np.median(powers) < GAMMA)
+        coded = bool(np.median(powers) < MIN_LINEAR_EXPONENT)
         state = "coded by a curve" if coded else "linear and were decoded as if by a curve"
         raise ProbeError(
             f"The pixels are {state}: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the "
@@ -187,7 +198,7 @@ def _against_pixels(relative: Floats, ratios: tuple[_Ratio | None, ...], names: 
 
 # Bracketed exposures to one picture of radiance, each value weighted by the inverse of its variance.
 
-_ROWS = 128  # merged at once, so that little memory is needed beside the exposures
+_ROWS_AT_ONCE = 128  # merged at once, so that little memory is needed beside the exposures
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,34 +214,36 @@ def merge_exposures(bracket: Bracket, relative: Floats) -> MergedHdr:
 
     Raises ProbeError where every pixel is clipped in every exposure, and where all are black.
     """
-    masks = [_beside(clipped(photo)) if index else clipped(photo) for index, photo in enumerate(bracket.photos)]
+    masks = [
+        _dilate(clipped_mask(photo)) if index else clipped_mask(photo) for index, photo in enumerate(bracket.photos)
+    ]
     if masks[0].all():
         raise ProbeError("Every pixel is clipped in the shortest exposure; nothing can be measured.")
     if max(float(photo.pixels.max()) for photo in bracket.photos) <= 0:
         raise ProbeError("Every pixel of every exposure is black; nothing can be measured.")
     radiance = np.empty_like(bracket.photos[0].pixels)
-    for start in range(0, len(radiance), _ROWS):
-        rows = slice(start, start + _ROWS)
-        radiance[rows] = _merged_rows(bracket, relative, rows, masks)
+    for start in range(0, len(radiance), _ROWS_AT_ONCE):
+        rows = slice(start, start + _ROWS_AT_ONCE)
+        radiance[rows] = _merge_rows(bracket, relative, rows, masks)
     return MergedHdr(radiance, masks[0])
 
 
-def _merged_rows(bracket: Bracket, relative: Floats, rows: slice, masks: list[Mask]) -> Floats:
+def _merge_rows(bracket: Bracket, relative: Floats, rows: slice, masks: list[Mask]) -> Floats:
     """Radiance (R, W, 3) of some rows; `masks` (H, W) say where each exposure is clipped, or is beside that."""
     values = np.stack([photo.pixels[rows] for photo in bracket.photos])
     white = np.array([photo.white for photo in bracket.photos], dtype=np.float32)[:, None, None, None]
     usable = (values < white) & ~np.stack([mask[rows] for mask in masks])[..., None]
     usable[0] = values[0] < white[0]
     length = np.asarray(relative, dtype=np.float32)[:, None, None, None]
-    first = _ratio(np.where(usable, values, 0).sum(axis=0), np.where(usable, length, 0).sum(axis=0))
+    first = _divide(np.where(usable, values, 0).sum(axis=0), np.where(usable, length, 0).sum(axis=0))
     steps = np.array([photo.step for photo in bracket.photos], dtype=np.float32)[:, None, None, None]
     variance = _noise_variance(first * length, steps)
     weight = np.where(usable, length / variance, 0)  # of the value; that of the radiance is length times as much
-    merged = _ratio((weight * values).sum(axis=0), (weight * length).sum(axis=0))
+    merged = _divide((weight * values).sum(axis=0), (weight * length).sum(axis=0))
     return np.where(usable.any(axis=0), np.maximum(merged, 0), np.minimum(values[0], 1.0) / length[0])
 
 
-def _ratio(a: Floats, b: Floats) -> Floats:
+def _divide(a: Floats, b: Floats) -> Floats:
     """a / b (...), 0 where both are."""
     return np.asarray(a / np.maximum(b, np.finfo(np.float32).tiny))
 
@@ -239,9 +252,9 @@ def _ratio(a: Floats, b: Floats) -> Floats:
 
 Pixels = NDArray[np.float32]
 
-REACH = 3.6  # deg, of the smoothing: less than the features of a clear sky, more than a pixel of its map
-PASSES = 12  # of smoothing and putting back
-_LINKED = 1.5  # steps, up to which neighbours belong to one surface
+SMOOTHING_REACH = 3.6  # deg, of the smoothing: less than the features of a clear sky, more than a pixel of its map
+SMOOTHING_PASSES = 12  # of smoothing and putting back
+_MAX_LINKED_STEPS = 1.5  # steps, up to which neighbours belong to one surface
 
 
 def dequantize(merged: MergedHdr, bracket: Bracket, relative: Floats, reach: float) -> MergedHdr:
@@ -250,19 +263,19 @@ def dequantize(merged: MergedHdr, bracket: Bracket, relative: Floats, reach: flo
     `reach` [pixels] is that of the smoothing. A value changes to one that rounds to what the longest exposure that does
     not clip it recorded, and only where that one's noise is less than half a step; black, bright and clipped ones stay.
     """
-    if all(_smooth_below(photo.step) <= photo.step / 2 for photo in bracket.photos):
+    if all(_max_terraced_value(photo.step) <= photo.step / 2 for photo in bracket.photos):
         return merged
-    usable = [~_beside(clipped(photo)) for photo in bracket.photos]
+    usable = [~_dilate(clipped_mask(photo)) for photo in bracket.photos]
     radiance = merged.radiance.copy()
     for channel in range(radiance.shape[-1]):
-        recorded, half = _recorded(bracket.photos, relative, usable, channel)
+        recorded, half = _recorded_radiance(bracket.photos, relative, usable, channel)
         if half.any():
             start = radiance[..., channel]
-            radiance[..., channel] = _within_rounding(start, np.where(half > 0, recorded, start), half, reach)
+            radiance[..., channel] = _smooth_within_rounding(start, np.where(half > 0, recorded, start), half, reach)
     return replace(merged, radiance=radiance)
 
 
-def _recorded(
+def _recorded_radiance(
     photos: Sequence[LinearPhoto], relative: Floats, usable: Sequence[Mask], channel: int
 ) -> tuple[Pixels, Pixels]:
     """Radiance (H, W) of a channel by the longest usable exposure, and half a step of its rounding; 0 where fine."""
@@ -270,48 +283,48 @@ def _recorded(
     half = np.zeros_like(recorded)
     for photo, length, where in zip(photos, relative, usable, strict=True):
         value = photo.pixels[..., channel]
-        coarse = (value > photo.step / 2) & (value < _smooth_below(photo.step))
+        coarse = (value > photo.step / 2) & (value < _max_terraced_value(photo.step))
         recorded = np.where(where, value / np.float32(length), recorded)
         half = np.where(where, np.where(coarse, np.float32(photo.step / 2 / length), 0), half)
     return recorded, half
 
 
-def _within_rounding(start: Pixels, recorded: Pixels, half: Pixels, reach: float) -> Pixels:
+def _smooth_within_rounding(start: Pixels, recorded: Pixels, half: Pixels, reach: float) -> Pixels:
     """Values (H, W) as smooth as they can be within `half` (H, W) of the `recorded` ones; `start` where that is 0.
 
     Neighbours that differ by more than 1.5 of the coarser one's steps, and those beside black, are not mixed; `reach`
     [pixels] is the standard deviation of the filter.
     """
     keep = np.float32(np.exp(-np.sqrt(2) / reach))
-    down, along = keep * _links(recorded, half), keep * _links(recorded.T, half.T)
+    down, along = keep * _surface_links(recorded, half), keep * _surface_links(recorded.T, half.T)
     least, most = recorded - half, recorded + half
     values = start
-    for _ in range(PASSES):
-        once = _smoothed(values, down, along)
-        twice = _smoothed(once, down, along)
+    for _ in range(SMOOTHING_PASSES):
+        once = _smooth_edge_aware(values, down, along)
+        twice = _smooth_edge_aware(once, down, along)
         values = np.where(half > 0, np.clip(2 * once - twice, least, most), start)
     return values
 
 
-def _links(recorded: Pixels, half: Pixels) -> Pixels:
+def _surface_links(recorded: Pixels, half: Pixels) -> Pixels:
     """1 where a value and the one in the row above it (H, W) belong to one surface, else 0."""
     links = np.zeros(recorded.shape, dtype=np.float32)
     step = 2 * np.maximum(half[1:], half[:-1])
     seen = (recorded[1:] > 0) & (recorded[:-1] > 0)
-    links[1:] = seen & (np.abs(np.diff(recorded, axis=0)) <= _LINKED * step)
+    links[1:] = seen & (np.abs(np.diff(recorded, axis=0)) <= _MAX_LINKED_STEPS * step)
     return links
 
 
-def _smoothed(values: Pixels, down: Pixels, along: Pixels) -> Pixels:
+def _smooth_edge_aware(values: Pixels, down: Pixels, along: Pixels) -> Pixels:
     """Values (H, W) mixed with their neighbours by shares `down` (H, W) columns and `along` (W, H) rows."""
     rows = np.ascontiguousarray(values.T)
-    _sweep(rows, along)
+    _mix_rows(rows, along)
     columns = np.ascontiguousarray(rows.T)
-    _sweep(columns, down)
+    _mix_rows(columns, down)
     return columns
 
 
-def _sweep(values: Pixels, shares: Pixels) -> None:
+def _mix_rows(values: Pixels, shares: Pixels) -> None:
     """Mix each row of values into the next one by its share, down and then up again, in place."""
     for row in range(1, len(values)):
         values[row] += shares[row] * (values[row - 1] - values[row])

@@ -14,24 +14,35 @@ from lighting.color import luminance
 from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import ErrorCode, ProbeError
 from lighting.geometry import Floats, angle_between, direction, latlong_angles, latlong_directions, wrap_azimuth
-from lighting.probe.sun_detection import HEIGHT, Mask, connected, find_spot, find_sun, is_clipped, ndimage, solid_angle
+from lighting.probe.sun_detection import (
+    ANALYSIS_HEIGHT,
+    Mask,
+    find_sun,
+    find_sun_blob,
+    import_ndimage,
+    is_clipped,
+    label_regions,
+    pixel_solid_angles,
+)
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.hosek_wilkie import sky_radiance
 
 # The turbidity and exposure of the Hosek-Wilkie sky that fits a panorama's.
 
 SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
-MINIMUM_SKY = 0.25  # sr, 4 % of the dome
-LEAST_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
+MIN_SKY = 0.25  # sr, 4 % of the dome
+MIN_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
 SAMPLES = 1500  # directions of equal solid angle that enter the fit
 CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
-SPREAD = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ from the model by 0.1
+ERROR_SCALE = (
+    0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ from the model by 0.1
+)
 GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
 
-WORST_RESIDUAL = 0.2  # `SkyFit.residual` from which on a fit is not trusted
-WORST_GAINS = 0.6  # range of the channels' log gains from which on it is not
-LEAST_SHARE = 0.5  # of the sky's pixels that keep their weight in a trusted fit
-LEAST_COVERAGE = 0.4  # sr, `SkyFit.coverage` of a trusted fit
+MAX_RESIDUAL = 0.2  # `SkyFit.residual` from which on a fit is not trusted
+MAX_GAIN_RANGE = 0.6  # range of the channels' log gains from which on it is not
+MIN_SHARE = 0.5  # of the sky's pixels that keep their weight in a trusted fit
+MIN_COVERAGE = 0.4  # sr, `SkyFit.coverage` of a trusted fit
 
 
 @dataclass(frozen=True)
@@ -66,15 +77,15 @@ def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None
     over its whole range, and the gains at each turbidity follow in closed form: no start value is needed, and no local
     minimum can hold the fit.
     """
-    sky = _sample_sky(shrink_envmap(linear, HEIGHT), sun_direction)
-    if sky.solid_angle < MINIMUM_SKY:
+    sky = _sample_sky(shrink_envmap(linear, ANALYSIS_HEIGHT), sun_direction)
+    if sky.solid_angle < MIN_SKY:
         return None
     turbidity, reach = 5.5, 4.5
     for step in (0.5, 0.1, 0.02):
         candidates = np.clip(np.arange(turbidity - reach, turbidity + reach + step / 2, step), 1.0, 10.0)
         costs = [_fit_gains(sky, sun_direction, candidate)[0] for candidate in candidates]
         turbidity, reach = float(candidates[int(np.argmin(costs))]), step
-    return _conclude(sky, sun_direction, turbidity)
+    return _assess_fit(sky, sun_direction, turbidity)
 
 
 def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
@@ -86,10 +97,10 @@ def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
     smooth = _roughness(np.log(np.maximum(luminance(linear), 1e-4))) < 0.06
     mask = (elevation > 3.0) & away & blue & smooth
     if is_clipped(linear):
-        mask &= linear.max(axis=-1) < LEAST_CLIPPED
-    patches = connected(mask)
-    size = np.bincount(patches.ravel(), solid_angle(height).ravel())
-    top = ndimage().maximum(elevation, patches, np.arange(len(size)))
+        mask &= linear.max(axis=-1) < MIN_CLIPPED
+    patches = label_regions(mask)
+    size = np.bincount(patches.ravel(), pixel_solid_angles(height).ravel())
+    top = import_ndimage().maximum(elevation, patches, np.arange(len(size)))
     return np.asarray(mask & ((size > 0.03) & (np.asarray(top) > 25.0))[patches])
 
 
@@ -101,7 +112,7 @@ def _roughness(image: Floats) -> Floats:
 
 def _sample_sky(linear: NDArray[np.float32], sun_direction: Floats) -> _Sky:
     mask = _sky_mask(linear, sun_direction)
-    order = np.cumsum(solid_angle(len(linear))[mask])
+    order = np.cumsum(pixel_solid_angles(len(linear))[mask])
     if not len(order):
         return _Sky(np.empty((0, 3)), np.empty((0, 3)), 0.0)
     chosen = np.searchsorted(order, (np.arange(SAMPLES) + 0.5) / SAMPLES * order[-1])
@@ -113,30 +124,30 @@ def _fit_gains(sky: _Sky, sun_direction: Floats, turbidity: float) -> tuple[floa
     """Cost, log gains (3,), errors (N,) and weights (N,) at one turbidity, by iteratively re-weighted least squares."""
     ratio = np.log(sky.pixels) - np.log(sky.model(sun_direction, turbidity))
     offset = np.median(ratio, axis=0)
-    for spread in (0.5, *[SPREAD] * 6):  # the first one wide, so that a median on clouds can still move
+    for spread in (0.5, *[ERROR_SCALE] * 6):  # the first one wide, so that a median on clouds can still move
         common = CHANNEL_WEIGHT @ offset
         gains = common + (offset - common) / (1 + GAIN_PULL)
         square = (ratio - gains) ** 2 @ CHANNEL_WEIGHT
         weight = 1 / (1 + square / spread**2)
         offset = weight @ ratio / weight.sum()
-    pull = GAIN_PULL * float(CHANNEL_WEIGHT @ (gains - common) ** 2) / SPREAD**2
-    return float(np.log1p(square / SPREAD**2).mean()) + pull, gains, np.sqrt(square), weight
+    pull = GAIN_PULL * float(CHANNEL_WEIGHT @ (gains - common) ** 2) / ERROR_SCALE**2
+    return float(np.log1p(square / ERROR_SCALE**2).mean()) + pull, gains, np.sqrt(square), weight
 
 
-def _conclude(sky: _Sky, sun_direction: Floats, turbidity: float) -> SkyFit:
+def _assess_fit(sky: _Sky, sun_direction: Floats, turbidity: float) -> SkyFit:
     _, gains, error, weight = _fit_gains(sky, sun_direction, turbidity)
     exposure = weight @ luminance(sky.pixels) / (weight @ luminance(sky.model(sun_direction, turbidity)))
     residual, share = float(np.median(error)), float(weight.mean())
     coverage = share * sky.solid_angle
     inside = 1.05 < turbidity < 9.95  # at an end of the range the best fit may lie beyond it
-    explained = residual < WORST_RESIDUAL and share > LEAST_SHARE and coverage > LEAST_COVERAGE
-    ok = bool(inside and explained and np.ptp(gains) < WORST_GAINS)
+    explained = residual < MAX_RESIDUAL and share > MIN_SHARE and coverage > MIN_COVERAGE
+    ok = bool(inside and explained and np.ptp(gains) < MAX_GAIN_RANGE)
     return SkyFit(turbidity, float(exposure), residual, coverage, ok)
 
 
-LOWEST = 10.0  # deg, below which hills, trees and haze hide the sky
-LEAST_ROWS = 16  # of a map; in fewer the sun's glow leaves too little sky
-CLEAR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear
+MIN_ELEVATION = 10.0  # deg, below which hills, trees and haze hide the sky
+MIN_ROWS = 16  # of a map; in fewer the sun's glow leaves too little sky
+MAX_CLEAR_ERROR = 0.35  # of |log(measured / model)| of the luminance, up to which a direction counts as clear
 
 
 @dataclass(frozen=True)
@@ -166,14 +177,14 @@ class SkyState:
         }
 
 
-def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None) -> SkyState:
+def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = None) -> SkyState:
     """The state of a map's (H, 2H, 3) sky, its sun found or given as azimuth and elevation [deg].
 
     Raises ProbeError for a map that is too small, black or negative, where no sun is found, where it is given below the
     horizon, and where no clear sky is seen.
     """
     _check_sky(image)
-    azimuth, elevation = sun or _found(image)
+    azimuth, elevation = sun or _find_sun_direction(image)
     if elevation < 0:
         raise ProbeError(
             f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit.", code=ErrorCode.NIGHT
@@ -181,7 +192,7 @@ def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None)
     fit = fit_sky(image, direction(azimuth, elevation))
     if fit is None:
         raise ProbeError("Too little clear sky is seen to fit a model to: the sky is overcast or hidden.")
-    cover = _cover(image, direction(azimuth, elevation), fit)
+    cover = _cloud_cover(image, direction(azimuth, elevation), fit)
     source = "given" if sun else "found"
     side = float(wrap_azimuth(azimuth))
     return SkyState(side, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
@@ -189,29 +200,29 @@ def describe(image: NDArray[np.float32], sun: tuple[float, float] | None = None)
 
 def _check_sky(image: NDArray[np.float32]) -> None:
     """Raise ProbeError for a map (H, 2H, 3) that is too small, black or negative."""
-    if len(image) < LEAST_ROWS:
+    if len(image) < MIN_ROWS:
         rows = "1 row" if len(image) == 1 else f"{len(image)} rows"
-        raise ProbeError(f"The map has {rows}; a sky needs {LEAST_ROWS} or more to be fitted.")
+        raise ProbeError(f"The map has {rows}; a sky needs {MIN_ROWS} or more to be fitted.")
     light = luminance(image[: len(image) // 2])
     if (light > 0).sum() <= (light < 0).sum():  # a few values under 0 are the ringing of a filter
         raise ProbeError("The sky in the map is black or negative.")
 
 
-def _found(image: NDArray[np.float32]) -> tuple[float, float]:
+def _find_sun_direction(image: NDArray[np.float32]) -> tuple[float, float]:
     """Azimuth and elevation [deg] of the sun that a map (H, 2H, 3) shows; ProbeError where none is found."""
-    spot = find_spot(image, np.zeros(image.shape[:2], dtype=bool)) or find_sun(image)
+    spot = find_sun_blob(image, np.zeros(image.shape[:2], dtype=bool)) or find_sun(image)
     if spot is None:
         raise ProbeError("No sun is found in the map; give its azimuth and elevation.")
     return spot.azimuth, spot.elevation
 
 
-def _cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
+def _cloud_cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
     """`SkyState.cover` of a map (H, 2H, 3) whose sun stands in a direction (3,), by the model fitted to it."""
-    small = shrink_envmap(image, HEIGHT)
+    small = shrink_envmap(image, ANALYSIS_HEIGHT)
     towards = latlong_directions(len(small))
-    high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > LOWEST, small.shape[:2])
+    high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > MIN_ELEVATION, small.shape[:2])
     counted = high & (angle_between(towards, sun) > SUN_CLEARANCE)
     model = luminance(sky_radiance(towards[counted], sun, fit.turbidity, GROUND_ALBEDO)) * fit.exposure
     error = np.abs(np.log(np.maximum(luminance(small[counted]), 1e-12) / np.maximum(model, 1e-12)))
-    area = solid_angle(len(small))[counted]
-    return float(area[error > CLEAR].sum() / area.sum())
+    area = pixel_solid_angles(len(small))[counted]
+    return float(area[error > MAX_CLEAR_ERROR].sum() / area.sum())

@@ -24,7 +24,7 @@ from lighting.geometry import (
 
 Mask = NDArray[np.bool_]
 
-HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky the model is fitted
+ANALYSIS_HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky the model is fitted
 
 
 def is_clipped(linear: NDArray[np.float32]) -> bool:
@@ -32,14 +32,14 @@ def is_clipped(linear: NDArray[np.float32]) -> bool:
     return float(linear.max()) <= 1.0
 
 
-def ndimage() -> Any:
+def import_ndimage() -> Any:
     """scipy's image filters; MissingExtraError where scipy is not installed."""
     return require_extra("scipy.ndimage", "Measured skies need scipy", "stereo")
 
 
-def connected(mask: Mask) -> NDArray[np.intp]:
+def label_regions(mask: Mask) -> NDArray[np.intp]:
     """The number of the connected region of each pixel (H, 2H) of a mask; 0 outside. Regions cross the seam."""
-    labels, count = ndimage().label(mask, np.ones((3, 3)))
+    labels, count = import_ndimage().label(mask, np.ones((3, 3)))
     same = np.arange(count + 1)
     for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
         if left and right:
@@ -47,7 +47,7 @@ def connected(mask: Mask) -> NDArray[np.intp]:
     return np.asarray(same[labels])
 
 
-def solid_angle(height: int) -> Floats:
+def pixel_solid_angles(height: int) -> Floats:
     """Solid angle [sr] of each pixel (H, 2H)."""
     return np.repeat(latlong_solid_angle(height)[:, None], 2 * height, axis=1)
 
@@ -55,15 +55,15 @@ def solid_angle(height: int) -> Floats:
 # Finding the sun in the pixels of a panorama.
 
 WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
-SMALLEST = 2e-4  # sr, a cap of half a degree: no bright region is smaller
-LEAST_PEAK = 0.94  # linear: the sun blows a picture out
-FLATTEST = 0.62  # blur of 24 deg / blur of 1.5 deg, at the peak: higher in a white sky than around a sun
-LEAST_PART = 0.4  # share of all bright regions that the sun's region must hold
-MIN_FOUND_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
+MIN_REGION = 2e-4  # sr, a cap of half a degree: no bright region is smaller
+MIN_PEAK = 0.94  # linear: the sun blows a picture out
+MAX_FLATNESS = 0.62  # blur of 24 deg / blur of 1.5 deg, at the peak: higher in a white sky than around a sun
+MIN_REGION_SHARE = 0.4  # share of all bright regions that the sun's region must hold
+MIN_PEAK_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
 
 
 @dataclass(frozen=True)
-class FoundSun:
+class DetectedSun:
     """A sun found in a picture."""
 
     azimuth: float  # deg, 0 = centre column, positive to the right
@@ -75,46 +75,46 @@ class FoundSun:
         return direction(self.azimuth, self.elevation)
 
 
-def find_sun(linear: NDArray[np.float32]) -> FoundSun | None:
+def find_sun(linear: NDArray[np.float32]) -> DetectedSun | None:
     """The sun in a panorama (H, 2H, 3), None where it is hidden or behind clouds.
 
     In an unclipped (HDR) picture it is the centroid of the radiance around the peak. In a clipped one it is the
     centroid of the largest blown-out region, where a pixel counts by its solid angle and by its excess over the median
     of its row: bright haze along the horizon then counts for little.
     """
-    small = shrink_envmap(linear, HEIGHT)
+    small = shrink_envmap(linear, ANALYSIS_HEIGHT)
     above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
     return _find_clipped(small, above) if is_clipped(small) else _find_peak(small, above)
 
 
-def _find_peak(small: NDArray[np.float32], above: Mask) -> FoundSun | None:
+def _find_peak(small: NDArray[np.float32], above: Mask) -> DetectedSun | None:
     value = luminance(small) * above
     peak = float(value.max())
-    if peak <= MIN_FOUND_CONTRAST * float(np.median(value[above])):
+    if peak <= MIN_PEAK_CONTRAST * float(np.median(value[above])):
         return None
-    regions = connected(value > 0.1 * peak)
-    return _centre(regions == regions[np.unravel_index(int(value.argmax()), value.shape)], value)
+    regions = label_regions(value > 0.1 * peak)
+    return _locate_region(regions == regions[np.unravel_index(int(value.argmax()), value.shape)], value)
 
 
-def _find_clipped(small: NDArray[np.float32], above: Mask) -> FoundSun | None:
+def _find_clipped(small: NDArray[np.float32], above: Mask) -> DetectedSun | None:
     white = small.min(axis=-1)
     excess = np.maximum(white - np.median(white, axis=1, keepdims=True), 0.0)
-    regions = connected(above & (white >= WHITE * np.percentile(white[above], 99.8)))
-    area = solid_angle(len(small)).ravel()
+    regions = label_regions(above & (white >= WHITE * np.percentile(white[above], 99.8)))
+    area = pixel_solid_angles(len(small)).ravel()
     size = np.bincount(regions.ravel(), area)
-    value = np.bincount(regions.ravel(), area * excess.ravel())[1:] * (size[1:] > SMALLEST)
-    if not value.size or value.max() <= LEAST_PART * value.sum():
+    value = np.bincount(regions.ravel(), area * excess.ravel())[1:] * (size[1:] > MIN_REGION)
+    if not value.size or value.max() <= MIN_REGION_SHARE * value.sum():
         return None
     best = regions == int(np.argmax(value)) + 1
-    flat = _blur(white, 24.0)[best].max() > FLATTEST * _blur(white, 1.5)[best].max()
-    return None if flat or white[best].max() < LEAST_PEAK else _centre(best, excess)
+    flat = _blur(white, 24.0)[best].max() > MAX_FLATNESS * _blur(white, 1.5)[best].max()
+    return None if flat or white[best].max() < MIN_PEAK else _locate_region(best, excess)
 
 
-def _centre(region: Mask, value: Floats) -> FoundSun:
-    area = solid_angle(len(region))[region]
+def _locate_region(region: Mask, value: Floats) -> DetectedSun:
+    area = pixel_solid_angles(len(region))[region]
     azimuth, elevation = angles((area * value[region]) @ latlong_directions(len(region))[region])
     radius = math.degrees(math.acos(1 - float(area.sum()) / (2 * math.pi)))
-    return FoundSun(float(azimuth), float(elevation), radius)
+    return DetectedSun(float(azimuth), float(elevation), radius)
 
 
 def _blur(image: Floats, sigma: float) -> Floats:
@@ -124,7 +124,7 @@ def _blur(image: Floats, sigma: float) -> Floats:
     pad = min(math.ceil(3 * rows), height)
     opposite = np.roll(image, width // 2, axis=1)
     tall = np.concatenate([opposite[:pad][::-1], image, opposite[-pad:][::-1]])
-    down = ndimage().gaussian_filter1d(tall, rows, axis=0)[pad : pad + height]
+    down = import_ndimage().gaussian_filter1d(tall, rows, axis=0)[pad : pad + height]
     columns = rows / np.cos(np.radians(latlong_angles(height)[1]))
     decay = np.exp(-2 * (np.pi * np.fft.rfftfreq(width) * columns[:, None]) ** 2)
     return np.asarray(np.fft.irfft(np.fft.rfft(down, axis=1) * decay, n=width, axis=1))
@@ -133,7 +133,7 @@ def _blur(image: Floats, sigma: float) -> Floats:
 # The sun in a measured sky: where it is, whether it is clipped, and the light it gives.
 
 MIN_SUN_CONTRAST = 200.0  # the sun's pixel / the median above the horizon; sunlit clouds stay under 50
-LARGEST_CLIPPED = 12.0  # deg, radius of a clipped region that can still be called the sun
+MAX_CLIPPED_RADIUS = 12.0  # deg, radius of a clipped region that can still be called the sun
 MARGIN = 1.5  # pixels of the map around the bright region whose light counts as the sun's
 
 
@@ -152,14 +152,14 @@ class SunBlob:
         return direction(self.azimuth, self.elevation)
 
 
-def find_spot(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
+def find_sun_blob(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
     """The sun in a map (H, 2H, 3) whose clipped pixels (H, 2H) are marked; None where none is above the horizon."""
     towards = latlong_directions(len(image))
     value = np.where(towards[..., 1] > 0, luminance(image), 0.0)
     region = _bright_region(value, clipped & (towards[..., 1] > 0))
     if region is None:
         return None
-    area = solid_angle(len(image))
+    area = pixel_solid_angles(len(image))
     size = float(area[region].sum())
     radius = float(np.degrees(np.arccos(1 - size / (2 * np.pi))))
     centre = (area * value)[region] @ towards[region]
@@ -174,17 +174,17 @@ def find_spot(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
 
 def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
     """The largest of the clipped regions, or what is brighter than a tenth of the peak around the peak."""
-    area = solid_angle(len(value))
+    area = pixel_solid_angles(len(value))
     if clipped.any():
-        regions = connected(clipped)
+        regions = label_regions(clipped)
         light = np.bincount(regions.ravel(), (area * value).ravel())
         best = regions == int(np.argmax(light[1:])) + 1
-        cap = 2 * np.pi * (1 - np.cos(np.radians(LARGEST_CLIPPED)))
+        cap = 2 * np.pi * (1 - np.cos(np.radians(MAX_CLIPPED_RADIUS)))
         return best if area[best].sum() < cap else None
     peak = float(value.max())
     if peak <= MIN_SUN_CONTRAST * float(np.median(value[value > 0])):
         return None
-    regions = connected(value > 0.1 * peak)
+    regions = label_regions(value > 0.1 * peak)
     return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])
 
 

@@ -23,7 +23,7 @@ from lighting.fusion.timezones import location_of
 from lighting.photo.linear import RAW_SUFFIXES, Curve, read_linear
 from lighting.photo.metadata import HeadingReference, PhotoMetadata, parse_time, to_utc
 from lighting.stereo.light_vectors import Skies
-from lighting.stereo.planner import LONGEST_GAP, files_of, read_skies
+from lighting.stereo.planner import MAX_PROBE_GAP, day_maps, read_skies
 
 # One photo as linear values, with what its EXIF block says of the moment and the exposure.
 
@@ -43,7 +43,7 @@ class _Exposure:
 
 
 @dataclass(frozen=True, eq=False)
-class _Shot:
+class _DayPhoto:
     """A photo of a day."""
 
     name: str
@@ -55,7 +55,7 @@ class _Shot:
     exposure: _Exposure = _Exposure()
 
 
-def _read_shot(path: Path, curve: Curve | None = None) -> _Shot:
+def _read_day_photo(path: Path, curve: Curve | None = None) -> _DayPhoto:
     """The photo in a file; `curve` says how its values are coded where the file is not to be believed.
 
     Raises PhotoError for a file that cannot be read, that needs a package that is missing, or whose 16-bit values say
@@ -77,15 +77,15 @@ def _read_mask(file: Path) -> Image.Image:
         raise PhotoError(f"{file} is not a mask that can be read.") from error
 
 
-def _read_exr(path: Path) -> _Shot:
+def _read_exr(path: Path) -> _DayPhoto:
     pixels = read_exr(path)[0]
     if not np.isfinite(pixels).all():
         raise PhotoError("The picture holds values that are not finite numbers.")
     shape = pixels.shape[0], pixels.shape[1]
-    return _Shot(path.name, pixels, np.zeros(shape, dtype=bool), coded=False, shape=shape)
+    return _DayPhoto(path.name, pixels, np.zeros(shape, dtype=bool), coded=False, shape=shape)
 
 
-def _read_photo(path: Path, curve: Curve | None) -> _Shot:
+def _read_photo(path: Path, curve: Curve | None) -> _DayPhoto:
     photo = read_linear(path, curve, turned=True)
     if photo.doubtful:
         raise PhotoError(
@@ -95,10 +95,10 @@ def _read_photo(path: Path, curve: Curve | None) -> _Shot:
     pixels = np.ascontiguousarray(photo.pixels[..., :1] if photo.grey else photo.pixels)
     clipped = np.asarray((pixels >= photo.white).any(axis=-1))
     shape = pixels.shape[0], pixels.shape[1]
-    return _Shot(path.name, pixels, clipped, photo.coded, shape, photo.metadata, _exposure(path))
+    return _DayPhoto(path.name, pixels, clipped, photo.coded, shape, photo.metadata, _read_exposure(path))
 
 
-def _exposure(path: Path) -> _Exposure:
+def _read_exposure(path: Path) -> _Exposure:
     try:
         with Image.open(path, formats=["JPEG", "PNG", "TIFF"]) as header:
             tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
@@ -106,10 +106,10 @@ def _exposure(path: Path) -> _Exposure:
         return _Exposure()
     base = ExifTags.Base
     names = (base.ExposureTime, base.FNumber, base.ISOSpeedRatings, base.FocalLength)
-    return _Exposure(*(_number(tags.get, name) for name in names))
+    return _Exposure(*(_read_number(tags.get, name) for name in names))
 
 
-def _number(get: Callable[[int], Any], tag: int) -> float | None:
+def _read_number(get: Callable[[int], Any], tag: int) -> float | None:
     try:
         value = float(get(tag))
     except (ArithmeticError, TypeError, ValueError):
@@ -117,20 +117,20 @@ def _number(get: Callable[[int], Any], tag: int) -> float | None:
     return value if np.isfinite(value) and value > 0 else None
 
 
-TIMES = "times.csv"
-SPAN = 20.0  # min, the shortest day
+TIMES_FILE = "times.csv"
+MIN_SPAN = 20.0  # min, the shortest day
 
 
-def _times_of(folder: Path, shots: list[_Shot], utc_offset: float | None) -> NDArray[np.datetime64]:
+def _photo_times(folder: Path, shots: list[_DayPhoto], utc_offset: float | None) -> NDArray[np.datetime64]:
     """UTC times (T,) of the photos; `utc_offset` [h] is of clocks that do not say it. PhotoError if one is missing."""
-    listed = _listed_times(folder / TIMES)
-    moments = [_moment(shot, listed.get(shot.name), utc_offset) for shot in shots]
+    listed = _listed_times(folder / TIMES_FILE)
+    moments = [_capture_time(shot, listed.get(shot.name), utc_offset) for shot in shots]
     return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
 
 
-def _absent(folder: Path, names: Sequence[str]) -> list[str]:
+def _missing_files(folder: Path, names: Sequence[str]) -> list[str]:
     """The files that `times.csv` lists and that are not among the names."""
-    return [name for name in _listed_times(folder / TIMES) if name not in names]
+    return [name for name in _listed_times(folder / TIMES_FILE) if name not in names]
 
 
 def _listed_times(file: Path) -> dict[str, datetime]:
@@ -146,13 +146,13 @@ def _listed_times(file: Path) -> dict[str, datetime]:
     return {row["file"]: parse_time(row["time"] or "") for row in rows}
 
 
-def _moment(shot: _Shot, listed: datetime | None, utc_offset: float | None) -> datetime:
+def _capture_time(shot: _DayPhoto, listed: datetime | None, utc_offset: float | None) -> datetime:
     """When a photo was taken, in UTC."""
     local = listed or shot.metadata.local_time
     if listed is None and shot.metadata.utc_time is not None:
         return shot.metadata.utc_time.astimezone(UTC)
     if local is None:
-        raise PhotoError(f"{shot.name} does not say when it was taken; list the times in {TIMES}.")
+        raise PhotoError(f"{shot.name} does not say when it was taken; list the times in {TIMES_FILE}.")
     if local.tzinfo is not None:
         return local.astimezone(UTC)
     if utc_offset is None:
@@ -165,7 +165,7 @@ def _check_times(times: NDArray[np.datetime64]) -> None:
     gaps = np.diff(times) / np.timedelta64(1, "m")
     if (gaps <= 0).any():
         raise PhotoError("The photos' times do not differ; photos of several moments of a day are needed.")
-    if gaps.sum() < SPAN:
+    if gaps.sum() < MIN_SPAN:
         raise PhotoError(f"The photos span {gaps.sum():.0f} minutes; the sun hardly moved. Take them over hours.")
     if gaps.sum() > 24 * 60:
         raise PhotoError("The photos are of more than one day.")
@@ -175,33 +175,33 @@ def _check_times(times: NDArray[np.datetime64]) -> None:
 
 FloatImage = NDArray[np.float32]
 
-_SIDE = 256  # pixels, of the pictures compared
-_MOVED = 0.012  # of the picture's longer side, from where on the camera counts as moved
-_CLEARER = 2.0  # times as high as at no shift, what the best shift must correlate
+_COMPARED_SIDE = 256  # pixels, of the pictures compared
+_MAX_SHIFT = 0.012  # of the picture's longer side, from where on the camera counts as moved
+_MIN_PEAK_RATIO = 2.0  # times as high as at no shift, what the best shift must correlate
 
 
-def _check_still(images: FloatImage, names: list[str]) -> None:
+def _check_static_camera(images: FloatImage, names: list[str]) -> None:
     """PhotoError where a photo of several (T, H, W) fits the one before it better when shifted by _MOVED or more.
 
     Edges are compared by phase correlation (Kuglin and Hines, 1975); only a shift that fits far better counts, since
     shadows move too.
     """
-    spectra = [_edges(_small(image)) for image in images]
+    spectra = [_edge_spectrum(_shrink_image(image)) for image in images]
     for index in range(1, len(spectra)):
-        shift = _shift(spectra[index - 1], spectra[index])
-        if shift > _MOVED:
+        shift = _measure_shift(spectra[index - 1], spectra[index])
+        if shift > _MAX_SHIFT:
             percent = 100 * shift
             raise PhotoError(f"{names[index]} is shifted by {percent:.1f} % of its size; the camera must not move.")
 
 
-def _small(image: FloatImage) -> FloatImage:
-    factor = max(1, max(image.shape) // _SIDE)
+def _shrink_image(image: FloatImage) -> FloatImage:
+    factor = max(1, max(image.shape) // _COMPARED_SIDE)
     height, width = (side // factor for side in image.shape)
     cut = image[: height * factor, : width * factor]
     return np.asarray(cut.reshape(height, factor, width, factor).mean(axis=(1, 3)))
 
 
-def _edges(image: FloatImage) -> NDArray[Any]:
+def _edge_spectrum(image: FloatImage) -> NDArray[Any]:
     """The spectrum of a picture's edges, whatever their sense, faded out towards the border."""
     level = np.log(image + 0.01 * image.mean() + 1e-6)
     down, right = np.gradient(level)
@@ -211,7 +211,7 @@ def _edges(image: FloatImage) -> NDArray[Any]:
     return np.asarray(np.fft.fft2((edges - edges.mean()) * window))
 
 
-def _shift(a: NDArray[Any], b: NDArray[Any]) -> float:
+def _measure_shift(a: NDArray[Any], b: NDArray[Any]) -> float:
     """How far the second picture is shifted against the first, as a share of the longer side; 0 where unclear."""
     cross = a * np.conj(b)
     peak = np.fft.ifft2(cross / np.maximum(np.abs(cross), 1e-12)).real
@@ -219,38 +219,38 @@ def _shift(a: NDArray[Any], b: NDArray[Any]) -> float:
     height, width = peak.shape
     down, right = min(row, height - row), min(column, width - column)
     here = max(peak[0, 0], peak[0, 1], peak[1, 0], peak[0, -1], peak[-1, 0])
-    clear = peak[row, column] > _CLEARER * max(here, 0.02)
+    clear = peak[row, column] > _MIN_PEAK_RATIO * max(here, 0.02)
     return float(np.hypot(down, right) / max(height, width)) if clear else 0.0
 
 
 # Measured skies at the moments of photos.
 
 
-def nearest_skies(folder: Path, times: NDArray[np.datetime64], utc_offset: float) -> Skies:
+def read_nearest_skies(folder: Path, times: NDArray[np.datetime64], utc_offset: float) -> Skies:
     """The probes nearest to times (T,) in UTC; folders without a time in their maps are named `utc_offset` [h] from it.
 
     Raises EnvironmentMapError where a photo has none within half of LONGEST_GAP.
     """
     local = times + np.timedelta64(round(3600 * utc_offset), "s")
-    return read_skies([_nearest(folder, time, utc_offset) for time in local])
+    return read_skies([_nearest_probe(folder, time, utc_offset) for time in local])
 
 
-def _nearest(folder: Path, time: Any, utc_offset: float) -> Path:
+def _nearest_probe(folder: Path, time: Any, utc_offset: float) -> Path:
     day = time.astype("datetime64[D]")
     minutes = float((time - day) / np.timedelta64(1, "m"))
-    files = files_of(folder, day.item(), utc_offset)
+    files = day_maps(folder, day.item(), utc_offset)
     moment = min(files, key=lambda filed: abs(filed - minutes), default=None)
-    if moment is None or abs(moment - minutes) > LONGEST_GAP / 2:
-        raise EnvironmentMapError(f"{folder} holds no sky probe within {LONGEST_GAP / 2:g} minutes of {time.item()}.")
+    if moment is None or abs(moment - minutes) > MAX_PROBE_GAP / 2:
+        raise EnvironmentMapError(f"{folder} holds no sky probe within {MAX_PROBE_GAP / 2:g} minutes of {time.item()}.")
     return files[moment]
 
 
 # Photos of a day must not differ but in their light.
 
-_ALIKE = 0.02  # relative difference of exposures that cameras round alike
+_MAX_EXPOSURE_DIFFERENCE = 0.02  # relative difference of exposures that cameras round alike
 
 
-def _check_alike(shots: list[_Shot]) -> None:
+def _check_same_exposure(shots: list[_DayPhoto]) -> None:
     """PhotoError unless size, colours, lens and exposure are those of the first photo throughout."""
     first = shots[0]
     for shot in shots[1:]:
@@ -270,42 +270,44 @@ def _exposures_differ(a: _Exposure, b: _Exposure) -> bool:
 
 
 def _differ(a: float | None, b: float | None) -> bool:
-    return a is not None and b is not None and abs(a - b) > _ALIKE * max(a, b)
+    return a is not None and b is not None and abs(a - b) > _MAX_EXPOSURE_DIFFERENCE * max(a, b)
 
 
 # Whether the light of a day's photos changed in more than its strength, which tells normals apart.
 
-_LEAST = 0.02  # share of the brightest, below which what differs may be noise; an hour of clear sky leaves 0.025
-_BRIGHTEST = 0.999  # quantile of the values that counts as the brightest
-_PROBE = 20_000  # pixels that are looked at
+_MIN_VARIATION = (
+    0.02  # share of the brightest, below which what differs may be noise; an hour of clear sky leaves 0.025
+)
+_BRIGHT_QUANTILE = 0.999  # quantile of the values that counts as the brightest
+_MAX_PIXELS = 20_000  # pixels that are looked at
 
 
-def _is_varied(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> bool:
+def _light_varies(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> bool:
     """Whether pixels of a mask (H, W) in images (T, H, W, C) brighten and darken in different ways.
 
     It is so where one picture times one strength for each photo leaves more than noise (root mean square).
     """
     rows, columns = np.nonzero(mask)
-    step = max(1, len(rows) // _PROBE)
+    step = max(1, len(rows) // _MAX_PIXELS)
     values = images[:, rows[::step], columns[::step]].mean(axis=-1, dtype=np.float64)  # (T, P)
-    brightest = float(np.quantile(values, _BRIGHTEST)) if values.size else 0.0
+    brightest = float(np.quantile(values, _BRIGHT_QUANTILE)) if values.size else 0.0
     powers = np.linalg.eigvalsh(values @ values.T)  # rising; the last one is that of one picture alone
     rest = np.sqrt(max(float(powers[:-1].sum()), 0.0) / max(values.size, 1))
-    return bool(rest > _LEAST * brightest)
+    return bool(rest > _MIN_VARIATION * brightest)
 
 
 # A folder with the photos of one day from a camera that stands still.
 
-MASK = "mask.png"
-LEAST = 3  # photos, for a normal and an albedo
-SIZE = 1024  # pixels of the longer side, to which photos are reduced
-LEAST_SIDE = 2  # pixels, that a slope is between
+MASK_FILE = "mask.png"
+MIN_PHOTOS = 3  # photos, for a normal and an albedo
+MAX_SIZE = 1024  # pixels of the longer side, to which photos are reduced
+MIN_SIDE = 2  # pixels, that a slope is between
 
-_MOST_CLIPPED = 0.1  # share of the thing that may be clipped in some photo
+_MAX_CLIPPED = 0.1  # share of the thing that may be clipped in some photo
 
 
 @dataclass(frozen=True)
-class Shots:
+class DayPhotos:
     """The photos of a day, ready to solve."""
 
     names: tuple[str, ...]
@@ -318,36 +320,36 @@ class Shots:
     warnings: tuple[str, ...]
 
 
-def read_shots(
+def read_day_photos(
     folder: Path,
     *,
     mask: Path | None = None,
     utc_offset: float | None = None,
     curve: Curve | None = None,
-    size: int | None = SIZE,
+    size: int | None = MAX_SIZE,
     progress: Callable[[Sequence[Path]], Any] = iter,
-) -> Shots:
+) -> DayPhotos:
     """The photos of a folder in the order of their times, reduced by a whole factor to `size` pixels.
 
     `utc_offset` [h] is of a camera's clock that does not say it. Raises PhotoError for fewer than LEAST photos, times
     that are missing or do not differ, sizes, lenses or exposures that do, a camera that moved, and photos that are
     clipped or too small.
     """
-    shots = [_reduced(_read_shot(path, curve), size) for path in progress(_photos(folder))]
-    if len(shots) < LEAST:
+    shots = [_reduce_photo(_read_day_photo(path, curve), size) for path in progress(_list_photos(folder))]
+    if len(shots) < MIN_PHOTOS:
         count = "1 photo" if len(shots) == 1 else f"{len(shots)} photos"
-        raise PhotoError(f"{folder} holds {count}; normals need at least {LEAST} of one day.")
-    times = _times_of(folder, shots, utc_offset)
+        raise PhotoError(f"{folder} holds {count}; normals need at least {MIN_PHOTOS} of one day.")
+    times = _photo_times(folder, shots, utc_offset)
     order = np.argsort(times, kind="stable")
     shots, times = [shots[index] for index in order], times[order]
-    _check_alike(shots)
+    _check_same_exposure(shots)
     _check_times(times)
-    area = _mask(folder, mask, shots[0].pixels.shape[:2])
+    area = _make_mask(folder, mask, shots[0].pixels.shape[:2])
     images = np.stack([shot.pixels for shot in shots])
-    _check_still(images.mean(axis=-1), [shot.name for shot in shots])
-    kept, lost = _unclipped(area, shots)
+    _check_static_camera(images.mean(axis=-1), [shot.name for shot in shots])
+    kept, lost = _exclude_clipped(area, shots)
     facts = [shot.metadata for shot in shots]
-    return Shots(
+    return DayPhotos(
         names=tuple(shot.name for shot in shots),
         images=images,
         times=times,
@@ -357,18 +359,18 @@ def read_shots(
             (f.heading for f in facts if f.heading is not None and f.heading_reference == HeadingReference.TRUE), None
         ),
         focal_length=next((f.focal_length for f in facts if f.vertical_fov is not None), None),  # not of cropped ones
-        warnings=(*_warnings(shots, lost), *_about_the_day(folder, shots, images, kept)),
+        warnings=(*_photo_warnings(shots, lost), *_day_warnings(folder, shots, images, kept)),
     )
 
 
-def _photos(folder: Path) -> list[Path]:
+def _list_photos(folder: Path) -> list[Path]:
     if not folder.is_dir():
         raise PhotoError(f"There is no folder {folder}.")
     files = (path for path in folder.iterdir() if path.suffix.lower() in FORMATS and path.is_file())
-    return sorted(path for path in files if path.name != MASK and path.name[0] != ".")
+    return sorted(path for path in files if path.name != MASK_FILE and path.name[0] != ".")
 
 
-def _reduced(shot: _Shot, size: int | None) -> _Shot:
+def _reduce_photo(shot: _DayPhoto, size: int | None) -> _DayPhoto:
     """The photo with each side divided by a whole number, by means of blocks, which keep values linear.
 
     Raises PhotoError where less than LEAST_SIDE is left of a side.
@@ -376,9 +378,9 @@ def _reduced(shot: _Shot, size: int | None) -> _Shot:
     height, width = shot.shape
     factor = 1 if not size else -(-max(height, width) // size)
     rows, columns = height // factor, width // factor
-    if min(rows, columns) < LEAST_SIDE:
+    if min(rows, columns) < MIN_SIDE:
         raise PhotoError(
-            f"{shot.name} is reduced to {columns} x {rows} pixels; normals need {LEAST_SIDE} or more each way."
+            f"{shot.name} is reduced to {columns} x {rows} pixels; normals need {MIN_SIDE} or more each way."
         )
     if factor == 1:
         return shot
@@ -387,8 +389,8 @@ def _reduced(shot: _Shot, size: int | None) -> _Shot:
     return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=np.asarray(clipped.any(axis=(1, 3))))
 
 
-def _mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    file = given or folder / MASK
+def _make_mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    file = given or folder / MASK_FILE
     if given is None and not file.exists():
         return np.ones(shape, dtype=bool)
     image = _read_mask(file)
@@ -400,18 +402,18 @@ def _mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[n
     return np.asarray(inside)
 
 
-def _unclipped(area: NDArray[np.bool_], shots: list[_Shot]) -> tuple[NDArray[np.bool_], float]:
+def _exclude_clipped(area: NDArray[np.bool_], shots: list[_DayPhoto]) -> tuple[NDArray[np.bool_], float]:
     """Where the mask (H, W) is clipped in no photo, and the share that is lost."""
     clipped = np.any([shot.clipped for shot in shots], axis=0)
     worst = max(shots, key=lambda shot: shot.clipped[area].mean())
     lost = float(clipped[area].mean())
-    if lost > _MOST_CLIPPED:
+    if lost > _MAX_CLIPPED:
         share = 100 * worst.clipped[area].mean()
         raise PhotoError(f"{worst.name} is clipped in {share:.0f} % of its pixels; expose less.")
     return area & ~clipped, lost
 
 
-def _warnings(shots: list[_Shot], lost: float) -> tuple[str, ...]:
+def _photo_warnings(shots: list[_DayPhoto], lost: float) -> tuple[str, ...]:
     found = []
     if any(shot.coded for shot in shots):
         found.append("JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals.")
@@ -422,9 +424,12 @@ def _warnings(shots: list[_Shot], lost: float) -> tuple[str, ...]:
     return tuple(found)
 
 
-def _about_the_day(folder: Path, shots: list[_Shot], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
-    found = [f"{TIMES} lists {name}, which is not there." for name in _absent(folder, [shot.name for shot in shots])]
-    if not _is_varied(images, mask):
+def _day_warnings(folder: Path, shots: list[_DayPhoto], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
+    found = [
+        f"{TIMES_FILE} lists {name}, which is not there."
+        for name in _missing_files(folder, [shot.name for shot in shots])
+    ]
+    if not _light_varies(images, mask):
         found.append(
             "All that the photos show brightens and darkens alike, as under an overcast sky or within half an hour: "
             "unless the thing is flat, its normals are worthless."

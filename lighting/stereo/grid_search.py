@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.geometry import Floats, camera_axes
 from lighting.runtime import available_cpus
-from lighting.stereo.light_vectors import Skies, illumination
+from lighting.stereo.light_vectors import Skies, illumination_matrices
 
 # The camera's frame of normals, and how it stands in the world.
 
@@ -45,17 +45,17 @@ def _axes(pose: Pose) -> Floats:
     return np.stack([right, up, -forward])
 
 
-def to_world(vectors: ArrayLike, pose: Pose) -> Floats:
+def camera_to_world(vectors: ArrayLike, pose: Pose) -> Floats:
     """Vectors (..., 3) of the camera frame in world axes."""
     return np.asarray(np.asarray(vectors) @ _axes(pose))
 
 
-def to_camera(vectors: ArrayLike, pose: Pose) -> Floats:
+def world_to_camera(vectors: ArrayLike, pose: Pose) -> Floats:
     """Vectors (..., 3) in world axes in the camera frame."""
     return np.asarray(np.asarray(vectors) @ _axes(pose).T)
 
 
-def visible_normals(count: int) -> NDArray[np.float32]:
+def sample_visible_normals(count: int) -> NDArray[np.float32]:
     """Unit vectors (N, 3) spread evenly over the camera frame's half with Z > 0, on a Fibonacci spiral."""
     index = np.arange(count) + 0.5
     z = index / count
@@ -66,12 +66,14 @@ def visible_normals(count: int) -> NDArray[np.float32]:
 
 Image = NDArray[np.float32]
 
-GRID = 3000  # normals, 2.6 deg apart
-APART = 25.0  # deg, from the best normal to the nearest that counts as another answer
+GRID_SIZE = 3000  # normals, 2.6 deg apart
+MIN_OTHER_ANGLE = 25.0  # deg, from the best normal to the nearest that counts as another answer
 
-_BLOCK = 1 << 19  # residuals held at once: few enough to stay in a processor's cache
-_ALONE = 1 << 18  # multiplications of a matrix product up to which OpenBLAS, numpy's library, starts no threads
-_TINY = np.float32(1e-12)
+_BLOCK_RESIDUALS = 1 << 19  # residuals held at once: few enough to stay in a processor's cache
+_MAX_UNTHREADED = (
+    1 << 18
+)  # multiplications of a matrix product up to which OpenBLAS, numpy's library, starts no threads
+_EPSILON = np.float32(1e-12)
 
 
 @dataclass(frozen=True)
@@ -103,29 +105,29 @@ class SearchResult:
 SearchProgress = Callable[[Iterable[SearchResult], int], Iterable[SearchResult]]  # sees answers pass, of so many in all
 
 
-def candidates(skies: Skies, pose: Pose, count: int = GRID) -> Candidates:
+def make_candidates(skies: Skies, pose: Pose, count: int = GRID_SIZE) -> Candidates:
     """The normals that a camera can see, under skies of T moments and C channels."""
-    normals = visible_normals(count)
-    vectors = illumination(skies, to_world(normals, pose))  # (K, T, 3, C)
-    light = np.moveaxis(to_camera(np.moveaxis(vectors, -2, -1), pose), -1, -2)
+    normals = sample_visible_normals(count)
+    vectors = illumination_matrices(skies, camera_to_world(normals, pose))  # (K, T, 3, C)
+    light = np.moveaxis(world_to_camera(np.moveaxis(vectors, -2, -1), pose), -1, -2)
     brightness = np.einsum("ktjc,kj->ckt", light, normals)
     spacing = float(np.sqrt(2 * np.pi / count))
     return Candidates(normals, light.astype(np.float32), brightness.astype(np.float32), np.log(normals[:, 2]), spacing)
 
 
-def quiet(parts: Iterable[SearchResult], count: int) -> Iterable[SearchResult]:  # noqa: ARG001
+def ignore_progress(parts: Iterable[SearchResult], count: int) -> Iterable[SearchResult]:  # noqa: ARG001
     """Progress that nobody watches."""
     return parts
 
 
-def search(
-    images: Image, table: Candidates, noise: float, progress: SearchProgress = quiet, threads: int = 1
+def search_normals(
+    images: Image, table: Candidates, noise: float, progress: SearchProgress = ignore_progress, threads: int = 1
 ) -> SearchResult:
     """The normals of P pixels from brightnesses (P, T, C); `noise` is their standard deviation, in their unit.
 
     Pixels are searched in blocks, which `progress` sees pass and which so many threads share.
     """
-    units, size = _units(table), max(1, _BLOCK // len(table.normals))
+    units, size = _normalize_brightness(table), max(1, _BLOCK_RESIDUALS // len(table.normals))
     blocks = [images[start : start + size] for start in range(0, len(images), size)] or [images]
     with ThreadPoolExecutor(threads) as pool:
         found = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
@@ -133,10 +135,10 @@ def search(
     return SearchResult(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SearchResult)))
 
 
-def _units(table: Candidates) -> Image:
+def _normalize_brightness(table: Candidates) -> Image:
     """Brightnesses (C, T, K) scaled to length 1 over the moments."""
     length = np.sqrt(np.sum(table.brightness**2, axis=-1, keepdims=True))
-    return np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _TINY), 1, 2))
+    return np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _EPSILON), 1, 2))
 
 
 def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> SearchResult:
@@ -144,19 +146,19 @@ def _search_block(images: Image, table: Candidates, noise: float, units: Image) 
     likelihood += table.prior
     best = likelihood.argmax(axis=1)
     likelihood -= likelihood[np.arange(len(best)), best][:, None]
-    chords = np.sqrt(np.maximum(2 - 2 * _product(table.normals[best], table.normals.T), 0))
-    other, odds = _other(likelihood, chords, table.normals)
+    chords = np.sqrt(np.maximum(2 - 2 * _multiply_in_rows(table.normals[best], table.normals.T), 0))
+    other, odds = _other_normal(likelihood, chords, table.normals)
     weight = np.exp(likelihood, out=likelihood)
     total = weight.sum(axis=1)
-    mean = _product(weight, table.normals) / total[:, None]
-    error = _angle(np.einsum("pk,pk->p", weight, chords) / total)
-    normal, albedo, difference = _refine(images, table, best, noise)
+    mean = _multiply_in_rows(weight, table.normals) / total[:, None]
+    error = _chord_angle(np.einsum("pk,pk->p", weight, chords) / total)
+    normal, albedo, difference = _refine_normals(images, table, best, noise)
     residual = np.sqrt(np.mean(difference**2, axis=(1, 2)))
-    spread = _angle(np.sqrt(np.maximum(2 - 2 * np.sum(normal * mean, axis=1), 0)))
+    spread = _chord_angle(np.sqrt(np.maximum(2 - 2 * np.sum(normal * mean, axis=1), 0)))
     return SearchResult(normal, albedo, residual, difference.mean(axis=2), error, spread, mean, other, odds)
 
 
-def _angle(chord: Image) -> Image:
+def _chord_angle(chord: Image) -> Image:
     """Angles [deg] between unit vectors at distances (P,)."""
     return np.asarray(np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1))))
 
@@ -166,17 +168,17 @@ def _log_likelihood(images: Image, units: Image, noise: float) -> Image:
     scaled = (images / np.float32(noise * np.sqrt(2))).astype(np.float32)
     total = np.zeros((len(images), units.shape[-1]), dtype=np.float32)
     for channel, unit in enumerate(units):
-        match = _product(scaled[:, :, channel], unit)
+        match = _multiply_in_rows(scaled[:, :, channel], unit)
         total += np.square(np.maximum(match, 0, out=match), out=match)
     return total
 
 
-def _product(left: Image, right: Image) -> Image:
+def _multiply_in_rows(left: Image, right: Image) -> Image:
     """The matrix product of (P, N) and (N, M), a few rows at a time, so that each stays in the thread that asks for it.
 
     The threads of a pool that all ask for large products wait for each other's helpers longer than they work.
     """
-    rows = max(1, _ALONE // right.size)
+    rows = max(1, _MAX_UNTHREADED // right.size)
     whole = len(left) - len(left) % rows
     result = np.empty((len(left), right.shape[1]), dtype=np.float32)
     stack = left[:whole].reshape(-1, rows, left.shape[1])
@@ -185,69 +187,74 @@ def _product(left: Image, right: Image) -> Image:
     return result
 
 
-def _other(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:
+def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:
     """The likeliest normal (P, 3) APART from the best one, and its logarithm of likelihood (P,) relative to that."""
-    near = chords < np.float32(2 * np.sin(np.radians(APART) / 2))
+    near = chords < np.float32(2 * np.sin(np.radians(MIN_OTHER_ANGLE) / 2))
     rest = np.where(near, np.float32(-np.inf), likelihood)
     index = rest.argmax(axis=1)
     return normals[index], np.maximum(rest[np.arange(len(index)), index], np.float32(-1e4))
 
 
-def _refine(images: Image, table: Candidates, best: NDArray[np.intp], noise: float) -> tuple[Image, Image, Image]:
+def _refine_normals(
+    images: Image, table: Candidates, best: NDArray[np.intp], noise: float
+) -> tuple[Image, Image, Image]:
     """Normal (P, 3), albedo (P, C) and what they leave of the images (P, T, C), by one step from candidates (P,).
 
     The step is of least squares, damped by the grid's spacing, so that noise along an axis that the light does not tell
     apart moves the normal no farther than to the edge of its cell.
     """
     start, light = table.normals[best], table.light[best]
-    albedo = _albedo(images, _shading(light, start))
+    albedo = _fit_albedo(images, _shade(light, start))
     rows = np.swapaxes(light * albedo[:, None, None, :], 2, 3).reshape(len(best), -1, 3)
     missing = images.reshape(len(best), -1) - np.einsum("prj,pj->pr", rows, start)
     damping = np.float32((noise / table.spacing) ** 2)
     square = np.swapaxes(rows, 1, 2) @ rows + damping * np.eye(3, dtype=np.float32)
     step = np.linalg.solve(square, np.swapaxes(rows, 1, 2) @ missing[:, :, None])[..., 0]
-    step *= np.minimum(1, table.spacing / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), _TINY))
+    step *= np.minimum(1, table.spacing / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), _EPSILON))
     normal = start + step
     normal[:, 2] = np.maximum(normal[:, 2], 0)
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    shading = _shading(light, normal)
-    albedo = _albedo(images, shading)
+    shading = _shade(light, normal)
+    albedo = _fit_albedo(images, shading)
     left = images - albedo[:, None] * shading
     return normal.astype(np.float32), albedo.astype(np.float32), left.astype(np.float32)
 
 
-def _shading(light: Image, normal: Image) -> Image:
+def _shade(light: Image, normal: Image) -> Image:
     """Brightnesses (P, T, C) of white patches."""
     return np.asarray(np.maximum(np.einsum("ptjc,pj->ptc", light, normal), 0))
 
 
-def _albedo(images: Image, shading: Image) -> Image:
+def _fit_albedo(images: Image, shading: Image) -> Image:
     """Albedos (P, C) that fit best."""
-    power = np.maximum(np.sum(shading * shading, axis=1), _TINY)
+    power = np.maximum(np.sum(shading * shading, axis=1), _EPSILON)
     return np.asarray(np.maximum(np.sum(images * shading, axis=1), 0) / power)
 
 
 # Pixels that something hides from the sun in some of the photos.
 
-POOR = 2.0  # times the noise, the residual from which on shadows are thought of
+MAX_RESIDUAL_RATIO = 2.0  # times the noise, the residual from which on shadows are thought of
 
-_GRID = 700  # normals, 5.4 deg apart
-_SHADOW, _MOMENT = 3.0, 0.3  # how unlikely a shadow is, and each photo more that it lasts, as logarithms
-_LEAST = 3  # photos in the sun, for a normal
-_PATTERNS = 16  # at most
+_SHADOW_GRID_SIZE = 700  # normals, 5.4 deg apart
+_SHADOW_PENALTY, _MOMENT_PENALTY = (
+    3.0,
+    0.3,
+)  # how unlikely a shadow is, and each photo more that it lasts, as logarithms
+_MIN_SUNNY = 3  # photos in the sun, for a normal
+_MAX_PATTERNS = 16  # at most
 
 
-def shadowed(skies: Skies, pose: Pose) -> Candidates | None:
+def make_shadow_candidates(skies: Skies, pose: Pose) -> Candidates | None:
     """Normals of a grid in every pattern of shadow, without one first; None where too few photos are left for any."""
-    lit = _patterns(len(skies))
+    lit = _shadow_patterns(len(skies))
     if len(lit) < 2:
         return None
-    sunny = candidates(skies, pose, _GRID)
-    shade = candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, _GRID)
+    sunny = make_candidates(skies, pose, _SHADOW_GRID_SIZE)
+    shade = make_candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, _SHADOW_GRID_SIZE)
     light = np.where(lit[:, None, :, None, None], sunny.light, shade.light)
     brightness = np.where(lit[None, :, None, :], sunny.brightness[:, None], shade.brightness[:, None])
     hidden = (~lit).sum(axis=1)
-    prior = sunny.prior - np.where(hidden > 0, _SHADOW + _MOMENT * hidden, 0)[:, None]
+    prior = sunny.prior - np.where(hidden > 0, _SHADOW_PENALTY + _MOMENT_PENALTY * hidden, 0)[:, None]
     return Candidates(
         np.tile(sunny.normals, (len(lit), 1)),
         light.reshape(-1, *light.shape[2:]),
@@ -257,24 +264,28 @@ def shadowed(skies: Skies, pose: Pose) -> Candidates | None:
     )
 
 
-def _patterns(moments: int) -> NDArray[np.bool_]:
+def _shadow_patterns(moments: int) -> NDArray[np.bool_]:
     """Which photos (M, T) the sun reaches: all, all but the first few, all but the last few."""
-    longest = moments - _LEAST
-    some = range(1, longest + 1, max(1, -(-2 * longest // _PATTERNS)))
+    longest = moments - _MIN_SUNNY
+    some = range(1, longest + 1, max(1, -(-2 * longest // _MAX_PATTERNS)))
     number = np.arange(moments)
     rows = [number >= 0, *(number >= hidden for hidden in some), *(number < moments - hidden for hidden in some)]
     return np.stack(rows)
 
 
-def search_shadowed(
-    images: Image, table: Candidates, shaded: Candidates | None, noise: float, progress: SearchProgress = quiet
+def search_with_shadows(
+    images: Image,
+    table: Candidates,
+    shaded: Candidates | None,
+    noise: float,
+    progress: SearchProgress = ignore_progress,
 ) -> SearchResult:
     """The search of pixels (P, T, C), repeated with shadows where it leaves POOR times the noise."""
-    first = search(images, table, noise, progress, available_cpus())
-    poor = np.flatnonzero(first.residual > POOR * noise)
+    first = search_normals(images, table, noise, progress, available_cpus())
+    poor = np.flatnonzero(first.residual > MAX_RESIDUAL_RATIO * noise)
     if shaded is None or not len(poor):
         return first
-    second = search(images[poor], shaded, noise, progress, available_cpus())
+    second = search_normals(images[poor], shaded, noise, progress, available_cpus())
     better = second.residual < first.residual[poor]
     for field in fields(SearchResult):
         getattr(first, field.name)[poor[better]] = getattr(second, field.name)[better]

@@ -27,7 +27,7 @@ from lighting.solar_position import sun_position
 
 # Mean light vectors: what a sky does to a Lambertian patch of a given normal, as one vector.
 
-_CHUNK = 1 << 22  # weights of pixels held at once
+_CHUNK_WEIGHTS = 1 << 22  # weights of pixels held at once
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Skies:
         return Skies(self.radiance[moments], self.sun_direction[moments], self.sun_irradiance[moments])
 
 
-def skies_of_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
+def skies_from_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
     """Skies of maps (T, H, 2H, 3) that show the sun at directions (T, 3), the disc taken out of each.
 
     What stands above the sky around the sun counts as the disc, for the disc is smaller than a pixel of most maps. A
@@ -66,7 +66,7 @@ def skies_of_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
     return Skies(np.stack([sky for sky, _ in parts]), suns, np.stack([power for _, power in parts]))
 
 
-def illumination(skies: Skies, normals: ArrayLike) -> Floats:
+def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:
     """Illumination matrices (..., T, 3, C) of patches with unit normals (..., 3): mean light vectors as rows.
 
     A patch's brightness at each moment is `illumination(...)[..., t, :, c] @ (albedo * normal)`, in the unit of the
@@ -75,7 +75,9 @@ def illumination(skies: Skies, normals: ArrayLike) -> Floats:
     """
     directions = np.asarray(normals, dtype=np.float64)
     flat = directions.reshape(-1, 3)
-    result = sky_light(skies.radiance, flat) + sun_light(skies.sun_direction, skies.sun_irradiance, flat)
+    result = sky_light_vectors(skies.radiance, flat) + sun_light_vectors(
+        skies.sun_direction, skies.sun_irradiance, flat
+    )
     return result.reshape(*directions.shape[:-1], *result.shape[1:])
 
 
@@ -91,11 +93,11 @@ def _mean_light(
     if sun_direction is None:
         skies = Skies(image, np.array([[0.0, 1.0, 0.0]]), np.zeros((1, image.shape[-1])))
     else:
-        skies = skies_of_maps(image, np.asarray(sun_direction, dtype=np.float64)[None])
-    return np.asarray(illumination(skies, normals)[..., 0, :, :])
+        skies = skies_from_maps(image, np.asarray(sun_direction, dtype=np.float64)[None])
+    return np.asarray(illumination_matrices(skies, normals)[..., 0, :, :])
 
 
-def sky_light(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
+def sky_light_vectors(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
     """Mean light vectors (N, T, 3, C) of maps (T, H, 2H, C), for normals (N, 3), summed over pixels.
 
     A pixel that a patch's plane cuts counts by about the part of it above the plane.
@@ -106,7 +108,7 @@ def sky_light(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
     flux = radiance.reshape(moments, -1, channels).transpose(1, 0, 2) * weight[:, None, None]
     by_pixel = (d[:, None, :, None] * flux[:, :, None, :]).reshape(len(d), -1).astype(np.float32)
     result = np.empty((len(normals), moments, 3, channels))
-    rows = max(1, _CHUNK // len(d))
+    rows = max(1, _CHUNK_WEIGHTS // len(d))
     for start in range(0, len(normals), rows):
         cosine = normals[start : start + rows].astype(np.float32) @ d.T
         above = np.clip(cosine * np.float32(height / np.pi) + np.float32(0.5), 0, 1)
@@ -114,7 +116,7 @@ def sky_light(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
     return result
 
 
-def sun_light(sun_direction: Floats, sun_irradiance: Floats, normals: Floats) -> Floats:
+def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Floats) -> Floats:
     """Mean light vectors (N, T, 3, C) of suns' discs alone, at directions (T, 3) with irradiances (T, C).
 
     The integral over a uniform disc of SUN_RADIUS of which the patch's plane cuts off a segment: the share of
@@ -134,23 +136,23 @@ def sun_light(sun_direction: Floats, sun_irradiance: Floats, normals: Floats) ->
 
 # Modelled skies of a place at given times, in world axes: north at -Z, east at +X, up +Y.
 
-HEIGHT = 64  # rows of a modelled map
+SKY_HEIGHT = 64  # rows of a modelled map
 TURBIDITY = 3.0  # of a clear day in the country
 OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
-COVER = 0.5  # share of the sky under broken cloud
-_DISC = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
+BROKEN_COVER = 0.5  # share of the sky under broken cloud
+_DISC_POINTS = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
 
-SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
+CLOUD_SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
 
 
-def suns_at(times: ArrayLike, latitude: float, longitude: float) -> Floats:
+def sun_directions(times: ArrayLike, latitude: float, longitude: float) -> Floats:
     """Unit vectors (T, 3) to the sun at UTC times (T,) as numpy's datetime64; below the horizon too."""
     azimuth, elevation = sun_position(np.asarray(times, dtype="datetime64[us]"), latitude, longitude)
     return direction(azimuth, elevation)
 
 
 def clear_skies(
-    suns: ArrayLike, turbidity: float = TURBIDITY, ground_albedo: float = GROUND_ALBEDO, height: int = HEIGHT
+    suns: ArrayLike, turbidity: float = TURBIDITY, ground_albedo: float = GROUND_ALBEDO, height: int = SKY_HEIGHT
 ) -> Skies:
     """Hosek-Wilkie skies of three channels with the sun at unit vectors (T, 3), over ground that they light.
 
@@ -160,9 +162,9 @@ def clear_skies(
     if (directions[:, 1] < 0).any():
         raise ParameterError("The sun is below the horizon; there is no light to model.", code=ErrorCode.NIGHT)
     sky = np.stack([_clear_sky(sun, turbidity, ground_albedo, height) for sun in directions])
-    disc = np.stack([_disc(sun, turbidity) for sun in directions])
+    disc = np.stack([_disc_irradiance(sun, turbidity) for sun in directions])
     level = _horizontal_irradiance(sky) + disc * directions[:, 1:2]
-    return Skies(_over_ground(sky, level, ground_albedo), directions, disc)
+    return Skies(_add_ground(sky, level, ground_albedo), directions, disc)
 
 
 def overcast_skies(clear: Skies) -> Skies:
@@ -170,11 +172,11 @@ def overcast_skies(clear: Skies) -> Skies:
 
     Their irradiance of level ground is OVERCAST_SHARE of the clear skies'.
     """
-    level = OVERCAST_SHARE * _level_irradiance(clear)
+    level = OVERCAST_SHARE * _ground_irradiance(clear)
     height = clear.radiance.shape[1]
     relative = overcast_luminance(latlong_directions(height)[: height // 2])[..., None]
     sky = relative * (level / _horizontal_irradiance(relative))[:, None, None]
-    return Skies(_over_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
+    return Skies(_add_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
 
 
 def broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
@@ -184,13 +186,13 @@ def broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
     `shines` (T,), see `draw_sunshine`, and hidden elsewhere; the ground is lit by both.
     """
     half = clear.radiance.shape[1] // 2
-    sky = (1 - COVER) * clear.radiance[:, :half] + COVER * overcast_skies(clear).radiance[:, :half]
+    sky = (1 - BROKEN_COVER) * clear.radiance[:, :half] + BROKEN_COVER * overcast_skies(clear).radiance[:, :half]
     disc = clear.sun_irradiance * np.asarray(shines, dtype=bool)[:, None]
     level = _horizontal_irradiance(sky) + disc * np.maximum(clear.sun_direction[:, 1:2], 0)
-    return Skies(_over_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, disc)
+    return Skies(_add_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, disc)
 
 
-def draw_sunshine(draws: int, spells: int, seed: int, cover: float = COVER) -> NDArray[np.bool_]:
+def draw_sunshine(draws: int, spells: int, seed: int, cover: float = BROKEN_COVER) -> NDArray[np.bool_]:
     """Whether the sun shines (draws, spells) in spells of broken cloud, each SPELL minutes long and drawn by itself.
 
     In a share `cover` of the spells a cloud hides it.
@@ -211,19 +213,19 @@ def _clear_sky(sun: Floats, turbidity: float, ground_albedo: float, height: int)
     return sky_radiance(above, sun, turbidity, ground_albedo)
 
 
-def _disc(sun: Floats, turbidity: float) -> Floats:
+def _disc_irradiance(sun: Floats, turbidity: float) -> Floats:
     """Irradiance (3,) of the part of the disc above the horizon on a plane that faces it."""
-    points, weight = sun_disc_points(sun, *_DISC)
+    points, weight = sun_disc_points(sun, *_DISC_POINTS)
     return np.asarray(weight @ sun_disc_radiance(points, sun, turbidity))
 
 
-def _over_ground(sky: Floats, level: Floats, albedo: float) -> NDArray[np.float32]:
+def _add_ground(sky: Floats, level: Floats, albedo: float) -> NDArray[np.float32]:
     """Whole maps (T, H, 2H, C) of skies (T, H / 2, 2H, C) over ground with irradiance (T, C)."""
     ground = np.broadcast_to(albedo / np.pi * level[:, None, None], sky.shape)
     return np.concatenate([sky, ground], axis=1).astype(np.float32)
 
 
-def _level_irradiance(skies: Skies) -> Floats:
+def _ground_irradiance(skies: Skies) -> Floats:
     """Irradiance (T, C) of level ground, the sun included."""
     sky = _horizontal_irradiance(skies.radiance[:, : skies.radiance.shape[1] // 2])
     return np.asarray(sky + skies.sun_irradiance * np.maximum(skies.sun_direction[:, 1:2], 0))

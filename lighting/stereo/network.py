@@ -24,7 +24,7 @@ Image = NDArray[np.float32]
 BY_IMAGE = 6  # planes of each image: relative brightness, difference to the search's fit, cosine to the sun, sun x y z
 SHARED = 15  # planes of the search: best, mean and other normal, residual, odds, spread, brightness, noise, mask
 
-_SOFT = 0.05  # of the mean brightness, what counts as a large difference
+_LARGE_DIFFERENCE = 0.05  # of the mean brightness, what counts as a large difference
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def normal_features(
     size = np.sqrt(np.mean(brightness**2, axis=1)) + np.float32(1e-9)
     by_image = np.zeros((images.shape[1], BY_IMAGE, *mask.shape), dtype=np.float32)
     by_image[:, 0, mask] = (brightness / size[:, None]).T
-    by_image[:, 1, mask] = np.tanh(answer.difference / (_SOFT * size[:, None])).T
+    by_image[:, 1, mask] = np.tanh(answer.difference / (_LARGE_DIFFERENCE * size[:, None])).T
     by_image[:, 2, mask] = suns.astype(np.float32) @ answer.normal.T
     by_image[:, 3:][..., mask] = suns[:, :, None]
     shared = np.zeros((SHARED, *mask.shape), dtype=np.float32)
@@ -71,7 +71,7 @@ def _search_planes(answer: SearchResult, size: Image, noise: float) -> Image:
 # The network of normals: an ONNX file that takes any number of images of a day, run by onnxruntime.
 
 _TILE, _MARGIN = 384, 48  # pixels that are answered at once, and that the network sees beyond them
-_STEP = 8  # pixels, of the sizes that the network takes
+_SIZE_MULTIPLE = 8  # pixels, of the sizes that the network takes
 
 
 class Network:
@@ -94,7 +94,7 @@ class Network:
         """Normals (H, W, 3) and expected errors (H, W) [deg], tile by tile."""
         height, width = planes.shared.shape[1:]
         normal, error = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
-        for tile in _tiles(height, width):
+        for tile in _iter_tiles(height, width):
             if planes.shared[-1][tile].any():
                 normal[tile], error[tile] = self._tile(planes, tile)
         return normal, error
@@ -104,7 +104,7 @@ class Network:
             slice(max(0, part.start - _MARGIN), min(size, part.stop + _MARGIN))
             for part, size in zip(tile, planes.shared.shape[1:], strict=True)
         )
-        by_image, shared = (_padded(every[..., around[0], around[1]]) for every in (planes.by_image, planes.shared))
+        by_image, shared = (_pad_planes(every[..., around[0], around[1]]) for every in (planes.by_image, planes.shared))
         try:
             normal, error = self.session.run(("normal", "error"), {"by_image": by_image[None], "shared": shared[None]})
         except Exception as failure:  # onnxruntime's errors share no public base class
@@ -120,13 +120,13 @@ def _packaged_network() -> Path:
     return packaged(Path(__file__).parents[1] / "data", "normals")
 
 
-def _tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:
+def _iter_tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:
     for top in range(0, height, _TILE):
         for left in range(0, width, _TILE):
             yield slice(top, min(top + _TILE, height)), slice(left, min(left + _TILE, width))
 
 
-def _padded(planes: Image) -> Image:
+def _pad_planes(planes: Image) -> Image:
     """Planes (..., H, W) with zeros below and to the right up to sizes that the network takes."""
-    missing = [-side % _STEP for side in planes.shape[-2:]]
+    missing = [-side % _SIZE_MULTIPLE for side in planes.shape[-2:]]
     return np.pad(planes, [(0, 0)] * (planes.ndim - 2) + [(0, more) for more in missing])

@@ -15,22 +15,22 @@ from lighting.geometry import Floats, direction
 
 # How much a set of light vectors multiplies the noise of pixels in the normals that photometric stereo finds.
 
-SURE = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
-WORST_ERROR = 90.0  # deg, the largest that is stated
-_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and columns of the upper triangle
-_SINGULAR = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
+Z_95 = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
+MAX_ERROR = 90.0  # deg, the largest that is stated
+_UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and columns of the upper triangle
+_MIN_DETERMINANT = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
 
 
-def gram(matrix: ArrayLike) -> Floats:
+def gram_matrix(matrix: ArrayLike) -> Floats:
     """M^T M (..., 3, 3) of illumination matrices (..., T, 3)."""
     m = np.asarray(matrix, dtype=np.float64)
     return np.asarray(np.swapaxes(m, -1, -2) @ m)
 
 
-def inverse(grams: ArrayLike) -> Floats:
+def invert_symmetric(grams: ArrayLike) -> Floats:
     """Inverses (..., 3, 3) of symmetric positive matrices (..., 3, 3); infinite on the diagonal where singular."""
     g = np.asarray(grams, dtype=np.float64)
-    return _inverse(np.stack([g[..., row, column] for row, column in _UPPER], axis=-1))
+    return _inverse(np.stack([g[..., row, column] for row, column in _UPPER_TRIANGLE], axis=-1))
 
 
 def _inverse(upper: Floats) -> Floats:
@@ -39,10 +39,10 @@ def _inverse(upper: Floats) -> Floats:
     a, b, c, d, e, f = np.moveaxis(upper / scale[..., None], -1, 0)
     adjugate = [d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b]
     determinant = a * adjugate[0] + b * adjugate[1] + c * adjugate[2]
-    solvable = determinant > _SINGULAR
+    solvable = determinant > _MIN_DETERMINANT
     factor = 1 / np.where(solvable, determinant * scale, 1.0)
     result = np.empty((*upper.shape[:-1], 3, 3))
-    for (row, column), cofactor in zip(_UPPER, adjugate, strict=True):
+    for (row, column), cofactor in zip(_UPPER_TRIANGLE, adjugate, strict=True):
         value = np.where(solvable, cofactor * factor, np.inf if row == column else 0.0)
         result[..., row, column] = result[..., column, row] = value
     return result
@@ -50,12 +50,12 @@ def _inverse(upper: Floats) -> Floats:
 
 def _covariance(matrix: ArrayLike, noise: float = 1.0) -> Floats:
     """Covariance (..., 3, 3) of albedo x normal from illumination matrices (..., T, 3) and pixel noise sigma."""
-    return np.asarray(noise**2 * inverse(gram(matrix)))
+    return np.asarray(noise**2 * invert_symmetric(gram_matrix(matrix)))
 
 
 def noise_gain(matrix: ArrayLike) -> Floats:
     """Noise gain lambda_k (..., 3) of each axis of illumination matrices (..., T, 3)."""
-    return gain_of(inverse(gram(matrix)))
+    return gain_from_inverse(invert_symmetric(gram_matrix(matrix)))
 
 
 def largest_gain(matrix: ArrayLike) -> Floats:
@@ -73,17 +73,17 @@ def rotation_free_gain(matrix: ArrayLike) -> Floats:
         return np.asarray(1 / least)
 
 
-def gain_of(inverses: Floats) -> Floats:
+def gain_from_inverse(inverses: Floats) -> Floats:
     """Noise gain (..., 3) of each axis from (M^T M)^-1 (..., 3, 3)."""
     return np.asarray(np.sqrt(np.diagonal(inverses, axis1=-2, axis2=-1)))
 
 
 def interval_95(gain: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
     """Half width (...) of the 95 % interval of a normal's component, from its noise gain (...)."""
-    return np.asarray(SURE * noise * np.asarray(gain, dtype=np.float64) / albedo)
+    return np.asarray(Z_95 * noise * np.asarray(gain, dtype=np.float64) / albedo)
 
 
-def angular_spread(inverses: Floats, normals: ArrayLike) -> Floats:
+def angular_std(inverses: Floats, normals: ArrayLike) -> Floats:
     """Root mean square turn [rad] (...) of unit normals (..., 3) per noise / albedo, from (M^T M)^-1 (..., 3, 3).
 
     To first order in the noise, where only what moves x across the normal turns it.
@@ -97,16 +97,16 @@ def angular_spread(inverses: Floats, normals: ArrayLike) -> Floats:
 
 def angular_error(spread: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
     """Expected error [deg] (...) of normals from their `angular_spread` (...): at most WORST_ERROR."""
-    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(spread, dtype=np.float64)), WORST_ERROR))
+    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(spread, dtype=np.float64)), MAX_ERROR))
 
 
-def window_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
+def window_gram_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
     """(M^T M)^-1 (N, ..., 3, 3) of windows, of illumination matrices (N, T, 3) over a day.
 
     `moments` (..., shots) are the indices of each window's photos; each holds the same number, so that gains compare.
     """
     m = np.asarray(matrix, dtype=np.float64)
-    products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER], axis=-1)
+    products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER_TRIANGLE], axis=-1)
     total = np.zeros((len(m), *moments.shape[:-1], 6))
     for index in np.moveaxis(moments, -1, 0):
         total += np.take(products, index, axis=1)
@@ -123,10 +123,12 @@ def _sphere_normals(count: int) -> Floats:
 
 # Orientations of a surface: those a plan is judged by, those it names, and the half sphere it draws.
 
-Named = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
+NamedNormal = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
 
-NORMALS = 180  # over the whole sphere, of which those of interest count
-VISIBLE = 80.0  # deg from the facing direction within which a camera before the surface sees orientations well
+NORMAL_COUNT = 180  # over the whole sphere, of which those of interest count
+MAX_VISIBLE_ANGLE = (
+    80.0  # deg from the facing direction within which a camera before the surface sees orientations well
+)
 
 _COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
 
@@ -134,13 +136,13 @@ _COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
 def normals_of_interest(facing: float | None) -> Floats:
     """Unit normals (N, 3) by which windows are judged: within VISIBLE of a level direction [deg], or all that do not
     look down."""
-    normals = _sphere_normals(NORMALS)
+    normals = _sphere_normals(NORMAL_COUNT)
     if facing is None:
         return np.asarray(normals[normals[:, 1] >= 0])
-    return np.asarray(normals[normals @ direction(facing, 0.0) > np.cos(np.radians(VISIBLE))])
+    return np.asarray(normals[normals @ direction(facing, 0.0) > np.cos(np.radians(MAX_VISIBLE_ANGLE))])
 
 
-def named_normals(facing: float | None) -> tuple[list[Named], Floats]:
+def named_normals(facing: float | None) -> tuple[list[NamedNormal], Floats]:
     """The orientations that a plan speaks of, and their unit normals (N, 3)."""
     if facing is None:
         slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
@@ -152,7 +154,7 @@ def named_normals(facing: float | None) -> tuple[list[Named], Floats]:
     return named, direction([azimuth for _, azimuth, _ in named], [elevation for *_, elevation in named])
 
 
-def half_sphere(facing: float | None, size: int) -> Floats:
+def half_sphere_normals(facing: float | None, size: int) -> Floats:
     """Unit normals (size, size, 3) of a sphere's pixels as a distant camera sees it; around it those of its rim.
 
     The camera stands before the surface, upright; or, without a facing direction, above with north at the top.

@@ -28,19 +28,19 @@ from lighting.geometry import Floats
 from lighting.photo.linear import Curve
 from lighting.photo.metadata import FULL_FRAME_DIAGONAL
 from lighting.records import GROUND_ALBEDO
-from lighting.stereo.capture import SIZE, Shots, nearest_skies, read_shots
-from lighting.stereo.grid_search import Pose, SearchProgress, quiet, to_world
-from lighting.stereo.light_vectors import HEIGHT, Skies, clear_skies, suns_at
+from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
+from lighting.stereo.grid_search import Pose, SearchProgress, camera_to_world, ignore_progress
+from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, sun_directions
 from lighting.stereo.network import Network
-from lighting.stereo.schedule import in_grey
-from lighting.stereo.solver import NOISE, NormalMap, Session, check_light, fitted_turbidity, solve_normals
+from lighting.stereo.schedule import gray_skies
+from lighting.stereo.solver import MIN_NOISE, NormalMap, Session, check_sun_moves, fit_turbidity, solve_normals
 from lighting.validation import check_place
 
 # What a solved day is written as: normals, albedo and uncertainty as pictures, the surface as a mesh.
 
 Image = NDArray[np.float32]
 
-MESH, RECORD = "mesh.ply", "normals.json"
+MESH_FILE, RECORD_FILE = "mesh.ply", "normals.json"
 
 _HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
 
@@ -53,15 +53,15 @@ def check_normals_folder(folder: Path, *, overwrite: bool) -> None:
 
 def _write_map(folder: Path, found: NormalMap, pose: Pose) -> None:
     """Write the pictures, each as .png and .exr, into a folder that exists; each file appears when it is whole."""
-    for name, plane, codes in _pictures(found, pose):
+    for name, plane, codes in _encode_pictures(found, pose):
         _write_png16(folder / f"{name}.png", np.where(found.mask[..., None], codes, 0))
         _write_picture(folder / f"{name}.exr", plane)
 
 
-def _pictures(found: NormalMap, pose: Pose) -> list[tuple[str, Image, Floats]]:
+def _encode_pictures(found: NormalMap, pose: Pose) -> list[tuple[str, Image, Floats]]:
     """Name, values (H, W, C) as they are, and as numbers of 16 bits."""
     inside = found.mask[..., None]
-    world = (to_world(found.normal, pose) * inside).astype(np.float32)
+    world = (camera_to_world(found.normal, pose) * inside).astype(np.float32)
     error, white = found.error[..., None], 65535.0
     return [
         ("normals_camera", found.normal, (found.normal + 1) / 2 * white),
@@ -112,10 +112,10 @@ def _write_mesh(target: Path, vertices: Floats, found: NormalMap) -> None:
     faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, triangles
     with atomic_write(target) as path:
-        path.write_bytes(_ply_header(int(mask.sum()), len(faces)) + _points(vertices, found) + faces.tobytes())
+        path.write_bytes(_ply_header(int(mask.sum()), len(faces)) + _ply_vertices(vertices, found) + faces.tobytes())
 
 
-def _points(vertices: Floats, found: NormalMap) -> bytes:
+def _ply_vertices(vertices: Floats, found: NormalMap) -> bytes:
     kinds = [("point", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)]
     rows = np.empty(int(found.mask.sum()), dtype=kinds)
     rows["point"], rows["normal"] = vertices[found.mask], found.normal[found.mask]
@@ -139,11 +139,11 @@ def _write_record(target: Path, record: dict[str, Any]) -> None:
 
 # Depth from normals: the surface whose slopes agree best with them, by weighted least squares.
 
-_STEEPEST = 0.05  # the least n_z that slopes are taken from
-_ANCHOR = 1e-9  # weight that holds each piece of the surface near 0
+_MIN_SLOPE_Z = 0.05  # the least n_z that slopes are taken from
+_ANCHOR_WEIGHT = 1e-9  # weight that holds each piece of the surface near 0
 
 
-def integrate(normal: Image, mask: NDArray[np.bool_], focal: float | None = None) -> Floats:
+def integrate_normals(normal: Image, mask: NDArray[np.bool_], focal: float | None = None) -> Floats:
     """Heights (H, W) towards the camera, whose mean is 0, in pixels; NaN outside the mask.
 
     `normal` (H, W, 3) is in the camera frame. With a focal length [pixels] the result is the distance from the camera
@@ -152,7 +152,7 @@ def integrate(normal: Image, mask: NDArray[np.bool_], focal: float | None = None
     """
     slopes = _slopes(normal, focal)
     value = np.full(mask.shape, np.nan)
-    value[mask] = _solve(slopes, mask, np.maximum(normal[..., 2], _STEEPEST))
+    value[mask] = _solve_depth(slopes, mask, np.maximum(normal[..., 2], _MIN_SLOPE_Z))
     return value if focal is None else np.exp(value)
 
 
@@ -160,35 +160,35 @@ def _slopes(normal: Image, focal: float | None) -> tuple[Floats, Floats]:
     """Changes (H, W) of the height, or of the logarithm of the distance, to the next pixel right and down."""
     x, y, z = np.moveaxis(normal.astype(np.float64), -1, 0)
     if focal is None:
-        z = np.maximum(z, _STEEPEST)
+        z = np.maximum(z, _MIN_SLOPE_Z)
         return -x / z, y / z
     height, width = z.shape
     right = np.arange(width) - (width - 1) / 2
     up = (height - 1) / 2 - np.arange(height)
-    towards = np.maximum(focal * z - right[None, :] * x - up[:, None] * y, _STEEPEST * focal)
+    towards = np.maximum(focal * z - right[None, :] * x - up[:, None] * y, _MIN_SLOPE_Z * focal)
     return x / towards, -y / towards
 
 
-def _solve(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats) -> Floats:
+def _solve_depth(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats) -> Floats:
     """Values (P,) of the mask's pixels that fit the slopes best."""
     sparse = require_extra("scipy.sparse", "Depth needs scipy", "stereo")
     from scipy.sparse.linalg import splu
 
     index = np.cumsum(mask).reshape(mask.shape) - 1
     count = int(mask.sum())
-    first, second, change, weight = _pairs(slopes, mask, facing, index)
+    first, second, change, weight = _neighbor_pairs(slopes, mask, facing, index)
     rows = np.arange(len(first))
     entries = np.concatenate([-np.ones(len(first)), np.ones(len(first))])
     places = (np.concatenate([rows, rows]), np.concatenate([first, second]))
     steps = sparse.coo_matrix((entries, places), shape=(len(first), count)).tocsr()
     weighted = steps.multiply(weight[:, None]).tocsr()
-    square = (weighted.T @ steps + _ANCHOR * sparse.identity(count)).tocsc()
+    square = (weighted.T @ steps + _ANCHOR_WEIGHT * sparse.identity(count)).tocsc()
     factors = splu(square, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
     value = factors.solve(weighted.T @ change)
     return np.asarray(value - value.mean())
 
 
-def _pairs(
+def _neighbor_pairs(
     slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats, index: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]:
     """Neighbours in the mask: the pixel's number, that of the one right of or below it, the change and its weight."""
@@ -213,7 +213,7 @@ def depth_error(found: Floats, truth: Floats, mask: NDArray[np.bool_]) -> float:
 
 # Normals of a thing from photos of one day: a folder in, pictures and a mesh out.
 
-_FITTED_HEIGHT = 32  # rows of the skies that a turbidity is found with
+_TURBIDITY_SKY_HEIGHT = 32  # rows of the skies that a turbidity is found with
 
 
 @dataclass(frozen=True)
@@ -231,8 +231,8 @@ class NormalsOptions:
     probes: Path | None = None  # folder of measured skies in place of a modelled one
     mask: Path | None = None
     curve: Curve | None = None  # how the photos' values are coded, where the files are not to be believed
-    size: int | None = SIZE  # pixels of the longer side; None keeps all
-    noise: float = NOISE  # least standard deviation of the photos' noise, as a share of the brightest pixel
+    size: int | None = MAX_SIZE  # pixels of the longer side; None keeps all
+    noise: float = MIN_NOISE  # least standard deviation of the photos' noise, as a share of the brightest pixel
 
 
 @dataclass(frozen=True)
@@ -240,7 +240,7 @@ class NormalsProgress:
     """Who sees the work progress; by default nobody."""
 
     photos: Callable[[Sequence[Path]], Iterable[Path]] = iter
-    pixels: SearchProgress = quiet
+    pixels: SearchProgress = ignore_progress
 
 
 @dataclass(frozen=True)
@@ -265,7 +265,7 @@ def estimate_normals(
     Raises PhotoError for photos that cannot be used and ParameterError where place or heading are not known.
     """
     folder, seen = Path(folder), watch or NormalsProgress()
-    shots = read_shots(
+    shots = read_day_photos(
         folder,
         mask=told.mask,
         utc_offset=told.utc_offset,
@@ -275,25 +275,25 @@ def estimate_normals(
     )
     pose = Pose(_heading(shots, told), told.pitch, told.roll)
     skies, turbidity = _skies(shots, told, pose)
-    check_light(skies)
+    check_sun_moves(skies)
     found = solve_normals(Session(shots.images, shots.mask, skies, pose), told.noise, network, seen.pixels)
-    focal = None if shots.focal_length is None else _focal(shots.focal_length, *shots.mask.shape)
-    record = _record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
+    focal = None if shots.focal_length is None else _focal_in_pixels(shots.focal_length, *shots.mask.shape)
+    record = _make_record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
     record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
     record |= {"sky": str(told.probes or "clear"), "turbidity": turbidity}
     return NormalsResult(found, pose, focal, record, shots.warnings)
 
 
-def write_solved(folder: str | os.PathLike[str], solved: NormalsResult) -> None:
+def write_normals(folder: str | os.PathLike[str], solved: NormalsResult) -> None:
     """Write the pictures, the mesh and the record of a solved day into a folder, which is made where its parent is."""
-    folder, vertices = Path(folder), _surface(solved)
+    folder, vertices = Path(folder), _surface_points(solved)
     folder.mkdir(exist_ok=True)
     _write_map(folder, solved.map, solved.pose)
-    _write_mesh(folder / MESH, vertices, solved.map)
-    _write_record(folder / RECORD, solved.record)
+    _write_mesh(folder / MESH_FILE, vertices, solved.map)
+    _write_record(folder / RECORD_FILE, solved.record)
 
 
-def _surface(solved: NormalsResult) -> Floats:
+def _surface_points(solved: NormalsResult) -> Floats:
     """Points (H, W, 3) of the thing in the camera frame, in pixels; NaN outside the mask.
 
     Without a lens known the camera is orthographic; with one the thing stands a focal length away.
@@ -301,13 +301,13 @@ def _surface(solved: NormalsResult) -> Floats:
     height, width = solved.map.mask.shape
     right = np.arange(width)[None, :] - (width - 1) / 2
     up = (height - 1) / 2 - np.arange(height)[:, None]
-    depth = integrate(solved.map.normal, solved.map.mask, solved.focal)
+    depth = integrate_normals(solved.map.normal, solved.map.mask, solved.focal)
     if solved.focal is None:
         return np.stack(np.broadcast_arrays(right, up, depth), axis=-1)
     return np.stack([right * depth, up * depth, -solved.focal * depth], axis=-1)
 
 
-def _heading(shots: Shots, told: NormalsOptions) -> float:
+def _heading(shots: DayPhotos, told: NormalsOptions) -> float:
     heading = shots.heading if told.heading is None else told.heading
     if heading is None:
         raise ParameterError(
@@ -318,22 +318,22 @@ def _heading(shots: Shots, told: NormalsOptions) -> float:
     return heading
 
 
-def _skies(shots: Shots, told: NormalsOptions, pose: Pose) -> tuple[Skies, float | None]:
+def _skies(shots: DayPhotos, told: NormalsOptions, pose: Pose) -> tuple[Skies, float | None]:
     """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modelled."""
     if told.probes is not None:
-        skies = nearest_skies(told.probes, shots.times, told.utc_offset or 0.0)
-        return skies if shots.images.shape[-1] == 3 else in_grey(skies), None
-    suns = _suns(shots, told)
+        skies = read_nearest_skies(told.probes, shots.times, told.utc_offset or 0.0)
+        return skies if shots.images.shape[-1] == 3 else gray_skies(skies), None
+    suns = _sun_directions(shots, told)
 
-    def session(turbidity: float, height: int = _FITTED_HEIGHT) -> Session:
+    def session(turbidity: float, height: int = _TURBIDITY_SKY_HEIGHT) -> Session:
         skies = clear_skies(suns, turbidity, told.ground_albedo, height)
-        return Session(shots.images, shots.mask, skies if shots.images.shape[-1] == 3 else in_grey(skies), pose)
+        return Session(shots.images, shots.mask, skies if shots.images.shape[-1] == 3 else gray_skies(skies), pose)
 
-    turbidity = fitted_turbidity(session) if told.turbidity is None else told.turbidity
-    return session(turbidity, HEIGHT).skies, turbidity
+    turbidity = fit_turbidity(session) if told.turbidity is None else told.turbidity
+    return session(turbidity, SKY_HEIGHT).skies, turbidity
 
 
-def _suns(shots: Shots, told: NormalsOptions) -> Floats:
+def _sun_directions(shots: DayPhotos, told: NormalsOptions) -> Floats:
     """Unit vectors (T, 3) to the sun; ParameterError without a place, PhotoError for a photo of night."""
     place = (told.latitude, told.longitude)
     check_place(*place)
@@ -342,19 +342,19 @@ def _suns(shots: Shots, told: NormalsOptions) -> Floats:
         raise ParameterError(
             "The photos do not say where they were taken; give --lat and --lon.", "latitude", ErrorCode.MISSING
         )
-    suns = suns_at(shots.times, latitude, longitude)
+    suns = sun_directions(shots.times, latitude, longitude)
     if (suns[:, 1] <= 0).any():
         night = shots.names[int(np.argmin(suns[:, 1]))]
         raise PhotoError(f"The sun is below the horizon in {night}; check its time and place, or leave it out.")
     return suns
 
 
-def _focal(length: float, height: int, width: int) -> float:
+def _focal_in_pixels(length: float, height: int, width: int) -> float:
     """Focal length [pixels] of one in 35 mm terms [mm], by the diagonal."""
     return length / FULL_FRAME_DIAGONAL * float(np.hypot(height, width))
 
 
-def _record(found: NormalMap, names: Sequence[str]) -> dict[str, Any]:
+def _make_record(found: NormalMap, names: Sequence[str]) -> dict[str, Any]:
     error = found.error[found.mask]
     return {
         "photos": list(names),

@@ -6,11 +6,11 @@ from PIL import Image
 
 from lighting.geometry import Floats
 from lighting.preview.drawing import BACKGROUND, LINE, MUTED, PANEL, TEXT, Colour, Style, polygon, stroke, write
-from lighting.stereo.plan_records import Plan, Table, Window, clock
+from lighting.stereo.plan_records import Plan, Window, WindowTable, format_clock
 
 WIDTH, HEIGHT = 1600, 900
-HOPELESS = 45.0  # deg, a larger error says nothing of the normal
-LEAST_GAIN, MOST_GAIN = 1.0, 300.0  # the ends of the scale of colours
+MAX_USEFUL_ERROR = 45.0  # deg, a larger error says nothing of the normal
+MIN_GAIN, MAX_GAIN = 1.0, 300.0  # the ends of the scale of colours
 
 _RAMP = np.array([[255, 224, 130], [240, 140, 80], [172, 74, 108], [84, 58, 110], [40, 44, 62]])  # low to high gain
 _TRIANGLE = (100, 150, 660)  # left, top and side of the panel by start and end
@@ -26,69 +26,69 @@ def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
     canvas = Image.new("RGB", (WIDTH, HEIGHT), BACKGROUND)
     write(canvas, (40, 34), title, Style(30, TEXT))
     write(canvas, (40, 76), subtitle, Style(18, MUTED))
-    _triangle(canvas, plan)
-    _scale(canvas)
+    _draw_windows(canvas, plan)
+    _draw_scale(canvas)
     write(canvas, (_RIGHT, 118), _sphere_caption(plan), Style(18, MUTED))
     for column, window in enumerate(plan.windows):
-        _sphere(canvas, _FIRST + column * _STEP, window)
-    _orientations(canvas, plan.windows)
+        _draw_sphere(canvas, _FIRST + column * _STEP, window)
+    _draw_orientations(canvas, plan.windows)
     return np.asarray(canvas)
 
 
-def _gain_colours(gain: Floats) -> NDArray[np.uint8]:
+def _gain_colors(gain: Floats) -> NDArray[np.uint8]:
     """Colours (..., 3) of noise gains (...), on a logarithmic scale from LEAST_GAIN, bright, to MOST_GAIN, dark."""
-    share = np.log(np.clip(gain, LEAST_GAIN, MOST_GAIN) / LEAST_GAIN) / np.log(MOST_GAIN / LEAST_GAIN)
+    share = np.log(np.clip(gain, MIN_GAIN, MAX_GAIN) / MIN_GAIN) / np.log(MAX_GAIN / MIN_GAIN)
     stops = np.linspace(0, 1, len(_RAMP))
     colours = [np.interp(share, stops, channel) for channel in _RAMP.T]
     return np.round(np.stack(colours, axis=-1)).astype(np.uint8)
 
 
-def _triangle(canvas: Image.Image, plan: Plan) -> None:
+def _draw_windows(canvas: Image.Image, plan: Plan) -> None:
     """Start of the window to the right, its end upwards."""
     left, top, side = _TRIANGLE
-    first, last = _hours(plan.table)
+    first, last = _axis_hours(plan.table)
     write(
         canvas,
         (left - 60, 118),
         "Noise gain by start and end of the window, median over orientations",
         Style(18, MUTED),
     )
-    canvas.paste(_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
+    canvas.paste(_window_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
     every = 1 if last - first <= 12 else 2 if last - first <= 16 else 3
     for hour in range(first, last + 1, every):
-        at = _place(60.0 * hour, plan.table, first, last)
+        at = _axis_position(60.0 * hour, plan.table, first, last)
         write(canvas, (left + at, top + side + 8), f"{hour}", Style(16, MUTED, anchor="ma"))
         write(canvas, (left - 10, top + side - at), f"{hour}", Style(16, MUTED, anchor="rm"))
     write(canvas, (left + side - 8, top + side - 10), "start", Style(16, MUTED, anchor="rd"))
     write(canvas, (left + 10, top + 10), "end", Style(16, TEXT, shaded=True))
     for window in plan.windows:
-        x, y = (_place(minutes, plan.table, first, last) for minutes in (window.start, window.end))
-        _ring(canvas, (left + x, top + side - y), f"{window.hours} h", after=window.hours < 3)
+        x, y = (_axis_position(minutes, plan.table, first, last) for minutes in (window.start, window.end))
+        _draw_mark(canvas, (left + x, top + side - y), f"{window.hours} h", after=window.hours < 3)
 
 
-def _place(minutes: float, table: Table, first: int, last: int) -> float:
+def _axis_position(minutes: float, table: WindowTable, first: int, last: int) -> float:
     """Where along an axis a time is [pixels]: the middle of its cell."""
     cells = 60 * (last - first) / table.step + 1
     return ((minutes - 60 * first) / table.step + 0.5) / cells * _TRIANGLE[2]
 
 
-def _hours(table: Table) -> tuple[int, int]:
+def _axis_hours(table: WindowTable) -> tuple[int, int]:
     """The first and the last hour of the axes."""
     return int(np.floor(table.start.min() / 60)), int(np.ceil(table.end.max() / 60))
 
 
-def _raster(table: Table, first: int, last: int) -> Image.Image:
+def _window_raster(table: WindowTable, first: int, last: int) -> Image.Image:
     """The windows as one pixel each, the panel's ground where there is none."""
     cells = 60 / table.step
     side = round(cells * (last - first)) + 1
     pixels = np.full((side, side, 3), PANEL, dtype=np.uint8)
     column = np.rint((table.start / 60 - first) * cells).astype(np.intp)
     row = np.rint((last - table.end / 60) * cells).astype(np.intp)
-    pixels[row, column] = _gain_colours(table.gain)
+    pixels[row, column] = _gain_colors(table.gain)
     return Image.fromarray(pixels)
 
 
-def _ring(canvas: Image.Image, spot: tuple[float, float], text: str, *, after: bool) -> None:
+def _draw_mark(canvas: Image.Image, spot: tuple[float, float], text: str, *, after: bool) -> None:
     """A mark with its name after it, or before."""
     turn = np.linspace(0, 2 * np.pi, 33)
     circle = np.stack([spot[0] + 8 * np.cos(turn), spot[1] + 8 * np.sin(turn)], axis=-1)
@@ -98,15 +98,15 @@ def _ring(canvas: Image.Image, spot: tuple[float, float], text: str, *, after: b
     write(canvas, beside, text, Style(18, TEXT, anchor="lm" if after else "rm", shaded=True))
 
 
-def _scale(canvas: Image.Image) -> None:
+def _draw_scale(canvas: Image.Image) -> None:
     left, top, width, height = _SCALE
-    gains = LEAST_GAIN * (MOST_GAIN / LEAST_GAIN) ** np.linspace(0, 1, width)
-    bar = Image.fromarray(np.broadcast_to(_gain_colours(gains), (height, width, 3)).copy())
+    gains = MIN_GAIN * (MAX_GAIN / MIN_GAIN) ** np.linspace(0, 1, width)
+    bar = Image.fromarray(np.broadcast_to(_gain_colors(gains), (height, width, 3)).copy())
     canvas.paste(bar, (left, top))
     for gain in (1, 3, 10, 30, 100, 300):
-        x = left + width * np.log(gain / LEAST_GAIN) / np.log(MOST_GAIN / LEAST_GAIN)
+        x = left + width * np.log(gain / MIN_GAIN) / np.log(MAX_GAIN / MIN_GAIN)
         write(
-            canvas, (x, top + height + 3), f"{gain}" + ("+" if gain == MOST_GAIN else ""), Style(15, MUTED, anchor="ma")
+            canvas, (x, top + height + 3), f"{gain}" + ("+" if gain == MAX_GAIN else ""), Style(15, MUTED, anchor="ma")
         )
     write(canvas, (left - 10, top + 6), "gain", Style(15, MUTED, anchor="rm"))
 
@@ -116,28 +116,28 @@ def _sphere_caption(plan: Plan) -> str:
     return f"Noise gain over the sphere of normals {seen}"
 
 
-def _sphere(canvas: Image.Image, left: int, window: Window) -> None:
+def _draw_sphere(canvas: Image.Image, left: int, window: Window) -> None:
     top = 156
-    picture = Image.fromarray(_gain_colours(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
-    canvas.paste(picture, (left, top), mask=_disc(_SPHERE))
+    picture = Image.fromarray(_gain_colors(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
+    canvas.paste(picture, (left, top), mask=_disc_mask(_SPHERE))
     centre = left + _SPHERE / 2
     write(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", Style(24, TEXT, anchor="ma"))
     write(
         canvas,
         (centre, top + _SPHERE + 46),
-        f"{clock(window.start)} to {clock(window.end)}",
+        f"{format_clock(window.start)} to {format_clock(window.end)}",
         Style(15, MUTED, anchor="ma"),
     )
 
 
-def _disc(size: int) -> Image.Image:
+def _disc_mask(size: int) -> Image.Image:
     mask = Image.new("RGB", (size, size))
     turn = np.linspace(0, 2 * np.pi, 181)[:-1]
     polygon(mask, size / 2 + (size / 2 - 1) * np.stack([np.cos(turn), np.sin(turn)], axis=-1), (255, 255, 255))
     return mask.convert("L")
 
 
-def _orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None:
+def _draw_orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None:
     """A row for each orientation, a column for each window."""
     write(canvas, (_RIGHT, _ROWS), "Expected error of the normal, by orientation", Style(18, MUTED))
     rows = [("median", [window.error for window in windows])]
@@ -149,13 +149,13 @@ def _orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None:
         write(canvas, (_RIGHT, y), name, Style(18, TEXT if number == 0 else MUTED, anchor="lm"))
         for column, error in enumerate(errors):
             x = _FIRST + column * _STEP + _SPHERE
-            write(canvas, (x, y), shown_error(error), Style(20, _worth(error), anchor="rm"))
+            write(canvas, (x, y), format_angle_error(error), Style(20, _error_color(error), anchor="rm"))
 
 
-def shown_error(error: float) -> str:
+def format_angle_error(error: float) -> str:
     """An error [deg] in words."""
-    return f">{HOPELESS:g}°" if error > HOPELESS else f"{error:.1f}°"
+    return f">{MAX_USEFUL_ERROR:g}°" if error > MAX_USEFUL_ERROR else f"{error:.1f}°"
 
 
-def _worth(error: float) -> Colour:
+def _error_color(error: float) -> Colour:
     return TEXT if error < 10 else MUTED

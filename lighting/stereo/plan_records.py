@@ -9,12 +9,12 @@ from lighting.geometry import Floats
 from lighting.validation import check_range
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
-FEWEST_SHOTS, MOST_SHOTS = 3, 1000
-NOISES = (0.001, 100.0)  # per cent
+MIN_SHOTS, MAX_SHOTS = 3, 1000
+NOISE_RANGE = (0.001, 100.0)  # per cent
 
 
 @dataclass(frozen=True)
-class Question:
+class PlanRequest:
     """What is to be photographed, and with how many photos of which noise; raises ParameterError out of range."""
 
     facing: float | None = None  # deg clockwise from north, where the surface faces; None: all around and up
@@ -22,8 +22,8 @@ class Question:
     noise: float = 1.0  # standard deviation of a pixel, per cent of the brightest light
 
     def __post_init__(self) -> None:
-        check_range("shots", self.shots, FEWEST_SHOTS, MOST_SHOTS)
-        check_range("noise", self.noise, *NOISES)
+        check_range("shots", self.shots, MIN_SHOTS, MAX_SHOTS)
+        check_range("noise", self.noise, *NOISE_RANGE)
         if self.facing is not None:
             check_range("facing", self.facing, -360.0, 360.0)
 
@@ -44,9 +44,9 @@ class SurfaceOrientation:
             "name": self.name,
             "azimuth": self.azimuth,
             "elevation": self.elevation,
-            "error": _number(self.error),
-            "gain": _number(self.gain),
-            "interval_95": [_number(value) for value in self.interval_95],
+            "error": _round_finite(self.error),
+            "gain": _round_finite(self.gain),
+            "interval_95": [_round_finite(value) for value in self.interval_95],
         }
 
 
@@ -64,17 +64,17 @@ class Window:
     def to_dict(self) -> dict[str, Any]:
         return {
             "hours": self.hours,
-            "start": clock(self.start),
-            "end": clock(self.end),
-            "error": _number(self.error),
-            "gain": _number(self.gain),
-            "rotation_free_gain": _number(self.rotation_free_gain),
+            "start": format_clock(self.start),
+            "end": format_clock(self.end),
+            "error": _round_finite(self.error),
+            "gain": _round_finite(self.gain),
+            "rotation_free_gain": _round_finite(self.rotation_free_gain),
             "orientations": [orientation.to_dict() for orientation in self.orientations],
         }
 
 
 @dataclass(frozen=True)
-class Table:
+class WindowTable:
     """All windows of a day, for a drawing by start and end."""
 
     step: float  # min between starts and between ends
@@ -89,16 +89,16 @@ class DayScore:
     errors: tuple[float, ...]  # deg, least of each length of HOURS, 90 where none fits
 
     def to_dict(self) -> dict[str, Any]:
-        return {"date": self.day.isoformat(), "errors": [_number(error) for error in self.errors]}
+        return {"date": self.day.isoformat(), "errors": [_round_finite(error) for error in self.errors]}
 
 
 @dataclass(frozen=True)
 class Plan:
     day: date  # the best
-    question: Question
+    question: PlanRequest
     windows: tuple[Window, ...]  # the best of each length of HOURS that fits the day
     days: tuple[DayScore, ...]
-    table: Table
+    table: WindowTable
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: angles in deg, times by the clock of the place, null for what the light does not resolve."""
@@ -113,12 +113,12 @@ class Plan:
         }
 
 
-def clock(minutes: float) -> str:
+def format_clock(minutes: float) -> str:
     """Minutes since midnight as "10:45"."""
     whole = round(minutes)
     return f"{whole // 60:02d}:{whole % 60:02d}"
 
 
-def _number(value: float) -> float | None:
+def _round_finite(value: float) -> float | None:
     """Four digits of it; None where it is infinite."""
     return float(f"{value:.4g}") if math.isfinite(value) else None

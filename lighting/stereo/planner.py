@@ -16,23 +16,23 @@ from lighting.files.exr import read_envmap
 from lighting.geometry import Floats, latlong_directions
 from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.probe.bracket import probes_in
-from lighting.stereo.light_vectors import HEIGHT, Skies, skies_of_maps
-from lighting.stereo.plan_records import Plan, Question
+from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, skies_from_maps
+from lighting.stereo.plan_records import Plan, PlanRequest
 from lighting.stereo.schedule import (
     ONE_SKY,
+    ClockLocation,
     DayProgress,
-    Place,
     SkyDay,
     Weather,
     clear_brightness,
     days_between,
-    in_grey,
+    gray_skies,
     make_plan,
     modelled_day,
 )
 from lighting.validation import OPTIONAL_RANGES, check_range
 
-LONGEST_GAP = 20.0  # min between two probes that photos may be planned in
+MAX_PROBE_GAP = 20.0  # min between two probes that photos may be planned in
 
 
 def _probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float, Path]]:
@@ -48,7 +48,7 @@ def _probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float,
     return days
 
 
-def files_of(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Path]:
+def day_maps(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Path]:
     """The maps of one day, see `probe_days`; none where the folder has none of that day."""
     return _probe_days(folder, utc_offset).get(day, {})
 
@@ -60,14 +60,14 @@ def _read_day(day: date, files: Mapping[float, Path]) -> SkyDay:
             f"There is one probe of {day}; a plan needs two or more of a day.", code=ErrorCode.INSUFFICIENT
         )
     minutes = np.array(sorted(files))
-    skies = in_grey(read_skies([files[minute] for minute in minutes]))
-    tolerance = min(float(np.diff(minutes).max()), LONGEST_GAP) / 2
+    skies = gray_skies(read_skies([files[minute] for minute in minutes]))
+    tolerance = min(float(np.diff(minutes).max()), MAX_PROBE_GAP) / 2
     return SkyDay(day, minutes, tolerance, skies, ONE_SKY)
 
 
 def read_skies(files: list[Path]) -> Skies:
     """Skies of maps in EXR files, at most HEIGHT rows, the sun taken out of where a map is brightest."""
-    parts = [_read(file) for file in files]
+    parts = [_read_sky(file) for file in files]
     if len({sky.radiance.shape for sky in parts}) > 1:
         raise EnvironmentMapError("The probes differ in size; all must have the same number of rows.")
     return Skies(
@@ -77,13 +77,13 @@ def read_skies(files: list[Path]) -> Skies:
     )
 
 
-def _read(file: Path) -> Skies:
+def _read_sky(file: Path) -> Skies:
     image = read_envmap(file)
-    skies = skies_of_maps(image[None], _brightest(image)[None])
-    return Skies(shrink_envmap(skies.radiance[0], HEIGHT)[None], skies.sun_direction, skies.sun_irradiance)
+    skies = skies_from_maps(image[None], _brightest_direction(image)[None])
+    return Skies(shrink_envmap(skies.radiance[0], SKY_HEIGHT)[None], skies.sun_direction, skies.sun_irradiance)
 
 
-def _brightest(image: NDArray[np.float32]) -> Floats:
+def _brightest_direction(image: NDArray[np.float32]) -> Floats:
     """The direction (3,) of the brightest spot of a map (H, 2H, 3): the mean of its brightest pixels by luminance."""
     light = luminance(image)
     top = light >= 0.5 * light.max()
@@ -108,9 +108,11 @@ class ModelledSkies:
     def __post_init__(self) -> None:
         check_range("latitude", self.latitude, *OPTIONAL_RANGES["latitude"])
         check_range("longitude", self.longitude, *OPTIONAL_RANGES["longitude"])
-        if self.sky not in _SKY:
+        if self.sky not in _SKY_TEXT:
             raise ParameterError(
-                f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY)}.", "sky", ErrorCode.UNKNOWN
+                f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY_TEXT)}.",
+                "sky",
+                ErrorCode.UNKNOWN,
             )
         if self.utc_offset is not None:
             check_range("utc_offset", self.utc_offset, *UTC_OFFSET_RANGE)
@@ -119,9 +121,9 @@ class ModelledSkies:
         days_between(self.first, self.last)
 
     @property
-    def place(self) -> Place:
+    def place(self) -> ClockLocation:
         offset = round(self.longitude / 15) if self.utc_offset is None else self.utc_offset
-        return Place(self.latitude, self.longitude, float(offset))
+        return ClockLocation(self.latitude, self.longitude, float(offset))
 
 
 @dataclass(frozen=True)
@@ -149,10 +151,10 @@ class MeasuredSkies:
         return found
 
 
-AskedSkies = ModelledSkies | MeasuredSkies
+PlanSkies = ModelledSkies | MeasuredSkies
 
 
-def plan_photos(skies: AskedSkies, question: Question, progress: DayProgress = iter) -> Plan:
+def plan_photos(skies: PlanSkies, question: PlanRequest, progress: DayProgress = iter) -> Plan:
     """The plan of the best day; raises ParameterError where no window of any day has light."""
     if isinstance(skies, MeasuredSkies):
         files = skies.days()
@@ -164,7 +166,7 @@ def plan_photos(skies: AskedSkies, question: Question, progress: DayProgress = i
     )
 
 
-def plan_record(skies: AskedSkies, plan: Plan) -> dict[str, Any]:
+def plan_record(skies: PlanSkies, plan: Plan) -> dict[str, Any]:
     """The question and its answer as JSON."""
     if isinstance(skies, MeasuredSkies):
         return {"sky": "probes", "utc_offset": skies.utc_offset, **plan.to_dict()}
@@ -173,26 +175,28 @@ def plan_record(skies: AskedSkies, plan: Plan) -> dict[str, Any]:
     return {**where, "sky": skies.sky, **plan.to_dict()}
 
 
-def title(skies: AskedSkies, plan: Plan) -> str:
+def plan_title(skies: PlanSkies, plan: Plan) -> str:
     """A headline: where and when, under which sky."""
     if isinstance(skies, MeasuredSkies):
         return f"{plan.day}, measured skies of {skies.folder.name}"
     place = skies.place
     north, east = "N" if place.latitude >= 0 else "S", "E" if place.longitude >= 0 else "W"
     where = f"{abs(place.latitude):.2f}° {north} {abs(place.longitude):.2f}° {east}"
-    return f"{plan.day}, {where}, {_SKY[skies.sky]}"
+    return f"{plan.day}, {where}, {_SKY_TEXT[skies.sky]}"
 
 
-def conditions(skies: AskedSkies, question: Question) -> str:
+def plan_conditions(skies: PlanSkies, question: PlanRequest) -> str:
     """What the plan holds for, in words."""
-    clock = f"times UTC{_hours(skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.place.utc_offset)}"
+    clock = (
+        f"times UTC{_format_offset(skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.place.utc_offset)}"
+    )
     facing = "surface all around and up" if question.facing is None else f"surface facing {question.facing:g}°"
     return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, {clock}"
 
 
-_SKY = {"clear": "clear sky", "overcast": "overcast", "mixed": "broken cloud"}
+_SKY_TEXT = {"clear": "clear sky", "overcast": "overcast", "mixed": "broken cloud"}
 
 
-def _hours(offset: float) -> str:
+def _format_offset(offset: float) -> str:
     minutes = round(abs(offset) * 60)
     return f"{'+' if offset >= 0 else '-'}{minutes // 60:02d}:{minutes % 60:02d}"

@@ -19,42 +19,42 @@ from lighting.color import LUMINANCE_WEIGHTS
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats
 from lighting.stereo.light_vectors import (
-    HEIGHT,
-    SPELL,
+    CLOUD_SPELL,
+    SKY_HEIGHT,
     Skies,
     broken_skies,
     clear_skies,
     draw_sunshine,
-    illumination,
+    illumination_matrices,
     overcast_skies,
-    suns_at,
+    sun_directions,
 )
 from lighting.stereo.noise_gain import (
     angular_error,
-    angular_spread,
-    gain_of,
-    half_sphere,
+    angular_std,
+    gain_from_inverse,
+    half_sphere_normals,
     interval_95,
     named_normals,
     normals_of_interest,
     rotation_free_gain,
-    window_inverses,
+    window_gram_inverses,
 )
-from lighting.stereo.plan_records import HOURS, DayScore, Plan, Question, SurfaceOrientation, Table, Window
+from lighting.stereo.plan_records import HOURS, DayScore, Plan, PlanRequest, SurfaceOrientation, Window, WindowTable
 
 # The light of one day as a plan reads it: moments, and mean light vectors of any normal at each of them.
 
 Weather = Literal["clear", "overcast", "mixed"]
 
-DRAWS = 32  # of the clouds of a mixed day
-DAY = 24 * 60  # min
-SPELLS = int(DAY / SPELL)
+CLOUD_DRAWS = 32  # of the clouds of a mixed day
+DAY_MINUTES = 24 * 60  # min
+SPELLS = int(DAY_MINUTES / CLOUD_SPELL)
 ONE_SKY = np.zeros((1, SPELLS), dtype=np.intp)  # the clouds of a day that has one variant
-STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
+FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 
 
 @dataclass(frozen=True)
-class Place:
+class ClockLocation:
     latitude: float  # deg, positive north
     longitude: float  # deg, positive east
     utc_offset: float  # h, of the clock that days and times are told by
@@ -72,7 +72,7 @@ class SkyDay:
 
     def light(self, normals: Floats) -> Floats:
         """Mean light vectors (N, V x T, 3) of unit normals (N, 3)."""
-        return np.asarray(illumination(self.skies, normals)[..., 0])
+        return np.asarray(illumination_matrices(self.skies, normals)[..., 0])
 
     def moments(self, start: Floats, end: Floats, shots: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
         """Indices (K, W, shots) of the moments of photos spread evenly from start (W,) to end (W,) [min], both ends in;
@@ -85,35 +85,35 @@ class SkyDay:
         late = self.minutes[after] - wanted < wanted - self.minutes[after - 1]
         index = np.where(late, after, after - 1)
         reached = np.abs(self.minutes[index] - wanted) <= self.tolerance
-        spell = ((wanted - start[:, None]) / SPELL).astype(np.intp) % self.clouds.shape[1]
+        spell = ((wanted - start[:, None]) / CLOUD_SPELL).astype(np.intp) % self.clouds.shape[1]
         return index + len(self.minutes) * self.clouds[:, spell], np.asarray(reached.all(axis=1))
 
 
-def modelled_day(place: Place, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
+def modelled_day(place: ClockLocation, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
     """The moments of the day, midnight to midnight, that the sun is up: all of a polar day.
 
     Coarse has half as many moments, in maps of half the size. Raises ParameterError where the sun does not rise.
     """
-    step, height = (COARSE_STEP, HEIGHT // 2) if coarse else (STEP, HEIGHT)
-    minutes = np.arange(0.0, DAY, step)
-    suns = suns_at(_utc(place, day, minutes), place.latitude, place.longitude)
+    step, height = (COARSE_STEP, SKY_HEIGHT // 2) if coarse else (FINE_STEP, SKY_HEIGHT)
+    minutes = np.arange(0.0, DAY_MINUTES, step)
+    suns = sun_directions(_utc_times(place, day, minutes), place.latitude, place.longitude)
     up = suns[:, 1] > 0
     if up.sum() < 2:
-        raise ParameterError(_night(place, day, day), "first", ErrorCode.NIGHT)
+        raise ParameterError(_night_sentence(place, day, day), "first", ErrorCode.NIGHT)
     minutes, suns = minutes[up], suns[up]
-    clear = in_grey(clear_skies(suns, height=height))
-    return SkyDay(day, minutes, step / 2, *_weather(clear, weather))
+    clear = gray_skies(clear_skies(suns, height=height))
+    return SkyDay(day, minutes, step / 2, *_sky_variants(clear, weather))
 
 
-def _weather(clear: Skies, weather: Weather) -> tuple[Skies, NDArray[np.intp]]:
+def _sky_variants(clear: Skies, weather: Weather) -> tuple[Skies, NDArray[np.intp]]:
     """The variants of all moments, and which of them each draw of the clouds shows."""
     if weather == "mixed":
         hidden, shining = (broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True))
-        return _joined(hidden, shining), draw_sunshine(DRAWS, SPELLS, seed=0).astype(np.intp)
+        return _concatenate_skies(hidden, shining), draw_sunshine(CLOUD_DRAWS, SPELLS, seed=0).astype(np.intp)
     return clear if weather == "clear" else overcast_skies(clear), ONE_SKY
 
 
-def _joined(a: Skies, b: Skies) -> Skies:
+def _concatenate_skies(a: Skies, b: Skies) -> Skies:
     return Skies(
         np.concatenate([a.radiance, b.radiance]),
         np.concatenate([a.sun_direction, b.sun_direction]),
@@ -121,35 +121,35 @@ def _joined(a: Skies, b: Skies) -> Skies:
     )
 
 
-def _utc(place: Place, day: date, minutes: Floats) -> NDArray[np.datetime64]:
+def _utc_times(place: ClockLocation, day: date, minutes: Floats) -> NDArray[np.datetime64]:
     midnight = np.datetime64(day.isoformat(), "s")
     seconds = np.rint(60 * (minutes - 60 * place.utc_offset)).astype("timedelta64[s]")
     return np.asarray(midnight + seconds)
 
 
-def clear_brightness(place: Place, days: Sequence[date]) -> float:
+def clear_brightness(place: ClockLocation, days: Sequence[date]) -> float:
     """The length of the brightest mean light vector under clear skies of these days: of a patch that faces
     the sun at its highest.
 
     Raises ParameterError where the sun does not rise on any.
     """
-    minutes = np.arange(0.0, DAY, 15.0)
-    times = np.stack([_utc(place, day, minutes) for day in days]).ravel()
-    suns = suns_at(times, place.latitude, place.longitude)
+    minutes = np.arange(0.0, DAY_MINUTES, 15.0)
+    times = np.stack([_utc_times(place, day, minutes) for day in days]).ravel()
+    suns = sun_directions(times, place.latitude, place.longitude)
     highest = suns[np.argmax(suns[:, 1])][None]
     if highest[0, 1] <= 0:
-        raise ParameterError(_night(place, days[0], days[-1]), "first", ErrorCode.NIGHT)
-    light = illumination(in_grey(clear_skies(highest)), highest)
+        raise ParameterError(_night_sentence(place, days[0], days[-1]), "first", ErrorCode.NIGHT)
+    light = illumination_matrices(gray_skies(clear_skies(highest)), highest)
     return float(np.linalg.norm(light))
 
 
-def _night(place: Place, first: date, last: date) -> str:
+def _night_sentence(place: ClockLocation, first: date, last: date) -> str:
     where = f"{abs(place.latitude):g}° {'N' if place.latitude >= 0 else 'S'}"
     when = f"on {first}" if first == last else f"from {first} to {last}"
     return f"The sun does not rise at {where} {when}; it is night all day."
 
 
-def in_grey(skies: Skies) -> Skies:
+def gray_skies(skies: Skies) -> Skies:
     """The same in one channel, luminance."""
     radiance = (skies.radiance @ LUMINANCE_WEIGHTS)[..., None]
     return Skies(radiance, skies.sun_direction, (skies.sun_irradiance @ LUMINANCE_WEIGHTS)[:, None])
@@ -158,7 +158,7 @@ def in_grey(skies: Skies) -> Skies:
 # Windows of a day and what they are worth for given orientations.
 
 START_STEP = 15.0  # min between the starts of windows
-SHORTEST = 30.0  # min
+MIN_WINDOW = 30.0  # min
 _CHUNK = 1 << 16  # matrices held at once: what of them is summed stays in a processor's cache
 
 
@@ -175,43 +175,45 @@ class _Windows:
 
 
 @dataclass(frozen=True)
-class _Worth:
+class _WindowScores:
     """Medians (W,) over orientations and draws of the clouds, per unit of the skies' radiance; inf where hopeless."""
 
     spread: Floats  # of `angular_spread`: expected turn of the normal [rad] per unit of noise
     gain: Floats  # of lambda_max
 
 
-def windows_of(day: SkyDay, hours: float, shots: int) -> _Windows:
+def list_windows(day: SkyDay, hours: float, shots: int) -> _Windows:
     """The windows of one length that start on quarters of an hour and lie in light."""
-    start = np.arange(0.0, DAY - 60 * hours + 1e-6, START_STEP)
-    return _in_light(day, start, start + 60 * hours, shots)
+    start = np.arange(0.0, DAY_MINUTES - 60 * hours + 1e-6, START_STEP)
+    return _windows_in_light(day, start, start + 60 * hours, shots)
 
 
 def _all_windows(day: SkyDay, shots: int, step: float) -> _Windows:
     """The windows that start and end on multiples of `step` minutes, SHORTEST or longer, and lie in light."""
-    grid = np.arange(0.0, DAY + 1e-6, step)
+    grid = np.arange(0.0, DAY_MINUTES + 1e-6, step)
     start, end = (side.ravel() for side in np.meshgrid(grid, grid, indexing="ij"))
-    long = end - start >= SHORTEST
-    return _in_light(day, start[long], end[long], shots)
+    long = end - start >= MIN_WINDOW
+    return _windows_in_light(day, start[long], end[long], shots)
 
 
-def worth(windows: _Windows, light: Floats, normals: Floats) -> _Worth:
+def score_windows(windows: _Windows, light: Floats, normals: Floats) -> _WindowScores:
     """What windows are worth for normals (N, 3) with a day's mean light vectors (N, moments, 3)."""
     draws, count = len(windows.moments), len(normals)
     step = max(1, _CHUNK // (draws * count))
-    parts = [_worth(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
+    parts = [_score_chunk(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
     empty = np.empty(0)
-    return _Worth(*(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("spread", "gain")))
+    return _WindowScores(
+        *(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("spread", "gain"))
+    )
 
 
-def _worth(moments: NDArray[np.intp], light: Floats, normals: Floats) -> _Worth:
-    inverses = window_inverses(light, moments)
-    spread, gain = angular_spread(inverses, normals[:, None, None]), gain_of(inverses).max(axis=-1)
-    return _Worth(np.median(spread, axis=(0, 1)), np.median(gain, axis=(0, 1)))
+def _score_chunk(moments: NDArray[np.intp], light: Floats, normals: Floats) -> _WindowScores:
+    inverses = window_gram_inverses(light, moments)
+    spread, gain = angular_std(inverses, normals[:, None, None]), gain_from_inverse(inverses).max(axis=-1)
+    return _WindowScores(np.median(spread, axis=(0, 1)), np.median(gain, axis=(0, 1)))
 
 
-def _in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _Windows:
+def _windows_in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _Windows:
     moments, reached = day.moments(start, end, shots)
     return _Windows(start[reached], end[reached], moments[:, reached])
 
@@ -219,10 +221,10 @@ def _in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _Windows:
 # When to take the photos: the windows of a day in which photometric stereo resolves a surface's normals best.
 
 DayProgress = Callable[[Sequence[date]], Iterable[date]]
-Reader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
+DayReader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
 
-MOST_DAYS = 366  # of a plan: a leap year
-SPHERE = 31  # normals across a drawn half sphere
+MAX_DAYS = 366  # of a plan: a leap year
+SPHERE_SIZE = 31  # normals across a drawn half sphere
 
 
 def days_between(first: date, last: date) -> list[date]:
@@ -230,9 +232,9 @@ def days_between(first: date, last: date) -> list[date]:
     count = (last - first).days + 1
     if count < 1:
         raise ParameterError(f"The last day, {last}, is before the first, {first}.", "last", ErrorCode.CONTRADICTION)
-    if count > MOST_DAYS:
+    if count > MAX_DAYS:
         raise ParameterError(
-            f"From {first} to {last} are {count} days; a plan covers {MOST_DAYS} at most.",
+            f"From {first} to {last} are {count} days; a plan covers {MAX_DAYS} at most.",
             "last",
             ErrorCode.OUT_OF_RANGE,
         )
@@ -241,8 +243,8 @@ def days_between(first: date, last: date) -> list[date]:
 
 def make_plan(
     days: Sequence[date],
-    read: Reader,
-    question: Question,
+    read: DayReader,
+    question: PlanRequest,
     reference: float | None = None,
     progress: DayProgress = iter,
 ) -> Plan:
@@ -253,7 +255,7 @@ def make_plan(
     HOURS. A day without light is passed over if there are others. Raises ParameterError where no window fits
     any.
     """
-    looks = [_look(day, read, question, coarse=len(days) > 1) for day in progress(days)]
+    looks = [_summarize_day(day, read, question, coarse=len(days) > 1) for day in progress(days)]
     if not any(look.fits for look in looks):
         raise ParameterError(looks[0].objection, "first", ErrorCode.INSUFFICIENT)
     scale = reference or max(look.brightest for look in looks)
@@ -265,7 +267,7 @@ def make_plan(
     normals = normals_of_interest(question.facing)
     light = best.light(normals) / scale
     windows = tuple(_best_windows(best, light, normals, question, scale))
-    return Plan(best.date, question, windows, scores, _table(best, light, normals, question))
+    return Plan(best.date, question, windows, scores, _window_table(best, light, normals, question))
 
 
 def _brightest_light(light: Floats) -> float:
@@ -274,7 +276,7 @@ def _brightest_light(light: Floats) -> float:
 
 
 @dataclass(frozen=True)
-class _Look:
+class _DaySummary:
     """What a first look at a day found."""
 
     spread: Floats  # (len(HOURS),) of the best window of each length; inf where none fits
@@ -284,26 +286,26 @@ class _Look:
     found: SkyDay | None = None  # its light, if it is fine
 
 
-def _look(day: date, read: Reader, question: Question, *, coarse: bool) -> _Look:
+def _summarize_day(day: date, read: DayReader, question: PlanRequest, *, coarse: bool) -> _DaySummary:
     try:
         found = read(day, coarse)
     except ParameterError as error:
-        return _Look(np.full(len(HOURS), np.inf), False, 0.0, str(error))
+        return _DaySummary(np.full(len(HOURS), np.inf), False, 0.0, str(error))
     normals = normals_of_interest(question.facing)
     light = found.light(normals)
-    windows = [windows_of(found, hours, question.shots) for hours in HOURS]
-    spread = np.array([worth(each, light, normals).spread.min(initial=np.inf) for each in windows])
+    windows = [list_windows(found, hours, question.shots) for hours in HOURS]
+    spread = np.array([score_windows(each, light, normals).spread.min(initial=np.inf) for each in windows])
     objection = f"On {day} light is never there for an hour on end; photometric stereo needs that."
-    return _Look(spread, any(map(len, windows)), _brightest_light(light), objection, None if coarse else found)
+    return _DaySummary(spread, any(map(len, windows)), _brightest_light(light), objection, None if coarse else found)
 
 
-def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: Question, scale: float) -> Iterable[Window]:
+def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanRequest, scale: float) -> Iterable[Window]:
     """The best of each length, of a day's scaled mean light vectors (N, moments, 3)."""
     for hours in HOURS:
-        windows = windows_of(day, hours, question.shots)
+        windows = list_windows(day, hours, question.shots)
         if not len(windows):
             continue
-        worths = worth(windows, light, normals)
+        worths = score_windows(windows, light, normals)
         best = int(np.argmin(worths.spread))
         moments = windows.moments[:, best]
         yield Window(
@@ -313,19 +315,19 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: Questio
             error=float(angular_error(worths.spread[best], question.noise / 100)),
             gain=float(worths.gain[best]),
             rotation_free_gain=float(np.median(rotation_free_gain(light[:, moments]))),
-            orientations=_promises(day, moments, question, scale),
-            sphere=_sphere(day, moments, question, scale),
+            orientations=_predict_orientations(day, moments, question, scale),
+            sphere=_sphere_gains(day, moments, question, scale),
         )
 
 
-def _promises(
-    day: SkyDay, moments: NDArray[np.intp], question: Question, scale: float
+def _predict_orientations(
+    day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float
 ) -> tuple[SurfaceOrientation, ...]:
     """What each named orientation gets of photos at moments (K, shots)."""
     names, normals = named_normals(question.facing)
-    inverses, noise = _inverses(day, moments, normals, scale), question.noise / 100
-    error = np.median(angular_error(angular_spread(inverses, normals[:, None]), noise), axis=1)
-    gain = np.median(gain_of(inverses), axis=1)
+    inverses, noise = _gram_inverses(day, moments, normals, scale), question.noise / 100
+    error = np.median(angular_error(angular_std(inverses, normals[:, None]), noise), axis=1)
+    gain = np.median(gain_from_inverse(inverses), axis=1)
     interval = interval_95(gain, noise)
     return tuple(
         SurfaceOrientation(*name, float(e), float(g.max()), (float(i[0]), float(i[1]), float(i[2])))
@@ -333,20 +335,20 @@ def _promises(
     )
 
 
-def _sphere(day: SkyDay, moments: NDArray[np.intp], question: Question, scale: float) -> Floats:
-    normals = half_sphere(question.facing, SPHERE).reshape(-1, 3)
-    gain = gain_of(_inverses(day, moments, normals, scale)).max(axis=-1)
-    return np.asarray(np.median(gain, axis=1).reshape(SPHERE, SPHERE))
+def _sphere_gains(day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float) -> Floats:
+    normals = half_sphere_normals(question.facing, SPHERE_SIZE).reshape(-1, 3)
+    gain = gain_from_inverse(_gram_inverses(day, moments, normals, scale)).max(axis=-1)
+    return np.asarray(np.median(gain, axis=1).reshape(SPHERE_SIZE, SPHERE_SIZE))
 
 
-def _inverses(day: SkyDay, moments: NDArray[np.intp], normals: Floats, scale: float) -> Floats:
+def _gram_inverses(day: SkyDay, moments: NDArray[np.intp], normals: Floats, scale: float) -> Floats:
     """(M^T M)^-1 (N, K, 3, 3) of photos at moments (K, shots) for normals (N, 3)."""
     used, index = np.unique(moments, return_inverse=True)
-    light = illumination(day.skies.at(used), normals)[..., 0] / scale
-    return window_inverses(light, index.reshape(moments.shape))
+    light = illumination_matrices(day.skies.at(used), normals)[..., 0] / scale
+    return window_gram_inverses(light, index.reshape(moments.shape))
 
 
-def _table(day: SkyDay, light: Floats, normals: Floats, question: Question) -> Table:
+def _window_table(day: SkyDay, light: Floats, normals: Floats, question: PlanRequest) -> WindowTable:
     step = START_STEP if len(day.clouds) == 1 else 2 * START_STEP
     windows = _all_windows(day, question.shots, step)
-    return Table(step, windows.start, windows.end, worth(windows, light, normals).gain)
+    return WindowTable(step, windows.start, windows.end, score_windows(windows, light, normals).gain)

@@ -16,12 +16,12 @@ from lighting.stereo.grid_search import (
     Pose,
     SearchProgress,
     SearchResult,
-    candidates,
-    quiet,
-    search,
-    search_shadowed,
-    shadowed,
-    to_camera,
+    ignore_progress,
+    make_candidates,
+    make_shadow_candidates,
+    search_normals,
+    search_with_shadows,
+    world_to_camera,
 )
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.network import Network, NormalFeatures, normal_features
@@ -30,15 +30,15 @@ from lighting.stereo.network import Network, NormalFeatures, normal_features
 
 Image = NDArray[np.float32]
 
-NOISE = 0.01  # of the brightest pixel, the standard deviation of a photo's noise
+MIN_NOISE = 0.01  # of the brightest pixel, the standard deviation of a photo's noise
 
-_PROBE = 3000  # pixels at which the noise is measured
-_BRIGHTEST = 0.999  # quantile that counts as the brightest pixel
-_UNKNOWN = 2  # numbers that a normal takes from a pixel's brightnesses, besides an albedo for each channel
-_COARSE = 1000  # normals of the grid on which skies are compared
-_LEAST_NOISE = 2e-3  # taken for the noise where skies are compared
-_BETTER = 0.7  # times the search's expected error, below which the network's normal is taken
-_LEAST_SUN = np.radians(2.0)  # apart, for light to differ
+_NOISE_PIXELS = 3000  # pixels at which the noise is measured
+_BRIGHT_QUANTILE = 0.999  # quantile that counts as the brightest pixel
+_NORMAL_PARAMETERS = 2  # numbers that a normal takes from a pixel's brightnesses, besides an albedo for each channel
+_COARSE_GRID_SIZE = 1000  # normals of the grid on which skies are compared
+_MIN_SKY_NOISE = 2e-3  # taken for the noise where skies are compared
+_MAX_ERROR_RATIO = 0.7  # times the search's expected error, below which the network's normal is taken
+_MIN_SUN_MOTION = np.radians(2.0)  # apart, for light to differ
 
 
 @dataclass(frozen=True)
@@ -65,7 +65,10 @@ class NormalMap:
 
 
 def solve_normals(
-    session: Session, noise: float = NOISE, network: Network | None = None, progress: SearchProgress = quiet
+    session: Session,
+    noise: float = MIN_NOISE,
+    network: Network | None = None,
+    progress: SearchProgress = ignore_progress,
 ) -> NormalMap:
     """The normals of a session's pixels.
 
@@ -73,78 +76,80 @@ def solve_normals(
     than that, what is left counts. Raises PhotoError for an empty mask and images without light.
     """
     found, planes = solve_with_planes(session, noise, progress)
-    return found if network is None else improved(found, network, planes)
+    return found if network is None else apply_network(found, network, planes)
 
 
 def solve_with_planes(
-    session: Session, noise: float = NOISE, progress: SearchProgress = quiet
+    session: Session, noise: float = MIN_NOISE, progress: SearchProgress = ignore_progress
 ) -> tuple[NormalMap, NormalFeatures]:
     """What `solve` finds by search alone, and the planes that the network improves it from."""
     mask, skies, pose = session.mask, session.skies, session.pose
-    pixels = _pixels(session)
-    table = candidates(skies, pose)
-    sigma = _measured_noise(pixels, table, noise)
-    answer = search_shadowed(pixels, table, shadowed(skies, pose), sigma, progress)
-    planes = normal_features(pixels, mask, to_camera(skies.sun_direction, pose), answer, sigma)
-    return _map(mask, answer, sigma), planes
+    pixels = _relative_pixels(session)
+    table = make_candidates(skies, pose)
+    sigma = _measure_noise(pixels, table, noise)
+    answer = search_with_shadows(pixels, table, make_shadow_candidates(skies, pose), sigma, progress)
+    planes = normal_features(pixels, mask, world_to_camera(skies.sun_direction, pose), answer, sigma)
+    return _make_normal_map(mask, answer, sigma), planes
 
 
 def _session_noise(session: Session) -> float:
     """Standard deviation of what a session's skies leave unexplained, as a share of the brightest pixel."""
-    return _measured_noise(_pixels(session), candidates(session.skies, session.pose, _COARSE), _LEAST_NOISE)
+    return _measure_noise(
+        _relative_pixels(session), make_candidates(session.skies, session.pose, _COARSE_GRID_SIZE), _MIN_SKY_NOISE
+    )
 
 
-def _pixels(session: Session) -> Image:
+def _relative_pixels(session: Session) -> Image:
     """Brightnesses (P, T, C) in the mask, as shares of the brightest pixel."""
     pixels = np.ascontiguousarray(np.moveaxis(session.images, 0, -2)[session.mask])
     if not len(pixels):
         raise PhotoError("The mask leaves no pixel.")
-    white = float(np.quantile(pixels, _BRIGHTEST))
+    white = float(np.quantile(pixels, _BRIGHT_QUANTILE))
     if not white > 0:
         raise PhotoError("The photos are black where the mask is white.")
     return np.asarray(pixels / np.float32(white))
 
 
-def _measured_noise(pixels: Image, table: Candidates, least: float) -> float:
+def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
     """Standard deviation of what the model misses of pixels (P, T, C), in their unit, but at least `least`."""
     moments, channels = pixels.shape[1:]
-    free = moments * channels - channels - _UNKNOWN
+    free = moments * channels - channels - _NORMAL_PARAMETERS
     if free <= 0:
         return least
-    chosen = pixels[:: max(1, len(pixels) // _PROBE)]
-    answer = search(chosen, table, least)
+    chosen = pixels[:: max(1, len(pixels) // _NOISE_PIXELS)]
+    answer = search_normals(chosen, table, least)
     spread = np.sqrt(np.median(answer.residual**2) * moments * channels / free)
     return float(max(least, spread))
 
 
-def _map(mask: NDArray[np.bool_], answer: SearchResult, noise: float) -> NormalMap:
+def _make_normal_map(mask: NDArray[np.bool_], answer: SearchResult, noise: float) -> NormalMap:
     albedo = answer.albedo / max(float(np.quantile(answer.albedo, 0.99)), 1e-9)
     return NormalMap(
         mask,
-        normal=_filled(mask, answer.normal),
-        albedo=_filled(mask, albedo.astype(np.float32)),
-        error=_filled(mask, answer.error),
-        residual=_filled(mask, answer.residual),
+        normal=_fill_mask(mask, answer.normal),
+        albedo=_fill_mask(mask, albedo.astype(np.float32)),
+        error=_fill_mask(mask, answer.error),
+        residual=_fill_mask(mask, answer.residual),
         network=np.zeros(mask.shape, dtype=bool),
         noise=noise,
     )
 
 
-def _filled(mask: NDArray[np.bool_], values: Image) -> Image:
+def _fill_mask(mask: NDArray[np.bool_], values: Image) -> Image:
     """Values (P, ...) of a mask's pixels as a picture (H, W, ...)."""
     picture = np.zeros((*mask.shape, *values.shape[1:]), dtype=np.float32)
     picture[mask] = values
     return picture
 
 
-def improved(found: NormalMap, network: Network, planes: NormalFeatures) -> NormalMap:
+def apply_network(found: NormalMap, network: Network, planes: NormalFeatures) -> NormalMap:
     """The network's normals where it expects to err clearly less than the search.
 
     It is at times too sure of itself. _BETTER is the largest of 0.4, 0.5 ... 1 at which the median rose by more than
     0.2 deg on fewer than 5 % of 159 scenes like those that it was trained on (on 10 % with 1, on 4 % with 0.7).
     """
     normal, error = network.predict(planes)
-    better = found.mask & (error < _BETTER * found.error)
+    better = found.mask & (error < _MAX_ERROR_RATIO * found.error)
     return replace(
         found,
         normal=np.where(better[..., None], normal, found.normal),
@@ -153,10 +158,10 @@ def improved(found: NormalMap, network: Network, planes: NormalFeatures) -> Norm
     )
 
 
-def check_light(skies: Skies) -> None:
+def check_sun_moves(skies: Skies) -> None:
     """PhotoError where the light of all moments is the same."""
     suns = skies.sun_direction
-    if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _LEAST_SUN:
+    if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _MIN_SUN_MOTION:
         raise PhotoError("The sun stands in the same place in all photos; take them over hours.")
 
 
@@ -165,7 +170,7 @@ def check_light(skies: Skies) -> None:
 TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy
 
 
-def fitted_turbidity(session_at: Callable[[float], Session]) -> float:
+def fit_turbidity(session_at: Callable[[float], Session]) -> float:
     """The turbidity whose session leaves least of the photos unexplained; between those tried by a parabola."""
     left = np.array([_session_noise(session_at(turbidity)) for turbidity in TURBIDITIES])
     best = int(np.clip(left.argmin(), 1, len(left) - 2))

@@ -26,24 +26,27 @@ from lighting.errors import VideoError, require_extra
 from lighting.geometry import Floats, shrunk
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
-from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts, subtitles_beside
+from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, read_subtitles, subtitle_metadata
 
 # Coded values of HDR video to the sRGB that a photo of the same scene would have.
 
-CURVES = {16: "pq", 18: "hlg"}  # the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
-WIDE = 9  # H.273's number of the primaries of BT.2020
+TRANSFER_CURVES = {
+    16: "pq",
+    18: "hlg",
+}  # the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
+BT2020_PRIMARIES = 9  # H.273's number of the primaries of BT.2020
 
 _A = 0.17883277  # a, b and c of HLG
 _B, _C = 1.0 - 4.0 * _A, 0.5 - _A * math.log(4.0 * _A)
 _M1, _M2 = 2610 / 16384, 2523 / 32  # m1 and m2, c1 to c3 of PQ
 _C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
-_PEAK, _WHITE = 10000.0, 203.0  # cd/m2, of the largest PQ signal and of diffuse white
+_PQ_PEAK, _PQ_WHITE = 10000.0, 203.0  # cd/m2, of the largest PQ signal and of diffuse white
 _HLG_WHITE = 0.75  # signal of diffuse white
 _TO_709 = np.array(  # from BT.2020
     [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]], dtype=np.float32
 )
-_FULL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
-_STEPS = 4096  # of the table of sRGB's curve
+_FULL_SIGNAL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
+_SRGB_STEPS = 4096  # of the table of sRGB's curve
 
 
 def _hlg_decode(signal: ArrayLike) -> Floats:
@@ -59,54 +62,54 @@ def _hlg(signal: Floats) -> Floats:
 def _pq_decode(signal: ArrayLike) -> Floats:
     """Display light, 1 at 203 cd/m2, of PQ signals in [0, 1] (EOTF)."""
     root = np.asarray(signal, dtype=np.float64) ** (1.0 / _M2)
-    return np.asarray((np.maximum(root - _C1, 0.0) / (_C2 - _C3 * root)) ** (1.0 / _M1) * (_PEAK / _WHITE))
+    return np.asarray((np.maximum(root - _C1, 0.0) / (_C2 - _C3 * root)) ** (1.0 / _M1) * (_PQ_PEAK / _PQ_WHITE))
 
 
 def _to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np.uint8]:
     """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under `curve`, "hlg" or "pq"."""
-    linear = _table(curve).take(coded)
-    if primaries == WIDE:
+    linear = _curve_table(curve).take(coded)
+    if primaries == BT2020_PRIMARIES:
         linear = linear @ _TO_709.T
-    return _encoding().take((np.clip(linear, 0.0, 1.0) * np.float32(_STEPS) + np.float32(0.5)).astype(np.intp))
+    return _srgb_table().take((np.clip(linear, 0.0, 1.0) * np.float32(_SRGB_STEPS) + np.float32(0.5)).astype(np.intp))
 
 
 @lru_cache(maxsize=2)
-def _table(curve: str) -> NDArray[np.float32]:
+def _curve_table(curve: str) -> NDArray[np.float32]:
     decode = {"hlg": _hlg_decode, "pq": _pq_decode}[curve]
-    return decode(np.minimum(np.arange(65536) / _FULL, 1.0)).astype(np.float32)
+    return decode(np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)).astype(np.float32)
 
 
 @lru_cache(maxsize=1)
-def _encoding() -> NDArray[np.uint8]:
-    return np.round(srgb_encode(np.arange(_STEPS + 1) / _STEPS) * 255.0).astype(np.uint8)
+def _srgb_table() -> NDArray[np.uint8]:
+    return np.round(srgb_encode(np.arange(_SRGB_STEPS + 1) / _SRGB_STEPS) * 255.0).astype(np.uint8)
 
 
 # A picture that PyAV decoded as it is to be shown: upright, its pixels square, as sRGB.
 
 _AREA, _FULL_CHROMA = 0x20, 0x2000  # flags of libswscale
-_HOW = {  # by the form that is asked for
+_SCALING = {  # by the form that is asked for
     "rgb24": _AREA | _FULL_CHROMA,  # else what is reduced is 2 levels too dark
     "rgb48le": _AREA,  # exact; with both flags, 4:2:0 that keeps its width turns blue
 }
-_HD = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
+_MIN_HD_HEIGHT = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 
 
-def _shown_size(picture: Any, stretch: float) -> tuple[int, int]:
+def _display_size(picture: Any, stretch: float) -> tuple[int, int]:
     """Width and height of a decoded picture as it is to be shown: pixels made square, turned upright."""
     width, height = max(1, round(picture.width * stretch)), picture.height
-    return (height, width) if _lies(_placing(picture)) else (width, height)
+    return (height, width) if _swaps_axes(_display_matrix(picture)) else (width, height)
 
 
-def _upright(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
+def _upright_pixels(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
     """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
     width, height = max(1, round(picture.width * stretch)), picture.height
-    curve = CURVES.get(int(picture.color_trc))
-    pixels = _resized(picture, *shrunk(width, height, side), "rgb24" if curve is None else "rgb48le")
+    curve = TRANSFER_CURVES.get(int(picture.color_trc))
+    pixels = _resize_picture(picture, *shrunk(width, height, side), "rgb24" if curve is None else "rgb48le")
     pixels = pixels if curve is None else _to_srgb(pixels, curve, int(picture.color_primaries))
-    return _placed(pixels, _placing(picture))
+    return _apply_display_matrix(pixels, _display_matrix(picture))
 
 
-def _placing(picture: Any) -> NDArray[np.int32]:
+def _display_matrix(picture: Any) -> NDArray[np.int32]:
     """The container's matrix (2, 2) by which to show the picture: its rows are where right and down go, as (x, y)."""
     said = picture.side_data.get("DISPLAYMATRIX")
     if said is None:
@@ -114,36 +117,43 @@ def _placing(picture: Any) -> NDArray[np.int32]:
     return np.frombuffer(bytes(said), np.int32).reshape(3, 3)[:2, :2]
 
 
-def _lies(placing: NDArray[np.int32]) -> bool:
+def _swaps_axes(placing: NDArray[np.int32]) -> bool:
     """Whether the picture's rows are to be shown as columns."""
     return bool(np.abs(placing[0, 1]) > np.abs(placing[0, 0]))
 
 
-def _placed(pixels: NDArray[np.uint8], placing: NDArray[np.int32]) -> NDArray[np.uint8]:
+def _apply_display_matrix(pixels: NDArray[np.uint8], placing: NDArray[np.int32]) -> NDArray[np.uint8]:
     """Pixels (h, w, 3) turned by whole quarters, and mirrored, as a matrix of `_placing` says."""
-    lies = _lies(placing)
+    lies = _swaps_axes(placing)
     (right, down) = (placing[1, 0], placing[0, 1]) if lies else (placing[0, 0], placing[1, 1])
     shown = pixels.transpose(1, 0, 2) if lies else pixels
     return np.ascontiguousarray(shown[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
 
 
-def _resized(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:
+def _resize_picture(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:
     matrix = int(picture.colorspace)
-    named = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _HD else 5
+    named = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _MIN_HD_HEIGHT else 5
     small = picture.reformat(
-        width=width, height=height, format=form, src_colorspace=named, dst_colorspace=named, interpolation=_HOW[form]
+        width=width,
+        height=height,
+        format=form,
+        src_colorspace=named,
+        dst_colorspace=named,
+        interpolation=_SCALING[form],
     )
     return np.asarray(small.to_ndarray())
 
 
 # A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
 
-SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
-THREADS = 2  # that decode a clip
-_TAGGED = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
-_BACK = 3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
-_LONGEST = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
-_END = 0.75  # s that may be missing at the end of a whole clip
+FRAME_SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
+DECODING_THREADS = 2  # that decode a clip
+_DURATION_TAG = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
+_MIN_JUMP_BACK = (
+    3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
+)
+_MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
+_MAX_MISSING_END = 0.75  # s that may be missing at the end of a whole clip
 
 
 @dataclass(frozen=True, eq=False)
@@ -171,13 +181,13 @@ class _ClipInfo:
 class Clip:
     """An open clip; a context manager. `damage` tells, once the frames are read, what of it was lost."""
 
-    def __init__(self, path: str | os.PathLike[str], side: int = SIDE) -> None:
+    def __init__(self, path: str | os.PathLike[str], side: int = FRAME_SIDE) -> None:
         """Raises VideoError for what is not a clip that can be read, MissingExtraError without PyAV, OSError."""
         self.path, self.side, self.damage = Path(path), side, ""
-        self._container = _opened(self.path)
+        self._container = _open_container(self.path)
         try:
             self._stream = _video_stream(self._container)
-            self._stretch = _stretch(self._stream)
+            self._stretch = _pixel_aspect(self._stream)
             self._errors = 0  # packets that could not be decoded
             self._pictures = self._decode()
             self._first = self._decoded_first()
@@ -202,21 +212,21 @@ class Clip:
                 time = float(picture.time) - start
                 jumped = 0.0 if time > last else jumped  # once they return, they were damaged: nothing was joined
                 time += jumped
-            if time < last - _BACK * self._interval() and not picture.is_corrupt:
+            if time < last - _MIN_JUMP_BACK * self._interval() and not picture.is_corrupt:
                 jumped += last + self._interval() - time
                 time = last + self._interval()
-            if not last < time < _LONGEST or picture.is_corrupt:
+            if not last < time < _MAX_TIME or picture.is_corrupt:
                 lost += 1
                 continue
-            last, end = time, time + _shown_for(picture)
+            last, end = time, time + _picture_duration(picture)
             if only is not None and index not in only:
                 continue
-            yield Frame(index, time, _upright(picture, self.side, self._stretch))
+            yield Frame(index, time, _upright_pixels(picture, self.side, self._stretch))
         self._tell(end, lost)
 
     def _tell(self, end: float, lost: int) -> None:
         """Write down what is missing; `end` is when [s] the last picture is over."""
-        if self.info.duration - end > _END + self._interval():
+        if self.info.duration - end > _MAX_MISSING_END + self._interval():
             self.damage = f"The clip ends after {end:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
         elif lost or self._errors:
             count = max(lost, self._errors)
@@ -257,21 +267,21 @@ class Clip:
 
     def _describe(self) -> _ClipInfo:
         stream, first = self._stream, self._first
-        width, height = _shown_size(first, self._stretch)
+        width, height = _display_size(first, self._stretch)
         metadata = {**stream.metadata, **self._container.metadata}
-        subtitled, gimbal = subtitle_facts(subtitles_beside(self.path), width, height)
+        subtitled, gimbal = subtitle_metadata(read_subtitles(self.path), width, height)
         return _ClipInfo(
             width,
             height,
             float(stream.average_rate or 0.0),
-            _duration(self._container, stream, float(first.time or 0.0)),
-            CURVES.get(int(first.color_trc), "srgb"),
-            merged_facts(subtitled, container_facts(metadata, width, height)),
+            _clip_duration(self._container, stream, float(first.time or 0.0)),
+            TRANSFER_CURVES.get(int(first.color_trc), "srgb"),
+            merge_metadata(subtitled, container_metadata(metadata, width, height)),
             gimbal,
         )
 
 
-def _opened(path: Path) -> Any:
+def _open_container(path: Path) -> Any:
     av = require_extra("av", "Video needs PyAV", "video")
     if path.is_dir():
         raise VideoError("This is a folder; a clip is one file. Join frames to one first, with ffmpeg for example.")
@@ -291,20 +301,20 @@ def _video_stream(container: Any) -> Any:
         raise VideoError("The file has no moving picture, only sound or other data.")
     stream = moving[0]
     stream.thread_type = "AUTO"
-    stream.codec_context.thread_count = THREADS
+    stream.codec_context.thread_count = DECODING_THREADS
     return stream
 
 
-def _duration(container: Any, stream: Any, start: float) -> float:
+def _clip_duration(container: Any, stream: Any, start: float) -> float:
     """How long [s] the pictures last by what the file says, the first being shown at `start` [s]; 0 unknown."""
     if stream.duration:
         return float(stream.duration * stream.time_base)
-    if tag := _TAGGED.fullmatch(stream.metadata.get("DURATION", "")):  # Matroska's, counted from 0
+    if tag := _DURATION_TAG.fullmatch(stream.metadata.get("DURATION", "")):  # Matroska's, counted from 0
         return max(0.0, 3600.0 * float(tag[1]) + 60.0 * float(tag[2]) + float(tag[3]) - start)
     return (container.duration or 0) / 1e6 if len(container.streams) == 1 else 0.0  # sound may last longer
 
 
-def _shown_for(picture: Any) -> float:
+def _picture_duration(picture: Any) -> float:
     """Seconds that a picture says it is shown; 0 unknown."""
     return float(picture.duration * picture.time_base) if picture.duration and picture.time_base else 0.0
 
@@ -320,7 +330,7 @@ def _check_size(width: int, height: int) -> None:
         )
 
 
-def _stretch(stream: Any) -> float:
+def _pixel_aspect(stream: Any) -> float:
     """How many times as wide as high a pixel is."""
     ratio = float(stream.sample_aspect_ratio or 1.0)
     return ratio if 0.1 < ratio < 10.0 else 1.0

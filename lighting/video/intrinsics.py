@@ -16,46 +16,48 @@ from lighting.geometry import Floats
 from lighting.registration.features import Matches
 from lighting.registration.rotations import cross_matrix, focal_of, rays, rotation_about
 from lighting.registration.two_view import ONE_LENS, Turn, rotation_of
-from lighting.video.keyframes import JOINS, smoothed, turn_between
+from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes, smooth_parabolic
 from lighting.video.tracking import TOLERANCE, ClipMetadata, FrameEstimate, Keyframe, ShotObservations, TrackedFrame
 
 # The lens of a shot: given, or what turning pictures, metadata and the network say of it.
 
-LENS_PAIRS = 10  # of keyframes, from which the lens is learnt
-FEW_PAIRS = 4  # fewer keyframes tell too little of the lens
-LEAST_MOVED = 0.1  # half diagonals that points move, below which a turn says nothing of the lens
-LENS_SPREAD = 5.0  # deg, one standard deviation of the network's field of view
-STATED_LENS_SPREAD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
-CLEAR = 0.5  # share of matches that agree with a rotation, below which it tells nothing of the lens
-MOST_SPREADS = 3.0  # of the network's field of view, within which a walk is believed
-LENS_FLOOR = 0.4  # deg, below which a pair's own error is not believed
+MAX_PAIRS = 10  # of keyframes, from which the lens is learnt
+MIN_PAIRS = 4  # fewer keyframes tell too little of the lens
+MIN_MEDIAN_MOTION = 0.1  # half diagonals that points move, below which a turn says nothing of the lens
+NETWORK_FOV_STD = 5.0  # deg, one standard deviation of the network's field of view
+METADATA_FOV_STD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
+MIN_ROTATION_SHARE = 0.5  # share of matches that agree with a rotation, below which it tells nothing of the lens
+MAX_FOV_STDS = 3.0  # of the network's field of view, within which a walk is believed
+MIN_FOV_STD = 0.4  # deg, below which a pair's own error is not believed
 
 
-def fit_lens(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
+def fit_fov(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
     """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
-    said = said_lens(watched, around)[0]
-    turns = (turn for turn in _lens_turns(watched) if turn is not None and tells_lens(turn, said))
-    return _lens_by(watched, around, ((turn.vertical_fov[0], turn.fov_sigma) for turn in turns))
+    said = prior_fov(watched, around)[0]
+    turns = (turn for turn in _lens_rotations(watched) if turn is not None and constrains_fov(turn, said))
+    return _combine_fovs(watched, around, ((turn.vertical_fov[0], turn.fov_sigma) for turn in turns))
 
 
-def _lens_by(
+def _combine_fovs(
     watched: ShotObservations, around: ClipMetadata, told: Iterable[tuple[float, float]]
 ) -> tuple[float, float]:
     """The same where fields of view and their standard deviations [deg] are `told` by turns."""
     if around.given.vertical_fov is not None:
         return around.given.vertical_fov, 0.0
-    said = said_lens(watched, around)
-    return _agreed([said, *((fov, math.hypot(sigma, LENS_FLOOR)) for fov, sigma in told)])
+    said = prior_fov(watched, around)
+    return _robust_mean([said, *((fov, math.hypot(sigma, MIN_FOV_STD)) for fov, sigma in told)])
 
 
-def said_lens(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
+def prior_fov(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
     """The field of view, and its standard deviation, that metadata or else the network say."""
     if around.given.use_exif and (stated := around.metadata.vertical_fov):
-        return stated, STATED_LENS_SPREAD
-    return math.exp(float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()]))), LENS_SPREAD
+        return stated, METADATA_FOV_STD
+    return math.exp(
+        float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()]))
+    ), NETWORK_FOV_STD
 
 
-def _agreed(told: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def _robust_mean(told: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """What most of several fields of view say, and its standard deviation [deg]; those far off count for less."""
     values, spreads = np.array(told).T
     weight = np.square(1.0 / spreads)
@@ -65,23 +67,23 @@ def _agreed(told: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return mean, float(1.0 / math.sqrt(weight.sum()))
 
 
-def _lens_turns(watched: ShotObservations) -> Iterator[Turn | None]:
+def _lens_rotations(watched: ShotObservations) -> Iterator[Turn | None]:
     """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
     pairs = _lens_pairs(list(watched.keys.values()))
     for a, b in pairs:
-        yield turn_between(a, b, None)
-    if len(pairs) < FEW_PAIRS:
-        for step in [s for s in _far_steps(watched) if _moved(s.matches) > LEAST_MOVED][-FEW_PAIRS:]:
+        yield match_keyframes(a, b, None)
+    if len(pairs) < MIN_PAIRS:
+        for step in [s for s in _distant_frames(watched) if _median_motion(s.matches) > MIN_MEDIAN_MOTION][-MIN_PAIRS:]:
             yield rotation_of(step.matches, watched.size, watched.size)
 
 
-def _far_steps(watched: ShotObservations) -> list[TrackedFrame]:
+def _distant_frames(watched: ShotObservations) -> list[TrackedFrame]:
     """Frames that are far from their keyframes: those that became the next one, and the last that was followed."""
     followed = [step for step in watched.steps if len(step.matches)]
     return [step for step in watched.steps if step.makes is not None] + followed[-1:]
 
 
-def tells_lens(turn: Turn, said: float) -> bool:
+def constrains_fov(turn: Turn, said: float) -> bool:
     """Whether a turn by an unknown lens tells it, where metadata or the network `said` a field of view [deg].
 
     A camera that walks ahead tells next to nothing of its lens, and now and then something far off. One that is zoomed
@@ -89,12 +91,12 @@ def tells_lens(turn: Turn, said: float) -> bool:
     """
     if turn.zoomed:
         return False
-    far = abs(turn.vertical_fov[0] - said) > MOST_SPREADS * LENS_SPREAD
-    clear = not far if turn.translates else turn.inliers >= CLEAR * turn.matches
-    return clear and turn.fov_sigma < 2 * LENS_SPREAD
+    far = abs(turn.vertical_fov[0] - said) > MAX_FOV_STDS * NETWORK_FOV_STD
+    clear = not far if turn.translates else turn.inliers >= MIN_ROTATION_SHARE * turn.matches
+    return clear and turn.fov_sigma < 2 * NETWORK_FOV_STD
 
 
-def _moved(matches: Matches) -> float:
+def _median_motion(matches: Matches) -> float:
     """How far points moved in the median [half diagonals]."""
     return float(np.median(np.linalg.norm(matches.b - matches.a, axis=1))) if len(matches) else 0.0
 
@@ -107,22 +109,26 @@ def _lens_pairs(keys: Sequence[Keyframe]) -> list[tuple[Keyframe, Keyframe]]:
         for i, a in enumerate(keys)
         if i + gap < len(keys) and keys[i + gap].stretch == a.stretch
     ]
-    step = max(1, math.ceil(len(pairs) / LENS_PAIRS))
+    step = max(1, math.ceil(len(pairs) / MAX_PAIRS))
     return pairs[::step]
 
 
-GUESS_SPREAD = 7.0  # deg, of the field of view before anything was followed
-LEAST_TOLD = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
-TOLD = 0.9  # share of a shot's frames whose zoom must be told, or the answer says that it is not sure
-BEGINNING = 1.0  # s of a shot, whose looks tell the lens that it begins with
-LEAST_SEEN = 0.9  # share of the points that must agree with a zoom alone, where one pair of frames decides
-_STARTS = (1.0, 0.8, 1.25)  # times that lens, from which the zoom is followed: from one far off it is lost on the way
+GUESSED_FOV_STD = 7.0  # deg, of the field of view before anything was followed
+MIN_ZOOM_AGREEMENT = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
+MIN_ZOOMED_FRAMES = 0.9  # share of a shot's frames whose zoom must be told, or the answer says that it is not sure
+FIRST_SECONDS = 1.0  # s of a shot, whose looks tell the lens that it begins with
+MIN_PAIR_AGREEMENT = 0.9  # share of the points that must agree with a zoom alone, where one pair of frames decides
+_START_FACTORS = (
+    1.0,
+    0.8,
+    1.25,
+)  # times that lens, from which the zoom is followed: from one far off it is lost on the way
 _PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
-_ROUNDS = 8  # of re-weighting, from eight times the tolerance down to it
+_REWEIGHTINGS = 8  # of re-weighting, from eight times the tolerance down to it
 
 
 @dataclass(frozen=True, eq=False)
-class OneLens:
+class UnzoomedShot:
     """A shot as if all of it had been seen through the lens of its first frame."""
 
     watched: ShotObservations
@@ -131,58 +137,58 @@ class OneLens:
     told: float = 1.0  # share of the frames whose zoom their points told
 
 
-def as_one_lens(watched: ShotObservations, around: ClipMetadata) -> OneLens | None:
+def remove_zoom(watched: ShotObservations, around: ClipMetadata) -> UnzoomedShot | None:
     """A shot whose lens is zoomed, as through one lens; None where one lens does."""
-    turns = _zooming(watched, _lens_by(watched, around, ())[0])
-    first = _lens_by(_beginning(watched), around, ())[0]
-    found: OneLens | None = None
-    for start in _STARTS if turns else ():
-        one = _followed(watched, around, turns, start * first)
+    turns = _zoomed_rotations(watched, _combine_fovs(watched, around, ())[0])
+    first = _combine_fovs(_first_looks(watched), around, ())[0]
+    found: UnzoomedShot | None = None
+    for start in _START_FACTORS if turns else ():
+        one = _track_from_fov(watched, around, turns, start * first)
         if found is None or one.told > found.told:
             found = one
-        if found.told >= TOLD:
+        if found.told >= MIN_ZOOMED_FRAMES:
             break
     return None if found is None or np.all(found.zoom == 1.0) else found
 
 
-def _beginning(watched: ShotObservations) -> ShotObservations:
+def _first_looks(watched: ShotObservations) -> ShotObservations:
     """The shot with its first looks alone."""
     time = {step.frame: step.time for step in watched.steps}
-    end = min(time[frame] for frame in watched.looks) + BEGINNING
+    end = min(time[frame] for frame in watched.looks) + FIRST_SECONDS
     return replace(watched, looks={frame: seen for frame, seen in watched.looks.items() if time[frame] <= end})
 
 
-def _followed(
+def _track_from_fov(
     watched: ShotObservations, around: ClipMetadata, turns: Sequence[tuple[int, Turn]], start: float
-) -> OneLens:
+) -> UnzoomedShot:
     """The shot through a lens that is taken to be `start` [deg] at first, or through the one given."""
-    lens = (start, GUESS_SPREAD) if around.given.vertical_fov is None else (around.given.vertical_fov, 0.0)
+    lens = (start, GUESSED_FOV_STD) if around.given.vertical_fov is None else (around.given.vertical_fov, 0.0)
     for _ in range(_PASSES):
-        zoom, told = _zooms_of(watched, lens[0])
-        one = _through_the_first(watched, zoom)
+        zoom, told = _track_zoom(watched, lens[0])
+        one = _divide_by_zoom(watched, zoom)
         by_turns = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_sigma) for key, turn in turns]
-        lens = _lens_by(one, around, by_turns)
-    return OneLens(one, zoom, lens, told)
+        lens = _combine_fovs(one, around, by_turns)
+    return UnzoomedShot(one, zoom, lens, told)
 
 
-def _zooming(watched: ShotObservations, vertical_fov: float) -> list[tuple[int, Turn]]:
+def _zoomed_rotations(watched: ShotObservations, vertical_fov: float) -> list[tuple[int, Turn]]:
     """Turns of zoomed cameras against keyframes of these numbers, `vertical_fov` [deg] being a guess of the lens.
 
     None where more turns are those of a walk.
     """
     focal = focal_of(vertical_fov, *watched.size)
     found = []
-    for step in _far_steps(watched):
-        grown = _grown(step.matches, focal, np.eye(3), 1.0)
+    for step in _distant_frames(watched):
+        grown = _fit_rotation_and_zoom(step.matches, focal, np.eye(3), 1.0)
         if grown is not None and abs(np.log(grown[1])) > 0.5 * ONE_LENS:
-            turn = rotation_of(step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESS_SPREAD)
+            turn = rotation_of(step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESSED_FOV_STD)
             if turn is not None and step.key in watched.keys:
                 found.append((step.key, turn))
     zoomed = [(key, turn) for key, turn in found if turn.zoomed]
     return zoomed if len(zoomed) >= sum(turn.translates for _, turn in found) else []
 
 
-def _zooms_of(watched: ShotObservations, vertical_fov: float) -> tuple[Floats, float]:
+def _track_zoom(watched: ShotObservations, vertical_fov: float) -> tuple[Floats, float]:
     """Focal lengths (N,) of the frames by the first one's, whose lens has about `vertical_fov` [deg].
 
     Beside them the share of the frames whose points tell it. All are 1 where they change by less than those of two
@@ -194,11 +200,11 @@ def _zooms_of(watched: ShotObservations, vertical_fov: float) -> tuple[Floats, f
     found, told, zoom, last = [], [True], 1.0, -1
     for step in watched.steps:
         if step.begins:
-            of_key[step.key] = zoom = _rejoined(watched, step, of_key, zoom)
+            of_key[step.key] = zoom = _zoom_after_gap(watched, step, of_key, zoom)
         elif len(step.matches):
             base = of_key.setdefault(step.key, zoom)
             guess = turned if step.key == last else np.eye(3)
-            grown = _grown(step.matches, focal * base, guess, zoom / base)
+            grown = _fit_rotation_and_zoom(step.matches, focal * base, guess, zoom / base)
             told.append(grown is not None)
             turned, growth = grown or (guess, zoom / base)
             zoom = base * growth
@@ -206,28 +212,28 @@ def _zooms_of(watched: ShotObservations, vertical_fov: float) -> tuple[Floats, f
             of_key[step.makes] = zoom
         found.append(zoom)
         last = step.key
-    logs = smoothed(np.array([step.time for step in watched.steps]), np.log(found))
+    logs = smooth_parabolic(np.array([step.time for step in watched.steps]), np.log(found))
     zooms = np.exp(logs - logs[0]) if np.ptp(logs) > ONE_LENS else np.ones(len(logs))
     return zooms, float(np.mean(told))
 
 
-def _through_the_first(watched: ShotObservations, zoom: Floats) -> ShotObservations:
+def _divide_by_zoom(watched: ShotObservations, zoom: Floats) -> ShotObservations:
     of_key: dict[int, float] = {}
     steps = []
     for step, own in zip(watched.steps, zoom.tolist(), strict=True):
         base = of_key.setdefault(step.key, own)
         if step.makes is not None:
             of_key[step.makes] = own
-        steps.append(replace(step, matches=_divided(step.matches, base, own)))
+        steps.append(replace(step, matches=_divide_matches(step.matches, base, own)))
     of_frame = {step.frame: own for step, own in zip(watched.steps, zoom.tolist(), strict=True)}
     keys = {number: replace(key, zoom=of_frame[key.frame]) for number, key in watched.keys.items()}
-    looks = {frame: _seen_unzoomed(seen, of_frame[frame]) for frame, seen in watched.looks.items()}
+    looks = {frame: _unzoom_estimate(seen, of_frame[frame]) for frame, seen in watched.looks.items()}
     return replace(watched, steps=steps, keys=keys, looks=looks)
 
 
 def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> bool:
     """Whether the lens was zoomed between a keyframe with `vertical_fov` [deg] and a frame, by their points alone."""
-    grown = _grown(matches, focal_of(vertical_fov, *size), np.eye(3), 1.0, LEAST_SEEN)
+    grown = _fit_rotation_and_zoom(matches, focal_of(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
     return grown is not None and abs(np.log(grown[1])) > ONE_LENS
 
 
@@ -236,27 +242,27 @@ def zoomed_fov(vertical_fov: float, zoom: float) -> float:
     return degrees(2.0 * atan(tan(radians(vertical_fov) / 2.0) / zoom))
 
 
-def _seen_unzoomed(seen: FrameEstimate, zoom: float) -> FrameEstimate:
+def _unzoom_estimate(seen: FrameEstimate, zoom: float) -> FrameEstimate:
     said = seen.prediction
     return replace(seen, prediction=replace(said, vertical_fov=zoomed_fov(said.vertical_fov, 1.0 / zoom)))
 
 
-def _divided(matches: Matches, a: float, b: float) -> Matches:
+def _divide_matches(matches: Matches, a: float, b: float) -> Matches:
     """Matches of two pictures, each made smaller by its zoom."""
     return Matches(matches.a / a, matches.b / b, matches.pixel / min(a, b))
 
 
-def _rejoined(watched: ShotObservations, step: TrackedFrame, of_key: dict[int, float], last: float) -> float:
+def _zoom_after_gap(watched: ShotObservations, step: TrackedFrame, of_key: dict[int, float], last: float) -> float:
     """The zoom of a keyframe that begins a stretch, by those before the gap that show the same."""
     if (key := watched.keys.get(step.key)) is None:
         return last
-    for before in sorted((k for k in of_key if k < step.key and k in watched.keys), reverse=True)[:JOINS]:
-        if (turn := turn_between(watched.keys[before], key, None)) is not None:
-            return of_key[before] * _ratio(turn, key)
+    for before in sorted((k for k in of_key if k < step.key and k in watched.keys), reverse=True)[:GAP_KEYFRAMES]:
+        if (turn := match_keyframes(watched.keys[before], key, None)) is not None:
+            return of_key[before] * _focal_ratio(turn, key)
     return last
 
 
-def _ratio(turn: Turn, key: Keyframe) -> float:
+def _focal_ratio(turn: Turn, key: Keyframe) -> float:
     """The second focal length of a turn by its first."""
     if not turn.zoomed:
         return 1.0
@@ -264,8 +270,8 @@ def _ratio(turn: Turn, key: Keyframe) -> float:
     return second / first
 
 
-def _grown(
-    matches: Matches, focal: float, rotation: Floats, growth: float, least: float = LEAST_TOLD
+def _fit_rotation_and_zoom(
+    matches: Matches, focal: float, rotation: Floats, growth: float, least: float = MIN_ZOOM_AGREEMENT
 ) -> tuple[Floats, float] | None:
     """The turn (3, 3) of a frame and its focal length by its keyframe's `focal` [half diagonals]; from guesses of both.
 
@@ -274,7 +280,7 @@ def _grown(
     """
     a, reach = rays(matches.a, focal), TOLERANCE * matches.pixel
     turned, grown = rotation, growth
-    for wider in np.geomspace(8.0, 1.0, _ROUNDS):
+    for wider in np.geomspace(8.0, 1.0, _REWEIGHTINGS):
         there = a @ turned.T
         ahead = np.maximum(-there[:, 2:], 1e-3)
         at = grown * focal * there[:, :2] / ahead

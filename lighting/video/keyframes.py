@@ -28,17 +28,17 @@ from lighting.registration.rotations import (
 )
 from lighting.registration.two_view import Turn, rotation_of
 from lighting.video.telemetry import Gimbal
-from lighting.video.tracking import Keyframe, ShotObservations, Turning, is_believed, turning
+from lighting.video.tracking import FrameRotation, Keyframe, ShotObservations, estimate_frame_rotation, is_reliable
 
 # Keyframes in one frame: a graph of turns between them, and the orientations that fit all of them best.
 
-JOINS = 2  # keyframes to either side of a gap that are compared
-NEIGHBOURS = 5  # keyframes; those nearer in time need no loop
-NEAR_ENOUGH = 0.5  # of the vertical field of view, up to which two keyframes are compared
-MOST_LOOPS = 60  # compared in a shot
-MOST_KEYS = 1200  # beyond which the chain is left as it is: the graph would take too much memory
-_STEPS = 12  # of the averaging, at most
-_WRONG = 0.5  # deg, beyond which a turn counts for ever less
+GAP_KEYFRAMES = 2  # keyframes to either side of a gap that are compared
+MIN_LOOP_KEYFRAMES = 5  # keyframes; those nearer in time need no loop
+MAX_LOOP_ANGLE = 0.5  # of the vertical field of view, up to which two keyframes are compared
+MAX_LOOPS = 60  # compared in a shot
+MAX_AVERAGED_KEYFRAMES = 1200  # beyond which the chain is left as it is: the graph would take too much memory
+_MAX_ROUNDS = 12  # of the averaging, at most
+_OUTLIER_ANGLE = 0.5  # deg, beyond which a turn counts for ever less
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +51,7 @@ class _Link:
     weight: float = 1.0
 
 
-def turn_between(a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_sigma: float = 0.0) -> Turn | None:
+def match_keyframes(a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_sigma: float = 0.0) -> Turn | None:
     """The turn from a to b by their features, None where they have too little in common.
 
     The lens is given [deg], exactly or with a standard deviation of both pictures' lenses, or unknown.
@@ -62,7 +62,7 @@ def turn_between(a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_sigma
     return rotation_of(match(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_sigma)
 
 
-def _chained(count: int, links: Sequence[_Link]) -> tuple[Floats, NDArray[np.intp]]:
+def _chain_orientations(count: int, links: Sequence[_Link]) -> tuple[Floats, NDArray[np.intp]]:
     """Orientations (K, 3, 3) along the links, and which part (K,) each keyframe belongs to.
 
     Each part's first keyframe has the identity.
@@ -85,25 +85,25 @@ def _chained(count: int, links: Sequence[_Link]) -> tuple[Floats, NDArray[np.int
     return orientation, part
 
 
-def _averaged(orientation: Floats, links: Sequence[_Link], fixed: NDArray[np.bool_]) -> Floats:
+def _average_rotations(orientation: Floats, links: Sequence[_Link], fixed: NDArray[np.bool_]) -> Floats:
     """Orientations (K, 3, 3) that fit the links best, from ones nearby; those `fixed` (K,) stay."""
     count = len(orientation)
-    if len(links) < count or count > MOST_KEYS:
+    if len(links) < count or count > MAX_AVERAGED_KEYFRAMES:
         return orientation
     a, b = (np.array([getattr(link, end) for link in links]) for end in ("a", "b"))
     turns, given = np.stack([link.rotation for link in links]), np.array([link.weight for link in links])
-    for _ in range(_STEPS):
+    for _ in range(_MAX_ROUNDS):
         off = np.swapaxes(orientation[b], 1, 2) @ turns @ orientation[a]
         residual = np.stack([rotation_vector(r) for r in off])
-        weight = given / (1.0 + np.sum(residual**2, axis=1) / np.radians(_WRONG) ** 2)
-        step = _corrections(a, b, residual, weight, fixed)
+        weight = given / (1.0 + np.sum(residual**2, axis=1) / np.radians(_OUTLIER_ANGLE) ** 2)
+        step = _rotation_steps(a, b, residual, weight, fixed)
         orientation = orientation @ rotation_about(step)
         if np.abs(step).max() < 1e-7:
             break
     return orientation
 
 
-def _corrections(
+def _rotation_steps(
     a: NDArray[np.intp], b: NDArray[np.intp], residual: Floats, weight: Floats, fixed: NDArray[np.bool_]
 ) -> Floats:
     """Small rotation vectors (K, 3) in the first camera's frame, by which orientations are to be turned."""
@@ -121,19 +121,21 @@ def _corrections(
     return np.linalg.solve(laplacian + 1e-9 * np.eye(count), right)
 
 
-def _loops(keys: Sequence[Keyframe], orientation: Floats, part: NDArray[np.intp], vertical_fov: float) -> list[_Link]:
+def _close_loops(
+    keys: Sequence[Keyframe], orientation: Floats, part: NDArray[np.intp], vertical_fov: float
+) -> list[_Link]:
     """Turns by features between keyframes that look nearly the same way and are not neighbours."""
-    pairs = _near_pairs(orientation, part, NEAR_ENOUGH * vertical_fov)
-    step = max(1, math.ceil(len(pairs) / MOST_LOOPS))
-    found = [(i, j, turn_between(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
+    pairs = _near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov)
+    step = max(1, math.ceil(len(pairs) / MAX_LOOPS))
+    found = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
     return [_Link(i, j, turn.rotation, 0.5) for i, j, turn in found if turn is not None]
 
 
 def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> list[tuple[int, int]]:
     """Pairs of keyframes that look the same way to an angle [deg], each with the nearest of those long before it."""
     pairs = []
-    for j in range(NEIGHBOURS, len(orientation)):
-        older = np.flatnonzero(part[: j - NEIGHBOURS + 1] == part[j])
+    for j in range(MIN_LOOP_KEYFRAMES, len(orientation)):
+        older = np.flatnonzero(part[: j - MIN_LOOP_KEYFRAMES + 1] == part[j])
         if not len(older):
             continue
         apart = angle_between(orientation[older, 2], orientation[j, 2])
@@ -144,11 +146,11 @@ def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> l
 
 # How the camera of a shot was turned, frame by frame, and which way is up.
 
-GIMBAL_EVERY = 0.5  # s between the gimbal's angles that count
+GIMBAL_INTERVAL = 0.5  # s between the gimbal's angles that count
 
 
-def orientations(
-    watched: ShotObservations, turnings: Sequence[Turning], fov: float
+def estimate_orientations(
+    watched: ShotObservations, turnings: Sequence[FrameRotation], fov: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Orientations (N, 3, 3) of the frames against the shot's first camera, and which of them are believed (N,).
 
@@ -162,55 +164,55 @@ def orientations(
         for step, turn in zip(watched.steps, turnings, strict=True)
         if step.makes is not None
     ]
-    chain += _joins(watched, lowest, fov)
-    orientation, part = _chained(count, chain)
+    chain += _bridge_gaps(watched, lowest, fov)
+    orientation, part = _chain_orientations(count, chain)
     keys = sorted(watched.keys.values(), key=lambda k: k.number)
     where = np.array([k.number - lowest for k in keys], dtype=np.intp)
     closed = [
         replace(link, a=int(where[link.a]), b=int(where[link.b]))
-        for link in (_loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else [])
+        for link in (_close_loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else [])
     ]
-    orientation = _averaged(orientation, [*chain, *closed], part == np.arange(count))
+    orientation = _average_rotations(orientation, [*chain, *closed], part == np.arange(count))
     own = np.array([step.key - lowest for step in watched.steps])
     frames = np.stack([t.rotation for t in turnings]) @ orientation[own]
     main = np.bincount(part[own]).argmax()
-    sure = [is_believed(t, begins=s.begins) for t, s in zip(turnings, watched.steps, strict=True)]
+    sure = [is_reliable(t, begins=s.begins) for t, s in zip(turnings, watched.steps, strict=True)]
     believed = np.array(sure) & (part[own] == main)
     return frames @ frames[int(np.argmax(believed))].T, believed
 
 
-def turnings_of(watched: ShotObservations, fov: float) -> list[Turning]:
+def estimate_frame_rotations(watched: ShotObservations, fov: float) -> list[FrameRotation]:
     """Each frame's turn against its keyframe, through a lens of a vertical field of view [deg]."""
     focal = focal_of(fov, *watched.size)
-    found: list[Turning] = []
+    found: list[FrameRotation] = []
     guess: Floats = np.eye(3)
     last = -1
     for step in watched.steps:
         guess = np.eye(3) if step.key != last else guess
         if step.begins or not len(step.matches):
-            found.append(Turning(np.eye(3), 1.0 if step.begins else 0.0, len(step.matches)))
+            found.append(FrameRotation(np.eye(3), 1.0 if step.begins else 0.0, len(step.matches)))
         else:
-            found.append(turning(step.matches, focal, guess))
+            found.append(estimate_frame_rotation(step.matches, focal, guess))
         guess, last = found[-1].rotation, step.key
     return found
 
 
-def _joins(watched: ShotObservations, lowest: int, fov: float) -> list[_Link]:
+def _bridge_gaps(watched: ShotObservations, lowest: int, fov: float) -> list[_Link]:
     """Turns over the gaps between stretches."""
     stretches = sorted({k.stretch for k in watched.keys.values()})
     keys = {s: [k for k in watched.keys.values() if k.stretch == s] for s in stretches}
     found = []
     for before, after in pairwise(stretches):
-        for a in keys[before][-JOINS:]:
-            for b in keys[after][:JOINS]:
-                if (turn := turn_between(a, b, fov)) is not None:
+        for a in keys[before][-GAP_KEYFRAMES:]:
+            for b in keys[after][:GAP_KEYFRAMES]:
+                if (turn := match_keyframes(a, b, fov)) is not None:
                     found.append(_Link(a.number - lowest, b.number - lowest, turn.rotation))
     return found
 
 
-def up_of(watched: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
+def estimate_up(watched: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
     """Up (3,) in the shot's first camera: the gimbal's if there is one, or what most looks agree upon."""
-    if stated := told_by(gimbal, time):
+    if stated := sample_gimbal(gimbal, time):
         return consensus_up(
             orientation[[i for i, _ in stated]], np.stack([up_in_own_frame(at[1], at[2]) for _, at in stated])
         )
@@ -220,19 +222,21 @@ def up_of(watched: ShotObservations, orientation: Floats, time: Floats, gimbal: 
     return consensus_up(orientation[[position[f] for f in watched.looks]], ups)
 
 
-def told_by(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, float, float]]]:
+def sample_gimbal(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, float, float]]]:
     """What a gimbal says at some of the times (N,) [s]: their indices, each with heading, elevation and roll [deg]."""
-    first = np.unique((time - time[0]) // GIMBAL_EVERY, return_index=True)[1]
+    first = np.unique((time - time[0]) // GIMBAL_INTERVAL, return_index=True)[1]
     return [(int(i), at) for i in first if (at := gimbal.at(float(time[i]))) is not None]
 
 
 # A camera's path of orientations: its angles, gaps bridged, and what trembles smoothed.
 
-WINDOW = 5  # frames over which a parabola is fitted; tracking trembles from frame to frame, hands do more slowly
+SMOOTHING_WINDOW = (
+    5  # frames over which a parabola is fitted; tracking trembles from frame to frame, hands do more slowly
+)
 
 
 @dataclass(frozen=True, eq=False)
-class Path:
+class CameraPath:
     """How the camera pointed, frame by frame."""
 
     time: Floats  # (N,) s
@@ -242,7 +246,7 @@ class Path:
     bridged: NDArray[np.bool_]  # (N,) where nothing could be followed and the neighbours tell
 
 
-def path_of(time: Floats, orientations: Floats, known: NDArray[np.bool_], levelled: Floats) -> Path:
+def make_camera_path(time: Floats, orientations: Floats, known: NDArray[np.bool_], levelled: Floats) -> CameraPath:
     """The path of cameras (N, 3, 3) of which those `known` (N,), at least one, are believed."""
     heading, elevation, roll = heading_elevation_roll(orientations, levelled)
     turned = np.empty_like(heading)
@@ -250,11 +254,11 @@ def path_of(time: Floats, orientations: Floats, known: NDArray[np.bool_], levell
     rolled = np.empty_like(roll)
     rolled[known] = np.degrees(np.unwrap(np.radians(roll[known])))
     bridged = (np.interp(time, time[known], v[known]) for v in (turned, elevation, rolled))
-    heading, elevation, roll = (smoothed(time, v) for v in bridged)
-    return Path(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~known)
+    heading, elevation, roll = (smooth_parabolic(time, v) for v in bridged)
+    return CameraPath(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~known)
 
 
-def smoothed(time: Floats, values: Floats, window: int = WINDOW) -> Floats:
+def smooth_parabolic(time: Floats, values: Floats, window: int = SMOOTHING_WINDOW) -> Floats:
     """Values (N,) at rising times (N,), each replaced by the parabola through its `window` neighbours."""
     count = len(time)
     if count < window:

@@ -32,10 +32,10 @@ from lighting.records import EvidenceKind, Light, Prediction
 from lighting.sun_grid import grid_solid_angle
 from lighting.video.tracking import FrameEstimate
 
-SECTOR = 15.0  # deg of heading
-BRUSHED = 0.5  # of the sectors' mean weight, below which one counts for less
-REMEMBERED = 60.0  # looks in a sector; older ones fade, so that a stream follows sun and clouds
-_LOWEST = 1e-12  # density that stands for none
+SECTOR_WIDTH = 15.0  # deg of heading
+MIN_SECTOR_WEIGHT = 0.5  # of the sectors' mean weight, below which one counts for less
+MAX_SECTOR_LOOKS = 60.0  # looks in a sector; older ones fade, so that a stream follows sun and clouds
+_EPSILON_DENSITY = 1e-12  # density that stands for none
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,13 +66,13 @@ class _Sector:
             self.log_rings = log_rings
         if self.weight == 0.0:
             self.log_cells, self.numbers = log_cells, numbers
-        self.weight = min(self.weight + part, REMEMBERED)
+        self.weight = min(self.weight + part, MAX_SECTOR_LOOKS)
         share = part / self.weight
         self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
         self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
         self.numbers = self.numbers + share * (numbers - self.numbers)
         if ground is not None:
-            self.grounded = min(self.grounded + part, REMEMBERED)
+            self.grounded = min(self.grounded + part, MAX_SECTOR_LOOKS)
             self.log_ground = self.log_ground + part / self.grounded * (np.log(ground) - self.log_ground)
 
 
@@ -93,12 +93,12 @@ class ShotLight:
         """Count a look, in parts for the two sectors between whose middles it lies."""
         self._looks += 1
         self._last, self._vertical_fov = look.seen.prediction, look.vertical_fov
-        said = _on_cells(look), _on_rings(look), _numbers(look), look.seen.ground
-        at = look.heading % 360.0 / SECTOR
+        said = _log_cells(look), _log_rings(look), _averaged_numbers(look), look.seen.ground
+        at = look.heading % 360.0 / SECTOR_WIDTH
         low = math.floor(at)
         for number, part in ((low, 1.0 - at + low), (low + 1, at - low)):
             if part > 0.0:
-                self._sectors.setdefault(number % round(360.0 / SECTOR), _Sector()).add(part, *said)
+                self._sectors.setdefault(number % round(360.0 / SECTOR_WIDTH), _Sector()).add(part, *said)
 
     def answer(self, evidence: Observations) -> Posterior:
         """What all looks say, as a camera at azimuth 0 would see it.
@@ -141,11 +141,11 @@ class ShotLight:
     def _present(self) -> Floats:
         """How far (S,) each sector is there at all, 0 to 1: one that was only brushed counts for little."""
         weight = np.array([sector.weight for sector in self._sectors.values()])
-        return np.asarray(np.minimum(weight / (BRUSHED * weight.mean()), 1.0))
+        return np.asarray(np.minimum(weight / (MIN_SECTOR_WEIGHT * weight.mean()), 1.0))
 
     def _counts(self, correlation: Correlation) -> Floats:
         """How much each sector (S,) counts."""
-        ahead = direction(SECTOR * np.array(list(self._sectors)), 0.0)
+        ahead = direction(SECTOR_WIDTH * np.array(list(self._sectors)), 0.0)
         return effective_weights(ahead, np.full(len(ahead), self._vertical_fov), correlation, present=self._present())
 
     def _averaged(self, last: Prediction) -> Prediction:
@@ -162,13 +162,15 @@ class ShotLight:
         )
 
 
-def _on_cells(look: FrameObservation) -> Floats:
+def _log_cells(look: FrameObservation) -> Floats:
     """Log densities (N,) over the cells of a camera at azimuth 0."""
     p = look.seen.prediction
-    return np.asarray(np.log(np.maximum(rotate_density(p.sun_probability, -look.heading, p.spec.sun_grid), _LOWEST)))
+    return np.asarray(
+        np.log(np.maximum(rotate_density(p.sun_probability, -look.heading, p.spec.sun_grid), _EPSILON_DENSITY))
+    )
 
 
-def _on_rings(look: FrameObservation) -> Floats:
+def _log_rings(look: FrameObservation) -> Floats:
     """Log densities (K, 360) of each candidate's sun by the heading of azimuth 0."""
     candidates = np.array(look.observations.candidates, dtype=np.float64).reshape(-1, 2)
     if not len(candidates):
@@ -176,23 +178,23 @@ def _on_rings(look: FrameObservation) -> Floats:
     seen = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
     density = likelihood_by_heading(look.seen.prediction, seen)
     density[candidates[:, 0] < 0.0] = 0.0
-    log = np.log(np.maximum(density, _LOWEST))
+    log = np.log(np.maximum(density, _EPSILON_DENSITY))
     return np.stack([np.interp(HEADINGS + look.heading, HEADINGS, row, period=360.0) for row in log])
 
 
-def _numbers(look: FrameObservation) -> Floats:
+def _averaged_numbers(look: FrameObservation) -> Floats:
     """What of a look is averaged, (4,) or with a Light (12,), in the linear values of the shot's first frame.
 
     Logarithms of turbidity, exposure and field of view, the visibility, then `light_numbers`.
     """
     p = look.seen.prediction
-    exposure = math.log(max(p.exposure, _LOWEST) / max(look.gain, _LOWEST))
-    numbers = [math.log(max(p.turbidity, _LOWEST)), exposure, math.log(p.vertical_fov), p.sun_visibility]
-    return np.concatenate([numbers, _strength(p.light, look.gain) if p.light else []])
+    exposure = math.log(max(p.exposure, _EPSILON_DENSITY) / max(look.gain, _EPSILON_DENSITY))
+    numbers = [math.log(max(p.turbidity, _EPSILON_DENSITY)), exposure, math.log(p.vertical_fov), p.sun_visibility]
+    return np.concatenate([numbers, _unexposed_light(p.light, look.gain) if p.light else []])
 
 
-def _strength(light: Light, gain: float) -> Floats:
+def _unexposed_light(light: Light, gain: float) -> Floats:
     """The light's numbers as the shot's first frame would show them."""
     numbers = light_to_vector(light)
-    numbers[:6] -= math.log(max(gain, _LOWEST))
+    numbers[:6] -= math.log(max(gain, _EPSILON_DENSITY))
     return numbers

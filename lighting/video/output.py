@@ -33,21 +33,21 @@ from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
 from lighting.video.decode import Clip
 from lighting.video.shot import (
-    SEEN_EVERY,
+    NETWORK_INTERVAL,
     FrameLight,
     Shot,
     analyze_shots,
-    clip_metadata,
     frame_lights,
-    light_of,
-    world_map,
+    metadata_of_clip,
+    render_world_map,
+    shot_lighting,
 )
 
 # What `lighting video` writes: a record a frame, a map a shot, and on request scenes, a map a frame and a film.
 
-RECORDS, PART, FILM, FRAMES = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
-_SHOT, _FRAME = re.compile(r"shot-\d+\.exr"), re.compile(r"\d{6,}\.exr")
-PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side at most
+RECORDS_FILE, PARTIAL_FILE, FILM_FILE, FRAMES_FOLDER = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
+_SHOT_MAP_NAME, _FRAME_MAP_NAME = re.compile(r"shot-\d+\.exr"), re.compile(r"\d{6,}\.exr")
+MAX_PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side at most
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class VideoResult:
     def warnings(self, number: int) -> tuple[str, ...]:
         """Those of a shot, counted from 1, and of its scene."""
         shot = self.shots[number - 1]
-        alone = () if isinstance(shot, VideoError) else light_of(shot).warnings
+        alone = () if isinstance(shot, VideoError) else shot_lighting(shot).warnings
         return self.of_scenes.get(number, alone)
 
 
@@ -88,7 +88,7 @@ class VideoJob:
     source: Path
     folder: Path
     given: UserInput = field(default_factory=UserInput)
-    every: float = SEEN_EVERY  # s between the frames that the network sees
+    every: float = NETWORK_INTERVAL  # s between the frames that the network sees
     wanted: OutputOptions = field(default_factory=OutputOptions)
 
 
@@ -103,29 +103,29 @@ def check_video_folder(folder: Path, *, overwrite: bool) -> None:
         raise VideoError(objection)
 
 
-def process(job: VideoJob, model: Model, progress: Callable[[float], Any] | None = None) -> VideoResult:
+def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] | None = None) -> VideoResult:
     """Write all that is wanted of a clip.
 
     Raises VideoError, MissingExtraError, ModelError, SceneError, EnvironmentMapError, ParameterError or OSError.
     """
     done, lights = VideoResult(), list[FrameLight]()
     with Clip(job.source) as clip:
-        clip_metadata(clip, job.given).known_at(0.0)  # what cannot be is refused before anything is written
+        metadata_of_clip(clip, job.given).known_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
-        with (job.folder / PART).open("w", encoding="utf-8") as lines:
+        with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
             for shot in analyze_shots(clip, model, job.given, job.every, progress):
                 done.shots.append(shot)
                 lights += _write_shot(job, shot, len(done.shots), lines)
                 lines.flush()
         done.damage, rate = clip.damage, clip.info.frame_rate
-    (job.folder / PART).replace(job.folder / RECORDS)
+    (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
     if job.wanted.tool is not None:
         done.of_scenes = _write_scenes(job, done.shots, rate)
     if job.wanted.film:
         from lighting.video.overlay import write_film
 
-        write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM)
-    _remove_others(job, done, {light.frame for light in lights})
+        write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE)
+    _remove_old_maps(job, done, {light.frame for light in lights})
     return done
 
 
@@ -137,26 +137,30 @@ def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: Text
         return []
     lights = list(frame_lights(shot, number))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
-    write_envmap(job.folder / _shot_map(number), *world_map(shot, job.wanted.height, job.wanted.sun))
+    write_envmap(job.folder / _shot_map(number), *render_world_map(shot, job.wanted.height, job.wanted.sun))
     if job.wanted.frames_exr:
-        (job.folder / FRAMES).mkdir(exist_ok=True)
+        (job.folder / FRAMES_FOLDER).mkdir(exist_ok=True)
         for light in lights:
             picture = render(light.lighting, job.wanted.height, sun=job.wanted.sun)
-            write_envmap(job.folder / FRAMES / f"{light.frame:06d}.exr", picture, light.lighting)
+            write_envmap(job.folder / FRAMES_FOLDER / f"{light.frame:06d}.exr", picture, light.lighting)
     return lights
 
 
-def _remove_others(job: VideoJob, done: VideoResult, frames: set[int]) -> None:
+def _remove_old_maps(job: VideoJob, done: VideoResult, frames: set[int]) -> None:
     """Remove the maps of an earlier run that this one has not replaced; each says in its header that it is ours."""
     shots = {_shot_map(number) for number, shot in enumerate(done.shots, 1) if isinstance(shot, Shot)}
     written = {f"{frame:06d}.exr" for frame in frames if job.wanted.frames_exr}
-    others = [p for p in job.folder.glob("shot-*.exr") if _SHOT.fullmatch(p.name) and p.name not in shots]
-    others += [p for p in (job.folder / FRAMES).glob("*.exr") if _FRAME.fullmatch(p.name) and p.name not in written]
+    others = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name) and p.name not in shots]
+    others += [
+        p
+        for p in (job.folder / FRAMES_FOLDER).glob("*.exr")
+        if _FRAME_MAP_NAME.fullmatch(p.name) and p.name not in written
+    ]
     for path in others:
         if path.is_file() and not path.is_symlink() and _is_ours(path):
             path.unlink()
     with suppress(OSError):  # it holds files that are none of ours, or is not there
-        (job.folder / FRAMES).rmdir()
+        (job.folder / FRAMES_FOLDER).rmdir()
 
 
 def _is_ours(path: Path) -> bool:
@@ -172,18 +176,18 @@ def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float
     assert job.wanted.tool is not None
     warnings = dict[int, tuple[str, ...]]()
     first = {int(shot.frames[0]): (n, shot) for n, shot in enumerate(shots, 1) if isinstance(shot, Shot)}
-    with Clip(job.source, PLATE_SIDE) as clip:
+    with Clip(job.source, MAX_PLATE_SIDE) as clip:
         for frame in clip.frames(first):
             number, shot = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.wanted.tool}"
-            warnings[number] = write_shot(shot, frame.pixels, job.wanted.tool, folder, str(job.source), rate)
+            warnings[number] = _write_scene(shot, frame.pixels, job.wanted.tool, folder, str(job.source), rate)
     return warnings
 
 
 # A shot as a scene for another tool: a camera with key frames, a still sun, the map without its disc.
 
 
-def write_shot(
+def _write_scene(
     shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float
 ) -> tuple[str, ...]:
     """Write a shot's scene to a folder, replacing a scene that is there; the scene's warnings.
@@ -195,7 +199,7 @@ def write_shot(
     if animate is None:
         raise SceneError(f"There is no scene with a moving camera for {tool!r}.", "tool", ErrorCode.UNKNOWN)
     height, width = plate.shape[:2]
-    scene = make_scene(Photo(plate, width, height, "PNG"), light_of(shot))
+    scene = make_scene(Photo(plate, width, height, "PNG"), shot_lighting(shot))
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0

@@ -20,14 +20,14 @@ from lighting.preview.spheres import render_spheres
 from lighting.video.decode import Clip
 from lighting.video.shot import FrameLight
 
-SIDE = 768  # pixels of the longer side
-STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
+FILM_SIDE = 768  # pixels of the longer side
+BALL_STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
 _MAP_HEIGHT = 128  # rows of the map that lights the balls
-_CLOCK = 90_000  # 1/s, of the film's times
-_SIZE, _LINE = 17, 1.3  # of the font, pixels; of a line, in sizes of the font
-_EDGE = 12  # pixels between the balls and the picture's edges
+_TIME_BASE = 90_000  # 1/s, of the film's times
+_FONT_SIZE, _LINE_HEIGHT = 17, 1.3  # of the font, pixels; of a line, in sizes of the font
+_MARGIN = 12  # pixels between the balls and the picture's edges
 _GAP = "   "  # between words
-_LONGEST = ("00000.0 s", "sun +000.0°, 00.0° high", "heading 000.0° (bridged)")
+_LONGEST_TEXT = ("00000.0 s", "sun +000.0°, 00.0° high", "heading 000.0° (bridged)")
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class _Balls:
 
     def at(self, light: FrameLight) -> NDArray[np.float32]:
         """Linear (h, w, 3), blended between the two nearest headings."""
-        turn = (light.lighting.relative_heading or 0.0) / STEP
+        turn = (light.lighting.relative_heading or 0.0) / BALL_STEP
         low = int(np.floor(turn))
         share = np.float32(turn - low)
         first, second = (self._rendered(light, low + step) for step in (0, 1))
         return (1 - share) * first + share * second
 
     def _rendered(self, light: FrameLight, step: int) -> NDArray[np.float32]:
-        step %= round(360.0 / STEP)
+        step %= round(360.0 / BALL_STEP)
         if (light.shot, step) not in self.pictures:
             own = light.lighting
-            off = step * STEP - (own.relative_heading or 0.0)
+            off = step * BALL_STEP - (own.relative_heading or 0.0)
             azimuth = (own.sun_azimuth - off + 180.0) % 360.0 - 180.0
             there = replace(
                 scale_exposure(own, np.full(3, 1 / _gain(light))), sun_azimuth=azimuth, camera_elevation=-8.0
@@ -69,11 +69,11 @@ def write_film(source: Path, lights: Mapping[int, FrameLight], target: Path) -> 
 
     `lights` are those of frames by their index. Raises VideoError for the clip, OSError for the target.
     """
-    with Clip(source, SIDE) as clip, atomic_write(target) as temporary:
-        _encode(_drawn(clip, lights), clip.info.frame_rate, temporary)
+    with Clip(source, FILM_SIDE) as clip, atomic_write(target) as temporary:
+        _encode(_film_frames(clip, lights), clip.info.frame_rate, temporary)
 
 
-def _drawn(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+def _film_frames(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
     balls: _Balls | None = None
     for frame in clip.frames():
         height, width = (side // 2 * 2 for side in frame.pixels.shape[:2])
@@ -82,21 +82,21 @@ def _drawn(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple[float
             panel = round(0.32 * max(width, height)) if width > height else round(0.6 * width)
             balls = _Balls((panel, round(panel * 0.42)), {})
         light = lights.get(frame.index)
-        yield frame.time, picture if light is None else drawn(picture, light, balls.at(light))
+        yield frame.time, picture if light is None else draw_overlay(picture, light, balls.at(light))
 
 
-def drawn(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float32]) -> NDArray[np.uint8]:
+def draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float32]) -> NDArray[np.uint8]:
     """One frame (h, w, 3) with its light drawn in; `balls` (H, W, 3) are linear, as the first frame exposes them."""
     picture = Image.fromarray(pixels)
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)
     panel = Image.fromarray(display(balls * np.float32(_gain(light))))
-    layout = _layout_of(picture.width, panel.width)
-    picture.paste(panel, (_EDGE, picture.height - panel.height - layout.below), rounded(panel.size, 10))
-    words, colour = _words(light), SUN if light.lighting.sun_shines else WHITE
+    layout = _fit_layout(picture.width, panel.width)
+    picture.paste(panel, (_MARGIN, picture.height - panel.height - layout.below), rounded(panel.size, 10))
+    words, colour = _frame_text(light), SUN if light.lighting.sun_shines else WHITE
     style = Style(layout.size, colour, anchor="rs", shaded=True)
     for i, line in enumerate(reversed(layout.lines)):
-        corner = (picture.width - 14.0, picture.height - 12.0 - i * _LINE * layout.size)
+        corner = (picture.width - 14.0, picture.height - 12.0 - i * _LINE_HEIGHT * layout.size)
         write(picture, corner, _GAP.join(words[k] for k in line), style)
     return np.asarray(picture)
 
@@ -110,21 +110,21 @@ class _Layout:
     below: int  # pixels under the balls
 
 
-def _layout_of(width: int, panel: int) -> _Layout:
+def _fit_layout(width: int, panel: int) -> _Layout:
     """The layout of a picture and of balls of these widths [pixels]: they share a line where the longest words fit."""
     room = width - 28.0
-    size = max(1, min(_SIZE, int(_SIZE * room / max(text_width(word, _SIZE) for word in _LONGEST))))
-    if text_width(_GAP.join(_LONGEST), size) <= room - panel - _EDGE:
-        return _Layout(size, (tuple(range(len(_LONGEST))),), _EDGE)
+    size = max(1, min(_FONT_SIZE, int(_FONT_SIZE * room / max(text_width(word, _FONT_SIZE) for word in _LONGEST_TEXT))))
+    if text_width(_GAP.join(_LONGEST_TEXT), size) <= room - panel - _MARGIN:
+        return _Layout(size, (tuple(range(len(_LONGEST_TEXT))),), _MARGIN)
     lines: list[tuple[int, ...]] = []
-    for i in range(len(_LONGEST)):
+    for i in range(len(_LONGEST_TEXT)):
         longer = (*lines[-1], i) if lines else (i,)
-        fits = text_width(_GAP.join(_LONGEST[k] for k in longer), size) <= room
+        fits = text_width(_GAP.join(_LONGEST_TEXT[k] for k in longer), size) <= room
         lines = [*lines[:-1], longer] if lines and fits else [*lines, (i,)]
-    return _Layout(size, tuple(lines), _EDGE + round(_LINE * size * len(lines)))
+    return _Layout(size, tuple(lines), _MARGIN + round(_LINE_HEIGHT * size * len(lines)))
 
 
-def _words(light: FrameLight) -> tuple[str, str, str]:
+def _frame_text(light: FrameLight) -> tuple[str, str, str]:
     """What is told of a frame, none longer than that of _LONGEST."""
     own = light.lighting
     turned = round(float(wrap_azimuth(own.relative_heading or 0.0)), 1)
@@ -143,9 +143,9 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
             if stream is None:
                 stream = film.add_stream(_codec(av), rate=Fraction(rate or 30.0).limit_denominator(1001))
                 stream.width, stream.height, stream.pix_fmt = picture.shape[1], picture.shape[0], "yuv420p"
-                stream.codec_context.time_base = Fraction(1, _CLOCK)
+                stream.codec_context.time_base = Fraction(1, _TIME_BASE)
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
-            frame.pts, frame.time_base = round(time * _CLOCK), Fraction(1, _CLOCK)
+            frame.pts, frame.time_base = round(time * _TIME_BASE), Fraction(1, _TIME_BASE)
             film.mux(stream.encode(frame))
         film.mux(stream.encode())
 

@@ -28,35 +28,42 @@ from lighting.records import Lighting, Prediction, record_with_coefficients
 from lighting.registration.rotations import leveling_rotation
 from lighting.video.decode import Clip, Frame
 from lighting.video.intrinsics import (
-    LENS_SPREAD,
-    MOST_SPREADS,
-    TOLD,
-    OneLens,
-    as_one_lens,
-    fit_lens,
-    said_lens,
+    MAX_FOV_STDS,
+    MIN_ZOOMED_FRAMES,
+    NETWORK_FOV_STD,
+    UnzoomedShot,
+    fit_fov,
+    prior_fov,
+    remove_zoom,
     zoomed_fov,
 )
-from lighting.video.keyframes import Path, orientations, path_of, told_by, turnings_of, up_of
+from lighting.video.keyframes import (
+    CameraPath,
+    estimate_frame_rotations,
+    estimate_orientations,
+    estimate_up,
+    make_camera_path,
+    sample_gimbal,
+)
 from lighting.video.light import FrameObservation, ShotLight
-from lighting.video.shot_detection import Dissolve, Dissolves, divided, split_shots
+from lighting.video.shot_detection import Dissolve, DissolveDetector, split_at_dissolve, split_shots
 from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import (
     ClipMetadata,
-    Follower,
     FrameEstimate,
+    FrameRotation,
     Keyframe,
+    PointTracker,
     ShotObservations,
     TrackedFrame,
-    Turning,
-    gains_of,
+    chain_gains,
 )
 
 # Reading a clip: every frame is followed, some are shown to the network.
 
-SEEN_EVERY = 0.2  # s between the frames that the network sees
-JUDGED_AFTER = 15  # frames of a new stretch, after which it is compared with what was before
-DARK = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
+NETWORK_INTERVAL = 0.2  # s between the frames that the network sees
+MIN_STRETCH_FRAMES = 15  # frames of a new stretch, after which it is compared with what was before
+MIN_BRIGHTNESS = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
 
 Pixels = NDArray[np.uint8]
 
@@ -64,14 +71,14 @@ Pixels = NDArray[np.uint8]
 class _ShotAnalyzer:
     """Takes a clip's frames one by one, and hands out what was gathered of them."""
 
-    def __init__(self, model: Model, every: float = SEEN_EVERY, vertical_fov: float | None = None) -> None:
+    def __init__(self, model: Model, every: float = NETWORK_INTERVAL, vertical_fov: float | None = None) -> None:
         """The network sees the first frame of each shot and one every `every` seconds; MissingExtraError.
 
         `vertical_fov` [deg] is that of the clip's lens, if it is known.
         """
         self._model, self._every, self._due = model, every, 0.0
         self._vertical_fov = vertical_fov
-        self._follower, self._dissolves = Follower(), Dissolves()
+        self._follower, self._dissolves = PointTracker(), DissolveDetector()
         self._is_to_judge = False  # whether a new stretch is to be compared with what was before
         self._steps: list[TrackedFrame] = []
         self._keys: dict[int, Keyframe] = {}
@@ -116,7 +123,7 @@ class _ShotAnalyzer:
 
     def _divide(self, dissolve: Dissolve) -> Iterator[ShotObservations]:
         """Hands out what is before a dissolve."""
-        *before, rest = divided(self.watched(), dissolve)
+        *before, rest = split_at_dissolve(self.watched(), dissolve)
         for part in before:
             yield from split_shots(part)
         self._keep(rest)
@@ -132,16 +139,16 @@ class _ShotAnalyzer:
 
     def _is_time_to_judge(self, stretch: int) -> bool:
         """Whether a new stretch has just become long enough to see if it is a new shot."""
-        if self._steps[0].stretch == stretch or len(self._steps) <= JUDGED_AFTER:
+        if self._steps[0].stretch == stretch or len(self._steps) <= MIN_STRETCH_FRAMES:
             return False
-        own = [step.stretch == stretch for step in self._steps[-JUDGED_AFTER - 1 :]]
+        own = [step.stretch == stretch for step in self._steps[-MIN_STRETCH_FRAMES - 1 :]]
         return all(own[1:]) and not own[0]
 
 
-def shots_watched(
+def observe_shots(
     frames: Iterable[Frame],
     model: Model,
-    every: float = SEEN_EVERY,
+    every: float = NETWORK_INTERVAL,
     progress: Callable[[float], Any] | None = None,
     vertical_fov: float | None = None,
 ) -> Iterator[ShotObservations]:
@@ -171,13 +178,13 @@ def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = No
     """
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
     said = model.predict(preprocess(photo, model.spec))[0]
-    alone = _coloured(screen_prediction(said, pixels), pixels)
+    alone = _apply_colors(screen_prediction(said, pixels), pixels)
     if vertical_fov is None:
         return alone
-    return replace(alone, by_lens=_coloured(screen_prediction(said, pixels, vertical_fov), pixels))
+    return replace(alone, by_lens=_apply_colors(screen_prediction(said, pixels, vertical_fov), pixels))
 
 
-def _coloured(said: Prediction, pixels: Pixels) -> FrameEstimate:
+def _apply_colors(said: Prediction, pixels: Pixels) -> FrameEstimate:
     """What is said of a frame, with the colours that it shows."""
     if (light := said.light) is None:
         return FrameEstimate(said)
@@ -189,12 +196,12 @@ def _coloured(said: Prediction, pixels: Pixels) -> FrameEstimate:
 def is_dark(pixels: Pixels) -> bool:
     """Whether a frame is too dark for daylight, black frames and nights among them."""
     bright = np.percentile(luminance(srgb_decode(pixels[::8, ::8] / 255.0)), 95)
-    return bool(bright < DARK)
+    return bool(bright < MIN_BRIGHTNESS)
 
 
 # A shot solved, once its end is known: its lens, the camera's path, its one sun.
 
-LEAST_AGREED = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
+MIN_AGREEMENT = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
 _NIGHT_FALLS = (
     "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
 )
@@ -202,7 +209,7 @@ _ZOOM_LOST = (
     "The lens is zoomed, and in {:.0f} % of the frames their points do not tell by how much: headings and fields of "
     "view may be off."
 )
-_AT_ODDS = (
+_FEW_AGREE = (
     "In most frames only {:.0f} % of the points agree with one turn, or fewer, as where things move before the camera: "
     "headings and the sun may be off."
 )
@@ -217,7 +224,7 @@ class Shot:
     """One shot: where the camera points in each frame, and the light in the axes of its first frame."""
 
     frames: NDArray[np.intp]  # (N,) indices in the clip
-    path: Path
+    path: CameraPath
     gains: Floats  # (N, 3) of the linear values, relative to the shot's first frame
     vertical_fov: float  # deg, of the shot's first frame
     fov_sigma: float  # deg, one standard deviation of that
@@ -235,40 +242,42 @@ def solve_shot(watched: ShotObservations, around: ClipMetadata) -> Shot:
     """
     if not watched.looks:
         raise VideoError("No frame of the shot is bright enough for daylight.")
-    one = as_one_lens(watched, around) or _unzoomed(watched, around)
+    one = remove_zoom(watched, around) or _assume_no_zoom(watched, around)
     watched, fov = one.watched, one.lens[0]
-    turnings = turnings_of(watched, fov)
-    orientation, believed = orientations(watched, turnings, fov)
+    turnings = estimate_frame_rotations(watched, fov)
+    orientation, believed = estimate_orientations(watched, turnings, fov)
     time = np.array([step.time for step in watched.steps])
-    up = up_of(watched, orientation, time, around.gimbal)
-    path = path_of(time, orientation, believed, leveling_rotation(up))
-    gains = gains_of(watched.steps)
-    return _lit(one, around, path, gains, tuple(_doubts(one, around, turnings)))
+    up = estimate_up(watched, orientation, time, around.gimbal)
+    path = make_camera_path(time, orientation, believed, leveling_rotation(up))
+    gains = chain_gains(watched.steps)
+    return _light_shot(one, around, path, gains, tuple(_tracking_warnings(one, around, turnings)))
 
 
-def _unzoomed(watched: ShotObservations, around: ClipMetadata) -> OneLens:
-    return OneLens(watched.through_known_lens(), np.ones(len(watched.steps)), fit_lens(watched, around))
+def _assume_no_zoom(watched: ShotObservations, around: ClipMetadata) -> UnzoomedShot:
+    return UnzoomedShot(watched.through_known_lens(), np.ones(len(watched.steps)), fit_fov(watched, around))
 
 
-def _doubts(one: OneLens, around: ClipMetadata, turnings: Sequence[Turning]) -> Iterator[str]:
+def _tracking_warnings(one: UnzoomedShot, around: ClipMetadata, turnings: Sequence[FrameRotation]) -> Iterator[str]:
     """Sentences on why headings may be wrong though points were followed."""
     shares = [turn.share for turn, step in zip(turnings, one.watched.steps, strict=True) if len(step.matches)]
-    fov, said = one.lens[0], said_lens(one.watched, around)[0]
-    if one.told < TOLD:
+    fov, said = one.lens[0], prior_fov(one.watched, around)[0]
+    if one.told < MIN_ZOOMED_FRAMES:
         yield _ZOOM_LOST.format(100.0 * (1.0 - one.told))
-    if shares and (agreed := float(np.median(shares))) < LEAST_AGREED:
-        yield _AT_ODDS.format(100.0 * agreed)
-    if around.given.vertical_fov is None and abs(fov - said) > MOST_SPREADS * LENS_SPREAD:
+    if shares and (agreed := float(np.median(shares))) < MIN_AGREEMENT:
+        yield _FEW_AGREE.format(100.0 * agreed)
+    if around.given.vertical_fov is None and abs(fov - said) > MAX_FOV_STDS * NETWORK_FOV_STD:
         yield _ODD_LENS.format(fov, said)
 
 
-def _lit(one: OneLens, around: ClipMetadata, path: Path, gains: Floats, doubts: tuple[str, ...]) -> Shot:
+def _light_shot(
+    one: UnzoomedShot, around: ClipMetadata, path: CameraPath, gains: Floats, doubts: tuple[str, ...]
+) -> Shot:
     """The shot along a path with gains (N, 3): the light of its looks, with the warnings `doubts`."""
     watched, (fov, sigma) = one.watched, one.lens
-    there = around.known_at(float(path.time[0]), _compass_of_path(path, around.gimbal))
+    there = around.known_at(float(path.time[0]), _compass_heading(path, around.gimbal))
     position = {step.frame: i for i, step in enumerate(watched.steps)}
     at = {frame: around.known_at(float(path.time[position[frame]])) for frame in watched.looks}
-    used = _by_day(at, there)
+    used = _daylight_frames(at, there)
     light = ShotLight()
     for frame, seen in watched.looks.items():
         if frame in used:
@@ -282,24 +291,24 @@ def _lit(one: OneLens, around: ClipMetadata, path: Path, gains: Floats, doubts: 
     fused = light.answer(there.observations)
     fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in watched.steps])
-    return Shot(frames, path, gains, fov, sigma, one.zoom, fused, light.ground, there, north_of(fused, there))
+    return Shot(frames, path, gains, fov, sigma, one.zoom, fused, light.ground, there, estimate_north(fused, there))
 
 
-def _by_day(at: Mapping[int, MetadataPrior], first: MetadataPrior) -> set[int]:
+def _daylight_frames(at: Mapping[int, MetadataPrior], first: MetadataPrior) -> set[int]:
     """The frames that count, of those with what is known `at` each: not those of night in a shot that begins by day."""
     day = {frame for frame, known in at.items() if not known.is_night}
     return day if day and not first.is_night else set(at)
 
 
-def _compass_of_path(path: Path, gimbal: Gimbal) -> float | None:
+def _compass_heading(path: CameraPath, gimbal: Gimbal) -> float | None:
     """Where azimuth 0 points by the gimbal, deg clockwise from north; None without one."""
-    said = told_by(gimbal, path.time)
+    said = sample_gimbal(gimbal, path.time)
     if not said:
         return None
     return circular_mean([heading - path.heading[i] for i, (heading, *_) in said]) % 360.0
 
 
-def north_of(fused: Posterior, known: MetadataPrior) -> float | None:
+def estimate_north(fused: Posterior, known: MetadataPrior) -> float | None:
     """Where azimuth 0 points from true north [deg], by sun and compass together or by the compass alone."""
     if fused.camera_heading is not None:
         return fused.camera_heading.best
@@ -327,40 +336,42 @@ class FrameLight:
         return json.dumps(told, allow_nan=False)
 
 
-def light_of(shot: Shot) -> Lighting:
+def shot_lighting(shot: Shot) -> Lighting:
     """The shot's light as its first camera sees it."""
     light = with_ground_color(build_estimate(shot.fused, shot.known).lighting, shot.ground)
     return replace(
         light,
-        camera_elevation=_rounded(shot.path.elevation[0]),
-        camera_roll=_rounded(wrap_azimuth(shot.path.roll[0])),
-        camera_heading=None if shot.north is None else _as_compass(shot.north),
+        camera_elevation=_round_angle(shot.path.elevation[0]),
+        camera_roll=_round_angle(wrap_azimuth(shot.path.roll[0])),
+        camera_heading=None if shot.north is None else _round_heading(shot.north),
     )
 
 
 def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
     """One answer a frame."""
-    base = light_of(shot)
+    base = shot_lighting(shot)
     for i, frame in enumerate(shot.frames.tolist()):
         red, green, blue = (round(float(g), 5) for g in shot.gains[i])
         yield FrameLight(
             number,
             frame,
             float(shot.path.time[i]),
-            _in_frame(base, shot, i),
+            _lighting_of_frame(base, shot, i),
             (red, green, blue),
             bool(shot.path.bridged[i]),
         )
 
 
-def _in_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
+def _lighting_of_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
     """The shot's light as the camera of its frame `i`, counted in the shot, sees it."""
     path, fov = shot.path, zoomed_fov(base.vertical_fov, float(shot.zoom[i]))
     angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
-    return as_turned(scale_exposure(base, shot.gains[i]), angles, fov, shot.north)
+    return lighting_in_camera(scale_exposure(base, shot.gains[i]), angles, fov, shot.north)
 
 
-def as_turned(light: Lighting, angles: tuple[float, float, float], fov: float, north: float | None) -> Lighting:
+def lighting_in_camera(
+    light: Lighting, angles: tuple[float, float, float], fov: float, north: float | None
+) -> Lighting:
     """A light as a camera sees it that is turned by heading, elevation and roll [deg] and has a field of view [deg].
 
     `north` is where azimuth 0 of the light points, deg clockwise from true north; None where that is not known.
@@ -368,36 +379,36 @@ def as_turned(light: Lighting, angles: tuple[float, float, float], fov: float, n
     heading, elevation, roll = angles
     return replace(
         light,
-        sun_azimuth=_rounded(wrap_azimuth(light.sun_azimuth - heading)),
-        camera_elevation=_rounded(elevation),
-        camera_roll=_rounded(wrap_azimuth(roll)),
-        vertical_fov=_rounded(fov),
-        camera_heading=None if north is None else _as_compass(north + heading),
+        sun_azimuth=_round_angle(wrap_azimuth(light.sun_azimuth - heading)),
+        camera_elevation=_round_angle(elevation),
+        camera_roll=_round_angle(wrap_azimuth(roll)),
+        vertical_fov=_round_angle(fov),
+        camera_heading=None if north is None else _round_heading(north + heading),
         camera_heading_probability=(),
-        relative_heading=_as_compass(heading),
+        relative_heading=_round_heading(heading),
     )
 
 
-def world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, Lighting]:
+def render_world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, Lighting]:
     """The shot's map with true north at its centre, or, where that is unknown, where its first frame points."""
-    light = light_of(shot)
+    light = shot_lighting(shot)
     return render_view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
 
 
-def _rounded(degrees: Floats | float) -> float:
+def _round_angle(degrees: Floats | float) -> float:
     """To four digits behind the point."""
     return round(float(degrees), 4)
 
 
-def _as_compass(degrees: float) -> float:
+def _round_heading(degrees: float) -> float:
     """The same from 0 up to 360."""
-    return _rounded(degrees % 360.0) % 360.0
+    return _round_angle(degrees % 360.0) % 360.0
 
 
 # From a clip to its shots, each solved as soon as it is over.
 
 
-def clip_metadata(clip: Clip, given: UserInput) -> ClipMetadata:
+def metadata_of_clip(clip: Clip, given: UserInput) -> ClipMetadata:
     """What is known of an open clip beside its pixels."""
     if not given.use_exif:
         return ClipMetadata(given=given)
@@ -408,7 +419,7 @@ def analyze_shots(
     clip: Clip,
     model: Model,
     given: UserInput = NO_USER_INPUT,
-    every: float = SEEN_EVERY,
+    every: float = NETWORK_INTERVAL,
     progress: Callable[[float], Any] | None = None,
 ) -> Iterator[Shot | VideoError]:
     """Each shot of an open clip, or, where there was no light to tell, the reason in its place.
@@ -416,8 +427,8 @@ def analyze_shots(
     Raises MissingExtraError, ModelError, and ParameterError where the user's own time and place are of night at the
     clip's first frame.
     """
-    circumstances = clip_metadata(clip, given)
-    for watched in shots_watched(clip.frames(), model, every, progress, circumstances.vertical_fov):
+    circumstances = metadata_of_clip(clip, given)
+    for watched in observe_shots(clip.frames(), model, every, progress, circumstances.vertical_fov):
         try:
             yield solve_shot(watched, circumstances)
         except VideoError as error:

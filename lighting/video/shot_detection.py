@@ -16,27 +16,27 @@ from numpy.typing import NDArray
 from lighting.geometry import Floats
 from lighting.registration.features import Matches, opencv, resize_to
 from lighting.video.decode import Frame
-from lighting.video.keyframes import JOINS, turn_between
+from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes
 from lighting.video.tracking import FEATURE_SIDE, Keyframe, ShotObservations, TrackedFrame
 
 # Dissolves: places in a clip where one picture fades into another one.
 
-COMPARED_EVERY = 0.1  # s between the frames that are compared
-LONGEST_GAP = 0.25  # s between them, beyond which nothing is told
+COMPARISON_INTERVAL = 0.1  # s between the frames that are compared
+MAX_COMPARISON_GAP = 0.25  # s between them, beyond which nothing is told
 LAGS = (3, 6, 12)  # of them, from a frame to the ones before and after: for dissolves of up to 0.6, 1.2 and 2.4 s
-MIXED = (0.2, 0.8)  # the earlier picture's share, within which a frame counts as mixed
-LEAST_UNLIKE = 100.0  # mean square by which neither picture alone explains a mixed frame
-NOISE = 15.0  # the same by which the mixture may miss it
-ALIKE = 0.8  # correlation of the two pictures, from which they are one
+MIXED_SHARES = (0.2, 0.8)  # the earlier picture's share, within which a frame counts as mixed
+MIN_DIFFERENCE = 100.0  # mean square by which neither picture alone explains a mixed frame
+MIXTURE_NOISE = 15.0  # the same by which the mixture may miss it
+MAX_CORRELATION = 0.8  # correlation of the two pictures, from which they are one
 
-_SIDE = 64  # pixels of the longer side
-_SPREAD = 40.0  # grey values, to which the standard deviation of every picture is brought
-_FLAT = 16.0  # grey values, that of a picture with too little in it to be brought there
-_LEAST_SHARED = 0.3  # share of a frame that both other pictures must show
-_GAP = 4  # frames without a mixed one that a dissolve may have
-_CLEAR = 5  # frames to both sides of a dissolve, from where on nothing is mixed
-_MOST = 32  # frames of a dissolve; what lasts longer is no dissolve
-_KEPT = 56  # frames: the longest dissolve, what is before it, and the wait for its end
+_COMPARED_SIDE = 64  # pixels of the longer side
+_EVEN_STD = 40.0  # grey values, to which the standard deviation of every picture is brought
+_MIN_STD = 16.0  # grey values, that of a picture with too little in it to be brought there
+_MIN_SHARED = 0.3  # share of a frame that both other pictures must show
+_MAX_UNMIXED = 4  # frames without a mixed one that a dissolve may have
+_CLEAR_FRAMES = 5  # frames to both sides of a dissolve, from where on nothing is mixed
+_MAX_DISSOLVE_FRAMES = 32  # frames of a dissolve; what lasts longer is no dissolve
+_BUFFERED_FRAMES = 56  # frames: the longest dissolve, what is before it, and the wait for its end
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Dissolve:
 
 
 @dataclass(frozen=True, eq=False)
-class _Small:
+class _ComparedFrame:
     """A frame that is compared."""
 
     number: int
@@ -57,7 +57,7 @@ class _Small:
     even: NDArray[np.uint8]  # (h, w) smaller, of one mean and spread whatever the exposure
 
 
-class Dissolves:
+class DissolveDetector:
     """Takes a clip's frames one by one; tells a dissolve somewhat later than it is over."""
 
     def __init__(self) -> None:
@@ -68,7 +68,7 @@ class Dissolves:
         self._flow.setPatchSize(8)
         self._flow.setPatchStride(4)
         self._flow.setGradientDescentIterations(5)
-        self._kept: deque[_Small] = deque(maxlen=_KEPT)
+        self._kept: deque[_ComparedFrame] = deque(maxlen=_BUFFERED_FRAMES)
         self._mixed: list[int] = []  # numbers of the frames that were found to be mixed, of one dissolve
 
     @property
@@ -79,10 +79,10 @@ class Dissolves:
     def take(self, frame: Frame) -> Dissolve | None:
         """The dissolve that this frame shows to be over."""
         last = self._kept[-1] if self._kept else None
-        if last is not None and frame.time < last.time + COMPARED_EVERY - 1e-3:
+        if last is not None and frame.time < last.time + COMPARISON_INTERVAL - 1e-3:
             return None
         small = self._small(frame, 0 if last is None else last.number + 1)
-        if last is not None and (small.even.shape != last.even.shape or frame.time > last.time + LONGEST_GAP):
+        if last is not None and (small.even.shape != last.even.shape or frame.time > last.time + MAX_COMPARISON_GAP):
             self._kept.clear()
             self._mixed = []
         self._kept.append(small)
@@ -90,7 +90,7 @@ class Dissolves:
             middle = len(self._kept) - 1 - lag
             if middle >= lag and self._kept[middle].number % (lag // LAGS[0]) == 0:
                 self._judge(self._kept[middle - lag], self._kept[middle], small)
-        is_over = bool(self._mixed) and small.number - max(self._mixed) > _GAP + LAGS[-1]
+        is_over = bool(self._mixed) and small.number - max(self._mixed) > _MAX_UNMIXED + LAGS[-1]
         return self.finish() if is_over else None
 
     def finish(self) -> Dissolve | None:
@@ -103,36 +103,36 @@ class Dissolves:
         first, last = first - margin, last + margin
         lowest, highest = self._kept[0].number, self._kept[-1].number
 
-        def at(number: int) -> _Small:
+        def at(number: int) -> _ComparedFrame:
             return self._kept[min(max(number, lowest), highest) - lowest]
 
-        if last - first > _MOST or _show_the_same(at(first - _CLEAR), at(last + _CLEAR)):
+        if last - first > _MAX_DISSOLVE_FRAMES or _match_frames(at(first - _CLEAR_FRAMES), at(last + _CLEAR_FRAMES)):
             return None
         return Dissolve(at(first).time, at(last).time)
 
-    def _judge(self, before: _Small, middle: _Small, after: _Small) -> None:
-        if self._mixed and middle.number > max(self._mixed) + _GAP:
+    def _judge(self, before: _ComparedFrame, middle: _ComparedFrame, after: _ComparedFrame) -> None:
+        if self._mixed and middle.number > max(self._mixed) + _MAX_UNMIXED:
             return  # of another dissolve, or none: this one is told first
         if self._is_mixed(before.even, middle.even, after.even):
             self._mixed.append(middle.number)
 
-    def _small(self, frame: Frame, number: int) -> _Small:
+    def _small(self, frame: Frame, number: int) -> _ComparedFrame:
         picture = resize_to(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
-        tiny = resize_to(picture, _SIDE)
+        tiny = resize_to(picture, _COMPARED_SIDE)
         mean, spread = self._cv2.meanStdDev(tiny)
-        scale = _SPREAD / max(float(spread[0, 0]), _FLAT)
+        scale = _EVEN_STD / max(float(spread[0, 0]), _MIN_STD)
         even = self._cv2.convertScaleAbs(np.maximum(tiny * scale + (128.0 - scale * float(mean[0, 0])), 0.0))
-        return _Small(number, frame.time, picture, np.asarray(even))
+        return _ComparedFrame(number, frame.time, picture, np.asarray(even))
 
     def _is_mixed(self, before: NDArray[np.uint8], middle: NDArray[np.uint8], after: NDArray[np.uint8]) -> bool:
         """Whether a frame is a mixture of two others, and not in part the one and in part the other."""
         shown, by_first = middle.astype(np.float32), self._moved(before, middle)
         there = np.isfinite(by_first)
-        if there.mean() < _LEAST_SHARED or np.square((shown - by_first)[there]).mean() < LEAST_UNLIKE:
+        if there.mean() < _MIN_SHARED or np.square((shown - by_first)[there]).mean() < MIN_DIFFERENCE:
             return False
         by_second = self._moved(after, middle)
         there &= np.isfinite(by_second)
-        return bool(there.mean() >= _LEAST_SHARED) and _is_mixture(by_first[there], shown[there], by_second[there])
+        return bool(there.mean() >= _MIN_SHARED) and _is_mixture(by_first[there], shown[there], by_second[there])
 
     def _moved(self, other: NDArray[np.uint8], onto: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Another picture (h, w) as seen from this one, NaN where it shows nothing."""
@@ -154,13 +154,13 @@ def _is_mixture(first: Floats, shown: Floats, second: Floats) -> bool:
     """Whether values (N,) are those of two pictures (N,) with one share throughout, and the two differ."""
     apart = first - second
     share = float(apart @ (shown - second)) / max(float(apart @ apart), 1e-6)
-    if not MIXED[0] < share < MIXED[1]:
+    if not MIXED_SHARES[0] < share < MIXED_SHARES[1]:
         return False
-    missed = float(np.square(shown - second - share * apart).mean()) + NOISE
+    missed = float(np.square(shown - second - share * apart).mean()) + MIXTURE_NOISE
     unlike = float(np.minimum(np.square(shown - first), np.square(shown - second)).mean())
-    if unlike < max(LEAST_UNLIKE, missed):
+    if unlike < max(MIN_DIFFERENCE, missed):
         return False
-    return bool(_correlation(first, second) < ALIKE)
+    return bool(_correlation(first, second) < MAX_CORRELATION)
 
 
 def _correlation(a: Floats, b: Floats) -> float:
@@ -168,12 +168,12 @@ def _correlation(a: Floats, b: Floats) -> float:
     return float(a @ b) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-6)
 
 
-def _show_the_same(before: _Small, after: _Small) -> bool:
+def _match_frames(before: _ComparedFrame, after: _ComparedFrame) -> bool:
     a, b = (Keyframe(small.number, 0, small.number, small.time, small.picture) for small in (before, after))
-    return turn_between(a, b, None) is not None
+    return match_keyframes(a, b, None) is not None
 
 
-SHORT = 5  # frames, fewer than which are no shot but a gap in one
+MIN_SHOT_FRAMES = 5  # frames, fewer than which are no shot but a gap in one
 
 
 def split_shots(watched: ShotObservations) -> list[ShotObservations]:
@@ -182,17 +182,17 @@ def split_shots(watched: ShotObservations) -> list[ShotObservations]:
     keys = {s: sorted((k for k in watched.keys.values() if k.stretch == s), key=lambda k: k.number) for s in long}
     shot_of, number = {}, 0
     for before, after in zip([None, *long[:-1]], long, strict=True):
-        if before is not None and not _is_joined(keys[before], keys[after]):
+        if before is not None and not _is_same_shot(keys[before], keys[after]):
             number += 1
         shot_of[after] = number
     current, members = 0, []
     for step in watched.steps:
         current = shot_of.get(step.stretch, current)
         members.append(current)
-    return [_part(watched, [i for i, m in enumerate(members) if m == n]) for n in range(number + 1)]
+    return [_select_frames(watched, [i for i, m in enumerate(members) if m == n]) for n in range(number + 1)]
 
 
-def divided(watched: ShotObservations, dissolve: Dissolve) -> list[ShotObservations]:
+def split_at_dissolve(watched: ShotObservations, dissolve: Dissolve) -> list[ShotObservations]:
     """What is before the middle of a dissolve, if that is a shot, and what is after it.
 
     Nothing counts as followed or seen while it lasts; nor does what is followed from before it later on.
@@ -204,9 +204,9 @@ def divided(watched: ShotObservations, dissolve: Dissolve) -> list[ShotObservati
     if not late:
         return [watched]
     middle = 0.5 * (dissolve.first + dissolve.last)
-    begin = sum(step.time < middle for step in steps) if len(clear) >= SHORT else 0
-    ending = [*clear, *(_lost(step, clear[-1]) for step in steps[len(clear) : begin])][:begin]
-    beginning = [_lost(step, steps[late[0]]) for step in steps[begin : late[0]]]
+    begin = sum(step.time < middle for step in steps) if len(clear) >= MIN_SHOT_FRAMES else 0
+    ending = [*clear, *(_as_lost(step, clear[-1]) for step in steps[len(clear) : begin])][:begin]
+    beginning = [_as_lost(step, steps[late[0]]) for step in steps[begin : late[0]]]
     mixed = {step.frame for step in steps if dissolve.first <= step.time <= dissolve.last}
     unmixed = replace(
         watched,
@@ -214,10 +214,10 @@ def divided(watched: ShotObservations, dissolve: Dissolve) -> list[ShotObservati
         keys={n: key for n, key in watched.keys.items() if key.frame not in mixed},
         looks={frame: seen for frame, seen in watched.looks.items() if frame not in mixed},
     )
-    return [_part(unmixed, part) for part in (range(begin), range(begin, len(steps))) if part]
+    return [_select_frames(unmixed, part) for part in (range(begin), range(begin, len(steps))) if part]
 
 
-def _lost(step: TrackedFrame, like: TrackedFrame) -> TrackedFrame:
+def _as_lost(step: TrackedFrame, like: TrackedFrame) -> TrackedFrame:
     """A frame in which nothing can be followed, in the stretch of another one."""
     nothing = np.empty((0, 2), np.float32)
     matches = Matches(nothing, nothing, step.matches.pixel)
@@ -226,16 +226,16 @@ def _lost(step: TrackedFrame, like: TrackedFrame) -> TrackedFrame:
 
 def _long_stretches(steps: Sequence[TrackedFrame]) -> list[int]:
     stretches, counts = np.unique([step.stretch for step in steps], return_counts=True)
-    long = stretches[counts >= SHORT]
+    long = stretches[counts >= MIN_SHOT_FRAMES]
     return [int(s) for s in (long if len(long) else stretches[[int(np.argmax(counts))]])]
 
 
-def _is_joined(before: Sequence[Keyframe], after: Sequence[Keyframe]) -> bool:
+def _is_same_shot(before: Sequence[Keyframe], after: Sequence[Keyframe]) -> bool:
     """Whether keyframes to both sides of a gap show the same things."""
-    return any(turn_between(a, b, None) is not None for a in before[-JOINS:] for b in after[:JOINS])
+    return any(match_keyframes(a, b, None) is not None for a in before[-GAP_KEYFRAMES:] for b in after[:GAP_KEYFRAMES])
 
 
-def _part(watched: ShotObservations, positions: Sequence[int]) -> ShotObservations:
+def _select_frames(watched: ShotObservations, positions: Sequence[int]) -> ShotObservations:
     steps = [watched.steps[i] for i in positions]
     frames = {step.frame for step in steps}
     keys = {n: k for n, k in watched.keys.items() if k.frame in frames}

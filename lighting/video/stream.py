@@ -38,25 +38,33 @@ from lighting.registration.rotations import (
     up_in_own_frame,
 )
 from lighting.registration.two_view import Turn
-from lighting.video.decode import SIDE, Frame
-from lighting.video.intrinsics import GUESS_SPREAD, LENS_FLOOR, LENS_SPREAD, is_zoomed, tells_lens
-from lighting.video.keyframes import turn_between
+from lighting.video.decode import FRAME_SIDE, Frame
+from lighting.video.intrinsics import GUESSED_FOV_STD, MIN_FOV_STD, NETWORK_FOV_STD, constrains_fov, is_zoomed
+from lighting.video.keyframes import match_keyframes
 from lighting.video.light import FrameObservation, ShotLight
-from lighting.video.shot import as_turned, estimate_frame, is_dark, north_of
-from lighting.video.tracking import ClipMetadata, Follower, FrameEstimate, Keyframe, TrackedFrame, is_believed, turning
+from lighting.video.shot import estimate_frame, estimate_north, is_dark, lighting_in_camera
+from lighting.video.tracking import (
+    ClipMetadata,
+    FrameEstimate,
+    Keyframe,
+    PointTracker,
+    TrackedFrame,
+    estimate_frame_rotation,
+    is_reliable,
+)
 
 # Keyframes of a stream that are remembered, to be recognised: a few for each direction, at most BANK of them.
 
-BANK = 32  # keyframes that are remembered
-APART = 12.0  # deg between two of a chain
-RECENT = 3  # keyframes; those just before are no news
-COMPARED = 3  # keyframes of its own chain, with a new one
-STRANGERS = 3  # of other chains, those that seem nearest, and as many of the others, in turn
-FIRST = 0  # the chain that headings are against
+MAX_KEYFRAMES = 32  # keyframes that are remembered
+MIN_KEYFRAME_ANGLE = 12.0  # deg between two of a chain
+RECENT_KEYFRAMES = 3  # keyframes; those just before are no news
+MAX_COMPARED = 3  # keyframes of its own chain, with a new one
+MAX_OTHER_CHAINS = 3  # of other chains, those that seem nearest, and as many of the others, in turn
+FIRST_CHAIN = 0  # the chain that headings are against
 
 
 @dataclass(frozen=True, eq=False)
-class _Kept:
+class _BankKeyframe:
     """A keyframe of the bank."""
 
     key: Keyframe
@@ -64,32 +72,38 @@ class _Kept:
     chain: int
 
 
-class _Bank:
+class _KeyframeBank:
     """Keyframes with their orientations, not two of one direction in a chain."""
 
     def __init__(self) -> None:
-        self.kept: list[_Kept] = []
+        self.kept: list[_BankKeyframe] = []
 
-    def own(self, key: Keyframe, orientation: Floats, chain: int, within: float) -> Sequence[_Kept]:
+    def own(self, key: Keyframe, orientation: Floats, chain: int, within: float) -> Sequence[_BankKeyframe]:
         """The nearest COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
         apart = {i: angle for i, angle in self._apart(orientation).items() if self.kept[i].chain == chain}
         near = sorted((i for i in apart if apart[i] < within and _is_old(self.kept[i].key, key)), key=apart.__getitem__)
-        return [self.kept[i] for i in near[:COMPARED]]
+        return [self.kept[i] for i in near[:MAX_COMPARED]]
 
-    def strangers(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_Kept]:
+    def strangers(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_BankKeyframe]:
         """Keyframes of other chains, whose directions are unknown: none is too far off, and each gets its turn."""
         apart = {i: angle for i, angle in self._apart(orientation).items() if self.kept[i].chain != chain}
         order = sorted(apart, key=apart.__getitem__)
-        rest = order[STRANGERS:]
-        start = key.number * STRANGERS % max(len(rest), 1)
-        return [self.kept[i] for i in [*order[:STRANGERS], *(rest + rest)[start : start + min(STRANGERS, len(rest))]]]
+        rest = order[MAX_OTHER_CHAINS:]
+        start = key.number * MAX_OTHER_CHAINS % max(len(rest), 1)
+        return [
+            self.kept[i]
+            for i in [*order[:MAX_OTHER_CHAINS], *(rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]]
+        ]
 
-    def add(self, new: _Kept) -> None:
+    def add(self, new: _BankKeyframe) -> None:
         """Remember a keyframe, unless its chain has one of nearly the same direction."""
-        if any(angle < APART and self.kept[i].chain == new.chain for i, angle in self._apart(new.orientation).items()):
+        if any(
+            angle < MIN_KEYFRAME_ANGLE and self.kept[i].chain == new.chain
+            for i, angle in self._apart(new.orientation).items()
+        ):
             return
         self.kept.append(new)
-        if len(self.kept) > BANK:
+        if len(self.kept) > MAX_KEYFRAMES:
             del self.kept[self._least_missed(new.chain)]
 
     def join(self, chain: int, other: int, correction: Floats) -> None:
@@ -108,21 +122,21 @@ class _Bank:
 
         The first frame's stays: it is what all headings refer to.
         """
-        left = [i for i, k in enumerate(self.kept) if k.chain not in (FIRST, chain)]
-        first, present = ([i for i, k in enumerate(self.kept) if k.chain == c] for c in (FIRST, chain))
+        left = [i for i, k in enumerate(self.kept) if k.chain not in (FIRST_CHAIN, chain)]
+        first, present = ([i for i, k in enumerate(self.kept) if k.chain == c] for c in (FIRST_CHAIN, chain))
         return left[0] if left else (present if len(present) > len(first) else first[1:])[0]
 
 
 def _is_old(kept: Keyframe, new: Keyframe) -> bool:
-    return new.number - kept.number > RECENT or new.stretch != kept.stretch
+    return new.number - kept.number > RECENT_KEYFRAMES or new.stretch != kept.stretch
 
 
 # What a stream teaches as its frames come: which way is up, the light, and the lens; memory constant.
 
-UPS = 64  # looks whose gravity and lens count; older ones fade
+MAX_LOOKS = 64  # looks whose gravity and lens count; older ones fade
 
 
-class _Looks:
+class _ChainLight:
     """What looks tell in the frame of one chain: which way is up, and the light."""
 
     def __init__(self, chain: int) -> None:
@@ -138,7 +152,7 @@ class _Looks:
         """Count a look by a camera of that orientation (3, 3)."""
         said = seen.prediction
         up = orientation.T @ up_in_own_frame(said.camera_elevation, said.camera_roll)
-        self._ups = min(self._ups + 1, UPS)
+        self._ups = min(self._ups + 1, MAX_LOOKS)
         before = up if self._up is None else self._up
         mean = before + (up - before) / self._ups
         self._up = np.asarray(mean / np.linalg.norm(mean))
@@ -152,7 +166,7 @@ class _Looks:
         return float(heading[0]), float(elevation[0]), float(roll[0])
 
 
-class _LearntLens:
+class _LensEstimator:
     """A field of view learnt as frames come: given, or by the network, or by turns between keyframes."""
 
     def __init__(self, given: float | None) -> None:
@@ -165,37 +179,37 @@ class _LearntLens:
         """Vertical, deg."""
         if self.given is not None:
             return self.given
-        own = LENS_SPREAD**-2
+        own = NETWORK_FOV_STD**-2
         return (self._sum + own * self._seen) / (self._weight + own)
 
     def see(self, fov: float) -> None:
         """Count what the network says of a look."""
-        self._looks = min(self._looks + 1, UPS)
+        self._looks = min(self._looks + 1, MAX_LOOKS)
         self._seen += (fov - self._seen) / self._looks
 
     def learn(self, a: Keyframe, b: Keyframe) -> None:
         """From the turn between two keyframes, while the lens is not known well."""
-        if self.given is not None or self._weight > 1.0 / LENS_FLOOR**2 * 4:
+        if self.given is not None or self._weight > 1.0 / MIN_FOV_STD**2 * 4:
             return
-        turn = turn_between(a, b, None)
+        turn = match_keyframes(a, b, None)
         if turn is not None and not turn.zoomed:
             self.count(turn)
 
     def count(self, turn: Turn) -> None:
         """Learn from a turn to a picture that was seen through this lens."""
-        if turn.zoomed or tells_lens(turn, self._seen):
-            weight = 1.0 / (turn.fov_sigma**2 + LENS_FLOOR**2)
+        if turn.zoomed or constrains_fov(turn, self._seen):
+            weight = 1.0 / (turn.fov_sigma**2 + MIN_FOV_STD**2)
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[1], self._weight + weight
 
 
-LONGEST = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
-LOOK_EVERY = 2.0  # s between the frames that the network sees
-RECOGNISED = 0.5  # share of the correction by a recognised keyframe that is taken at once
-ZOOM_EVERY = 4  # frames, of which one is asked whether the lens was zoomed
+MAX_TIME = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
+STREAM_NETWORK_INTERVAL = 2.0  # s between the frames that the network sees
+CORRECTION_SHARE = 0.5  # share of the correction by a recognised keyframe that is taken at once
+ZOOM_CHECK_FRAMES = 4  # frames, of which one is asked whether the lens was zoomed
 
 
 @dataclass(frozen=True)
-class _Sighting:
+class _StreamFrame:
     """The answer after a frame."""
 
     lighting: Lighting  # as this frame's camera sees it; `camera_heading` is absolute, where time and place are known
@@ -209,7 +223,7 @@ class Tracker:
     """Takes frames (h, w, 3), upright sRGB, of one size; not for several threads."""
 
     def __init__(
-        self, model: Model | None = None, given: UserInput | None = None, *, look_every: float = LOOK_EVERY
+        self, model: Model | None = None, given: UserInput | None = None, *, look_every: float = STREAM_NETWORK_INTERVAL
     ) -> None:
         """`given` is of the first frame: its time, place, heading and field of view, as far as they are known.
 
@@ -226,19 +240,21 @@ class Tracker:
         check_user_input(known)
         self._around = ClipMetadata(given=known, subject="stream")
         self._look_every, self._due = look_every, -math.inf
-        self._follower, self._lens = Follower(), _LearntLens(self._around.given.vertical_fov)
+        self._follower, self._lens = PointTracker(), _LensEstimator(self._around.given.vertical_fov)
         self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
         self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
-        self._bank = _Bank()
-        self._chain = self._chains = FIRST  # the one in use, and the last that was begun
+        self._bank = _KeyframeBank()
+        self._chain = self._chains = FIRST_CHAIN  # the one in use, and the last that was begun
         self._before: Keyframe | None = None  # the keyframe before, where the thread was not lost since
         self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
         self._orientation, self._gain = np.eye(3), np.ones(3)
-        self._first = self._seen = _Looks(FIRST)  # what looks tell in the first chain, and in the one last looked from
+        self._first = self._seen = _ChainLight(
+            FIRST_CHAIN
+        )  # what looks tell in the first chain, and in the one last looked from
         self._count = 0
         self._known = MetadataPrior()  # of the last moment that is not of night
 
-    def __call__(self, pixels: NDArray[np.uint8], time: float) -> _Sighting | None:
+    def __call__(self, pixels: NDArray[np.uint8], time: float) -> _StreamFrame | None:
         """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
 
         When night falls by the time and place given, the sun stays where the last frame before that had it.
@@ -249,10 +265,10 @@ class Tracker:
         if not math.isfinite(time):
             sentence = f"The time of a frame must be a finite number of seconds, not {time}."
             raise ParameterError(sentence, "time", ErrorCode.WRONG_TYPE)
-        if abs(time) > LONGEST:
+        if abs(time) > MAX_TIME:
             sentence = f"The time of a frame must be seconds after the first, not {time:g}."
             raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
-        frame = Frame(self._count, time, _shrunk(checked_pixels(pixels)))
+        frame = Frame(self._count, time, _shrink_frame(checked_pixels(pixels)))
         self._count += 1
         step = self._follower.follow(frame)
         size = (frame.pixels.shape[1], frame.pixels.shape[0])
@@ -272,13 +288,13 @@ class Tracker:
             self._of_key = {step.key: (self._orientation, self._gain)}
             return len(step.matches) > 0
         base, gain = self._of_key[step.key]
-        turned = turning(step.matches, focal_of(self._lens.fov, *size), self._orientation @ base.T)
+        turned = estimate_frame_rotation(step.matches, focal_of(self._lens.fov, *size), self._orientation @ base.T)
         self._gain = gain * step.gain
-        believed = is_believed(turned, begins=False)
+        believed = is_reliable(turned, begins=False)
         if believed:
             self._orientation = turned.rotation @ base
         if self._is_zoomed(step, size):
-            self._zoomed_key, self._lens, self._lens_spread = step.key, _LearntLens(None), GUESS_SPREAD
+            self._zoomed_key, self._lens, self._lens_spread = step.key, _LensEstimator(None), GUESSED_FOV_STD
             self._lose()
         elif step.makes is not None and not believed:
             self._lose()
@@ -289,7 +305,7 @@ class Tracker:
 
     def _is_zoomed(self, step: TrackedFrame, size: tuple[int, int]) -> bool:
         """Whether the lens was zoomed since the keyframe, asked once of a keyframe and when the next one begins."""
-        if step.makes is None and (step.key == self._zoomed_key or step.frame % ZOOM_EVERY):
+        if step.makes is None and (step.key == self._zoomed_key or step.frame % ZOOM_CHECK_FRAMES):
             return False
         return self._first.fused is not None and is_zoomed(step.matches, self._lens.fov, size)
 
@@ -297,7 +313,7 @@ class Tracker:
         """Begin another chain; all begins anew where there was no answer yet."""
         self._before = None
         if self._first.fused is None:
-            self._bank, self._orientation, self._gain = _Bank(), np.eye(3), np.ones(3)
+            self._bank, self._orientation, self._gain = _KeyframeBank(), np.eye(3), np.ones(3)
             return
         self._chains += 1
         self._chain, self._due = self._chains, -math.inf
@@ -307,7 +323,7 @@ class Tracker:
         before, self._before = self._before, key
         near = self._bank.own(key, self._of_key[key.number][0], self._chain, 0.5 * self._lens.fov)
         if again := self._recognised(key, near):
-            self._correct(rotation_about(RECOGNISED * rotation_vector(again[1])))
+            self._correct(rotation_about(CORRECTION_SHARE * rotation_vector(again[1])))
         strange = self._recognised(key, self._bank.strangers(key, self._of_key[key.number][0], self._chain))
         if strange:
             self._join(*strange)
@@ -315,18 +331,18 @@ class Tracker:
             return
         if before is not None:
             self._lens.learn(before, key)
-        self._bank.add(_Kept(key, nearest_rotation(self._of_key[key.number][0]), self._chain))
+        self._bank.add(_BankKeyframe(key, nearest_rotation(self._of_key[key.number][0]), self._chain))
 
-    def _recognised(self, key: Keyframe, among: Sequence[_Kept]) -> tuple[_Kept, Floats] | None:
+    def _recognised(self, key: Keyframe, among: Sequence[_BankKeyframe]) -> tuple[_BankKeyframe, Floats] | None:
         """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
         for kept in among:
-            if (turn := turn_between(kept.key, key, self._lens.fov, self._lens_spread)) is not None:
+            if (turn := match_keyframes(kept.key, key, self._lens.fov, self._lens_spread)) is not None:
                 if self._lens_spread:
                     self._lens.count(turn)
                 return kept, self._of_key[key.number][0].T @ turn.rotation @ kept.orientation
         return None
 
-    def _join(self, kept: _Kept, between: Floats) -> None:
+    def _join(self, kept: _BankKeyframe, between: Floats) -> None:
         """Turn the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
         if kept.chain > self._chain:
             self._bank.join(kept.chain, self._chain, between.T)
@@ -334,7 +350,7 @@ class Tracker:
         self._bank.join(self._chain, kept.chain, between)
         self._correct(between)
         self._chain, self._due = kept.chain, -math.inf
-        if self._chain == FIRST:
+        if self._chain == FIRST_CHAIN:
             self._seen = self._first
 
     def _correct(self, correction: Floats) -> None:
@@ -348,13 +364,17 @@ class Tracker:
         seen = seen.by_lens or seen
         self._lens.see(seen.prediction.vertical_fov)
         if self._seen.chain != self._chain:
-            self._seen = _Looks(self._chain)
+            self._seen = _ChainLight(self._chain)
         gain = float(luminance(self._gain))
         self._seen.add(seen, self._orientation, self._lens.fov, gain, self._in_chain(known))
 
     def _in_chain(self, known: MetadataPrior) -> MetadataPrior:
         """What is known in the frame of the present chain: a heading is that of the first frame."""
-        return known if self._chain == FIRST else replace(known, observations=replace(known.observations, heading=None))
+        return (
+            known
+            if self._chain == FIRST_CHAIN
+            else replace(known, observations=replace(known.observations, heading=None))
+        )
 
     def _known_at(self, time: float) -> MetadataPrior:
         """What is known of a moment, the heading being that of the first frame."""
@@ -362,23 +382,25 @@ class Tracker:
         compass = replace(known.observations, heading=first.heading, heading_std=first.heading_std)
         return replace(known, observations=compass)
 
-    def _answer(self, followed: bool) -> _Sighting | None:
+    def _answer(self, followed: bool) -> _StreamFrame | None:
         if (fused := self._seen.fused) is None:
             return None
         angles = self._seen.angles(self._orientation)
         known = self._in_chain(self._known)
         base = with_ground_color(build_estimate(fused, known).lighting, self._seen.light.ground)
-        lighting = as_turned(scale_exposure(base, self._gain), angles, self._lens.fov, north_of(fused, known))
+        lighting = lighting_in_camera(
+            scale_exposure(base, self._gain), angles, self._lens.fov, estimate_north(fused, known)
+        )
         red, green, blue = map(float, self._gain)
-        return _Sighting(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST)
+        return _StreamFrame(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST_CHAIN)
 
 
-def _shrunk(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def _shrink_frame(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The frame with its longer side at most SIDE pixels."""
     from PIL import Image
 
     height, width = pixels.shape[:2]
-    size = shrunk(width, height, SIDE)
+    size = shrunk(width, height, FRAME_SIDE)
     if size == (width, height):
         return np.ascontiguousarray(pixels)
     return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=2.0))

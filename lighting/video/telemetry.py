@@ -17,17 +17,19 @@ from lighting.geometry import Floats, wrap_azimuth
 from lighting.photo.imu import heading_from_gimbal
 from lighting.photo.metadata import YEAR_RANGE, PhotoMetadata, vertical_fov_from_focal_length
 
-APPLE = "com.apple.quicktime."
-PLACES = (f"{APPLE}location.ISO6709", "location", "location-eng", "\xa9xyz")
-LENSES = (f"{APPLE}camera.focal_length.35mm_equivalent",)
-HEADINGS = (f"{APPLE}direction.facing",)
-LENS_LENGTHS = (8.0, 180.0)  # mm, as on 35 mm film, that a drone's lens may have
-LARGEST_SUBTITLES = 64_000_000  # bytes; an hour of DJI's at 30 frames a second is 30 million
+QUICKTIME = "com.apple.quicktime."
+LOCATION_TAGS = (f"{QUICKTIME}location.ISO6709", "location", "location-eng", "\xa9xyz")
+LENS_TAGS = (f"{QUICKTIME}camera.focal_length.35mm_equivalent",)
+HEADING_TAGS = (f"{QUICKTIME}direction.facing",)
+FOCAL_LENGTHS = (8.0, 180.0)  # mm, as on 35 mm film, that a drone's lens may have
+MAX_SUBTITLE_BYTES = 64_000_000  # bytes; an hour of DJI's at 30 frames a second is 30 million
 
-_PLACE = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
-_PAIR = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
-_FIX = re.compile(r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)")  # longitude first, as older models write it
-_START = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
+_ISO6709 = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
+_NUMBER = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
+_GPS_PAIR = re.compile(
+    r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)"
+)  # longitude first, as older models write it
+_START_TIME = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 _NO_DIGITAL_ZOOM = (0.0, 1.0, 10000.0)  # ratios: some models count ten-thousandths, and 0 says nothing
 _CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
 
@@ -50,11 +52,11 @@ class Gimbal:
         return heading % 360.0, elevation, float(wrap_azimuth(roll))
 
 
-def container_facts(metadata: Mapping[str, str], width: int, height: int) -> PhotoMetadata:
+def container_metadata(metadata: Mapping[str, str], width: int, height: int) -> PhotoMetadata:
     """The facts in a container's metadata; `width` and `height` are those of the upright picture. Never raises."""
-    place = _first(metadata, PLACES, _place)
-    lens = _first(metadata, LENSES, _positive)
-    heading = _first(metadata, HEADINGS, _degrees)
+    place = _first_value(metadata, LOCATION_TAGS, _parse_iso6709)
+    lens = _first_value(metadata, LENS_TAGS, _positive)
+    heading = _first_value(metadata, HEADING_TAGS, _degrees)
     facts = PhotoMetadata(
         latitude=None if place is None else place[0],
         longitude=None if place is None else place[1],
@@ -63,31 +65,31 @@ def container_facts(metadata: Mapping[str, str], width: int, height: int) -> Pho
         focal_length=lens,
         vertical_fov=None if lens is None else vertical_fov_from_focal_length(lens, width, height),
     )
-    return _recorded_at(facts, metadata)
+    return _with_recording_time(facts, metadata)
 
 
-def _first(metadata: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
-    values = (_read(read, metadata[name]) for name in names if name in metadata)
+def _first_value(metadata: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
+    values = (_try_read(read, metadata[name]) for name in names if name in metadata)
     return next((value for value in values if value is not None), None)
 
 
-def _read(read: Any, text: str) -> Any:
+def _try_read(read: Any, text: str) -> Any:
     try:
         return read(text)
     except (ArithmeticError, LookupError, TypeError, ValueError):
         return None
 
 
-def _place(text: str) -> tuple[float, float] | None:
+def _parse_iso6709(text: str) -> tuple[float, float] | None:
     """Latitude and longitude [deg] of ISO 6709 in decimal degrees, "+48.1173+011.5167+520/"."""
-    parts = _PLACE.fullmatch(text.strip())
+    parts = _ISO6709.fullmatch(text.strip())
     if parts is None:
         return None
     latitude, longitude = float(parts[1]), float(parts[2])
-    return _somewhere(latitude, longitude)
+    return _valid_location(latitude, longitude)
 
 
-def _somewhere(latitude: float, longitude: float) -> tuple[float, float] | None:
+def _valid_location(latitude: float, longitude: float) -> tuple[float, float] | None:
     nowhere = latitude == longitude == 0.0  # what recorders write that have no fix
     return (latitude, longitude) if abs(latitude) <= 90 and abs(longitude) <= 180 and not nowhere else None
 
@@ -102,9 +104,11 @@ def _degrees(text: str) -> float | None:
     return value % 360.0 if math.isfinite(value) else None
 
 
-def _recorded_at(facts: PhotoMetadata, metadata: Mapping[str, str]) -> PhotoMetadata:
+def _with_recording_time(facts: PhotoMetadata, metadata: Mapping[str, str]) -> PhotoMetadata:
     """The same with the moment of recording: Apple's with its zone, else the container's, which is in UTC."""
-    moments = (_read(_moment, metadata[n]) for n in (f"{APPLE}creationdate", "creation_time") if n in metadata)
+    moments = (
+        _try_read(_parse_moment, metadata[n]) for n in (f"{QUICKTIME}creationdate", "creation_time") if n in metadata
+    )
     moment = next((m for m in moments if m is not None), None)
     if moment is None:
         return facts
@@ -113,7 +117,7 @@ def _recorded_at(facts: PhotoMetadata, metadata: Mapping[str, str]) -> PhotoMeta
     return replace(facts, local_time=local, utc_offset=offset if local else None, utc_time=moment.astimezone(UTC))
 
 
-def _moment(text: str) -> datetime | None:
+def _parse_moment(text: str) -> datetime | None:
     moment = datetime.fromisoformat(text.strip())
     aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
     return (
@@ -121,24 +125,24 @@ def _moment(text: str) -> datetime | None:
     )  # QuickTime counts from 1904
 
 
-def subtitles_beside(clip: Path) -> str:
+def read_subtitles(clip: Path) -> str:
     """What DJI's subtitle file of the same name holds, empty without one."""
     for suffix in (".SRT", ".srt"):
         file = clip.with_suffix(suffix)
         try:
-            if file.is_file() and file.stat().st_size <= LARGEST_SUBTITLES:
+            if file.is_file() and file.stat().st_size <= MAX_SUBTITLE_BYTES:
                 return file.read_text(encoding="utf-8", errors="replace")
         except OSError:
             return ""
     return ""
 
 
-def subtitle_facts(text: str, width: int, height: int) -> tuple[PhotoMetadata, Gimbal]:
+def subtitle_metadata(text: str, width: int, height: int) -> tuple[PhotoMetadata, Gimbal]:
     """The facts of the first entry and the gimbal's angles of all; other programs' subtitles say nothing."""
-    entries = [found for block in re.split(r"\r?\n\s*\r?\n", text) if (found := _entry(block))]
+    entries = [found for block in re.split(r"\r?\n\s*\r?\n", text) if (found := _parse_entry(block))]
     if not entries:
         return PhotoMetadata(), Gimbal()
-    return _entry_facts(entries, width, height), _gimbal(entries)
+    return _metadata_of_entries(entries, width, height), _make_gimbal(entries)
 
 
 @dataclass(frozen=True)
@@ -151,15 +155,15 @@ class _Entry:
     clock: datetime | None  # local
 
 
-def _entry(block: str) -> _Entry | None:
+def _parse_entry(block: str) -> _Entry | None:
     """What one entry says; None where it is not DJI's.
 
     A picture that is zoomed digitally is a crop, of which the focal length says nothing.
     """
-    start = _START.search(block)
-    said = {name.lower(): value for name, value in _PAIR.findall(block)}
+    start = _START_TIME.search(block)
+    said = {name.lower(): value for name, value in _NUMBER.findall(block)}
     numbers = {name: float(value) for name, value in said.items()}
-    if fix := _FIX.search(block):
+    if fix := _GPS_PAIR.search(block):
         numbers["longitude"], numbers["latitude"] = float(fix[1]), float(fix[2])
     if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
         return None
@@ -169,25 +173,25 @@ def _entry(block: str) -> _Entry | None:
     return _Entry(
         start=3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0,
         numbers=numbers,
-        focal_length=None if zoomed else _focal_length(said.get("focal_len", "")),
-        clock=_read(_local_time, clock[0]) if clock else None,
+        focal_length=None if zoomed else _parse_focal_length(said.get("focal_len", "")),
+        clock=_try_read(_parse_local_time, clock[0]) if clock else None,
     )
 
 
-def _focal_length(text: str) -> float | None:
+def _parse_focal_length(text: str) -> float | None:
     """Millimetres of "24.00", of "24", and of "240", as models write it that count tenths; None for what cannot be."""
     value = float(text or 0.0)
     value = 0.1 * value if value >= 100.0 and "." not in text else value
-    return value if LENS_LENGTHS[0] <= value <= LENS_LENGTHS[1] else None
+    return value if FOCAL_LENGTHS[0] <= value <= FOCAL_LENGTHS[1] else None
 
 
-def _local_time(text: str) -> datetime:
+def _parse_local_time(text: str) -> datetime:
     year, month, day, hour, minute, second = map(int, re.findall(r"\d+", text))
     return datetime(year, month, day, hour, minute, second)
 
 
-def _entry_facts(entries: list[_Entry], width: int, height: int) -> PhotoMetadata:
-    place = next((p for e in entries if (p := _entry_place(e)) is not None), None)
+def _metadata_of_entries(entries: list[_Entry], width: int, height: int) -> PhotoMetadata:
+    place = next((p for e in entries if (p := _entry_location(e)) is not None), None)
     lens = entries[0].focal_length
     return PhotoMetadata(
         local_time=entries[0].clock,
@@ -198,14 +202,14 @@ def _entry_facts(entries: list[_Entry], width: int, height: int) -> PhotoMetadat
     )
 
 
-def _entry_place(entry: _Entry) -> tuple[float, float] | None:
+def _entry_location(entry: _Entry) -> tuple[float, float] | None:
     longitude = entry.numbers.get("longitude", entry.numbers.get("longtitude"))  # as some models spell it
     if "latitude" not in entry.numbers or longitude is None:
         return None
-    return _somewhere(entry.numbers["latitude"], longitude)
+    return _valid_location(entry.numbers["latitude"], longitude)
 
 
-def _gimbal(entries: list[_Entry]) -> Gimbal:
+def _make_gimbal(entries: list[_Entry]) -> Gimbal:
     names = ("gb_yaw", "gb_pitch", "gb_roll")
     said = [e for e in entries if set(names) <= set(e.numbers)]
     table = np.array([[e.start, *(e.numbers[name] for name in names)] for e in said], dtype=np.float64)
@@ -216,7 +220,7 @@ def _gimbal(entries: list[_Entry]) -> Gimbal:
     return Gimbal(time, heading, pitch, roll)
 
 
-def merged_facts(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:
+def merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:
     """`first`, with `second` where it says nothing; a time or a place is taken whole."""
     merged = second
     if first.local_time is not None or first.utc_time is not None:

@@ -35,21 +35,23 @@ from lighting.registration.two_view import essential_motion, prefers_translation
 from lighting.video.decode import Frame
 from lighting.video.telemetry import Gimbal
 
-POINTS = 200  # sought in a keyframe
-FEWEST = 24  # followed, below which a frame counts as lost
-LEAST_KEPT = 0.4  # share of a keyframe's points, below which the next keyframe is due
-FARTHEST = 0.35  # half diagonals that points move in the median before the next keyframe is due
-FEATURES = 800  # of a keyframe, to be found again by
+MAX_POINTS = 200  # sought in a keyframe
+MIN_POINTS = 24  # followed, below which a frame counts as lost
+MIN_KEPT_SHARE = 0.4  # share of a keyframe's points, below which the next keyframe is due
+MAX_KEYFRAME_MOTION = 0.35  # half diagonals that points move in the median before the next keyframe is due
+MAX_FEATURES = 800  # of a keyframe, to be found again by
 FEATURE_SIDE = 400  # pixels of the longer side in which those are sought
 
-_WINDOW = (15, 15)
-_LEVELS = 4  # of the pyramid: a point may move by a fifth of the picture from one frame to the next
-_CORRECTED = 3.0  # pixels by which the comparison with the keyframe may move a point
-_ALIKE = 12.0  # grey values by which a point's surroundings may differ from those in its keyframe
-_SPREAD = 50.0  # grey values, the standard deviation to which every frame is brought: gains do not disturb
+_FLOW_WINDOW = (15, 15)
+_FLOW_LEVELS = 4  # of the pyramid: a point may move by a fifth of the picture from one frame to the next
+_MAX_CORRECTION = 3.0  # pixels by which the comparison with the keyframe may move a point
+_MAX_FLOW_ERROR = 12.0  # grey values by which a point's surroundings may differ from those in its keyframe
+_EVEN_STD = 50.0  # grey values, the standard deviation to which every frame is brought: gains do not disturb
 _LIGHT_SIDE = 160  # pixels of the longer side in which a gain is measured
-_LEAST_LIT = 0.02  # share of the picture that must be neither black nor clipped
-_MEASURED = np.where((np.arange(256) > 8) & (np.arange(256) < 248), SRGB_LINEAR, np.float32(np.nan))  # by coded value
+_MIN_LIT_SHARE = 0.02  # share of the picture that must be neither black nor clipped
+_LINEAR_TABLE = np.where(
+    (np.arange(256) > 8) & (np.arange(256) < 248), SRGB_LINEAR, np.float32(np.nan)
+)  # by coded value
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +68,7 @@ class Keyframe:
     @cached_property
     def features(self) -> Features:
         """What it can be found again by; sought when it is first asked for, since that takes a tenth of a second."""
-        found = detect_features(self.picture, FEATURE_SIDE, FEATURES)
+        found = detect_features(self.picture, FEATURE_SIDE, MAX_FEATURES)
         width, height = (round(self.zoom * side) for side in (found.width, found.height))
         return Features(found.points / self.zoom, found.descriptors, width, height)
 
@@ -85,7 +87,7 @@ class TrackedFrame:
     makes: int | None = None  # number of the keyframe that the frame became, another one than `key`
 
 
-class Follower:
+class PointTracker:
     """Takes frames one by one and remembers one keyframe."""
 
     def __init__(self) -> None:
@@ -103,7 +105,7 @@ class Follower:
         """What the frame shares with the last keyframe; it may be the next one itself."""
         grey, self.new_key = self._even(frame.pixels), None
         found = self._followed(grey) if grey.shape == self._grey.shape else np.zeros(0, bool)
-        lost = bool(np.count_nonzero(found) < FEWEST)
+        lost = bool(np.count_nonzero(found) < MIN_POINTS)
         if lost:
             self._stretch += 1
             self._make_key(frame, grey)
@@ -122,7 +124,7 @@ class Follower:
         """Grey values of one mean and spread, whatever the exposure."""
         grey = self._cv2.cvtColor(pixels, self._cv2.COLOR_RGB2GRAY)
         mean, spread = self._cv2.meanStdDev(grey)
-        scale = _SPREAD / max(float(spread[0, 0]), 4.0)
+        scale = _EVEN_STD / max(float(spread[0, 0]), 4.0)
         return np.asarray(self._cv2.convertScaleAbs(grey, alpha=scale, beta=128.0 - scale * float(mean[0, 0])))
 
     def _followed(self, grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -130,17 +132,17 @@ class Follower:
         if not len(self._at):
             return np.zeros(0, bool)
         flow = self._cv2.calcOpticalFlowPyrLK
-        there, ok, _ = flow(self._grey, grey, self._at, None, winSize=_WINDOW, maxLevel=_LEVELS)
+        there, ok, _ = flow(self._grey, grey, self._at, None, winSize=_FLOW_WINDOW, maxLevel=_FLOW_LEVELS)
         fine, ok_fine, apart = flow(
             self._key_grey,
             grey,
             self._corners,
             there.copy(),
-            winSize=_WINDOW,
+            winSize=_FLOW_WINDOW,
             maxLevel=0,
             flags=self._cv2.OPTFLOW_USE_INITIAL_FLOW,
         )
-        alike = (apart.ravel() < _ALIKE) & (np.linalg.norm(fine - there, axis=1) < _CORRECTED)
+        alike = (apart.ravel() < _MAX_FLOW_ERROR) & (np.linalg.norm(fine - there, axis=1) < _MAX_CORRECTION)
         self._at = fine
         inside = np.all((fine > 2) & (fine < np.array(grey.shape[::-1]) - 3), axis=1)
         return np.asarray((ok.ravel() > 0) & (ok_fine.ravel() > 0) & alike & inside)
@@ -156,7 +158,7 @@ class Follower:
         """Seek corners in the frame, to be followed from now on."""
         self._number += 1
         self._key_grey = grey
-        found = self._cv2.goodFeaturesToTrack(grey, POINTS, 0.005, max(6, max(grey.shape) // 64), blockSize=5)
+        found = self._cv2.goodFeaturesToTrack(grey, MAX_POINTS, 0.005, max(6, max(grey.shape) // 64), blockSize=5)
         self._corners = np.empty((0, 2), np.float32) if found is None else found.reshape(-1, 2).astype(np.float32)
         self._at, self._sought = self._corners.copy(), max(len(self._corners), 1)
         self._light, _ = self._linear(frame.pixels)
@@ -165,7 +167,7 @@ class Follower:
     def _is_far(self) -> bool:
         half = 0.5 * float(np.hypot(*self._grey.shape))
         moved = float(np.median(np.linalg.norm(self._at - self._corners, axis=1))) / half
-        return len(self._at) < max(2 * FEWEST, LEAST_KEPT * self._sought) or moved > FARTHEST
+        return len(self._at) < max(2 * MIN_POINTS, MIN_KEPT_SHARE * self._sought) or moved > MAX_KEYFRAME_MOTION
 
     def _matches(self) -> Matches:
         height, width = self._grey.shape
@@ -179,7 +181,7 @@ class Follower:
         A homography that the points obey says where that is. Around the points alone things look larger or smaller
         as the camera turns, so that there the ratio would not be that of the light.
         """
-        if len(self._at) < FEWEST:
+        if len(self._at) < MIN_POINTS:
             return np.ones(3)
         now, scale = self._linear(pixels)
         moved, _ = self._cv2.findHomography(scale * self._corners, scale * self._at, self._cv2.RANSAC, 1.0)
@@ -187,7 +189,7 @@ class Follower:
             return np.ones(3)
         before = self._cv2.warpPerspective(self._light, moved, now.shape[1::-1], borderValue=(np.nan,) * 3)
         both = np.isfinite(before).all(axis=-1) & np.isfinite(now).all(axis=-1)
-        if np.count_nonzero(both) < _LEAST_LIT * both.size:
+        if np.count_nonzero(both) < _MIN_LIT_SHARE * both.size:
             return np.ones(3)
         return np.asarray(np.median(now[both] / before[both], axis=0), dtype=np.float64)
 
@@ -195,11 +197,11 @@ class Follower:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
         height, width = pixels.shape[:2]
         scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), geometry.shrunk(width, height, _LIGHT_SIDE)
-        small = self._cv2.resize(self._cv2.LUT(pixels, _MEASURED), size, interpolation=self._cv2.INTER_AREA)
+        small = self._cv2.resize(self._cv2.LUT(pixels, _LINEAR_TABLE), size, interpolation=self._cv2.INTER_AREA)
         return np.asarray(small), scale
 
 
-def gains_of(steps: Sequence[TrackedFrame]) -> Floats:
+def chain_gains(steps: Sequence[TrackedFrame]) -> Floats:
     """Gains (N, 3) of linear values against the first frame's, by way of the keyframes."""
     found: list[Floats] = []
     of_key: dict[int, Floats] = {}
@@ -217,19 +219,23 @@ def gains_of(steps: Sequence[TrackedFrame]) -> Floats:
 # How a frame is turned against its keyframe, quickly: a rotation that most followed points obey.
 
 TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
-BLUR = 6.0  # tolerances that points may be off where a picture is blurred
-WALKED = 0.7  # share of points that agree so far with a rotation, below which the camera may have moved as well
-TIGHT = 0.6  # share of the agreeing points within half the tolerance, from which on others move and the camera does not
-LEAST_TOLD = 0.85  # share of the points that must then agree with a motion; things that move do not
-AGREEING = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
-BELIEVED = 0.3  # share of followed points that must agree with a turn
-FEWEST_AGREEING = 12  # of them
-_ROUNDS = 6  # of re-weighting, from eight times the tolerance down to it
-_EXACT = 1e18  # inverse variance of the logarithm of a focal length that is known
+BLUR_TOLERANCES = 6.0  # tolerances that points may be off where a picture is blurred
+MAX_PARALLAX_SHARE = (
+    0.7  # share of points that agree so far with a rotation, below which the camera may have moved as well
+)
+MIN_TIGHT_SHARE = (
+    0.6  # share of the agreeing points within half the tolerance, from which on others move and the camera does not
+)
+MIN_MOTION_SHARE = 0.85  # share of the points that must then agree with a motion; things that move do not
+MIN_LOCAL_SHARE = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
+MIN_RELIABLE_SHARE = 0.3  # share of followed points that must agree with a turn
+MIN_RELIABLE_POINTS = 12  # of them
+_REWEIGHTINGS = 6  # of re-weighting, from eight times the tolerance down to it
+_EXACT_PRIOR = 1e18  # inverse variance of the logarithm of a focal length that is known
 
 
 @dataclass(frozen=True, eq=False)
-class Turning:
+class FrameRotation:
     """A frame's turn against a keyframe."""
 
     rotation: Floats  # (3, 3) directions in the keyframe's camera to the frame's
@@ -237,27 +243,27 @@ class Turning:
     agreeing: int  # how many those are
 
 
-def turning(matches: Matches, focal: float, guess: Floats) -> Turning:
+def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> FrameRotation:
     """The turn that most `matches` obey, by re-weighted least squares from a `guess` (3, 3).
 
     Weights are those of Geman and McClure; the rotation of a round is Kabsch's. `focal` is in half diagonals.
     """
     a, b = rays(matches.a, focal), rays(matches.b, focal)
     reach = TOLERANCE * matches.pixel / focal
-    found = _refined(a, b, guess, reach)
+    found = _refine_rotation(a, b, guess, reach)
     if _is_parallax(a, b, found.rotation, reach):
-        moved = _moved(matches, focal, found.agreeing)
+        moved = _walking_rotation(matches, focal, found.agreeing)
         if moved is not None:
             return moved
-    if found.share < AGREEING:
-        other = _refined(a, b, ransac_rotation(matches, (focal, focal), (1.0,)).rotation, reach)
+    if found.share < MIN_LOCAL_SHARE:
+        other = _refine_rotation(a, b, ransac_rotation(matches, (focal, focal), (1.0,)).rotation, reach)
         found = max(found, other, key=lambda t: t.share)
     return found
 
 
-def is_believed(turn: Turning, *, begins: bool) -> bool:
+def is_reliable(turn: FrameRotation, *, begins: bool) -> bool:
     """Whether a frame's turn is to be used."""
-    return begins or (turn.share >= BELIEVED and turn.agreeing >= FEWEST_AGREEING)
+    return begins or (turn.share >= MIN_RELIABLE_SHARE and turn.agreeing >= MIN_RELIABLE_POINTS)
 
 
 def _is_parallax(a: Floats, b: Floats, rotation: Floats, reach: float) -> bool:
@@ -267,25 +273,28 @@ def _is_parallax(a: Floats, b: Floats, rotation: Floats, reach: float) -> bool:
     """
     apart = np.linalg.norm(b - a @ rotation.T, axis=1)
     near = np.count_nonzero(apart < 2.0 * reach)
-    return bool(np.mean(apart < BLUR * reach) < WALKED and np.count_nonzero(apart < 0.5 * reach) < TIGHT * near)
+    return bool(
+        np.mean(apart < BLUR_TOLERANCES * reach) < MAX_PARALLAX_SHARE
+        and np.count_nonzero(apart < 0.5 * reach) < MIN_TIGHT_SHARE * near
+    )
 
 
-def _moved(matches: Matches, focal: float, agreeing: int) -> Turning | None:
+def _walking_rotation(matches: Matches, focal: float, agreeing: int) -> FrameRotation | None:
     """The turn of a camera that walked, where clearly more points tell it than agree with a rotation alone."""
     obeying = prefers_translation(matches, agreeing)
-    found = None if obeying is None else essential_motion(obeying, (focal, focal), (1.0,), _EXACT)
-    if found is None or (count := int(np.count_nonzero(found.inliers))) < LEAST_TOLD * len(matches):
+    found = None if obeying is None else essential_motion(obeying, (focal, focal), (1.0,), _EXACT_PRIOR)
+    if found is None or (count := int(np.count_nonzero(found.inliers))) < MIN_MOTION_SHARE * len(matches):
         return None
-    return Turning(found.rotation, count / len(matches), count)
+    return FrameRotation(found.rotation, count / len(matches), count)
 
 
-def _refined(a: Floats, b: Floats, rotation: Floats, reach: float) -> Turning:
-    for wider in np.geomspace(8.0, 1.0, _ROUNDS):
+def _refine_rotation(a: Floats, b: Floats, rotation: Floats, reach: float) -> FrameRotation:
+    for wider in np.geomspace(8.0, 1.0, _REWEIGHTINGS):
         apart = np.sum(np.square(b - a @ rotation.T), axis=1)
         weight = np.square(1.0 / (1.0 + apart / (wider * reach) ** 2))
         rotation = nearest_rotation((b * weight[:, None]).T @ a)
     agree = np.sum(np.square(b - a @ rotation.T), axis=1) < (2.0 * reach) ** 2
-    return Turning(rotation, float(agree.mean()), int(agree.sum()))
+    return FrameRotation(rotation, float(agree.mean()), int(agree.sum()))
 
 
 # What is gathered of a clip while it is read, and what is known beside its pixels.

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from export.data.rendered_panoramas import _SyntheticPanorama
 from lighting.geometry import direction
-from lighting.stereo.grid_search import Pose, to_world
-from lighting.stereo.light_vectors import Skies, illumination, suns_at
+from lighting.stereo.grid_search import Pose, camera_to_world
+from lighting.stereo.light_vectors import Skies, illumination_matrices, sun_directions
 
 
 def sun_of(scene: _SyntheticPanorama) -> np.ndarray:
@@ -22,7 +22,7 @@ JUNE = np.datetime64("2024-06-21T00:00:00") + np.arange(9, 17) * np.timedelta64(
 
 
 def june_suns() -> NDArray[Any]:
-    return suns_at(JUNE, LATITUDE, 0.0)
+    return sun_directions(JUNE, LATITUDE, 0.0)
 
 
 def ball(side: int = 48) -> tuple[Image, NDArray[np.bool_], NDArray[Any]]:
@@ -37,8 +37,8 @@ def ball(side: int = 48) -> tuple[Image, NDArray[np.bool_], NDArray[Any]]:
 
 def photos(normals: Image, mask: NDArray[np.bool_], skies: Skies, pose: Pose, noise: float = 0.01) -> Image:
     """Images (T, H, W, C) of a white thing, their brightest value 0.8."""
-    world = to_world(normals[mask], pose)
-    values = np.maximum(np.einsum("ptjc,pj->ptc", illumination(skies, world), world), 0)
+    world = camera_to_world(normals[mask], pose)
+    values = np.maximum(np.einsum("ptjc,pj->ptc", illumination_matrices(skies, world), world), 0)
     values *= 0.8 / values.max()
     values += np.random.default_rng(3).normal(0, noise * 0.8, values.shape)
     images = np.zeros((values.shape[1], *mask.shape, values.shape[2]), dtype=np.float32)

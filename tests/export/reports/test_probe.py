@@ -25,10 +25,10 @@ from lighting.color import luminance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction
-from lighting.probe.alignment import SUN_CLEARANCE, Scan, log_errors, orient, yaw_rotation
-from lighting.probe.bracket import bracket_of, read_bracket
+from lighting.probe.alignment import SUN_CLEARANCE, Scan, fit_orientation, log_errors, yaw_rotation
+from lighting.probe.bracket import make_bracket, read_bracket
 from lighting.probe.develop import BracketSettings, Moment, make_probe
-from lighting.probe.fisheye import fisheye_lens
+from lighting.probe.fisheye import make_lens
 from lighting.probe.hdr_merge import measure_ratios
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.cie import general_luminance, overcast_luminance
@@ -58,14 +58,14 @@ def test_noise_is_that_of_light_and_reading() -> None:
 
 def test_the_sun_stands_out_and_nothing_is_outside_the_lens() -> None:
     moment = Moment(datetime(2024, 6, 1, 9, tzinfo=UTC), 47.0, 8.0)
-    picture = photograph_sky(clear_sky_at(moment), fisheye_lens("equidistant", 64, 64), np.eye(3))
+    picture = photograph_sky(clear_sky_at(moment), make_lens("equidistant", 64, 64), np.eye(3))
     assert picture.max() > 1000 * np.median(picture[picture > 0])
     assert not picture[0, 0].any()
 
 
 def test_azimuths_of_the_clear_day_run_counter_clockwise_from_about_13_degrees() -> None:
     scans = read_sky_scans()["2013-05-27"]
-    found = orient(scans)
+    found = fit_orientation(scans)
     assert found.sense == -1
     assert found.sure
     assert found.offset == pytest.approx(13, abs=5)
@@ -106,7 +106,7 @@ STACK = Path(__file__).parents[3].parent / "shared" / "stereo-data" / "fisheye_b
 ALPNACH = Moment(datetime(2018, 1, 29, 11, 9, 20, tzinfo=UTC), 46.94, 8.28)
 ALPNACH_CIRCLE = ((149.5, 141.0), 132.5)  # centre and radius, pixels, read off the longest exposure
 MOMENT = Moment(SKY_DAY, *SKY_PLACE)
-LENS = fisheye_lens("equidistant", 400, 400)
+LENS = make_lens("equidistant", 400, 400)
 
 
 @pytest.mark.parametrize("bits", [8, 12, 14])
@@ -132,7 +132,7 @@ def test_a_photographed_sun_has_its_power() -> None:
     lighting = clear_sky_at(MOMENT)
     picture = photograph_sky(lighting, LENS, yaw_rotation(0.0))
     probe = make_probe(
-        bracket_of(expose_bracket(picture, BracketCamera(noise=False), np.random.default_rng(0))),
+        make_bracket(expose_bracket(picture, BracketCamera(noise=False), np.random.default_rng(0))),
         MOMENT,
         BracketSettings(),
     )

@@ -28,7 +28,7 @@ from lighting.color import srgb_decode
 from lighting.files.atomic import encode_png
 from lighting.geometry import Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
-from lighting.video.shot import shots_watched, solve_shot
+from lighting.video.shot import observe_shots, solve_shot
 from lighting.video.tracking import ClipMetadata
 from tests.helpers.clips import FOV, SIZE, panorama
 
@@ -130,7 +130,7 @@ def pan() -> _Clip:
 def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:
     """The same pictures, once with their own truth and once with another told of them."""
     clip = pan()
-    (watched,) = shots_watched(clip.frames(), model)
+    (watched,) = observe_shots(clip.frames(), model)
     sun = solve_shot(watched, ClipMetadata()).fused.sun
     clip = replace(clip, sun=(clip.path[0][0] + sun.azimuth, sun.elevation))
     right = _measure_clip(clip, model)

@@ -5,9 +5,9 @@ import pytest
 
 from export.stereo.noise_gain import LIFTS, _cost_of_an_hour, _estimates, _triplet
 from lighting.geometry import angle_between
-from lighting.stereo.light_vectors import clear_skies, suns_at
+from lighting.stereo.light_vectors import clear_skies, sun_directions
 from lighting.stereo.noise_gain import normals_of_interest
-from lighting.stereo.schedule import in_grey
+from lighting.stereo.schedule import gray_skies
 
 
 def test_triplets_are_two_lights_on_the_plane_and_one_lifted() -> None:
@@ -30,7 +30,7 @@ def test_an_hour_costs_less_where_the_full_arc_is_as_flat() -> None:
 
 def test_faint_noise_leaves_normals_nearly_as_they_are() -> None:
     times = np.datetime64("2026-06-21T00:00") + np.arange(8, 17) * np.timedelta64(60, "m")
-    skies = in_grey(clear_skies(suns_at(times, 47.0, 0.0), height=16))
+    skies = gray_skies(clear_skies(sun_directions(times, 47.0, 0.0), height=16))
     normals = normals_of_interest(None)[:10]
     found = _estimates(skies, normals, 1e-6, 2, np.random.default_rng(0))
     assert found.shape == (2, 10, 3)

@@ -17,8 +17,8 @@ from lighting.files.exr import read_exr, read_exr_attributes, write_exr
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.bracket import probe_path, probes_in
 from lighting.probe.develop import Moment
-from lighting.probe.fisheye import KINDS as LENSES
-from lighting.probe.fisheye import fisheye_lens
+from lighting.probe.fisheye import LENS_KINDS as LENSES
+from lighting.probe.fisheye import make_lens
 from lighting.records import Lighting
 from tests.helpers.photos import taken, write_png16
 from tests.helpers.processes import error_of
@@ -36,7 +36,7 @@ def shoot(folder: Path, hours: int = 0, fill: float = 8.0, with_exif: bool = Tru
     folder.mkdir(parents=True)
     time = SKY_DAY + timedelta(hours=hours)
     picture = photograph_sky(
-        clear_sky_at(Moment(time, *SKY_PLACE)), fisheye_lens("equidistant", 160, 160), yaw_rotation(40.0)
+        clear_sky_at(Moment(time, *SKY_PLACE)), make_lens("equidistant", 160, 160), yaw_rotation(40.0)
     )
     photos = expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(hours), TIMES)
     local = (time + timedelta(hours=2)).strftime("%Y:%m:%d %H:%M:%S")

@@ -8,11 +8,11 @@ import pytest
 from lighting.color import luminance
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, angles, camera_axes, direction
-from lighting.probe.alignment import Scan, align_one, align_series, log_errors, orient, yaw_rotation
-from lighting.probe.fisheye import Lens, fisheye_lens, lens_pixels
+from lighting.probe.alignment import Scan, align_by_sun, align_series, fit_orientation, log_errors, yaw_rotation
+from lighting.probe.fisheye import Lens, make_lens, project_to_lens
 from lighting.sky.hosek_wilkie import sky_radiance
 
-LENS = fisheye_lens("equidistant", 1000, 1000)
+LENS = make_lens("equidistant", 1000, 1000)
 # The sun over a June day at 47 deg north, every one and a half hours.
 SUNS = direction([80.0, 98.0, 122.0, 160.0, 208.0, 242.0, 264.0], [25.0, 40.0, 54.0, 65.0, 64.0, 51.0, 36.0])
 ROTATION = yaw_rotation(70.0) @ camera_axes(45.0, -4.0, 0.0).T @ camera_axes(45.0, 0.0, 0.0)
@@ -20,7 +20,7 @@ ROTATION = yaw_rotation(70.0) @ camera_axes(45.0, -4.0, 0.0).T @ camera_axes(45.
 
 def seen(lens: Lens, noise: float = 0.0) -> np.ndarray:
     """Pixels (N, 2) at which a camera of this lens shows the suns."""
-    return lens_pixels(lens, SUNS @ ROTATION) + np.random.default_rng(4).normal(0, noise, (len(SUNS), 2))
+    return project_to_lens(lens, SUNS @ ROTATION) + np.random.default_rng(4).normal(0, noise, (len(SUNS), 2))
 
 
 def test_a_yaw_adds_to_azimuths() -> None:
@@ -29,7 +29,7 @@ def test_a_yaw_adds_to_azimuths() -> None:
 
 
 def test_one_sun_tells_the_yaw_and_how_wrong_the_elevation_is() -> None:
-    alignment = align_one(LENS, (100.0, 31.0), (150.0, 30.0))
+    alignment = align_by_sun(LENS, (100.0, 31.0), (150.0, 30.0))
     assert alignment.rotation == pytest.approx(yaw_rotation(50.0))
     assert alignment.residual == pytest.approx(1.0)
     assert alignment.tilt == pytest.approx(0, abs=1e-6)
@@ -61,7 +61,7 @@ def test_few_suns_and_suns_close_together_are_refused() -> None:
         align_series(LENS, seen(LENS)[:2], SUNS[:2])
     near = direction([100.0, 102.0, 104.0], [40.0, 41.0, 42.0])
     with pytest.raises(ProbeError, match="15 deg"):
-        align_series(LENS, lens_pixels(LENS, near), near)
+        align_series(LENS, project_to_lens(LENS, near), near)
 
 
 def test_three_suns_leave_the_lens_as_told() -> None:
@@ -82,7 +82,7 @@ def scan(sun: tuple[float, float], sense: int, offset: float) -> Scan:
 
 @pytest.mark.parametrize(("sense", "offset"), [(1, 13.0), (-1, 13.0), (-1, -170.0)])
 def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
-    found = orient([scan(sun, sense, offset) for sun in ORIENTATION_SUNS])
+    found = fit_orientation([scan(sun, sense, offset) for sun in ORIENTATION_SUNS])
     assert found.sense == sense
     assert found.sure
     assert found.offset == pytest.approx(offset, abs=1.0)
@@ -90,7 +90,7 @@ def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
 
 
 def test_one_moment_leaves_the_sense_open() -> None:
-    found = orient([scan(ORIENTATION_SUNS[0], -1, 13.0)])
+    found = fit_orientation([scan(ORIENTATION_SUNS[0], -1, 13.0)])
     assert not found.sure
 
 
@@ -101,6 +101,6 @@ def test_a_scale_is_no_error() -> None:
 
 def test_nothing_and_night_are_refused() -> None:
     with pytest.raises(ProbeError, match="no scan"):
-        orient([])
+        fit_orientation([])
     with pytest.raises(ProbeError, match="below the horizon"):
-        orient([Scan(AZIMUTH, ELEVATION, AZIMUTH + 1, (100.0, -4.0))])
+        fit_orientation([Scan(AZIMUTH, ELEVATION, AZIMUTH + 1, (100.0, -4.0))])

@@ -12,14 +12,14 @@ from lighting.errors import EnvironmentMapError, PhotoError, ProbeError
 from lighting.files.exr import write_exr
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import (
-    TIME,
-    bracket_of,
+    TIME_ATTRIBUTE,
     group_brackets,
-    pictures_in,
+    list_pictures,
+    make_bracket,
     probe_path,
     probes_in,
     read_bracket,
-    shot_of,
+    read_bracket_files,
 )
 from tests.helpers.photos import taken, write_png16
 
@@ -50,7 +50,7 @@ def test_each_folder_is_a_bracket_and_may_be_named_by_its_time(tmp_path: Path) -
 
 
 def test_a_time_that_is_nowhere_is_asked_for(tmp_path: Path) -> None:
-    shot = shot_of([put(tmp_path, "a.png")])
+    shot = read_bracket_files([put(tmp_path, "a.png")])
     with pytest.raises(ProbeError, match="does not say when"):
         shot.aware(0.0)
     with pytest.raises(ProbeError, match="folder of its own"):
@@ -63,7 +63,7 @@ def test_the_place_is_read_as_well(tmp_path: Path) -> None:
     from tests.conftest import munich
 
     Image.fromarray((PIXELS >> 8).astype(np.uint8)).save(tmp_path / "a.jpg", exif=munich())
-    shot = shot_of([tmp_path / "a.jpg"])
+    shot = read_bracket_files([tmp_path / "a.jpg"])
     assert shot.latitude == pytest.approx(48.1375, abs=1e-3)
     assert shot.aware(None) == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
 
@@ -71,7 +71,7 @@ def test_the_place_is_read_as_well(tmp_path: Path) -> None:
 def test_a_folder_without_pictures_is_said(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("none")
     with pytest.raises(ProbeError, match="no pictures"):
-        pictures_in(tmp_path)
+        list_pictures(tmp_path)
 
 
 def photo(value: float, size: int = 40, exposure: float | None = None) -> LinearPhoto:
@@ -79,12 +79,12 @@ def photo(value: float, size: int = 40, exposure: float | None = None) -> Linear
 
 
 def test_exposures_are_ordered_by_exif_where_all_have_it() -> None:
-    bracket = bracket_of([photo(0.1, exposure=1.0), photo(0.9, exposure=0.1)], ["a", "b"])
+    bracket = make_bracket([photo(0.1, exposure=1.0), photo(0.9, exposure=0.1)], ["a", "b"])
     assert bracket.names == ("b", "a")
 
 
 def test_exposures_are_ordered_by_brightness_where_one_has_no_exif() -> None:
-    bracket = bracket_of([photo(0.9, exposure=0.1), photo(0.1)], ["a", "b"])
+    bracket = make_bracket([photo(0.9, exposure=0.1), photo(0.1)], ["a", "b"])
     assert bracket.names == ("b", "a")
 
 
@@ -94,7 +94,7 @@ def test_one_exposure_is_no_bracket(tmp_path: Path) -> None:
     with pytest.raises(ProbeError, match="there are none"):
         read_bracket([])
     with pytest.raises(ProbeError, match="at least one"):
-        bracket_of([])
+        make_bracket([])
 
 
 def test_an_exposure_that_is_given_twice_is_refused(tmp_path: Path) -> None:
@@ -105,12 +105,12 @@ def test_an_exposure_that_is_given_twice_is_refused(tmp_path: Path) -> None:
 
 def test_exposures_of_different_sizes_are_refused() -> None:
     with pytest.raises(ProbeError, match="differ in size: 40 x 40, 50 x 50 pixels"):
-        bracket_of([photo(0.1), photo(0.2, size=50)])
+        make_bracket([photo(0.1), photo(0.2, size=50)])
 
 
 def test_warnings_of_the_files_come_once() -> None:
     warned = replace(photo(0.1), warnings=("rough",))
-    assert bracket_of([warned, warned]).warnings == ("rough",)
+    assert make_bracket([warned, warned]).warnings == ("rough",)
 
 
 def test_files_of_several_kinds_are_read(tmp_path: Path) -> None:
@@ -131,7 +131,7 @@ NOON = datetime(2024, 6, 1, 12, 0, 30, tzinfo=UTC)
 def folders_put(folder: Path, name: str, time: str | None = None) -> Path:
     path = folder / name / "envmap.exr"
     path.parent.mkdir(parents=True)
-    write_exr(path, MAP, attributes={} if time is None else {TIME: time})
+    write_exr(path, MAP, attributes={} if time is None else {TIME_ATTRIBUTE: time})
     return path
 
 

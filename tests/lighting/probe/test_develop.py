@@ -22,7 +22,7 @@ from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import camera_axes, latlong_directions
 from lighting.probe.alignment import yaw_rotation
-from lighting.probe.bracket import Bracket, bracket_of, probes_in
+from lighting.probe.bracket import Bracket, make_bracket, probes_in
 from lighting.probe.develop import (
     BracketSettings,
     Moment,
@@ -31,11 +31,11 @@ from lighting.probe.develop import (
     _fill_sun,
     make_probe,
     make_series,
-    target_of,
+    probe_output_path,
     write_probe,
 )
-from lighting.probe.fisheye import fisheye_lens
-from lighting.probe.sun_detection import find_spot
+from lighting.probe.fisheye import make_lens
+from lighting.probe.sun_detection import find_sun_blob
 from lighting.records import Lighting
 
 MORNING = Moment(SKY_DAY, *SKY_PLACE)
@@ -45,9 +45,9 @@ TIMES = (1 / 8000, 1 / 90, 1.0)
 
 
 def bracket(moment: Moment = MORNING, fill: float = 0.8, tilt: float = 0.0, yaw: float = 40.0) -> Bracket:
-    lens = fisheye_lens("equidistant", SIDE, SIDE)
+    lens = make_lens("equidistant", SIDE, SIDE)
     picture = photograph_sky(clear_sky_at(moment), lens, rotation(tilt, yaw))
-    return bracket_of(expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(0), TIMES))
+    return make_bracket(expose_bracket(picture, BracketCamera(14, fill), np.random.default_rng(0), TIMES))
 
 
 def rotation(tilt: float, yaw: float) -> np.ndarray:
@@ -120,7 +120,7 @@ def test_clocks_that_are_an_hour_off_are_said_to_look_like_a_tilt() -> None:
 def test_night_and_skies_without_sun_are_refused() -> None:
     with pytest.raises(ProbeError, match="it is night"):
         make_probe(bracket(), Moment(SKY_DAY + timedelta(hours=14), *SKY_PLACE), SETTINGS)
-    grey = bracket_of(
+    grey = make_bracket(
         expose_bracket(np.full((SIDE, SIDE, 3), 1.0, np.float32), BracketCamera(14), np.random.default_rng(0))
     )
     with pytest.raises(ProbeError, match="No sun is found"):
@@ -136,12 +136,12 @@ def test_the_model_gives_the_light_back_that_was_clipped() -> None:
     whole = render(LIGHTING, 128, sun=True)
     cut = np.minimum(whole, 5.0)
     clipped = whole.max(axis=-1) > 5.0
-    spot = find_spot(cut, clipped)
+    spot = find_sun_blob(cut, clipped)
     assert spot is not None
     filled, sun, fit = _fill_sun(cut, clipped, spot)
     assert fit.turbidity == pytest.approx(3.0, abs=0.1)
     assert sun.irradiance == pytest.approx(sun_irradiance(LIGHTING), rel=0.05)
-    found = find_spot(filled, np.zeros_like(clipped))
+    found = find_sun_blob(filled, np.zeros_like(clipped))
     assert found is not None
     assert found.irradiance == pytest.approx(sun_irradiance(LIGHTING), rel=0.05)
     far = latlong_directions(128) @ LIGHTING.sun_direction < 0.99
@@ -153,7 +153,7 @@ def test_a_sky_without_blue_cannot_tell() -> None:
     clipped = np.zeros((64, 128), bool)
     clipped[20:22, 60:62] = True
     grey[clipped] = 1000.0
-    spot = find_spot(grey, clipped)
+    spot = find_sun_blob(grey, clipped)
     assert spot is not None
     with pytest.raises(ProbeError, match="too little clear sky"):
         _fill_sun(grey, clipped, spot)
@@ -214,5 +214,5 @@ def test_a_folder_that_cannot_be_made_is_said(tmp_path: Path, clipped_probe: Pro
 
 def test_a_folder_stays_one_whatever_its_name(tmp_path: Path) -> None:
     (tmp_path / "sky.exr").mkdir()
-    assert target_of(tmp_path / "sky.exr", MORNING.time) == tmp_path / "sky.exr/20240601/090000/envmap.exr"
-    assert target_of(tmp_path / "probe.exr", MORNING.time) == tmp_path / "probe.exr"
+    assert probe_output_path(tmp_path / "sky.exr", MORNING.time) == tmp_path / "sky.exr/20240601/090000/envmap.exr"
+    assert probe_output_path(tmp_path / "probe.exr", MORNING.time) == tmp_path / "probe.exr"

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from lighting.color import srgb_encode
 from lighting.errors import ProbeError
 from lighting.photo.linear import LinearPhoto
-from lighting.probe.bracket import Bracket, bracket_of
+from lighting.probe.bracket import Bracket, make_bracket
 from lighting.probe.hdr_merge import (
-    _beside,
-    _measured_ratio,
+    _dilate,
+    _ExposureRatio,
+    _max_terraced_value,
+    _measure_ratio,
     _noise_variance,
-    _Ratio,
-    _smooth_below,
-    _within_rounding,
+    _smooth_within_rounding,
     dequantize,
     measure_ratios,
     merge_exposures,
@@ -33,7 +33,7 @@ def bracket(radiance: NDArray[np.floating[Any]], electrons: float = 1e12, full: 
         value = rng.normal(radiance * time, np.sqrt(radiance * time / electrons))
         counts = np.clip(np.rint(value * full), 0, full)
         photos.append(LinearPhoto((counts / full).astype(np.float32), 0.98, 1 / full, time))
-    return bracket_of(photos)
+    return make_bracket(photos)
 
 
 def test_radiance_over_six_decades_comes_back() -> None:
@@ -88,8 +88,8 @@ def test_the_variance_is_that_of_rounded_values_of_20000_electrons(value: float,
 
 def test_noise_is_half_a_step_at_the_value_told() -> None:
     step = 1 / 255
-    assert _noise_variance(_smooth_below(step), 0.0) == pytest.approx(step**2 / 4)
-    assert _smooth_below(1 / 4095) < 0
+    assert _noise_variance(_max_terraced_value(step), 0.0) == pytest.approx(step**2 / 4)
+    assert _max_terraced_value(1 / 4095) < 0
 
 
 RANDOM = np.random.default_rng(11)
@@ -108,14 +108,14 @@ def taken(
 @pytest.mark.parametrize(("bits", "tolerance"), [(8, 0.01), (12, 0.005), (14, 0.005)])
 @pytest.mark.parametrize("ratio", [2.0, 8.0])
 def test_ratios_are_measured_from_the_pixels(ratio: float, bits: int, tolerance: float) -> None:
-    got = _measured_ratio(taken(SCENE, 1 / ratio, bits), taken(SCENE, 1.0, bits))
+    got = _measure_ratio(taken(SCENE, 1 / ratio, bits), taken(SCENE, 1.0, bits))
     assert got is not None
     assert got.value == pytest.approx(ratio, rel=tolerance)
     assert got.error < 0.01
 
 
 def test_black_that_is_not_zero_does_not_change_the_ratio() -> None:
-    got = _measured_ratio(taken(SCENE, 0.25, black=0.01), taken(SCENE, 1.0, black=0.01))
+    got = _measure_ratio(taken(SCENE, 0.25, black=0.01), taken(SCENE, 1.0, black=0.01))
     assert got is not None
     assert got.value == pytest.approx(4, rel=0.01)
 
@@ -123,24 +123,24 @@ def test_black_that_is_not_zero_does_not_change_the_ratio() -> None:
 def test_what_moves_is_outweighed() -> None:
     moved = SCENE.copy()
     moved[:30] = RANDOM.permutation(moved[:30])  # a quarter of the picture
-    got = _measured_ratio(taken(moved, 0.25), taken(SCENE, 1.0))
+    got = _measure_ratio(taken(moved, 0.25), taken(SCENE, 1.0))
     assert got is not None
     assert got.value == pytest.approx(4, rel=0.02)
 
 
 def test_without_exif_the_longest_exposure_is_one() -> None:
-    lengths = measure_ratios(bracket_of([taken(SCENE, length) for length in (0.1, 0.4, 1.0)]))
+    lengths = measure_ratios(make_bracket([taken(SCENE, length) for length in (0.1, 0.4, 1.0)]))
     assert not lengths.from_exif
     assert lengths.relative == pytest.approx([0.1, 0.4, 1.0], rel=0.01)
 
 
 def test_exif_is_believed_and_its_contradiction_said() -> None:
-    right = measure_ratios(bracket_of([taken(SCENE, length, told=True) for length in (0.1, 0.5)]))
+    right = measure_ratios(make_bracket([taken(SCENE, length, told=True) for length in (0.1, 0.5)]))
     assert right.from_exif
     assert right.relative == pytest.approx([0.1, 0.5])
     assert not right.warnings
     liar = LinearPhoto(taken(SCENE, 0.1).pixels, 0.98, 2**-14, 0.08)
-    wrong = measure_ratios(bracket_of([liar, taken(SCENE, 0.5, told=True)]))
+    wrong = measure_ratios(make_bracket([liar, taken(SCENE, 0.5, told=True)]))
     assert "the pixels say 5" in wrong.warnings[0]
 
 
@@ -150,21 +150,21 @@ def test_pixels_coded_by_a_curve_are_refused() -> None:
         for length in (0.02, 0.1, 0.5)
     ]
     with pytest.raises(ProbeError, match=r"coded by a curve.*--curve srgb"):
-        measure_ratios(bracket_of(coded))
+        measure_ratios(make_bracket(coded))
 
 
 def test_exposures_that_share_nothing_are_refused() -> None:
     with pytest.raises(ProbeError, match="share too few pixels"):
-        measure_ratios(bracket_of([taken(SCENE * 0, 0.1), taken(SCENE * 0 + 5, 1.0)]))
+        measure_ratios(make_bracket([taken(SCENE * 0, 0.1), taken(SCENE * 0 + 5, 1.0)]))
 
 
 def test_a_mask_grows_by_one_pixel_each_way() -> None:
     mask = np.zeros((5, 5), bool)
     mask[2, 2] = True
-    assert _beside(mask).sum() == 9
+    assert _dilate(mask).sum() == 9
     mask[:] = False
     mask[0, 0] = True
-    assert _beside(mask).sum() == 4
+    assert _dilate(mask).sum() == 4
 
 
 @pytest.mark.parametrize("bits", [12, 14])
@@ -178,7 +178,7 @@ def test_values_that_hardly_differ_tell_the_ratio_of_their_means(bits: int) -> N
         electrons = random.normal(even * length * 20_000, np.sqrt(even * length * 20_000))
         return LinearPhoto((np.rint(electrons / 20_000 * full) / full).astype(np.float32), 0.98, 1 / full, length)
 
-    got = _measured_ratio(shot(0.2), shot(1.0))
+    got = _measure_ratio(shot(0.2), shot(1.0))
     assert got is not None
     assert got.value == pytest.approx(5, rel=0.03)
 
@@ -187,15 +187,15 @@ def test_values_that_hardly_differ_tell_the_ratio_of_their_means(bits: int) -> N
 def test_values_that_are_all_the_same_tell_a_ratio_where_they_are_many_steps(level: float, told: bool) -> None:
     even = np.full((40, 40, 3), level, dtype=np.float32)
     even[0, 0] = 0.9
-    got = _measured_ratio(LinearPhoto(even * np.float32(0.2), 0.98, 1 / 255), LinearPhoto(even, 0.98, 1 / 255))
+    got = _measure_ratio(LinearPhoto(even * np.float32(0.2), 0.98, 1 / 255), LinearPhoto(even, 0.98, 1 / 255))
     assert (got is not None) == told
     assert got is None or got.value == pytest.approx(5)
 
 
 def test_a_ratio_of_few_or_scattered_values_is_not_sure() -> None:
-    assert _Ratio(4.0, 0.01, 2000).sure
-    assert not _Ratio(4.0, 0.01, 200).sure
-    assert not _Ratio(7.6, 0.11, 8000).sure
+    assert _ExposureRatio(4.0, 0.01, 2000).sure
+    assert not _ExposureRatio(4.0, 0.01, 200).sure
+    assert not _ExposureRatio(7.6, 0.11, 8000).sure
 
 
 STEP = 1 / 255
@@ -210,7 +210,7 @@ def rounded(values: NDArray[np.floating], step: float = STEP) -> NDArray[np.floa
 
 def filled(recorded: NDArray[np.float32]) -> NDArray[np.float32]:
     half = np.where(recorded > 0, STEP / 2, 0).astype(np.float32)
-    return _within_rounding(recorded, recorded, half, REACH)
+    return _smooth_within_rounding(recorded, recorded, half, REACH)
 
 
 def rounding_bracket(values: NDArray[np.floating], step: float) -> Bracket:

@@ -8,7 +8,7 @@ from export.data.rendered_panoramas import render_panorama
 from lighting.envmap.render import render
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, direction, latlong_angles, latlong_directions
-from lighting.probe.sky_fit import _sky_mask, describe, fit_sky
+from lighting.probe.sky_fit import _sky_mask, describe_sky, fit_sky
 from lighting.records import Lighting
 from tests.helpers.skies import sun_of
 
@@ -16,7 +16,7 @@ from tests.helpers.skies import sun_of
 @pytest.mark.parametrize("turbidity", [2.0, 5.0])
 def test_a_rendered_sky_is_described_as_it_was_made(turbidity: float) -> None:
     lighting = Lighting(sun_azimuth=-60.0, sun_elevation=40.0, turbidity=turbidity, exposure=0.7)
-    state = describe(render(lighting, 256, sun=True))
+    state = describe_sky(render(lighting, 256, sun=True))
     assert (state.sun_azimuth, state.sun_elevation) == pytest.approx((-60.0, 40.0), abs=0.3)
     assert state.sun_source == "found"
     assert state.turbidity == pytest.approx(turbidity, abs=0.1)
@@ -30,7 +30,7 @@ def test_clouds_over_a_third_of_the_sky_are_its_cover() -> None:
     image = render(lighting, 128, sun=True)
     azimuth, _ = latlong_angles(128)
     image[:64, np.abs(azimuth) > 120] = 3 * np.median(image[:64])
-    state = describe(image, (0.0, 40.0))
+    state = describe_sky(image, (0.0, 40.0))
     assert state.sun_source == "given"
     assert state.cover == pytest.approx(1 / 3, abs=0.05)
     assert state.turbidity == pytest.approx(3.0, abs=0.3)
@@ -39,27 +39,27 @@ def test_clouds_over_a_third_of_the_sky_are_its_cover() -> None:
 def test_skies_that_say_nothing_are_refused() -> None:
     grey = np.full((64, 128, 3), 0.3, np.float32)
     with pytest.raises(ProbeError, match="No sun"):
-        describe(grey)
+        describe_sky(grey)
     with pytest.raises(ProbeError, match="clear sky"):
-        describe(grey, (0.0, 30.0))
+        describe_sky(grey, (0.0, 30.0))
     with pytest.raises(ProbeError, match="below the horizon"):
-        describe(grey, (0.0, -3.0))
+        describe_sky(grey, (0.0, -3.0))
 
 
 def test_maps_without_a_sky_are_refused() -> None:
     for value in (0.0, -1.0):
         with pytest.raises(ProbeError, match="black or negative"):
-            describe(np.full((64, 128, 3), value, np.float32), (0.0, 30.0))
+            describe_sky(np.full((64, 128, 3), value, np.float32), (0.0, 30.0))
     with pytest.raises(ProbeError, match=r"has 1 row; a sky needs 16"):
-        describe(np.ones((1, 2, 3), np.float32))
+        describe_sky(np.ones((1, 2, 3), np.float32))
     with pytest.raises(ProbeError, match=r"has 15 rows; a sky needs 16"):
-        describe(np.ones((15, 30, 3), np.float32))
+        describe_sky(np.ones((15, 30, 3), np.float32))
 
 
 def test_a_few_values_under_zero_do_no_harm() -> None:
     image = render(Lighting(sun_azimuth=0.0, sun_elevation=40.0, turbidity=3.0, exposure=0.7), 128, sun=True)
     image[60, ::8] = -0.01
-    assert describe(image).turbidity == pytest.approx(3.0, abs=0.1)
+    assert describe_sky(image).turbidity == pytest.approx(3.0, abs=0.1)
 
 
 def test_the_fit_ignores_clouds_and_white_balance() -> None:

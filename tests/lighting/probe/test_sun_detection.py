@@ -9,7 +9,7 @@ from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import angle_between, direction, latlong_directions
 from lighting.probe.sky_fit import fit_sky
-from lighting.probe.sun_detection import connected, find_spot, find_sun, is_clipped, solid_angle
+from lighting.probe.sun_detection import find_sun, find_sun_blob, is_clipped, label_regions, pixel_solid_angles
 from lighting.records import Lighting
 from tests.helpers.skies import sun_of
 
@@ -18,7 +18,7 @@ def test_regions_join_across_the_seam_and_at_corners() -> None:
     mask = np.zeros((6, 12), bool)
     mask[2, :2] = mask[2, -2:] = True  # one region across the seam
     mask[4, 5] = mask[5, 6] = True  # one region by a corner
-    regions = connected(mask)
+    regions = label_regions(mask)
     assert regions[2, 0] == regions[2, -1] != 0
     assert regions[4, 5] == regions[5, 6] != regions[2, 0]
     assert len(np.unique(regions[mask])) == 2
@@ -26,7 +26,7 @@ def test_regions_join_across_the_seam_and_at_corners() -> None:
 
 
 def test_solid_angles_of_all_pixels_make_a_sphere() -> None:
-    area = solid_angle(16)
+    area = pixel_solid_angles(16)
     assert area.shape == (16, 32)
     assert area.sum() == pytest.approx(4 * np.pi)
     assert area[7, 0] > 9 * area[0, 0]
@@ -78,7 +78,7 @@ NONE = np.zeros((256, 512), dtype=bool)
 @pytest.mark.parametrize("azimuth", [-130.0, 179.9])
 def test_the_sun_is_found_with_its_power(azimuth: float) -> None:
     lighting = Lighting(sun_azimuth=azimuth, sun_elevation=35.0, turbidity=3.0, exposure=0.2)
-    spot = find_spot(render(lighting, 256), NONE)
+    spot = find_sun_blob(render(lighting, 256), NONE)
     assert spot is not None
     assert not spot.clipped
     # The disc lies in one or two of the map's pixels of 0.7 deg.
@@ -89,7 +89,7 @@ def test_the_sun_is_found_with_its_power(azimuth: float) -> None:
 def test_a_clipped_sun_is_found_in_the_middle_of_what_is_clipped() -> None:
     image = np.minimum(render(LIGHTING, 256), 20.0)
     clipped = np.asarray(angle_between(latlong_directions(256), LIGHTING.sun_direction) < 2.0)
-    spot = find_spot(image, clipped)
+    spot = find_sun_blob(image, clipped)
     assert spot is not None
     assert spot.clipped
     assert spot.radius == pytest.approx(2.0, abs=0.2)
@@ -97,20 +97,20 @@ def test_a_clipped_sun_is_found_in_the_middle_of_what_is_clipped() -> None:
 
 
 def test_no_sun_is_found_in_a_sky_without_one() -> None:
-    assert find_spot(render(LIGHTING, 256, sun=False), NONE) is None
+    assert find_sun_blob(render(LIGHTING, 256, sun=False), NONE) is None
 
 
 def test_a_sky_near_the_largest_float_has_no_sun() -> None:
-    assert find_spot(np.full((256, 512, 3), 1e38, np.float32), NONE) is None
+    assert find_sun_blob(np.full((256, 512, 3), 1e38, np.float32), NONE) is None
 
 
 def test_half_a_clipped_sky_is_no_sun() -> None:
     clipped = NONE.copy()
     clipped[:100, :300] = True
-    assert find_spot(render(LIGHTING, 256, sun=False), clipped) is None
+    assert find_sun_blob(render(LIGHTING, 256, sun=False), clipped) is None
 
 
 def test_what_shines_below_the_horizon_is_no_sun() -> None:
     image = render(LIGHTING, 256, sun=False)
     image[200, 100] = 1e5
-    assert find_spot(image, NONE) is None
+    assert find_sun_blob(image, NONE) is None

@@ -14,9 +14,15 @@ from lighting.color import srgb_decode
 from lighting.errors import EnvironmentMapError, ParameterError, PhotoError
 from lighting.files.exr import write_exr
 from lighting.photo.linear import read_linear
-from lighting.stereo.capture import _check_still, _is_varied, _read_shot, nearest_skies, read_shots
+from lighting.stereo.capture import (
+    _check_static_camera,
+    _light_varies,
+    _read_day_photo,
+    read_day_photos,
+    read_nearest_skies,
+)
 from lighting.stereo.grid_search import Pose
-from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, overcast_skies, suns_at
+from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, overcast_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
 from tests.helpers.photos import chunk
 from tests.helpers.skies import JUNE, LATITUDE, ball, photos
@@ -51,7 +57,7 @@ def fill(folder: Path, count: int = 4, gap: float = 60.0, **tags: Any) -> None:
 
 def test_a_day_of_jpegs(tmp_path: Path) -> None:
     fill(tmp_path, OffsetTimeOriginal="+02:00")
-    shots = read_shots(tmp_path, size=32)
+    shots = read_day_photos(tmp_path, size=32)
     assert shots.images.shape == (4, 32, 32, 3)
     assert shots.times[0] == np.datetime64("2024-06-21T08:00:00")
     assert shots.focal_length == 50
@@ -62,7 +68,7 @@ def test_a_day_of_jpegs(tmp_path: Path) -> None:
 def test_cropped_photos_tell_no_lens(tmp_path: Path) -> None:
     """The camera noted 96 x 64 pixels, of which 64 x 64 are left: the diagonal is no longer the lens's."""
     fill(tmp_path, OffsetTimeOriginal="+02:00", ExifImageWidth=96, ExifImageHeight=64)
-    assert read_shots(tmp_path).focal_length is None
+    assert read_day_photos(tmp_path).focal_length is None
 
 
 def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
@@ -74,7 +80,7 @@ def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
     inside = np.zeros((64, 64), dtype=np.uint8)
     inside[10:30, 10:30] = 255
     Image.fromarray(inside).save(tmp_path / "mask.png")
-    shots = read_shots(tmp_path)
+    shots = read_day_photos(tmp_path)
     assert shots.names == ("2.png", "1.png", "0.png")  # in the order of their times
     assert shots.mask.sum() == 400
     assert shots.images.shape[-1] == 1
@@ -85,17 +91,17 @@ def test_a_day_of_one_light_and_photos_that_are_only_listed_are_told(tmp_path: P
         _write_png16(tmp_path / f"{index}.png", strength * 60000 * scene()[..., None])
     rows = "".join(f"{i}.png,2024-06-21T1{i}:00+00:00\n" for i in range(4))
     (tmp_path / "times.csv").write_text("file,time\n" + rows)
-    warnings = read_shots(tmp_path).warnings
+    warnings = read_day_photos(tmp_path).warnings
     assert "times.csv lists 3.png, which is not there." in warnings
     assert any("brightens and darkens alike" in warning for warning in warnings)
     _write_png16(tmp_path / "3.png", 60000 * scene(1)[..., None])
-    assert len(read_shots(tmp_path).warnings) == 1
+    assert len(read_day_photos(tmp_path).warnings) == 1
 
 
 def test_one_photo_is_no_day(tmp_path: Path) -> None:
     fill(tmp_path, 1)
     with pytest.raises(PhotoError, match="holds 1 photo; normals need at least 3"):
-        read_shots(tmp_path)
+        read_day_photos(tmp_path)
 
 
 def _one_brighter(folder: Path) -> None:
@@ -144,30 +150,30 @@ def test_one_bad_photo_is_named(tmp_path: Path, spoil: Callable[[Path], None], s
     fill(tmp_path, 3)
     spoil(tmp_path)
     with pytest.raises(PhotoError, match=sentence):
-        read_shots(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, utc_offset=0.0)
 
 
 def test_other_days_that_cannot_be_used(tmp_path: Path) -> None:
     with pytest.raises(PhotoError, match="no folder"):
-        read_shots(tmp_path / "none")
+        read_day_photos(tmp_path / "none")
     fill(tmp_path, 2)
     with pytest.raises(PhotoError, match="at least 3"):
-        read_shots(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, utc_offset=0.0)
     fill(tmp_path, 3, gap=1)
     with pytest.raises(PhotoError, match="over hours"):
-        read_shots(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, utc_offset=0.0)
     fill(tmp_path, 3)
     with pytest.raises(PhotoError, match="--utc-offset"):
-        read_shots(tmp_path)
+        read_day_photos(tmp_path)
     (tmp_path / "times.csv").write_text("file,time\n0.jpg,soon\n")
     with pytest.raises(ParameterError, match="soon"):
-        read_shots(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, utc_offset=0.0)
 
 
 def test_a_folder_named_like_a_photo_is_none(tmp_path: Path) -> None:
     fill(tmp_path, 3)
     (tmp_path / "out.png").mkdir()
-    assert read_shots(tmp_path, utc_offset=0.0).names == ("0.jpg", "1.jpg", "2.jpg")
+    assert read_day_photos(tmp_path, utc_offset=0.0).names == ("0.jpg", "1.jpg", "2.jpg")
 
 
 @pytest.mark.parametrize("content", [b"file,time\n\xff,\n", b"file,time\n" + b"a" * 200_000 + b",\n"])
@@ -175,21 +181,21 @@ def test_times_that_are_no_table_are_refused(tmp_path: Path, content: bytes) -> 
     fill(tmp_path, 3)
     (tmp_path / "times.csv").write_bytes(content)
     with pytest.raises(PhotoError, match=r"times\.csv is not a CSV file in UTF-8\.$"):
-        read_shots(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, utc_offset=0.0)
 
 
 def test_photos_may_be_small_but_not_a_point(tmp_path: Path) -> None:
     fill(tmp_path, 3)
-    assert read_shots(tmp_path, utc_offset=0.0, size=2).images.shape[1:3] == (2, 2)
+    assert read_day_photos(tmp_path, utc_offset=0.0, size=2).images.shape[1:3] == (2, 2)
     with pytest.raises(PhotoError, match="1 x 1 pixels"):
-        read_shots(tmp_path, utc_offset=0.0, size=1)
+        read_day_photos(tmp_path, utc_offset=0.0, size=1)
 
 
 def test_photos_of_two_sizes_are_refused_also_where_they_are_reduced_to_one(tmp_path: Path) -> None:
     fill(tmp_path, 3)
     _one_larger(tmp_path)
     with pytest.raises(PhotoError, match="differ in size"):
-        read_shots(tmp_path, utc_offset=0.0, size=32)
+        read_day_photos(tmp_path, utc_offset=0.0, size=32)
 
 
 def test_a_photo_that_nothing_is_left_of_is_refused(tmp_path: Path) -> None:
@@ -198,7 +204,7 @@ def test_a_photo_that_nothing_is_left_of_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
         PhotoError, match=r"^thin\.jpg is reduced to 0 x 100 pixels; normals need 2 or more each way\.$"
     ):
-        read_shots(tmp_path, utc_offset=0.0, size=100)
+        read_day_photos(tmp_path, utc_offset=0.0, size=100)
 
 
 def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:
@@ -206,7 +212,7 @@ def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:
     _write_png16(tmp_path / "a.png", values)
     _write_picture(tmp_path / "a.exr", (values / 65535).astype(np.float32))
     for name in ("a.png", "a.exr"):
-        shot = _read_shot(tmp_path / name)
+        shot = _read_day_photo(tmp_path / name)
         np.testing.assert_allclose(shot.pixels, values / 65535, rtol=1e-6)
         assert not shot.coded
         assert not shot.clipped.any()
@@ -215,7 +221,7 @@ def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:
 def test_16_bit_tiff_of_one_channel(tmp_path: Path) -> None:
     values = np.arange(600, dtype=np.uint16).reshape(20, 30) * 100
     Image.fromarray(values).save(tmp_path / "a.tif")
-    np.testing.assert_allclose(_read_shot(tmp_path / "a.tif").pixels[..., 0], values / 65535, rtol=1e-6)
+    np.testing.assert_allclose(_read_day_photo(tmp_path / "a.tif").pixels[..., 0], values / 65535, rtol=1e-6)
 
 
 def test_a_jpeg_is_decoded_from_srgb_turned_upright_and_its_white_is_clipped(tmp_path: Path) -> None:
@@ -224,7 +230,7 @@ def test_a_jpeg_is_decoded_from_srgb_turned_upright_and_its_white_is_clipped(tmp
     exif = Image.Exif()
     exif[0x0112] = 6  # to be turned clockwise
     Image.fromarray(pixels).save(tmp_path / "a.jpg", quality=95, exif=exif)
-    shot = _read_shot(tmp_path / "a.jpg")
+    shot = _read_day_photo(tmp_path / "a.jpg")
     assert shot.coded
     assert shot.pixels.shape == (64, 32, 3)
     assert abs(float(shot.pixels[50, 16, 1]) - 0.5029) < 0.02  # sRGB's 188 is half of white, IEC 61966-2-1
@@ -237,9 +243,9 @@ def test_16_bits_that_say_they_are_coded_are_refused_unless_told(tmp_path: Path)
     data = (tmp_path / "a.png").read_bytes()
     (tmp_path / "a.png").write_bytes(data[:33] + chunk(b"sRGB", b"\0") + data[33:])
     with pytest.raises(PhotoError, match="gamma-coded"):
-        _read_shot(tmp_path / "a.png")
-    assert abs(float(_read_shot(tmp_path / "a.png", "linear").pixels[0, 0, 0]) - 30000 / 65535) < 1e-6
-    assert _read_shot(tmp_path / "a.png", "srgb").pixels[0, 0, 0] < 0.2
+        _read_day_photo(tmp_path / "a.png")
+    assert abs(float(_read_day_photo(tmp_path / "a.png", "linear").pixels[0, 0, 0]) - 30000 / 65535) < 1e-6
+    assert _read_day_photo(tmp_path / "a.png", "srgb").pixels[0, 0, 0] < 0.2
 
 
 def test_a_photo_has_the_values_that_a_sky_probe_has(tmp_path: Path) -> None:
@@ -247,7 +253,7 @@ def test_a_photo_has_the_values_that_a_sky_probe_has(tmp_path: Path) -> None:
     colours = np.full((8, 8, 3), (60, 90, 140), dtype=np.uint8)
     colours[0] = 252
     Image.fromarray(colours).save(tmp_path / "a.png", icc_profile=profile("Wide", WIDE))
-    shot, photo = _read_shot(tmp_path / "a.png"), read_linear(tmp_path / "a.png")
+    shot, photo = _read_day_photo(tmp_path / "a.png"), read_linear(tmp_path / "a.png")
     assert np.array_equal(shot.pixels, photo.pixels)
     assert np.abs(shot.pixels[4, 4] - srgb_decode(colours[4, 4] / 255.0)).max() > 0.02
     assert shot.clipped[0].all()
@@ -256,7 +262,7 @@ def test_a_photo_has_the_values_that_a_sky_probe_has(tmp_path: Path) -> None:
 
 def test_grey_stays_one_channel(tmp_path: Path) -> None:
     Image.fromarray(np.full((8, 8), 90, dtype=np.uint8)).save(tmp_path / "a.png")
-    assert _read_shot(tmp_path / "a.png").pixels.shape == (8, 8, 1)
+    assert _read_day_photo(tmp_path / "a.png").pixels.shape == (8, 8, 1)
 
 
 def test_raw_photos_keep_one_unit_whatever_their_brightest_pixel(tmp_path: Path) -> None:
@@ -264,7 +270,7 @@ def test_raw_photos_keep_one_unit_whatever_their_brightest_pixel(tmp_path: Path)
     ramp = np.tile(np.linspace(100, 16000, 200), (80, 1))
     for name, part in (("noon", 1.0), ("evening", 0.8)):
         (tmp_path / f"{name}.dng").write_bytes(plain_dng(ramp * part, white=16383))
-        pixels = _read_shot(tmp_path / f"{name}.dng").pixels[8:-8, 8:-8]
+        pixels = _read_day_photo(tmp_path / f"{name}.dng").pixels[8:-8, 8:-8]
         expected = np.repeat((ramp * part / 16383)[8:-8, 8:-8, None], 3, axis=-1)
         assert pixels == pytest.approx(expected, abs=0.003)  # half a step of the ramp, as in test_linear
 
@@ -273,13 +279,13 @@ def test_raw_photos_keep_one_unit_whatever_their_brightest_pixel(tmp_path: Path)
 def test_what_is_no_photo_ends_in_a_sentence(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(b"nothing of the kind")
     with pytest.raises(PhotoError, match=name):
-        _read_shot(tmp_path / name)
+        _read_day_photo(tmp_path / name)
 
 
 def test_a_bad_exr_is_named(tmp_path: Path) -> None:
     _write_picture(tmp_path / "depth.exr", np.ones((8, 8, 1), np.float32))
     with pytest.raises(PhotoError, match=r"^depth\.exr: The EXR file has no channel R, G, B"):
-        _read_shot(tmp_path / "depth.exr")
+        _read_day_photo(tmp_path / "depth.exr")
 
 
 def test_an_exr_with_values_that_are_not_finite_is_refused(tmp_path: Path) -> None:
@@ -287,7 +293,7 @@ def test_an_exr_with_values_that_are_not_finite_is_refused(tmp_path: Path) -> No
     pixels[1, 2] = np.nan
     write_exr(tmp_path / "spoiled.exr", pixels)
     with pytest.raises(PhotoError, match=r"^spoiled\.exr: .* not finite"):
-        _read_shot(tmp_path / "spoiled.exr")
+        _read_day_photo(tmp_path / "spoiled.exr")
 
 
 def probes_fill(folder: Path) -> None:
@@ -302,17 +308,17 @@ def probes_fill(folder: Path) -> None:
 def test_each_photo_gets_the_nearest_probe(tmp_path: Path) -> None:
     probes_fill(tmp_path)
     times = np.array(["2026-06-21T10:56", "2026-06-21T10:03", "2026-06-21T10:28"], dtype="datetime64[us]")
-    skies = nearest_skies(tmp_path, times, 0.0)
+    skies = read_nearest_skies(tmp_path, times, 0.0)
     np.testing.assert_allclose(skies.radiance[:, -1].mean(axis=(1, 2)), [3, 1, 2], rtol=1e-3)
     earlier = np.asarray(times - np.timedelta64(2, "h"), dtype="datetime64[us]")
-    shifted = nearest_skies(tmp_path, earlier, 2.0)  # the folders tell a clock at UTC+2
+    shifted = read_nearest_skies(tmp_path, earlier, 2.0)  # the folders tell a clock at UTC+2
     np.testing.assert_allclose(shifted.radiance, skies.radiance)
 
 
 def test_a_photo_without_a_probe_near_is_named(tmp_path: Path) -> None:
     probes_fill(tmp_path)
     with pytest.raises(EnvironmentMapError, match="within 10 minutes of 2026-06-21 10:15"):
-        nearest_skies(tmp_path, np.array(["2026-06-21T10:15"], dtype="datetime64[us]"), 0.0)
+        read_nearest_skies(tmp_path, np.array(["2026-06-21T10:15"], dtype="datetime64[us]"), 0.0)
 
 
 NAMES = ["a", "b"]
@@ -324,39 +330,39 @@ def still_scene() -> NDArray[np.float32]:
 
 def test_other_light_from_the_same_place_passes() -> None:
     ramp = np.linspace(0.3, 1.0, 128, dtype=np.float32)
-    _check_still(np.stack([still_scene() * ramp, still_scene() * ramp[::-1]]), NAMES)
+    _check_static_camera(np.stack([still_scene() * ramp, still_scene() * ramp[::-1]]), NAMES)
 
 
 @pytest.mark.parametrize("shift", [(0, 4), (3, 0), (-4, 5)])
 def test_a_camera_that_moved_is_named(shift: tuple[int, int]) -> None:
     with pytest.raises(PhotoError, match="b is shifted by"):
-        _check_still(np.stack([still_scene(), np.roll(still_scene(), shift, axis=(0, 1))]), NAMES)
+        _check_static_camera(np.stack([still_scene(), np.roll(still_scene(), shift, axis=(0, 1))]), NAMES)
 
 
 def test_pictures_without_edges_say_nothing() -> None:
-    _check_still(np.ones((2, 64, 64), np.float32), NAMES)
+    _check_static_camera(np.ones((2, 64, 64), np.float32), NAMES)
 
 
 def clear(times: np.ndarray = JUNE) -> Skies:
-    return clear_skies(suns_at(times, LATITUDE, 0.0), TURBIDITY, 0.3, 32)
+    return clear_skies(sun_directions(times, LATITUDE, 0.0), TURBIDITY, 0.3, 32)
 
 
 @pytest.mark.parametrize("noise", [0.001, 0.01])
 def test_a_clear_day_is_varied_and_an_overcast_one_is_not(noise: float) -> None:
     normals, mask, _ = ball()
-    assert _is_varied(photos(normals, mask, clear(), Pose(), noise), mask)
-    assert not _is_varied(photos(normals, mask, overcast_skies(clear()), Pose(), noise), mask)
+    assert _light_varies(photos(normals, mask, clear(), Pose(), noise), mask)
+    assert not _light_varies(photos(normals, mask, overcast_skies(clear()), Pose(), noise), mask)
 
 
 def test_two_hours_of_a_clear_day_are_varied() -> None:
     normals, mask, _ = ball()
     times = JUNE[1] + np.arange(8) * np.timedelta64(17, "m")
-    assert _is_varied(photos(normals, mask, clear(times), Pose()), mask)
+    assert _light_varies(photos(normals, mask, clear(times), Pose()), mask)
 
 
 def test_what_is_flat_is_not_varied_under_any_light() -> None:
     normals = np.broadcast_to(np.array([0.0, 0.6, 0.8], dtype=np.float32), (20, 20, 3))
     mask = np.ones((20, 20), dtype=bool)
-    assert not _is_varied(photos(normals, mask, clear(), Pose()), mask)
-    assert not _is_varied(np.zeros((3, 20, 20, 1), dtype=np.float32), mask)
-    assert not _is_varied(np.ones((3, 20, 20, 1), dtype=np.float32), ~mask)
+    assert not _light_varies(photos(normals, mask, clear(), Pose()), mask)
+    assert not _light_varies(np.zeros((3, 20, 20, 1), dtype=np.float32), mask)
+    assert not _light_varies(np.ones((3, 20, 20, 1), dtype=np.float32), ~mask)

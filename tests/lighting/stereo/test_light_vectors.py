@@ -17,12 +17,12 @@ from lighting.stereo.light_vectors import (
     broken_skies,
     clear_skies,
     draw_sunshine,
-    illumination,
+    illumination_matrices,
     overcast_skies,
-    skies_of_maps,
-    sky_light,
-    sun_light,
-    suns_at,
+    skies_from_maps,
+    sky_light_vectors,
+    sun_directions,
+    sun_light_vectors,
 )
 
 
@@ -64,7 +64,7 @@ def test_the_disc_is_what_its_points_sum_to(above: float) -> None:
     patch = direction(30.0, 40.0 + 90.0 - above)
     points, weight = sun_disc_points(sun, rings=200, spokes=400)
     seen = (points @ patch > 0) * weight / weight.sum()
-    vector = sun_light(sun[None], np.array([[np.pi]]), patch[None])[0, 0, :, 0]
+    vector = sun_light_vectors(sun[None], np.array([[np.pi]]), patch[None])[0, 0, :, 0]
     np.testing.assert_allclose(vector, seen @ points, atol=3e-3)
     # the brightness of a grazed patch is a tenth of a percent of a lit one's: to a hundredth of that
     assert vector @ patch == pytest.approx(seen @ points @ patch, abs=2e-5)
@@ -90,13 +90,13 @@ def test_brightness_of_rendered_patches_is_linear_in_the_scaled_normal() -> None
     suns = np.stack([direction(azimuth, 40.0) for azimuth in (0.0, 50.0, 100.0)])
     rng = np.random.default_rng(3)
     skies = Skies(rng.random((3, 16, 32, 3), dtype=np.float32), suns, rng.random((3, 3)))
-    matrices = illumination(skies, n.reshape(7, 1, 3))
+    matrices = illumination_matrices(skies, n.reshape(7, 1, 3))
     assert matrices.shape == (7, 1, 3, 3, 3)
     step = 1e-3
     for axis in np.eye(3):  # the derivative of the brightness by x is the matrix, though the matrix depends on n
         moved = n + step * axis
         length = np.linalg.norm(moved, axis=1, keepdims=True)
-        there = np.einsum("ntkc,nk->ntc", illumination(skies, moved / length), moved)
+        there = np.einsum("ntkc,nk->ntc", illumination_matrices(skies, moved / length), moved)
         here = np.einsum("ntkc,nk->ntc", matrices[:, 0], n)
         slope = np.einsum("ntkc,k->ntc", matrices[:, 0], axis)
         np.testing.assert_allclose((there - here) / step, slope, atol=0.06)  # a pixel at the edge costs so much
@@ -106,14 +106,14 @@ def test_shapes_are_checked() -> None:
     with pytest.raises(EnvironmentMapError, match="shape"):
         _mean_light(np.ones((8, 8, 3), dtype=np.float32), [0, 1, 0])
     with pytest.raises(EnvironmentMapError, match="one for each sun"):
-        skies_of_maps(np.ones((2, 8, 16, 3)), np.array([[0.0, 1.0, 0.0]]))
+        skies_from_maps(np.ones((2, 8, 16, 3)), np.array([[0.0, 1.0, 0.0]]))
     with pytest.raises(EnvironmentMapError, match="irradiance"):
         Skies(np.ones((1, 8, 16, 3), dtype=np.float32), np.array([[0.0, 1.0, 0.0]]), np.zeros((1, 1)))
 
 
 def test_chunks_do_not_show() -> None:
     n, radiance = normals(5000), np.random.default_rng(0).random((1, 32, 64, 1))
-    together, apart = sky_light(radiance, n), sky_light(radiance, n[4990:])
+    together, apart = sky_light_vectors(radiance, n), sky_light_vectors(radiance, n[4990:])
     np.testing.assert_allclose(together[4990:], apart, rtol=1e-5, atol=1e-6)
 
 
@@ -121,7 +121,7 @@ SUNS = direction([100.0, 180.0, 250.0], [15.0, 55.0, 30.0])
 
 
 def test_suns_stand_in_the_south_at_noon_and_in_the_east_in_the_morning() -> None:
-    noon, morning = suns_at(["2026-03-20T12:07", "2026-03-20T06:30"], 48.0, 0.0)
+    noon, morning = sun_directions(["2026-03-20T12:07", "2026-03-20T06:30"], 48.0, 0.0)
     np.testing.assert_allclose(noon, direction(180.0, 42.0), atol=0.02)  # south is +Z
     assert morning[0] > 0.98  # east is +X
 
@@ -137,7 +137,7 @@ def test_clear_skies_have_the_irradiances_of_the_environment_map() -> None:
 
 def test_level_ground_sees_its_horizontal_irradiance() -> None:
     skies = clear_skies(SUNS)
-    bright = np.einsum("tkc,k->tc", illumination(skies, [0, 1, 0]), [0.0, 1, 0])
+    bright = np.einsum("tkc,k->tc", illumination_matrices(skies, [0, 1, 0]), [0.0, 1, 0])
     level = _horizontal_irradiance(skies.radiance[:, :32]) + skies.sun_irradiance * SUNS[:, 1:2]
     np.testing.assert_allclose(bright, level / np.pi, rtol=2e-3)
     np.testing.assert_allclose(skies.radiance[:, -1, 0], 0.3 * bright, rtol=2e-3)  # ground of albedo 0.3, lit by it
@@ -150,12 +150,12 @@ def test_overcast_skies_follow_the_cie_and_hold_a_quarter_of_the_light() -> None
     zenith, horizon = dull.radiance[:, 0].mean(axis=1), dull.radiance[:, 31].mean(axis=1)
     np.testing.assert_allclose(zenith / horizon, 3.0, rtol=0.06)  # the lowest row's centre is 1.4 deg up
     up = np.array([0.0, 1.0, 0.0])
-    bright = [np.einsum("tkc,k->tc", illumination(skies, up), up) for skies in (clear, dull)]
+    bright = [np.einsum("tkc,k->tc", illumination_matrices(skies, up), up) for skies in (clear, dull)]
     np.testing.assert_allclose(bright[1], 0.25 * bright[0], rtol=5e-3)
 
 
 def test_an_overcast_day_turns_no_mean_light_vector() -> None:
-    vectors = illumination(overcast_skies(clear_skies(SUNS)), direction(40.0, 30.0))[..., 1]
+    vectors = illumination_matrices(overcast_skies(clear_skies(SUNS)), direction(40.0, 30.0))[..., 1]
     unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     np.testing.assert_allclose(unit, unit[:1].repeat(3, axis=0), atol=1e-5)
 

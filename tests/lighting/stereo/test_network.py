@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from lighting.errors import ModelError
-from lighting.stereo.grid_search import Pose, candidates, search, to_camera
+from lighting.stereo.grid_search import Pose, make_candidates, search_normals, world_to_camera
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.network import BY_IMAGE, SHARED, Network, NormalFeatures, _packaged_network, normal_features
-from lighting.stereo.schedule import in_grey
+from lighting.stereo.schedule import gray_skies
 from tests.helpers.skies import ball, june_suns, photos
 
 
 def test_planes_hold_the_photos_the_suns_and_the_search_inside_the_mask_alone() -> None:
     normals, mask, _ = ball(24)
-    skies = in_grey(clear_skies(june_suns(), height=16))
+    skies = gray_skies(clear_skies(june_suns(), height=16))
     pixels = np.moveaxis(photos(normals, mask, skies, Pose()), 0, -2)[mask]
-    answer = search(pixels, candidates(skies, Pose(), 300), 0.01)
-    suns = to_camera(skies.sun_direction, Pose())
+    answer = search_normals(pixels, make_candidates(skies, Pose(), 300), 0.01)
+    suns = world_to_camera(skies.sun_direction, Pose())
     planes = normal_features(pixels, mask, suns, answer, 0.01)
     assert planes.by_image.shape == (8, BY_IMAGE, 24, 24)
     assert planes.shared.shape == (SHARED, 24, 24)
@@ -32,10 +32,12 @@ def test_planes_hold_the_photos_the_suns_and_the_search_inside_the_mask_alone() 
 
 def test_planes_are_the_same_in_any_unit_of_the_photos() -> None:
     normals, mask, _ = ball(16)
-    skies = in_grey(clear_skies(june_suns(), height=16))
+    skies = gray_skies(clear_skies(june_suns(), height=16))
     pixels = np.moveaxis(photos(normals, mask, skies, Pose()), 0, -2)[mask]
-    table, suns = candidates(skies, Pose(), 300), to_camera(skies.sun_direction, Pose())
-    one, two = (normal_features(s * pixels, mask, suns, search(s * pixels, table, s * 0.01), s * 0.01) for s in (1, 4))
+    table, suns = make_candidates(skies, Pose(), 300), world_to_camera(skies.sun_direction, Pose())
+    one, two = (
+        normal_features(s * pixels, mask, suns, search_normals(s * pixels, table, s * 0.01), s * 0.01) for s in (1, 4)
+    )
     np.testing.assert_allclose(one.shared, two.shared, atol=1e-3)
     np.testing.assert_allclose(one.by_image, two.by_image, atol=1e-3)
 

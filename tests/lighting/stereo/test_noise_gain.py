@@ -9,18 +9,18 @@ from lighting.stereo.noise_gain import (
     _covariance,
     _sphere_normals,
     angular_error,
-    angular_spread,
-    gain_of,
-    gram,
-    half_sphere,
+    angular_std,
+    gain_from_inverse,
+    gram_matrix,
+    half_sphere_normals,
     interval_95,
-    inverse,
+    invert_symmetric,
     largest_gain,
     named_normals,
     noise_gain,
     normals_of_interest,
     rotation_free_gain,
-    window_inverses,
+    window_gram_inverses,
 )
 
 RNG = np.random.default_rng(0)
@@ -58,14 +58,14 @@ def test_an_hour_costs_five_to_seven_times_a_full_arc(lift: float) -> None:
 
 def test_the_inverse_is_numpys() -> None:
     matrices = RNG.normal(size=(50, 6, 3))
-    grams = gram(matrices)
-    np.testing.assert_allclose(inverse(grams), np.linalg.inv(grams), rtol=1e-9)
+    grams = gram_matrix(matrices)
+    np.testing.assert_allclose(invert_symmetric(grams), np.linalg.inv(grams), rtol=1e-9)
     np.testing.assert_allclose(_covariance(matrices, 0.1), 0.01 * np.linalg.inv(grams), rtol=1e-9)
 
 
 def test_an_ill_conditioned_inverse_keeps_its_digits() -> None:
     lights = np.array([[0, 1, 0], [1e-2, 1, 0], [0, 1, 1e-2]])  # a noise gain of about 140
-    np.testing.assert_allclose(inverse(gram(lights)), np.linalg.inv(gram(lights)), rtol=1e-5)
+    np.testing.assert_allclose(invert_symmetric(gram_matrix(lights)), np.linalg.inv(gram_matrix(lights)), rtol=1e-5)
 
 
 def test_what_no_light_resolves_has_an_infinite_gain() -> None:
@@ -73,7 +73,7 @@ def test_what_no_light_resolves_has_an_infinite_gain() -> None:
     assert np.isinf(noise_gain(plane)).all()
     assert np.isinf(largest_gain(np.ones((2, 3))))
     assert np.isinf(rotation_free_gain(np.ones((2, 3))))
-    assert angular_error(angular_spread(inverse(gram(plane)), [0, 1, 0]), 0.01) == 90
+    assert angular_error(angular_std(invert_symmetric(gram_matrix(plane)), [0, 1, 0]), 0.01) == 90
 
 
 def test_the_rotation_free_gain_bounds_the_gain_of_every_axis() -> None:
@@ -102,14 +102,14 @@ def test_noisy_pixels_scatter_as_predicted() -> None:
     np.testing.assert_allclose(inside.mean(axis=0), 0.95, atol=0.006)
     unit = found / np.linalg.norm(found, axis=1, keepdims=True)
     turned = np.degrees(np.arccos(np.clip(unit @ normal, -1, 1)))
-    expected = angular_error(angular_spread(inverse(gram(lights)), normal), noise, albedo)
+    expected = angular_error(angular_std(invert_symmetric(gram_matrix(lights)), normal), noise, albedo)
     assert np.sqrt(np.mean(turned**2)) == pytest.approx(expected, rel=0.02)
 
 
 def test_windows_gain_what_their_photos_gain() -> None:
     lights = RNG.normal(size=(3, 20, 3))
     moments = np.array([[0, 4, 8, 12], [5, 5, 6, 7]])
-    gains = gain_of(window_inverses(lights, moments)).max(axis=-1)
+    gains = gain_from_inverse(window_gram_inverses(lights, moments)).max(axis=-1)
     for row, index in enumerate(moments):
         np.testing.assert_allclose(gains[:, row], largest_gain(lights[:, index]), rtol=1e-9)
 
@@ -124,7 +124,7 @@ def test_orientations_face_where_they_say() -> None:
     names, normals = named_normals(90.0)
     np.testing.assert_allclose(normals[[name for name, *_ in names].index("towards 45°")], direction(45.0, 0.0))
     assert (normals_of_interest(90.0) @ direction(90.0, 0.0) > 0).all()
-    seen = half_sphere(180.0, 21)
+    seen = half_sphere_normals(180.0, 21)
     np.testing.assert_allclose(seen[10, 10], direction(180.0, 0.0), atol=1e-9)
     assert seen[10, 20] @ direction(90.0, 0.0) > 0.9  # a camera that looks north has east at its right
-    assert half_sphere(None, 21)[0, 10] @ direction(0.0, 0.0) > 0.9  # north is up in the view from above
+    assert half_sphere_normals(None, 21)[0, 10] @ direction(0.0, 0.0) > 0.9  # north is up in the view from above

@@ -12,8 +12,8 @@ from lighting.cli import cli
 from lighting.errors import PhotoError
 from lighting.files.exr import read_exr, write_exr
 from lighting.geometry import latlong_directions, latlong_solid_angle
-from lighting.stereo.capture import _read_shot
-from lighting.stereo.grid_search import Pose, to_world
+from lighting.stereo.capture import _read_day_photo
+from lighting.stereo.grid_search import Pose, camera_to_world
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.output import (
     NormalsOptions,
@@ -22,7 +22,7 @@ from lighting.stereo.output import (
     _write_png16,
     depth_error,
     estimate_normals,
-    integrate,
+    integrate_normals,
 )
 from lighting.stereo.solver import NormalMap
 from tests.helpers.skies import JUNE, angles, ball, june_suns, photos
@@ -30,7 +30,7 @@ from tests.helpers.skies import JUNE, angles, ball, june_suns, photos
 
 def test_a_ball_comes_back_round() -> None:
     normals, mask, height = ball(96)
-    found = integrate(normals, mask)
+    found = integrate_normals(normals, mask)
     assert np.isnan(found[~mask]).all()
     assert depth_error(found, height, mask) < 0.25  # pixels; its radius is 46
 
@@ -38,7 +38,7 @@ def test_a_ball_comes_back_round() -> None:
 def test_pieces_that_do_not_touch_are_solved_apart() -> None:
     normals, mask, height = ball(40)
     both = np.concatenate([normals, normals], axis=1), np.concatenate([mask, mask], axis=1)
-    found = integrate(*both)
+    found = integrate_normals(*both)
     assert depth_error(found[:, :40], height, mask) < 0.4
     assert depth_error(found[:, 40:], height, mask) < 0.4
 
@@ -50,14 +50,16 @@ def test_a_slanted_plane_seen_in_perspective() -> None:
     right, down = np.meshgrid(np.arange(side) - 20.0, np.arange(side) - 20.0)
     rays = np.stack([right, -down, np.full_like(right, -focal)], axis=-1) / focal
     distance = -5.0 / (rays @ normal)  # of the plane <n, p> = -5
-    found = integrate(np.broadcast_to(normal, (side, side, 3)).astype(np.float32), np.ones((side, side), bool), focal)
+    found = integrate_normals(
+        np.broadcast_to(normal, (side, side, 3)).astype(np.float32), np.ones((side, side), bool), focal
+    )
     np.testing.assert_allclose(found / found.mean(), distance / distance.mean(), rtol=2e-3)
 
 
 def test_a_png_of_16_bits_holds_what_was_written(tmp_path: Path) -> None:
     values = np.random.default_rng(0).integers(0, 65536, (5, 7, 3)).astype(float)
     _write_png16(tmp_path / "a.png", values)
-    found = _read_shot(tmp_path / "a.png", "linear").pixels
+    found = _read_day_photo(tmp_path / "a.png", "linear").pixels
     np.testing.assert_allclose(65535 * found, values, atol=0.01)
     with Image.open(tmp_path / "a.png") as picture:
         picture.verify()
@@ -66,7 +68,7 @@ def test_a_png_of_16_bits_holds_what_was_written(tmp_path: Path) -> None:
 def test_numbers_beyond_16_bits_are_cut(tmp_path: Path) -> None:
     _write_png16(tmp_path / "a.png", np.array([[[-5.0], [70000.0], [12.4]]]))
     np.testing.assert_allclose(
-        65535 * _read_shot(tmp_path / "a.png", "linear").pixels[0, :, 0], [0, 65535, 12], atol=0.1
+        65535 * _read_day_photo(tmp_path / "a.png", "linear").pixels[0, :, 0], [0, 65535, 12], atol=0.1
     )
 
 
@@ -122,13 +124,13 @@ def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path
     record = json.loads((tmp_path / "out" / "normals.json").read_text())
     assert abs(record["turbidity"] - 3) < 0.5  # nobody said it; the photos are of 3
     truth, mask, _ = ball()
-    found = _read_shot(tmp_path / "out" / "normals_camera.exr").pixels
+    found = _read_day_photo(tmp_path / "out" / "normals_camera.exr").pixels
     error = angles(found[mask], truth[mask])
     assert np.median(error) < 4  # of three channels in June; the pilot's one channel had 3.5
-    coded = _read_shot(tmp_path / "out" / "normals_camera.png", "linear").pixels
+    coded = _read_day_photo(tmp_path / "out" / "normals_camera.png", "linear").pixels
     np.testing.assert_allclose(coded[mask] * 2 - 1, found[mask], atol=1e-4)
-    world = _read_shot(tmp_path / "out" / "normals_world.exr").pixels
-    np.testing.assert_allclose(world[mask], to_world(found[mask], Pose(20.0)), atol=1e-5)
+    world = _read_day_photo(tmp_path / "out" / "normals_world.exr").pixels
+    np.testing.assert_allclose(world[mask], camera_to_world(found[mask], Pose(20.0)), atol=1e-5)
     assert not found[~mask].any()
 
 
@@ -168,7 +170,7 @@ def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Pat
     result = run(day, "--probes", tmp_path / "probes", "--heading", "20", "-o", tmp_path / "out")
     assert result.exit_code == 0, result.output
     truth, mask, _ = ball()
-    error = angles(_read_shot(tmp_path / "out" / "normals_camera.exr").pixels[mask], truth[mask])
+    error = angles(_read_day_photo(tmp_path / "out" / "normals_camera.exr").pixels[mask], truth[mask])
     assert np.median(error) < 4
 
 

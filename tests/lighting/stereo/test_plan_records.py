@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.stereo.plan_records import Question, SurfaceOrientation, clock
+from lighting.stereo.plan_records import PlanRequest, SurfaceOrientation, format_clock
 
 
 @pytest.mark.parametrize(
@@ -12,7 +12,7 @@ from lighting.stereo.plan_records import Question, SurfaceOrientation, clock
 )
 def test_questions_are_checked(wrong: dict[str, float]) -> None:
     with pytest.raises(ParameterError, match=next(iter(wrong))):
-        Question(**wrong)  # type: ignore[arg-type]
+        PlanRequest(**wrong)  # type: ignore[arg-type]
 
 
 def test_what_the_light_does_not_resolve_is_null() -> None:
@@ -22,5 +22,5 @@ def test_what_the_light_does_not_resolve_is_null() -> None:
 
 
 def test_times_are_written_as_a_clock_shows_them() -> None:
-    assert clock(645.0) == "10:45"
-    assert clock(59.6) == "01:00"
+    assert format_clock(645.0) == "10:45"
+    assert format_clock(59.6) == "01:00"

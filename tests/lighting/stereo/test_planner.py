@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import angle_between, latlong_directions
-from lighting.stereo.plan_records import Question
+from lighting.stereo.plan_records import PlanRequest
 from lighting.stereo.planner import (
-    LONGEST_GAP,
+    MAX_PROBE_GAP,
     MeasuredSkies,
     ModelledSkies,
-    _brightest,
+    _brightest_direction,
     _read_day,
-    conditions,
-    files_of,
+    day_maps,
+    plan_conditions,
     read_skies,
 )
 
@@ -40,16 +40,16 @@ def fill(folder: Path, *names: str, height: int = 16) -> None:
 
 
 def test_the_brightest_spot_is_the_sun() -> None:
-    assert angle_between(_brightest(sky()), latlong_directions(16)[4, 16]) < 0.1
+    assert angle_between(_brightest_direction(sky()), latlong_directions(16)[4, 16]) < 0.1
 
 
 def test_folders_are_days_by_a_clock(tmp_path: Path) -> None:
     fill(tmp_path, "100000", "103000")
-    assert sorted(files_of(tmp_path, JUNE)) == [600, 630]
-    assert files_of(tmp_path, date(2026, 6, 22)) == {}
-    day = _read_day(JUNE, files_of(tmp_path, JUNE))
+    assert sorted(day_maps(tmp_path, JUNE)) == [600, 630]
+    assert day_maps(tmp_path, date(2026, 6, 22)) == {}
+    day = _read_day(JUNE, day_maps(tmp_path, JUNE))
     assert day.minutes.tolist() == [600, 630]
-    assert day.tolerance == LONGEST_GAP / 2
+    assert day.tolerance == MAX_PROBE_GAP / 2
     assert day.skies.radiance.max() < 1000  # the sun is out of the map
     assert day.skies.sun_irradiance.min() > 0
 
@@ -68,7 +68,7 @@ def test_one_probe_is_no_day_and_sizes_do_not_mix(tmp_path: Path) -> None:
     fill(tmp_path, "100000")
     fill(tmp_path, "110000", height=32)
     with pytest.raises(EnvironmentMapError, match="differ in size"):
-        read_skies(list(files_of(tmp_path, JUNE).values()))
+        read_skies(list(day_maps(tmp_path, JUNE).values()))
 
 
 def test_the_clock_is_the_longitudes_unless_told() -> None:
@@ -78,7 +78,7 @@ def test_the_clock_is_the_longitudes_unless_told() -> None:
 
 
 def test_conditions_are_said() -> None:
-    said = conditions(ModelledSkies(47.0, -52.0, JUNE, JUNE, utc_offset=-3.5), Question(90.0, 5, 0.5))
+    said = plan_conditions(ModelledSkies(47.0, -52.0, JUNE, JUNE, utc_offset=-3.5), PlanRequest(90.0, 5, 0.5))
     assert said == "surface facing 90°, 5 photos a window, noise 0.5 %, times UTC-03:30"
 
 

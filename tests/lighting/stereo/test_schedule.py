@@ -11,26 +11,26 @@ from export.stereo.noise_gain import CASES, CLOUDY, _choice, _spread_of_noise, _
 from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import direction, latlong_pixel, latlong_solid_angle
-from lighting.stereo.light_vectors import Skies, clear_skies, suns_at
+from lighting.stereo.light_vectors import Skies, clear_skies, sun_directions
 from lighting.stereo.noise_gain import largest_gain
 from lighting.stereo.plan_figure import draw_plan
-from lighting.stereo.plan_records import Plan, Question
+from lighting.stereo.plan_records import Plan, PlanRequest
 from lighting.stereo.planner import MeasuredSkies, ModelledSkies, plan_photos, plan_record
 from lighting.stereo.schedule import (
+    MIN_WINDOW,
     ONE_SKY,
-    SHORTEST,
-    Place,
+    ClockLocation,
     SkyDay,
     _all_windows,
     clear_brightness,
     days_between,
-    in_grey,
+    gray_skies,
+    list_windows,
     modelled_day,
-    windows_of,
-    worth,
+    score_windows,
 )
 
-BREGENZ = Place(47.5, 9.75, 1.0)
+BREGENZ = ClockLocation(47.5, 9.75, 1.0)
 JUNE = date(2026, 6, 21)
 
 
@@ -43,7 +43,7 @@ def test_a_modelled_day_holds_the_moments_with_the_sun_up() -> None:
 
 def test_photos_are_spread_evenly_and_moments_without_light_are_out_of_reach() -> None:
     minutes = np.arange(600.0, 720.0, 10.0)
-    skies = in_grey(clear_skies(np.tile([[0.0, 0.6, 0.8]], (12, 1)), height=4))
+    skies = gray_skies(clear_skies(np.tile([[0.0, 0.6, 0.8]], (12, 1)), height=4))
     day = SkyDay(JUNE, minutes, 5.0, skies, ONE_SKY)
     moments, reached = day.moments(np.array([600.0, 680.0]), np.array([660.0, 740.0]), 3)
     np.testing.assert_array_equal(minutes[moments[0, 0]], [600, 630, 660])
@@ -52,7 +52,7 @@ def test_photos_are_spread_evenly_and_moments_without_light_are_out_of_reach() -
 
 def test_clouds_choose_between_the_variants_of_a_moment() -> None:
     minutes = np.arange(600.0, 660.0, 15.0)
-    skies = in_grey(clear_skies(np.tile([[0.0, 0.6, 0.8]], (8, 1)), height=4))
+    skies = gray_skies(clear_skies(np.tile([[0.0, 0.6, 0.8]], (8, 1)), height=4))
     day = SkyDay(JUNE, minutes, 7.5, skies, np.array([[1, 0, 0, 0]]))
     moments, _ = day.moments(np.array([600.0]), np.array([630.0]), 3)
     assert moments[0, 0].tolist() == [4, 1, 2]  # the first spell shows the second variant
@@ -68,7 +68,7 @@ def test_the_brightest_light_is_of_the_day_with_the_highest_sun() -> None:
 def plan(
     latitude: float, first: date, last: date | None = None, facing: float | None = None, noise: float = 1.0
 ) -> Plan:
-    return plan_photos(ModelledSkies(latitude, 10.0, first, last or first), Question(facing, noise=noise))
+    return plan_photos(ModelledSkies(latitude, 10.0, first, last or first), PlanRequest(facing, noise=noise))
 
 
 @pytest.mark.parametrize("case", [CASES[1], CASES[2]], ids=lambda case: case.name)
@@ -137,7 +137,7 @@ def test_a_day_shorter_than_an_hour_says_so() -> None:
 
 
 def test_an_overcast_day_resolves_nothing() -> None:
-    found = plan_photos(ModelledSkies(47.0, 10.0, JUNE, JUNE, "overcast"), Question())
+    found = plan_photos(ModelledSkies(47.0, 10.0, JUNE, JUNE, "overcast"), PlanRequest())
     record = plan_record(ModelledSkies(47.0, 10.0, JUNE, JUNE, "overcast"), found)
     assert record["windows"][0]["gain"] is None
     assert record["windows"][0]["error"] == 90
@@ -164,7 +164,7 @@ def test_the_picture_shows_the_gain_where_the_table_has_it() -> None:
 
 def probes(folder: Path, day: date, minutes: range) -> None:
     times = [np.datetime64(day.isoformat()) + np.timedelta64(m - 60, "m") for m in minutes]  # a clock at UTC+1
-    skies = clear_skies(suns_at(times, 47.0, 10.0), height=32)
+    skies = clear_skies(sun_directions(times, 47.0, 10.0), height=32)
     for i, minute in enumerate(minutes):
         image = skies.radiance[i].copy()
         column, row = latlong_pixel(skies.sun_direction[i], 32).astype(int)
@@ -176,7 +176,7 @@ def probes(folder: Path, day: date, minutes: range) -> None:
 
 def test_probes_are_planned_as_the_skies_they_are_of(tmp_path: Path) -> None:
     probes(tmp_path, JUNE, range(480, 1000, 20))
-    found = plan_photos(MeasuredSkies(tmp_path), Question())
+    found = plan_photos(MeasuredSkies(tmp_path), PlanRequest())
     assert found.day == JUNE
     (six,) = (window for window in found.windows if window.hours == 6)
     modelled = plan(47.0, JUNE).windows[-1]
@@ -187,16 +187,16 @@ def test_probes_are_planned_as_the_skies_they_are_of(tmp_path: Path) -> None:
 
 def test_folders_without_probes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(ProbeError, match="holds no probe"):
-        plan_photos(MeasuredSkies(tmp_path), Question())
+        plan_photos(MeasuredSkies(tmp_path), PlanRequest())
     probes(tmp_path, JUNE, range(600, 610, 20))
     with pytest.raises(ParameterError, match="two or more"):
-        plan_photos(MeasuredSkies(tmp_path), Question())
+        plan_photos(MeasuredSkies(tmp_path), PlanRequest())
     with pytest.raises(ParameterError, match="no probes on 2026-06-22"):
-        plan_photos(MeasuredSkies(tmp_path, date(2026, 6, 22)), Question())
+        plan_photos(MeasuredSkies(tmp_path, date(2026, 6, 22)), PlanRequest())
     (tmp_path / "20260621" / "110000").mkdir()
     (tmp_path / "20260621" / "110000" / "envmap.exr").write_bytes(b"no map")
     with pytest.raises(EnvironmentMapError):
-        plan_photos(MeasuredSkies(tmp_path), Question())
+        plan_photos(MeasuredSkies(tmp_path), PlanRequest())
 
 
 def sun_alone(hours: float) -> SkyDay:
@@ -208,22 +208,22 @@ def sun_alone(hours: float) -> SkyDay:
 
 
 def test_windows_start_on_quarters_of_an_hour_and_lie_in_light() -> None:
-    windows = windows_of(sun_alone(3.0), 2.0, 5)
+    windows = list_windows(sun_alone(3.0), 2.0, 5)
     assert windows.start.tolist() == [480, 495, 510, 525, 540]
     assert (windows.end - windows.start == 120).all()
     assert windows.moments.shape == (1, 5, 5)
-    assert len(windows_of(sun_alone(3.0), 6.0, 5)) == 0
+    assert len(list_windows(sun_alone(3.0), 6.0, 5)) == 0
 
 
 def test_all_windows_are_long_enough() -> None:
     windows = _all_windows(sun_alone(2.0), 4, 15.0)
-    assert (windows.end - windows.start).min() == SHORTEST
+    assert (windows.end - windows.start).min() == MIN_WINDOW
     assert windows.end.max() == 600
 
 
 def test_a_window_is_worth_the_gain_of_its_photos() -> None:
     day, normal = sun_alone(3.0), direction(20.0, 60.0)[None]
-    windows, light = windows_of(day, 3.0, 6), day.light(normal)
-    found = worth(windows, light, normal)
+    windows, light = list_windows(day, 3.0, 6), day.light(normal)
+    found = score_windows(windows, light, normal)
     assert found.gain[0] == pytest.approx(float(largest_gain(light[0, windows.moments[0, 0]])))
     assert found.spread[0] > 0

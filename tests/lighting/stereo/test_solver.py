@@ -9,14 +9,14 @@ from lighting.errors import PhotoError
 from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.network import Network, NormalFeatures
-from lighting.stereo.schedule import in_grey
+from lighting.stereo.schedule import gray_skies
 from lighting.stereo.solver import (
     NormalMap,
     Session,
     _session_noise,
-    check_light,
-    fitted_turbidity,
-    improved,
+    apply_network,
+    check_sun_moves,
+    fit_turbidity,
     solve_normals,
 )
 from tests.helpers.skies import angles, ball, june_suns, photos
@@ -25,18 +25,18 @@ from tests.helpers.skies import angles, ball, june_suns, photos
 @pytest.mark.parametrize("truth", [2.4, 5.5])
 def test_it_finds_what_the_photos_were_made_with(truth: float) -> None:
     normals, mask, _ = ball(32)
-    images = photos(normals, mask, in_grey(clear_skies(june_suns(), truth, height=32)), Pose())
+    images = photos(normals, mask, gray_skies(clear_skies(june_suns(), truth, height=32)), Pose())
 
     def session(turbidity: float) -> Session:
-        return Session(images, mask, in_grey(clear_skies(june_suns(), turbidity, height=16)), Pose())
+        return Session(images, mask, gray_skies(clear_skies(june_suns(), turbidity, height=16)), Pose())
 
     # noise of 1 % and coarse skies; an error of 2 is what bends normals by degrees
-    assert abs(fitted_turbidity(session) - truth) < 1.0
+    assert abs(fit_turbidity(session) - truth) < 1.0
 
 
 def session(noise: float = 0.01) -> Session:
     normals, mask, _ = ball(24)
-    skies = in_grey(clear_skies(june_suns(), height=16))
+    skies = gray_skies(clear_skies(june_suns(), height=16))
     return Session(photos(normals, mask, skies, Pose(), noise), mask, skies, Pose())
 
 
@@ -72,7 +72,7 @@ def test_a_network_is_believed_where_it_is_clearly_the_surer(error: float, taken
     flat = np.zeros((1, 2), np.float32)
     found = NormalMap(mask, np.zeros((1, 2, 3), np.float32), flat[..., None], flat + 10, flat, ~mask & mask, 0.01)
     planes = NormalFeatures(np.zeros((3, 6, 1, 2), np.float32), np.zeros((15, 1, 2), np.float32))
-    both = improved(found, cast(Network, Fixed(error)), planes)
+    both = apply_network(found, cast(Network, Fixed(error)), planes)
     assert both.network.tolist() == [[taken, False]]
     assert (both.normal[0, 0] == (7 if taken else 0)).all()
     assert both.error[0, 0] == (error if taken else 10)
@@ -86,4 +86,4 @@ def test_empty_masks_black_photos_and_equal_suns_are_refused() -> None:
     with pytest.raises(PhotoError, match="black"):
         solve_normals(Session(0 * given.images, given.mask, given.skies, given.pose))
     with pytest.raises(PhotoError, match="same place"):
-        check_light(given.skies.at(np.array([2, 2, 2])))
+        check_sun_moves(given.skies.at(np.array([2, 2, 2])))

@@ -10,7 +10,7 @@ import pytest
 
 from lighting.color import srgb_encode
 from lighting.errors import VideoError
-from lighting.video.decode import Clip, _hlg_decode, _pq_decode, _to_srgb, _upright
+from lighting.video.decode import Clip, _hlg_decode, _pq_decode, _to_srgb, _upright_pixels
 from tests.helpers.clips import Pixels, pan, write_clip
 
 TOP_RED = np.zeros((180, 320, 3), np.uint8)
@@ -271,7 +271,7 @@ def test_colours_are_those_that_were_coded(
     for plane, value in zip(frame.planes, coded, strict=True):
         plane.update(bytes([value]) * (plane.line_size * plane.height))
     frame.colorspace, frame.color_range = matrix, 1
-    shown = _upright(frame, side)
+    shown = _upright_pixels(frame, side)
     assert shown.shape == (side, side, 3)
     np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), decoded(coded, weights), atol=off)
 
@@ -282,7 +282,7 @@ def test_diffuse_white_of_hdr_is_white(curve: int, signal: float) -> None:
     for plane, value in zip(frame.planes, (round(64 + 876 * signal), 512, 512), strict=True):
         plane.update(np.full(plane.buffer_size // 2, value, np.uint16).tobytes())
     frame.colorspace, frame.color_range, frame.color_trc, frame.color_primaries = 9, 1, curve, 9
-    assert _upright(frame, 64).min() >= 254
+    assert _upright_pixels(frame, 64).min() >= 254
 
 
 @pytest.mark.parametrize(("side", "stretch"), [(64, 1.0), (128, 1.0), (128, 0.5)])
@@ -293,7 +293,7 @@ def test_colours_of_hdr_are_its_own_at_every_size(side: int, stretch: float) -> 
     frame.colorspace, frame.color_range, frame.color_trc, frame.color_primaries = 9, 1, 18, 9
     signal = np.array(decoded((500 / 4, 560 / 4, 470 / 4), (0.2627, 0.0593))) / 255
     expected = _to_srgb(np.round(signal * 65280).astype(np.uint16), "hlg", 9)
-    shown = _upright(frame, side, stretch)
+    shown = _upright_pixels(frame, side, stretch)
     np.testing.assert_allclose(shown.reshape(-1, 3).mean(axis=0), expected, atol=0.6)
 
 

@@ -10,8 +10,8 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.model import Model
 from lighting.records import Lighting
-from lighting.video.intrinsics import as_one_lens, zoomed_fov
-from lighting.video.shot import Shot, frame_lights, light_of, shots_watched, solve_shot
+from lighting.video.intrinsics import remove_zoom, zoomed_fov
+from lighting.video.shot import Shot, frame_lights, observe_shots, shot_lighting, solve_shot
 from lighting.video.tracking import ClipMetadata, ShotObservations
 from tests.helpers.clips import FOV, Pixels, frames, panorama, seen
 
@@ -36,7 +36,7 @@ def model(network: Path) -> Model:
 
 
 def watched(pictures: list[Pixels], model: Model) -> ShotObservations:
-    (found,) = shots_watched(frames(pictures), model, 0.5)
+    (found,) = observe_shots(frames(pictures), model, 0.5)
     return found
 
 
@@ -62,7 +62,7 @@ def test_each_frame_of_a_zoom_has_its_own_field_of_view(model: Model) -> None:
 
 def test_angles_of_records_have_four_digits_behind_the_point(model: Model) -> None:
     shot = solved(filmed(zooms(1.6)), model)
-    for light in (light_of(shot), *(line.lighting for line in frame_lights(shot, 1))):
+    for light in (shot_lighting(shot), *(line.lighting for line in frame_lights(shot, 1))):
         assert angles(light) == [round(angle, 4) for angle in angles(light)]
 
 
@@ -82,14 +82,14 @@ def test_a_zoom_by_a_lens_that_is_given_begins_with_it(model: Model) -> None:
 def test_a_lens_that_is_given_tells_how_an_unzoomed_camera_was_held(model: Model, ratio: float) -> None:
     given, pictures = ClipMetadata(given=UserInput(vertical_fov=60.0)), filmed(zooms(ratio))
     plain = watched(pictures, model)
-    (by_lens,) = shots_watched(frames(pictures), model, 0.5, vertical_fov=given.vertical_fov)
+    (by_lens,) = observe_shots(frames(pictures), model, 0.5, vertical_fov=given.vertical_fov)
     moved = solve_shot(by_lens, given).path.elevation - solve_shot(plain, given).path.elevation
     assert bool(np.abs(moved).max() > 0.1) == (ratio == 1.0)
 
 
 def test_one_lens_is_no_zoom(model: Model) -> None:
-    assert as_one_lens(watched(filmed(zooms(1.0)), model), ClipMetadata()) is None
-    assert as_one_lens(watched(filmed(zooms(1.02)), model), ClipMetadata()) is None
+    assert remove_zoom(watched(filmed(zooms(1.0)), model), ClipMetadata()) is None
+    assert remove_zoom(watched(filmed(zooms(1.02)), model), ClipMetadata()) is None
 
 
 def test_a_gap_is_bridged_by_the_zoom_of_both_sides(model: Model) -> None:
@@ -102,10 +102,10 @@ def test_a_gap_is_bridged_by_the_zoom_of_both_sides(model: Model) -> None:
 
 def test_a_zoom_begins_with_the_lens_that_is_seen_first(model: Model) -> None:
     """The mean of all looks is another lens, from which a zoom by far is lost on the way."""
-    (found,) = shots_watched(frames(filmed(zooms(0.5)), 10.0), model, 0.2)
+    (found,) = observe_shots(frames(filmed(zooms(0.5)), 10.0), model, 0.2)
     fovs = {frame: FOV if frame < 12 else 120.0 for frame in found.looks}
     looks = {f: replace(s, prediction=replace(s.prediction, vertical_fov=fovs[f])) for f, s in found.looks.items()}
-    one = as_one_lens(replace(found, looks=looks), ClipMetadata())
+    one = remove_zoom(replace(found, looks=looks), ClipMetadata())
     assert one is not None
     assert one.zoom[-1] == pytest.approx(0.5, rel=0.01)
     assert one.told > 0.95

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lighting.preview.drawing import text_width
 from lighting.records import Lighting
-from lighting.video.overlay import _layout_of, drawn
+from lighting.video.overlay import _fit_layout, draw_overlay
 from lighting.video.shot import FrameLight
 from tests.helpers.clips import Pixels
 
@@ -20,7 +20,7 @@ def words_of(width: int, height: int, balls: NDArray[np.float32]) -> Pixels:
     grey = np.full((height, width, 3), 110, np.uint8)
     slow = FrameLight(1, 0, 0.4, replace(BEHIND, relative_heading=5.0), (1.0, 1.0, 1.0), bridged=False)
     far = FrameLight(1, 0, 8888.8, replace(BEHIND, relative_heading=200.0), (1.0, 1.0, 1.0), bridged=True)
-    return np.asarray(np.any(drawn(grey, slow, balls) != drawn(grey, far, balls), axis=-1))
+    return np.asarray(np.any(draw_overlay(grey, slow, balls) != draw_overlay(grey, far, balls), axis=-1))
 
 
 @pytest.mark.parametrize(("width", "height"), [(432, 768), (360, 640), (640, 360), (320, 180), (100, 200)])
@@ -29,14 +29,14 @@ def test_words_stand_inside_the_picture_and_beside_the_balls(width: int, height:
     rows, columns = np.nonzero(words_of(width, height, balls))
     assert columns.min() >= 4
     assert columns.max() <= width - 10
-    below = _layout_of(width, balls.shape[1]).below
+    below = _fit_layout(width, balls.shape[1]).below
     over_balls = (rows < height - below) & (rows >= height - below - balls.shape[0]) & (columns < 12 + balls.shape[1])
     assert not over_balls.any()
     assert rows.min() >= height - below  # all words are under the balls
 
 
 def test_where_there_is_room_words_and_balls_share_a_line() -> None:
-    layout = _layout_of(768, 246)
+    layout = _fit_layout(768, 246)
     assert layout.lines == ((0, 1, 2),)
     assert layout.below == 12
     assert text_width("8888.8 s   sun -149.9°, 68.3° high   turned -160.0° (bridged)", layout.size) < 768 - 246 - 40

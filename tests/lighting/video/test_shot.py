@@ -12,7 +12,7 @@ from lighting.fusion.estimate import predict_photo
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
-from lighting.video.shot import Shot, estimate_frame, shots_watched, solve_shot
+from lighting.video.shot import Shot, estimate_frame, observe_shots, solve_shot
 from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import ClipMetadata
 from tests.conftest import scene
@@ -28,7 +28,7 @@ def shot_model(network: Path) -> Model:
 
 
 def shots(pictures: list[Pixels], shot_model: Model, around: ClipMetadata | None = None) -> list[Shot]:
-    found = shots_watched(frames(pictures), shot_model, 0.5)
+    found = observe_shots(frames(pictures), shot_model, 0.5)
     return [solve_shot(watched, around or ClipMetadata()) for watched in found]
 
 
@@ -97,8 +97,8 @@ def test_a_dark_clip_says_so(shot_model: Model) -> None:
 def test_night_that_falls_in_a_shot_ends_its_looks_alone(shot_model: Model) -> None:
     """Civil twilight ends 15 s after the first of 30 frames, one a second."""
     dusk = UserInput(time=datetime(2024, 6, 1, 19, 47, 33, tzinfo=UTC), latitude=48.0, longitude=11.0, vertical_fov=FOV)
-    (watched,) = shots_watched(frames(pan(30, 20.0), 1.0), shot_model, 0.5)
-    (begun,) = shots_watched(frames(pan(30, 20.0)[:15], 1.0), shot_model, 0.5)
+    (watched,) = observe_shots(frames(pan(30, 20.0), 1.0), shot_model, 0.5)
+    (begun,) = observe_shots(frames(pan(30, 20.0)[:15], 1.0), shot_model, 0.5)
     shot, by_day = (solve_shot(one, ClipMetadata(given=dusk)) for one in (watched, begun))
     assert shot.known.warnings[-1].startswith("By time and place it is night at 15.0 s, too dark for these skies")
     assert shot.known.observations == by_day.known.observations

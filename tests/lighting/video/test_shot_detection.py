@@ -7,8 +7,8 @@ import pytest
 
 from lighting.geometry import Floats
 from lighting.model import Model
-from lighting.video.shot import Shot, shots_watched, solve_shot
-from lighting.video.shot_detection import Dissolve, Dissolves, _is_mixture
+from lighting.video.shot import Shot, observe_shots, solve_shot
+from lighting.video.shot_detection import Dissolve, DissolveDetector, _is_mixture
 from lighting.video.tracking import ClipMetadata
 from tests.helpers.clips import Pixels, frames, look, pan
 
@@ -27,13 +27,13 @@ def dissolving(mixed: int = MIXED, turn: float = 10.0) -> list[Pixels]:
 
 
 def told(pictures: list[Pixels]) -> list[Dissolve]:
-    dissolves = Dissolves()
+    dissolves = DissolveDetector()
     found = [dissolves.take(frame) for frame in frames(pictures)]
     return [dissolve for dissolve in (*found, dissolves.finish()) if dissolve is not None]
 
 
 def shots(pictures: list[Pixels], model: Model) -> list[Shot]:
-    return [solve_shot(watched, ClipMetadata()) for watched in shots_watched(frames(pictures), model, 0.5)]
+    return [solve_shot(watched, ClipMetadata()) for watched in observe_shots(frames(pictures), model, 0.5)]
 
 
 @pytest.fixture(scope="module")
@@ -84,7 +84,7 @@ def test_a_dissolve_makes_two_shots_and_its_own_frames_are_bridged(model: Model)
 
 
 def test_what_the_network_sees_of_a_mixture_does_not_count(model: Model) -> None:
-    for watched in shots_watched(frames(dissolving()), model, 0.1):
+    for watched in observe_shots(frames(dissolving()), model, 0.1):
         assert watched.looks
         assert not any(ALONE + 3 <= frame < ALONE + MIXED - 3 for frame in watched.looks)
 

@@ -17,8 +17,8 @@ from lighting.registration.rotations import rotation_about, rotation_vector
 from lighting.video import tracking
 from lighting.video.intrinsics import zoomed_fov
 from lighting.video.shot import estimate_frame
-from lighting.video.stream import BANK, FIRST, Tracker, _Bank, _Kept
-from lighting.video.tracking import Keyframe, Turning
+from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, Tracker, _BankKeyframe, _KeyframeBank
+from lighting.video.tracking import FrameRotation, Keyframe
 from tests.helpers.clips import FOV, look, orientation, panorama, seen
 from tests.lighting.test_calibration import poles
 
@@ -32,37 +32,39 @@ def around(count: int) -> list[Floats]:
     return [orientation(20.0 * (i % 18), 30.0 * (i // 18) - 30.0) for i in range(count)]
 
 
-def filled(chains: list[int]) -> _Bank:
-    bank = _Bank()
+def filled(chains: list[int]) -> _KeyframeBank:
+    bank = _KeyframeBank()
     for number, chain in enumerate(chains):
-        bank.add(_Kept(key(number), around(54)[number], chain))
+        bank.add(_BankKeyframe(key(number), around(54)[number], chain))
     return bank
 
 
 def test_a_chain_has_one_keyframe_of_a_direction() -> None:
-    bank = _Bank()
-    for number, chain in enumerate((FIRST, FIRST, 1)):
-        bank.add(_Kept(key(number), orientation(5.0 * number), chain))
+    bank = _KeyframeBank()
+    for number, chain in enumerate((FIRST_CHAIN, FIRST_CHAIN, 1)):
+        bank.add(_BankKeyframe(key(number), orientation(5.0 * number), chain))
     assert [kept.key.number for kept in bank.kept] == [0, 2]
 
 
-@pytest.mark.parametrize("chains", [[FIRST] * 40, [FIRST] * 5 + [1] * 49, [FIRST] * 30 + list(range(1, 25))])
+@pytest.mark.parametrize(
+    "chains", [[FIRST_CHAIN] * 40, [FIRST_CHAIN] * 5 + [1] * 49, [FIRST_CHAIN] * 30 + list(range(1, 25))]
+)
 def test_memory_is_bounded_and_the_first_frame_stays(chains: list[int]) -> None:
     bank = filled(chains)
-    assert len(bank.kept) == BANK
+    assert len(bank.kept) == MAX_KEYFRAMES
     assert bank.kept[0].key.number == 0
     assert bank.kept[-1].key.number == len(chains) - 1
 
 
 def test_a_stretch_that_is_not_linked_does_not_push_out_what_it_could_be_linked_by() -> None:
-    bank = filled([FIRST] * 20 + [1] * 34)
-    assert sum(kept.chain == FIRST for kept in bank.kept) == BANK // 2
-    left = filled([FIRST] * 20 + [1] * 6 + [2] * 20)
-    assert [sum(kept.chain == c for kept in left.kept) for c in (FIRST, 1, 2)] == [16, 0, 16]
+    bank = filled([FIRST_CHAIN] * 20 + [1] * 34)
+    assert sum(kept.chain == FIRST_CHAIN for kept in bank.kept) == MAX_KEYFRAMES // 2
+    left = filled([FIRST_CHAIN] * 20 + [1] * 6 + [2] * 20)
+    assert [sum(kept.chain == c for kept in left.kept) for c in (FIRST_CHAIN, 1, 2)] == [16, 0, 16]
 
 
 def test_all_strangers_have_their_turn_and_the_nearest_are_always_compared() -> None:
-    bank, seen = filled([FIRST] * 30), set[int]()
+    bank, seen = filled([FIRST_CHAIN] * 30), set[int]()
     for number in range(30, 60):
         now = {kept.key.number for kept in bank.strangers(key(number, 1), around(1)[0], 1)}
         assert {0, 1, 17} <= now
@@ -70,13 +72,13 @@ def test_all_strangers_have_their_turn_and_the_nearest_are_always_compared() -> 
         seen |= now
     assert seen == set(range(30))
     assert not bank.own(key(60, 1), around(1)[0], 1, 180.0)
-    assert not bank.strangers(key(60), around(1)[0], FIRST)
+    assert not bank.strangers(key(60), around(1)[0], FIRST_CHAIN)
 
 
 def test_a_chain_that_is_joined_is_turned() -> None:
-    bank, turn = filled([FIRST, 1, 1]), rotation_about(np.array([0.0, 1.0, 0.0]))
-    bank.join(1, FIRST, turn)
-    assert {kept.chain for kept in bank.kept} == {FIRST}
+    bank, turn = filled([FIRST_CHAIN, 1, 1]), rotation_about(np.array([0.0, 1.0, 0.0]))
+    bank.join(1, FIRST_CHAIN, turn)
+    assert {kept.chain for kept in bank.kept} == {FIRST_CHAIN}
     for kept, before, turned in zip(bank.kept, around(3), (np.eye(3), turn, turn), strict=True):
         np.testing.assert_allclose(kept.orientation, before @ turned)
 
@@ -165,7 +167,7 @@ def test_keyframes_of_a_stretch_are_turned_when_it_is_linked(model: Model) -> No
     for kept in tracker._bank.kept:
         there = np.degrees(np.arctan2(-kept.orientation[2, 0], kept.orientation[2, 2]))
         assert there == pytest.approx(headings[kept.key.frame], abs=2.0)
-        assert kept.chain == FIRST
+        assert kept.chain == FIRST_CHAIN
 
 
 def test_what_another_place_shows_of_the_sun_does_not_count_for_the_first(model: Model) -> None:
@@ -218,7 +220,7 @@ def test_a_stretch_that_is_recognised_by_a_linked_camera_is_linked(model: Model)
     found = followed(tracker, views)
     assert [linked for linked, _ in found] == [True] * 11 + [False] * 41 + [True] * 85
     assert max(off for linked, off in found if linked) < 1.0
-    seen = {kept.key.frame for kept in tracker._bank.kept if kept.chain == FIRST}
+    seen = {kept.key.frame for kept in tracker._bank.kept if kept.chain == FIRST_CHAIN}
     assert seen & set(range(12, 28))
     assert seen & set(range(29, 50))
     for kept in tracker._bank.kept:
@@ -233,10 +235,10 @@ def test_a_keyframe_whose_turn_is_not_believed_ends_the_link(model: Model, monke
     tracker, lost = Tracker(model, UserInput(vertical_fov=FOV), look_every=5.0), range(11, 41)
     views = [*line((0, 0), (90, 0), 46), *line((88, 0), (10, 0), 40)]
 
-    def is_believed(turn: Turning, *, begins: bool) -> bool:
-        return tracker._count - 1 not in lost and tracking.is_believed(turn, begins=begins)
+    def is_believed(turn: FrameRotation, *, begins: bool) -> bool:
+        return tracker._count - 1 not in lost and tracking.is_reliable(turn, begins=begins)
 
-    monkeypatch.setattr("lighting.video.stream.is_believed", is_believed)
+    monkeypatch.setattr("lighting.video.stream.is_reliable", is_believed)
     found = followed(tracker, views)
     assert all(linked for linked, _ in found[:11])
     assert not all(linked for linked, _ in found)

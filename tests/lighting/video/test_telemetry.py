@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from lighting.video.telemetry import Gimbal, container_facts, merged_facts, subtitle_facts
+from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, subtitle_metadata
 
 DJI = """1
 00:00:00,000 --> 00:00:00,033
@@ -24,7 +24,7 @@ DJI = """1
 
 
 def test_a_phone_from_apple_tells_time_zone_place_and_lens() -> None:
-    facts = container_facts(
+    facts = container_metadata(
         {
             "com.apple.quicktime.location.ISO6709": "+48.1375+011.5750+520.000/",
             "com.apple.quicktime.creationdate": "2024-06-01T09:10:00+0200",
@@ -42,7 +42,7 @@ def test_a_phone_from_apple_tells_time_zone_place_and_lens() -> None:
 
 def test_a_phone_with_android_tells_utc_and_a_western_place() -> None:
     noted = {"location": "+40.7128-074.0060/", "creation_time": "2024-06-01T12:00:00.000000Z"}
-    facts = container_facts(noted, 640, 360)
+    facts = container_metadata(noted, 640, 360)
     assert facts.utc_time == datetime(2024, 6, 1, 12, tzinfo=UTC)
     assert facts.local_time is None
     assert facts.longitude == -74.006
@@ -60,12 +60,12 @@ def test_a_phone_with_android_tells_utc_and_a_western_place() -> None:
     ],
 )
 def test_what_cannot_be_true_is_absent(metadata: dict[str, str]) -> None:
-    facts = container_facts(metadata, 640, 360)
+    facts = container_metadata(metadata, 640, 360)
     assert [facts.latitude, facts.utc_time, facts.vertical_fov] == [None] * 3
 
 
 def test_subtitles_of_a_drone_tell_place_lens_clock_and_gimbal() -> None:
-    facts, gimbal = subtitle_facts(DJI, 1920, 1080)
+    facts, gimbal = subtitle_metadata(DJI, 1920, 1080)
     assert facts.local_time == datetime(2024, 6, 1, 9, 10)
     assert facts.latitude == 48.1375
     assert facts.focal_length == 24.0
@@ -77,7 +77,7 @@ def test_a_gimbal_on_its_head_points_where_the_upper_edge_of_its_picture_does() 
     """DJI's may count straight down in two ways, half a turn of yaw and roll apart, and change between them."""
     down = DJI.replace("gb_yaw: 350.0 gb_pitch: -10.0 gb_roll: 0.5", "gb_yaw: 100.0 gb_pitch: -90.0 gb_roll: 0.0")
     down = down.replace("gb_yaw: 10.0 gb_pitch: -20.0 gb_roll: 0.5", "gb_yaw: -80.0 gb_pitch: -90.0 gb_roll: 180.0")
-    _, gimbal = subtitle_facts(down, 1920, 1080)
+    _, gimbal = subtitle_metadata(down, 1920, 1080)
     assert [gimbal.at(time)[0] for time in (0.0, 1.0, 2.0)] == pytest.approx([100.0] * 3)  # type: ignore[index]
 
 
@@ -90,7 +90,7 @@ def test_a_roll_is_read_over_half_a_turn() -> None:
     ("said", "length"), [("24.00", 24.0), ("24", 24.0), ("240", 24.0), ("166.00", 166.0), ("2400", None), ("0", None)]
 )
 def test_a_drone_counts_its_focal_length_in_millimetres_or_tenths(said: str, length: float | None) -> None:
-    facts, _ = subtitle_facts(DJI.replace("24.00", said), 1920, 1080)
+    facts, _ = subtitle_metadata(DJI.replace("24.00", said), 1920, 1080)
     assert facts.focal_length == pytest.approx(length)
     assert (facts.vertical_fov is None) == (length is None)
 
@@ -99,7 +99,7 @@ def test_a_drone_counts_its_focal_length_in_millimetres_or_tenths(said: str, len
     ("ratio", "length"), [("10000, delta:0", 24.0), ("1.00", 24.0), ("20000, delta:0", None), ("1.50", None)]
 )
 def test_a_picture_that_is_zoomed_digitally_tells_no_lens(ratio: str, length: float | None) -> None:
-    facts, _ = subtitle_facts(DJI.replace("24.00]", f"24.00] [dzoom_ratio: {ratio}]"), 1920, 1080)
+    facts, _ = subtitle_metadata(DJI.replace("24.00]", f"24.00] [dzoom_ratio: {ratio}]"), 1920, 1080)
     assert facts.focal_length == length
     assert (facts.vertical_fov is None) == (length is None)
 
@@ -112,28 +112,28 @@ def test_a_picture_that_is_zoomed_digitally_tells_no_lens(ratio: str, length: fl
     ],
 )
 def test_older_drones_write_the_longitude_first(said: str) -> None:
-    facts, gimbal = subtitle_facts(f"1\n00:00:00,000 --> 00:00:01,000\n{said}\n", 1920, 1080)
+    facts, gimbal = subtitle_metadata(f"1\n00:00:00,000 --> 00:00:01,000\n{said}\n", 1920, 1080)
     assert (facts.latitude, facts.longitude) == (40.7128, -74.006)
     assert facts.local_time == (datetime(2017, 5, 4, 9, 10, 11) if "HOME" in said else None)
     assert (facts.focal_length, len(gimbal.time)) == (None, 0)
 
 
 def test_subtitles_for_viewers_say_nothing() -> None:
-    facts, gimbal = subtitle_facts("1\n00:00:00,000 --> 00:00:02,000\nHello: 3 friends\n", 640, 360)
+    facts, gimbal = subtitle_metadata("1\n00:00:00,000 --> 00:00:02,000\nHello: 3 friends\n", 640, 360)
     assert facts.latitude is None
     assert len(gimbal.time) == 0
 
 
 def test_gimbal_angles_out_of_order_are_not_believed() -> None:
     first, second = DJI.split("\n\n")
-    _, gimbal = subtitle_facts(f"{second}\n\n{first}", 640, 360)
+    _, gimbal = subtitle_metadata(f"{second}\n\n{first}", 640, 360)
     assert len(gimbal.time) == 0
     np.testing.assert_equal(gimbal.at(1.0), None)
 
 
 def test_facts_are_merged_whole() -> None:
-    drone, _ = subtitle_facts(DJI, 1920, 1080)
-    box = container_facts({"location": "+10+010/", "creation_time": "2020-01-01T00:00:00Z"}, 1920, 1080)
-    merged = merged_facts(drone, box)
+    drone, _ = subtitle_metadata(DJI, 1920, 1080)
+    box = container_metadata({"location": "+10+010/", "creation_time": "2020-01-01T00:00:00Z"}, 1920, 1080)
+    merged = merge_metadata(drone, box)
     assert merged.latitude == 48.1375
     assert merged.utc_time is None  # the drone's clock, not half of each

@@ -7,14 +7,14 @@ from lighting.geometry import Floats
 from lighting.registration.features import Matches
 from lighting.registration.rotations import focal_of, own_axes, project, rotation_vector
 from lighting.registration.two_view import Turn
-from lighting.video.intrinsics import tells_lens
-from lighting.video.tracking import Follower, gains_of, turning
+from lighting.video.intrinsics import constrains_fov
+from lighting.video.tracking import PointTracker, chain_gains, estimate_frame_rotation
 from tests.helpers.clips import FOV, SIZE, Pixels, frames, look, orientation, pan, seen
 
 
 def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> None:
     count, reach = 45, 40.0
-    follower = Follower()
+    follower = PointTracker()
     guess: Floats = np.eye(3)
     known: dict[int, Floats] = {}
     share = np.linspace(0, 1, count)
@@ -23,7 +23,7 @@ def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> N
         step = follower.follow(frame)
         if step.begins:
             known[step.key] = np.eye(3)
-        found = turning(step.matches, focal_of(FOV, *SIZE), guess)
+        found = estimate_frame_rotation(step.matches, focal_of(FOV, *SIZE), guess)
         guess = found.rotation if step.makes is None else np.eye(3)
         own = found.rotation @ known[step.key]
         if step.makes is not None:
@@ -35,7 +35,7 @@ def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> N
 
 
 def test_gains_are_followed_and_do_not_disturb() -> None:
-    follower = Follower()
+    follower = PointTracker()
     pictures = [look(0.3 * i, gain=1.0 - 0.02 * i) for i in range(12)]
     steps = [follower.follow(frame) for frame in frames(pictures)]
     assert {step.stretch for step in steps} == {0}
@@ -46,15 +46,15 @@ def test_a_turn_is_no_gain() -> None:
     dots = np.full((512, 1024, 3), 150, np.uint8)  # dark dots look larger towards the picture's edge
     for x, y in np.random.default_rng(0).integers((0, 0), (1024, 512), (1500, 2)).tolist():
         dots[y : y + 3, x : x + 3] = 40
-    follower = Follower()
+    follower = PointTracker()
     wide = [seen(dots, 0.0, 1.5 * i, fov=70.0) for i in range(15)]
     steps = [follower.follow(frame) for frame in frames(wide)]
     assert {step.stretch for step in steps} == {0}
-    assert gains_of(steps)[-1] == pytest.approx([1.0] * 3, rel=0.02)
+    assert chain_gains(steps)[-1] == pytest.approx([1.0] * 3, rel=0.02)
 
 
 def cuts(pictures: list[Pixels]) -> list[int]:
-    follower = Follower()
+    follower = PointTracker()
     return [step.frame for frame in frames(pictures) if (step := follower.follow(frame)).begins]
 
 
@@ -72,22 +72,22 @@ def test_another_size_is_another_stretch() -> None:
 
 
 def test_a_still_picture_does_not_turn() -> None:
-    follower = Follower()
+    follower = PointTracker()
     steps = [follower.follow(frame) for frame in frames([look(0.0)] * 10)]
-    found = turning(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    found = estimate_frame_rotation(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
     assert np.degrees(np.linalg.norm(rotation_vector(found.rotation))) < 0.01
     assert {step.key for step in steps} == {0}
 
 
 def test_a_thing_that_moves_is_outvoted() -> None:
-    follower, thing = Follower(), np.random.default_rng(1).integers(0, 255, (10, 12, 3), dtype=np.uint8)
+    follower, thing = PointTracker(), np.random.default_rng(1).integers(0, 255, (10, 12, 3), dtype=np.uint8)
     pictures = []
     for i in range(12):
         picture = look(0.8 * i)
         picture[60:140, 20 + 9 * i : 116 + 9 * i] = thing.repeat(8, axis=0).repeat(8, axis=1)
         pictures.append(picture)
     steps = [follower.follow(frame) for frame in frames(pictures)]
-    found = turning(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    found = estimate_frame_rotation(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
     true = orientation(8.8) @ orientation(0.0).T
     assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ true.T))) < 0.2
 
@@ -115,19 +115,19 @@ def error(found: Floats) -> float:
 
 @pytest.mark.parametrize("step", [(0.6, 0.0, 0.0), (0.1, 0.0, -0.8)])
 def test_a_walk_does_not_turn_the_camera(step: tuple[float, float, float]) -> None:
-    found = turning(matches(step), FOCAL, np.eye(3))
+    found = estimate_frame_rotation(matches(step), FOCAL, np.eye(3))
     assert error(found.rotation) < 0.15
     assert found.share > 0.9
 
 
 def test_what_moves_is_outvoted() -> None:
-    found = turning(matches((0.0, 0.0, 0.0), moving=0.4), FOCAL, np.eye(3))
+    found = estimate_frame_rotation(matches((0.0, 0.0, 0.0), moving=0.4), FOCAL, np.eye(3))
     assert error(found.rotation) < 0.05
     assert found.share >= 0.58
 
 
 def test_blur_is_no_walk() -> None:
-    assert error(turning(matches((0.0, 0.0, 0.0), blur=2.0), FOCAL, np.eye(3)).rotation) < 0.3
+    assert error(estimate_frame_rotation(matches((0.0, 0.0, 0.0), blur=2.0), FOCAL, np.eye(3)).rotation) < 0.3
 
 
 @pytest.mark.parametrize(
@@ -136,8 +136,8 @@ def test_blur_is_no_walk() -> None:
 )
 def test_a_lens_is_told_by_clear_turns_only(fov: float, inliers: int, translates: bool, told: bool) -> None:
     turn = Turn(np.eye(3), np.eye(3), (fov, fov), 2.0, inliers, 100, translates)
-    assert tells_lens(turn, 50.0) == told
+    assert constrains_fov(turn, 50.0) == told
 
 
 def test_a_lens_is_not_told_by_a_zoom() -> None:
-    assert not tells_lens(Turn(np.eye(3), np.eye(3), (40.0, 30.0), 1.0, 90, 100, zoomed=True), 50.0)
+    assert not constrains_fov(Turn(np.eye(3), np.eye(3), (40.0, 30.0), 1.0, 90, 100, zoomed=True), 50.0)
