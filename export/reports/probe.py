@@ -165,7 +165,7 @@ class _BracketErrors:
     longest: float  # the same of the longest exposure alone, without any merging
     steps: float  # of the camera's rounding, that red has in it in the darkest twentieth of the sky
     sun: float  # largest relative error of the sun's irradiance over the channels
-    clipped_mask: bool  # whether the probe says so of the sun
+    clipped: bool  # whether the probe says so of the sun
     rotation: float  # deg, between the estimated and the true one
 
 
