@@ -166,17 +166,20 @@ def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:
     x0, y0 = np.floor(pixel[..., 0]).astype(np.intp), np.floor(pixel[..., 1]).astype(np.intp)
     fx = (pixel[..., 0] - x0)[..., None].astype(np.float32)
     fy = (pixel[..., 1] - y0)[..., None].astype(np.float32)
-    flat = image.reshape(height * width, -1)
-
-    def texel(x: NDArray[np.intp], y: NDArray[np.intp]) -> Floats:
-        beyond = (y < 0) | (y >= height)
-        column = np.mod(np.where(beyond, x + width // 2, x), width)
-        row = np.where(y < 0, -1 - y, np.where(y >= height, 2 * height - 1 - y, y))
-        return np.asarray(flat[row * width + column])
-
-    top = texel(x0, y0) * (1 - fx) + texel(x0 + 1, y0) * fx
-    bottom = texel(x0, y0 + 1) * (1 - fx) + texel(x0 + 1, y0 + 1) * fx
+    left, right, rest = np.where(x0 < 0, width - 1, x0), np.where(x0 == width - 1, 0, x0 + 1), 1 - fx
+    top, bottom = (_texels(image, left, row) * rest + _texels(image, right, row) * fx for row in (y0, y0 + 1))
     return np.asarray(top * (1 - fy) + bottom * fy)
+
+
+def _texels(image: NDArray[Any], column: NDArray[np.intp], row: NDArray[np.intp]) -> NDArray[Any]:
+    """Pixels (..., C) of a lat-long image; the rows -1 and H are the first and the last on the opposite side."""
+    height, width = image.shape[:2]
+    index = row * width + column
+    for pole, edge in ((-1, 0), (height, height - 1)):
+        beyond = row == pole
+        if beyond.any():
+            index = np.where(beyond, edge * width + np.mod(column + width // 2, width), index)
+    return image.reshape(height * width, -1).take(index, axis=0)
 
 
 def ray_sphere(origin: Floats, direction: Floats, centre: Floats, radius: float = 1.0) -> Floats:
