@@ -127,7 +127,7 @@ class Estimator:
         match: bool | RegisterFn = False,
     ) -> list[Estimate]:
         """Call `estimate_views`, of which this is the old name."""
-        warn_of_old_name("lighting.Estimator.together")
+        warn_of_old_name("lighting.estimator.Estimator.together")
         return self.estimate_views(photos, given, headings, register=match)
 
 
@@ -202,7 +202,7 @@ def _check_arguments(photos: object, user_input: object) -> None:
 
 def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "View":
     """The photo as it is registered with the others."""
-    from lighting.registration.photo_set import UP_SIGMA, View
+    from lighting.registration.photo_set import UP_STD, View
 
     fused = fuse_gravity(prediction, observations)
     camera, gravity = fused.prediction, fused.observations.gravity
@@ -212,7 +212,7 @@ def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "
         camera.camera_roll,
         prediction.vertical_fov,
         observations.vertical_fov,
-        UP_SIGMA if gravity is None else min(UP_SIGMA, camera_elevation_std(gravity)),
+        UP_STD if gravity is None else min(UP_STD, camera_elevation_std(gravity)),
     )
 
 

@@ -179,7 +179,7 @@ def _texels(image: NDArray[Any], column: NDArray[np.intp], row: NDArray[np.intp]
         beyond = row == pole
         if beyond.any():
             index = np.where(beyond, edge * width + np.mod(column + width // 2, width), index)
-    return image.reshape(height * width, -1).take(index, axis=0)
+    return np.asarray(image.reshape(height * width, -1).take(index, axis=0))
 
 
 def ray_sphere(origin: Floats, direction: Floats, centre: Floats, radius: float = 1.0) -> Floats:

@@ -24,10 +24,10 @@ from lighting.geometry import Floats, angle_between, angles, camera_directions, 
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 from lighting.records import Prediction
-from lighting.registration.features import detect_features
+from lighting.registration.features import Features, detect_features, match_features
 from lighting.registration.photo_set import RegisteredView, ViewFeatures, register_views
-from lighting.registration.rotations import own_axes
-from lighting.registration.two_view import Turn, relative_rotation
+from lighting.registration.rotations import camera_from_world
+from lighting.registration.two_view import RelativeRotation, estimate_rotation
 
 PHOTO_WIDTH, PHOTO_HEIGHT = 640, 480  # pixels; the panoramas hold no more
 PHOTO_FOVS = (40.0, 65.0)  # deg, vertical
@@ -122,7 +122,7 @@ def _photograph(linear: NDArray[np.float32], camera: Camera, gain: Floats) -> ND
 class _Pair:
     """The cameras of two photos and the rotation between them that was estimated, None where there was none."""
 
-    rotation: Turn | None
+    rotation: RelativeRotation | None
     first: Camera
     second: Camera
 
@@ -132,7 +132,7 @@ class _Pair:
         if self.rotation is None:
             return float("nan")
         first, second = self.first, self.second
-        axes = own_axes(first.azimuth, first.elevation, first.roll)
+        axes = camera_from_world(first.azimuth, first.elevation, first.roll)
         ahead = axes.T @ self.rotation.rotation.T @ np.array([0.0, 0.0, -1.0])
         return abs(float(wrap_azimuth(float(angles(ahead)[0]) - second.azimuth)))
 
@@ -154,16 +154,20 @@ def _pairs_section(panoramas: Sequence[Panorama]) -> str:
     )
 
 
-def _register_pairs(panoramas: Sequence[Panorama]) -> tuple[list[_Pair], list[Turn | None]]:
+def _register_pairs(panoramas: Sequence[Panorama]) -> tuple[list[_Pair], list[RelativeRotation | None]]:
     """Relative rotations of two overlapping photos of each panorama, and of one of each with one of the next."""
     pairs, features = [], []
     for panorama in tqdm(panoramas, unit="pair"):
         first, second = _photograph_sweep(panorama, 2, "pair")
         both = detect_features(first.pixels), detect_features(second.pixels)
         features.append(both)
-        pairs.append(_Pair(relative_rotation(*both), first.camera, second.camera))
+        pairs.append(_Pair(_rotation(*both), first.camera, second.camera))
     following = [*features[1:], features[0]]
-    return pairs, [relative_rotation(a[0], b[1]) for a, b in zip(features, following, strict=True)]
+    return pairs, [_rotation(a[0], b[1]) for a, b in zip(features, following, strict=True)]
+
+
+def _rotation(a: Features, b: Features) -> RelativeRotation | None:
+    return estimate_rotation(match_features(a, b), a.size, b.size)
 
 
 def _pair_figures(pairs: Sequence[_Pair]) -> dict[str, float]:

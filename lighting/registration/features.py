@@ -16,9 +16,9 @@ from lighting.geometry import Floats
 
 MAX_SIDE = 1024  # pixels of the longer side in which features are sought
 MAX_FEATURES = 3000  # kept of a photo, the strongest
-CONTRAST = 3.0  # limit of the local equalisation before features are sought
-FAINTEST = 0.005  # contrast of a feature, in SIFT's unit
-RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
+EQUALIZATION_LIMIT = 3.0  # limit of the local equalisation before features are sought
+MIN_CONTRAST = 0.005  # contrast of a feature, in SIFT's unit
+MAX_DISTANCE_RATIO = 0.8  # of the distances to the nearest and the next feature, below which a match counts
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,6 +29,11 @@ class Features:
     descriptors: NDArray[np.float32]  # (N, 128) of length 1; roots of SIFT's values (Arandjelovic 2012)
     width: int  # pixels in which they were found
     height: int
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        return self.width, self.height
 
     @property
     def pixel(self) -> float:
@@ -48,7 +53,7 @@ class Matches:
         return len(self.a)
 
 
-def opencv() -> Any:
+def import_opencv() -> Any:
     """The module cv2; MissingExtraError where it is not installed."""
     return require_extra("cv2", "Turns between photos need OpenCV", "turns")
 
@@ -62,20 +67,20 @@ def has_opencv() -> bool:
 
 def detect_features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
     """The features of a photo (H, W, 3) sRGB, or (H, W) grey, upright."""
-    cv2 = opencv()
+    cv2 = import_opencv()
     grey = resize_to(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
     height, width = grey.shape
-    even = cv2.createCLAHE(CONTRAST, (8, 8)).apply(grey)  # shade has features too
-    found, described = cv2.SIFT_create(max_features, contrastThreshold=FAINTEST).detectAndCompute(even, None)
+    even = cv2.createCLAHE(EQUALIZATION_LIMIT, (8, 8)).apply(grey)  # shade has features too
+    found, described = cv2.SIFT_create(max_features, contrastThreshold=MIN_CONTRAST).detectAndCompute(even, None)
     if described is None:
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
     corner = np.array([k.pt for k in found], dtype=np.float64)
-    return Features(centred(corner, width, height), _rooted(described), width, height)
+    return Features(to_centered(corner, width, height), _rooted(described), width, height)
 
 
 def resize_to(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
     """A grey picture (H, W) with `max_side` pixels along its longer side, if it has more."""
-    cv2 = opencv()
+    cv2 = import_opencv()
     height, width = grey.shape
     size = geometry.shrunk(width, height, max_side)
     if size == (width, height):
@@ -83,7 +88,7 @@ def resize_to(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA))
 
 
-def centred(corner: Floats, width: int, height: int) -> Floats:
+def to_centered(corner: Floats, width: int, height: int) -> Floats:
     """Points (N, 2) as Features has them, of OpenCV's pixels (N, 2), whose first has its centre at (0, 0)."""
     offset = corner + 0.5 - np.array([0.5 * width, 0.5 * height])
     return np.asarray(offset * np.array([1.0, -1.0]) * (2.0 / np.hypot(width, height)))
@@ -94,7 +99,7 @@ def _rooted(described: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.asarray(np.sqrt(described / total), dtype=np.float32)
 
 
-def match(a: Features, b: Features) -> Matches:
+def match_features(a: Features, b: Features) -> Matches:
     """The features that are each other's nearest, clearly nearer than the next."""
     pixel = max(a.pixel, b.pixel)
     if min(len(a.points), len(b.points)) < 2:
@@ -104,7 +109,7 @@ def match(a: Features, b: Features) -> Matches:
     distance = np.sqrt(np.maximum(2.0 - 2.0 * np.partition(likeness, -2, axis=1)[:, -2:], 0.0))
     quality = distance[:, 1] / np.maximum(distance[:, 0], 1e-9)
     own = np.arange(len(a.points))
-    kept = own[(back[there] == own) & (quality < RATIO)]
+    kept = own[(back[there] == own) & (quality < MAX_DISTANCE_RATIO)]
     kept = kept[np.argsort(quality[kept], kind="stable")]
     first, second = a.points[kept], b.points[there[kept]]
     _, unlike = np.unique(np.round(np.hstack([first, second]) / pixel), axis=0, return_index=True)

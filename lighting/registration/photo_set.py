@@ -29,19 +29,19 @@ from numpy.typing import NDArray
 from lighting.circular import weighted_median
 from lighting.errors import ErrorCode, LightingError, TurnsError
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.registration.features import Features, Matches, detect_features, match, opencv
+from lighting.registration.features import Features, Matches, detect_features, import_opencv, match_features
 from lighting.registration.rotations import (
+    camera_up,
     consensus_up,
-    focal_of,
+    focal_from_fov,
+    fov_from_focal,
     heading_elevation_roll,
     leveling_rotation,
     nearest_rotation,
     rotation_about,
     rotation_vector,
-    up_in_own_frame,
-    vertical_fov_of,
 )
-from lighting.registration.two_view import Turn, rotation_of
+from lighting.registration.two_view import RelativeRotation, estimate_rotation
 from lighting.runtime import bound, ending_after, held, leave_signals, own_stdout, python
 
 if TYPE_CHECKING:
@@ -49,10 +49,10 @@ if TYPE_CHECKING:
 
 # Rotation averaging: the orientations of many cameras from the turns of some pairs (Hartley et al. 2013).
 
-Pairs = Mapping[tuple[int, int], Turn]  # by the numbers of both photos, the lower first
+Pairs = Mapping[tuple[int, int], RelativeRotation]  # by the numbers of both photos, the lower first
 
-OUTLYING = 5.0  # standard deviations from which a turn counts for half
-LEAST_SIGMA = 0.02  # deg, under which no turn is believed: lenses are not perfect pinholes
+CAUCHY_SCALE = 5.0  # standard deviations from which a turn counts for half
+MIN_ROTATION_STD = 0.02  # deg, under which no turn is believed: lenses are not perfect pinholes
 STEPS = 20  # under one weight, at most
 
 Weight = Callable[[float], float]
@@ -100,7 +100,7 @@ def _settled(pairs: Pairs, place: Mapping[int, int], rotations: Floats, weight: 
 def _along_the_surest(members: tuple[int, ...], pairs: Pairs) -> Floats:
     """Orientations (n, 3, 3) by the surest turns that connect all (Prim's spanning tree)."""
     known = {members[0]: np.eye(3)}
-    order = sorted(pairs, key=lambda pair: pairs[pair].sigma)
+    order = sorted(pairs, key=lambda pair: pairs[pair].std)
     while len(known) < len(members):
         a, b = next(pair for pair in order if (pair[0] in known) != (pair[1] in known))
         turn = pairs[a, b].rotation
@@ -126,9 +126,9 @@ def _normal_equations(
     return normal[3:, 3:], pull[3:]
 
 
-def _inverse(turn: Turn) -> Floats:
+def _inverse(turn: RelativeRotation) -> Floats:
     """Inverse covariance (3, 3) [1/rad^2]."""
-    return np.asarray(np.linalg.inv(np.radians(np.radians(turn.covariance + LEAST_SIGMA**2 * np.eye(3)))))
+    return np.asarray(np.linalg.inv(np.radians(np.radians(turn.covariance + MIN_ROTATION_STD**2 * np.eye(3)))))
 
 
 def _by_distance(square: float) -> float:
@@ -137,7 +137,7 @@ def _by_distance(square: float) -> float:
 
 
 def _by_cauchy(square: float) -> float:
-    return 1.0 / (1.0 + square / OUTLYING**2)
+    return 1.0 / (1.0 + square / CAUCHY_SCALE**2)
 
 
 def _covariances(pairs: Pairs, place: Mapping[int, int], rotations: Floats) -> Floats:
@@ -148,9 +148,9 @@ def _covariances(pairs: Pairs, place: Mapping[int, int], rotations: Floats) -> F
     return np.concatenate([np.zeros((1, 3, 3)), np.degrees(np.degrees(np.array(own)))])
 
 
-GUESSED_FOV_SIGMA = 7.0  # deg, of what the network says of a field of view
-NOTED_FOV_SIGMA = 1.5  # deg, of what a photo's metadata say
-UP_SIGMA = 2.5  # deg, of the vertical by the network, about each horizontal axis
+PREDICTED_FOV_STD = 7.0  # deg, of what the network says of a field of view
+METADATA_FOV_STD = 1.5  # deg, of what a photo's metadata say
+UP_STD = 2.5  # deg, of the vertical by the network, about each horizontal axis
 ALL_PAIRS = 8  # photos up to which every pair is matched in full
 PARTNERS = 6  # the likeliest of each photo that are matched in larger sets
 COARSE = 400  # features, the first, by which they are found
@@ -166,9 +166,9 @@ class ViewFeatures:
     features: Features
     camera_elevation: float  # deg, by the network and the photo's metadata
     camera_roll: float
-    guessed_fov: float  # deg, vertical, by the network
-    noted_fov: float | None = None  # by its metadata or its user
-    up_sigma: float = UP_SIGMA  # deg, of the vertical that elevation and roll mean, about each horizontal axis
+    predicted_fov: float  # deg, vertical, by the network
+    metadata_fov: float | None = None  # by its metadata or its user
+    up_std: float = UP_STD  # deg, of the vertical that elevation and roll mean, about each horizontal axis
 
     @property
     def size(self) -> tuple[int, int]:
@@ -177,9 +177,9 @@ class ViewFeatures:
 
     def lens(self) -> Lens:
         """What is said of its lens alone."""
-        fov = self.noted_fov or self.guessed_fov
-        sigma = GUESSED_FOV_SIGMA if self.noted_fov is None else NOTED_FOV_SIGMA
-        return focal_of(fov, *self.size), float(np.radians(sigma) / np.sin(np.radians(fov)))
+        fov = self.metadata_fov or self.predicted_fov
+        sigma = PREDICTED_FOV_STD if self.metadata_fov is None else METADATA_FOV_STD
+        return focal_from_fov(fov, *self.size), float(np.radians(sigma) / np.sin(np.radians(fov)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -189,9 +189,9 @@ class View:
     pixels: NDArray[np.uint8]  # (H, W, 3) sRGB, upright
     camera_elevation: float  # deg; this and what follows as in a Shot
     camera_roll: float
-    guessed_fov: float
-    noted_fov: float | None = None
-    up_sigma: float = UP_SIGMA
+    predicted_fov: float
+    metadata_fov: float | None = None
+    up_std: float = UP_STD
 
     def shot(self) -> ViewFeatures:
         """The same with its features; MissingExtraError without OpenCV."""
@@ -199,9 +199,9 @@ class View:
             detect_features(self.pixels),
             self.camera_elevation,
             self.camera_roll,
-            self.guessed_fov,
-            self.noted_fov,
-            self.up_sigma,
+            self.predicted_fov,
+            self.metadata_fov,
+            self.up_std,
         )
 
 
@@ -231,7 +231,7 @@ def register_views(shots: Sequence[ViewFeatures]) -> tuple[RegisteredView, ...]:
 
 def _matched(shots: Sequence[ViewFeatures]) -> dict[tuple[int, int], Matches]:
     pairs = _likely_pairs([shot.features for shot in shots])
-    return {(i, j): match(shots[i].features, shots[j].features) for i, j in pairs}
+    return {(i, j): match_features(shots[i].features, shots[j].features) for i, j in pairs}
 
 
 def _likely_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
@@ -240,7 +240,7 @@ def _likely_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
     if len(features) <= ALL_PAIRS:
         return every
     coarse = [replace(f, points=f.points[:COARSE], descriptors=f.descriptors[:COARSE]) for f in features]
-    alike = {(i, j): len(match(coarse[i], coarse[j])) for i, j in every}
+    alike = {(i, j): len(match_features(coarse[i], coarse[j])) for i, j in every}
     kept: set[tuple[int, int]] = set()
     for photo in range(len(features)):
         own = sorted((pair for pair in every if photo in pair), key=lambda pair: -alike[pair])
@@ -251,20 +251,22 @@ def _likely_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
 def _lenses(shots: Sequence[ViewFeatures]) -> list[Lens]:
     """Focal lengths and spreads: photos whose metadata say nothing share the mean of what the network says."""
     said = [shot.lens() for shot in shots]
-    guessed = [np.log(focal) for shot, (focal, _) in zip(shots, said, strict=True) if shot.noted_fov is None]
+    guessed = [np.log(focal) for shot, (focal, _) in zip(shots, said, strict=True) if shot.metadata_fov is None]
     common = float(np.exp(np.mean(guessed))) if guessed else 1.0
-    return [(common if s.noted_fov is None else focal, spread) for s, (focal, spread) in zip(shots, said, strict=True)]
+    return [
+        (common if s.metadata_fov is None else focal, spread) for s, (focal, spread) in zip(shots, said, strict=True)
+    ]
 
 
 def _turns(
     shots: Sequence[ViewFeatures], matched: dict[tuple[int, int], Matches], lenses: Sequence[Lens]
-) -> dict[tuple[int, int], Turn]:
+) -> dict[tuple[int, int], RelativeRotation]:
     """The pairs that have one."""
     found = {}
     for (i, j), matches in matched.items():
-        fovs = (vertical_fov_of(lenses[i][0], *shots[i].size), vertical_fov_of(lenses[j][0], *shots[j].size))
+        fovs = (fov_from_focal(lenses[i][0], *shots[i].size), fov_from_focal(lenses[j][0], *shots[j].size))
         sigma = float(np.degrees(max(lenses[i][1], lenses[j][1]) * np.sin(np.radians(fovs[0]))))
-        turn = rotation_of(matches, shots[i].size, shots[j].size, fovs, sigma)
+        turn = estimate_rotation(matches, shots[i].size, shots[j].size, fovs, sigma)
         if turn is not None:
             found[i, j] = turn
     return found
@@ -290,7 +292,7 @@ def _ratios(
 ) -> dict[int, float]:
     """The factors on focal lengths by which members are zoomed, along the surest pairs from the first of them."""
     found = dict.fromkeys(members[:1], 1.0)
-    order = sorted(pairs, key=lambda pair: pairs[pair].sigma)
+    order = sorted(pairs, key=lambda pair: pairs[pair].std)
     while edge := next(((i, j) for i, j in order if (i in found) != (j in found)), None):
         first, second = (
             _scale(shots[k], lenses[k], fov) for k, fov in zip(edge, pairs[edge].vertical_fov, strict=True)
@@ -309,15 +311,15 @@ def _common_zoom(shots: Sequence[ViewFeatures], pairs: Pairs, lenses: Sequence[L
     return float(np.exp(weighted_median(log, weight))), float(weight.sum() ** -0.5)
 
 
-def _zoom(shot: ViewFeatures, lens: Lens, turn: Turn) -> tuple[float, float]:
+def _zoom(shot: ViewFeatures, lens: Lens, turn: RelativeRotation) -> tuple[float, float]:
     """The logarithm of a turn's focal length over the one assumed, and its standard deviation."""
     fov = turn.vertical_fov[0]
-    return float(np.log(_scale(shot, lens, fov))), float(np.radians(turn.fov_sigma) / np.sin(np.radians(fov)))
+    return float(np.log(_scale(shot, lens, fov))), float(np.radians(turn.fov_std) / np.sin(np.radians(fov)))
 
 
 def _scale(shot: ViewFeatures, lens: Lens, fov: float) -> float:
     """The focal length that a field of view [deg] means, over the one assumed."""
-    return focal_of(fov, *shot.size) / lens[0]
+    return focal_from_fov(fov, *shot.size) / lens[0]
 
 
 def _levelled(
@@ -325,15 +327,15 @@ def _levelled(
 ) -> list[RegisteredView]:
     """The photos of one group about their common vertical."""
     own = [shots[i] for i in group.members]
-    ups = np.stack([up_in_own_frame(s.camera_elevation, s.camera_roll) for s in own])
-    up_sigma = np.array([s.up_sigma for s in own])
-    up = consensus_up(group.rotations, ups, up_sigma**-2.0)
+    ups = np.stack([camera_up(s.camera_elevation, s.camera_roll) for s in own])
+    up_std = np.array([s.up_std for s in own])
+    up = consensus_up(group.rotations, ups, up_std**-2.0)
     heading, elevation, roll = _about(up, group.rotations)
-    sigma = np.hypot(_turn_sigma(group, up), _tilt_sigma(group.rotations, up, up_sigma))
+    sigma = np.hypot(_turn_sigma(group, up), _tilt_sigma(group.rotations, up, up_std))
     alone = len(own) == 1
     return [
         RegisteredView(
-            number, float(h), float(s), float(e), float(r), None if alone else vertical_fov_of(lenses[i][0], *shot.size)
+            number, float(h), float(s), float(e), float(r), None if alone else fov_from_focal(lenses[i][0], *shot.size)
         )
         for i, shot, h, s, e, r in zip(group.members, own, heading, sigma, elevation, roll, strict=True)
     ]
@@ -351,9 +353,9 @@ def _turn_sigma(group: _Oriented, up: Floats) -> Floats:
     return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", own, group.covariance, own)))
 
 
-def _tilt_sigma(rotations: Floats, up: Floats, up_sigma: Floats) -> Floats:
+def _tilt_sigma(rotations: Floats, up: Floats, up_std: Floats) -> Floats:
     """Standard deviations (n,) [deg] of the headings by the vertical's uncertainty, with those of all cameras (n,)."""
-    spread = min(UP_SIGMA / np.sqrt(min(len(up_sigma), 4)), up_sigma.min())  # cameras of one place err alike
+    spread = min(UP_STD / np.sqrt(min(len(up_std), 4)), up_std.min())  # cameras of one place err alike
     straight = _about(up, rotations)[0]
     across = np.linalg.svd(up[None])[2][1:]
     tilted = [_about(up + np.tan(np.radians(spread)) * side, rotations)[0] for side in across]
@@ -442,7 +444,7 @@ def serve_registration() -> None:
 
 def _answer(requests: BinaryIO) -> tuple[RegisteredView, ...] | LightingError:
     try:
-        opencv().setNumThreads(1)
+        import_opencv().setNumThreads(1)
         seconds, memory = pickle.load(requests), pickle.load(requests)
         with ending_after(seconds):
             bound(held() + memory)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Floats
 from lighting.registration.features import Matches
-from lighting.registration.rotations import rays
+from lighting.registration.rotations import rays_through
 
 STEP = 1e-6  # of each parameter, for the derivatives
 STEPS = 25  # at most
@@ -93,7 +93,7 @@ def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequenc
     rng = np.random.default_rng(0)  # the same answer every time
     best, found = -np.inf, _RansacResult(np.eye(3), 1.0)
     for zoom in zooms:
-        a, b = rays(matches.a[:SCORED], zoom * focal[0]), rays(matches.b[:SCORED], zoom * focal[1])
+        a, b = rays_through(matches.a[:SCORED], zoom * focal[0]), rays_through(matches.b[:SCORED], zoom * focal[1])
         trials = _through_pairs(a, b, _pairs(len(a), rng))
         scores = _scores(trials, a, b, TOLERANCE * matches.pixel / (zoom * max(focal)))
         if scores.max() > best:

@@ -14,17 +14,17 @@ from lighting.geometry import STEEP, Floats, angles, camera_axes, direction, wra
 # Rays of a pinhole camera and small rotations, in the camera's own frame: x right, y up, it looks along -z.
 
 
-def focal_of(vertical_fov: float, width: float, height: float) -> float:
+def focal_from_fov(vertical_fov: float, width: float, height: float) -> float:
     """Focal length [half diagonals] of a picture of `width` x `height` with this vertical field of view [deg]."""
     return height / math.hypot(width, height) / math.tan(math.radians(vertical_fov) / 2.0)
 
 
-def vertical_fov_of(focal: float, width: float, height: float) -> float:
+def fov_from_focal(focal: float, width: float, height: float) -> float:
     """Vertical field of view [deg] of a picture of `width` x `height` with this focal length [half diagonals]."""
     return math.degrees(2.0 * math.atan(height / math.hypot(width, height) / focal))
 
 
-def rays(points: Floats, focal: float) -> Floats:
+def rays_through(points: Floats, focal: float) -> Floats:
     """Unit vectors (N, 3) through points (N, 2) [half diagonals]."""
     x, y = points[:, 0], points[:, 1]
     length = np.sqrt(x * x + y * y + focal * focal)
@@ -33,20 +33,20 @@ def rays(points: Floats, focal: float) -> Floats:
     return unit
 
 
-def project(vectors: Floats, focal: float) -> Floats:
+def project_points(vectors: Floats, focal: float) -> Floats:
     """Points (N, 2) [half diagonals] where vectors (N, 3) meet the picture; far outside for those behind."""
     ahead = np.maximum(-vectors[..., 2:], 1e-3)
     return np.asarray(focal * vectors[..., :2] / ahead)
 
 
-def offsets(a: Floats, b: Floats, rotation: Floats, focal: tuple[float, float]) -> Floats:
+def transfer_errors(a: Floats, b: Floats, rotation: Floats, focal: tuple[float, float]) -> Floats:
     """How far (2, M, 2) [half diagonals] points (M, 2) of two photos are from where a rotation puts their matches.
 
     First in the second photo, then in the first; `rotation` (3, 3) takes directions in the first camera's frame to the
     second's, `focal` are both focal lengths.
     """
-    there = project(rays(a, focal[0]) @ rotation.T, focal[1]) - b
-    back = project(rays(b, focal[1]) @ rotation, focal[0]) - a
+    there = project_points(rays_through(a, focal[0]) @ rotation.T, focal[1]) - b
+    back = project_points(rays_through(b, focal[1]) @ rotation, focal[0]) - a
     return np.stack([there, back])
 
 
@@ -93,14 +93,14 @@ def nearest_rotation(matrix: Floats) -> Floats:
 _STEEP = float(np.sin(np.radians(STEEP)))
 
 
-def own_axes(azimuth: float, elevation: float, roll: float) -> Floats:
+def camera_from_world(azimuth: float, elevation: float, roll: float) -> Floats:
     """The matrix (3, 3) that takes directions in the world to a camera's own frame; its angles in deg."""
     return np.asarray(camera_axes(azimuth, elevation, roll) * np.array([[1.0], [1.0], [-1.0]]))
 
 
-def up_in_own_frame(elevation: float, roll: float) -> Floats:
+def camera_up(elevation: float, roll: float) -> Floats:
     """Where up is (3,) in the own frame of a camera with these angles [deg]."""
-    return own_axes(0.0, elevation, roll)[:, 1]
+    return camera_from_world(0.0, elevation, roll)[:, 1]
 
 
 def consensus_up(orientations: Floats, ups: Floats, weights: Floats | float = 1.0) -> Floats:

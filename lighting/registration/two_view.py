@@ -18,23 +18,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.registration.features import Features, Matches, match, opencv
+from lighting.registration.features import Matches, import_opencv
 from lighting.registration.ransac import TOLERANCE, LeastSquaresResult, least_squares, ransac_rotation
 from lighting.registration.rotations import (
     cross_matrix,
-    focal_of,
-    offsets,
-    project,
-    rays,
+    focal_from_fov,
+    fov_from_focal,
+    project_points,
+    rays_through,
     rotation_about,
-    vertical_fov_of,
+    transfer_errors,
 )
 
 # The turn of a camera that also moved, by the essential matrix (Longuet-Higgins 1981).
 
 EPIPOLAR_TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys
-PARALLAX, LEAST_MORE = 1.25, 12  # times as many, and so many more, must obey it where the camera moved
-LEAST_MOVED = 24  # matches that agree on a motion, which has more freedom than a rotation
+PARALLAX, MIN_PARALLAX_GAIN = 1.25, 12  # times as many, and so many more, must obey it where the camera moved
+MIN_MOVING_INLIERS = 24  # matches that agree on a motion, which has more freedom than a rotation
 
 _SURE = 0.999  # probability with which OpenCV's sampling is to meet a sample without a wrong match
 _FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) and ours
@@ -53,7 +53,7 @@ class _Motion:
 
 def _epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
     """Which matches (M,) obey the best fundamental matrix, whatever the lens."""
-    cv2 = opencv()
+    cv2 = import_opencv()
     unit = 1.0 / matches.pixel  # OpenCV's thresholds suit pixels
     try:
         _, mask = cv2.findFundamentalMat(
@@ -74,7 +74,7 @@ def prefers_translation(matches: Matches, agreed: int) -> Matches | None:
 
 def _clearly_more(obeying: int, agreed: int) -> bool:
     """Whether so many matches that obey an epipolar geometry tell of a motion where so many agree on something less."""
-    return obeying >= max(PARALLAX * agreed, agreed + LEAST_MORE, LEAST_MOVED)
+    return obeying >= max(PARALLAX * agreed, agreed + MIN_PARALLAX_GAIN, MIN_MOVING_INLIERS)
 
 
 def essential_motion(
@@ -95,7 +95,7 @@ def _at(matches: Matches, focal: tuple[float, float], zoom: float, prior: float)
 
 def _essential(matches: Matches, focal: tuple[float, float], zoom: float) -> tuple[Floats, Floats] | None:
     """Rotation (3, 3) and direction of motion (3,) by RANSAC over five matches."""
-    cv2 = opencv()
+    cv2 = import_opencv()
     a, b = (p * [1.0, -1.0] / (zoom * f) for p, f in zip((matches.a, matches.b), focal, strict=True))
     tolerance = EPIPOLAR_TOLERANCE * matches.pixel / (zoom * max(focal))
     try:
@@ -182,7 +182,7 @@ def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean
         return rotation_about(at[:3]) @ started, (float(zoom * focal[0] * first), float(zoom * focal[1] * second))
 
     def residuals(at: Floats) -> Floats:
-        return offsets(matches.a, matches.b, *parts(at)).ravel()
+        return transfer_errors(matches.a, matches.b, *parts(at)).ravel()
 
     prior, expected = np.array([0.0, 0.0, 0.0, mean_prior, 0.0]), np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0])
     scale = TOLERANCE * matches.pixel
@@ -193,7 +193,7 @@ def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean
 
 def _cost(matches: Matches, found: _ZoomedPair) -> float:
     """How far matches are from obeying, those far off counting for ever less (Cauchy)."""
-    off = offsets(matches.a, matches.b, found.rotation, found.focal) / (TOLERANCE * matches.pixel / 2.0)
+    off = transfer_errors(matches.a, matches.b, found.rotation, found.focal) / (TOLERANCE * matches.pixel / 2.0)
     return float(np.sum(np.log1p(np.square(off))))
 
 
@@ -207,56 +207,55 @@ def _log_growth(matches: Matches) -> float:
 # How two cameras are turned against each other, from what both see.
 
 DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is unknown
-LEAST_INLIERS = 12  # matches that agree, below which nothing is said
-LEAST_SHARE = 0.15  # of the matches in the common part of both photos
-LARGEST_SIGMA = 2.0  # deg, beyond which nothing is said
-LEAST_STILL = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
-LEAST_ZOOMED = 0.95  # of the matches that obey an epipolar geometry must obey a zoom, which is then all there is to it
+MIN_INLIERS = 12  # matches that agree, below which nothing is said
+MIN_INLIER_SHARE = 0.15  # of the matches in the common part of both photos
+MAX_ROTATION_STD = 2.0  # deg, beyond which nothing is said
+MIN_STATIC_SHARE = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
+MIN_ZOOMED_SHARE = (
+    0.95  # of the matches that obey an epipolar geometry must obey a zoom, which is then all there is to it
+)
 GUESSED = 0.1  # spread of a focal length's logarithm from which on it is a guess, which does not see a zoom
 STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # errors over what the scatter of the matches says (`export report photo-sets`)
 
 
 @dataclass(frozen=True, eq=False)
-class Turn:
+class RelativeRotation:
     """How the second camera is turned against the first."""
 
     rotation: Floats  # (3, 3) a direction in the first camera's frame (x right, y up, -z ahead) to the second's
     covariance: Floats  # (3, 3) [deg^2] of the small rotation vector in the second's frame that corrects `rotation`
     vertical_fov: tuple[float, float]  # deg, of the first and of the second photo
-    fov_sigma: float  # deg, one standard deviation of those; 0 where they were given as exact
+    fov_std: float  # deg, one standard deviation of those; 0 where they were given as exact
     inliers: int  # matches that agree
     matches: int
     translates: bool = False  # whether the camera moved as well, among near things
     zoomed: bool = False  # whether the photos have a focal length each, other than was assumed of them
 
     @property
-    def sigma(self) -> float:
+    def std(self) -> float:
         """Deg, one standard deviation of the turn about its least certain axis."""
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
 
 
-def relative_rotation(
-    a: Features, b: Features, fov_a: float | None = None, fov_b: float | None = None, fov_sigma: float = 0.0
-) -> Turn | None:
-    """The turn from the camera of `a` to that of `b`, or None where they have too little in common to tell.
-
-    `fov_a` and `fov_b` are vertical fields of view [deg]; one alone counts for both, none means one unknown lens.
-    `fov_sigma` is how far they may be off [deg]: 0 takes them as exact.
-    """
-    return rotation_of(match(a, b), (a.width, a.height), (b.width, b.height), (fov_a, fov_b), fov_sigma)
-
-
-def rotation_of(
+def estimate_rotation(
     matches: Matches,
     size_a: tuple[int, int],
     size_b: tuple[int, int],
     fovs: tuple[float | None, float | None] = (None, None),
-    fov_sigma: float = 0.0,
-) -> Turn | None:
-    """The same from matches of two photos of these sizes (width, height)."""
-    if len(matches) < LEAST_INLIERS:
+    fov_std: float = 0.0,
+) -> RelativeRotation | None:
+    """The relative rotation of two cameras; None where their photos have too little in common to tell.
+
+    Args:
+        matches: points that both photos show.
+        size_a: width and height of the first photo, in pixels.
+        size_b: the same of the second.
+        fovs: vertical fields of view in deg; one alone counts for both, none means one unknown lens.
+        fov_std: standard deviation of `fovs` in deg; 0 takes them as exact.
+    """
+    if len(matches) < MIN_INLIERS:
         return None
-    lens = _Lens.of(size_a, size_b, fovs, fov_sigma)
+    lens = _Lens.of(size_a, size_b, fovs, fov_std)
     return _turn(matches, lens)
 
 
@@ -270,13 +269,13 @@ class _Lens:
 
     @classmethod
     def of(
-        cls, a: tuple[int, int], b: tuple[int, int], fovs: tuple[float | None, float | None], fov_sigma: float
+        cls, a: tuple[int, int], b: tuple[int, int], fovs: tuple[float | None, float | None], fov_std: float
     ) -> "_Lens":
         """The lens of two photos with given vertical fields of view [deg]."""
-        said = [(focal_of(fov, *size), fov) for fov, size in zip(fovs, (a, b), strict=True) if fov is not None]
+        said = [(focal_from_fov(fov, *size), fov) for fov, size in zip(fovs, (a, b), strict=True) if fov is not None]
         if not said:
             return cls((a, b), (1.0, 1.0), np.inf)
-        spread = np.radians(fov_sigma) / np.sin(np.radians(said[0][1]))  # d log f = d fov / sin fov
+        spread = np.radians(fov_std) / np.sin(np.radians(said[0][1]))  # d log f = d fov / sin fov
         return cls((a, b), (said[0][0], said[-1][0]), float(spread))
 
     def zooms(self) -> list[float]:
@@ -287,7 +286,7 @@ class _Lens:
 
     def fovs(self, zoom: float) -> tuple[float, float]:
         """Vertical fields of view [deg] of both photos."""
-        first, second = (vertical_fov_of(zoom * f, *s) for f, s in zip(self.focal, self.sizes, strict=True))
+        first, second = (fov_from_focal(zoom * f, *s) for f, s in zip(self.focal, self.sizes, strict=True))
         return first, second
 
     def prior(self) -> float:
@@ -295,35 +294,35 @@ class _Lens:
         return 0.0 if np.isinf(self.spread) else 1.0 / max(self.spread, 1e-9) ** 2
 
 
-def _turn(matches: Matches, lens: _Lens) -> Turn | None:
+def _turn(matches: Matches, lens: _Lens) -> RelativeRotation | None:
     still = _rotated(matches, lens)
     obeying = prefers_translation(matches, 0 if still is None else still.inliers)
     if obeying is None:
         return still
-    believed = still if still is not None and still.inliers >= LEAST_STILL * len(obeying) else None
+    believed = still if still is not None and still.inliers >= MIN_STATIC_SHARE * len(obeying) else None
     found = _lenses_apart(obeying, lens)
     if found is None or _clearly_more(len(obeying), int(np.sum(found.inliers))):
         return _moved(obeying, len(matches), lens) or believed
-    return (_zoomed(found, len(matches), lens) if np.mean(found.inliers) >= LEAST_ZOOMED else None) or believed
+    return (_zoomed(found, len(matches), lens) if np.mean(found.inliers) >= MIN_ZOOMED_SHARE else None) or believed
 
 
-def _rotated(matches: Matches, lens: _Lens) -> Turn | None:
+def _rotated(matches: Matches, lens: _Lens) -> RelativeRotation | None:
     """The turn of a camera that stayed where it was, or looks at far things only."""
     found = ransac_rotation(matches, lens.focal, lens.zooms())
     rotation, zoom = found.rotation, found.zoom
     scale = TOLERANCE * matches.pixel
     for _ in range(2):
         near = _distances(matches, rotation, zoom, lens.focal) < 2.0 * scale
-        if np.count_nonzero(near) < LEAST_INLIERS:
+        if np.count_nonzero(near) < MIN_INLIERS:
             return None
         fit = _refine_rotation(matches, near, rotation, zoom, lens)
         rotation, zoom = rotation_about(fit.parameters[:3]) @ rotation, zoom * float(np.exp(fit.parameters[3]))
     count = int(np.count_nonzero(_distances(matches, rotation, zoom, lens.focal) < scale))
     common = int(np.count_nonzero(_in_common(matches, rotation, zoom, lens)))
-    if count < max(LEAST_INLIERS, LEAST_SHARE * common):
+    if count < max(MIN_INLIERS, MIN_INLIER_SHARE * common):
         return None
     covariance = 2.0 * STILL_SPREAD**2 * fit.covariance  # each match counts in both photos
-    return _sure_enough(Turn(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
+    return _sure_enough(RelativeRotation(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
 
 
 def _lenses_apart(obeying: Matches, lens: _Lens) -> _ZoomedPair | None:
@@ -334,20 +333,22 @@ def _lenses_apart(obeying: Matches, lens: _Lens) -> _ZoomedPair | None:
     return _estimate_zoom(obeying, lens.focal, wide.zooms(), wide.prior())
 
 
-def _zoomed(found: _ZoomedPair, matches: int, lens: _Lens) -> Turn | None:
+def _zoomed(found: _ZoomedPair, matches: int, lens: _Lens) -> RelativeRotation | None:
     """The turn of a camera that stayed where it was and was zoomed."""
     covariance = 2.0 * STILL_SPREAD**2 * found.covariance  # each match counts in both photos
     uncertainty = _uncertainty(covariance, 1.0, replace(lens, focal=found.focal))
-    return _sure_enough(Turn(found.rotation, *uncertainty, int(np.sum(found.inliers)), matches, zoomed=True))
+    return _sure_enough(
+        RelativeRotation(found.rotation, *uncertainty, int(np.sum(found.inliers)), matches, zoomed=True)
+    )
 
 
-def _moved(obeying: Matches, matches: int, lens: _Lens) -> Turn | None:
+def _moved(obeying: Matches, matches: int, lens: _Lens) -> RelativeRotation | None:
     """The turn of a camera that walked, by those of so many matches that obey an epipolar geometry."""
     found = essential_motion(obeying, lens.focal, lens.zooms(), lens.prior())
-    if found is None or (count := int(np.count_nonzero(found.inliers))) < LEAST_MOVED:
+    if found is None or (count := int(np.count_nonzero(found.inliers))) < MIN_MOVING_INLIERS:
         return None
     uncertainty = _uncertainty(MOVED_SPREAD**2 * found.covariance, found.zoom, lens)
-    return _sure_enough(Turn(found.rotation, *uncertainty, count, matches, translates=True))
+    return _sure_enough(RelativeRotation(found.rotation, *uncertainty, count, matches, translates=True))
 
 
 def _uncertainty(covariance: Floats, zoom: float, lens: _Lens) -> tuple[Floats, tuple[float, float], float]:
@@ -357,14 +358,14 @@ def _uncertainty(covariance: Floats, zoom: float, lens: _Lens) -> tuple[Floats, 
     return np.degrees(np.degrees(covariance[:3, :3])), fovs, sigma
 
 
-def _sure_enough(turn: Turn) -> Turn | None:
-    return turn if turn.sigma <= LARGEST_SIGMA else None
+def _sure_enough(turn: RelativeRotation) -> RelativeRotation | None:
+    return turn if turn.std <= MAX_ROTATION_STD else None
 
 
 def _distances(matches: Matches, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
     """How far (M,) [half diagonals] each match is from obeying the rotation, in the worse of both photos."""
     own = (zoom * focal[0], zoom * focal[1])
-    return np.asarray(np.max(np.linalg.norm(offsets(matches.a, matches.b, rotation, own), axis=-1), axis=0))
+    return np.asarray(np.max(np.linalg.norm(transfer_errors(matches.a, matches.b, rotation, own), axis=-1), axis=0))
 
 
 def _refine_rotation(
@@ -375,7 +376,7 @@ def _refine_rotation(
     def residuals(at: Floats) -> Floats:
         scaled = zoom * float(np.exp(at[3]))
         own = (scaled * lens.focal[0], scaled * lens.focal[1])
-        return offsets(a, b, rotation_about(at[:3]) @ rotation, own).ravel()
+        return transfer_errors(a, b, rotation_about(at[:3]) @ rotation, own).ravel()
 
     scale = TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])
@@ -386,6 +387,6 @@ def _refine_rotation(
 def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: _Lens) -> NDArray[np.bool_]:
     """Which matches' first points the rotation puts inside the second photo."""
     width, height = lens.sizes[1]
-    at = np.abs(project(rays(matches.a, zoom * lens.focal[0]) @ rotation.T, zoom * lens.focal[1]))
+    at = np.abs(project_points(rays_through(matches.a, zoom * lens.focal[0]) @ rotation.T, zoom * lens.focal[1]))
     half = np.array([width, height]) / np.hypot(width, height)
     return np.asarray(np.all(at <= half, axis=1))

@@ -14,8 +14,8 @@ import numpy as np
 
 from lighting.geometry import Floats
 from lighting.registration.features import Matches
-from lighting.registration.rotations import cross_matrix, focal_of, rays, rotation_about
-from lighting.registration.two_view import ONE_LENS, Turn, rotation_of
+from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_through, rotation_about
+from lighting.registration.two_view import ONE_LENS, RelativeRotation, estimate_rotation
 from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes, smooth_parabolic
 from lighting.video.tracking import TOLERANCE, ClipMetadata, FrameEstimate, Keyframe, ShotObservations, TrackedFrame
 
@@ -35,7 +35,7 @@ def fit_fov(watched: ShotObservations, around: ClipMetadata) -> tuple[float, flo
     """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
     said = prior_fov(watched, around)[0]
     turns = (turn for turn in _lens_rotations(watched) if turn is not None and constrains_fov(turn, said))
-    return _combine_fovs(watched, around, ((turn.vertical_fov[0], turn.fov_sigma) for turn in turns))
+    return _combine_fovs(watched, around, ((turn.vertical_fov[0], turn.fov_std) for turn in turns))
 
 
 def _combine_fovs(
@@ -67,14 +67,14 @@ def _robust_mean(told: Sequence[tuple[float, float]]) -> tuple[float, float]:
     return mean, float(1.0 / math.sqrt(weight.sum()))
 
 
-def _lens_rotations(watched: ShotObservations) -> Iterator[Turn | None]:
+def _lens_rotations(watched: ShotObservations) -> Iterator[RelativeRotation | None]:
     """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
     pairs = _lens_pairs(list(watched.keys.values()))
     for a, b in pairs:
         yield match_keyframes(a, b, None)
     if len(pairs) < MIN_PAIRS:
         for step in [s for s in _distant_frames(watched) if _median_motion(s.matches) > MIN_MEDIAN_MOTION][-MIN_PAIRS:]:
-            yield rotation_of(step.matches, watched.size, watched.size)
+            yield estimate_rotation(step.matches, watched.size, watched.size)
 
 
 def _distant_frames(watched: ShotObservations) -> list[TrackedFrame]:
@@ -83,7 +83,7 @@ def _distant_frames(watched: ShotObservations) -> list[TrackedFrame]:
     return [step for step in watched.steps if step.makes is not None] + followed[-1:]
 
 
-def constrains_fov(turn: Turn, said: float) -> bool:
+def constrains_fov(turn: RelativeRotation, said: float) -> bool:
     """Whether a turn by an unknown lens tells it, where metadata or the network `said` a field of view [deg].
 
     A camera that walks ahead tells next to nothing of its lens, and now and then something far off. One that is zoomed
@@ -93,7 +93,7 @@ def constrains_fov(turn: Turn, said: float) -> bool:
         return False
     far = abs(turn.vertical_fov[0] - said) > MAX_FOV_STDS * NETWORK_FOV_STD
     clear = not far if turn.translates else turn.inliers >= MIN_ROTATION_SHARE * turn.matches
-    return clear and turn.fov_sigma < 2 * NETWORK_FOV_STD
+    return clear and turn.fov_std < 2 * NETWORK_FOV_STD
 
 
 def _median_motion(matches: Matches) -> float:
@@ -159,29 +159,31 @@ def _first_looks(watched: ShotObservations) -> ShotObservations:
 
 
 def _track_from_fov(
-    watched: ShotObservations, around: ClipMetadata, turns: Sequence[tuple[int, Turn]], start: float
+    watched: ShotObservations, around: ClipMetadata, turns: Sequence[tuple[int, RelativeRotation]], start: float
 ) -> UnzoomedShot:
     """The shot through a lens that is taken to be `start` [deg] at first, or through the one given."""
     lens = (start, GUESSED_FOV_STD) if around.given.vertical_fov is None else (around.given.vertical_fov, 0.0)
     for _ in range(_PASSES):
         zoom, told = _track_zoom(watched, lens[0])
         one = _divide_by_zoom(watched, zoom)
-        by_turns = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_sigma) for key, turn in turns]
+        by_turns = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_std) for key, turn in turns]
         lens = _combine_fovs(one, around, by_turns)
     return UnzoomedShot(one, zoom, lens, told)
 
 
-def _zoomed_rotations(watched: ShotObservations, vertical_fov: float) -> list[tuple[int, Turn]]:
+def _zoomed_rotations(watched: ShotObservations, vertical_fov: float) -> list[tuple[int, RelativeRotation]]:
     """Turns of zoomed cameras against keyframes of these numbers, `vertical_fov` [deg] being a guess of the lens.
 
     None where more turns are those of a walk.
     """
-    focal = focal_of(vertical_fov, *watched.size)
+    focal = focal_from_fov(vertical_fov, *watched.size)
     found = []
     for step in _distant_frames(watched):
         grown = _fit_rotation_and_zoom(step.matches, focal, np.eye(3), 1.0)
         if grown is not None and abs(np.log(grown[1])) > 0.5 * ONE_LENS:
-            turn = rotation_of(step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESSED_FOV_STD)
+            turn = estimate_rotation(
+                step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESSED_FOV_STD
+            )
             if turn is not None and step.key in watched.keys:
                 found.append((step.key, turn))
     zoomed = [(key, turn) for key, turn in found if turn.zoomed]
@@ -194,7 +196,7 @@ def _track_zoom(watched: ShotObservations, vertical_fov: float) -> tuple[Floats,
     Beside them the share of the frames whose points tell it. All are 1 where they change by less than those of two
     photos of one lens may.
     """
-    focal = focal_of(vertical_fov, *watched.size)
+    focal = focal_from_fov(vertical_fov, *watched.size)
     of_key: dict[int, float] = {}
     turned: Floats = np.eye(3)
     found, told, zoom, last = [], [True], 1.0, -1
@@ -233,7 +235,7 @@ def _divide_by_zoom(watched: ShotObservations, zoom: Floats) -> ShotObservations
 
 def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> bool:
     """Whether the lens was zoomed between a keyframe with `vertical_fov` [deg] and a frame, by their points alone."""
-    grown = _fit_rotation_and_zoom(matches, focal_of(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
+    grown = _fit_rotation_and_zoom(matches, focal_from_fov(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
     return grown is not None and abs(np.log(grown[1])) > ONE_LENS
 
 
@@ -262,11 +264,11 @@ def _zoom_after_gap(watched: ShotObservations, step: TrackedFrame, of_key: dict[
     return last
 
 
-def _focal_ratio(turn: Turn, key: Keyframe) -> float:
+def _focal_ratio(turn: RelativeRotation, key: Keyframe) -> float:
     """The second focal length of a turn by its first."""
     if not turn.zoomed:
         return 1.0
-    first, second = (focal_of(fov, *key.picture.shape[::-1]) for fov in turn.vertical_fov)
+    first, second = (focal_from_fov(fov, *key.picture.shape[::-1]) for fov in turn.vertical_fov)
     return second / first
 
 
@@ -278,7 +280,7 @@ def _fit_rotation_and_zoom(
     Gauss-Newton on both together under Geman and McClure's weights; None where less than a share `least` of the points
     obeys.
     """
-    a, reach = rays(matches.a, focal), TOLERANCE * matches.pixel
+    a, reach = rays_through(matches.a, focal), TOLERANCE * matches.pixel
     turned, grown = rotation, growth
     for wider in np.geomspace(8.0, 1.0, _REWEIGHTINGS):
         there = a @ turned.T

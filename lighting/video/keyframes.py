@@ -17,16 +17,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats, angle_between
-from lighting.registration.features import match
+from lighting.registration.features import match_features
 from lighting.registration.rotations import (
+    camera_up,
     consensus_up,
-    focal_of,
+    focal_from_fov,
     heading_elevation_roll,
     rotation_about,
     rotation_vector,
-    up_in_own_frame,
 )
-from lighting.registration.two_view import Turn, rotation_of
+from lighting.registration.two_view import RelativeRotation, estimate_rotation
 from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import FrameRotation, Keyframe, ShotObservations, estimate_frame_rotation, is_reliable
 
@@ -51,7 +51,9 @@ class _Link:
     weight: float = 1.0
 
 
-def match_keyframes(a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_sigma: float = 0.0) -> Turn | None:
+def match_keyframes(
+    a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_sigma: float = 0.0
+) -> RelativeRotation | None:
     """The turn from a to b by their features, None where they have too little in common.
 
     The lens is given [deg], exactly or with a standard deviation of both pictures' lenses, or unknown.
@@ -59,7 +61,9 @@ def match_keyframes(a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_si
     if a.picture.shape != b.picture.shape:
         return None
     size = (a.picture.shape[1], a.picture.shape[0])
-    return rotation_of(match(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_sigma)
+    return estimate_rotation(
+        match_features(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_sigma
+    )
 
 
 def _chain_orientations(count: int, links: Sequence[_Link]) -> tuple[Floats, NDArray[np.intp]]:
@@ -183,7 +187,7 @@ def estimate_orientations(
 
 def estimate_frame_rotations(watched: ShotObservations, fov: float) -> list[FrameRotation]:
     """Each frame's turn against its keyframe, through a lens of a vertical field of view [deg]."""
-    focal = focal_of(fov, *watched.size)
+    focal = focal_from_fov(fov, *watched.size)
     found: list[FrameRotation] = []
     guess: Floats = np.eye(3)
     last = -1
@@ -214,11 +218,11 @@ def estimate_up(watched: ShotObservations, orientation: Floats, time: Floats, gi
     """Up (3,) in the shot's first camera: the gimbal's if there is one, or what most looks agree upon."""
     if stated := sample_gimbal(gimbal, time):
         return consensus_up(
-            orientation[[i for i, _ in stated]], np.stack([up_in_own_frame(at[1], at[2]) for _, at in stated])
+            orientation[[i for i, _ in stated]], np.stack([camera_up(at[1], at[2]) for _, at in stated])
         )
     position = {step.frame: i for i, step in enumerate(watched.steps)}
     said = [seen.prediction for seen in watched.looks.values()]
-    ups = np.stack([up_in_own_frame(p.camera_elevation, p.camera_roll) for p in said])
+    ups = np.stack([camera_up(p.camera_elevation, p.camera_roll) for p in said])
     return consensus_up(orientation[[position[f] for f in watched.looks]], ups)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-from lighting.registration.features import Matches, opencv, resize_to
+from lighting.registration.features import Matches, import_opencv, resize_to
 from lighting.video.decode import Frame
 from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes
 from lighting.video.tracking import FEATURE_SIDE, Keyframe, ShotObservations, TrackedFrame
@@ -62,7 +62,7 @@ class DissolveDetector:
 
     def __init__(self) -> None:
         """Raises MissingExtraError without OpenCV."""
-        self._cv2 = opencv()
+        self._cv2 = import_opencv()
         self._flow = self._cv2.DISOpticalFlow_create(self._cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
         self._flow.setFinestScale(0)
         self._flow.setPatchSize(8)

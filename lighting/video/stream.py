@@ -29,15 +29,15 @@ from lighting.geometry import Floats, angle_between, shrunk
 from lighting.model import Model, model_or_packaged
 from lighting.records import Lighting
 from lighting.registration.rotations import (
-    focal_of,
+    camera_up,
+    focal_from_fov,
     heading_elevation_roll,
     leveling_rotation,
     nearest_rotation,
     rotation_about,
     rotation_vector,
-    up_in_own_frame,
 )
-from lighting.registration.two_view import Turn
+from lighting.registration.two_view import RelativeRotation
 from lighting.video.decode import FRAME_SIDE, Frame
 from lighting.video.intrinsics import GUESSED_FOV_STD, MIN_FOV_STD, NETWORK_FOV_STD, constrains_fov, is_zoomed
 from lighting.video.keyframes import match_keyframes
@@ -151,7 +151,7 @@ class _ChainLight:
     ) -> None:
         """Count a look by a camera of that orientation (3, 3)."""
         said = seen.prediction
-        up = orientation.T @ up_in_own_frame(said.camera_elevation, said.camera_roll)
+        up = orientation.T @ camera_up(said.camera_elevation, said.camera_roll)
         self._ups = min(self._ups + 1, MAX_LOOKS)
         before = up if self._up is None else self._up
         mean = before + (up - before) / self._ups
@@ -195,10 +195,10 @@ class _LensEstimator:
         if turn is not None and not turn.zoomed:
             self.count(turn)
 
-    def count(self, turn: Turn) -> None:
+    def count(self, turn: RelativeRotation) -> None:
         """Learn from a turn to a picture that was seen through this lens."""
         if turn.zoomed or constrains_fov(turn, self._seen):
-            weight = 1.0 / (turn.fov_sigma**2 + MIN_FOV_STD**2)
+            weight = 1.0 / (turn.fov_std**2 + MIN_FOV_STD**2)
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[1], self._weight + weight
 
 
@@ -288,7 +288,9 @@ class Tracker:
             self._of_key = {step.key: (self._orientation, self._gain)}
             return len(step.matches) > 0
         base, gain = self._of_key[step.key]
-        turned = estimate_frame_rotation(step.matches, focal_of(self._lens.fov, *size), self._orientation @ base.T)
+        turned = estimate_frame_rotation(
+            step.matches, focal_from_fov(self._lens.fov, *size), self._orientation @ base.T
+        )
         self._gain = gain * step.gain
         believed = is_reliable(turned, begins=False)
         if believed:

@@ -28,9 +28,9 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Prediction
-from lighting.registration.features import Features, Matches, centred, detect_features, opencv, resize_to
+from lighting.registration.features import Features, Matches, detect_features, import_opencv, resize_to, to_centered
 from lighting.registration.ransac import ransac_rotation
-from lighting.registration.rotations import nearest_rotation, rays
+from lighting.registration.rotations import nearest_rotation, rays_through
 from lighting.registration.two_view import essential_motion, prefers_translation
 from lighting.video.decode import Frame
 from lighting.video.telemetry import Gimbal
@@ -92,7 +92,7 @@ class PointTracker:
 
     def __init__(self) -> None:
         """Raises MissingExtraError without OpenCV."""
-        self._cv2 = opencv()
+        self._cv2 = import_opencv()
         self._stretch = self._number = -1
         self._grey = self._key_grey = np.empty((0, 0), np.uint8)
         self._corners = self._at = np.empty((0, 2), np.float32)
@@ -172,7 +172,7 @@ class PointTracker:
     def _matches(self) -> Matches:
         height, width = self._grey.shape
         pixel = 2.0 / float(np.hypot(width, height))
-        a, b = (centred(v, width, height).astype(np.float32) for v in (self._corners, self._at))
+        a, b = (to_centered(v, width, height).astype(np.float32) for v in (self._corners, self._at))
         return Matches(a, b, pixel)
 
     def _gained(self, pixels: NDArray[np.uint8]) -> Floats:
@@ -248,7 +248,7 @@ def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> Fr
 
     Weights are those of Geman and McClure; the rotation of a round is Kabsch's. `focal` is in half diagonals.
     """
-    a, b = rays(matches.a, focal), rays(matches.b, focal)
+    a, b = rays_through(matches.a, focal), rays_through(matches.b, focal)
     reach = TOLERANCE * matches.pixel / focal
     found = _refine_rotation(a, b, guess, reach)
     if _is_parallax(a, b, found.rotation, reach):

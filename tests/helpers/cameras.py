@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.registration.features import Matches
-from lighting.registration.rotations import focal_of, own_axes, project
+from lighting.registration.rotations import camera_from_world, focal_from_fov, project_points
 
 SIZE = (640, 480)
 PIXEL = 2.0 / float(np.hypot(*SIZE))
@@ -14,7 +14,7 @@ Camera = tuple[float, float, float]  # azimuth, elevation, roll [deg]
 
 def turn(a: Camera, b: Camera) -> Floats:
     """The rotation (3, 3) of directions in the first camera's frame to the second's."""
-    return np.asarray(own_axes(*b) @ own_axes(*a).T)
+    return np.asarray(camera_from_world(*b) @ camera_from_world(*a).T)
 
 
 def matches(
@@ -35,9 +35,9 @@ def matches(
     rng = np.random.default_rng(seed)
     world = rng.normal(size=(20000, 3))
     world *= (near * 10 ** rng.uniform(0, 1, 20000) / np.linalg.norm(world, axis=1))[:, None]
-    focal = focal_of(fov, *SIZE)
-    own = [world @ own_axes(*a).T, (world - step) @ own_axes(*b).T]
-    at = [project(v, focal) for v in own]
+    focal = focal_from_fov(fov, *SIZE)
+    own = [world @ camera_from_world(*a).T, (world - step) @ camera_from_world(*b).T]
+    at = [project_points(v, focal) for v in own]
     half = np.array(SIZE) / np.hypot(*SIZE)
     seen = np.all([(v[:, 2] < 0) & np.all(np.abs(p) < half, axis=1) for v, p in zip(own, at, strict=True)], axis=0)
     first, second = (p[seen][:400] + rng.normal(0, noise * PIXEL, (min(400, seen.sum()), 2)) for p in at)

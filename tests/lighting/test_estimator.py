@@ -234,8 +234,8 @@ def test_a_photo_that_is_matched_is_levelled_by_its_gravity(elevation: float | N
     photo, said = Photo(scene(320, 240), 320, 240, "JPEG"), fusion_prediction(FUSION_UNIFORM)
     gravity = None if elevation is None else Gravity(elevation, 5.0, 1.0)
     shot = _view(photo, said, Observations(vertical_fov=53.0, gravity=gravity)).shot()
-    assert shot.up_sigma == pytest.approx(sigma, abs=0.01)
+    assert shot.up_std == pytest.approx(sigma, abs=0.01)
     used = sigma < 2.0
     assert shot.camera_elevation == pytest.approx(-5.4 if used else said.camera_elevation, abs=0.1)
     assert shot.camera_roll == pytest.approx(4.1 if used else said.camera_roll, abs=0.1)
-    assert (shot.guessed_fov, shot.noted_fov) == (50.0, 53.0)
+    assert (shot.predicted_fov, shot.metadata_fov) == (50.0, 53.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from lighting.errors import MissingExtraError
-from lighting.registration.features import centred, detect_features, has_opencv, match, opencv
-from lighting.registration.rotations import focal_of, project, rays
+from lighting.registration.features import detect_features, has_opencv, import_opencv, match_features, to_centered
+from lighting.registration.rotations import focal_from_fov, project_points, rays_through
 from tests.helpers.cameras import SIZE, picture, texture, turn
 
 pytest.importorskip("cv2")
@@ -17,9 +17,11 @@ FLAT = np.full((480, 640, 3), 128, np.uint8)
 def test_matches_obey_the_turn_in_spite_of_another_exposure() -> None:
     a, b = (0.0, 3.0, 1.0), (25.0, -2.0, -2.0)
     sphere = texture()
-    found = match(detect_features(picture(sphere, a, 50.0)), detect_features(picture(sphere, b, 50.0, gain=0.7)))
-    focal = focal_of(50.0, *SIZE)
-    off = np.linalg.norm(project(rays(found.a, focal) @ turn(a, b).T, focal) - found.b, axis=1)
+    found = match_features(
+        detect_features(picture(sphere, a, 50.0)), detect_features(picture(sphere, b, 50.0, gain=0.7))
+    )
+    focal = focal_from_fov(50.0, *SIZE)
+    off = np.linalg.norm(project_points(rays_through(found.a, focal) @ turn(a, b).T, focal) - found.b, axis=1)
     assert len(found) > 50
     assert np.mean(off < 3 * found.pixel) > 0.9
 
@@ -27,12 +29,12 @@ def test_matches_obey_the_turn_in_spite_of_another_exposure() -> None:
 def test_a_flat_picture_has_no_features_and_no_matches() -> None:
     flat = detect_features(FLAT)
     assert len(flat.points) == 0
-    assert len(match(flat, flat)) == 0
+    assert len(match_features(flat, flat)) == 0
 
 
 def test_a_picture_and_itself_match_point_by_point() -> None:
     own = detect_features(picture(texture(), (0.0, 0.0, 0.0), 50.0))
-    found = match(own, own)
+    found = match_features(own, own)
     assert len(found) > 100
     assert found.a == pytest.approx(found.b)
 
@@ -44,11 +46,11 @@ def test_large_pictures_are_shrunk() -> None:
 
 def test_points_are_counted_from_the_centre_up_and_right() -> None:
     corners = np.array([[-0.5, -0.5], [639.5, 479.5], [319.5, 239.5]])
-    assert centred(corners, 640, 480) == pytest.approx(np.array([[-0.8, 0.6], [0.8, -0.6], [0.0, 0.0]]))
+    assert to_centered(corners, 640, 480) == pytest.approx(np.array([[-0.8, 0.6], [0.8, -0.6], [0.0, 0.0]]))
 
 
 def test_without_opencv_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     assert has_opencv()
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(MissingExtraError, match=r"outdoor-lighting\[turns\]"):
-        opencv()
+        import_opencv()

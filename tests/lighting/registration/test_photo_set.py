@@ -13,7 +13,7 @@ from lighting.geometry import wrap_azimuth
 from lighting.registration import photo_set
 from lighting.registration.features import detect_features
 from lighting.registration.photo_set import (
-    UP_SIGMA,
+    UP_STD,
     View,
     ViewFeatures,
     _about,
@@ -22,8 +22,8 @@ from lighting.registration.photo_set import (
     register_views,
     register_views_isolated,
 )
-from lighting.registration.rotations import own_axes, rotation_about, rotation_vector
-from lighting.registration.two_view import Turn
+from lighting.registration.rotations import camera_from_world, rotation_about, rotation_vector
+from lighting.registration.two_view import RelativeRotation
 from tests.helpers.cameras import Camera, picture, texture
 
 pytest.importorskip("cv2")
@@ -40,7 +40,7 @@ OVERLAPPING = views(0.0, 25.0)
 
 @pytest.mark.slow
 def test_the_answer_is_the_same() -> None:
-    for asked in (OVERLAPPING, [replace(view, noted_fov=FOV) for view in OVERLAPPING], OVERLAPPING[:1]):
+    for asked in (OVERLAPPING, [replace(view, metadata_fov=FOV) for view in OVERLAPPING], OVERLAPPING[:1]):
         assert register_views_isolated(asked, 100.0) == register_views([view.shot() for view in asked])
     assert register_views_isolated(OVERLAPPING, 100.0)[1].heading == pytest.approx(25.0, abs=0.5)
 
@@ -108,13 +108,13 @@ def test_where_no_process_starts_one_sentence_says_so(monkeypatch: pytest.Monkey
         register_views_isolated(OVERLAPPING, 100.0)
 
 
-CAMERAS = [own_axes(azimuth, 3.0, -1.0) for azimuth in (0.0, 25.0, 50.0, 80.0)]
+CAMERAS = [camera_from_world(azimuth, 3.0, -1.0) for azimuth in (0.0, 25.0, 50.0, 80.0)]
 
 
-def edge(i: int, j: int, error: tuple[float, float, float] = (0.0, 0.0, 0.0), sigma: float = 0.2) -> Turn:
+def edge(i: int, j: int, error: tuple[float, float, float] = (0.0, 0.0, 0.0), sigma: float = 0.2) -> RelativeRotation:
     """The turn from one camera to another, off by a rotation vector [deg]."""
     rotation = rotation_about(np.radians(error)) @ CAMERAS[j] @ CAMERAS[i].T
-    return Turn(rotation, sigma**2 * np.eye(3), (50.0, 50.0), 0.1, 100, 110)
+    return RelativeRotation(rotation, sigma**2 * np.eye(3), (50.0, 50.0), 0.1, 100, 110)
 
 
 def off(rotations: np.ndarray) -> list[float]:
@@ -162,7 +162,7 @@ TILTS = [(2.5, 0.5), (-4.0, 1.0), (3.5, -2.5)]  # deg, what a network says of th
 def shots(seed: int, cameras: list[Camera]) -> list[ViewFeatures]:
     sphere = texture(seed)
     seen = [detect_features(picture(sphere, camera, FOV)) for camera in cameras]
-    return [ViewFeatures(f, *tilt, guessed_fov=46.0) for f, tilt in zip(seen, TILTS, strict=False)]
+    return [ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(seen, TILTS, strict=False)]
 
 
 def test_overlapping_photos_get_their_headings_and_their_lens() -> None:
@@ -183,7 +183,7 @@ def test_a_photo_that_notes_gravity_levels_the_others() -> None:
         for shot, (_, e, r) in zip(shots(0, SETS_CAMERAS), SETS_CAMERAS, strict=True)
     ]
     wrong = [replace(shot, camera_elevation=shot.camera_elevation + 7.0) for shot in noted[1:]]
-    guessed, known = (register_views([replace(noted[0], up_sigma=sigma), *wrong]) for sigma in (UP_SIGMA, 0.9))
+    guessed, known = (register_views([replace(noted[0], up_std=sigma), *wrong]) for sigma in (UP_STD, 0.9))
     true = [c[1] for c in SETS_CAMERAS]
     assert [p.camera_elevation for p in known] == pytest.approx(true, abs=1.0)
     assert np.abs(np.subtract([p.camera_elevation for p in guessed], true)).max() > 3.0
@@ -202,7 +202,7 @@ def test_a_zoomed_photo_has_a_lens_of_its_own() -> None:
     """One that a common lens or a walk would turn by other angles."""
     sphere, cameras, fovs = texture(0), [(0.0, 2.0, 0.0), (20.0, -3.0, 1.5), (9.0, 1.0, 0.0)], (FOV, FOV, 30.0)
     seen = [detect_features(picture(sphere, camera, fov)) for camera, fov in zip(cameras, fovs, strict=True)]
-    placed = register_views([ViewFeatures(f, *tilt, guessed_fov=46.0) for f, tilt in zip(seen, TILTS, strict=True)])
+    placed = register_views([ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(seen, TILTS, strict=True)])
     assert {p.group for p in placed} == {0}
     assert [p.heading for p in placed] == pytest.approx([0.0, 20.0, 9.0], abs=0.3)
     assert [p.vertical_fov for p in placed] == pytest.approx(fovs, abs=0.5)
@@ -222,8 +222,8 @@ def test_one_photo_is_its_own_group() -> None:
 
 
 def test_angles_about_a_vertical_are_those_of_geometry() -> None:
-    rotations = np.array([own_axes(*c) @ own_axes(*SETS_CAMERAS[0]).T for c in SETS_CAMERAS])
-    heading, elevation, roll = _about(own_axes(*SETS_CAMERAS[0])[:, 1], rotations)
+    rotations = np.array([camera_from_world(*c) @ camera_from_world(*SETS_CAMERAS[0]).T for c in SETS_CAMERAS])
+    heading, elevation, roll = _about(camera_from_world(*SETS_CAMERAS[0])[:, 1], rotations)
     assert heading == pytest.approx([float(wrap_azimuth(c[0] - SETS_CAMERAS[0][0])) for c in SETS_CAMERAS])
     assert elevation == pytest.approx([c[1] for c in SETS_CAMERAS])
     assert roll == pytest.approx([c[2] for c in SETS_CAMERAS])

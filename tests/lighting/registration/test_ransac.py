@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from lighting.registration.ransac import least_squares, ransac_rotation
-from lighting.registration.rotations import focal_of, rotation_vector
+from lighting.registration.rotations import focal_from_fov, rotation_vector
 from tests.helpers.cameras import SIZE, matches, turn
 
 X = np.linspace(-1, 1, 200)
@@ -40,7 +40,7 @@ A, B = (0.0, 5.0, 2.0), (-28.0, 1.0, -1.0)
 
 @pytest.mark.parametrize("wrong", [0.0, 0.5])
 def test_the_rotation_is_found_among_wrong_matches(wrong: float) -> None:
-    focal = focal_of(50.0, *SIZE)
+    focal = focal_from_fov(50.0, *SIZE)
     found = ransac_rotation(matches(A, B, 50.0, near=300.0, wrong=wrong), (focal, focal), [0.8, 1.0, 1.25])
     assert found.zoom == 1.0
     assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ turn(A, B).T))) < 1.0

@@ -8,19 +8,19 @@ from scipy.spatial.transform import Rotation
 
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.registration.rotations import (
+    camera_from_world,
+    camera_up,
     consensus_up,
     cross_matrix,
-    focal_of,
+    focal_from_fov,
+    fov_from_focal,
     heading_elevation_roll,
     leveling_rotation,
     nearest_rotation,
-    own_axes,
-    project,
-    rays,
+    project_points,
+    rays_through,
     rotation_about,
     rotation_vector,
-    up_in_own_frame,
-    vertical_fov_of,
 )
 from tests.helpers.cameras import SIZE, Camera
 
@@ -29,24 +29,26 @@ vectors = st.tuples(*[st.floats(-3.0, 3.0)] * 3).map(np.array)
 
 @given(st.floats(5.0, 120.0), st.floats(0.3, 3.0))
 def test_field_of_view_and_focal_length_go_both_ways(fov: float, aspect: float) -> None:
-    assert vertical_fov_of(focal_of(fov, aspect, 1.0), aspect, 1.0) == pytest.approx(fov)
+    assert fov_from_focal(focal_from_fov(fov, aspect, 1.0), aspect, 1.0) == pytest.approx(fov)
 
 
 def test_a_lens_has_one_focal_length_however_the_camera_is_held() -> None:
     across = np.degrees(2 * np.arctan(np.tan(np.radians(51.5 / 2)) * 640 / 480))
-    assert focal_of(across, 480, 640) == pytest.approx(focal_of(51.5, 640, 480))
+    assert focal_from_fov(across, 480, 640) == pytest.approx(focal_from_fov(51.5, 640, 480))
 
 
 def test_points_are_where_geometry_puts_them() -> None:
     towards = direction(np.array([10.0, 25.0]), np.array([5.0, -8.0]))
     pixel = camera_pixel(towards, Pinhole(*SIZE, 50.0, 12.0, 3.0, 4.0))
     expected = (pixel - 0.5 * np.array(SIZE)) * [1, -1] * 2 / np.hypot(*SIZE)
-    assert project(towards @ own_axes(12.0, 3.0, 4.0).T, focal_of(50.0, *SIZE)) == pytest.approx(expected, abs=1e-9)
+    assert project_points(towards @ camera_from_world(12.0, 3.0, 4.0).T, focal_from_fov(50.0, *SIZE)) == pytest.approx(
+        expected, abs=1e-9
+    )
 
 
 def test_rays_and_points_go_both_ways() -> None:
     points = np.array([[0.3, -0.2], [0.0, 0.0], [-0.7, 0.5]])
-    assert project(rays(points, 1.2), 1.2) == pytest.approx(points)
+    assert project_points(rays_through(points, 1.2), 1.2) == pytest.approx(points)
 
 
 @given(vectors)
@@ -72,41 +74,41 @@ def test_the_nearest_rotation_of_a_rotation_is_itself_and_never_a_mirror() -> No
 
 
 CAMERAS: list[Camera] = [(-170.0, 2.0, 0.0), (-140.0, -3.0, 1.5), (165.0, 4.0, -2.0)]
-TURNED = np.array([own_axes(*c) @ own_axes(*CAMERAS[0]).T for c in CAMERAS])
+TURNED = np.array([camera_from_world(*c) @ camera_from_world(*CAMERAS[0]).T for c in CAMERAS])
 
 
 def test_the_vertical_outvotes_one_wrong_camera() -> None:
-    ups = [up_in_own_frame(*tilt) for tilt in ((2.0, 0.0), (-3.0, 1.5), (30.0, 20.0))]
+    ups = [camera_up(*tilt) for tilt in ((2.0, 0.0), (-3.0, 1.5), (30.0, 20.0))]
     up = consensus_up(TURNED, np.stack(ups))
-    assert np.degrees(np.arccos(up @ own_axes(*CAMERAS[0])[:, 1])) < 1.0
+    assert np.degrees(np.arccos(up @ camera_from_world(*CAMERAS[0])[:, 1])) < 1.0
 
 
 def test_a_surer_camera_outvotes_two_that_agree() -> None:
-    true = own_axes(*CAMERAS[0])[:, 1]
-    ups = np.stack([up_in_own_frame(*tilt) for tilt in ((2.0, 0.0), (4.0, 1.5), (11.0, -2.0))])  # the first is right
+    true = camera_from_world(*CAMERAS[0])[:, 1]
+    ups = np.stack([camera_up(*tilt) for tilt in ((2.0, 0.0), (4.0, 1.5), (11.0, -2.0))])  # the first is right
     assert np.degrees(np.arccos(consensus_up(TURNED, ups) @ true)) > 2.0
     assert np.degrees(np.arccos(consensus_up(TURNED, ups, np.array([6.0, 1.0, 1.0])) @ true)) < 0.5
 
 
 def test_a_few_wrong_levels_do_not_tilt_the_rest() -> None:
     elevation, roll = np.linspace(-20, 30, 60), np.linspace(-5, 8, 60)
-    axes = np.stack([own_axes(4.0 * i, e, r) for i, (e, r) in enumerate(zip(elevation, roll, strict=True))])
-    ups = np.stack([up_in_own_frame(e, r) for e, r in zip(elevation, roll, strict=True)])
+    axes = np.stack([camera_from_world(4.0 * i, e, r) for i, (e, r) in enumerate(zip(elevation, roll, strict=True))])
+    ups = np.stack([camera_up(e, r) for e, r in zip(elevation, roll, strict=True)])
     wrong = ups.copy()
-    wrong[:8] = up_in_own_frame(60.0, 40.0)
+    wrong[:8] = camera_up(60.0, 40.0)
     turned = axes @ axes[0].T
     assert np.degrees(np.arccos(consensus_up(turned, ups) @ consensus_up(turned, wrong))) < 0.5
 
 
 def test_a_camera_that_looks_straight_down_has_a_heading() -> None:
-    axes = leveling_rotation(up_in_own_frame(-90.0, 0.0))
+    axes = leveling_rotation(camera_up(-90.0, 0.0))
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-9)
     assert np.linalg.det(axes) > 0.99
 
 
 @pytest.mark.parametrize("elevation", [-90.0, -89.5, -88.0, -87.0, 0.0, 87.0, 88.0, 89.5, 90.0])
 def test_azimuth_0_is_where_the_common_camera_points_however_steep_it_is(elevation: float) -> None:
-    heading, said, roll = heading_elevation_roll(np.eye(3)[None], leveling_rotation(up_in_own_frame(elevation, 0.0)))
+    heading, said, roll = heading_elevation_roll(np.eye(3)[None], leveling_rotation(camera_up(elevation, 0.0)))
     assert said[0] == pytest.approx(elevation, abs=1e-4)
     assert (heading[0], roll[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
 
@@ -116,7 +118,7 @@ def test_a_camera_that_looks_straight_down_turns_with_its_picture(straight: floa
     """Its axis trembles about the vertical; its picture turns steadily."""
     turn, tremble = np.linspace(0.0, 60.0, 31), np.radians(2.0) * np.random.default_rng(0).normal(0, 1, (31, 2))
     tilt = [np.array([[1, 0, -x], [0, 1, -y], [x, y, 1]]) for x, y in tremble]
-    axes = np.stack([t @ own_axes(a, straight, 0.0) for t, a in zip(tilt, turn.tolist(), strict=True)])
+    axes = np.stack([t @ camera_from_world(a, straight, 0.0) for t, a in zip(tilt, turn.tolist(), strict=True)])
     heading, elevation, roll = heading_elevation_roll(axes / np.linalg.norm(axes, axis=2, keepdims=True), np.eye(3))
     np.testing.assert_allclose(heading, turn, atol=0.3)
     np.testing.assert_allclose(roll, 0.0, atol=0.3)

@@ -3,13 +3,7 @@
 import numpy as np
 
 from lighting.geometry import Floats
-from lighting.registration.rotations import (
-    consensus_up,
-    leveling_rotation,
-    rotation_about,
-    rotation_vector,
-    up_in_own_frame,
-)
+from lighting.registration.rotations import camera_up, consensus_up, leveling_rotation, rotation_about, rotation_vector
 from lighting.video.keyframes import _average_rotations, _chain_orientations, _Link, make_camera_path, smooth_parabolic
 from tests.helpers.clips import orientation
 
@@ -55,7 +49,7 @@ TIME = np.arange(60) / 30.0
 AZIMUTH, ELEVATION, ROLL = np.linspace(30, 250, 60), np.linspace(-20, 30, 60), np.linspace(-5, 8, 60)
 TURNED = np.stack([orientation(*map(float, a)) for a in zip(AZIMUTH, ELEVATION, ROLL, strict=True)])
 TURNED = TURNED @ TURNED[0].T
-UPS = np.stack([up_in_own_frame(float(e), float(r)) for e, r in zip(ELEVATION, ROLL, strict=True)])
+UPS = np.stack([camera_up(float(e), float(r)) for e, r in zip(ELEVATION, ROLL, strict=True)])
 
 
 def test_headings_pass_180_and_angles_are_exact() -> None:

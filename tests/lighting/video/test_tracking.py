@@ -5,8 +5,8 @@ import pytest
 
 from lighting.geometry import Floats
 from lighting.registration.features import Matches
-from lighting.registration.rotations import focal_of, own_axes, project, rotation_vector
-from lighting.registration.two_view import Turn
+from lighting.registration.rotations import camera_from_world, focal_from_fov, project_points, rotation_vector
+from lighting.registration.two_view import RelativeRotation
 from lighting.video.intrinsics import constrains_fov
 from lighting.video.tracking import PointTracker, chain_gains, estimate_frame_rotation
 from tests.helpers.clips import FOV, SIZE, Pixels, frames, look, orientation, pan, seen
@@ -23,7 +23,7 @@ def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> N
         step = follower.follow(frame)
         if step.begins:
             known[step.key] = np.eye(3)
-        found = estimate_frame_rotation(step.matches, focal_of(FOV, *SIZE), guess)
+        found = estimate_frame_rotation(step.matches, focal_from_fov(FOV, *SIZE), guess)
         guess = found.rotation if step.makes is None else np.eye(3)
         own = found.rotation @ known[step.key]
         if step.makes is not None:
@@ -74,7 +74,7 @@ def test_another_size_is_another_stretch() -> None:
 def test_a_still_picture_does_not_turn() -> None:
     follower = PointTracker()
     steps = [follower.follow(frame) for frame in frames([look(0.0)] * 10)]
-    found = estimate_frame_rotation(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    found = estimate_frame_rotation(steps[-1].matches, focal_from_fov(FOV, *SIZE), np.eye(3))
     assert np.degrees(np.linalg.norm(rotation_vector(found.rotation))) < 0.01
     assert {step.key for step in steps} == {0}
 
@@ -87,15 +87,15 @@ def test_a_thing_that_moves_is_outvoted() -> None:
         picture[60:140, 20 + 9 * i : 116 + 9 * i] = thing.repeat(8, axis=0).repeat(8, axis=1)
         pictures.append(picture)
     steps = [follower.follow(frame) for frame in frames(pictures)]
-    found = estimate_frame_rotation(steps[-1].matches, focal_of(FOV, *SIZE), np.eye(3))
+    found = estimate_frame_rotation(steps[-1].matches, focal_from_fov(FOV, *SIZE), np.eye(3))
     true = orientation(8.8) @ orientation(0.0).T
     assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ true.T))) < 0.2
 
 
 TURNING_SIZE = (640, 360)
 PIXEL = 2.0 / float(np.hypot(*TURNING_SIZE))
-FOCAL = focal_of(45.0, *TURNING_SIZE)
-TURN = own_axes(4.0, 1.0, 0.5)
+FOCAL = focal_from_fov(45.0, *TURNING_SIZE)
+TURN = camera_from_world(4.0, 1.0, 0.5)
 
 
 def matches(step: tuple[float, float, float], moving: float = 0.0, blur: float = 0.1) -> Matches:
@@ -103,7 +103,7 @@ def matches(step: tuple[float, float, float], moving: float = 0.0, blur: float =
     rng = np.random.default_rng(0)
     distance = np.exp(rng.uniform(np.log(3), np.log(30), 120))[:, None]
     ahead = np.column_stack([rng.uniform(-0.45, 0.45, 120), rng.uniform(-0.25, 0.25, 120), -np.ones(120)]) * distance
-    a, b = project(ahead, FOCAL), project((ahead - step) @ TURN.T, FOCAL)
+    a, b = project_points(ahead, FOCAL), project_points((ahead - step) @ TURN.T, FOCAL)
     b[: round(120 * moving)] += PIXEL * np.array([25.0, 4.0])
     return Matches(a, b + rng.normal(0, blur * PIXEL, b.shape), PIXEL)
 
@@ -135,9 +135,9 @@ def test_blur_is_no_walk() -> None:
     [(40.0, 90, False, True), (40.0, 20, False, False), (40.0, 90, True, True), (110.0, 90, True, False)],
 )
 def test_a_lens_is_told_by_clear_turns_only(fov: float, inliers: int, translates: bool, told: bool) -> None:
-    turn = Turn(np.eye(3), np.eye(3), (fov, fov), 2.0, inliers, 100, translates)
+    turn = RelativeRotation(np.eye(3), np.eye(3), (fov, fov), 2.0, inliers, 100, translates)
     assert constrains_fov(turn, 50.0) == told
 
 
 def test_a_lens_is_not_told_by_a_zoom() -> None:
-    assert not constrains_fov(Turn(np.eye(3), np.eye(3), (40.0, 30.0), 1.0, 90, 100, zoomed=True), 50.0)
+    assert not constrains_fov(RelativeRotation(np.eye(3), np.eye(3), (40.0, 30.0), 1.0, 90, 100, zoomed=True), 50.0)
