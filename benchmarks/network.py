@@ -109,11 +109,11 @@ def training_crops(data: Data) -> Batch:
     """Crops of a few training panoramas, as training takes them."""
     from export.crops.crops import load_sources
     from export.data.panoramas import read_index
-    from export.evaluation.predictions import cameras
+    from export.evaluation.predictions import protocol_views
 
     panoramas = read_index(data.folder, "train")
     sources = load_sources(panoramas[:: len(panoramas) // CALIBRATION][:CALIBRATION], data.labels)
-    return np.concatenate([batch for batch, _ in _batches(cameras(sources, "phone"))])
+    return np.concatenate([batch for batch, _ in _batches(protocol_views(sources, "phone"))])
 
 
 def example_photos() -> Batch:
@@ -128,18 +128,18 @@ def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
     from export.crops.crops import load_sources
     from export.data.panoramas import read_index
     from export.evaluation.metrics import median, sun_error
-    from export.evaluation.predictions import cameras, collect, interpret
+    from export.evaluation.predictions import collect_truth, decode_answers, protocol_views
 
     models = {name: Model.load(file) for name, file in files.items()}
     said: dict[str, list[Any]] = {name: [] for name in files}
-    views = cameras(load_sources(read_index(data.folder, "val")[: data.panoramas], data.labels), "paper")
+    views = protocol_views(load_sources(read_index(data.folder, "val")[: data.panoramas], data.labels), "paper")
     crops = []
     for batch, part in _batches(views):
         crops += part
         for name, model in models.items():
             said[name] += model.predict(batch)
-    truth = collect([source.panorama for source, _ in views], crops)
-    errors = {name: sun_error(truth, interpret(predictions, truth.sun)) for name, predictions in said.items()}
+    truth = collect_truth([source.panorama for source, _ in views], crops)
+    errors = {name: sun_error(truth, decode_answers(predictions, truth.sun)) for name, predictions in said.items()}
     return {name: median(error[truth.scored]) for name, error in errors.items()}
 
 

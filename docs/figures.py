@@ -26,9 +26,9 @@ from export.reports.probe import (
     photograph_sky,
     read_sky_scans,
 )
-from export.stereo.evaluate import SEASONS, Trial, angle, photograph, session
+from export.stereo.evaluate import SEASONS, Trial, normal_angles, photograph_subject, run_session
 from export.stereo.renders import Subject
-from export.stereo.surfaces import relief
+from export.stereo.surfaces import random_relief
 from lighting.color import luminance, srgb_encode, tone_map
 from lighting.files.atomic import encode_png
 from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
@@ -371,19 +371,19 @@ VESSEL_SIDE, VESSEL_SEED, WORST_ERROR = 192, 37, 45.0  # pixels; of the shape; d
 
 def draw_stereo_normals() -> None:
     """Write the picture and print the errors: photos at 9, 12 and 16 h, normals by search and with the network."""
-    subject = Subject("vessel", "made", relief(VESSEL_SIDE, np.random.default_rng(VESSEL_SEED)))
+    subject = Subject("vessel", "made", random_relief(VESSEL_SIDE, np.random.default_rng(VESSEL_SEED)))
     surface, network, rows = subject.surface, Network.load(), []
     for name in ("47° N, March", "47° N, June"):
         trial = Trial(SEASONS[name], shadows=True)
-        photos = photograph(subject, trial, gray_skies(trial.day.skies()))[[0, 3, 7], ..., 0]
-        (found,) = session([subject], trial, network)
+        photos = photograph_subject(subject, trial, gray_skies(trial.day.skies()))[[0, 3, 7], ..., 0]
+        (found,) = run_session([subject], trial, network)
         search, both = found.errors()
         errors = (f"{np.median(part):.1f} / {part.mean():.1f}" for part in (search, both))
         click.echo(" ".join((name, *errors)))
         tiles = [np.repeat(srgb_encode(photo / photos.max())[..., None], 3, axis=-1) for photo in photos]
         maps = (surface.normals, found.search, found.network)
         tiles += [(normals + 1) / 2 * surface.mask[..., None] for normals in maps]
-        off = np.clip(angle(found.network, surface.normals) / WORST_ERROR, 0, 1) * surface.mask
+        off = np.clip(normal_angles(found.network, surface.normals) / WORST_ERROR, 0, 1) * surface.mask
         rows.append(np.concatenate([*tiles, np.repeat(off[..., None], 3, axis=-1)], axis=1))
     pixels = np.round(255 * np.concatenate(rows)).astype(np.uint8)
     Path("docs/stereo-normals.png").write_bytes(encode_png(pixels))

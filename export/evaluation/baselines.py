@@ -6,7 +6,17 @@ from collections.abc import Sequence
 import numpy as np
 
 from export.data.labels import Label
-from export.evaluation.metrics import Answers, Bools, Names, Truth, answers, auc, elevation_error, median, sun_error
+from export.evaluation.metrics import (
+    Answers,
+    Bools,
+    Names,
+    Truth,
+    answers_from_sun,
+    auc,
+    elevation_error,
+    median,
+    sun_error,
+)
 from lighting.circular import weighted_median
 from lighting.geometry import Floats, angle_between, direction
 
@@ -16,7 +26,7 @@ CONSTANT = "constant direction"
 MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
 
 
-def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answers]:
+def baseline_answers(truth: Truth, training: Sequence[Label]) -> dict[str, Answers]:
     """Each baseline's answers; the constants are the best for the training panoramas."""
     count = len(truth.scored)
     elevation = _sun_elevations(training)
@@ -31,9 +41,9 @@ def without_network(truth: Truth, training: Sequence[Label]) -> dict[str, Answer
     azimuth = np.random.default_rng(0).uniform(-180, 180, count)
     constant = np.tile(direction(0.0, _best_constant(elevation)), (count, 1))
     return {
-        CONSTANT: answers(constant, nll=uniform, **constants),
-        "zenith": answers(np.tile([0.0, 1.0, 0.0], (count, 1)), nll=uniform),
-        "random azimuth": answers(direction(azimuth, np.full(count, median(elevation))), nll=uniform),
+        CONSTANT: answers_from_sun(constant, nll=uniform, **constants),
+        "zenith": answers_from_sun(np.tile([0.0, 1.0, 0.0], (count, 1)), nll=uniform),
+        "random azimuth": answers_from_sun(direction(azimuth, np.full(count, median(elevation))), nll=uniform),
     }
 
 

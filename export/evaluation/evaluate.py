@@ -9,13 +9,20 @@ import numpy as np
 from export.crops.crops import Source, load_sources, take
 from export.data.labels import Label, labels_of
 from export.data.panoramas import read_index, write_table
-from export.evaluation.baselines import without_network
+from export.evaluation.baselines import baseline_answers
 from export.evaluation.failures import ScoredCrops, diagnostic_sections
 from export.evaluation.irradiance import light_report
-from export.evaluation.metadata import evidence_report, in_view_evidence, take_metadata
-from export.evaluation.metrics import select, sun_error
+from export.evaluation.metadata import evidence_report, in_view_evidence, simulate_metadata
+from export.evaluation.metrics import select_crops, sun_error
 from export.evaluation.multi_view import groups_report
-from export.evaluation.predictions import CROPS_EACH, cameras, interpret, load_models, predict_views, sun_centered
+from export.evaluation.predictions import (
+    CROPS_EACH,
+    decode_answers,
+    load_models,
+    predict_views,
+    protocol_views,
+    sun_centered_views,
+)
 from export.evaluation.relighting import relight
 from export.evaluation.report import Figures, format_report, in_view_report, photo_report, stated_figures
 from lighting.color import tone_map
@@ -78,11 +85,11 @@ def evaluate_networks(options: Options) -> Evaluation:
 
 
 def _judge(methods: _Methods, sources: Sequence[Source], protocol: str) -> ScoredCrops:
-    views = cameras(sources, protocol)
+    views = protocol_views(sources, protocol)
     looked = predict_views(methods.models, views)
     truth, ours = looked.truth, next(iter(methods.models))
-    alone, said = ({n: interpret(p, truth.sun) for n, p in by.items()} for by in (looked.alone, looked.said))
-    said |= without_network(truth, methods.training)
+    alone, said = ({n: decode_answers(p, truth.sun) for n, p in by.items()} for by in (looked.alone, looked.said))
+    said |= baseline_answers(truth, methods.training)
     return ScoredCrops(views, truth, looked.said[ours], looked.with_lens, said, alone)
 
 
@@ -102,25 +109,27 @@ def _sections(
 
 def _sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[str]:
     """The section about crops that show the sun; none if no panorama shows its sun."""
-    views = sun_centered(sources)
+    views = sun_centered_views(sources)
     if not views:
         return []
     looked = predict_views(models, views)
     truth = looked.truth
     chosen = truth.scored & (truth.in_view == "sun in view")
-    said = {name: select(interpret(predictions, truth.sun), chosen) for name, predictions in looked.said.items()}
+    said = {
+        name: select_crops(decode_answers(predictions, truth.sun), chosen) for name, predictions in looked.said.items()
+    }
     if not chosen.any():
         return []
     ours = list(zip(next(iter(looked.said.values())), looked.with_lens, strict=True))
     spec, shown = next(iter(models.values())).spec, np.flatnonzero(chosen).tolist()
     pictures = [tone_map(take(*views[i], spec).linear) for i in shown]
-    known = in_view_evidence(select(truth, chosen), [ours[i] for i in shown], pictures)
-    return [in_view_report(select(truth, chosen), said, known)]
+    known = in_view_evidence(select_crops(truth, chosen), [ours[i] for i in shown], pictures)
+    return [in_view_report(select_crops(truth, chosen), said, known)]
 
 
 def _metadata_sections(protocol: str, judged: ScoredCrops) -> list[str]:
     """Our network's answers with simulated metadata, and with several views of a panorama."""
-    taken = take_metadata(judged.truth, CROPS_EACH)
+    taken = simulate_metadata(judged.truth, CROPS_EACH)
     azimuth = np.array([camera.azimuth for _, camera in judged.views])
     return [
         evidence_report(protocol, judged.truth, list(zip(judged.predictions, judged.with_lens, strict=True)), taken),

@@ -24,13 +24,13 @@ from export.evaluation.metrics import (
     azimuth_error,
     difference_interval,
     elevation_error,
-    interval,
-    select,
+    format_interval,
+    markdown_table,
+    select_crops,
     sun_error,
-    table,
 )
 from export.evaluation.predictions import View
-from export.evaluation.reliability import curves, draw, reliability_report, temperature_report
+from export.evaluation.reliability import draw_reliability, reliability_curves, reliability_report, temperature_report
 from lighting.color import tone_map
 from lighting.files.atomic import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
@@ -120,7 +120,7 @@ def _failures_report(found: Sequence[_Failure]) -> str:
         [name, rule, str(counts[name]), str(len({f.panorama for f in found if f.cause == name}))]
         for name, (rule, _) in CAUSES.items()
     ]
-    return "\n\n".join(["## Where it fails", _summary(found), table(["", "rule", "crops", "panoramas"], rows)])
+    return "\n\n".join(["## Where it fails", _summary(found), markdown_table(["", "rule", "crops", "panoramas"], rows)])
 
 
 def _summary(found: Sequence[_Failure]) -> str:
@@ -209,18 +209,18 @@ def _turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answ
     known = np.isfinite(truth.turbidity)
     rows = {"HDR": known & (kind == "hdr"), "LDR, clean sky": known & (kind == "ldr"), "both": known}
     lines = [
-        _line(name, select(truth, chosen), select(ours, chosen), select(constant, chosen))
+        _line(name, select_crops(truth, chosen), select_crops(ours, chosen), select_crops(constant, chosen))
         for name, chosen in rows.items()
         if chosen.any()
     ]
     header = ["", "crops", "panoramas", "places", "network", "constant", "minus it, panoramas", "minus it, places"]
-    return f"## Turbidity, protocol `{protocol}`\n\n{MEANING}\n\n{table(header, lines)}"
+    return f"## Turbidity, protocol `{protocol}`\n\n{MEANING}\n\n{markdown_table(header, lines)}"
 
 
 def _line(name: str, truth: Truth, ours: Answers, constant: Answers) -> list[str]:
     error, other = (np.abs(said.turbidity - truth.turbidity) for said in (ours, constant))
     counts = (len(error), len(np.unique(truth.panorama)), len(np.unique(truth.place)))
-    less = [interval(difference_interval(error, other, units), 2) for units in (truth.panorama, truth.place)]
+    less = [format_interval(difference_interval(error, other, units), 2) for units in (truth.panorama, truth.place)]
     return [name, *map(str, counts), f"{np.median(error):.2f}", f"{np.median(other):.2f}", *less]
 
 
@@ -251,11 +251,11 @@ def diagnostic_sections(judged: dict[str, ScoredCrops], out: Path, *, failures: 
 
     Writes reliability.png into `out`, and with `failures` also failures.csv and failures.png.
     """
-    levels = {protocol: curves(j.truth, j.predictions) for protocol, j in judged.items()}
+    levels = {protocol: reliability_curves(j.truth, j.predictions) for protocol, j in judged.items()}
     sections = [reliability_report(protocol, found) for protocol, found in levels.items()]
     sections += [temperature_report(protocol, j.truth, j.predictions) for protocol, j in judged.items()]
     if levels:
-        draw(levels, out / RELIABILITY_FILE)
+        draw_reliability(levels, out / RELIABILITY_FILE)
     if "paper" in judged:
         sections += _of_paper(judged["paper"], out, failures=failures)
     return sections

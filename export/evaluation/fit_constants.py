@@ -15,8 +15,15 @@ from export.crops.crops import generator, load_sources, take
 from export.crops.targets import clear_ratio, panorama_irradiance
 from export.data.panoramas import DataError, read_index
 from export.data.photos import needed_photo_rows
-from export.evaluation.irradiance import WEATHER, Judged, by_network, estimate_crops, judged, judged_of
-from export.evaluation.metrics import Bools, Names, clustered_error, table
+from export.evaluation.irradiance import (
+    WEATHER,
+    HdrCrops,
+    estimate_crops,
+    estimate_from_pixels,
+    take_crops_of,
+    take_hdr_crops,
+)
+from export.evaluation.metrics import Bools, Names, clustered_error, markdown_table
 from lighting.color import luminance, tone_map
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
 from lighting.envmap.appearance import estimate_ground_albedo, ground_luminance, sky_color_ratio
@@ -68,7 +75,7 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
     """
     known = {panorama.place for panorama in read_index(seen)} if seen else set()
     panoramas = [p for p in read_index(data, part) if (p.sun, p.direct) in WEATHER and p.place not in known]
-    shown = judged_of(panoramas, labels, model.spec)
+    shown = take_crops_of(panoramas, labels, model.spec)
     found: list[tuple[float, ...]] = []
     kinds: list[tuple[str, str]] = []
     answers = estimate_crops(model, shown.crops)
@@ -115,7 +122,7 @@ def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = N
         rows += _error_rows(part, groups, grounds.errors(0.0, 0.0), grounds.errors(share, darker), (2, 2))
     names = ["photo, median [stops]", "with the network", "photo, mean", "with the network"]
     first = f"Share of the network: {share:.1f} x (1 - cover), {darker:.1f} stops brighter"
-    return f"{first}\n\n{table(['split', 'weather', 'crops', *names], rows)}"
+    return f"{first}\n\n{markdown_table(['split', 'weather', 'crops', *names], rows)}"
 
 
 def _balanced(grounds: _GroundSamples) -> _GroundSamples:
@@ -168,7 +175,7 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
             crop = take(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
             height, width = pixels.shape[:2]
-            light = by_network(model, Photo(pixels, width, height, "PIXELS")).lighting
+            light = estimate_from_pixels(model, Photo(pixels, width, height, "PIXELS")).lighting
             if light.sky_irradiance is None:
                 raise ModelError(_NO_LIGHT)
             ratio = sky_color_ratio(pixels, light)
@@ -211,7 +218,7 @@ def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     names = ["network, median [deg]", "with the photo", "network, mean", "with the photo"]
     first = f"Power of the ratio: {trust[0]:.2f} + {trust[1]:.2f} cover^2"
     share = f"sky is seen in {100 * shown:.0f} % of the crops."
-    return f"{first}; {share}\n\n{table(['split', 'cover', 'crops', *names], rows)}"
+    return f"{first}; {share}\n\n{markdown_table(['split', 'cover', 'crops', *names], rows)}"
 
 
 def _chroma(values: Floats) -> Floats:
@@ -239,7 +246,7 @@ class _SunSample:
     unclipped: bool  # whether the panorama's notes say so of it
 
 
-def _sample_suns(model: Model, shown: Judged) -> list[_SunSample]:
+def _sample_suns(model: Model, shown: HdrCrops) -> list[_SunSample]:
     """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
     found = []
     for (source, _), crop, truth in zip(shown.views, shown.crops, shown.truth, strict=True):
@@ -271,7 +278,7 @@ def _sun_color_errors(suns: Sequence[_SunSample], power: float) -> Floats:
 
 def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
     """The errors of colour by power, on `train` and on `val`."""
-    train, val = (_sample_suns(model, judged(data, labels, model.spec, part)) for part in SPLITS)
+    train, val = (_sample_suns(model, take_hdr_crops(data, labels, model.spec, part)) for part in SPLITS)
     unclipped = [sun for sun in train if sun.unclipped]
     parts = {"train": train, **({"train, unclipped": unclipped} if unclipped else {}), "val": val}
     rows = []
@@ -280,7 +287,7 @@ def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
         rows.append([f"{power:g}", *(f"{sun:.1f}° / {level:.1f}°" for sun, level in pairs)])
     counts = ", ".join(f"{len(suns)} crops of `{part}`" for part, suns in parts.items())
     header = ["power", *(f"{part}: sun / level light" for part in parts)]
-    return f"Error of colour in {counts}, the mean of places\n\n{table(header, rows)}"
+    return f"Error of colour in {counts}, the mean of places\n\n{markdown_table(header, rows)}"
 
 
 # The sun's power: how far the network understates a sun that shines. A network that minimises errors keeps to the
@@ -332,7 +339,7 @@ def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
     for name, values in sides.items():
         low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
         rows.append([name, str(len(values)), f"{middle:+.2f}", f"{low:+.2f} to {high:+.2f}"])
-    return f"A sun that shines is understated by {true - said:.2f} stops\n\n{table(header, rows)}"
+    return f"A sun that shines is understated by {true - said:.2f} stops\n\n{markdown_table(header, rows)}"
 
 
 FITS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`

@@ -40,7 +40,7 @@ BUMP_HEIGHT = 0.018  # radii, of each wave
 
 
 @lru_cache(maxsize=1)
-def transfer() -> NDArray[np.float32]:
+def transfer_matrix() -> NDArray[np.float32]:
     """Matrix (SIZE², 2 HEIGHT²) from a map's pixels to the radiance that the camera sees."""
     points, normals, smooth, albedo = scene_points()
     rays = latlong_directions(HEIGHT).reshape(-1, 3)
@@ -80,12 +80,12 @@ def _shadowed(points: Floats, rays: Floats) -> NDArray[np.bool_]:
     return np.array([np.isfinite(ray_sphere(point, rays, np.zeros(3))) for point in points])
 
 
-def picture(light: Floats) -> Floats:
+def render_scene(light: Floats) -> Floats:
     """The scene (SIZE, SIZE, 3) under a map of any even height that HEIGHT divides or equals."""
-    return np.asarray(transfer() @ pooled(light).reshape(-1, 3).astype(np.float32)).reshape(SIZE, SIZE, 3)
+    return np.asarray(transfer_matrix() @ pool_map(light).reshape(-1, 3).astype(np.float32)).reshape(SIZE, SIZE, 3)
 
 
-def pooled(light: Floats) -> Floats:
+def pool_map(light: Floats) -> Floats:
     """A map (H, 2H, 3) at HEIGHT rows; means by solid angle, so that the sun keeps its power."""
     factor = light.shape[0] // HEIGHT
     weight = latlong_solid_angle(light.shape[0])[:, None, None]
@@ -138,9 +138,9 @@ def true_light(panorama: _Split, azimuth: float, gain: float) -> TrueLight:
     """The light of a camera that looks to an azimuth [deg] of a panorama, `gain` times as bright."""
     image, sunless = (rotate_envmap(m.astype(np.float32), -azimuth) * gain for m in (panorama.image, panorama.sunless))
     sun = direction(panorama.sun_azimuth - azimuth, panorama.sun_elevation)
-    above, below = levels(sunless)
+    above, below = level_irradiances(sunless)
     return TrueLight(
-        pooled(image), sun if math.isfinite(sun[0]) else None, panorama.sun_irradiance * gain, above, below / math.pi
+        pool_map(image), sun if math.isfinite(sun[0]) else None, panorama.sun_irradiance * gain, above, below / math.pi
     )
 
 
@@ -161,14 +161,14 @@ def _without_true_sun(image: Floats, near: Floats) -> tuple[Floats, Floats, Floa
     return rest, sun, np.asarray(power)
 
 
-def levels(image: Floats) -> tuple[Floats, Floats]:
+def level_irradiances(image: Floats) -> tuple[Floats, Floats]:
     """Irradiance (3,) of level surfaces that face up and down, by a map (H, 2H, 3)."""
     rows = row_irradiance(len(image))[:, None] * image.mean(axis=1, dtype=np.float64)
     half = len(image) // 2
     return np.asarray(rows[:half].sum(axis=0)), np.asarray(rows[half:].sum(axis=0))
 
 
-def mirrored_photo(crop: Crop) -> Floats:
+def mirror_photo(crop: Crop) -> Floats:
     """The map (HEIGHT, 2 HEIGHT, 3) of a picture that is mirrored at its edges until it fills the sphere.
 
     The picture's own angles are known; what is brighter than white is clipped, as in a photo.
@@ -192,7 +192,7 @@ def _folded(angle: Floats, span: float) -> Floats:
     return np.asarray(np.where(there < span, there, 2 * span - there) - span / 2)
 
 
-def mean_map(lights: Sequence[TrueLight]) -> Floats:
+def mean_light_map(lights: Sequence[TrueLight]) -> Floats:
     """The mean of maps over panoramas and over azimuth (HEIGHT, 2 HEIGHT, 3)."""
     mean = np.mean([light.image.mean(axis=1, keepdims=True) for light in lights], axis=0)
     return np.asarray(mean.repeat(2 * HEIGHT, axis=1))

@@ -12,10 +12,18 @@ import numpy as np
 
 from export.crops.crops import Crop, Source, load_sources, take
 from export.data.panoramas import DataError, Panorama, linear_of, read_index
-from export.evaluation.hdr_truth import HEIGHT, TrueLight, levels, mean_map, mirrored_photo, split_sun, true_light
-from export.evaluation.metrics import Names, table
-from export.evaluation.predictions import CROPS_EACH, View, cameras, load_models
-from export.evaluation.relighting import OBJECTS, colour_angle, differences, object_pictures
+from export.evaluation.hdr_truth import (
+    HEIGHT,
+    TrueLight,
+    level_irradiances,
+    mean_light_map,
+    mirror_photo,
+    split_sun,
+    true_light,
+)
+from export.evaluation.metrics import Names, markdown_table
+from export.evaluation.predictions import CROPS_EACH, View, load_models, protocol_views
+from export.evaluation.relighting import OBJECTS, object_errors, render_object, rgb_angle
 from lighting.color import luminance, tone_map
 from lighting.envmap.render import level_irradiance, render, sky_irradiance, with_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
@@ -50,7 +58,7 @@ class _Guess:
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class HdrCrops:
     """The crops that are judged and the light of each."""
 
     views: tuple[View, ...]
@@ -64,26 +72,26 @@ class Judged:
         return np.array([source.panorama.name for source, _ in self.views])
 
 
-def judged(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH) -> Judged:
+def take_hdr_crops(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH) -> HdrCrops:
     """Paper-protocol crops of the HDR panoramas of WEATHER; their suns may be clipped. DataError if there are none."""
     found = [p for p in read_index(data, part) if p.kind == "hdr" and (p.sun, p.direct) in WEATHER]
     if not found:
         raise DataError(f"{data} has no HDR panorama in `{part}` that is sunny or overcast.")
-    return judged_of(found, labels, spec, each)
+    return take_crops_of(found, labels, spec, each)
 
 
-def judged_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH) -> Judged:
+def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH) -> HdrCrops:
     """`each` paper-protocol crops of each of some panoramas of WEATHER; what is clipped in one is so in its light."""
     sources = load_sources(panoramas, labels)
     apart = {s.panorama.name: split_sun(linear_of(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
-    views = [view for i, view in enumerate(cameras(sources, "paper")) if i % CROPS_EACH < each]
+    views = [view for i, view in enumerate(protocol_views(sources, "paper")) if i % CROPS_EACH < each]
     crops = [take(source, camera, spec) for source, camera in views]
     truth = [
         true_light(apart[source.panorama.name], camera.azimuth, crop.gain)
         for (source, camera), crop in zip(views, crops, strict=True)
     ]
     kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
-    return Judged(tuple(views), tuple(crops), tuple(truth), kind)
+    return HdrCrops(tuple(views), tuple(crops), tuple(truth), kind)
 
 
 def _sun_of(source: Source) -> Floats | None:
@@ -98,18 +106,18 @@ def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, 
     found = []
     for crop in crops:
         photo = photo_from_array(tone_map(crop.linear))
-        (estimate,) = apply_photo_colors([photo], [by_network(model, photo)])
+        (estimate,) = apply_photo_colors([photo], [estimate_from_pixels(model, photo)])
         found.append((estimate, PhotoContext(photo.pixels, estimate.around)))
     return found
 
 
-def by_network(model: Model, photo: Photo) -> Estimate:
+def estimate_from_pixels(model: Model, photo: Photo) -> Estimate:
     """What a network says of a crop, before the colours that it shows are looked at."""
     facts = observations_from_metadata(PhotoMetadata(), NO_USER_INPUT)
     return build_estimate(fuse(predict_photo(model, photo), facts.observations), facts)
 
 
-def _guesses(name: str, model: Model, shown: Judged) -> dict[str, _Guess]:
+def _guesses(name: str, model: Model, shown: HdrCrops) -> dict[str, _Guess]:
     """A network's bare sky, the same with the place, and the oracles."""
     answers = estimate_crops(model, shown.crops)
     lights = [with_irradiance(estimate.lighting) for estimate, _ in answers]
@@ -159,17 +167,17 @@ def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
     """Tables in Markdown of networks, ours first, and baselines, for sunny and overcast panoramas."""
     models = load_models(paths)
     spec = next(iter(models.values())).spec
-    shown = judged(data, labels, spec)
+    shown = take_hdr_crops(data, labels, spec)
     methods: dict[str, _Guess] = {}
     for name, model in models.items():
         methods |= _guesses(name, model, shown)
-    training = judged(data, labels, spec, "train", each=1).truth
-    methods["mean map"] = _Guess(np.stack([mean_map(training)] * len(shown.crops)))
-    methods["photo mirrored around"] = _Guess(np.stack([mirrored_photo(crop) for crop in shown.crops]))
+    training = take_hdr_crops(data, labels, spec, "train", each=1).truth
+    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(shown.crops)))
+    methods["photo mirrored around"] = _Guess(np.stack([mirror_photo(crop) for crop in shown.crops]))
     return "\n\n".join(_section(shown, methods, str(kind)) for kind in ("sunny", "overcast") if kind in shown.sunny)
 
 
-def _section(shown: Judged, methods: dict[str, _Guess], kind: str) -> str:
+def _section(shown: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
     chosen = np.flatnonzero(shown.sunny == kind)
     truth = [shown.truth[i] for i in chosen]
     part = {
@@ -185,17 +193,17 @@ def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> 
     header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
     rows = []
     for name, guess in methods.items():
-        said, there = [levels(m) for m in guess.maps], [levels(t.image) for t in truth]
+        said, there = [level_irradiances(m) for m in guess.maps], [level_irradiances(t.image) for t in truth]
         level = _stops([s[0] for s in said], [t[0] for t in there])
         down = _stops([s[1] for s in said], [np.pi * t.ground for t in truth])
-        tint = colour_angle(np.array([s[1] for s in said]), np.array([t.ground for t in truth]))
+        tint = rgb_angle(np.array([s[1] for s in said]), np.array([t.ground for t in truth]))
         rows.append(
             [
                 name, f"{np.median(level):+.2f}", f"{np.median(np.abs(level)):.2f}", *_parts(truth, guess),
                 f"{np.median(down):+.2f}", f"{np.median(np.abs(down)):.2f}", f"{np.median(tint):.1f}",
             ]
         )  # fmt: skip
-    return table(header, rows)
+    return markdown_table(header, rows)
 
 
 def _parts(truth: Sequence[TrueLight], guess: _Guess) -> list[str]:
@@ -227,12 +235,12 @@ def _objects_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> st
     for kind in OBJECTS:
         header += [f"{kind}: RMSE", "scaled", "angle"]
     lit = np.stack([t.image for t in truth])
-    seen = {kind: object_pictures(kind, lit) for kind in OBJECTS}
+    seen = {kind: render_object(kind, lit) for kind in OBJECTS}
     rows = []
     for name, guess in methods.items():
         row = [name]
         for kind in OBJECTS:
-            rmse, scaled, angle = np.median(differences(seen[kind], object_pictures(kind, guess.maps)), axis=0)
+            rmse, scaled, angle = np.median(object_errors(seen[kind], render_object(kind, guess.maps)), axis=0)
             row += [f"{rmse:.2f}", f"{scaled:.2f}", f"{angle:.1f}"]
         rows.append(row)
-    return table(header, rows)
+    return markdown_table(header, rows)

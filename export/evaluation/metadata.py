@@ -15,17 +15,17 @@ from numpy.typing import NDArray
 from export.crops.crops import generator
 from export.evaluation.metrics import (
     Truth,
+    answers_from_sun,
     azimuth_error,
     difference_interval,
     elevation_error,
     figures_table,
-    interval,
+    format_interval,
     median,
-    select,
-    share,
+    percentage,
+    select_crops,
     sun_error,
 )
-from export.evaluation.metrics import answers as answers_of
 from lighting.calibration import MAX_LENS_RATIO
 from lighting.fusion.consistency import MIN_ELEVATION_P_VALUE, MIN_HEADING_P_VALUE
 from lighting.fusion.metadata_prior import observations_from_metadata
@@ -48,7 +48,7 @@ GROSS = 0.05  # share of headings that point anywhere
 
 
 @dataclass(frozen=True)
-class _Sighting:
+class _SunSighting:
     """When and where the sun stood at an elevation."""
 
     time: datetime  # aware, in UTC
@@ -66,7 +66,7 @@ class SimulatedMetadata:
     gross: bool  # whether the compass pointed anywhere
 
 
-def sighting(elevation: float, rng: np.random.Generator) -> _Sighting:
+def _simulate_sighting(elevation: float, rng: np.random.Generator) -> _SunSighting:
     """A random place and a time at which the sun has an elevation [deg] there."""
     while True:
         latitude, longitude = rng.uniform(*LATITUDES), rng.uniform(-180, 180)
@@ -76,7 +76,7 @@ def sighting(elevation: float, rng: np.random.Generator) -> _Sighting:
             seconds = rng.choice(passing) + np.arange(STEP)
             azimuth, height = sun_position(seconds, latitude, longitude)
             best = int(np.argmin(np.abs(height - elevation)))
-            return _Sighting(seconds[best].item().replace(tzinfo=UTC), latitude, longitude, float(azimuth[best]))
+            return _SunSighting(seconds[best].item().replace(tzinfo=UTC), latitude, longitude, float(azimuth[best]))
 
 
 def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, longitude: float) -> NDArray[Any]:
@@ -85,7 +85,7 @@ def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, 
     return times[np.flatnonzero(above[1:] != above[:-1])]
 
 
-def take_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
+def simulate_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
     """The metadata of each crop; crops that are not scored have no sun and get an empty record."""
     seen = {name: _sighting_of(truth, i) for i, name in enumerate(truth.panorama) if truth.scored[i]}
     return [
@@ -96,11 +96,11 @@ def take_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
     ]
 
 
-def _sighting_of(truth: Truth, i: int) -> _Sighting:
-    return sighting(float(angles(truth.sun[i])[1]), generator(truth.panorama[i], 0, "sighting"))
+def _sighting_of(truth: Truth, i: int) -> _SunSighting:
+    return _simulate_sighting(float(angles(truth.sun[i])[1]), generator(truth.panorama[i], 0, "sighting"))
 
 
-def _taken(truth: Truth, i: int, seen: _Sighting, index: int) -> SimulatedMetadata:
+def _taken(truth: Truth, i: int, seen: _SunSighting, index: int) -> SimulatedMetadata:
     rng = generator(truth.panorama[i], index, "compass")
     heading = (seen.compass - float(angles(truth.sun[i])[0])) % 360.0
     gross = bool(rng.random() < GROSS)
@@ -119,7 +119,7 @@ def _taken(truth: Truth, i: int, seen: _Sighting, index: int) -> SimulatedMetada
     return SimulatedMetadata(facts, heading, gross)
 
 
-def only(facts: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetadata:
+def keep_evidence(facts: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetadata:
     """The facts reduced to `parts`, which are some of LOCAL_TIME, TIME_AND_PLACE, HEADING and FOCAL_LENGTH."""
     kept = facts
     if EvidenceKind.TIME_AND_PLACE not in parts:
@@ -166,7 +166,7 @@ WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
 def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: Sequence[SimulatedMetadata]) -> str:
     """The tables of one protocol, over scored crops."""
     chosen = np.flatnonzero(truth.scored).tolist()
-    scored = select(truth, truth.scored)
+    scored = select_crops(truth, truth.scored)
     predictions, records = [said[i] for i in chosen], [taken[i] for i in chosen]
     fused = {parts: [_fuse(p, t, parts) for p, t in zip(predictions, records, strict=True)] for parts in SUBSETS}
     rows = {_name(parts): _figures(scored, answers, records) for parts, answers in fused.items()}
@@ -184,7 +184,7 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: 
 
 def _fuse(said: ByLens, taken: SimulatedMetadata, parts: tuple[str, ...]) -> Posterior:
     return fuse_single_view(
-        _own(said, parts), observations_from_metadata(only(taken.metadata, parts), NO_USER_INPUT).observations
+        _own(said, parts), observations_from_metadata(keep_evidence(taken.metadata, parts), NO_USER_INPUT).observations
     )
 
 
@@ -216,10 +216,10 @@ def in_view_evidence(truth: Truth, said: Sequence[ByLens], pictures: Sequence[ND
         own = [_own(by_lens, name) for by_lens in said]
         fused = [fuse_single_view(*photo) for photo in zip(own, evidence, pictures, strict=True)]
         error = sun_error(
-            truth, answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
+            truth, answers_from_sun(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
         )
         tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
-        rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": share(tilt < 5)}
+        rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": percentage(tilt < 5)}
     return figures_table(rows)
 
 
@@ -236,7 +236,7 @@ def _name(parts: tuple[str, ...]) -> str:
 
 def _figures(truth: Truth, fused: Sequence[Posterior], taken: Sequence[SimulatedMetadata]) -> dict[str, float]:
     """Median errors, and the share of truths inside the regions."""
-    said = answers_of(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
+    said = answers_from_sun(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
     error = sun_error(truth, said)
     fov = np.array([f.prediction.vertical_fov for f in fused])
     tilt = np.array([f.prediction.camera_elevation for f in fused])
@@ -244,8 +244,8 @@ def _figures(truth: Truth, fused: Sequence[Posterior], taken: Sequence[Simulated
         "sun": median(error),
         "azimuth": median(np.abs(azimuth_error(truth, said))),
         "elevation": median(np.abs(elevation_error(truth, said))),
-        "in 50 % region": share(error <= [f.sun.radius_50 for f in fused]),
-        "in 90 % region": share(error <= [f.sun.radius_90 for f in fused]),
+        "in 50 % region": percentage(error <= [f.sun.radius_50 for f in fused]),
+        "in 90 % region": percentage(error <= [f.sun.radius_90 for f in fused]),
         "radius 90": median(np.array([f.sun.radius_90 for f in fused])),
         "camera elevation": median(np.abs(tilt - truth.camera[:, 0])),
         "fov": median(np.abs(fov - truth.camera[:, 2])),
@@ -259,16 +259,16 @@ def _heading_figures(fused: Sequence[Posterior], heading: Floats) -> dict[str, f
         return {"heading": float("nan"), "heading in 90 %": float("nan")}
     best, radius = np.array(said).T
     error = np.abs(wrap_azimuth(best - heading))
-    return {"heading": median(error), "heading in 90 %": share(error <= radius)}
+    return {"heading": median(error), "heading in 90 %": percentage(error <= radius)}
 
 
 def _azimuth_sentence(truth: Truth, pixels: Sequence[Posterior], timed: Sequence[Posterior]) -> str:
     errors = [
-        np.abs(azimuth_error(truth, answers_of(direction([f.sun.azimuth for f in fused], 0.0))))
+        np.abs(azimuth_error(truth, answers_from_sun(direction([f.sun.azimuth for f in fused], 0.0))))
         for fused in (timed, pixels)
     ]
-    ends = difference_interval(errors[0], errors[1], truth.panorama)
-    return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {interval(ends)}."
+    ends = format_interval(difference_interval(errors[0], errors[1], truth.panorama))
+    return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {ends}."
 
 
 def _warning_shares(
@@ -320,9 +320,11 @@ def _share(
     code: WarningCode | None = None,
 ) -> float:
     """Percentage of photos with a warning, or with one of this code."""
-    return _warned(said, [observations_from_metadata(only(f, parts), NO_USER_INPUT).observations for f in facts], code)
+    return _warned(
+        said, [observations_from_metadata(keep_evidence(f, parts), NO_USER_INPUT).observations for f in facts], code
+    )
 
 
 def _warned(said: Sequence[Prediction], evidence: Sequence[Observations], code: WarningCode | None = None) -> float:
     codes = [map(warning_code, fuse_single_view(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
-    return share(np.array([any(code in (None, found) for found in own) for own in codes]))
+    return percentage(np.array([any(code in (None, found) for found in own) for own in codes]))

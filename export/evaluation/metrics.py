@@ -51,12 +51,12 @@ class Answers:
     exposure: Floats  # (N,)
 
 
-def select(record: Record, chosen: Bools) -> Record:
+def select_crops(record: Record, chosen: Bools) -> Record:
     """The same record, of the chosen crops alone."""
     return type(record)(**{f.name: getattr(record, f.name)[chosen] for f in fields(record)})
 
 
-def answers(sun: Floats, **given: Floats) -> Answers:
+def answers_from_sun(sun: Floats, **given: Floats) -> Answers:
     """Answers of a method that gives the sun (N, 3) and the fields in `given`, and nothing else."""
     unknown = np.full(len(sun), np.nan)
     values = {f.name: unknown for f in fields(Answers)} | {"camera": np.full((len(sun), 3), np.nan), "sun": sun}
@@ -83,7 +83,7 @@ def elevation_error(truth: Truth, said: Answers) -> Floats:
     return np.asarray(angles(said.sun)[1] - angles(truth.sun)[1])
 
 
-def share(condition: Bools) -> float:
+def percentage(condition: Bools) -> float:
     """Percentage of crops for which the condition holds."""
     return float(100 * np.mean(condition)) if len(condition) else float("nan")
 
@@ -103,15 +103,15 @@ def sun_figures(truth: Truth, said: Answers) -> dict[str, float]:
         "median": median(error),
         "quartile 1": float(low),
         "quartile 3": float(high),
-        "< 22.5° %": share(error < 22.5),
-        "< 45° %": share(error < 45),
+        "< 22.5° %": percentage(error < 22.5),
+        "< 45° %": percentage(error < 45),
         "azimuth": median(np.abs(azimuth)),
         "elevation": median(np.abs(elevation)),
         "elevation bias": median(elevation),
-        "flips %": share(np.abs(azimuth) > FLIP),
+        "flips %": percentage(np.abs(azimuth) > FLIP),
         "NLL": float(np.mean(said.nll)) if len(error) else float("nan"),
-        "in 50 % region": share(error <= said.radius_50) if np.isfinite(said.radius_50).all() else float("nan"),
-        "in 90 % region": share(error <= said.radius_90) if np.isfinite(said.radius_90).all() else float("nan"),
+        "in 50 % region": percentage(error <= said.radius_50) if np.isfinite(said.radius_50).all() else float("nan"),
+        "in 90 % region": percentage(error <= said.radius_90) if np.isfinite(said.radius_90).all() else float("nan"),
     }
 
 
@@ -123,10 +123,10 @@ def camera_figures(truth: Truth, said: Answers) -> dict[str, float]:
     return {
         "crops": float(len(elevation)),
         "elevation": median(elevation),
-        "elevation < 5° %": share(elevation < 5),
+        "elevation < 5° %": percentage(elevation < 5),
         "roll": median(roll),
         "fov": median(fov),
-        "fov < 10° %": share(fov < 10),
+        "fov < 10° %": percentage(fov < 10),
         "visibility AUC": auc(said.visibility[known], truth.visibility[known] == 1.0),
         "turbidity": median(np.abs(said.turbidity - truth.turbidity)[sky]),
         "exposure, stops": median(np.abs(np.log2(said.exposure[sky] / truth.exposure[sky]))),
@@ -166,7 +166,7 @@ def camera_scores(truth: Truth, said: Answers) -> dict[str, float]:
         **found,
         "horizon AUC": _recall_area(horizon, HORIZON_UP_TO),
         "horizon off %": 100 * median(horizon),
-        f"horizon < {100 * NOTICED:g} %": share(horizon < NOTICED),
+        f"horizon < {100 * NOTICED:g} %": percentage(horizon < NOTICED),
     }
 
 
@@ -200,7 +200,7 @@ DECIMALS = {  # 1 in all other columns
 }
 
 
-def table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """A Markdown table."""
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
@@ -214,20 +214,22 @@ def figures_table(rows: dict[str, dict[str, float]], digits: int | None = None) 
         digits: decimals of all columns; None for those of DECIMALS.
     """
     columns = list(next(iter(rows.values())))
-    places = {column: decimals(column) if digits is None else digits for column in columns}
-    return table(["", *columns], [[name, *(_number(row[c], places[c]) for c in columns)] for name, row in rows.items()])
+    places = {column: column_decimals(column) if digits is None else digits for column in columns}
+    return markdown_table(
+        ["", *columns], [[name, *(_number(row[c], places[c]) for c in columns)] for name, row in rows.items()]
+    )
 
 
 def _number(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
 
 
-def decimals(column: str) -> int:
+def column_decimals(column: str) -> int:
     """How many decimals a column shows."""
     return DECIMALS.get(column, 1)
 
 
-def interval(ends: tuple[float, float], decimals: int = 1) -> str:
+def format_interval(ends: tuple[float, float], decimals: int = 1) -> str:
     """An interval as the tables show it."""
     return f"{ends[0]:.{decimals}f} to {ends[1]:.{decimals}f}"
 

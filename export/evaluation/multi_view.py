@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.crops.crops import generator
-from export.evaluation.metadata import COMPASS_ERROR, COMPASS_MEDIAN, SimulatedMetadata, only
-from export.evaluation.metrics import Truth, figures_table, median, share
+from export.evaluation.metadata import COMPASS_ERROR, COMPASS_MEDIAN, SimulatedMetadata, keep_evidence
+from export.evaluation.metrics import Truth, figures_table, median, percentage
 from lighting.circular import HEADINGS, Heading
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.fusion.likelihood import density_on_ring, elevation_density, pooling_exponent, rotate_density
@@ -46,7 +46,7 @@ class _Densities:
 
 def _correlation_report(truth: Truth, said: Sequence[Prediction], azimuth: Floats, crops_each: int) -> str:
     """A table of the correlations learnt on each half of the places, with the coverage on the other half."""
-    halves = halves_of(truth)
+    halves = place_halves(truth)
     views = [
         _views(truth, said, azimuth, range(first, first + crops_each), halves[truth.place[first]])
         for first in range(0, len(said), crops_each)
@@ -65,7 +65,7 @@ def _correlation_report(truth: Truth, said: Sequence[Prediction], azimuth: Float
     return f"{title}\n\n{figures_table(rows)}"
 
 
-def halves_of(truth: Truth) -> dict[str, int]:
+def place_halves(truth: Truth) -> dict[str, int]:
     """The half, 0 or 1, of each place; both halves have about as many crops."""
     places, counts = np.unique(truth.place[truth.scored], return_counts=True)
     return {str(place): i % 2 for i, place in enumerate(places[np.argsort(-counts, kind="stable")])}
@@ -197,7 +197,9 @@ def _compass(taken: SimulatedMetadata, rng: np.random.Generator, shared: float) 
 
 
 def _time(taken: SimulatedMetadata, _: np.random.Generator, __: float) -> Observations:
-    return observations_from_metadata(only(taken.metadata, (EvidenceKind.TIME_AND_PLACE,)), NO_USER_INPUT).observations
+    return observations_from_metadata(
+        keep_evidence(taken.metadata, (EvidenceKind.TIME_AND_PLACE,)), NO_USER_INPUT
+    ).observations
 
 
 def _time_and_compass(taken: SimulatedMetadata, rng: np.random.Generator, shared: float) -> Observations:
@@ -243,8 +245,8 @@ def _figures(
         "crops": float(len(flat)),
         "sun": median(error),
         "elevation": median(np.abs(angles(sun)[1] - angles(truth.sun[members])[1])),
-        "in 50 % region": share(error <= [f.sun.radius_50 for f in flat]),
-        "in 90 % region": share(error <= [f.sun.radius_90 for f in flat]),
+        "in 50 % region": percentage(error <= [f.sun.radius_50 for f in flat]),
+        "in 90 % region": percentage(error <= [f.sun.radius_90 for f in flat]),
         "turbidity": median(np.abs([f.prediction.turbidity for f in flat] - truth.turbidity[members])),
         "relative heading": median(np.concatenate(turned)),
     }

@@ -26,16 +26,16 @@ from lighting.sun_grid import nearest_cell_density
 View = tuple[Source, Camera]
 NetworkOutput = dict[str, list[Prediction]]  # of the same views, by each network
 
-CERTAIN = 12.0  # deg, the largest label uncertainty of a sun that is scored
+MAX_SUN_UNCERTAINTY = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # views of each panorama and protocol
 AIMED_EACH = 4  # views of each panorama that shows its sun
 BATCH = 16  # photos that a network sees at once
-SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
-LEAST_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
+MIN_SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
+MIN_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
 
 
 @dataclass(frozen=True, eq=False)
-class _Looked:
+class _ViewPredictions:
     """What is true of views, and what networks say of them."""
 
     truth: Truth
@@ -44,7 +44,7 @@ class _Looked:
     with_lens: list[Prediction]  # the same by the first network, of photos that state their lens
 
 
-def cameras(sources: Sequence[Source], protocol: str) -> list[View]:
+def protocol_views(sources: Sequence[Source], protocol: str) -> list[View]:
     """CROPS_EACH views of each panorama by a protocol, at even steps of azimuth from a random start."""
     taken: list[View] = []
     for source in sources:
@@ -56,7 +56,7 @@ def cameras(sources: Sequence[Source], protocol: str) -> list[View]:
     return taken
 
 
-def sun_centered(sources: Sequence[Source]) -> list[View]:
+def sun_centered_views(sources: Sequence[Source]) -> list[View]:
     """AIMED_EACH views of each panorama that shows its sun, turned until they see it."""
     taken: list[View] = []
     for source in (source for source in sources if source.panorama.sun == "visible"):
@@ -67,7 +67,7 @@ def sun_centered(sources: Sequence[Source]) -> list[View]:
     return taken
 
 
-def _see(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
+def _predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
     """The truth about the views' crops and what a network says of them, without what else the pictures show."""
     crops: list[Crop] = []
     said: list[Prediction] = []
@@ -75,37 +75,37 @@ def _see(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
         part = [take(source, camera, model.spec) for source, camera in views[first : first + BATCH]]
         said += model.predict(np.stack([pad_to_input(tone_map(crop.linear), model.spec) for crop in part]))
         crops += part
-    return collect([source.panorama for source, _ in views], crops), said
+    return collect_truth([source.panorama for source, _ in views], crops), said
 
 
-def predict_views(models: dict[str, Model], views: Sequence[View]) -> _Looked:
+def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredictions:
     """The truth about the views, and what each network says of them alone and as users get it."""
-    results = {name: _see(model, views) for name, model in models.items()}
+    results = {name: _predict_crops(model, views) for name, model in models.items()}
     truth, first = next(iter(results.values()))
     said: NetworkOutput = {name: [] for name in models}
     with_lens = []
     for i, view in enumerate(views):
-        pixels = _picture(view, first[i].spec)
+        pixels = _photo_pixels(view, first[i].spec)
         for name, (_, alone) in results.items():
             said[name].append(refine_camera(alone[i], pixels))
         with_lens.append(refine_camera(first[i], pixels, view[1].vertical_fov))
-    return _Looked(truth, {name: alone for name, (_, alone) in results.items()}, said, with_lens)
+    return _ViewPredictions(truth, {name: alone for name, (_, alone) in results.items()}, said, with_lens)
 
 
-def _picture(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
+def _photo_pixels(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
     """The view (h, w, 3) as a photo that was read: TARGET pixels along its longer side, or what the panorama has."""
     side = min(TARGET, finest_side(*view))
     return tone_map(take(*view, replace(spec, width=side, height=side)).linear)
 
 
-def collect(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
+def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
     """The targets of crops as arrays."""
     sun = np.array([c.sun_direction for c in crops])
     uncertainty = np.array([c.sun_uncertainty for c in crops])
     return Truth(
         panorama=np.array([p.name for p in panoramas]),
         place=np.array([p.place for p in panoramas]),
-        scored=np.isfinite(sun[:, 0]) & (uncertainty <= CERTAIN),
+        scored=np.isfinite(sun[:, 0]) & (uncertainty <= MAX_SUN_UNCERTAINTY),
         sun=sun,
         camera=np.array([[c.camera.elevation, c.camera.roll, c.camera.vertical_fov] for c in crops]),
         aspect=np.array([c.camera.aspect for c in crops]),
@@ -121,17 +121,17 @@ def _what_is_in_view(panorama: Panorama, crop: Crop) -> str:
     if panorama.sun == "visible" and crop.sun_pixel:
         return "sun in view"
     rays = camera_directions(pinhole(crop.camera, 32, 24))
-    return "sky in view" if np.mean(rays[..., 1] > 0) > SKY_SHARE else "no sky"
+    return "sky in view" if np.mean(rays[..., 1] > 0) > MIN_SKY_SHARE else "no sky"
 
 
-def interpret(said: Sequence[Prediction], sun: Floats) -> Answers:
+def decode_answers(said: Sequence[Prediction], sun: Floats) -> Answers:
     """Predictions decoded as users get them, with the negative log likelihood of the true suns (N, 3)."""
     lights = [lighting_from_prediction(p) for p in said]
     probability = np.array([p.sun_probability for p in said])
     known = np.isfinite(sun[:, 0])
     nll = np.full(len(said), np.nan)
     nll[known] = -np.log(
-        np.maximum(nearest_cell_density(probability[known], sun[known], said[0].spec.sun_grid), LEAST_DENSITY)
+        np.maximum(nearest_cell_density(probability[known], sun[known], said[0].spec.sun_grid), MIN_DENSITY)
     )
     return Answers(
         sun=np.array([light.sun_direction for light in lights]),

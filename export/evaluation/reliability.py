@@ -14,10 +14,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.evaluation.metrics import Bools, Truth, answers, figures_table, select, share, sun_figures
-from export.evaluation.multi_view import halves_of
-from export.evaluation.predictions import LEAST_DENSITY
-from export.evaluation.report import IN_VIEW, bins
+from export.evaluation.metrics import (
+    Bools,
+    Truth,
+    answers_from_sun,
+    figures_table,
+    percentage,
+    select_crops,
+    sun_figures,
+)
+from export.evaluation.multi_view import place_halves
+from export.evaluation.predictions import MIN_DENSITY
+from export.evaluation.report import IN_VIEW, sun_bins
 from lighting.decoding import bayes_direction, sun_from_prediction
 from lighting.files.atomic import atomic_write
 from lighting.geometry import Floats, angle_between, direction
@@ -66,18 +74,18 @@ def _cone_level(said: Prediction, sun: Floats) -> float:
     )
 
 
-def curves(truth: Truth, said: Sequence[Prediction]) -> dict[str, Floats]:
+def reliability_curves(truth: Truth, said: Sequence[Prediction]) -> dict[str, Floats]:
     """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones."""
-    scored = select(truth, truth.scored)
+    scored = select_crops(truth, truth.scored)
     known = list(compress(said, truth.scored))
     levels = _density_levels(known, scored.sun)
-    by_group = {name: levels[chosen] for name, chosen in bins(scored).items()}
+    by_group = {name: levels[chosen] for name, chosen in sun_bins(scored).items()}
     return {DENSEST: levels, **by_group, CONE: _cone_levels(known, scored.sun)}
 
 
 def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
     """Share [%] of the suns inside the regions of each probability [%]."""
-    return np.array([share(levels <= p / 100) for p in expected])
+    return np.array([percentage(levels <= p / 100) for p in expected])
 
 
 def reliability_report(protocol: str, found: dict[str, Floats]) -> str:
@@ -94,7 +102,7 @@ def reliability_report(protocol: str, found: dict[str, Floats]) -> str:
     return f"{title}\n\n{RELIABILITY_MEANING}\n\n{figures_table(rows)}"
 
 
-def draw(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
+def draw_reliability(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
     """Plot the share inside against p: one column per protocol, by elevation above, by what is in view below."""
     from matplotlib.figure import Figure
 
@@ -139,7 +147,7 @@ TEMPERATURE_MEANING = fill(
 
 def temperature_report(protocol: str, truth: Truth, said: Sequence[Prediction]) -> str:
     """The table of one protocol."""
-    halves = halves_of(truth)
+    halves = place_halves(truth)
     half = np.array([halves.get(str(place), -1) for place in truth.place])
     rows = {}
     for name, fit, measured in (("half A", 0, 1), ("half B", 1, 0), ("all", None, None)):
@@ -151,7 +159,7 @@ def temperature_report(protocol: str, truth: Truth, said: Sequence[Prediction]) 
 
 def _row(truth: Truth, said: Sequence[Prediction], learning: Bools, tested: Bools) -> dict[str, float]:
     divisor = _fitted(list(compress(said, learning)), truth.sun[learning])
-    shown, known = list(compress(said, tested)), select(truth, tested)
+    shown, known = list(compress(said, tested)), select_crops(truth, tested)
     before, after = (_figures(known, [_tempered(p, t) for p in shown]) for t in (1.0, divisor))
     both = {f"{name}, {when}": of[name] for name in COLUMNS for when, of in (("before", before), ("after", after))}
     return {"fitted to": float(np.count_nonzero(learning)), "temperature": divisor, "crops": float(len(shown)), **both}
@@ -161,7 +169,7 @@ def _fitted(said: Sequence[Prediction], sun: Floats) -> float:
     """The one of TEMPERATURES under which the true suns (N, 3) are most likely."""
     cells, area = (of(said[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
     own = np.argmax(sun @ cells.T, axis=1)
-    log = np.log(np.maximum([p.sun_probability for p in said], LEAST_DENSITY * area))
+    log = np.log(np.maximum([p.sun_probability for p in said], MIN_DENSITY * area))
     costs = {t: _cost(log / t, own) for t in TEMPERATURES}
     return min(costs, key=costs.__getitem__)
 
@@ -183,11 +191,11 @@ def _figures(truth: Truth, said: Sequence[Prediction]) -> dict[str, float]:
     """COLUMNS over crops that all have a sun."""
     suns = [sun_from_prediction(p) for p in said]
     probability = np.array([p.sun_probability for p in said])
-    values = answers(
+    values = answers_from_sun(
         direction([s.azimuth for s in suns], [s.elevation for s in suns]),
         radius_50=np.array([s.radius_50 for s in suns]),
         radius_90=np.array([s.radius_90 for s in suns]),
-        nll=-np.log(np.maximum(nearest_cell_density(probability, truth.sun, said[0].spec.sun_grid), LEAST_DENSITY)),
+        nll=-np.log(np.maximum(nearest_cell_density(probability, truth.sun, said[0].spec.sun_grid), MIN_DENSITY)),
     )
     measured = sun_figures(truth, values)
     return {name: measured[column] for name, column in COLUMNS.items()}

@@ -20,9 +20,9 @@ from PIL import Image
 from export.crops.crops import Crop, load_sources, take
 from export.data.labels import Label, labels_of
 from export.data.panoramas import DataError, read_index
-from export.evaluation.hdr_truth import HEIGHT, SIZE, picture, pooled, scene_points, transfer
-from export.evaluation.metrics import Names, difference_interval, interval, table
-from export.evaluation.predictions import View, cameras, load_models
+from export.evaluation.hdr_truth import HEIGHT, SIZE, pool_map, render_scene, scene_points, transfer_matrix
+from export.evaluation.metrics import Names, difference_interval, format_interval, markdown_table
+from export.evaluation.predictions import View, load_models, protocol_views
 from lighting.color import tone_map
 from lighting.decoding import lighting_from_prediction
 from lighting.envmap.relighting import rotate_envmap
@@ -43,10 +43,10 @@ SHOWN_WHITE = 0.9  # linear value at which the true picture's brightest parts ar
 def _errors(truth: Floats, estimate: Floats) -> tuple[float, float, float]:
     """RMSE, RMSE after the best scale, and the mean angle [deg] between RGB vectors."""
     scale = np.sum(truth * estimate) / max(float(np.sum(estimate**2)), 1e-12)
-    return _rms(truth - estimate), _rms(truth - scale * estimate), float(colour_angle(truth, estimate).mean())
+    return _rms(truth - estimate), _rms(truth - scale * estimate), float(rgb_angle(truth, estimate).mean())
 
 
-def colour_angle(a: Floats, b: Floats) -> Floats:
+def rgb_angle(a: Floats, b: Floats) -> Floats:
     """Angles (...) [deg] between RGB vectors (..., 3); 90 where one is black."""
     lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
     return np.asarray(np.degrees(np.arccos(np.clip(np.sum(a * b, axis=-1) / np.maximum(lengths, 1e-12), -1, 1))))
@@ -71,10 +71,10 @@ def _lit_crops(data: Path, labels: Path, spec: ModelSpec) -> _LitCrops:
     panoramas = [p for p in read_index(data, "val") if p.kind == "hdr" and p.sun == "visible"]
     if not panoramas:
         raise DataError(f"{data} has no HDR panorama in `val` that shows its sun, so nothing can be relit.")
-    views = cameras(load_sources(panoramas, labels), "paper")
+    views = protocol_views(load_sources(panoramas, labels), "paper")
     crops = [take(source, camera, spec) for source, camera in views]
     truth = [
-        pooled(rotate_envmap(source.levels[0], -camera.azimuth)) * crop.gain
+        pool_map(rotate_envmap(source.levels[0], -camera.azimuth)) * crop.gain
         for (source, camera), crop in zip(views, crops, strict=True)
     ]
     return _LitCrops(views, crops, truth, np.array([source.panorama.name for source, _ in views]))
@@ -110,13 +110,13 @@ def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     """A table in Markdown of the networks, ours first, and of constant skies; writes relight.png into `out`."""
     loaded = load_models(models)
     shown = _lit_crops(data, labels, next(iter(loaded.values())).spec)
-    truth = [picture(light) for light in shown.truth]
-    pictures = {name: [picture(li) for li in _estimated(model, shown.views)] for name, model in loaded.items()}
+    truth = [render_scene(light) for light in shown.truth]
+    pictures = {name: [render_scene(li) for li in _estimated(model, shown.views)] for name, model in loaded.items()}
     training = [
         la for la in labels_of(read_index(data, "train"), labels) if la.fit_ok and math.isfinite(la.sun_elevation)
     ]
-    pictures["mean training sky"] = [picture(_mean_sky(training))] * len(truth)
-    constants = [picture(sky) for sky in _constant_skies(training)]
+    pictures["mean training sky"] = [render_scene(_mean_sky(training))] * len(truth)
+    constants = [render_scene(sky) for sky in _constant_skies(training)]
     pictures["best constant sky"] = [min(constants, key=lambda p: _median_rmse(truth, p))] * len(truth)
     _draw(shown, truth, pictures, out / "relight.png")
     scores = {n: np.array([_errors(t, p) for t, p in zip(truth, ps, strict=True)]) for n, ps in pictures.items()}
@@ -134,7 +134,7 @@ def _relight_report(scores: dict[str, Floats], panorama: Names) -> str:
     for name, score in scores.items():
         row = [name]
         for theirs, best, decimals in zip(score.T, scores[ours].T, (3, 3, 1), strict=True):
-            less = "" if name == ours else interval(difference_interval(best, theirs, panorama), decimals)
+            less = "" if name == ours else format_interval(difference_interval(best, theirs, panorama), decimals)
             row += [f"{np.median(theirs):.{decimals}f}", less]
         rows.append(row)
     title = (
@@ -143,7 +143,7 @@ def _relight_report(scores: dict[str, Floats], panorama: Names) -> str:
         "our median minus each method's. The best constant sky was chosen on these very crops."
     )
     header = ["", "RMSE", "minus", "scale-invariant RMSE", "minus", "RGB angle [deg]", "minus"]
-    return f"{title}\n\n{table(header, rows)}"
+    return f"{title}\n\n{markdown_table(header, rows)}"
 
 
 def _draw(shown: _LitCrops, truth: Sequence[Floats], pictures: dict[str, list[Floats]], path: Path) -> None:
@@ -182,7 +182,7 @@ def _matrix(kind: str) -> NDArray[np.float32]:
     """Matrix (P, 2 HEIGHT²) from a map's pixels to what is seen of an object of OBJECTS, reflecting all light."""
     if kind == "plane":
         off_the_ball = np.linalg.norm(scene_points()[0], axis=1) > 1 + 1e-6
-        return np.asarray(transfer()[off_the_ball][::_PLANE_STEP], dtype=np.float32)
+        return np.asarray(transfer_matrix()[off_the_ball][::_PLANE_STEP], dtype=np.float32)
     normals = _normals()
     rays = latlong_directions(HEIGHT).reshape(-1, 3)
     solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
@@ -204,13 +204,13 @@ def _normals() -> Floats:
     return np.stack([x, y, np.sqrt(1 - x**2 - y**2)], axis=-1)
 
 
-def object_pictures(kind: str, maps: Floats) -> Floats:
+def render_object(kind: str, maps: Floats) -> Floats:
     """What is seen (N, P, 3) of an object under maps (N, HEIGHT, 2 HEIGHT, 3)."""
     flat = maps.reshape(len(maps), -1, 3).astype(np.float32)
     return np.stack([flat[..., channel] @ _matrix(kind).T for channel in range(3)], axis=-1)
 
 
-def differences(truth: Floats, guess: Floats) -> Floats:
+def object_errors(truth: Floats, guess: Floats) -> Floats:
     """RMSE, RMSE after the best scale, both by the truth's RMS, and mean RGB angle [deg]: (N, 3) of (N, P, 3)."""
     found = np.array([_errors(t, g) for t, g in zip(truth, guess, strict=True)])
     size = np.maximum(np.sqrt(np.mean(truth**2, axis=(1, 2))), 1e-9)

@@ -17,17 +17,17 @@ from export.evaluation.metrics import (
     Truth,
     camera_figures,
     camera_scores,
-    decimals,
+    column_decimals,
     difference_interval,
     figures_table,
-    interval,
+    format_interval,
+    markdown_table,
     median,
     median_interval,
-    select,
-    share,
+    percentage,
+    select_crops,
     sun_error,
     sun_figures,
-    table,
 )
 from lighting.decoding import lighting_from_prediction
 from lighting.files.atomic import atomic_write
@@ -45,8 +45,8 @@ IN_VIEW = ("sun in view", "sky in view", "no sky")
 
 def format_report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[str, Answers], ours: str) -> str:
     """All tables of one protocol; `said` has each method's answers, `alone` those of the networks without lines."""
-    scored = select(truth, truth.scored)
-    answered = {name: select(a, truth.scored) for name, a in said.items()}
+    scored = select_crops(truth, truth.scored)
+    answered = {name: select_crops(a, truth.scored) for name, a in said.items()}
     cameras = {name: a for name, a in said.items() if np.isfinite(a.camera).all()}
     others = [name for name, a in cameras.items() if name != ours and np.isfinite(a.radius_50).all()]
     return "\n\n".join(
@@ -101,29 +101,31 @@ def _intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
     for name, error in errors.items():
         row = [name, f"{np.median(error):.1f}"]
         for units in (truth.panorama, truth.place):
-            row.append(interval(median_interval(error, units)))
-            row.append("" if name == ours else interval(difference_interval(errors[ours], error, units)))
+            row.append(format_interval(median_interval(error, units)))
+            row.append("" if name == ours else format_interval(difference_interval(errors[ours], error, units)))
         rows.append(row)
-    return table(["", "median", "over panoramas", "ours minus this", "over places", "ours minus this"], rows)
+    return markdown_table(["", "median", "over panoramas", "ours minus this", "over places", "ours minus this"], rows)
 
 
 def _places_table(truth: Truth, said: dict[str, Answers]) -> str:
     """Figures of the sun by place, over the crops that are scored, and of visibility over all."""
-    scored = select(truth, truth.scored)
-    heights = {name: chosen for name, chosen in bins(scored).items() if name not in IN_VIEW}
+    scored = select_crops(truth, truth.scored)
+    heights = {name: chosen for name, chosen in sun_bins(scored).items() if name not in IN_VIEW}
     rows = {}
     for name, answered in said.items():
-        rows[name] = place_figures(scored, select(answered, truth.scored), heights)
+        rows[name] = place_figures(scored, select_crops(answered, truth.scored), heights)
         rows[name]["visibility AUC"] = visibility_by_place(truth, answered)
     return figures_table(rows)
 
 
 def _breakdown(truth: Truth, said: Answers) -> dict[str, dict[str, float]]:
     """Sun figures by true elevation and by what is in view."""
-    return {n: sun_figures(select(truth, chosen), select(said, chosen)) for n, chosen in bins(truth).items()}
+    return {
+        n: sun_figures(select_crops(truth, chosen), select_crops(said, chosen)) for n, chosen in sun_bins(truth).items()
+    }
 
 
-def bins(truth: Truth) -> dict[str, Bools]:
+def sun_bins(truth: Truth) -> dict[str, Bools]:
     """Which crops (N,) belong to each bin of sun elevation and of what is in view; empty bins are left out."""
     elevation = angles(truth.sun)[1]
     found = {f"sun {low} to {high}°": (elevation >= low) & (elevation < high) for low, high in ELEVATIONS}
@@ -186,7 +188,7 @@ def _photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float
         "azimuth": np.abs(wrap_azimuth(azimuth - true_azimuth)),
         "elevation": np.abs(elevation - true_elevation),
     }
-    return {key: _by_scene(value, scenes) for key, value in errors.items()} | {"photos < 45° %": share(error < 45)}
+    return {key: _by_scene(value, scenes) for key, value in errors.items()} | {"photos < 45° %": percentage(error < 45)}
 
 
 def _by_scene(error: Floats, scenes: Names) -> float:
@@ -221,13 +223,13 @@ CAMERA_AND_SKY = {
 
 def stated_figures(truth: Truth, ours: Answers) -> Figures:
     """Our network's figures for one protocol, rounded as the report prints them; None where nothing was measured."""
-    sun = sun_figures(select(truth, truth.scored), select(ours, truth.scored))
+    sun = sun_figures(select_crops(truth, truth.scored), select_crops(ours, truth.scored))
     measured = ((sun, SUN), (camera_figures(truth, ours), CAMERA_AND_SKY))
     return {name: _rounded(values[column], column) for values, names in measured for column, name in names.items()}
 
 
 def _rounded(value: float, column: str) -> float | None:
-    return round(value, decimals(column) or None) if math.isfinite(value) else None
+    return round(value, column_decimals(column) or None) if math.isfinite(value) else None
 
 
 def write_figures(spec: ModelSpec, figures: dict[str, Figures], folder: Path) -> Path:

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from export.evaluation.metrics import table
+from export.evaluation.metrics import markdown_table
 from lighting.color import luminance
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
@@ -67,7 +67,7 @@ def report_probe() -> str:
         "the probe says",
         "alignment",
     ]
-    return f"## {title}\n\n{table(header, rows)}"
+    return f"## {title}\n\n{markdown_table(header, rows)}"
 
 
 # Bracketed exposures of known skies: a camera in front of a rendered map, with its noise and its bits.

@@ -15,7 +15,7 @@ from PIL import Image
 from export.crops.crops import automatic_gain
 from export.data.path_tracing import RenderedPlace, random_sky
 from export.data.procedural_towns import place
-from export.evaluation.metrics import figures_table, share
+from export.evaluation.metrics import figures_table, percentage
 from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.latlong import row_irradiance
 from lighting.envmap.render import sky_irradiance
@@ -133,9 +133,9 @@ def _shade_figures(
     true = np.concatenate([~s.lit[s.ground] for s in scenes])
     errors = [_shadow_error(*one) for one in zip(scenes, lights, masks, strict=True)]
     return {
-        "precision of shade": share(true[predicted]),
-        "recall": share(predicted[true]),
-        "right": share(predicted == true),
+        "precision of shade": percentage(true[predicted]),
+        "recall": percentage(predicted[true]),
+        "right": percentage(predicted == true),
         "shadow off by, mean": 100 * float(np.mean(np.abs(np.concatenate(errors)))),
         "median photo": 100 * float(np.median([np.mean(np.abs(e)) for e in errors])),
         "too dark by, mean": 100 * float(np.mean(np.maximum(-np.concatenate(errors), 0.0))),

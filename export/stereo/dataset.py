@@ -10,7 +10,15 @@ from numpy.typing import NDArray
 
 from export.data.panoramas import DataError
 from export.stereo.renders import Material, cast_shadows, shade_surface
-from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, relief, turned, view
+from export.stereo.surfaces import (
+    Surface,
+    is_held_out,
+    project_mesh,
+    random_relief,
+    random_rotation,
+    read_mesh,
+    rotate_surface,
+)
 from lighting.geometry import Floats
 from lighting.stereo.grid_search import Candidates, Pose, make_candidates, search_normals, world_to_camera
 from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, sun_directions
@@ -45,7 +53,7 @@ class CaptureDay:
         return clear_skies(self.suns(), self.turbidity, self.ground_albedo, height)
 
 
-def hours_of(date: str, hours: Floats) -> NDArray[np.datetime64]:
+def utc_times(date: str, hours: Floats) -> NDArray[np.datetime64]:
     """UTC times (T,) of hours (T,) of a date such as 2024-03-21."""
     seconds = np.round(np.asarray(hours, dtype=np.float64) * 3600).astype("timedelta64[s]")
     return np.datetime64(date, "s") + seconds
@@ -71,7 +79,7 @@ def _draw(rng: np.random.Generator) -> CaptureDay:
     heading = sunny + rng.normal(0, 40) if rng.random() < 0.6 else rng.uniform(0, 360)
     pose = Pose(heading, rng.normal(0, 10) if rng.random() < 0.5 else 0.0)
     turbidity, ground = rng.uniform(2, 7), rng.uniform(0.1, 0.4)
-    return CaptureDay(hours_of(str(date), hours), latitude, turbidity=turbidity, ground_albedo=ground, pose=pose)
+    return CaptureDay(utc_times(str(date), hours), latitude, turbidity=turbidity, ground_albedo=ground, pose=pose)
 
 
 def _believed(day: CaptureDay, rng: np.random.Generator) -> CaptureDay:
@@ -121,21 +129,21 @@ def read_meshes(folder: Path) -> list[Mesh]:
     return [read_mesh(file) for file in files]
 
 
-def samples(meshes: list[Mesh], seed: int) -> Iterator[Sample]:
+def generate_samples(meshes: list[Mesh], seed: int) -> Iterator[Sample]:
     """Samples without end; the same seed gives the same ones."""
     rng = np.random.default_rng(seed)
     views: list[Surface] = []
     while True:
-        surface = _seen(meshes, views, rng) if meshes and rng.random() < _MESH_SHARE else relief(_size(rng), rng)
+        surface = _seen(meshes, views, rng) if meshes and rng.random() < _MESH_SHARE else random_relief(_size(rng), rng)
         yield from _of_surface(surface, _random_day(rng), rng)
 
 
 def _seen(meshes: list[Mesh], views: list[Surface], rng: np.random.Generator) -> Surface:
     """A new view of a mesh or, since they take long to make, mostly an earlier one turned or mirrored."""
     if len(views) < _VIEWS and (not views or rng.random() < _NEW):
-        views.append(view(meshes[rng.integers(len(meshes))], random_turn(rng), _size(rng), rng))
+        views.append(project_mesh(meshes[rng.integers(len(meshes))], random_rotation(rng), _size(rng), rng))
         return views[-1]
-    return turned(views[rng.integers(len(views))], int(rng.integers(4)), mirrored=bool(rng.integers(2)))
+    return rotate_surface(views[rng.integers(len(views))], int(rng.integers(4)), mirrored=bool(rng.integers(2)))
 
 
 def _size(rng: np.random.Generator) -> int:

@@ -14,8 +14,8 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from export.stereo.dataset import CaptureDay, hours_of
-from export.stereo.renders import Material, Subject, cast_shadows, shade_surface, subjects
+from export.stereo.dataset import CaptureDay, utc_times
+from export.stereo.renders import Material, Subject, cast_shadows, read_subjects, shade_surface
 from lighting.errors import LightingError
 from lighting.geometry import Floats
 from lighting.stereo.grid_search import camera_to_world, world_to_camera
@@ -31,9 +31,9 @@ Image = NDArray[np.float32]
 
 HOURS = np.arange(9.0, 17.0)  # local solar time, about, of the eight photos
 SEASONS = {
-    "47° N, March": CaptureDay(hours_of("2024-03-21", HOURS), 47.0),
-    "47° N, June": CaptureDay(hours_of("2024-06-21", HOURS), 47.0),
-    "35° N, December": CaptureDay(hours_of("2024-12-21", HOURS), 35.0),
+    "47° N, March": CaptureDay(utc_times("2024-03-21", HOURS), 47.0),
+    "47° N, June": CaptureDay(utc_times("2024-06-21", HOURS), 47.0),
+    "35° N, December": CaptureDay(utc_times("2024-12-21", HOURS), 35.0),
 }
 
 _ALBEDO = 0.6
@@ -75,11 +75,11 @@ class _Found:
         """Angles [deg] to the truth (P,), of the search and of both."""
         surface = self.subject.surface
         truth = surface.normals[surface.mask]
-        search, network = (angle(normals[surface.mask], truth) for normals in (self.search, self.network))
+        search, network = (normal_angles(normals[surface.mask], truth) for normals in (self.search, self.network))
         return search, network
 
 
-def photograph(subject: Subject, trial: Trial, skies: Skies) -> Image:
+def photograph_subject(subject: Subject, trial: Trial, skies: Skies) -> Image:
     """Images (T, H, W, C) without noise."""
     surface, pose = subject.surface, trial.day.pose
     lit = None
@@ -93,11 +93,11 @@ def photograph(subject: Subject, trial: Trial, skies: Skies) -> Image:
     return images
 
 
-def session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[_Found]:
+def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[_Found]:
     """Shapes that stand side by side in the photos of one day, solved together."""
     told, skies = trial.told(), trial.day.skies()
     skies = skies if trial.colour else gray_skies(skies)
-    sheet, windows = _side_by_side([photograph(subject, trial, skies) for subject in subjects])
+    sheet, windows = _side_by_side([photograph_subject(subject, trial, skies) for subject in subjects])
     mask = np.zeros(sheet.shape[1:3], dtype=bool)
     for subject, window in zip(subjects, windows, strict=True):
         mask[window] = subject.surface.mask
@@ -129,7 +129,7 @@ def _side_by_side(pictures: list[Image]) -> tuple[Image, list[tuple[slice, slice
     return np.concatenate(padded, axis=2), windows
 
 
-def angle(a: Floats, b: Floats) -> Image:
+def normal_angles(a: Floats, b: Floats) -> Image:
     """Angles [deg] between unit vectors (P, 3)."""
     half = np.linalg.norm(a - b, axis=-1) / 2
     return np.asarray(np.degrees(2 * np.arcsin(np.minimum(half, 1))), dtype=np.float32)
@@ -171,13 +171,13 @@ def evaluate_normals(
     data: Path, network: Network, say: Say, *, quick: bool = False, tables: Sequence[Table] = TABLES
 ) -> None:
     """Print tables; `quick` thins the shapes of `seasons` too. LightingError where no shape is at hand."""
-    coarse = list(subjects(data, COARSE))
+    coarse = list(read_subjects(data, COARSE))
     if not coarse:
         raise LightingError(f"{data} holds no scanned_objects and no meshes.")
     scanned = [subject for subject in coarse if subject.scale] or coarse
     for table in tables:
         if table == "seasons":
-            _seasons(coarse if quick else list(subjects(data, FINE)), network, say)
+            _seasons(coarse if quick else list(read_subjects(data, FINE)), network, say)
         else:
             _table(*_CHANGES[table], scanned, network, say)
 
@@ -191,7 +191,7 @@ def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
         chosen = [shape for shape in shapes if shape.group == group]
         for colour, shadows in ((False, False), (False, True), (True, False), (True, True)):
             trials = [Trial(day, shadows=shadows, colour=colour) for day in SEASONS.values()]
-            found = [session(chosen, trial, network) for trial in trials]
+            found = [run_session(chosen, trial, network) for trial in trials]
             plain += [] if colour or shadows else [list(row) for row in zip(*found, strict=True)]
             names = (group, "3" if colour else "1", "yes" if shadows else "no")
             _row(names, [_cell(season) for season in found], say)
@@ -220,7 +220,7 @@ def _table(title: str, rows: dict[str, dict[str, Any]], shapes: Sequence[Subject
     say(f"\n{title}; scanned objects, every {COARSE}th pixel, one channel\n")
     _head((title,), say)
     for name, change in rows.items():
-        cells = [_cell(session(shapes, _trial(season, change), network)) for season in range(len(SEASONS))]
+        cells = [_cell(run_session(shapes, _trial(season, change), network)) for season in range(len(SEASONS))]
         _row((name,), cells, say)
 
 
@@ -229,7 +229,7 @@ def _trial(season: int, change: dict[str, Any]) -> Trial:
     day = list(SEASONS.values())[season]
     rest = dict(change)
     if count := rest.pop("count", None):
-        day = replace(day, times=hours_of(_DATES[season], np.linspace(9.0, 16.0, count)))
+        day = replace(day, times=utc_times(_DATES[season], np.linspace(9.0, 16.0, count)))
     if sky := rest.pop("sky", None):
         day = replace(day, turbidity=sky)
     return Trial(day, **rest)

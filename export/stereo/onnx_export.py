@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from export.stereo.train import NormalsNetwork, average
+from export.stereo.train import NormalsNetwork, averaged_network
 from lighting.errors import ModelError
 from lighting.files.atomic import atomic_write
 from lighting.stereo.network import BY_IMAGE, SHARED, Network, NormalFeatures
@@ -32,11 +32,11 @@ class _Served(nn.Module):
         return normal, error
 
 
-def export(run: Path, target: Path, version: str) -> float:
+def export_normals(run: Path, target: Path, version: str) -> float:
     """Write the averaged network of a run; returns the largest difference to torch, ModelError over TOLERANCE."""
     import onnx
 
-    network = average(run)
+    network = averaged_network(run)
     target.parent.mkdir(parents=True, exist_ok=True)
     with atomic_write(target) as path:
         model = _trace(_Served(network).eval())

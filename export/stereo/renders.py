@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.stereo.surfaces import Surface, is_held_out, random_turn, read_mesh, view
+from export.stereo.surfaces import Surface, is_held_out, project_mesh, random_rotation, read_mesh
 from lighting.geometry import Floats
 from lighting.stereo.grid_search import Pose, camera_to_world, sample_visible_normals, world_to_camera
 from lighting.stereo.light_vectors import Skies, sky_light_vectors, sun_light_vectors
@@ -133,7 +133,7 @@ class Subject:
     scale: float = 0.0  # mm in a pixel; 0 is unknown
 
 
-def subjects(data: Path, step: int = 1) -> Iterator[Subject]:
+def read_subjects(data: Path, step: int = 1) -> Iterator[Subject]:
     """The shapes of a folder with `scanned_objects` and `meshes`, every `step`th pixel of each; none where it lacks."""
     for name in OBJECTS:
         if (data / "scanned_objects" / name).is_dir():
@@ -147,7 +147,7 @@ def _views(file: Path) -> Iterator[Subject]:
     """Two views of a mesh, the same every time."""
     rng, mesh = np.random.default_rng(0), read_mesh(file)
     for number in (1, 2):
-        yield Subject(f"{file.stem} {number}", "held-out meshes", view(mesh, random_turn(rng), _VIEW, rng))
+        yield Subject(f"{file.stem} {number}", "held-out meshes", project_mesh(mesh, random_rotation(rng), _VIEW, rng))
 
 
 def _scanned(folder: Path) -> Subject:

@@ -60,7 +60,7 @@ def _vertex_normals(vertices: Image, triangles: NDArray[np.intp]) -> Image:
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20))
 
 
-def view(mesh: tuple[Image, NDArray[np.intp]], turn: Floats, size: int, rng: np.random.Generator) -> Surface:
+def project_mesh(mesh: tuple[Image, NDArray[np.intp]], turn: Floats, size: int, rng: np.random.Generator) -> Surface:
     """A mesh turned by the matrix (3, 3) and fitted to a picture of `size` pixels each way.
 
     Each pixel shows the nearest of many points spread over the triangles by their area.
@@ -68,8 +68,8 @@ def view(mesh: tuple[Image, NDArray[np.intp]], turn: Floats, size: int, rng: np.
     vertices, triangles = mesh
     normals = _vertex_normals(vertices, triangles) @ turn.T.astype(np.float32)
     turned = vertices @ turn.T.astype(np.float32)
-    low, high = turned.min(axis=0), turned.max(axis=0)
-    turned = (turned - (low + high) / 2) * (0.94 * size / (high - low)[:2].max())
+    low, high = rotate_surface.min(axis=0), rotate_surface.max(axis=0)
+    turned = (rotate_surface - (low + high) / 2) * (0.94 * size / (high - low)[:2].max())
     points, facing = _spread(turned, normals, triangles, _SAMPLES * size * size, rng)
     front = facing[:, 2] > 0
     return _nearest(points[front], facing[front], size)
@@ -103,7 +103,7 @@ def _nearest(points: Image, normals: Image, size: int) -> Surface:
     return Surface(facing.reshape(size, size, 3), image, np.isfinite(image))
 
 
-def random_turn(rng: np.random.Generator) -> Floats:
+def random_rotation(rng: np.random.Generator) -> Floats:
     """A rotation (3, 3), all equally likely (Shoemake, Uniform Random Rotations, 1992)."""
     w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
     return np.array(
@@ -124,7 +124,7 @@ def _of_height(height: Image, mask: NDArray[np.bool_]) -> Surface:
     return Surface((normals * mask[..., None]).astype(np.float32), kept.astype(np.float32), mask)
 
 
-def turned(surface: Surface, quarters: int, *, mirrored: bool = False) -> Surface:
+def rotate_surface(surface: Surface, quarters: int, *, mirrored: bool = False) -> Surface:
     """The surface turned counter-clockwise by quarters of a turn, after a mirror swapped left and right."""
     normals, height, mask = surface.normals, surface.height, surface.mask
     if mirrored:
@@ -138,7 +138,7 @@ def turned(surface: Surface, quarters: int, *, mirrored: bool = False) -> Surfac
 # Procedural shapes: façades, carved panels, rough ground, heaps of ellipsoids, turned vessels.
 
 
-def relief(size: int, rng: np.random.Generator) -> Surface:
+def random_relief(size: int, rng: np.random.Generator) -> Surface:
     """A shape of `size` pixels each way, of a kind and with details drawn at random."""
     kind = _KINDS[rng.choice(len(_KINDS), p=_SHARES)]
     height = kind(size, rng)

@@ -24,7 +24,7 @@ from torch.nn import functional as F
 
 from export.data.panoramas import DataError
 from export.networks.weights import CHECKPOINT, read_checkpoint
-from export.stereo.dataset import Sample, read_meshes, samples
+from export.stereo.dataset import Sample, generate_samples, read_meshes
 from lighting.files.atomic import atomic_write
 from lighting.stereo.network import BY_IMAGE, SHARED
 
@@ -141,7 +141,7 @@ def train_normals(config: Config) -> Path:
     run = _resumed(folder, config)
     with atomic_write(folder / "config.json") as path:
         path.write_text(json.dumps(asdict(config), indent=2))
-    fresh = samples(meshes, config.seed + run.step)
+    fresh = generate_samples(meshes, config.seed + run.step)
     pool = deque(islice(fresh, config.first), maxlen=config.pool)
     rng = np.random.default_rng(config.seed + run.step)
     last = time.monotonic()
@@ -260,7 +260,7 @@ def _write_log(folder: Path, run: _Run) -> None:
     run.log.clear()
 
 
-def average(folder: Path) -> NormalsNetwork:
+def averaged_network(folder: Path) -> NormalsNetwork:
     """The network with a run's averaged weights, ready to answer; DataError for what is no such run."""
     network = NormalsNetwork()
     network.load_state_dict(_saved(folder)["average"])

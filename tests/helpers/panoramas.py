@@ -13,7 +13,7 @@ from export.data.panoramas import Panorama
 from export.data.path_tracing import HEIGHT, Sky
 from export.data.procedural_towns import Mesh, _box
 from export.evaluation.failures import _Failure
-from export.evaluation.metrics import Answers, Truth, answers
+from export.evaluation.metrics import Answers, Truth, answers_from_sun
 from export.networks.outdoor import specs
 from lighting.color import tone_map
 from lighting.envmap.render import render
@@ -126,7 +126,9 @@ def truth(azimuth: list[float], elevation: list[float]) -> Truth:
 def said(azimuth: list[float], elevation: list[float], radius: float = 10.0) -> Answers:
     n = len(azimuth)
     full = np.full(n, radius)
-    return answers(direction(azimuth, elevation), radius_50=full / 2, radius_90=full, nll=np.arange(n, dtype=float))
+    return answers_from_sun(
+        direction(azimuth, elevation), radius_50=full / 2, radius_90=full, nll=np.arange(n, dtype=float)
+    )
 
 
 FAILURE = _Failure(0, "p0", "sky in view", "yes", (10.0, 40.0), (90.0, 40.0), 12.0, 60.0, 80.0, 0.0)
@@ -135,7 +137,7 @@ FAILURE = _Failure(0, "p0", "sky in view", "yes", (10.0, 40.0), (90.0, 40.0), 12
 def off_by(truth: Truth, azimuth: np.ndarray) -> Answers:
     """Answers with errors of azimuth alone."""
     true, elevation = angles(truth.sun)
-    return answers(direction(true + azimuth, elevation), radius_50=np.full(len(true), 15.0))
+    return answers_from_sun(direction(true + azimuth, elevation), radius_50=np.full(len(true), 15.0))
 
 
 def rings(*probability: float) -> Prediction:

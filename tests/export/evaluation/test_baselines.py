@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from export.evaluation.baselines import _best_constant, _place_weights, place_figures, visibility_by_place
-from export.evaluation.metrics import answers, auc
+from export.evaluation.metrics import answers_from_sun, auc
 from lighting.geometry import angle_between, angles, direction
 from tests.helpers.panoramas import truth_of
 
@@ -38,7 +38,9 @@ def test_a_place_of_many_panoramas_counts_as_one_of_few() -> None:
     truth.place[:] = np.where(truth.panorama == truth.panorama[0], "small", "large")
     small = truth.place == "small"
     azimuth, elevation = angles(truth.sun)
-    said = answers(direction(azimuth + np.where(small, 60.0, 1.0), elevation), visibility=np.where(small, 0.2, 0.9))
+    said = answers_from_sun(
+        direction(azimuth + np.where(small, 60.0, 1.0), elevation), visibility=np.where(small, 0.2, 0.9)
+    )
     figures = place_figures(truth, said, {"low": small})
     assert figures["places"] == 2
     assert figures["< 45° %"] == pytest.approx(50.0)

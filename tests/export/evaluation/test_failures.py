@@ -32,8 +32,8 @@ from export.evaluation.failures import (
     _write_sheet,
     diagnostic_sections,
 )
-from export.evaluation.metrics import answers
-from export.evaluation.predictions import interpret
+from export.evaluation.metrics import answers_from_sun
+from export.evaluation.predictions import decode_answers
 from tests.helpers.panoramas import EACH, FAILURE, erring, off_by, truth_of
 
 
@@ -59,7 +59,7 @@ LABEL = Label("p", 0.0, 40.0, 2.0, "given", 0.0, 40.0, 3.0, 0.5, 0.1, True, "yes
 def judged() -> ScoredCrops:
     truth = truth_of(4)
     predictions = erring(truth, shared=False)
-    said = interpret(predictions, truth.sun)
+    said = decode_answers(predictions, truth.sun)
     grey = np.full((64, 128, 3), 100, np.uint8)
     sources = [Source(Panorama(n, Path(n), "ldr", n, "val"), (grey,), LABEL) for n in ("p0", "p1", "p2", "p3")]
     views = [(source, Camera(45.0 * i, 0.0, 0.0, 50.0, 4 / 3)) for source in sources for i in range(EACH)]
@@ -167,8 +167,8 @@ def test_the_file_has_a_line_a_failure(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_errors_and_intervals_by_kind_of_panorama() -> None:
     truth = replace(truth_of(6), turbidity=np.repeat([2.0, 4.0, 2.0, 4.0, 2.0, np.nan], EACH))
-    ours = answers(truth.sun, turbidity=truth.turbidity + 0.25)
-    constant = answers(truth.sun, turbidity=np.full(len(truth.sun), 3.5))
+    ours = answers_from_sun(truth.sun, turbidity=truth.turbidity + 0.25)
+    constant = answers_from_sun(truth.sun, turbidity=np.full(len(truth.sun), 3.5))
     kind = np.repeat(["hdr", "hdr", "ldr", "ldr", "ldr", "ldr"], EACH)
     text = _turbidity_report("paper", truth, ours, constant, kind)
     rows = {
@@ -184,7 +184,7 @@ def test_errors_and_intervals_by_kind_of_panorama() -> None:
 @pytest.mark.slow
 def test_kinds_without_a_known_sky_have_no_row() -> None:
     truth = truth_of(1)
-    said = answers(truth.sun, turbidity=truth.turbidity)
+    said = answers_from_sun(truth.sun, turbidity=truth.turbidity)
     text = _turbidity_report("paper", truth, said, said, np.full(EACH, "ldr"))
     assert "| LDR, clean sky | 8 |" in text
     assert "HDR |" not in text

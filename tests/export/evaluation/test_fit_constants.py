@@ -160,7 +160,7 @@ def test_places_count_alike() -> None:
 
 
 def test_the_report_has_a_row_for_each_power(monkeypatch: pytest.MonkeyPatch, lit_network: Path) -> None:
-    monkeypatch.setattr(module, "judged", lambda *given: given[-1])
+    monkeypatch.setattr(module, "take_hdr_crops", lambda *given: given[-1])
     monkeypatch.setattr(module, "_sample_suns", lambda _, part: [sun("a", CYAN if part == "train" else WHITE)])
     report = _report_sun_color(Model.load(lit_network), Path("data"), Path("labels.csv"))
     assert report.startswith("Error of colour in 1 crops of `train`, 1 crops of `val`")
@@ -169,7 +169,7 @@ def test_the_report_has_a_row_for_each_power(monkeypatch: pytest.MonkeyPatch, li
 
 
 def test_suns_known_to_be_unclipped_stand_once_more(monkeypatch: pytest.MonkeyPatch, lit_network: Path) -> None:
-    monkeypatch.setattr(module, "judged", lambda *given: given[-1])
+    monkeypatch.setattr(module, "take_hdr_crops", lambda *given: given[-1])
     monkeypatch.setattr(module, "_sample_suns", lambda *_: [sun("a", WHITE), sun("b", CYAN, unclipped=True)])
     report = _report_sun_color(Model.load(lit_network), Path("data"), Path("labels.csv"))
     assert "2 crops of `train`, 1 crops of `train, unclipped`, 2 crops of `val`" in report

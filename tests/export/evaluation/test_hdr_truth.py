@@ -12,11 +12,11 @@ from export.evaluation.hdr_truth import (
     PLANE_ALBEDO,
     SIZE,
     TrueLight,
-    levels,
-    mean_map,
-    mirrored_photo,
-    picture,
-    pooled,
+    level_irradiances,
+    mean_light_map,
+    mirror_photo,
+    pool_map,
+    render_scene,
     split_sun,
     true_light,
 )
@@ -40,7 +40,7 @@ def lamp(azimuth: float, elevation: float) -> np.ndarray:
 @pytest.mark.slow
 def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
     sky = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0) * np.ones(3)
-    seen = picture(sky)[CORNER]
+    seen = render_scene(sky)[CORNER]
     assert (seen < PLANE_ALBEDO).all()  # the sphere hides some of the sky
     np.testing.assert_allclose(seen, PLANE_ALBEDO, rtol=0.06)
 
@@ -48,7 +48,7 @@ def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("azimuth", [-120.0, 30.0, 90.0])
 def test_the_shadow_falls_away_from_the_sun(azimuth: float) -> None:
-    seen = picture(lamp(azimuth, 40.0))[..., 1]
+    seen = render_scene(lamp(azimuth, 40.0))[..., 1]
     lit = PLANE_ALBEDO / math.pi * math.sin(math.radians(40.0))
     assert seen[CORNER] == pytest.approx(lit, rel=0.05)
     columns = np.nonzero(seen < 0.01 * lit)[1]
@@ -59,7 +59,7 @@ def test_the_shadow_falls_away_from_the_sun(azimuth: float) -> None:
 @pytest.mark.slow
 def test_pooling_keeps_the_power_of_the_sun() -> None:
     fine = render(Lighting(20.0, 30.0, 3.0, 1.0), 512, sun=True)
-    small = pooled(fine)
+    small = pool_map(fine)
     power = [np.einsum("hwc,h->c", m, latlong_solid_angle(m.shape[0])) for m in (fine, small)]
     np.testing.assert_allclose(power[0], power[1], rtol=1e-5)
     assert small.shape == (HEIGHT, 2 * HEIGHT, 3)
@@ -78,7 +78,7 @@ def test_sun_sky_and_ground_are_told_apart_in_the_crops_frame_and_exposure() -> 
     assert light.sky_irradiance == pytest.approx(2 * np.array(SKY), rel=0.03)
     level = np.array(SKY) + np.sin(np.radians(40.0)) * np.array(SUN)
     assert light.ground == pytest.approx(2 * np.array(GROUND) / np.pi * level, rel=1e-3)
-    assert levels(light.image)[0] == pytest.approx(2 * level, rel=0.02)
+    assert level_irradiances(light.image)[0] == pytest.approx(2 * level, rel=0.02)
 
 
 def test_without_direct_light_the_whole_sky_is_sky() -> None:
@@ -93,7 +93,7 @@ def test_a_mirrored_photo_repeats_itself_all_around() -> None:
     linear[:30], linear[30:] = 0.8, 0.2
     linear[0, 0] = 5.0
     crop = Crop(linear, Camera(0.0, 0.0, 0.0, 50.0, 4 / 3), 0.0, 30.0, 1.0, 1.0, 3.0, 1.0)
-    image = mirrored_photo(crop)
+    image = mirror_photo(crop)
     assert image.shape == (HEIGHT, 2 * HEIGHT, 3)
     assert image.max() <= 1
     assert image[HEIGHT // 2 - 2].mean() == pytest.approx(0.8, abs=0.02)
@@ -103,4 +103,4 @@ def test_a_mirrored_photo_repeats_itself_all_around() -> None:
 def test_the_mean_map_knows_no_azimuth() -> None:
     ramp = np.broadcast_to(np.linspace(0, 1, 2 * HEIGHT)[None, :, None], (HEIGHT, 2 * HEIGHT, 3))
     light = TrueLight(ramp, None, np.zeros(3), np.ones(3), np.ones(3))
-    assert mean_map([light, light]) == pytest.approx(0.5)
+    assert mean_light_map([light, light]) == pytest.approx(0.5)

@@ -6,12 +6,12 @@ import pytest
 from export.evaluation.metadata import (
     GROSS,
     SUBSETS,
+    _simulate_sighting,
     _warning_shares,
     evidence_report,
     in_view_evidence,
-    only,
-    sighting,
-    take_metadata,
+    keep_evidence,
+    simulate_metadata,
 )
 from export.evaluation.metrics import Truth
 from lighting.fusion.metadata_prior import observations_from_metadata
@@ -43,7 +43,7 @@ def test_all_subsets_of_the_evidence_are_there() -> None:
 
 def test_time_and_place_correct_an_elevation_that_is_too_high() -> None:
     truth = truth_of(2)
-    report = evidence_report("paper", truth, twice(seeing(truth, off=12.0)), take_metadata(truth, EACH))
+    report = evidence_report("paper", truth, twice(seeing(truth, off=12.0)), simulate_metadata(truth, EACH))
     rows = {cells[1].strip(): cells[2:] for line in report.splitlines() if len(cells := line.split("|")) > 5}
     columns = [name.strip() for name in rows[""]]
     elevation, heading = columns.index("elevation"), columns.index("heading")
@@ -59,7 +59,7 @@ def test_sharp_pixels_find_out_false_records_and_pass_true_ones() -> None:
     truth = truth_of(4)
     high = np.arange(len(truth.sun)) % (2 * EACH) < EACH
     truth.sun[high] = truth_of(4, 75.0).sun[high]
-    shares = _warning_shares(truth, seeing(truth, concentration=300.0), take_metadata(truth, EACH))
+    shares = _warning_shares(truth, seeing(truth, concentration=300.0), simulate_metadata(truth, EACH))
     assert [row["true"] for row in shares.values()] == [0.0, 0.0, 0.0, 0.0]
     assert [row["false"] for row in shares.values()] == pytest.approx([100.0, 100.0, 100.0, 100.0], abs=10.0)
 
@@ -90,7 +90,7 @@ def test_gravity_tells_the_camera_of_crops_that_show_the_sun() -> None:
 
 @pytest.mark.parametrize("elevation", [0.5, 23.0, 71.0])
 def test_the_ephemeris_puts_the_sun_where_it_was_asked_for(elevation: float) -> None:
-    seen = sighting(elevation, np.random.default_rng(3))
+    seen = _simulate_sighting(elevation, np.random.default_rng(3))
     azimuth, height = sun_position(seen.time, seen.latitude, seen.longitude)
     assert float(height) == pytest.approx(elevation, abs=0.01)
     assert float(azimuth) == pytest.approx(seen.compass, abs=1e-6)
@@ -98,9 +98,9 @@ def test_the_ephemeris_puts_the_sun_where_it_was_asked_for(elevation: float) -> 
 
 def test_evidence_of_the_metadata_is_the_panoramas_sun() -> None:
     truth = truth_of(2)
-    for i, taken in enumerate(take_metadata(truth, EACH)):
+    for i, taken in enumerate(simulate_metadata(truth, EACH)):
         ((elevation, compass),) = observations_from_metadata(
-            only(taken.metadata, ("time+place",)), UserInput()
+            keep_evidence(taken.metadata, ("time+place",)), UserInput()
         ).observations.candidates
         assert elevation == pytest.approx(40.0, abs=0.01)
         relative = -np.arange(0, 360, 45.0)[i % EACH]
@@ -108,13 +108,13 @@ def test_evidence_of_the_metadata_is_the_panoramas_sun() -> None:
 
 
 def test_metadata_are_decided_by_name_and_index() -> None:
-    assert take_metadata(truth_of(2), EACH) == take_metadata(truth_of(3), EACH)[: 2 * EACH]
+    assert simulate_metadata(truth_of(2), EACH) == simulate_metadata(truth_of(3), EACH)[: 2 * EACH]
 
 
 def test_one_of_the_zones_without_offset_is_the_true_one() -> None:
-    for taken in take_metadata(truth_of(3), EACH)[::5]:
+    for taken in simulate_metadata(truth_of(3), EACH)[::5]:
         candidates = observations_from_metadata(
-            only(taken.metadata, ("local time+place",)), UserInput()
+            keep_evidence(taken.metadata, ("local time+place",)), UserInput()
         ).observations.candidates
         assert len(candidates) > 1
         assert min(abs(elevation - 40.0) for elevation, _ in candidates) < 0.01
@@ -122,20 +122,20 @@ def test_one_of_the_zones_without_offset_is_the_true_one() -> None:
 
 @pytest.mark.slow
 def test_compasses_err_as_measured() -> None:
-    taken = take_metadata(truth_of(25), EACH)
+    taken = simulate_metadata(truth_of(25), EACH)
     error = [abs(float(wrap_azimuth((t.metadata.heading or 0.0) - t.heading))) for t in taken if not t.gross]
     assert np.median(error) == pytest.approx(17.0, abs=3.0)
     assert np.mean([t.gross for t in taken]) == pytest.approx(GROSS, abs=0.04)
 
 
 def test_crops_without_a_sun_get_no_metadata() -> None:
-    assert {t.metadata for t in take_metadata(truth_of(1, scored=False), EACH)} == {PhotoMetadata()}
+    assert {t.metadata for t in simulate_metadata(truth_of(1, scored=False), EACH)} == {PhotoMetadata()}
 
 
 def test_only_keeps_what_is_named() -> None:
-    facts = take_metadata(truth_of(1), EACH)[0].metadata
-    assert only(facts, ()) == PhotoMetadata()
-    assert only(facts, ("time+place", "heading", "focal length")) == facts
-    assert only(facts, ("heading",)).heading == facts.heading
-    assert only(facts, ("heading",)).latitude is None
-    assert only(facts, ("focal length",)).vertical_fov == 50.0
+    facts = simulate_metadata(truth_of(1), EACH)[0].metadata
+    assert keep_evidence(facts, ()) == PhotoMetadata()
+    assert keep_evidence(facts, ("time+place", "heading", "focal length")) == facts
+    assert keep_evidence(facts, ("heading",)).heading == facts.heading
+    assert keep_evidence(facts, ("heading",)).latitude is None
+    assert keep_evidence(facts, ("focal length",)).vertical_fov == 50.0

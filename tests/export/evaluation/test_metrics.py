@@ -16,11 +16,11 @@ from export.evaluation.metrics import (
     difference_interval,
     elevation_error,
     figures_table,
-    interval,
-    select,
+    format_interval,
+    markdown_table,
+    select_crops,
     sun_error,
     sun_figures,
-    table,
 )
 from lighting.geometry import Pinhole, camera_directions
 from tests.helpers.panoramas import said, truth
@@ -98,13 +98,13 @@ def test_auc_counts_ties_half() -> None:
 
 def test_select_keeps_the_chosen_crops_of_every_field() -> None:
     t = truth([0.0, 10.0, 20.0], [0.0, 0.0, 0.0])
-    chosen = select(t, np.array([False, True, True]))
+    chosen = select_crops(t, np.array([False, True, True]))
     assert chosen.panorama.tolist() == ["p0", "p1"]
     np.testing.assert_allclose(sun_error(chosen, said([0.0, 0.0], [0.0, 0.0])), [10.0, 20.0], atol=1e-9)
 
 
 def test_a_table_has_a_line_for_each_row() -> None:
-    assert table(["", "a"], [["x", "1"], ["y", "2"]]).splitlines() == [
+    assert markdown_table(["", "a"], [["x", "1"], ["y", "2"]]).splitlines() == [
         "|  | a |",
         "| --- | --- |",
         "| x | 1 |",
@@ -121,8 +121,8 @@ def test_a_column_decides_the_decimals(value: float, column: str, shown: str) ->
 
 
 def test_an_interval_shows_both_ends() -> None:
-    assert interval((-1.26, 3.0)) == "-1.3 to 3.0"
-    assert interval((-1.26, 3.0), 2) == "-1.26 to 3.00"
+    assert format_interval((-1.26, 3.0)) == "-1.3 to 3.0"
+    assert format_interval((-1.26, 3.0), 2) == "-1.26 to 3.00"
 
 
 def test_places_that_go_together_make_a_share_less_sure() -> None:

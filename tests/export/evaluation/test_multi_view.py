@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from export.evaluation.metadata import take_metadata
+from export.evaluation.metadata import simulate_metadata
 from export.evaluation.multi_view import CORRELATIONS, _correlation_report, _groups_of, groups_report
 from tests.helpers.panoramas import AZIMUTH, EACH, erring, truth_of
 
@@ -30,7 +30,7 @@ def test_every_scored_crop_is_dealt_once_with_its_own_panorama(size: int) -> Non
 def test_more_views_find_the_sun_better() -> None:
     truth = truth_of(2)
     azimuth = np.tile(AZIMUTH, 2)
-    report = groups_report("paper", truth, erring(truth, shared=False), take_metadata(truth, EACH), azimuth, EACH)
+    report = groups_report("paper", truth, erring(truth, shared=False), simulate_metadata(truth, EACH), azimuth, EACH)
     rows = {cells[1].strip(): cells[2:] for line in report.splitlines() if len(cells := line.split("|")) > 5}
     error = {name: float(cells[1]) for name, cells in rows.items() if "headings" in name}
     assert error["8, headings known"] < error["2, headings known"]

@@ -11,11 +11,11 @@ from export.evaluation.predictions import (
     AIMED_EACH,
     CROPS_EACH,
     _by_name,
-    _see,
-    cameras,
-    collect,
-    interpret,
-    sun_centered,
+    _predict_crops,
+    collect_truth,
+    decode_answers,
+    protocol_views,
+    sun_centered_views,
 )
 from lighting.geometry import wrap_azimuth
 from lighting.model import Model
@@ -30,29 +30,29 @@ def test_networks_of_one_name_and_version_are_not_compared(tmp_path: Path) -> No
 
 def test_cameras_go_around_evenly_and_are_the_same_every_time(data: Path) -> None:
     sources = load_sources(read_index(data, "val"), data / "labels.csv")
-    views = cameras(sources, "phone")
+    views = protocol_views(sources, "phone")
     assert len(views) == CROPS_EACH * len(sources)
     azimuth = np.array([camera.azimuth for _, camera in views[:CROPS_EACH]])
     np.testing.assert_allclose(wrap_azimuth(np.diff(azimuth)), 360 / CROPS_EACH, atol=1e-9)
-    assert cameras(sources[1:], "phone") == views[CROPS_EACH:]  # whatever other panoramas there are
+    assert protocol_views(sources[1:], "phone") == views[CROPS_EACH:]  # whatever other panoramas there are
 
 
 def test_aimed_views_show_the_sun(data: Path) -> None:
     sources = load_sources(read_index(data), data / "labels.csv")
-    views = sun_centered(sources)
+    views = sun_centered_views(sources)
     assert len(views) == AIMED_EACH * sum(s.panorama.sun == "visible" for s in sources)
     crops = [take(source, camera, TINY) for source, camera in views]
-    truth = collect([source.panorama for source, _ in views], crops)
+    truth = collect_truth([source.panorama for source, _ in views], crops)
     assert np.mean(truth.in_view == "sun in view") > 0.8  # a camera tilts by 35 deg at most: the highest suns stay out
     assert not any(camera.mirrored for _, camera in views)
 
 
 def test_a_network_is_asked_about_every_view(data: Path, network: Path) -> None:
     sources = load_sources(read_index(data, "val"), data / "labels.csv")
-    views = cameras(sources, "paper")
-    truth, said = _see(Model.load(network), views)
+    views = protocol_views(sources, "paper")
+    truth, said = _predict_crops(Model.load(network), views)
     assert len(said) == len(views) == len(truth.sun)
-    found = interpret(said, truth.sun)
+    found = decode_answers(said, truth.sun)
     known = np.isfinite(truth.sun[:, 0])
     assert (np.isfinite(found.nll) == known).all()
     np.testing.assert_allclose(np.linalg.norm(found.sun, axis=1), 1.0)

@@ -14,8 +14,8 @@ from export.evaluation.reliability import (
     _fitted,
     _inside,
     _tempered,
-    curves,
-    draw,
+    draw_reliability,
+    reliability_curves,
     reliability_report,
     temperature_report,
 )
@@ -65,7 +65,7 @@ def test_crops_that_are_not_scored_count_nowhere() -> None:
     truth = truth_of(2)
     truth.scored[:EACH] = False
     truth.in_view[EACH:] = ["no sky"] * 2 + ["sky in view"] * 6
-    found = curves(truth, [fusion_lobe(0.0, 40.0)] * (2 * EACH))
+    found = reliability_curves(truth, [fusion_lobe(0.0, 40.0)] * (2 * EACH))
     assert {name: len(levels) for name, levels in found.items()} == {
         DENSEST: 8,
         "sun 20 to 45°": 8,
@@ -82,7 +82,7 @@ def test_the_table_sets_found_beside_expected(tmp_path: Path) -> None:
     rows = {cells[1].strip(): cells[2:-1] for line in text.splitlines() if len(cells := line.split("|")) > 5}
     assert [float(cell) for cell in rows[DENSEST]] == [100, 10, 25, 50, 75, 90, 95, 0]
     assert [float(cell) for cell in rows[CONE]] == [100, 20, 50, 100, 100, 100, 100, 50]
-    draw({"paper": {DENSEST: levels}, "phone": {DENSEST: levels, "no sky": levels}}, tmp_path / "r.png")
+    draw_reliability({"paper": {DENSEST: levels}, "phone": {DENSEST: levels, "no sky": levels}}, tmp_path / "r.png")
     with Image.open(tmp_path / "r.png") as picture:
         assert picture.width > 500
         assert len(picture.convert("RGB").getcolors(1 << 20) or []) > 20

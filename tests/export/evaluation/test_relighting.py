@@ -16,8 +16,8 @@ from export.evaluation.relighting import (
     _mean_sky,
     _normals,
     _relight_report,
-    differences,
-    object_pictures,
+    object_errors,
+    render_object,
 )
 from lighting.geometry import angles, latlong_directions
 
@@ -26,7 +26,7 @@ from lighting.geometry import angles, latlong_directions
 @pytest.mark.parametrize("kind", BALLS)
 def test_white_light_makes_white_balls(kind: str) -> None:
     white = np.ones((1, HEIGHT, 2 * HEIGHT, 3), np.float32)
-    assert object_pictures(kind, white) == pytest.approx(1.0, rel=0.02)
+    assert render_object(kind, white) == pytest.approx(1.0, rel=0.02)
 
 
 @pytest.mark.slow
@@ -34,7 +34,7 @@ def test_each_object_sees_what_lies_where_it_looks() -> None:
     behind = np.zeros((1, HEIGHT, 2 * HEIGHT, 3), np.float32)
     behind[:, :, : HEIGHT // 2] = behind[:, :, -HEIGHT // 2 :] = 1  # behind the camera, which the balls' middles face
     for kind in BALLS:
-        seen = object_pictures(kind, behind)[0, :, 0]
+        seen = render_object(kind, behind)[0, :, 0]
         assert seen[np.argmax(_normals()[:, 2])] > 0.9
     assert _matrix("plane").shape[0] > 200
     assert len(OBJECTS) == 4
@@ -43,7 +43,7 @@ def test_each_object_sees_what_lies_where_it_looks() -> None:
 @pytest.mark.slow
 def test_differences_that_are_known() -> None:
     truth = np.random.default_rng(0).uniform(0.5, 1.0, (2, 50, 3))
-    same, double = differences(truth, truth), differences(truth, 2 * truth)
+    same, double = object_errors(truth, truth), object_errors(truth, 2 * truth)
     assert same == pytest.approx(np.zeros((2, 3)), abs=1e-3)
     assert double[:, 1:] == pytest.approx(np.zeros((2, 2)), abs=1e-3)
     assert double[:, 0] == pytest.approx(1.0, abs=0.05)

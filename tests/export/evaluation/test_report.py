@@ -8,17 +8,17 @@ import pytest
 from PIL import Image
 
 from export.data.panoramas import DataError
-from export.evaluation.metrics import answers, camera_figures, sun_figures
+from export.evaluation.metrics import answers_from_sun, camera_figures, sun_figures
 from export.evaluation.report import (
     _by_scene,
     _intervals_table,
     _photo_bias,
     _photo_figures,
-    bins,
     format_report,
     in_view_report,
     photo_report,
     stated_figures,
+    sun_bins,
     write_figures,
 )
 from lighting.geometry import angles, direction
@@ -31,7 +31,7 @@ def test_figures_are_rounded_as_the_tables_show_them(tmp_path: Path) -> None:
     truth = truth_of(2)
     count = len(truth.sun)
     ones = np.ones(count)
-    said = answers(
+    said = answers_from_sun(
         direction(np.linspace(-170, 170, count), np.full(count, 33.3)),
         radius_50=40 * ones,
         radius_90=90 * ones,
@@ -55,7 +55,7 @@ def test_figures_are_rounded_as_the_tables_show_them(tmp_path: Path) -> None:
 
 def test_a_protocol_without_suns_is_not_stated(tmp_path: Path) -> None:
     truth = truth_of(1, scored=False)
-    stated = stated_figures(truth, answers(truth.sun, camera=truth.camera))
+    stated = stated_figures(truth, answers_from_sun(truth.sun, camera=truth.camera))
     assert stated["sun_median"] is None
     assert json.loads(write_figures(TINY, {"paper": stated}, tmp_path).read_text())["accuracy"] == {}
 
@@ -102,14 +102,14 @@ def turned(by: float) -> np.ndarray:
 
 def test_each_crop_is_in_one_bin_of_elevation_and_one_of_view() -> None:
     truth = truth_of(4, elevation=45.0)
-    found = bins(truth)
+    found = sun_bins(truth)
     assert list(found) == ["sun 45 to 90°", "sky in view"]  # empty bins are left out; a bin begins at its lower end
     assert all(chosen.all() for chosen in found.values())
 
 
 def test_intervals_compare_ours_with_each_other_method() -> None:
     truth = truth_of(4)
-    said = {"ours": answers(turned(10.0)), "worse": answers(turned(40.0))}
+    said = {"ours": answers_from_sun(turned(10.0)), "worse": answers_from_sun(turned(40.0))}
     ours, worse = _intervals_table(truth, said, "ours").splitlines()[2:]
     assert ours.split(" | ")[3] == ""
     low, high = (float(end) for end in worse.split(" | ")[3].split(" to "))
@@ -119,7 +119,7 @@ def test_intervals_compare_ours_with_each_other_method() -> None:
 def test_a_protocol_counts_its_crops_and_names_every_method() -> None:
     truth = truth_of(4)
     camera = {"camera": truth.camera, "exposure": truth.exposure}
-    said = {"ours": answers(turned(10.0), **camera), "other": answers(turned(40.0))}
+    said = {"ours": answers_from_sun(turned(10.0), **camera), "other": answers_from_sun(turned(40.0))}
     alone = {"ours": said["ours"]}
     text = format_report("paper", truth, said, alone, "ours")
     assert "## Protocol `paper`: 32 crops, 32 with a sun to score (4 panoramas of 2 places)" in text

@@ -7,10 +7,20 @@ import numpy as np
 import pytest
 
 import export.stereo.evaluate as evaluation
-from export.stereo.dataset import CaptureDay, hours_of
-from export.stereo.evaluate import SEASONS, TABLES, Trial, _cell, _Found, _trial, angle, evaluate_normals, session
+from export.stereo.dataset import CaptureDay, utc_times
+from export.stereo.evaluate import (
+    SEASONS,
+    TABLES,
+    Trial,
+    _cell,
+    _Found,
+    _trial,
+    evaluate_normals,
+    normal_angles,
+    run_session,
+)
 from export.stereo.renders import Subject
-from export.stereo.surfaces import _of_height, turned
+from export.stereo.surfaces import _of_height, rotate_surface
 from lighting.errors import LightingError
 from lighting.stereo.network import Network
 from lighting.stereo.solver import Session
@@ -70,8 +80,10 @@ def test_a_session_of_two_shapes_in_june_meets_the_target_of_the_search() -> Non
     y, x = np.mgrid[:40, :40] - 19.5
     inside = x * x + y * y < 17**2
     ball = _of_height(np.sqrt(np.maximum(19.0**2 - x * x - y * y, 1)).astype(np.float32), inside)
-    day = CaptureDay(hours_of("2024-06-21", np.arange(9.0, 17.0)), 47.0)
-    found: list[Any] = session([Subject("a", "b", ball), Subject("c", "b", turned(ball, 1))], Trial(day), None)
+    day = CaptureDay(utc_times("2024-06-21", np.arange(9.0, 17.0)), 47.0)
+    found: list[Any] = run_session(
+        [Subject("a", "b", ball), Subject("c", "b", rotate_surface(ball, 1))], Trial(day), None
+    )
     assert [shape.subject.name for shape in found] == ["a", "c"]
     for shape in found:
         search, both = shape.errors()
@@ -90,4 +102,4 @@ def test_a_photographer_is_told_wrong_what_a_trial_says() -> None:
 
 def test_angles_are_between_unit_vectors() -> None:
     a, b = np.array([[1.0, 0, 0], [0, 0, 1]]), np.array([[0, 1.0, 0], [0, 0, 1]])
-    np.testing.assert_allclose(angle(a, b), [90, 0], atol=1e-5)
+    np.testing.assert_allclose(normal_angles(a, b), [90, 0], atol=1e-5)

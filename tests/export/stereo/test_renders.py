@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from export.stereo.renders import Material, cast_shadows, shade_surface, subjects
+from export.stereo.renders import Material, cast_shadows, read_subjects, shade_surface
 from export.stereo.surfaces import _of_height
 from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import Skies
@@ -26,13 +26,13 @@ def scanned(folder: Path) -> None:
 
 def test_scanned_objects_are_cut_to_their_mask(tmp_path: Path) -> None:
     scanned(tmp_path / "scanned_objects" / "bear")
-    (bear,) = subjects(tmp_path)
+    (bear,) = read_subjects(tmp_path)
     assert bear.surface.mask.sum() == 600
     assert bear.surface.mask.shape == (36, 46)  # 8 pixels around
     assert bear.scale == pytest.approx(0.5)  # mm a pixel
     np.testing.assert_allclose(bear.surface.normals[bear.surface.mask], [[0, 0, 1]] * 600, atol=0.01)
     np.testing.assert_allclose(bear.surface.height[bear.surface.mask], -1000)
-    (thin,) = subjects(tmp_path, 2)
+    (thin,) = read_subjects(tmp_path, 2)
     assert thin.surface.mask.sum() == 150
     assert thin.scale == pytest.approx(1.0)
     np.testing.assert_allclose(thin.surface.height[thin.surface.mask], -500)
@@ -43,11 +43,11 @@ def test_only_held_out_meshes_are_scored(tmp_path: Path, monkeypatch: pytest.Mon
     (tmp_path / "meshes").mkdir()
     for name in ("spot", "boot"):
         (tmp_path / "meshes" / f"{name}.obj").write_text(OCTAHEDRON)
-    assert [subject.name for subject in subjects(tmp_path, 4)] == ["spot 1", "spot 2"]
+    assert [subject.name for subject in read_subjects(tmp_path, 4)] == ["spot 1", "spot 2"]
 
 
 def test_a_folder_without_shapes_gives_none(tmp_path: Path) -> None:
-    assert not list(subjects(tmp_path))
+    assert not list(read_subjects(tmp_path))
 
 
 def test_a_wall_casts_a_shadow_as_long_as_the_sun_is_low() -> None:

@@ -8,12 +8,12 @@ import pytest
 import torch
 
 from export.data.panoramas import DataError
-from export.stereo.dataset import samples
-from export.stereo.train import Config, NormalsNetwork, _batch, average, train_normals
+from export.stereo.dataset import generate_samples
+from export.stereo.train import Config, NormalsNetwork, _batch, averaged_network, train_normals
 
 
 def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None:
-    chosen = list(islice(samples([], seed=3), 2))
+    chosen = list(islice(generate_samples([], seed=3), 2))
     by_image, present, shared, _ = _batch(chosen)
     network = NormalsNetwork().eval()
     with torch.inference_mode():
@@ -35,7 +35,7 @@ def test_a_run_resumes(tmp_path: Path) -> None:
     after = torch.load(train_normals(Config(out=str(tmp_path), minutes=longer, batch=2, first=2)), weights_only=True)
     assert after["step"] > before["step"]
     assert after["seconds"] > before["seconds"]
-    assert isinstance(average(tmp_path), NormalsNetwork)
+    assert isinstance(averaged_network(tmp_path), NormalsNetwork)
 
 
 @pytest.mark.parametrize("saved", [None, {"average": {"module.features.0.weight": torch.zeros(1)}}, {"step": 3}])
@@ -48,7 +48,7 @@ def test_a_checkpoint_that_is_none_of_normals_is_refused_and_stays(
     else:
         torch.save(saved, file)
     before = file.read_bytes()
-    for work in (lambda: train_normals(Config(out=str(tmp_path), minutes=0.001)), lambda: average(tmp_path)):
+    for work in (lambda: train_normals(Config(out=str(tmp_path), minutes=0.001)), lambda: averaged_network(tmp_path)):
         with pytest.raises(DataError, match=r"is cut short or damaged|is not of the network of normals"):
             work()
     assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.pt"]
