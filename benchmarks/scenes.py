@@ -44,11 +44,11 @@ from lighting.geometry import (
     wrap_azimuth,
 )
 from lighting.photo.reader import Photo
-from lighting.preview.drawing import Style, write
-from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centres
+from lighting.preview.drawing import TextStyle, draw_text
+from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centers
 from lighting.records import Lighting
 from lighting.scene import EXPORTERS
-from lighting.scene.records import Scene, make_scene, placeholder_of
+from lighting.scene.records import Scene, make_placeholder, make_scene
 from lighting.scene.writer import write_scene
 
 SUN = (-125.0, 33.0)  # deg, azimuth and elevation
@@ -117,7 +117,7 @@ def renders(
 
 
 def _picture(scene: Scene, pixels: NDArray[np.uint8]) -> Picture:
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     ball, foot = scene.spot + placeholder.ball_centre, scene.spot + placeholder.stick_foot
     shadow = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     heights = np.arange(0, placeholder.stick_height, placeholder.stick_radius)[:, None]
@@ -141,7 +141,7 @@ def preview(scene: Scene, *, alone: bool = False) -> tuple[NDArray[np.uint8], Pi
     width, height = SIZE
     lighting = scene.lighting
     pitch = float(np.clip(lighting.camera_elevation, *PITCH))
-    centres = sphere_centres(width / height, pitch)
+    centres = sphere_centers(width / height, pitch)
     if alone:
         centres[:DIFFUSE, 0] -= 1000.0
     linear = render_spheres(render(lighting, 1024), lighting, width, height, 2, centres)
@@ -203,7 +203,7 @@ def contact_sheet(shown: dict[str, Any]) -> Image.Image:
     sheet = Image.new("RGB", (3 * width + 16, rows * (height + CAPTION + 8) - 8), (255, 255, 255))
     for index, (name, pixels) in enumerate(shown.items()):
         x, y = index % 3 * (width + 8), index // 3 * (height + CAPTION + 8)
-        write(sheet, (x, y), TITLES[name], Style(17, (40, 40, 40)))
+        draw_text(sheet, (x, y), TITLES[name], TextStyle(17, (40, 40, 40)))
         sheet.paste(Image.fromarray(pixels), (x, y + CAPTION))
     return sheet
 

@@ -40,16 +40,16 @@ from lighting.preview.drawing import (
     SUN,
     TEXT,
     WHITE,
-    Colour,
-    Style,
-    arrow_head,
-    polygon,
-    rounded,
-    shaded_stroke,
-    stroke,
-    sun_marks,
-    write,
-    write_inside,
+    Srgb,
+    TextStyle,
+    draw_arrow_head,
+    draw_lines,
+    draw_outlined_lines,
+    draw_polygon,
+    draw_suns,
+    draw_text,
+    draw_text_inside,
+    rounded_mask,
 )
 from lighting.probe.alignment import Scan, fit_orientation, yaw_rotation
 from lighting.probe.bracket import make_bracket
@@ -67,9 +67,9 @@ from lighting.stereo.schedule import gray_skies
 
 # axes.png: the frame, the angles and the environment map, all by lighting.geometry itself.
 
-RED: Colour = (255, 128, 116)
-GREEN: Colour = (140, 214, 130)
-BLUE: Colour = (130, 180, 255)
+RED: Srgb = (255, 128, 116)
+GREEN: Srgb = (140, 214, 130)
+BLUE: Srgb = (130, 180, 255)
 
 CHART_SIZE = (1600, 656)
 CHART_MAP = (88, 84, 960, 480)  # x, y, width, height
@@ -98,8 +98,8 @@ def draw_axes() -> None:
         ),
         (SKETCH, "Frame: right-handed, the camera at its origin", _chart_sketch()),
     ):
-        write(canvas, (x, y - 36), caption, Style(19, TEXT))
-        canvas.paste(panel, (x, y), rounded((width, height), 10))
+        draw_text(canvas, (x, y - 36), caption, TextStyle(19, TEXT))
+        canvas.paste(panel, (x, y), rounded_mask((width, height), 10))
     _chart_ticks(canvas)
     canvas.save(Path(__file__).parent / "axes.png", optimize=True)
 
@@ -115,9 +115,9 @@ def _chart_map() -> Image.Image:
     rows = np.where(shade < 0.5, sky, ground)
     picture = Image.fromarray(np.repeat(rows[:, None], width, axis=1).astype(np.uint8))
     for degree in range(-150, 180, 30):
-        stroke(picture, [_line(direction(degree, np.linspace(-90, 90, 7)))], WHITE, 1, 0.28)
+        draw_lines(picture, [_line(direction(degree, np.linspace(-90, 90, 7)))], WHITE, 1, 0.28)
     for degree in range(-60, 90, 30):
-        stroke(
+        draw_lines(
             picture,
             [_line(direction(np.linspace(-179.99, 179.99, 13), degree))],
             WHITE,
@@ -135,23 +135,23 @@ def _line(directions: Floats) -> Floats:
     return latlong_pixel(directions, CHART_MAP[3])
 
 
-def _label_axis(picture: Image.Image, name: str, axis: ArrayLike, colour: Colour) -> None:
+def _label_axis(picture: Image.Image, name: str, axis: ArrayLike, colour: Srgb) -> None:
     """A dot and a name at the axis' pixel; the poles fill a row, +Z lies on the seam."""
     x, y = _line(np.asarray(axis, dtype=float))
     width, height = picture.size
     if 0 < y < height:
         for spot in (x, x + width if x == 0 else x):
-            polygon(picture, _circle((spot, y), 6), colour)
+            draw_polygon(picture, _circle((spot, y), 6), colour)
         anchors = ((14.0, "ls"), (width - 14.0, "rs")) if x == 0 else ((x, "ms"),)
         for spot, anchor in anchors:
-            write(picture, (spot, y - 14), name, Style(20, colour, anchor=anchor, shaded=True))
+            draw_text(picture, (spot, y - 14), name, TextStyle(20, colour, anchor=anchor, shaded=True))
         return
-    stroke(picture, [np.array([[0, y], [width, y]])], colour, 8)
-    write(
+    draw_lines(picture, [np.array([[0, y], [width, y]])], colour, 8)
+    draw_text(
         picture,
         (width / 2, 28 if y == 0 else height - 16),
         f"{name} (the whole row)",
-        Style(20, colour, anchor="ms", shaded=True),
+        TextStyle(20, colour, anchor="ms", shaded=True),
     )
 
 
@@ -160,9 +160,13 @@ def _chart_angles(picture: Image.Image) -> None:
     foot, sun = _line(direction(AZIMUTH, 0)), _line(direction(AZIMUTH, ELEVATION))
     _arrow(picture, np.array([_line(direction(0, 0)), foot]), SUN)
     _arrow(picture, np.array([foot, sun + np.array([0, 16])]), SUN)
-    sun_marks(picture, [sun], SUN, 9)
-    write(picture, (foot[0] - 8, foot[1] + 26), "azimuth grows to the right", Style(18, SUN, anchor="ms", shaded=True))
-    write(picture, (foot[0] + 12, (foot[1] + sun[1]) / 2), "elevation", Style(18, SUN, anchor="lm", shaded=True))
+    draw_suns(picture, [sun], SUN, 9)
+    draw_text(
+        picture, (foot[0] - 8, foot[1] + 26), "azimuth grows to the right", TextStyle(18, SUN, anchor="ms", shaded=True)
+    )
+    draw_text(
+        picture, (foot[0] + 12, (foot[1] + sun[1]) / 2), "elevation", TextStyle(18, SUN, anchor="lm", shaded=True)
+    )
 
 
 def _chart_ticks(canvas: Image.Image) -> None:
@@ -170,24 +174,24 @@ def _chart_ticks(canvas: Image.Image) -> None:
     left, top, _, height = CHART_MAP
     for degree in range(-180, 181, 30):
         x = left + (degree / 360 + 0.5) * CHART_MAP[2]
-        write(canvas, (x, top + height + 12), f"{degree}°", Style(17, MUTED, anchor="ma"))
-    write(canvas, (left + CHART_MAP[2] / 2, top + height + 38), "azimuth", Style(17, MUTED, anchor="ma"))
+        draw_text(canvas, (x, top + height + 12), f"{degree}°", TextStyle(17, MUTED, anchor="ma"))
+    draw_text(canvas, (left + CHART_MAP[2] / 2, top + height + 38), "azimuth", TextStyle(17, MUTED, anchor="ma"))
     for degree in range(-90, 91, 30):
         y = top + (0.5 - degree / 180) * height
-        write(canvas, (left - 12, y), f"{degree}°", Style(17, MUTED, anchor="rm"))
+        draw_text(canvas, (left - 12, y), f"{degree}°", TextStyle(17, MUTED, anchor="rm"))
 
 
 def _chart_sketch() -> Image.Image:
     """The camera at the origin, the axes and the sun's two angles, seen from above its left shoulder."""
     picture = Image.new("RGB", SKETCH[2:], PANEL)
     ground = np.array([(x, 0.0, z) for x, z in ((-1.7, -2.0), (1.7, -2.0), (1.7, 1.3), (-1.7, 1.3))])
-    polygon(picture, _project(ground), WHITE, 0.05)
+    draw_polygon(picture, _project(ground), WHITE, 0.05)
     for name, axis, colour in AXES:
         tip = np.asarray(axis, dtype=float) * AXIS_LENGTH[name[:2]]
         if axis[1] >= 0:
             _arrow(picture, _project(np.stack([np.zeros(3), tip])), colour)
             above = 20 if axis[2] > 0 else -20  # the name clears the arrow head
-            write_inside(picture, _project(tip) + np.array([0, above]), name, 19, colour)
+            draw_text_inside(picture, _project(tip) + np.array([0, above]), name, 19, colour)
     _chart_sun(picture)
     _chart_camera(picture)
     return picture
@@ -197,23 +201,23 @@ def _chart_sun(picture: Image.Image) -> None:
     """Azimuth as an arc on the ground, elevation as one above it."""
     reach = 1.7
     sun, foot = reach * direction(AZIMUTH, ELEVATION), reach * np.cos(np.radians(ELEVATION)) * direction(AZIMUTH, 0)
-    shaded_stroke(picture, [_project(np.stack([foot, np.zeros(3), sun]))], MUTED, 1.5)
+    draw_outlined_lines(picture, [_project(np.stack([foot, np.zeros(3), sun]))], MUTED, 1.5)
     _arrow(picture, _project(1.25 * direction(np.linspace(0, AZIMUTH, 24), 0)), SUN)
     _arrow(picture, _project(1.25 * direction(AZIMUTH, np.linspace(0, ELEVATION, 24))), SUN)
-    sun_marks(picture, [_project(sun)], SUN, 9)
+    draw_suns(picture, [_project(sun)], SUN, 9)
     x, y = _project(1.25 * direction(0.6 * AZIMUTH, 0))
-    write(picture, (x, y - 14), "azimuth", Style(16, SUN, anchor="mm", shaded=True))
+    draw_text(picture, (x, y - 14), "azimuth", TextStyle(16, SUN, anchor="mm", shaded=True))
     x, y = _project(1.29 * direction(AZIMUTH, ELEVATION / 2))
-    write(picture, (x + 6, y), "elevation", Style(16, SUN, anchor="lm", shaded=True))
+    draw_text(picture, (x + 6, y), "elevation", TextStyle(16, SUN, anchor="lm", shaded=True))
 
 
 def _chart_camera(picture: Image.Image) -> None:
     """A small pyramid that opens along the viewing direction."""
     corners = 0.55 * np.array([(-0.42, 0.3, -1), (0.42, 0.3, -1), (0.42, -0.3, -1), (-0.42, -0.3, -1)])
     frame = _project(np.concatenate([corners, corners[:1]]))
-    polygon(picture, frame, WHITE, 0.18)
+    draw_polygon(picture, frame, WHITE, 0.18)
     edges = [_project(np.stack([np.zeros(3), corner])) for corner in corners]
-    stroke(picture, [frame, *edges], WHITE, 2)
+    draw_lines(picture, [frame, *edges], WHITE, 2)
 
 
 def _project(points: Floats) -> Floats:
@@ -222,11 +226,11 @@ def _project(points: Floats) -> Floats:
     return camera_pixel(points - VIEWER, Pinhole(*SKETCH[2:], 36.0, float(azimuth), float(elevation)))
 
 
-def _arrow(picture: Image.Image, path: Floats, colour: Colour) -> None:
+def _arrow(picture: Image.Image, path: Floats, colour: Srgb) -> None:
     """A line (N, 2) with a head at its end."""
-    shaded_stroke(picture, [path], colour, 3)
+    draw_outlined_lines(picture, [path], colour, 3)
     towards = path[-1] - path[-2]
-    arrow_head(picture, path[-1], towards / np.hypot(*towards), colour)
+    draw_arrow_head(picture, path[-1], towards / np.hypot(*towards), colour)
 
 
 def _circle(centre: tuple[float, float], radius: float) -> Floats:

@@ -108,9 +108,9 @@ def _scene(**options: Any) -> None:
     from lighting.envmap.surroundings import photo_context
     from lighting.photo.reader import read_photo
     from lighting.scene.records import PLATE_SIDE, make_scene
-    from lighting.scene.writer import check_target, write_scene
+    from lighting.scene.writer import check_scene_folder, write_scene
 
-    check_target(Path(asked.output), overwrite=asked.overwrite)
+    check_scene_folder(Path(asked.output), overwrite=asked.overwrite)
     with prefix_errors(asked.photo):
         data = photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)

@@ -15,28 +15,28 @@ from lighting.records import Lighting
 
 # Colours of pictures for people, and how linear light is shown in them.
 
-Colour = tuple[int, int, int]  # 8-bit sRGB
+Srgb = tuple[int, int, int]  # 8-bit sRGB
 
-BLACK: Colour = (0, 0, 0)
-BACKGROUND: Colour = (21, 24, 30)
-PANEL: Colour = (30, 34, 42)
-TEXT: Colour = (235, 237, 240)
-MUTED: Colour = (150, 157, 168)
-LINE: Colour = (96, 104, 118)
-WHITE: Colour = (255, 255, 255)
-SUN: Colour = (255, 196, 70)
-PALE: Colour = (208, 213, 221)  # the sun where it does not shine
+BLACK: Srgb = (0, 0, 0)
+BACKGROUND: Srgb = (21, 24, 30)
+PANEL: Srgb = (30, 34, 42)
+TEXT: Srgb = (235, 237, 240)
+MUTED: Srgb = (150, 157, 168)
+LINE: Srgb = (96, 104, 118)
+WHITE: Srgb = (255, 255, 255)
+SUN: Srgb = (255, 196, 70)
+PALE: Srgb = (208, 213, 221)  # the sun where it does not shine
 HEAT = np.array([[30, 34, 42], [54, 56, 92], [132, 70, 104], [222, 116, 72], [255, 212, 116]])  # low to high density
 
 _SHOULDER = 0.6  # linear value above which the display curve bends instead of clipping
 
 
-def sun_colour(lighting: Lighting) -> Colour:
+def sun_mark_color(lighting: Lighting) -> Srgb:
     """The colour of the sun's marks."""
     return SUN if lighting.sun_shines else PALE
 
 
-def display(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
+def display_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
     """8-bit sRGB of the photo's linear values, with a shoulder in place of a hard clip."""
     over = np.maximum(linear - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
     return tone_map(np.minimum(linear, _SHOULDER) + (1 - _SHOULDER) * (1 - np.exp(-over)))
@@ -50,9 +50,7 @@ _FINE = 3  # supersampling
 _SHADE = 0.45  # opacity of the dark background of marks and outlined text
 
 
-def _ink(
-    picture: Image.Image, colour: Colour, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]
-) -> None:
+def _ink(picture: Image.Image, colour: Srgb, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]) -> None:
     """Colour `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
     mask = Image.new("L", (picture.width * _FINE, picture.height * _FINE))
     paint(ImageDraw.Draw(mask), _FINE)
@@ -60,7 +58,7 @@ def _ink(
     picture.paste(colour, mask=small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
 
 
-def stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float, opacity: float = 1.0) -> None:
+def draw_lines(picture: Image.Image, lines: Sequence[Floats], colour: Srgb, width: float, opacity: float = 1.0) -> None:
     """Draw open lines, each (N, 2) pixels; one without a pixel is not drawn."""
 
     def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
@@ -70,18 +68,18 @@ def stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width:
     _ink(picture, colour, opacity, paint)
 
 
-def shaded_stroke(picture: Image.Image, lines: Sequence[Floats], colour: Colour, width: float) -> None:
+def draw_outlined_lines(picture: Image.Image, lines: Sequence[Floats], colour: Srgb, width: float) -> None:
     """Draw lines with a soft dark rim, visible on any background."""
-    stroke(picture, lines, BLACK, width + 2.5, _SHADE)
-    stroke(picture, lines, colour, width)
+    draw_lines(picture, lines, BLACK, width + 2.5, _SHADE)
+    draw_lines(picture, lines, colour, width)
 
 
-def polygon(picture: Image.Image, corners: ArrayLike, colour: Colour, opacity: float = 1.0) -> None:
+def draw_polygon(picture: Image.Image, corners: ArrayLike, colour: Srgb, opacity: float = 1.0) -> None:
     """Fill the polygon with these corners (N, 2)."""
     _ink(picture, colour, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
 
 
-def sun_marks(picture: Image.Image, spots: ArrayLike, colour: Colour, size: float) -> None:
+def draw_suns(picture: Image.Image, spots: ArrayLike, colour: Srgb, size: float) -> None:
     """Draw a small sun at each spot (N, 2): a disc of radius `size` with eight rays, on a soft dark background."""
     turn = np.arange(8) * np.pi / 4
     rays = np.stack([np.cos(turn), np.sin(turn)], axis=-1)[:, None] * np.array([[1.6], [2.3]]) * size
@@ -99,17 +97,17 @@ def sun_marks(picture: Image.Image, spots: ArrayLike, colour: Colour, size: floa
     _ink(picture, colour, 1.0, paint(0.0))
 
 
-def arrow_head(picture: Image.Image, tip: Floats, towards: Floats, colour: Colour) -> None:
+def draw_arrow_head(picture: Image.Image, tip: Floats, towards: Floats, colour: Srgb) -> None:
     """Draw an arrow head 22 pixels long with its tip at `tip` (2,), pointing along the unit vector `towards` (2,)."""
     side = np.array([-towards[1], towards[0]])
     for grow, ground, opacity in ((3.0, BLACK, _SHADE), (0.0, colour, 1.0)):
         back, wing = (22 + grow) * towards, (12 + 1.5 * grow) * side
-        polygon(
+        draw_polygon(
             picture, [tip + grow * towards, tip - back + wing, tip - 16 * towards, tip - back - wing], ground, opacity
         )
 
 
-def rounded(size: tuple[int, int], radius: int) -> Image.Image:
+def rounded_mask(size: tuple[int, int], radius: int) -> Image.Image:
     """Mask of a rectangle with rounded corners."""
     mask = Image.new("L", (size[0] * _FINE, size[1] * _FINE))
     corner = (mask.width - 1, mask.height - 1)
@@ -118,16 +116,16 @@ def rounded(size: tuple[int, int], radius: int) -> Image.Image:
 
 
 @dataclass(frozen=True)
-class Style:
+class TextStyle:
     """How a text looks."""
 
     size: int  # pixels
-    colour: Colour
+    colour: Srgb
     anchor: str = "la"  # of Pillow: which point of the text lies on its spot
     shaded: bool = False  # with a soft dark rim, readable on any background
 
 
-def write(picture: Image.Image, spot: Point, text: str, style: Style) -> None:
+def draw_text(picture: Image.Image, spot: Point, text: str, style: TextStyle) -> None:
     """Write text at `spot`."""
     font, anchor = _font(style.size), style.anchor
     if style.shaded:
@@ -142,12 +140,12 @@ def text_width(text: str, size: int) -> float:
     return _font(size).getlength(text)
 
 
-def write_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, colour: Colour) -> None:
+def draw_text_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, colour: Srgb) -> None:
     """Write shaded text centred at `spot` (2,), moved as far as needed to lie inside the picture."""
     left, top, right, bottom = _font(size).getbbox(text, anchor="mm")
     x, y = np.asarray(spot, dtype=np.float64)
     inside = (min(max(x, 8 - left), picture.width - 8 - right), min(max(y, 8 - top), picture.height - 8 - bottom))
-    write(picture, inside, text, Style(size, colour, anchor="mm", shaded=True))
+    draw_text(picture, inside, text, TextStyle(size, colour, anchor="mm", shaded=True))
 
 
 def _scaled(points: ArrayLike, scale: int) -> list[Point]:
@@ -169,30 +167,30 @@ _NEAR = 52  # pixels within which the horizon may cross the words beside an arro
 def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
     """Draw the horizon as a thin line with a soft shadow, if it is in view; its name is on the side without the sun."""
     line = horizon_pixels(photo_camera(lighting, *picture.size))
-    shaded_stroke(picture, [line], WHITE, 2)
+    draw_outlined_lines(picture, [line], WHITE, 2)
     inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
     if len(inside):
         left = lighting.sun_direction[0] >= 0.0
         x, y = (12, float(inside[0, 1])) if left else (picture.width - 12, float(inside[-1, 1]))
         if 30 < y < picture.height:
-            write(picture, (x, y - 8), "horizon", Style(17, WHITE, anchor="ls" if left else "rs", shaded=True))
+            draw_text(picture, (x, y - 8), "horizon", TextStyle(17, WHITE, anchor="ls" if left else "rs", shaded=True))
 
 
 def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
-    colour, camera = sun_colour(lighting), photo_camera(lighting, *picture.size)
+    colour, camera = sun_mark_color(lighting), photo_camera(lighting, *picture.size)
     seen = _camera_pixels(lighting.sun_direction[None], camera)
     if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
-        sun_marks(picture, seen, colour, 9)
+        draw_suns(picture, seen, colour, 9)
         return
     right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll) @ lighting.sun_direction
     away = np.array([right, -up] if forward > 0 else [1.0 if right > 0 else -1.0, 0.0])
     away /= max(float(np.hypot(*away)), 1e-9)
     middle = np.array([picture.width, picture.height]) / 2
     tip = middle + away * np.min((middle - 14) / np.maximum(np.abs(away), 1e-9))
-    arrow_head(picture, tip, away, colour)
+    draw_arrow_head(picture, tip, away, colour)
     label = tip - away * 16 + [0, 30 if _is_free_below(tip, horizon_pixels(camera), picture.height) else -30]
-    write_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, colour)
+    draw_text_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, colour)
 
 
 def horizon_pixels(camera: Pinhole) -> Floats:

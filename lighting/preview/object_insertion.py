@@ -25,7 +25,7 @@ from lighting.geometry import (
     slice_around,
     window_of,
 )
-from lighting.preview.spheres import SPACING, Stage, ground, in_shade, shade_sphere, sunlit
+from lighting.preview.spheres import SPACING, SphereScene, dim_sun, ground_radiance, shade_sphere, visible_sun_share
 from lighting.records import Lighting
 
 # Where a photo has room for the balls: on plain ground, off people and things.
@@ -109,7 +109,7 @@ _COARSE = 2  # pixels per ray and side on the ground where light changes slowly
 _FAR = 40.0  # radii from the balls to which they change the ground
 
 
-def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.Image:
+def insert_balls(picture: Image.Image, lighting: Lighting, stage: SphereScene) -> Image.Image:
     """The picture with the balls of a stage on its ground; as it is where it shows too little ground.
 
     `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
@@ -123,12 +123,12 @@ def with_balls(picture: Image.Image, lighting: Lighting, stage: Stage) -> Image.
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
     lit = ground_shadow_mask(np.asarray(picture), lighting)
     share = mean_sunlit(lit, camera, centres - [0.0, 1.0, 0.0], _ball_radius(camera))
-    standing = in_shade(there, share) if share < 1.0 else there
+    standing = dim_sun(there, share) if share < 1.0 else there
     shaded = linear * _left_light(lit, camera, replace(there, exchange=standing.exchange))
     return Image.fromarray(tone_map(_over(shaded, camera, standing)))
 
 
-def has_ground(camera: Pinhole) -> bool:
+def shows_ground(camera: Pinhole) -> bool:
     """Whether `with_balls` puts balls into a picture of this camera."""
     return _has_room(camera, _ball_radius(camera), _ROW)
 
@@ -149,7 +149,7 @@ def _ball_centres(camera: Pinhole, spot: tuple[float, float]) -> Floats:
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
 
 
-def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
+def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: SphereScene) -> NDArray[np.float32]:
     """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground.
 
     `lit` (H, W) says how far the picture's ground lies in sunlight.
@@ -158,38 +158,38 @@ def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDAr
     open_ground = stage.ground_sky.astype(np.float32) + np.float32(1e-6)
     points, near = _few_points(camera, stage)
     added = np.zeros((*near.shape, 3), dtype=np.float32)  # by the balls and all but the sun, less than 0 under them
-    added[near] = ground(points, replace(stage, ground=stage.ground_sky)) - stage.ground_sky
+    added[near] = ground_radiance(points, replace(stage, ground=stage.ground_sky)) - stage.ground_sky
     shadow = _shadow(camera, stage, _dark(points, near, stage))
     left = open_ground + _enlarged(added, camera) + shadow[..., None] * sun
     return np.asarray(left / (open_ground + sun))
 
 
-def _few_points(camera: Pinhole, stage: Stage) -> tuple[Floats, NDArray[np.bool_]]:
+def _few_points(camera: Pinhole, stage: SphereScene) -> tuple[Floats, NDArray[np.bool_]]:
     """Points (N, 3) of the ground that the balls change, in a picture of fewer pixels, and which (H, W) they are."""
     size = max(1, camera.width // _COARSE), max(1, camera.height // _COARSE)
     return _ground_points(camera_directions(replace(camera, width=size[0], height=size[1])), stage)
 
 
-def _dark(points: Floats, near: NDArray[np.bool_], stage: Stage) -> NDArray[np.bool_]:
+def _dark(points: Floats, near: NDArray[np.bool_], stage: SphereScene) -> NDArray[np.bool_]:
     """Which pixels (H, W) the balls' shadows reach, of those `near` at points (N, 3)."""
     dark = near.copy()
-    dark[near] = sunlit(points, stage) < 1
+    dark[near] = visible_sun_share(points, stage) < 1
     return dark
 
 
-def _shadow(camera: Pinhole, stage: Stage, dark: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _shadow(camera: Pinhole, stage: SphereScene, dark: NDArray[np.bool_]) -> NDArray[np.float32]:
     """The share (h, w) of the sun that the balls leave each pixel; shadows lie in and around `dark` cells (H, W)."""
     share = np.ones((camera.height, camera.width), dtype=np.float32)
     window = window_of(dark, camera.height, camera.width)
     if window is not None:
         points, near = _ground_points(_rays(camera, *window), stage)
         fine = np.ones(near.shape)
-        fine[near] = sunlit(points, stage)
+        fine[near] = visible_sun_share(points, stage)
         share[window] = fine.reshape(len(near) // _FINE, _FINE, -1, _FINE).mean(axis=(1, 3))
     return share
 
 
-def _ground_points(rays: Floats, stage: Stage) -> tuple[Floats, NDArray[np.bool_]]:
+def _ground_points(rays: Floats, stage: SphereScene) -> tuple[Floats, NDArray[np.bool_]]:
     """Points (N, 3) where rays (h, w, 3) from the camera meet the ground that the balls change, and which (h, w) do."""
     reach = (stage.centres[0, 1] - 1) / np.minimum(rays[..., 1], -1e-6)
     points = rays * reach[..., None]
@@ -206,7 +206,7 @@ def _enlarged(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32
     return np.stack([np.asarray(plane) for plane in planes], axis=-1)
 
 
-def _over(linear: NDArray[np.float32], camera: Pinhole, stage: Stage) -> NDArray[np.float32]:
+def _over(linear: NDArray[np.float32], camera: Pinhole, stage: SphereScene) -> NDArray[np.float32]:
     """The picture (h, w, 3) with each ball drawn into its own window."""
     result = linear.copy()
     for kind, centre in enumerate(stage.centres):
@@ -232,7 +232,7 @@ def _rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
-def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, stage: Stage) -> None:
+def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, stage: SphereScene) -> None:
     """Lay a ball over a window (h, w, 3), mixed with it where it covers a pixel in part."""
     flat = rays.reshape(-1, 3)
     distance = ray_sphere(np.zeros(3), flat, stage.centres[kind])

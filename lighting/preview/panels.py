@@ -15,23 +15,23 @@ from lighting.preview.drawing import (
     PANEL,
     TEXT,
     WHITE,
-    Style,
-    display,
+    TextStyle,
+    display_srgb,
     draw_horizon,
+    draw_lines,
+    draw_outlined_lines,
+    draw_polygon,
     draw_sun,
+    draw_suns,
+    draw_text,
+    draw_text_inside,
     horizon_pixels,
-    polygon,
-    rounded,
-    shaded_stroke,
-    stroke,
-    sun_colour,
-    sun_marks,
+    rounded_mask,
+    sun_mark_color,
     text_width,
-    write,
-    write_inside,
 )
-from lighting.preview.object_insertion import has_ground, with_balls
-from lighting.preview.spheres import Stage
+from lighting.preview.object_insertion import insert_balls, shows_ground
+from lighting.preview.spheres import SphereScene
 from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 
@@ -42,20 +42,20 @@ _LETTERS = 15  # pixels, size of a share
 
 def _regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
     """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
-    colour = sun_colour(lighting)
+    colour = sun_mark_color(lighting)
     labels: list[tuple[str, Floats]] = []
     for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
         rim = _rim(lighting, radius)
         if radius <= 0 or rim[180, 1] <= 0:
             continue
         line = pixels(rim[rim[:, 1] > -0.02])
-        shaded_stroke(picture, list(_pieces(line, picture.width)), colour, width)
+        draw_outlined_lines(picture, list(_pieces(line, picture.width)), colour, width)
         outwards = pixels(rim[180]) - pixels(_rim(lighting, 0.98 * radius)[180])
         outwards = outwards / np.hypot(*outwards)
         spot = pixels(rim[180]) + 14 * outwards
         labels.append((share, _clear_of([other for _, other in labels], spot, outwards)))
     for share, spot in labels:
-        write_inside(picture, spot, share, _LETTERS, colour)
+        draw_text_inside(picture, spot, share, _LETTERS, colour)
 
 
 def _clear_of(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
@@ -99,22 +99,22 @@ _RINGS = (30, 60)  # degrees of elevation
 _HEAT_SIZE = 112  # pixels of the density before enlargement
 
 
-def compass_panel(estimate: Estimate, aspect: float, size: int) -> Image.Image:
+def draw_compass(estimate: Estimate, aspect: float, size: int) -> Image.Image:
     """The sky seen from above: zenith at the centre, the camera's heading at the top, its right on the right."""
     lighting = estimate.lighting
     panel = Image.new("RGB", (size, size), PANEL)
     radius = size / 2 - 44
     heat = _heat(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
     corner = (round(size / 2 - radius),) * 2
-    panel.paste(heat, corner, rounded(heat.size, heat.width // 2))
+    panel.paste(heat, corner, rounded_mask(heat.size, heat.width // 2))
     sideways, _, along = np.abs(lighting.sun_direction)
     _rings(panel, radius)
     view = _on_dome(_frame_directions(lighting, aspect), size, radius)
-    polygon(panel, view, WHITE, 0.10)
-    stroke(panel, [view], WHITE, 1.5, 0.6)
+    draw_polygon(panel, view, WHITE, 0.10)
+    draw_lines(panel, [view], WHITE, 1.5, 0.6)
     _regions(panel, lighting, lambda d: _on_dome(d, size, radius))
     _write_degrees(panel, radius, across=bool(sideways < along))
-    sun_marks(panel, _on_dome(lighting.sun_direction[None], size, radius), sun_colour(lighting), 8)
+    draw_suns(panel, _on_dome(lighting.sun_direction[None], size, radius), sun_mark_color(lighting), 8)
     return panel
 
 
@@ -146,12 +146,12 @@ def _rings(panel: Image.Image, radius: float) -> None:
     spokes = [np.array([[centre - radius, centre], [centre + radius, centre]])]
     spokes.append(spokes[0][:, ::-1])
     rings = [_circle(centre, radius * (90 - elevation) / 90) for elevation in _RINGS]
-    stroke(panel, spokes + rings, WHITE, 1, 0.22)
-    stroke(panel, [_circle(centre, radius)], LINE, 2, 1.0)
-    write(panel, (centre, 16), "front", Style(18, TEXT, anchor="mm"))
-    write(panel, (centre, panel.height - 16), "behind", Style(18, MUTED, anchor="mm"))
+    draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
+    draw_lines(panel, [_circle(centre, radius)], LINE, 2, 1.0)
+    draw_text(panel, (centre, 16), "front", TextStyle(18, TEXT, anchor="mm"))
+    draw_text(panel, (centre, panel.height - 16), "behind", TextStyle(18, MUTED, anchor="mm"))
     for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
-        write(panel, (x, centre), word, Style(18, MUTED, anchor="mm"))
+        draw_text(panel, (x, centre), word, TextStyle(18, MUTED, anchor="mm"))
 
 
 def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
@@ -163,7 +163,7 @@ def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
     for elevation in _RINGS:
         out = centre + radius * (90 - elevation) / 90
         spot = (out + 6, centre - 3) if across else (centre + 6, out - 3)
-        write(panel, spot, f"{elevation}°", Style(15, TEXT, anchor="ls", shaded=True))
+        draw_text(panel, spot, f"{elevation}°", TextStyle(15, TEXT, anchor="ls", shaded=True))
 
 
 def _circle(centre: float, radius: float) -> Floats:
@@ -244,26 +244,28 @@ def lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
 # The panel that shows the photo, with its horizon and the sun.
 
 
-def photo_panel(photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: Stage | None = None) -> Image.Image:
+def draw_photo_panel(
+    photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: SphereScene | None = None
+) -> Image.Image:
     """The photo with its horizon and the sun, and with the balls of a stage on its ground if one is given."""
     panel = Image.new("RGB", (box.width, box.height), PANEL)
     height, width = photo.shape[:2]
     size = fitting(width, height, box.width, box.height)
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
-    picture = picture if stage is None else with_balls(picture, lighting, stage)
+    picture = picture if stage is None else insert_balls(picture, lighting, stage)
     draw_horizon(picture, lighting)
     draw_sun(picture, lighting)
     panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
     return panel
 
 
-def photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
+def format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
     """What the panel shows in a photo of this camera, in words that fit its width.
 
     `balls` says whether it draws them where there is ground.
     """
     horizon = ["its horizon"] if _shows_horizon(camera) else []
-    if not (balls and has_ground(camera)):
+    if not (balls and shows_ground(camera)):
         return _caption(horizon)
     long, short = (_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
     return long if text_width(long, LETTERS) <= width else short
@@ -283,20 +285,22 @@ def _shows_horizon(camera: Pinhole) -> bool:
 # The panel that shows the environment map.
 
 
-def map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: Box) -> Image.Image:
+def draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: Box) -> Image.Image:
     """A map (H, 2H, 3) with the sun, its regions and the outline of a photo of this aspect (width / height)."""
-    picture = Image.fromarray(display(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
+    picture = Image.fromarray(display_srgb(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
 
     def pixels(directions: Floats) -> Floats:
         return latlong_pixel(directions, box.height)
 
     frame = list(_pieces(pixels(_frame_directions(lighting, aspect)), box.width))
-    shaded_stroke(picture, frame, WHITE, 1.5)
+    draw_outlined_lines(picture, frame, WHITE, 1.5)
     _regions(picture, lighting, pixels)
     spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
-    sun_marks(picture, spots, sun_colour(lighting), 6.5)
+    draw_suns(picture, spots, sun_mark_color(lighting), 6.5)
     for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
-        write(picture, (box.width * share, box.height - 12), word, Style(16, WHITE, anchor="ms", shaded=True))
+        draw_text(picture, (box.width * share, box.height - 12), word, TextStyle(16, WHITE, anchor="ms", shaded=True))
     for share, anchor in ((0.008, "ls"), (0.992, "rs")):
-        write(picture, (box.width * share, box.height - 12), "behind", Style(16, WHITE, anchor=anchor, shaded=True))
+        draw_text(
+            picture, (box.width * share, box.height - 12), "behind", TextStyle(16, WHITE, anchor=anchor, shaded=True)
+        )
     return picture

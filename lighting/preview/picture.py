@@ -13,7 +13,17 @@ from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
 from lighting.formatting import aside, azimuth_in_words, tilt_in_words
-from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, Style, display, rounded, text_width, write
+from lighting.preview.drawing import (
+    BACKGROUND,
+    MUTED,
+    SUN,
+    TEXT,
+    TextStyle,
+    display_srgb,
+    draw_text,
+    rounded_mask,
+    text_width,
+)
 from lighting.preview.panels import (
     CAPTION,
     GAP,
@@ -22,13 +32,13 @@ from lighting.preview.panels import (
     WARNING,
     WIDTH,
     Box,
-    compass_panel,
+    draw_compass,
+    draw_map_panel,
+    draw_photo_panel,
+    format_photo_caption,
     lay_out,
-    map_panel,
-    photo_caption,
-    photo_panel,
 )
-from lighting.preview.spheres import Stage, lit_stage, pitch_of, render_stage, sphere_centres
+from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
 from lighting.records import SUITABLE, Estimate, Lighting, check_estimate
 
 # The preview's headline, warnings and numbers.
@@ -48,18 +58,18 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
     sources = _sources(lighting)
     size = _fitting(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
-    write(canvas, (MARGIN, MARGIN - 6), title, Style(size, TEXT if doubtful or not visible else SUN))
+    draw_text(canvas, (MARGIN, MARGIN - 6), title, TextStyle(size, TEXT if doubtful or not visible else SUN))
     if visible:
         half, most = _short(lighting.radius_50), _short(lighting.radius_90)
         spread = f"half of the probability lies within {half}°, 90 % within {most}°"
     else:
         spread = f"an overcast or shaded scene; if the sun shone, it would {hedge}stand {where}"
-    write(canvas, (MARGIN, MARGIN + 40), spread, Style(20, MUTED))
+    draw_text(canvas, (MARGIN, MARGIN + 40), spread, TextStyle(20, MUTED))
     model = f"{lighting.model_name} {lighting.model_version}"
-    write(canvas, (WIDTH - MARGIN, MARGIN + 40), model, Style(18, MUTED, anchor="ra"))
-    write(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, Style(18, MUTED, anchor="ra"))
+    draw_text(canvas, (WIDTH - MARGIN, MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
+    draw_text(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
     for number, line in enumerate(_warning_lines(lighting)):
-        write(canvas, (MARGIN, MARGIN + 70 + number * WARNING), line, Style(18, TEXT))
+        draw_text(canvas, (MARGIN, MARGIN + 70 + number * WARNING), line, TextStyle(18, TEXT))
 
 
 def _fitting(text: str, size: int, width: float) -> int:
@@ -136,31 +146,35 @@ def _draw_preview(
     envmap = _map(photo, estimate, None) if envmap is None else check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _numbers_of(lighting)
     plan = lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
-    compass = compass_panel(estimate, aspect, plan.compass.width)
-    centres = sphere_centres(plan.spheres.width / plan.spheres.height, pitch_of(lighting))
-    stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
+    compass = draw_compass(estimate, aspect, plan.compass.width)
+    centres = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
+    stage = build_sphere_scene(envmap, lighting.sun_direction, centres.astype(np.float64))
     placed = stage if lighting.sun_irradiance is not None else None
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
-    seen = photo_caption(camera, plan.photo.width, balls=placed is not None)
+    seen = format_photo_caption(camera, plan.photo.width, balls=placed is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
     for box, caption, panel in (
-        (plan.photo, seen, photo_panel(photo, lighting, plan.photo, placed)),
+        (plan.photo, seen, draw_photo_panel(photo, lighting, plan.photo, placed)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
-        (plan.envmap, "Environment map, the photo's view outlined", map_panel(envmap, lighting, aspect, plan.envmap)),
+        (
+            plan.envmap,
+            "Environment map, the photo's view outlined",
+            draw_map_panel(envmap, lighting, aspect, plan.envmap),
+        ),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(stage, lighting, plan.spheres)),
     ):
         _place(canvas, box, caption, panel)
     for corner, (name, value) in zip(plan.cells, numbers, strict=True):
-        write(canvas, corner, name, Style(16, MUTED))
-        write(canvas, (corner[0], corner[1] + 22), value, Style(25, TEXT))
+        draw_text(canvas, corner, name, TextStyle(16, MUTED))
+        draw_text(canvas, (corner[0], corner[1] + 22), value, TextStyle(25, TEXT))
     return np.asarray(canvas)
 
 
 def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
     """Panel with rounded corners, its caption above."""
-    write(canvas, (box.x, box.y - CAPTION + 4), caption, Style(LETTERS, MUTED))
-    canvas.paste(panel, (box.x, box.y), rounded(panel.size, 10))
+    draw_text(canvas, (box.x, box.y - CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
+    canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
 
 
 def _map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
@@ -172,6 +186,6 @@ def _map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None
     )
 
 
-def _spheres_panel(stage: Stage, lighting: Lighting, box: Box) -> Image.Image:
-    linear = render_stage(stage, lighting, box.width, box.height, supersampling=2)
-    return Image.fromarray(display(linear)).reduce(2)
+def _spheres_panel(stage: SphereScene, lighting: Lighting, box: Box) -> Image.Image:
+    linear = render_sphere_scene(stage, lighting, box.width, box.height, supersampling=2)
+    return Image.fromarray(display_srgb(linear)).reduce(2)

@@ -46,7 +46,7 @@ _FOOT_SHADE = 0.7  # share of the surrounding light that does not reach a sphere
 
 
 @dataclass(frozen=True)
-class Stage:
+class SphereScene:
     """The spheres, the environment map with its sun apart, and the light exchanged between spheres and ground."""
 
     centres: Floats  # (3, 3) of the spheres, which stand on level ground
@@ -65,7 +65,7 @@ class Stage:
 def _trace(
     origin: Floats,
     rays: Floats,
-    stage: Stage,
+    stage: SphereScene,
     leaving: int | None = None,
     disc: float | None = SUN_RADIUS,
 ) -> Floats:
@@ -91,7 +91,7 @@ def _dot(a: Floats, b: Floats) -> Floats:
     return np.asarray(np.einsum("...i,...i->...", a, b))
 
 
-def _surroundings(origin: Floats, rays: Floats, stage: Stage, disc: float | None) -> Floats:
+def _surroundings(origin: Floats, rays: Floats, stage: SphereScene, disc: float | None) -> Floats:
     """Radiance (N, 3) of sky and ground along rays (N, 3), the spheres left out."""
     radiance = np.empty_like(rays)
     down = rays[:, 1] < _LEVEL
@@ -100,7 +100,7 @@ def _surroundings(origin: Floats, rays: Floats, stage: Stage, disc: float | None
     return radiance
 
 
-def _sky(rays: Floats, stage: Stage, disc: float | None) -> Floats:
+def _sky(rays: Floats, stage: SphereScene, disc: float | None) -> Floats:
     """The map along rays (N, 3), with a sharp disc that carries the sun's power."""
     radiance = sample_latlong(stage.sky, rays).astype(rays.dtype)
     if disc is not None:
@@ -111,16 +111,16 @@ def _sky(rays: Floats, stage: Stage, disc: float | None) -> Floats:
     return radiance
 
 
-def _ground_along(origins: Floats, rays: Floats, stage: Stage) -> Floats:
+def _ground_along(origins: Floats, rays: Floats, stage: SphereScene) -> Floats:
     """Radiance (N, 3) of the ground that rays (N, 3) from origins (N, 3) go down to."""
     reach = (stage.centres[0, 1] - 1 - origins[:, 1]) / rays[:, 1]
-    return ground(origins + rays * reach[:, None], stage)
+    return ground_radiance(origins + rays * reach[:, None], stage)
 
 
-def ground(points: Floats, stage: Stage) -> Floats:
+def ground_radiance(points: Floats, stage: SphereScene) -> Floats:
     """Radiance (N, 3) of the ground at points (N, 3): the spheres hide the sun and part of the sky, and shine on it."""
     sky, albedo = stage.ground_sky.astype(points.dtype), stage.albedo.astype(points.dtype)
-    radiance = (stage.ground.astype(points.dtype) - sky) * sunlit(points, stage)[:, None] + sky
+    radiance = (stage.ground.astype(points.dtype) - sky) * visible_sun_share(points, stage)[:, None] + sky
     for centre, exchange in zip(stage.centres, stage.exchange, strict=True):
         towards = centre - points
         share = _dot(towards, towards)[:, None] ** -1.5  # of a cosine-weighted hemisphere; the centre is 1 up
@@ -128,7 +128,7 @@ def ground(points: Floats, stage: Stage) -> Floats:
     return np.maximum(radiance, 0)
 
 
-def sunlit(points: Floats, stage: Stage, leaving: int | None = None) -> Floats:
+def visible_sun_share(points: Floats, stage: SphereScene, leaving: int | None = None) -> Floats:
     """Visible share (N,) of the sun's disc from points (N, 3), with penumbra."""
     share = np.ones(len(points), dtype=points.dtype)
     sun = stage.sun_direction.astype(points.dtype)
@@ -143,7 +143,7 @@ def sunlit(points: Floats, stage: Stage, leaving: int | None = None) -> Floats:
     return share
 
 
-def shade_sphere(kind: int, points: Floats, rays: Floats, stage: Stage, *, mirrored: bool) -> Floats:
+def shade_sphere(kind: int, points: Floats, rays: Floats, stage: SphereScene, *, mirrored: bool) -> Floats:
     """Radiance (N, 3) of a sphere at points (N, 3) seen along rays (N, 3); `mirrored`, it is seen in another sphere."""
     normals = points - stage.centres[kind]
     if kind == DIFFUSE:
@@ -157,7 +157,7 @@ def shade_sphere(kind: int, points: Floats, rays: Floats, stage: Stage, *, mirro
     return MIRROR_REFLECTANCE * _trace(points, reflected, stage, kind, MIRROR_SUN_RADIUS)
 
 
-def _around(kind: int, points: Floats, rays: Floats, stage: Stage) -> Floats:
+def _around(kind: int, points: Floats, rays: Floats, stage: SphereScene) -> Floats:
     """Radiance (N, 3) of blurred sky, sharp ground and the diffuse sphere along rays (N, 3) from points (N, 3)."""
     radiance = sample_latlong(stage.lobes, rays).astype(rays.dtype)
     down = rays[:, 1] < _LEVEL
@@ -169,17 +169,19 @@ def _around(kind: int, points: Floats, rays: Floats, stage: Stage) -> Floats:
     return radiance
 
 
-def _diffuse(points: Floats, normals: Floats, stage: Stage) -> Floats:
+def _diffuse(points: Floats, normals: Floats, stage: SphereScene) -> Floats:
     """Radiance (N, 3) of the diffuse sphere at points (N, 3) with these normals (N, 3)."""
     cosine = np.maximum(normals @ stage.sun_direction.astype(points.dtype), 0)
-    direct = (cosine * sunlit(points, stage, DIFFUSE))[:, None] * stage.sun_irradiance.astype(points.dtype)
+    direct = (cosine * visible_sun_share(points, stage, DIFFUSE))[:, None] * stage.sun_irradiance.astype(points.dtype)
     return np.asarray(DIFFUSE_REFLECTANCE / np.pi * (direct + sample_latlong(stage.ball, normals).astype(points.dtype)))
 
 
-def _glossy(around: Floats, points: Floats, reflected: Floats, stage: Stage, kind: int, glossiness: float) -> Floats:
+def _glossy(
+    around: Floats, points: Floats, reflected: Floats, stage: SphereScene, kind: int, glossiness: float
+) -> Floats:
     """Radiance (N, 3) of a sphere: what is `around` it (N, 3), and the sun in a lobe along `reflected` (N, 3)."""
     cosine = reflected @ stage.sun_direction.astype(points.dtype)
-    lobe = glossiness / (2 * np.pi) * np.exp(glossiness * (cosine - 1)) * sunlit(points, stage, kind)
+    lobe = glossiness / (2 * np.pi) * np.exp(glossiness * (cosine - 1)) * visible_sun_share(points, stage, kind)
     sun = lobe[:, None] * stage.sun_irradiance.astype(points.dtype)
     return np.asarray(GLOSSY_REFLECTANCE * (around + sun))
 
@@ -201,7 +203,7 @@ _BOUNCES = 3  # of light between spheres and ground
 _BOUNCES_MORE = 2  # where that light is nearly right already
 
 
-def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stage:
+def build_sphere_scene(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> SphereScene:
     """The spheres at `centres` (3, 3) under a map (H, 2H, 3) whose sun stands in the direction `sun` (3,)."""
     sky, sun_irradiance = remove_sun(envmap, sun)
     coarse = shrink_envmap(sky, _LOBE_ROWS)
@@ -212,13 +214,13 @@ def lit_stage(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> Stag
     ball = envmap_irradiance(_with_ground_times(coarse, 0.0), latlong_directions(_BALL_ROWS))
     lobes = blur_envmap(coarse, GLOSSINESS)
     none = tuple(np.zeros((2, 4, 3)) for _ in centres)
-    stage = Stage(
+    stage = SphereScene(
         centres, sky, coarse, lobes, sun, sun_irradiance, ground, albedo * overhead / np.pi, albedo, ball, none
     )
     return _bounced(stage, _BOUNCES)
 
 
-def in_shade(stage: Stage, lit: float) -> Stage:
+def dim_sun(stage: SphereScene, lit: float) -> SphereScene:
     """The same where the sun reaches a share `lit` of the spheres and of the ground around them."""
     ground = stage.ground_sky + lit * (stage.ground - stage.ground_sky)
     coarse = _with_ground_times(stage.coarse, ground / np.maximum(stage.ground, 1e-9))
@@ -241,7 +243,7 @@ def _with_ground_times(image: NDArray[np.float32], gain: Floats | float) -> NDAr
     return result
 
 
-def _bounced(stage: Stage, times: int) -> Stage:
+def _bounced(stage: SphereScene, times: int) -> SphereScene:
     """The stage with the light that its spheres and its ground send to each other, so many times."""
     for _ in range(times):
         stage = replace(stage, exchange=tuple(_exchange(kind, stage) for kind in range(len(stage.centres))))
@@ -249,7 +251,7 @@ def _bounced(stage: Stage, times: int) -> Stage:
     return stage
 
 
-def _exchange(kind: int, stage: Stage) -> Floats:
+def _exchange(kind: int, stage: SphereScene) -> Floats:
     """Mean radiance (H, 2H, 3) that the ground receives from a sphere minus that of the sky behind it, by direction.
 
     A ground point sees the centre in that direction. The sphere then fills a cone that touches the horizon; the mean
@@ -280,7 +282,7 @@ def _cones(axes: Floats) -> tuple[Floats, Floats]:
     return rays.reshape(len(axes), -1, 3), weight / weight.sum(axis=1, keepdims=True)
 
 
-def _around_ball(stage: Stage) -> Floats:
+def _around_ball(stage: SphereScene) -> Floats:
     """Irradiance (H, 2H, 3) of the diffuse sphere by sky, ground and the other spheres, by its normals."""
     soft = replace(stage, sky=shrink_envmap(stage.sky, _AROUND_ROWS))
     rays = latlong_directions(_AROUND_ROWS).reshape(-1, 3)
@@ -298,7 +300,7 @@ def _around_ball(stage: Stage) -> Floats:
 VERTICAL_FOV = 40.0  # deg
 PITCH = (-20.0, -5.0)  # deg, range of the camera's elevation that keeps ground and sky in view
 SPACING = 2.6  # between neighbouring centres, in radii
-CENTRE_HEIGHT = 0.60  # of the middle sphere in the picture, 0 = top, 1 = bottom
+CENTER_HEIGHT = 0.60  # of the middle sphere in the picture, 0 = top, 1 = bottom
 PICTURE_WIDTH = 8.6  # at the spheres' distance, in radii
 
 
@@ -314,30 +316,30 @@ def render_spheres(
 
     They stand where `sphere_centres` says, or at `centres` (3, 3) from the camera, on the same ground.
     """
-    centres = sphere_centres(width / height, pitch_of(lighting)) if centres is None else centres
-    stage = lit_stage(envmap, lighting.sun_direction, centres.astype(np.float64))
-    return render_stage(stage, lighting, width, height, supersampling)
+    centres = sphere_centers(width / height, limit_pitch(lighting)) if centres is None else centres
+    stage = build_sphere_scene(envmap, lighting.sun_direction, centres.astype(np.float64))
+    return render_sphere_scene(stage, lighting, width, height, supersampling)
 
 
-def render_stage(
-    stage: Stage, lighting: Lighting, width: int, height: int, supersampling: int = 2
+def render_sphere_scene(
+    stage: SphereScene, lighting: Lighting, width: int, height: int, supersampling: int = 2
 ) -> NDArray[np.float32]:
     """The same picture of a stage that is lit already."""
     columns, rows = width * supersampling, height * supersampling
-    camera = Pinhole(columns, rows, VERTICAL_FOV, elevation=pitch_of(lighting))
+    camera = Pinhole(columns, rows, VERTICAL_FOV, elevation=limit_pitch(lighting))
     rays = camera_directions(camera).astype(np.float32).reshape(-1, 3)
     picture = _trace(np.zeros(3, np.float32), rays, replace(stage, centres=stage.centres.astype(np.float32)))
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
 
 
-def pitch_of(lighting: Lighting) -> float:
+def limit_pitch(lighting: Lighting) -> float:
     """Elevation [deg] of the stage's camera: the photo's, as far as the ground stays in view."""
     return float(np.clip(lighting.camera_elevation, *PITCH))
 
 
-def sphere_centres(aspect: float, pitch: float) -> NDArray[np.float32]:
+def sphere_centers(aspect: float, pitch: float) -> NDArray[np.float32]:
     """The spheres' centres (3, 3) as seen from a camera at the origin whose elevation is `pitch` [deg]."""
     right, up, forward = camera_axes(0.0, pitch, 0.0)
     height = PICTURE_WIDTH / aspect
-    middle = forward * focal_length(height, VERTICAL_FOV) + up * (0.5 - CENTRE_HEIGHT) * height
+    middle = forward * focal_length(height, VERTICAL_FOV) + up * (0.5 - CENTER_HEIGHT) * height
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * right, dtype=np.float32)

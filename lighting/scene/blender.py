@@ -27,9 +27,9 @@ from lighting.scene.records import (
     SUN_ANGLE,
     CameraMotion,
     Scene,
-    placeholder_of,
+    make_placeholder,
 )
-from lighting.scene.writer import Folder, data_text, write_shared_files
+from lighting.scene.writer import Folder, read_data_text, write_shared_files
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
@@ -42,7 +42,7 @@ def write_blender(scene: Scene, folder: Folder) -> None:
     """Write SCRIPT, the NUMBERS that it reads and the shared files; in a folder on disk also FILE where bpy is."""
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
-    (folder / SCRIPT).write_text(data_text("blender_scene.py"), encoding="utf-8")
+    (folder / SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
     if isinstance(folder, Path) and find_spec("bpy") is not None:
         _save(folder)
 
@@ -110,7 +110,7 @@ def _native_sky(scene: Scene) -> dict[str, Any]:
 
 def _placeholder(scene: Scene) -> dict[str, Any]:
     """The stick's foot is given from the spot."""
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     return {
         "spot": to_z_up(scene.spot).tolist(),
         "ball_radius": placeholder.ball_radius,

@@ -18,8 +18,8 @@ from lighting.color import color_and_intensity
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.records import record_with_coefficients
-from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, placeholder_of
-from lighting.scene.writer import Folder, plate_png
+from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
+from lighting.scene.writer import Folder, encode_plate
 
 # Triangle meshes for formats without spheres and cylinders.
 
@@ -118,14 +118,14 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
         "meshes": _meshes(scene, binary),
         "textures": [{"source": 0, "sampler": 0}],
         "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
-        "images": [binary.png(plate_png(scene))],
+        "images": [binary.png(encode_plate(scene))],
     }
     (folder / FILE).write_bytes(binary.packed(document))
 
 
 def _nodes(scene: Scene) -> list[dict[str, Any]]:
     """Camera, plate, sun, ground, and the spot for the user's object with the placeholder."""
-    placeholder, plate = placeholder_of(scene), scene.camera_matrix
+    placeholder, plate = make_placeholder(scene), scene.camera_matrix
     plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
     return [
         {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
@@ -149,7 +149,7 @@ def _columns(matrix: NDArray[Any]) -> list[float]:
 def _plate_distance(scene: Scene) -> float:
     """Metres along the camera's axis."""
     to_spot = float(np.linalg.norm(scene.spot - scene.camera_position))
-    return _BEHIND * (to_spot + _GROUND_IN_BALLS * placeholder_of(scene).ball_radius)
+    return _BEHIND * (to_spot + _GROUND_IN_BALLS * make_placeholder(scene).ball_radius)
 
 
 def _sun(scene: Scene) -> dict[str, Any]:
@@ -185,7 +185,7 @@ def _diffuse(name: str, albedo: list[float]) -> dict[str, Any]:
 
 
 def _meshes(scene: Scene, binary: "_Binary") -> list[dict[str, Any]]:
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     height = 2 * _plate_distance(scene) * float(np.tan(np.radians(scene.vertical_fov) / 2))
     parts = [
         ("Ball", _ball(placeholder.ball_radius), _PLACEHOLDER),

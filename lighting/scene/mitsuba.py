@@ -8,8 +8,8 @@ import numpy as np
 
 from lighting.geometry import Floats, direction
 from lighting.scene import ENVIRONMENT
-from lighting.scene.records import GROUND_RADIUS, PLACEHOLDER_ALBEDO, SUN_ANGLE, Scene, placeholder_of
-from lighting.scene.writer import Folder, data_text, filled, write_shared_files
+from lighting.scene.records import GROUND_RADIUS, PLACEHOLDER_ALBEDO, SUN_ANGLE, Scene, make_placeholder
+from lighting.scene.writer import Folder, fill_template, read_data_text, write_shared_files
 
 SCENE, CAMERA, LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
 
@@ -27,8 +27,8 @@ def write_mitsuba(scene: Scene, folder: Folder) -> None:
         (LIGHT, _light_values(scene)),
         (OBJECT, _object_values(scene)),
     ):
-        (folder / name).write_text(filled(f"mitsuba_{name}", values), encoding="utf-8")
-    (folder / COMPOSITE).write_text(data_text("mitsuba_composite.py"), encoding="utf-8")
+        (folder / name).write_text(fill_template(f"mitsuba_{name}", values), encoding="utf-8")
+    (folder / COMPOSITE).write_text(read_data_text("mitsuba_composite.py"), encoding="utf-8")
 
 
 def _camera_values(scene: Scene) -> dict[str, object]:
@@ -59,7 +59,7 @@ def _light_values(scene: Scene) -> dict[str, object]:
 
 
 def _object_values(scene: Scene) -> dict[str, object]:
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     foot = scene.spot + placeholder.stick_foot
     return {
         "spot": _numbers(scene.spot),

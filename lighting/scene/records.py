@@ -235,7 +235,7 @@ class _Placeholder:
         return 0.06 * self.ball_radius
 
 
-def placeholder_of(scene: Scene) -> _Placeholder:
+def make_placeholder(scene: Scene) -> _Placeholder:
     """The placeholder of a scene, which always takes up the same part of the picture."""
     distance = float(np.linalg.norm(scene.spot - scene.camera_position))
     return _Placeholder(2 * BALL * distance * float(np.tan(np.radians(scene.vertical_fov) / 2)))

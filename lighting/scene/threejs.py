@@ -12,15 +12,8 @@ from lighting.color import color_and_intensity
 from lighting.envmap.relighting import rotate_envmap
 from lighting.files import encode_envmap
 from lighting.records import record_with_coefficients
-from lighting.scene.records import (
-    FAR,
-    GROUND_RADIUS,
-    NEAR,
-    PLACEHOLDER_ALBEDO,
-    Scene,
-    placeholder_of,
-)
-from lighting.scene.writer import Folder, data_text, filled, lit_ground_png, plate_png
+from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
+from lighting.scene.writer import Folder, encode_lit_ground, encode_plate, fill_template, read_data_text
 
 PAGE = "scene.html"
 
@@ -31,15 +24,15 @@ def write_threejs(scene: Scene, folder: Folder) -> None:
     """Write PAGE."""
     parts = {
         "scene": json.dumps(_description(scene)).replace("<", "\\u003c"),  # no text in it ends the script
-        "three": data_text("three.min.js"),
-        "viewer": data_text("viewer.js"),
+        "three": read_data_text("three.min.js"),
+        "viewer": read_data_text("viewer.js"),
     }
-    (folder / PAGE).write_text(filled("viewer.html", parts), encoding="utf-8")
+    (folder / PAGE).write_text(fill_template("viewer.html", parts), encoding="utf-8")
 
 
 def _description(scene: Scene) -> dict[str, Any]:
     """The values that viewer.js reads, in metres and degrees; three.js has the frame of geometry.py."""
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     colour, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "width": scene.width,
@@ -59,8 +52,8 @@ def _description(scene: Scene) -> dict[str, Any]:
         "stickHeight": placeholder.stick_height,
         "stickRadius": placeholder.stick_radius,
         "albedo": PLACEHOLDER_ALBEDO,
-        "plate": _png_url(plate_png(scene)),
-        "litGround": _png_url(lit_ground_png(scene)),
+        "plate": _png_url(encode_plate(scene)),
+        "litGround": _png_url(encode_lit_ground(scene)),
         "environment": b64encode(encode_envmap(rotate_envmap(scene.environment, _YAW), format="hdr")).decode(),
         "lighting": record_with_coefficients(scene.lighting),
     }

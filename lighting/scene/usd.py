@@ -25,9 +25,9 @@ from lighting.scene.records import (
     SUN_ANGLE,
     CameraMotion,
     Scene,
-    placeholder_of,
+    make_placeholder,
 )
-from lighting.scene.writer import Folder, filled, write_shared_files
+from lighting.scene.writer import Folder, fill_template, write_shared_files
 
 STAGE, SHOT_STAGE = "scene.usda", "shot.usda"
 
@@ -45,7 +45,7 @@ def write_usd(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     if up_axis not in ("Y", "Z"):
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.", "up_axis", ErrorCode.UNKNOWN)
     write_shared_files(scene, folder)
-    (folder / STAGE).write_text(filled("scene.usda", _values(scene, up_axis)), encoding="utf-8")
+    (folder / STAGE).write_text(fill_template("scene.usda", _values(scene, up_axis)), encoding="utf-8")
 
 
 def animate_usd(motion: CameraMotion) -> dict[str, str]:
@@ -148,7 +148,7 @@ def _ground_values(scene: Scene, placed: Placed) -> dict[str, str]:
 
 
 def _object_values(scene: Scene, placed: Placed) -> dict[str, str]:
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     corner = np.array([placeholder.stick_radius, placeholder.stick_height / 2, placeholder.stick_radius])
     return {
         "object_colour": _vector([PLACEHOLDER_ALBEDO] * 3),

@@ -42,32 +42,32 @@ class Folder(Protocol):
 
 def write_shared_files(scene: Scene, folder: Folder) -> None:
     """Write SHARED_FILES."""
-    (folder / PLATE).write_bytes(plate_png(scene))
+    (folder / PLATE).write_bytes(encode_plate(scene))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
     (folder / RECORD).write_text(
         json.dumps(record_with_coefficients(scene.lighting), indent=2) + "\n", encoding="utf-8"
     )
-    (folder / LIT_GROUND).write_bytes(lit_ground_png(scene))
+    (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
 
 
-def plate_png(scene: Scene) -> bytes:
+def encode_plate(scene: Scene) -> bytes:
     """The plate as PNG."""
     return encode_png(scene.plate, compress_level=3)
 
 
-def lit_ground_png(scene: Scene) -> bytes:
+def encode_lit_ground(scene: Scene) -> bytes:
     """Where the plate's ground lies in sunlight, as PNG of one channel: 0 in shade, 255 in sunlight or above ground."""
     return encode_png(np.round(255 * scene.lit_ground).astype(np.uint8))
 
 
-def data_text(name: str) -> str:
+def read_data_text(name: str) -> str:
     """The text of a file in lighting/data/."""
     return (files("lighting") / "data" / name).read_text(encoding="utf-8")
 
 
-def filled(name: str, values: dict[str, Any]) -> str:
+def fill_template(name: str, values: dict[str, Any]) -> str:
     """The same with its $placeholders replaced."""
-    return Template(data_text(name)).substitute(values)
+    return Template(read_data_text(name)).substitute(values)
 
 
 # Scenes as folders and archives that appear only when they are whole.
@@ -89,7 +89,7 @@ def write_scene(
             f"A scene is written to a folder, not to {type(folder).__name__}.", "folder", ErrorCode.WRONG_TYPE
         )
     target = Path(folder).resolve()
-    check_target(target, overwrite=overwrite)
+    check_scene_folder(target, overwrite=overwrite)
     try:
         with _beside(target) as built:
             _write(scene, tool, built, options)
@@ -142,7 +142,7 @@ class _Member:
         self.write_bytes(text.encode(encoding))
 
 
-def check_target(target: Path, *, overwrite: bool) -> None:
+def check_scene_folder(target: Path, *, overwrite: bool) -> None:
     """Raise SceneError if the folder of a scene cannot be written, or is not empty and `overwrite` is false."""
     if objection := output_folder_error(target, overwrite=overwrite, what="the scene", need="a scene is a folder"):
         raise SceneError(objection)

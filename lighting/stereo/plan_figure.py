@@ -5,7 +5,18 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Floats
-from lighting.preview.drawing import BACKGROUND, LINE, MUTED, PANEL, TEXT, Colour, Style, polygon, stroke, write
+from lighting.preview.drawing import (
+    BACKGROUND,
+    LINE,
+    MUTED,
+    PANEL,
+    TEXT,
+    Srgb,
+    TextStyle,
+    draw_lines,
+    draw_polygon,
+    draw_text,
+)
 from lighting.stereo.plan_records import Plan, Window, WindowTable, format_clock
 
 WIDTH, HEIGHT = 1600, 900
@@ -24,11 +35,11 @@ _ROW = 42  # pixels from one row of it to the next
 def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
     """The picture (900, 1600, 3) of a plan under a title and a line that says for whom and when it holds."""
     canvas = Image.new("RGB", (WIDTH, HEIGHT), BACKGROUND)
-    write(canvas, (40, 34), title, Style(30, TEXT))
-    write(canvas, (40, 76), subtitle, Style(18, MUTED))
+    draw_text(canvas, (40, 34), title, TextStyle(30, TEXT))
+    draw_text(canvas, (40, 76), subtitle, TextStyle(18, MUTED))
     _draw_windows(canvas, plan)
     _draw_scale(canvas)
-    write(canvas, (_RIGHT, 118), _sphere_caption(plan), Style(18, MUTED))
+    draw_text(canvas, (_RIGHT, 118), _sphere_caption(plan), TextStyle(18, MUTED))
     for column, window in enumerate(plan.windows):
         _draw_sphere(canvas, _FIRST + column * _STEP, window)
     _draw_orientations(canvas, plan.windows)
@@ -47,20 +58,20 @@ def _draw_windows(canvas: Image.Image, plan: Plan) -> None:
     """Start of the window to the right, its end upwards."""
     left, top, side = _TRIANGLE
     first, last = _axis_hours(plan.table)
-    write(
+    draw_text(
         canvas,
         (left - 60, 118),
         "Noise gain by start and end of the window, median over orientations",
-        Style(18, MUTED),
+        TextStyle(18, MUTED),
     )
     canvas.paste(_window_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
     every = 1 if last - first <= 12 else 2 if last - first <= 16 else 3
     for hour in range(first, last + 1, every):
         at = _axis_position(60.0 * hour, plan.table, first, last)
-        write(canvas, (left + at, top + side + 8), f"{hour}", Style(16, MUTED, anchor="ma"))
-        write(canvas, (left - 10, top + side - at), f"{hour}", Style(16, MUTED, anchor="rm"))
-    write(canvas, (left + side - 8, top + side - 10), "start", Style(16, MUTED, anchor="rd"))
-    write(canvas, (left + 10, top + 10), "end", Style(16, TEXT, shaded=True))
+        draw_text(canvas, (left + at, top + side + 8), f"{hour}", TextStyle(16, MUTED, anchor="ma"))
+        draw_text(canvas, (left - 10, top + side - at), f"{hour}", TextStyle(16, MUTED, anchor="rm"))
+    draw_text(canvas, (left + side - 8, top + side - 10), "start", TextStyle(16, MUTED, anchor="rd"))
+    draw_text(canvas, (left + 10, top + 10), "end", TextStyle(16, TEXT, shaded=True))
     for window in plan.windows:
         x, y = (_axis_position(minutes, plan.table, first, last) for minutes in (window.start, window.end))
         _draw_mark(canvas, (left + x, top + side - y), f"{window.hours} h", after=window.hours < 3)
@@ -93,9 +104,9 @@ def _draw_mark(canvas: Image.Image, spot: tuple[float, float], text: str, *, aft
     turn = np.linspace(0, 2 * np.pi, 33)
     circle = np.stack([spot[0] + 8 * np.cos(turn), spot[1] + 8 * np.sin(turn)], axis=-1)
     for colour, width in (((0, 0, 0), 5.0), (TEXT, 2.5)):
-        stroke(canvas, [circle], colour, width)
+        draw_lines(canvas, [circle], colour, width)
     beside = (spot[0] + (14 if after else -14), spot[1])
-    write(canvas, beside, text, Style(18, TEXT, anchor="lm" if after else "rm", shaded=True))
+    draw_text(canvas, beside, text, TextStyle(18, TEXT, anchor="lm" if after else "rm", shaded=True))
 
 
 def _draw_scale(canvas: Image.Image) -> None:
@@ -105,10 +116,13 @@ def _draw_scale(canvas: Image.Image) -> None:
     canvas.paste(bar, (left, top))
     for gain in (1, 3, 10, 30, 100, 300):
         x = left + width * np.log(gain / MIN_GAIN) / np.log(MAX_GAIN / MIN_GAIN)
-        write(
-            canvas, (x, top + height + 3), f"{gain}" + ("+" if gain == MAX_GAIN else ""), Style(15, MUTED, anchor="ma")
+        draw_text(
+            canvas,
+            (x, top + height + 3),
+            f"{gain}" + ("+" if gain == MAX_GAIN else ""),
+            TextStyle(15, MUTED, anchor="ma"),
         )
-    write(canvas, (left - 10, top + 6), "gain", Style(15, MUTED, anchor="rm"))
+    draw_text(canvas, (left - 10, top + 6), "gain", TextStyle(15, MUTED, anchor="rm"))
 
 
 def _sphere_caption(plan: Plan) -> str:
@@ -121,35 +135,35 @@ def _draw_sphere(canvas: Image.Image, left: int, window: Window) -> None:
     picture = Image.fromarray(_gain_colors(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
     canvas.paste(picture, (left, top), mask=_disc_mask(_SPHERE))
     centre = left + _SPHERE / 2
-    write(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", Style(24, TEXT, anchor="ma"))
-    write(
+    draw_text(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", TextStyle(24, TEXT, anchor="ma"))
+    draw_text(
         canvas,
         (centre, top + _SPHERE + 46),
         f"{format_clock(window.start)} to {format_clock(window.end)}",
-        Style(15, MUTED, anchor="ma"),
+        TextStyle(15, MUTED, anchor="ma"),
     )
 
 
 def _disc_mask(size: int) -> Image.Image:
     mask = Image.new("RGB", (size, size))
     turn = np.linspace(0, 2 * np.pi, 181)[:-1]
-    polygon(mask, size / 2 + (size / 2 - 1) * np.stack([np.cos(turn), np.sin(turn)], axis=-1), (255, 255, 255))
+    draw_polygon(mask, size / 2 + (size / 2 - 1) * np.stack([np.cos(turn), np.sin(turn)], axis=-1), (255, 255, 255))
     return mask.convert("L")
 
 
 def _draw_orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None:
     """A row for each orientation, a column for each window."""
-    write(canvas, (_RIGHT, _ROWS), "Expected error of the normal, by orientation", Style(18, MUTED))
+    draw_text(canvas, (_RIGHT, _ROWS), "Expected error of the normal, by orientation", TextStyle(18, MUTED))
     rows = [("median", [window.error for window in windows])]
     names = [orientation.name for orientation in windows[0].orientations]
     rows += [(name, [window.orientations[i].error for window in windows]) for i, name in enumerate(names)]
-    stroke(canvas, [np.array([[_RIGHT, _ROWS + 30], [WIDTH - 40, _ROWS + 30]])], LINE, 1.0)
+    draw_lines(canvas, [np.array([[_RIGHT, _ROWS + 30], [WIDTH - 40, _ROWS + 30]])], LINE, 1.0)
     for number, (name, errors) in enumerate(rows):
         y = _ROWS + 52 + number * _ROW
-        write(canvas, (_RIGHT, y), name, Style(18, TEXT if number == 0 else MUTED, anchor="lm"))
+        draw_text(canvas, (_RIGHT, y), name, TextStyle(18, TEXT if number == 0 else MUTED, anchor="lm"))
         for column, error in enumerate(errors):
             x = _FIRST + column * _STEP + _SPHERE
-            write(canvas, (x, y), format_angle_error(error), Style(20, _error_color(error), anchor="rm"))
+            draw_text(canvas, (x, y), format_angle_error(error), TextStyle(20, _error_color(error), anchor="rm"))
 
 
 def format_angle_error(error: float) -> str:
@@ -157,5 +171,5 @@ def format_angle_error(error: float) -> str:
     return f">{MAX_USEFUL_ERROR:g}°" if error > MAX_USEFUL_ERROR else f"{error:.1f}°"
 
 
-def _error_color(error: float) -> Colour:
+def _error_color(error: float) -> Srgb:
     return TEXT if error < 10 else MUTED

@@ -15,7 +15,17 @@ from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.render import render
 from lighting.files.atomic import atomic_write
 from lighting.geometry import wrap_azimuth
-from lighting.preview.drawing import SUN, WHITE, Style, display, draw_horizon, draw_sun, rounded, text_width, write
+from lighting.preview.drawing import (
+    SUN,
+    WHITE,
+    TextStyle,
+    display_srgb,
+    draw_horizon,
+    draw_sun,
+    draw_text,
+    rounded_mask,
+    text_width,
+)
 from lighting.preview.spheres import render_spheres
 from lighting.video.decode import Clip
 from lighting.video.shot import FrameLight
@@ -90,14 +100,14 @@ def draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np
     picture = Image.fromarray(pixels)
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)
-    panel = Image.fromarray(display(balls * np.float32(_gain(light))))
+    panel = Image.fromarray(display_srgb(balls * np.float32(_gain(light))))
     layout = _fit_layout(picture.width, panel.width)
-    picture.paste(panel, (_MARGIN, picture.height - panel.height - layout.below), rounded(panel.size, 10))
+    picture.paste(panel, (_MARGIN, picture.height - panel.height - layout.below), rounded_mask(panel.size, 10))
     words, colour = _frame_text(light), SUN if light.lighting.sun_shines else WHITE
-    style = Style(layout.size, colour, anchor="rs", shaded=True)
+    style = TextStyle(layout.size, colour, anchor="rs", shaded=True)
     for i, line in enumerate(reversed(layout.lines)):
         corner = (picture.width - 14.0, picture.height - 12.0 - i * _LINE_HEIGHT * layout.size)
-        write(picture, corner, _GAP.join(words[k] for k in line), style)
+        draw_text(picture, corner, _GAP.join(words[k] for k in line), style)
     return np.asarray(picture)
 
 

@@ -19,10 +19,10 @@ from lighting.preview.object_insertion import (
     _has_room,
     _plain_spot,
     _shadow,
-    has_ground,
-    with_balls,
+    insert_balls,
+    shows_ground,
 )
-from lighting.preview.spheres import DIFFUSE_REFLECTANCE, Stage, lit_stage, sphere_centres
+from lighting.preview.spheres import DIFFUSE_REFLECTANCE, SphereScene, build_sphere_scene, sphere_centers
 from lighting.records import Lighting
 from tests.lighting.envmap.test_render import render_given_light
 
@@ -39,15 +39,15 @@ SHADED = np.array([0.12, 0.11, 0.1]) / np.pi * np.array([0.4, 0.5, 0.8])
 
 
 @lru_cache(maxsize=1)
-def stage() -> Stage:
-    centres = sphere_centres(4 / 3, -10.0).astype(np.float64)
-    return lit_stage(render(LIGHT, 64), LIGHT.sun_direction, centres)
+def stage() -> SphereScene:
+    centres = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    return build_sphere_scene(render(LIGHT, 64), LIGHT.sun_direction, centres)
 
 
 def drawn(ground: np.ndarray) -> np.ndarray:
     """Linear values of a picture of one colour with the balls in it."""
     picture = Image.fromarray(tone_map(np.broadcast_to(ground, (HEIGHT, WIDTH, 3))))
-    return srgb_decode(np.asarray(with_balls(picture, LIGHT, stage())) / 255.0)
+    return srgb_decode(np.asarray(insert_balls(picture, LIGHT, stage())) / 255.0)
 
 
 def test_the_balls_stand_side_by_side_on_the_ground_below_the_middle() -> None:
@@ -64,9 +64,9 @@ def test_the_balls_stand_side_by_side_on_the_ground_below_the_middle() -> None:
 def test_a_picture_without_ground_stays_as_it_is() -> None:
     up = replace(LIGHT, camera_elevation=40.0)
     picture = Image.new("RGB", (80, 60), (90, 120, 160))
-    assert with_balls(picture, up, stage()) is picture
-    assert not has_ground(replace(CAMERA, elevation=40.0))
-    assert has_ground(CAMERA)
+    assert insert_balls(picture, up, stage()) is picture
+    assert not shows_ground(replace(CAMERA, elevation=40.0))
+    assert shows_ground(CAMERA)
 
 
 def test_the_balls_stand_beside_what_fills_the_middle() -> None:
@@ -76,7 +76,7 @@ def test_the_balls_stand_beside_what_fills_the_middle() -> None:
     with_thing[72:110, 70:130] = np.random.default_rng(0).integers(0, 255, (38, 60, 1))
     changed = {}
     for name, picture in (("plain", ground), ("thing", with_thing)):
-        drawn = np.asarray(with_balls(Image.fromarray(picture), LIGHT, stage()))
+        drawn = np.asarray(insert_balls(Image.fromarray(picture), LIGHT, stage()))
         changed[name] = np.abs(drawn.astype(int) - picture).max(axis=2) > 40
     assert changed["plain"][72:110, 70:90].any()
     assert not changed["thing"][72:110, 90:130].any()
@@ -86,7 +86,7 @@ def test_the_balls_stand_beside_what_fills_the_middle() -> None:
 @pytest.mark.parametrize("size", [(32, 256), (256, 32)])
 def test_a_narrow_picture_shows_the_balls(size: tuple[int, int]) -> None:
     picture = Image.new("RGB", size, (90, 120, 160))
-    shown = with_balls(picture, LIGHT, stage())
+    shown = insert_balls(picture, LIGHT, stage())
     assert shown.size == size
     assert shown.getpixel((size[0] // 2, round(0.8 * size[1]) - 2)) != (90, 120, 160)
 
@@ -102,7 +102,7 @@ def test_a_narrow_picture_has_all_balls_inside() -> None:
 
 def test_balls_behind_a_camera_that_looks_straight_down_are_left_out() -> None:
     down = replace(LIGHT, camera_elevation=-90.0, vertical_fov=170.0)
-    assert with_balls(Image.new("RGB", (80, 60), (90, 120, 160)), down, stage()).size == (80, 60)
+    assert insert_balls(Image.new("RGB", (80, 60), (90, 120, 160)), down, stage()).size == (80, 60)
 
 
 def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
@@ -139,15 +139,15 @@ def test_ground_in_shade_is_not_darkened_by_the_sun_again() -> None:
 def test_balls_on_ground_in_shade_are_in_shade() -> None:
     """Seen from where the sun is, the grey ball of the shaded picture has the sky's light alone."""
     behind = replace(LIGHT, sun_azimuth=180.0)
-    centres = sphere_centres(4 / 3, -10.0).astype(np.float64)
-    lit = lit_stage(render(behind, 64), behind.sun_direction, centres)
+    centres = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(behind, 64), behind.sun_direction, centres)
     x, y = (round(float(v)) for v in camera_pixel(CENTRES[2], CAMERA))
     seen = {}
     for name, under in (("sun", SUNLIT), ("shade", SHADED)):
         ground = np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3)).copy()
         ground[80:110, 30:130] = under
         picture = Image.fromarray(tone_map(ground))
-        seen[name] = srgb_decode(np.asarray(with_balls(picture, behind, lit)) / 255.0)[y, x]
+        seen[name] = srgb_decode(np.asarray(insert_balls(picture, behind, lit)) / 255.0)[y, x]
     sky, sun = np.array([0.4, 0.5, 0.8]), np.array([1.9, 1.5, 0.9])
     assert seen["shade"][1] < seen["sun"][1] / 2
     assert seen["shade"] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sky, rel=0.6)
@@ -165,11 +165,11 @@ def test_a_light_of_overcast_skies_throws_no_hard_shadow() -> None:
         0.0, 40.0, 3.0, 1.0, camera_elevation=-10.0, sky_cover=1.0, ground_color=(0.12, 0.12, 0.12),
         sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=(0.8, 0.8, 0.8),
     )  # fmt: skip
-    centres = sphere_centres(4 / 3, -10.0).astype(np.float64)
-    lit = lit_stage(render(dull, 64), dull.sun_direction, centres)
+    centres = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(dull, 64), dull.sun_direction, centres)
     level = np.full(3, 0.12 / np.pi * 0.8)
     picture = Image.fromarray(tone_map(np.broadcast_to(level, (HEIGHT, WIDTH, 3))))
-    share = srgb_decode(np.asarray(with_balls(picture, dull, lit)) / 255.0) / level
+    share = srgb_decode(np.asarray(insert_balls(picture, dull, lit)) / 255.0) / level
     assert share[70:110, 125:].min() > 0.75
 
 

@@ -20,11 +20,11 @@ from lighting.preview.panels import (
     _pieces,
     _regions,
     _rim,
-    compass_panel,
+    draw_compass,
+    draw_map_panel,
+    draw_photo_panel,
+    format_photo_caption,
     lay_out,
-    map_panel,
-    photo_caption,
-    photo_panel,
 )
 from lighting.records import Lighting
 from lighting.sun_grid import grid_directions, soft_label
@@ -57,7 +57,7 @@ def test_even_probability_is_colder_than_a_sure_one() -> None:
 
 def test_sun_is_marked_at_its_place_on_the_compass() -> None:
     size = 500
-    panel = np.asarray(compass_panel(estimate(outdoors(70.0, 30.0)), 4 / 3, size))
+    panel = np.asarray(draw_compass(estimate(outdoors(70.0, 30.0)), 4 / 3, size))
     spot = (amber(panel.astype(np.int64)).mean(axis=0) - size / 2) / (size / 2 - 44)
     reach = (90 - 30) / 90
     expected = (-reach * np.cos(np.radians(70.0)), reach * np.sin(np.radians(70.0)))
@@ -68,7 +68,7 @@ def test_sun_is_marked_at_its_place_on_the_compass() -> None:
 def test_the_rings_degrees_are_not_where_the_regions_have_their_shares(azimuth: float) -> None:
     """Those stand on the sun's meridian, also beyond the zenith."""
     size = 500
-    panel = np.asarray(compass_panel(estimate(outdoors(azimuth, 10.0)), 4 / 3, size)).astype(np.int64)
+    panel = np.asarray(draw_compass(estimate(outdoors(azimuth, 10.0)), 4 / 3, size)).astype(np.int64)
     letters = np.argwhere(np.abs(panel - np.array(TEXT)).max(axis=-1) < 8) - size / 2
     letters = letters[np.hypot(*letters.T) < 0.75 * (size / 2 - 44)]
     assert len(letters) > 20
@@ -80,7 +80,7 @@ def test_the_rings_degrees_are_not_where_the_regions_have_their_shares(azimuth: 
 def test_a_sun_on_the_horizon_does_not_touch_the_word_beside_it(azimuth: float) -> None:
     size = 500
     low, high = (
-        np.asarray(compass_panel(estimate(outdoors(azimuth, elevation)), 4 / 3, size)).astype(np.int64)
+        np.asarray(draw_compass(estimate(outdoors(azimuth, elevation)), 4 / 3, size)).astype(np.int64)
         for elevation in (0.0, 60.0)
     )
     words = np.array([MUTED if azimuth else TEXT])
@@ -96,7 +96,7 @@ def test_no_region_strikes_the_degrees_out() -> None:
     counts = []
     for radius_90 in (25.0, 54.0):
         lighting = outdoors(0.0, 45.0, radius_50=10.0, radius_90=radius_90)
-        panel = np.asarray(compass_panel(estimate(lighting), 4 / 3, size)).astype(np.int64)
+        panel = np.asarray(draw_compass(estimate(lighting), 4 / 3, size)).astype(np.int64)
         columns = slice(round(size / 2 + radius / 3 + 4), round(size / 2 + radius / 3 + 40))
         degrees = panel[size // 2 - 18 : size // 2 - 2, columns]
         counts.append(int((np.abs(degrees - np.array(TEXT)).max(axis=-1) < 8).sum()))
@@ -124,14 +124,14 @@ def test_panels_do_not_overlap(aspect: float, warnings: int) -> None:
 def test_regions_of_any_size_and_place_are_drawn(radius: float, azimuth: float, elevation: float) -> None:
     lighting = outdoors(azimuth, elevation, radius_50=radius, radius_90=radius)
     box = lay_out(4 / 3, 9).envmap
-    panel = np.asarray(map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)
+    panel = np.asarray(draw_map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)
     assert len(amber(panel)) > 30
 
 
 def test_region_on_the_map_has_its_radius() -> None:
     lighting = outdoors(40.0, 20.0, radius_50=20.0)
     box = lay_out(4 / 3, 9).envmap
-    rows, columns = amber(np.asarray(map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)).T
+    rows, columns = amber(np.asarray(draw_map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)).T
     half_width = np.degrees(np.arcsin(np.sin(np.radians(20.0)) / np.cos(np.radians(20.0))))
     assert rows.max() == pytest.approx(box.height / 2, abs=3)
     assert columns.max() == pytest.approx((0.5 + (40.0 + half_width) / 360) * box.width, abs=3)
@@ -139,7 +139,7 @@ def test_region_on_the_map_has_its_radius() -> None:
 
 
 def drawn(lighting: Lighting) -> NDArray[np.int64]:
-    return np.asarray(photo_panel(photo(320, 240), lighting, lay_out(4 / 3, 9).photo)).astype(np.int64)
+    return np.asarray(draw_photo_panel(photo(320, 240), lighting, lay_out(4 / 3, 9).photo)).astype(np.int64)
 
 
 @pytest.mark.parametrize(("elevation", "roll"), [(12.0, 0.0), (-9.0, 0.0), (6.0, 8.0), (0.0, -10.0)])
@@ -207,13 +207,13 @@ def test_the_horizon_does_not_cross_the_words_beside_the_arrow(azimuth: float, e
     ],
 )
 def test_the_caption_names_what_is_seen(elevation: float, fov: float, balls: bool, caption: str) -> None:
-    assert photo_caption(Pinhole(400, 300, fov, elevation=elevation), 400, balls=balls) == caption
+    assert format_photo_caption(Pinhole(400, 300, fov, elevation=elevation), 400, balls=balls) == caption
 
 
 @pytest.mark.parametrize("aspect", [0.2, 0.5, 9 / 16, 2 / 3, 1.0, 3.0])
 def test_the_caption_is_no_wider_than_the_panel(aspect: float) -> None:
     width = lay_out(aspect, 9).photo.width
-    assert text_width(photo_caption(Pinhole(400, 300, 50.0), width, balls=True), LETTERS) <= width
+    assert text_width(format_photo_caption(Pinhole(400, 300, 50.0), width, balls=True), LETTERS) <= width
 
 
 @pytest.mark.parametrize("radius", [0.5, 30.0, 110.0])
@@ -247,7 +247,7 @@ def test_the_shares_of_regions_do_not_cover_each_other(
 ) -> None:
     written: dict[str, NDArray[np.float64]] = {}
     monkeypatch.setattr(
-        "lighting.preview.panels.write_inside",
+        "lighting.preview.panels.draw_text_inside",
         lambda picture, spot, share, size, colour: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
     )
     lighting = replace(outdoors(azimuth, elevation), radius_50=radii[0], radius_90=radii[1])

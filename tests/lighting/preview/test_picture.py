@@ -10,7 +10,7 @@ from PIL import Image
 from lighting.envmap.render import render
 from lighting.geometry import Floats, direction
 from lighting.preview import picture as module
-from lighting.preview.drawing import BACKGROUND, Style, text_width
+from lighting.preview.drawing import BACKGROUND, TextStyle, text_width
 from lighting.preview.panels import CAPTION, GAP, MARGIN, WARNING, WIDTH, lay_out
 from lighting.preview.picture import MAP_HEIGHT, _draw_headline, _draw_preview, _numbers_of, _warning_lines, preview_png
 from lighting.records import EvidenceKind, Lighting
@@ -113,10 +113,10 @@ def test_what_is_not_certain_is_not_stated_plainly(
 ) -> None:
     written: list[str] = []
 
-    def note(_canvas: Image.Image, _spot: object, text: str, _style: Style) -> None:
+    def note(_canvas: Image.Image, _spot: object, text: str, _style: TextStyle) -> None:
         written.append(text)
 
-    monkeypatch.setattr(module, "write", note)
+    monkeypatch.setattr(module, "draw_text", note)
     _draw_headline(Image.new("RGB", (WIDTH, 140)), outdoors(radius_90=radius, sun_visibility=visibility))
     assert words in written
 
@@ -138,11 +138,11 @@ def test_the_title_leaves_room_for_what_is_beside_it(
 ) -> None:
     written: dict[float, float] = {}  # width of the first line's text by its x
 
-    def write(_canvas: Image.Image, spot: tuple[float, float], text: str, style: Style) -> None:
+    def write(_canvas: Image.Image, spot: tuple[float, float], text: str, style: TextStyle) -> None:
         if spot[1] < MARGIN + 20:
             written[spot[0]] = text_width(text, style.size)
 
-    monkeypatch.setattr(module, "write", write)
+    monkeypatch.setattr(module, "draw_text", write)
     sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=tuple(EvidenceKind), camera_heading=115.0)
     _draw_headline(Image.new("RGB", (WIDTH, 140)), sun)
     assert written[MARGIN] + GAP + written[WIDTH - MARGIN] <= WIDTH - 2 * MARGIN

@@ -20,13 +20,13 @@ from lighting.preview.spheres import (
     GLOSSY_REFLECTANCE,
     MIRROR,
     MIRROR_REFLECTANCE,
-    Stage,
+    SphereScene,
     _sky,
-    ground,
-    lit_stage,
+    build_sphere_scene,
+    ground_radiance,
     render_spheres,
     shade_sphere,
-    sunlit,
+    visible_sun_share,
 )
 from lighting.records import Lighting
 from tests.helpers.scenes import outdoors
@@ -79,11 +79,11 @@ def traced(scene: Any, point: Floats) -> Floats:
 
 def ours(lighting: Lighting, points: Floats) -> Floats:
     """Radiance (N, 3) of the patches around points (N, 3)."""
-    stage = lit_stage(render(lighting, 512), lighting.sun_direction, CENTRES)
+    stage = build_sphere_scene(render(lighting, 512), lighting.sun_direction, CENTRES)
     step = (np.arange(4) + 0.5) / 4 * SIDE - SIDE / 2
     offsets = np.stack([*np.meshgrid(step, [0.0], step)], axis=-1).reshape(-1, 3)
     patches = (points[:, None] + offsets).reshape(-1, 3)
-    return np.asarray(ground(patches, stage).reshape(len(points), -1, 3).mean(axis=1))
+    return np.asarray(ground_radiance(patches, stage).reshape(len(points), -1, 3).mean(axis=1))
 
 
 def patches(lighting: Lighting) -> Floats:
@@ -135,7 +135,7 @@ def pixel(point: Floats) -> tuple[int, int]:
 
 
 def centres() -> Floats:
-    return spheres.sphere_centres(WIDTH / HEIGHT, PITCH).astype(np.float64)
+    return spheres.sphere_centers(WIDTH / HEIGHT, PITCH).astype(np.float64)
 
 
 def brightness(image: Floats, point: Floats) -> float:
@@ -216,17 +216,17 @@ def test_extreme_suns_give_finite_pictures(azimuth: float, elevation: float) -> 
 
 
 @pytest.fixture(scope="module")
-def stage() -> Stage:
+def stage() -> SphereScene:
     lighting = outdoors(90.0, 45.0)
-    return lit_stage(render(lighting, 128), lighting.sun_direction, CENTRES)
+    return build_sphere_scene(render(lighting, 128), lighting.sun_direction, CENTRES)
 
 
-def test_the_suns_disc_is_seen_in_full_beside_a_shadow_and_not_at_all_inside(stage: Stage) -> None:
+def test_the_suns_disc_is_seen_in_full_beside_a_shadow_and_not_at_all_inside(stage: SphereScene) -> None:
     points = CENTRES[MIRROR] + np.array([[0.0, -1.0, 5.0], [-1.0, -1.0, 0.0]])
-    assert sunlit(points, stage).tolist() == [1.0, 0.0]
+    assert visible_sun_share(points, stage).tolist() == [1.0, 0.0]
 
 
-def test_the_disc_carries_the_suns_power_whatever_its_size(stage: Stage) -> None:
+def test_the_disc_carries_the_suns_power_whatever_its_size(stage: SphereScene) -> None:
     towards = stage.sun_direction[None]
     for radius in (0.3, 1.0):
         disc = _sky(towards, stage, radius) - _sky(towards, stage, None)
@@ -234,11 +234,11 @@ def test_the_disc_carries_the_suns_power_whatever_its_size(stage: Stage) -> None
         np.testing.assert_allclose(disc[0] * solid_angle, stage.sun_irradiance, rtol=1e-9)
 
 
-def test_open_ground_far_away_has_the_radiance_of_the_map(stage: Stage) -> None:
-    np.testing.assert_allclose(ground(np.array([[0.0, 0.0, 400.0]]), stage)[0], stage.ground, rtol=1e-3)
+def test_open_ground_far_away_has_the_radiance_of_the_map(stage: SphereScene) -> None:
+    np.testing.assert_allclose(ground_radiance(np.array([[0.0, 0.0, 400.0]]), stage)[0], stage.ground, rtol=1e-3)
 
 
-def test_a_mirror_shows_the_sky_that_it_reflects(stage: Stage) -> None:
+def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
     normal = np.array([[0.0, 1.0, 0.0]])
     ray = -direction(0.0, 60.0)[None]  # down onto the top, which throws it up and away from the camera
     seen = shade_sphere(MIRROR, CENTRES[MIRROR] + normal, ray, stage, mirrored=False)
@@ -247,7 +247,7 @@ def test_a_mirror_shows_the_sky_that_it_reflects(stage: Stage) -> None:
     np.testing.assert_allclose(seen, expected, rtol=1e-9)
 
 
-def test_the_diffuse_sphere_is_lit_on_the_suns_side(stage: Stage) -> None:
+def test_the_diffuse_sphere_is_lit_on_the_suns_side(stage: SphereScene) -> None:
     sides = np.array([[0.7, 0.7, 0.0], [-0.7, 0.7, 0.0]])
     lit, dark = shade_sphere(DIFFUSE, CENTRES[DIFFUSE] + sides, np.zeros((2, 3)), stage, mirrored=False).mean(axis=1)
     assert lit > 1.5 * dark

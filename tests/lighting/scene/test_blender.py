@@ -92,7 +92,7 @@ def test_sun_and_lens(numbers: dict[str, Any]) -> None:
 
 def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
-    monkeypatch.setattr(blender, "data_text", lambda _name: "import sys; sys.exit('Error: no memory.')")
+    monkeypatch.setattr(blender, "read_data_text", lambda _name: "import sys; sys.exit('Error: no memory.')")
     with pytest.raises(SceneError, match=r"^Blender could not build scene\.blend: Error: no memory\.$"):
         write_scene(known_scene(), "blender", tmp_path / "out")
     assert not (tmp_path / "out").exists()

@@ -27,7 +27,7 @@ from lighting.geometry import (
 )
 from lighting.records import record_with_coefficients
 from lighting.scene import gltf, threejs
-from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene, placeholder_of
+from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene, make_placeholder
 from tests.helpers.browser import drawings
 from tests.helpers.scenes import half_shaded_scene, known_scene, shaded_spot_scene
 
@@ -96,7 +96,7 @@ def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
     """Azimuth [deg] of the stick's shadow: the darkness' centroid on arcs around its foot."""
     expected = scene.lighting.sun_azimuth + 180.0
     turn = np.linspace(-8, 8, 401)
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     length = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     reach = length * np.linspace(0.4, 0.9, 40)[:, None, None]
     light = luminance(
@@ -144,7 +144,7 @@ def test_the_sticks_shadow_points_away_from_the_sun(pictures: Pictures, view: st
 def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> None:
     scene = known_scene()
     away = -scene.sun_direction * [1, 0, 1] / scene.sun_direction[1]
-    inside = scene.spot + placeholder_of(scene).ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
+    inside = scene.spot + make_placeholder(scene).ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
     ratio = seen_at(pictures["page"], scene, inside) / seen_at(scene.plate, scene, inside)
     assert ratio == pytest.approx(scene.shadow, rel=0.03)
 
@@ -167,7 +167,7 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
         (tmp_path / name).mkdir()
         threejs.write_threejs(of, tmp_path / name)
         seen[name] = drawings(tmp_path / name / threejs.PAGE, CLICKED, scene.width, scene.height)
-    centre, radius = scene.spot + placeholder_of(scene).ball_centre, placeholder_of(scene).ball_radius
+    centre, radius = scene.spot + make_placeholder(scene).ball_centre, make_placeholder(scene).ball_radius
     to_camera = scene.camera_position - centre
     normal = to_camera / np.linalg.norm(to_camera)
     dark = scene.environment.copy()
@@ -214,7 +214,7 @@ CLICKED = """
 def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, view: str) -> None:
     """Where the camera sees it in the sun, and where it faces away from the sun."""
     scene = known_scene()
-    placeholder = placeholder_of(scene)
+    placeholder = make_placeholder(scene)
     centre = scene.spot + placeholder.ball_centre
     to_camera = scene.camera_position - centre
     to_camera /= np.linalg.norm(to_camera)

@@ -15,7 +15,14 @@ from lighting.files.exr import read_exr
 from lighting.records import record_with_coefficients
 from lighting.scene import EXPORTERS, blender, mitsuba
 from lighting.scene.records import Scene
-from lighting.scene.writer import filled, lit_ground_png, plate_png, write_scene, write_shared_files, zip_scene
+from lighting.scene.writer import (
+    encode_lit_ground,
+    encode_plate,
+    fill_template,
+    write_scene,
+    write_shared_files,
+    zip_scene,
+)
 from tests.helpers.scenes import PLAIN, known_scene, plain_scene
 
 
@@ -121,19 +128,19 @@ def test_the_shared_files_hold_plate_map_and_record(tmp_path: Path) -> None:
 
 
 def test_the_plate_is_the_photo() -> None:
-    with Image.open(BytesIO(plate_png(plain_scene()))) as plate:
+    with Image.open(BytesIO(encode_plate(plain_scene()))) as plate:
         assert np.array_equal(np.asarray(plate), PLAIN)
 
 
 def test_the_mask_is_white_in_the_sun_and_black_in_shade() -> None:
     lit = np.array([[0.0, 0.5, 1.0]], np.float32)
-    with Image.open(BytesIO(lit_ground_png(replace(plain_scene(), lit_ground=lit)))) as mask:
+    with Image.open(BytesIO(encode_lit_ground(replace(plain_scene(), lit_ground=lit)))) as mask:
         assert mask.mode == "L"
         assert np.asarray(mask).tolist() == [[0, 128, 255]]
 
 
 def test_a_template_must_get_every_value() -> None:
-    page = filled("viewer.html", {"scene": "{}", "three": "1", "viewer": "2"})
+    page = fill_template("viewer.html", {"scene": "{}", "three": "1", "viewer": "2"})
     assert "$" not in page
     with pytest.raises(KeyError):
-        filled("viewer.html", {"scene": "{}"})
+        fill_template("viewer.html", {"scene": "{}"})
