@@ -14,9 +14,9 @@ from lighting.envmap.render import sky_irradiance
 from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.fusion.estimate import build_estimate, predict_photo
 from lighting.fusion.metadata_prior import observations_multi, observations_single
-from lighting.fusion.multi_view import check_heading, check_headings, fuse_views
+from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
-from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_user_input
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_heading, check_headings, check_user_input
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
 from lighting.records import Estimate, Prediction, clipped_colour

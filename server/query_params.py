@@ -11,8 +11,7 @@ from pydantic_core import PydanticCustomError
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS
-from lighting.fusion.multi_view import check_heading, check_headings, read_headings
-from lighting.fusion.user_input import UserInput
+from lighting.fusion.user_input import UserInput, check_heading, check_headings, read_headings
 from lighting.photo.reader import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Colour, Lighting
 from lighting.scene import EXPORTERS, unsupported_options

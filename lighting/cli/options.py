@@ -228,7 +228,7 @@ def read_zone(_ctx: click.Context, _param: click.Parameter, text: str | None) ->
 
 
 def _headings(_ctx: click.Context, _param: click.Parameter, text: str | None) -> list[float] | None:
-    from lighting.fusion.multi_view import read_headings
+    from lighting.fusion.user_input import read_headings
 
     return None if text is None else _parsed(read_headings, text)
 
@@ -313,7 +313,7 @@ def check_together(photos: int, given: "UserInput", together: bool, headings: li
         raise click.UsageError("--together needs two photos or more.")
     if headings is not None and not together:
         raise click.UsageError("--headings needs --together.")
-    from lighting.fusion.multi_view import check_heading, check_headings
+    from lighting.fusion.user_input import check_heading, check_headings
 
     with wrong_usage():
         check_headings(photos, headings)

@@ -1,7 +1,7 @@
 """Whether pixels and metadata contradict each other more than chance explains.
 
-Each test is a tail probability of what the metadata says under the network's own distribution. The network is not
-perfectly calibrated, so the thresholds are those that one true record in a hundred passes on unseen panoramas:
+Each test is a p-value of what the metadata says under the network's own distribution. The network is not perfectly
+calibrated, so the thresholds are those that one true record in a hundred passes on unseen panoramas:
 `python -m export evaluate --with-metadata` prints how often each fires on true and on false records.
 """
 
@@ -15,34 +15,37 @@ from lighting.geometry import Floats, angles
 from lighting.records import CodedWarning, Prediction, WarningCode
 from lighting.sun_grid import grid_directions
 
-MIN_ELEVATION_P_VALUE = (
-    0.004  # tail probability by the pixels, under which the elevation of time and place is contradicted
-)
+MIN_ELEVATION_P_VALUE = 0.004  # by the pixels, under which the elevation of time and place is contradicted
 MIN_HEADING_P_VALUE = 0.008  # the same of a compass heading
 
-_CELL_SPREAD = 2.2  # deg, scale of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
+_CELL_SCALE = 2.2  # deg, of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
 
 
 def consistency_warnings(
     prediction: Prediction,
     candidates: Floats,
-    density: Floats,
+    likelihood: Floats,
     compass: tuple[float, float] | None,
     vertical_fov: float | None,
     subject: str = "photo",
 ) -> Iterator[CodedWarning]:
-    """One sentence for each part of the evidence that the pixels almost exclude.
+    """One sentence for each observation that the pixels almost exclude.
 
-    `candidates` (K, 2) are suns with the pixels' density (K, 360) for each heading; K may be 0; `compass` is a heading
-    and its spread [deg]; `subject` is what the sentences call the pixels' source.
+    Args:
+        prediction: of the network.
+        candidates: (K, 2) elevation and compass azimuth [deg] of suns above the horizon; K may be 0.
+        likelihood: (K, 360) density of the pixels at each candidate, for each of HEADINGS.
+        compass: a heading and its standard deviation [deg]; None without a compass.
+        vertical_fov: deg, by what is known of the lens; None where nothing is.
+        subject: what the sentences call the pixels' source.
     """
     if len(candidates) and _elevation_p_value(prediction, candidates[:, 0]) < MIN_ELEVATION_P_VALUE:
         yield CodedWarning(
-            f"The sun's elevation at this time and place, {_range(candidates[:, 0])}, is very unlikely by the pixels: "
-            "check the clock, the zone and the place.",
+            f"The sun's elevation at this time and place, {_format_range(candidates[:, 0])}, is very unlikely by the "
+            "pixels: check the clock, the zone and the place.",
             WarningCode.ELEVATION_CONTRADICTED,
         )
-    if len(candidates) and compass is not None and _heading_tail(density, *compass) < MIN_HEADING_P_VALUE:
+    if len(candidates) and compass is not None and _heading_p_value(likelihood, *compass) < MIN_HEADING_P_VALUE:
         sentence = f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
         yield CodedWarning(sentence, WarningCode.HEADING_CONTRADICTED)
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > MAX_LENS_RATIO:
@@ -56,7 +59,7 @@ def consistency_warnings(
 
 
 def _elevation_p_value(prediction: Prediction, elevation: Floats) -> float:
-    """Two-sided tail probability (0 to 1) of the likeliest of elevations (K,) [deg] under the pixels' distribution.
+    """Two-sided p-value (0 to 1) of the likeliest of elevations (K,) [deg] under the pixels' distribution.
 
     A sun on the horizon stands for those of twilight: it is as likely as that the sun is there or below.
     """
@@ -68,18 +71,18 @@ def _elevation_p_value(prediction: Prediction, elevation: Floats) -> float:
 
 
 def _logistic(angle: Floats) -> Floats:
-    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(angle / _CELL_SPREAD, -50.0, 50.0))))
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(angle / _CELL_SCALE, -50.0, 50.0))))
 
 
-def _heading_tail(density: Floats, heading: float, spread: float) -> float:
+def _heading_p_value(likelihood: Floats, heading: float, heading_std: float) -> float:
     """Probability (0 to 1) of headings at most as likely as this one, by the pixels' density (K, 360) over HEADINGS."""
-    total = density.sum(axis=0)
-    expected = blur_headings(total / total.sum(), spread)
-    here = np.interp(heading % 360.0, [*HEADINGS, 360.0], [*expected, expected[0]])
-    return float(expected[expected <= here].sum())
+    total = likelihood.sum(axis=0)
+    expected = blur_headings(total / total.sum(), heading_std)
+    at_heading = np.interp(heading % 360.0, [*HEADINGS, 360.0], [*expected, expected[0]])
+    return float(expected[expected <= at_heading].sum())
 
 
-def _range(elevation: Floats) -> str:
+def _format_range(elevation: Floats) -> str:
     low, high = elevation.min(), elevation.max()
     if high == 0.0:  # suns of twilight, which are put on the horizon
         return "at most 0°"

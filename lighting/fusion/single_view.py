@@ -1,15 +1,15 @@
 """Posterior of one photo: gravity, compass, ephemeris, visible sun.
 
-With time and place the ephemeris gives the sun's elevation and compass azimuth, and only the camera's heading is open.
-The network's distribution is read along the ring of that elevation, once for each whole degree of heading, and
-multiplied with the prior of the compass. Where the time zone is unknown, each candidate sun has a ring.
+Time and place give the sun's elevation and compass azimuth, and only the camera's heading is open. The network's
+distribution is read along the ring of that elevation, once for each whole degree of heading, and multiplied with the
+compass's prior. Where the time zone is unknown, each candidate sun has a ring.
 
 The network's distribution is in directions, by the camera that the network estimates. Where the picture shows the sun,
-the evidence is a pixel: another field of view, elevation or roll of the camera moves its direction, and the ephemeris's
-elevation says how the camera is tilted. A sun outside the picture is known by shadows and shading, whose directions
-are the world's: it stays where it is.
+the evidence is a pixel: another field of view, elevation or roll moves its direction, and the ephemeris tells how the
+camera is tilted. A sun outside the picture is inferred from shadows and shading, and stays where it is.
 
-Both are weighted by their errors (Kalman's gain), unless they are too far apart for chance.
+Two measurements of one quantity are weighted by their variances (Kalman's gain), unless they are too far apart for
+chance.
 """
 
 import math
@@ -30,81 +30,33 @@ from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribu
 from lighting.sun_grid import grid_directions, smooth_density, soft_label, splat_to_grid
 from lighting.validation import RANGES
 
-# The camera's elevation and roll by the network together with what the photo itself says of gravity.
+COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
+COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that say nothing: the uniform part of the prior
 
-CAMERA_ELEVATION_STD = (
-    3.5  # deg, of the network's camera elevation: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
-)
-_CAMERA_ROLL_STD = 2.0  # deg, of its camera roll: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
-MAX_TILT_DISAGREEMENT = 20.0  # deg between the two that 1 % of the crops of `val` pass (0.2 % of paper, 2 % of phone)
+CAMERA_ELEVATION_STD = 3.5  # deg, of the network: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
+_CAMERA_ROLL_STD = 2.0  # deg, of the network: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
+MAX_TILT_DISAGREEMENT = 20.0  # deg; 1 % of the crops of `val` differ more from gravity (0.2 % of paper, 2 % of phone)
+_MAX_LEARNED_ELEVATION = 35.0  # deg up and down: the network learned from no steeper cameras and predicts none
 
-_LEARNT = 35.0  # deg of elevation, up and down, that the network learnt from: it says no steeper ones
+_SUN_PIXEL_STD = 2.0  # deg, of the visible sun's pixel: the network predicts its cell, 16 of 224 pixels
+_MIN_VISIBLE_SHARE = 0.6  # of the probability near the answer from which the picture counts as showing the sun
+_NEAR_ANGLE = 12.0  # deg from the answer
+_REPROJECTED_ANGLE = 25.0  # deg from the answer within which the probability moves with the pixels
+_MAX_ASPECT_RATIO = 16 / 9  # of a picture; the prediction does not tell the photo's own
+_SAME_CAMERA = 0.02  # share by which two focal lengths, and rad by which two axes, may differ and count as one
+_GLARE_ANGLE = 3.0  # deg from its pixel within which a visible sun makes the picture white
+_WHITE_LEVEL = 245  # of 255, coded luminance
+_MIN_WHITE_SHARE = 0.03  # of the pixels within the glare; 97 % of the crops that show the sun have more
+_MAX_SUN_DIFFERENCE = (15.0, 12.0)  # deg of azimuth and elevation up to which ephemeris and picture show one sun
 
 
 @dataclass(frozen=True)
 class Gravity:
-    """How the camera was held, by the photo's metadata."""
+    """How the camera was tilted, by the photo's metadata."""
 
     elevation: float  # deg, positive looks up
-    roll: float | None  # deg, positive turns the camera clockwise; None where it is not known
-    std: float  # deg, one standard deviation
-
-
-def _contrary(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> CodedWarning | None:
-    """A sentence about a `subject` whose pixels and gravity are farther apart than chance explains."""
-    above, aside = _apart(prediction, gravity)
-    if math.hypot(above, aside * math.cos(math.radians(gravity.elevation))) <= MAX_TILT_DISAGREEMENT:
-        return None
-    said = _words(gravity.elevation, gravity.roll)
-    return CodedWarning(
-        f"By its metadata the camera {said}, by the pixels it "
-        f"{_words(prediction.camera_elevation, None if gravity.roll is None else prediction.camera_roll)}: "
-        f"the {subject} may be cropped, turned or edited. What the metadata say of it was not used.",
-        WarningCode.GRAVITY_CONTRADICTED,
-    )
-
-
-def _held(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
-    """The camera's elevation and roll [deg] by both. Where it looks straight up or down within 5 deg, the roll is 0."""
-    above, aside = _apart(prediction, gravity)
-    elevation = gravity.elevation + above * _share(gravity.std, CAMERA_ELEVATION_STD)
-    if abs(elevation) > STEEP:
-        return elevation, 0.0
-    if gravity.roll is None:
-        return elevation, prediction.camera_roll
-    return elevation, float(wrap_azimuth(gravity.roll + aside * _share(gravity.std, _CAMERA_ROLL_STD)))
-
-
-def camera_elevation_std(gravity: Gravity | None) -> float:
-    """One standard deviation [deg] of the elevation by both."""
-    return (
-        CAMERA_ELEVATION_STD
-        if gravity is None
-        else CAMERA_ELEVATION_STD * math.sqrt(_share(gravity.std, CAMERA_ELEVATION_STD))
-    )
-
-
-def _apart(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
-    """By how much [deg] the network has more elevation and roll; its limit stands for steeper cameras."""
-    known = min(max(gravity.elevation, -_LEARNT), _LEARNT)
-    aside = 0.0 if gravity.roll is None else float(wrap_azimuth(prediction.camera_roll - gravity.roll))
-    return prediction.camera_elevation - known, aside
-
-
-def _share(stated: float, said: float) -> float:
-    """The weight of the network, whose spread is `said`, beside what is stated with another."""
-    return stated**2 / (stated**2 + said**2)
-
-
-def _words(elevation: float, roll: float | None) -> str:
-    looks = f"looks {tilt_in_words(elevation)}"
-    return looks if roll is None else f"{looks} with a roll of {roll + 0.0:.0f}°"
-
-
-# Fuse the network's distribution with metadata: one distribution of the sun, and the camera's heading.
-
-COMPASS_STD = 25.0  # deg, standard deviation: phones' compasses err by 17 deg in the median
-COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that are useless: the uniform part of the prior
+    roll: float | None  # deg, positive rotates the camera clockwise; None where it is unknown
+    std: float  # deg, one standard deviation of both
 
 
 @dataclass(frozen=True)
@@ -115,23 +67,23 @@ class Observations:
     heading: float | None = None  # deg clockwise from true north, where the camera points
     heading_std: float = COMPASS_STD  # deg, one standard deviation of that
     vertical_fov: float | None = None  # deg, of the upright photo
-    gravity: Gravity | None = None  # how the camera was held
+    gravity: Gravity | None = None  # the camera's tilt
     exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
     subject: str = "photo"  # what warnings call the pixels' source: a "clip" and a "stream" are taken, too
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """The fused distribution and parameters of one photo; `estimate_of` makes an Estimate of it."""
+    """The fused distribution and parameters of one photo; `build_estimate` makes an Estimate of it."""
 
-    prediction: Prediction  # with the best known camera, turbidity and exposure
+    prediction: Prediction  # with the fused camera, turbidity and exposure
     sun: SunEstimate
     directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
     probability: Floats  # (M,) of each, sums to 1
     used: tuple[EvidenceKind, ...]
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
-    camera_heading: Heading | None = None  # from true north, where time and place are known
-    relative_heading: Heading | None = None  # from the first of several photos, where no heading was known
+    camera_heading: Heading | None = None  # from true north; None without time and place
+    relative_heading: Heading | None = None  # from the first of several photos; None where there is a heading
     predicted_sun_elevation: float | None = None  # deg, by the pixels whose light it has; None: those of `prediction`
 
     def on_cells(self) -> SunDistribution:
@@ -142,45 +94,157 @@ class Posterior:
 
 @dataclass(frozen=True, eq=False)
 class GravityFused:
-    """What is known of one photo after its camera was put as gravity has it."""
+    """A photo's prediction with its camera tilted as pixels and gravity have it."""
 
     prediction: Prediction
     observations: Observations  # without a gravity that contradicts the pixels
-    warnings: tuple[str, ...] = ()  # the sentence about that
+    warnings: tuple[str, ...] = ()  # the sentence about such a gravity
 
 
-def fuse_gravity(prediction: Prediction, evidence: Observations) -> GravityFused:
-    """The prediction with the camera's elevation and roll by pixels and gravity; its sun stays where it is."""
-    if evidence.gravity is None:
-        return GravityFused(prediction, evidence)
-    if (warning := _contrary(prediction, evidence.gravity, evidence.subject)) is not None:
-        return GravityFused(prediction, replace(evidence, gravity=None), (warning,))
-    elevation, roll = _held(prediction, evidence.gravity)
-    return GravityFused(replace(prediction, camera_elevation=elevation, camera_roll=roll), evidence)
+def fuse_single_view(
+    prediction: Prediction, observations: Observations, pixels: NDArray[np.uint8] | None = None
+) -> Posterior:
+    """Fuse one photo's prediction with its observations, the sun that it shows included.
+
+    Args:
+        prediction: of the network.
+        observations: from metadata and user.
+        pixels: (h, w, 3) sRGB. A photo that is not white at the predicted sun counts as not showing it. None: as white.
+
+    Raises:
+        ParameterError: every candidate sun is below the horizon.
+    """
+    leveled, sun = fuse_gravity(prediction, observations), visible_sun(prediction, pixels)
+    if sun is None:
+        return fuse_with_gravity(leveled)
+    vertical_fov = leveled.observations.vertical_fov or prediction.vertical_fov
+    probability = reproject_sun(prediction, replace(leveled.prediction, vertical_fov=vertical_fov), sun)
+    reprojected = replace(leveled.prediction, sun_probability=probability)
+    posterior = fuse_with_gravity(replace(leveled, prediction=reprojected))
+    return _tilt_to_ephemeris(posterior, reprojected, camera_elevation_std(leveled.observations.gravity))
 
 
-def fuse(prediction: Prediction, evidence: Observations) -> Posterior:
-    """Fuse a prediction with its evidence; raises ParameterError where every candidate sun is below the horizon."""
-    return fuse_with_gravity(fuse_gravity(prediction, evidence))
+def fuse(prediction: Prediction, observations: Observations) -> Posterior:
+    """Fuse a prediction with its observations, wherever the picture shows the sun.
+
+    Args:
+        prediction: of the network.
+        observations: from metadata and user.
+
+    Raises:
+        ParameterError: every candidate sun is below the horizon.
+    """
+    return fuse_with_gravity(fuse_gravity(prediction, observations))
 
 
-def fuse_with_gravity(stood: GravityFused) -> Posterior:
-    """The same where the camera already stands as gravity has it."""
-    prediction, evidence = stood.prediction, stood.observations
-    candidates = candidates_above_horizon(evidence)
-    density = likelihood_by_heading(prediction, candidates)
+def fuse_with_gravity(leveled: GravityFused) -> Posterior:
+    """Fuse a prediction whose camera is already tilted as gravity has it.
+
+    Args:
+        leveled: as `fuse_gravity` returns it.
+
+    Raises:
+        ParameterError: every candidate sun is below the horizon.
+    """
+    prediction, observations = leveled.prediction, leveled.observations
+    candidates = candidates_above_horizon(observations)
+    likelihood = likelihood_by_heading(prediction, candidates)
     if len(candidates):
-        fused = posterior_on_rings(prediction, evidence, density * compass_prior(evidence))
+        posterior = posterior_on_rings(prediction, observations, likelihood * compass_prior(observations))
     else:
-        fused = posterior_on_grid(prediction, evidence, prediction.sun_probability)
-    compass = None if evidence.heading is None else (evidence.heading, evidence.heading_std)
-    against = consistency_warnings(prediction, candidates, density, compass, evidence.vertical_fov, evidence.subject)
-    return replace(fused, warnings=(*against, *stood.warnings))
+        posterior = posterior_on_grid(prediction, observations, prediction.sun_probability)
+    compass = None if observations.heading is None else (observations.heading, observations.heading_std)
+    contradictions = consistency_warnings(
+        prediction, candidates, likelihood, compass, observations.vertical_fov, observations.subject
+    )
+    return replace(posterior, warnings=(*contradictions, *leveled.warnings))
 
 
-def candidates_above_horizon(evidence: Observations) -> Floats:
-    """The candidates (K, 2) above the horizon; raises ParameterError if there are candidates and all are below it."""
-    candidates = np.array(evidence.candidates, dtype=np.float64).reshape(-1, 2)
+# The camera's tilt by the network and by gravity.
+
+
+def fuse_gravity(prediction: Prediction, observations: Observations) -> GravityFused:
+    """Tilt the prediction's camera by pixels and gravity; its sun stays where it is.
+
+    Args:
+        prediction: of the network.
+        observations: from metadata and user.
+    """
+    if observations.gravity is None:
+        return GravityFused(prediction, observations)
+    if (warning := _contradiction(prediction, observations.gravity, observations.subject)) is not None:
+        return GravityFused(prediction, replace(observations, gravity=None), (warning,))
+    elevation, roll = _fused_tilt(prediction, observations.gravity)
+    return GravityFused(replace(prediction, camera_elevation=elevation, camera_roll=roll), observations)
+
+
+def camera_elevation_std(gravity: Gravity | None) -> float:
+    """One standard deviation [deg] of the camera's elevation by network and gravity.
+
+    Args:
+        gravity: from the metadata; None leaves the network alone.
+    """
+    if gravity is None:
+        return CAMERA_ELEVATION_STD
+    return CAMERA_ELEVATION_STD * math.sqrt(_network_weight(gravity.std, CAMERA_ELEVATION_STD))
+
+
+def _contradiction(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> CodedWarning | None:
+    """A sentence about a `subject` whose pixels and gravity are farther apart than chance explains."""
+    elevation, roll = _tilt_difference(prediction, gravity)
+    if math.hypot(elevation, roll * math.cos(math.radians(gravity.elevation))) <= MAX_TILT_DISAGREEMENT:
+        return None
+    by_metadata = _format_tilt(gravity.elevation, gravity.roll)
+    by_pixels = _format_tilt(prediction.camera_elevation, None if gravity.roll is None else prediction.camera_roll)
+    return CodedWarning(
+        f"By its metadata the camera {by_metadata}, by the pixels it {by_pixels}: "
+        f"the {subject} may be cropped, turned or edited. What the metadata say of it was not used.",
+        WarningCode.GRAVITY_CONTRADICTED,
+    )
+
+
+def _fused_tilt(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
+    """The camera's elevation and roll [deg] by both; the roll is 0 where it looks straight up or down within 5 deg."""
+    elevation_difference, roll_difference = _tilt_difference(prediction, gravity)
+    elevation = gravity.elevation + elevation_difference * _network_weight(gravity.std, CAMERA_ELEVATION_STD)
+    if abs(elevation) > STEEP:
+        return elevation, 0.0
+    if gravity.roll is None:
+        return elevation, prediction.camera_roll
+    roll = gravity.roll + roll_difference * _network_weight(gravity.std, _CAMERA_ROLL_STD)
+    return elevation, float(wrap_azimuth(roll))
+
+
+def _tilt_difference(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
+    """By how much [deg] the network has more elevation and roll; its limit stands for steeper cameras."""
+    elevation = min(max(gravity.elevation, -_MAX_LEARNED_ELEVATION), _MAX_LEARNED_ELEVATION)
+    roll = 0.0 if gravity.roll is None else float(wrap_azimuth(prediction.camera_roll - gravity.roll))
+    return prediction.camera_elevation - elevation, roll
+
+
+def _network_weight(metadata_std: float, network_std: float) -> float:
+    """The weight (0 to 1) of the network's value beside that of the metadata."""
+    return metadata_std**2 / (metadata_std**2 + network_std**2)
+
+
+def _format_tilt(elevation: float, roll: float | None) -> str:
+    looks = f"looks {tilt_in_words(elevation)}"
+    return looks if roll is None else f"{looks} with a roll of {roll + 0.0:.0f}°"
+
+
+# The sun by time, place and compass.
+
+
+def candidates_above_horizon(observations: Observations) -> Floats:
+    """Select the candidate suns (K, 2) above the horizon.
+
+    Args:
+        observations: whose candidates count; there may be none.
+
+    Raises:
+        ParameterError: there are candidates, and all are below the horizon.
+    """
+    candidates = np.array(observations.candidates, dtype=np.float64).reshape(-1, 2)
     up = candidates[candidates[:, 0] >= 0.0]
     if len(candidates) and not len(up):
         raise ParameterError(
@@ -192,106 +256,107 @@ def candidates_above_horizon(evidence: Observations) -> Floats:
 
 
 def daylight_candidates(candidates: Sequence[tuple[tuple[float, float], ...]]) -> list[int]:
-    """The numbers of the candidates that are above the horizon in every photo; all photos have as many."""
-    return [k for k in range(min(map(len, candidates), default=0)) if all(own[k][0] >= 0.0 for own in candidates)]
+    """Numbers of the candidates that are above the horizon in every photo.
 
-
-def _ring_directions(candidates: Floats) -> Floats:
-    """Unit vectors (K, 360, 3) towards each candidate's sun (K, 2) as cameras at each of HEADINGS see it."""
-    return direction(candidates[:, 1:] - HEADINGS, candidates[:, :1])
+    Args:
+        candidates: of each photo, (elevation, azimuth) [deg]; as many in all.
+    """
+    return [k for k in range(min(map(len, candidates), default=0)) if all(suns[k][0] >= 0.0 for suns in candidates)]
 
 
 def likelihood_by_heading(prediction: Prediction, candidates: Floats) -> Floats:
-    """Density [1/sr] (K, 360) of the pixels at each candidate's sun (K, 2), for each of HEADINGS."""
+    """Density [1/sr] (K, 360) of the pixels at each candidate's sun, for each of HEADINGS.
+
+    Args:
+        prediction: of the network.
+        candidates: (K, 2) elevation and compass azimuth [deg].
+    """
     if not len(candidates):
         return np.empty((0, len(HEADINGS)))
     return smooth_density(prediction.sun_probability, _ring_directions(candidates), prediction.spec.sun_grid)
 
 
-def compass_prior(evidence: Observations) -> Floats:
-    """Prior probability (360,) of HEADINGS: a von Mises curve around the compass heading plus a uniform part."""
-    if evidence.heading is None:
+def compass_prior(observations: Observations) -> Floats:
+    """Prior probability (360,) of HEADINGS: a von Mises curve about the compass heading plus a uniform part.
+
+    Args:
+        observations: whose heading counts; uniform without one.
+    """
+    if observations.heading is None:
         return np.full(360, 1 / 360)
-    bell = von_mises(HEADINGS - evidence.heading, evidence.heading_std)
+    bell = von_mises(HEADINGS - observations.heading, observations.heading_std)
     return np.asarray((1 - COMPASS_OUTLIER_RATE) * bell / bell.sum() + COMPASS_OUTLIER_RATE / 360)
 
 
-def posterior_on_grid(prediction: Prediction, evidence: Observations, probability: Floats) -> Posterior:
-    """The answer of probabilities (N,) over the network's own cells."""
-    cells = grid_directions(prediction.spec.sun_grid)
-    known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
+def posterior_on_grid(prediction: Prediction, observations: Observations, probability: Floats) -> Posterior:
+    """Posterior of a sun whose elevation is open.
+
+    Args:
+        prediction: with the fused camera.
+        observations: from metadata and user.
+        probability: (N,) of the network's cells, sums to 1.
+    """
     sun = sun_from_prediction(replace(prediction, sun_probability=probability))
-    return Posterior(known, sun, cells, probability, _used(prediction, evidence))
-
-
-def posterior_on_rings(prediction: Prediction, evidence: Observations, weight: Floats) -> Posterior:
-    """The answer of weights (K, 360) for each candidate with the sun up and each of HEADINGS."""
-    p = weight / weight.sum()
-    known = replace(prediction, vertical_fov=evidence.vertical_fov or prediction.vertical_fov)
-    directions = _ring_directions(candidates_above_horizon(evidence)).reshape(-1, 3)
-    sun = sun_from_rings(directions, p.ravel())
+    cells = grid_directions(prediction.spec.sun_grid)
     return Posterior(
-        known,
-        sun,
+        _with_lens(prediction, observations), sun, cells, probability, _used_evidence(prediction, observations)
+    )
+
+
+def posterior_on_rings(prediction: Prediction, observations: Observations, weight: Floats) -> Posterior:
+    """Posterior of a sun on the rings of its candidate elevations.
+
+    Args:
+        prediction: with the fused camera.
+        observations: with at least one candidate above the horizon.
+        weight: (K, 360) of each candidate above the horizon and each of HEADINGS, up to a factor.
+    """
+    p = weight / weight.sum()
+    directions = _ring_directions(candidates_above_horizon(observations)).reshape(-1, 3)
+    return Posterior(
+        _with_lens(prediction, observations),
+        sun_from_rings(directions, p.ravel()),
         directions,
         p.ravel(),
-        _used(prediction, evidence),
+        _used_evidence(prediction, observations),
         camera_heading=heading_from_probability(p.sum(axis=0)),
     )
 
 
-def _used(prediction: Prediction, evidence: Observations) -> tuple[EvidenceKind, ...]:
+def _ring_directions(candidates: Floats) -> Floats:
+    """Unit vectors (K, 360, 3) towards each candidate's sun (K, 2) in the frames of cameras at each of HEADINGS."""
+    return direction(candidates[:, 1:] - HEADINGS, candidates[:, :1])
+
+
+def _with_lens(prediction: Prediction, observations: Observations) -> Prediction:
+    return replace(prediction, vertical_fov=observations.vertical_fov or prediction.vertical_fov)
+
+
+def _used_evidence(prediction: Prediction, observations: Observations) -> tuple[EvidenceKind, ...]:
     """The evidence that the answer uses.
 
     Without time and place, a heading says nothing about the sun; without `suitable`, an exposure says nothing at all.
     """
-    parts = {
+    is_used = {
         EvidenceKind.PIXELS: True,
-        EvidenceKind.TIME_AND_PLACE: bool(evidence.candidates),
-        EvidenceKind.HEADING: bool(evidence.candidates) and evidence.heading is not None,
-        EvidenceKind.FOCAL_LENGTH: evidence.vertical_fov is not None,
-        EvidenceKind.GRAVITY: evidence.gravity is not None,
-        EvidenceKind.CAMERA_EXPOSURE: prediction.light is not None and evidence.exposure_value is not None,
+        EvidenceKind.TIME_AND_PLACE: bool(observations.candidates),
+        EvidenceKind.HEADING: bool(observations.candidates) and observations.heading is not None,
+        EvidenceKind.FOCAL_LENGTH: observations.vertical_fov is not None,
+        EvidenceKind.GRAVITY: observations.gravity is not None,
+        EvidenceKind.CAMERA_EXPOSURE: prediction.light is not None and observations.exposure_value is not None,
     }
-    return tuple(kind for kind, there in parts.items() if there)
+    return tuple(kind for kind, used in is_used.items() if used)
 
 
-# A sun that the picture shows stays on its pixel when more is known of the camera.
-
-_SUN_PIXEL_STD = 2.0  # deg, of the seen sun's pixel: the network says its cell, 16 of 224 pixels
-_SHOWN = 0.6  # least share of the probability near the answer from which the picture counts as showing the sun
-_NEAR = 12.0  # deg around the answer
-_MOVED = 25.0  # deg around the answer in which the probability moves with the pixels
-_WIDEST = 16 / 9  # aspect ratio of the widest picture; the prediction does not know the photo's own
-_SAME = 0.02  # share by which two focal lengths may differ and count as one, and rad by which two axes may
-_GLARE = 3.0  # deg around its pixel in which a seen sun makes the picture white
-_WHITE = 245  # of 255, coded luminance
-_WHITE_SHARE = 0.03  # least share of the pixels there; 97 % of the crops that show the sun have more
-_FAR = (15.0, 12.0)  # deg of azimuth and elevation, from which the sun of time and place is not the one seen
-
-
-def fuse_single_view(
-    prediction: Prediction, evidence: Observations, pixels: NDArray[np.uint8] | None = None
-) -> Posterior:
-    """Fuse one photo's prediction with its evidence; errors as in `fuse`.
-
-    With its `pixels` (h, w, 3), a photo that is not white where the network has the sun counts as not showing it: then
-    the network knows the direction by more than a pixel.
-    """
-    stood, sun = fuse_gravity(prediction, evidence), visible_sun(prediction, pixels)
-    if sun is None:
-        return fuse_with_gravity(stood)
-    lens = stood.observations.vertical_fov or prediction.vertical_fov
-    probability = reproject_sun(prediction, replace(stood.prediction, vertical_fov=lens), sun)
-    moved = replace(stood.prediction, sun_probability=probability)
-    fused = fuse_with_gravity(replace(stood, prediction=moved))
-    return _levelled(fused, moved, camera_elevation_std(stood.observations.gravity))
+# A sun that the picture shows: it stays on its pixel when more is known of the camera.
 
 
 def visible_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None) -> Floats | None:
     """Unit vector (3,) towards the sun by the pixels alone if the picture shows it, else None.
 
-    With its `pixels` (h, w, 3), a photo that is not white there does not show it.
+    Args:
+        prediction: of the network.
+        pixels: (h, w, 3) sRGB. A photo that is not white there does not show the sun. None: as white.
     """
     if prediction.sun_visibility < 0.5:
         return None
@@ -299,68 +364,76 @@ def visible_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None)
     sun = bayes_direction(probability, prediction.spec.sun_grid)
     right, up, forward = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll) @ sun
     edge = forward * math.tan(math.radians(prediction.vertical_fov) / 2)
-    inside = abs(up) <= edge and abs(right) <= _WIDEST * edge
-    sure = float(probability @ (cells @ sun >= math.cos(math.radians(_NEAR)))) >= _SHOWN
-    if not (inside and sure):
+    is_inside = abs(up) <= edge and abs(right) <= _MAX_ASPECT_RATIO * edge
+    is_sure = float(probability @ (cells @ sun >= math.cos(math.radians(_NEAR_ANGLE)))) >= _MIN_VISIBLE_SHARE
+    if not (is_inside and is_sure):
         return None
-    return sun if pixels is None or _glares(pixels, prediction, sun) else None
+    return sun if pixels is None or _has_glare(pixels, prediction, sun) else None
 
 
-def _glares(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> bool:
-    """Whether the picture is white around the pixel of the sun (3,) by the network's own camera."""
+def _has_glare(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -> bool:
+    """Whether the picture is white about the pixel of the sun (3,) by the network's own camera."""
     height, width = pixels.shape[:2]
     camera = Pinhole(width, height, prediction.vertical_fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
     x, y = camera_pixel(sun, camera)
-    reach = camera.focal_length * math.tan(math.radians(_GLARE))
+    reach = camera.focal_length * math.tan(math.radians(_GLARE_ANGLE))
     rows, columns = (slice(max(0, int(at - reach)), max(0, int(at + reach) + 1)) for at in (y, x))
-    around = pixels[rows, columns]
-    return around.size > 0 and float(np.mean(luminance(around) >= _WHITE)) >= _WHITE_SHARE
+    window = pixels[rows, columns]
+    return window.size > 0 and float(np.mean(luminance(window) >= _WHITE_LEVEL)) >= _MIN_WHITE_SHARE
 
 
-def reproject_sun(prediction: Prediction, known: Prediction, sun: Floats) -> NDArray[np.float32]:
-    """The sun's probability with the seen sun (3,) and what lies around it where their pixels look by `known`'s camera.
+def reproject_sun(prediction: Prediction, camera: Prediction, sun: Floats) -> NDArray[np.float32]:
+    """Move the probability near a visible sun to where its pixels look by another camera.
 
-    What the network said is in directions by the camera of `prediction`.
+    Args:
+        prediction: of the network, in directions by its own camera.
+        camera: the same with the elevation, roll and field of view that are better known.
+        sun: (3,) unit vector towards the visible sun by the network's camera.
+
+    Returns:
+        Probabilities (N,) of the network's cells.
     """
-    ratio = math.tan(math.radians(known.vertical_fov) / 2) / math.tan(math.radians(prediction.vertical_fov) / 2)
-    said, there = (camera_axes(0.0, p.camera_elevation, p.camera_roll) for p in (prediction, known))
-    if abs(math.log(ratio)) < _SAME and float(np.abs(said - there).max()) < _SAME:
+    ratio = math.tan(math.radians(camera.vertical_fov) / 2) / math.tan(math.radians(prediction.vertical_fov) / 2)
+    axes_before, axes_after = (camera_axes(0.0, p.camera_elevation, p.camera_roll) for p in (prediction, camera))
+    if abs(math.log(ratio)) < _SAME_CAMERA and float(np.abs(axes_before - axes_after).max()) < _SAME_CAMERA:
         return prediction.sun_probability
     cells = grid_directions(prediction.spec.sun_grid)
-    right, up, forward = (cells @ said.T).T
-    near = (cells @ sun >= math.cos(math.radians(_MOVED))) & (forward > 0)
-    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[near] @ there
-    rays[:, 1] = np.maximum(rays[:, 1], 0.0)  # no sun stands below the horizon
+    right, up, forward = (cells @ axes_before.T).T
+    near = (cells @ sun >= math.cos(math.radians(_REPROJECTED_ANGLE))) & (forward > 0)
+    rays = np.stack([ratio * right, ratio * up, forward], axis=-1)[near] @ axes_after
+    rays[:, 1] = np.maximum(rays[:, 1], 0.0)  # no sun is below the horizon
     rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
     p = np.asarray(prediction.sun_probability, dtype=np.float64)
     moved = np.where(near, 0.0, p) + splat_to_grid(p[near], rays, prediction.spec.sun_grid)
     return np.asarray(moved, dtype=np.float32)
 
 
-def _levelled(fused: Posterior, prediction: Prediction, spread: float) -> Posterior:
-    """The answer with the camera tilted so that the seen sun stands at the elevation of time and place.
+def _tilt_to_ephemeris(posterior: Posterior, prediction: Prediction, tilt_std: float) -> Posterior:
+    """The posterior with the camera tilted so that the visible sun has the elevation of time and place.
 
-    The tilt, known to `spread` [deg], and the pixel's are weighted by their errors (Kalman's gain). The sun is looked
-    for where its probability would be seen to stand: on the horizon half of that is cut off, so it seems higher.
+    The tilt, known to `tilt_std` [deg], and the pixel's are weighted by their variances (Kalman's gain). The sun is
+    compared with the mean of a lobe at the known sun: the horizon cuts half of a low one off, so it seems higher.
     """
-    if fused.camera_heading is None:
-        return fused
+    if posterior.camera_heading is None:
+        return posterior
     grid = prediction.spec.sun_grid
-    seen = bayes_direction(prediction.sun_probability, grid)
-    known = soft_label(direction(fused.sun.azimuth, fused.sun.elevation), _width(prediction, seen) ** -2, grid)
-    (azimuth, elevation), (known_azimuth, known_elevation) = (angles(s) for s in (seen, bayes_direction(known, grid)))
-    aside, above = float(wrap_azimuth(known_azimuth - azimuth)), float(known_elevation - elevation)
-    if abs(aside) > _FAR[0] or abs(above) > _FAR[1]:
-        return fused
-    turn = float(np.cos(np.radians(azimuth)))  # deg of the sun's elevation for each deg of tilt
-    gain = turn * spread**2 / (turn**2 * spread**2 + _SUN_PIXEL_STD**2)
-    tilt = float(np.clip(fused.prediction.camera_elevation + gain * above, *RANGES["camera_elevation"]))
-    return replace(fused, prediction=replace(fused.prediction, camera_elevation=tilt))
+    visible = bayes_direction(prediction.sun_probability, grid)
+    lobe = soft_label(
+        direction(posterior.sun.azimuth, posterior.sun.elevation), _lobe_std(prediction, visible) ** -2, grid
+    )
+    (azimuth, elevation), (true_azimuth, true_elevation) = (angles(s) for s in (visible, bayes_direction(lobe, grid)))
+    lateral, vertical = float(wrap_azimuth(true_azimuth - azimuth)), float(true_elevation - elevation)
+    if abs(lateral) > _MAX_SUN_DIFFERENCE[0] or abs(vertical) > _MAX_SUN_DIFFERENCE[1]:
+        return posterior
+    slope = float(np.cos(np.radians(azimuth)))  # deg of the sun's elevation for each deg of tilt
+    gain = slope * tilt_std**2 / (slope**2 * tilt_std**2 + _SUN_PIXEL_STD**2)
+    tilt = float(np.clip(posterior.prediction.camera_elevation + gain * vertical, *RANGES["camera_elevation"]))
+    return replace(posterior, prediction=replace(posterior.prediction, camera_elevation=tilt))
 
 
-def _width(prediction: Prediction, sun: Floats) -> float:
-    """How wide [rad] the probability of the seen sun (3,) is to its sides, where no horizon cuts it off."""
+def _lobe_std(prediction: Prediction, sun: Floats) -> float:
+    """How wide [rad] the probability of the visible sun (3,) is to its sides, where no horizon cuts it off."""
     probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
-    near = cells @ sun >= math.cos(math.radians(_NEAR))
-    aside = cells[near] @ direction(float(angles(sun)[0]) + 90.0, 0.0)
-    return max(math.sqrt(float(np.average(aside**2, weights=probability[near]))), math.radians(_SUN_PIXEL_STD))
+    near = cells @ sun >= math.cos(math.radians(_NEAR_ANGLE))
+    lateral = cells[near] @ direction(float(angles(sun)[0]) + 90.0, 0.0)
+    return max(math.sqrt(float(np.average(lateral**2, weights=probability[near]))), math.radians(_SUN_PIXEL_STD))

@@ -1,28 +1,38 @@
-"""What the user says about a photo."""
+"""UserInput: time, location, heading and lens that the user states of a photo."""
 
 import reprlib
+from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
 from datetime import datetime
-from typing import Any
+
+import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
-from lighting.validation import OPTIONAL_RANGES, RANGES, check_place, check_range, plain_numbers
+from lighting.validation import OPTIONAL_RANGES, RANGES, check_place, check_range, is_finite, plain_numbers
+
+_RANGES = {
+    "utc_offset": UTC_OFFSET_RANGE,
+    "heading": (-360.0, 360.0),
+    "vertical_fov": RANGES["vertical_fov"],
+    "latitude": OPTIONAL_RANGES["latitude"],
+    "longitude": OPTIONAL_RANGES["longitude"],
+}
 
 
 @dataclass(frozen=True)
 class UserInput:
-    """What the user says about a photo; it replaces what the photo's metadata say. None is not given.
+    """What the user states of a photo; it replaces what the photo's metadata say. None: not stated.
 
     Raises ParameterError for values out of range and for values that contradict each other.
     """
 
-    use_exif: bool = True
+    use_exif: bool = True  # whether the photo's own metadata count
     time: datetime | None = None  # aware, or local
-    utc_offset: float | None = None  # h, of a local time, the photo's or the one given
-    latitude: float | None = field(default=None, repr=False)  # deg, positive north
-    longitude: float | None = field(default=None, repr=False)  # deg, positive east
-    heading: float | None = None  # deg clockwise from true north
+    utc_offset: float | None = None  # h, positive east, of a local time: the photo's or `time`
+    latitude: float | None = field(default=None, repr=False)  # deg, positive north, -90 to 90
+    longitude: float | None = field(default=None, repr=False)  # deg, positive east, -180 to 180
+    heading: float | None = None  # deg clockwise from true north, -360 to 360
     vertical_fov: float | None = None  # deg, of the upright photo
     keep_location: bool = False  # whether the answer may hold latitude and longitude
 
@@ -31,16 +41,15 @@ class UserInput:
             if not isinstance(getattr(self, name), bool):
                 predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
                 raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
-        plain_numbers(self, "utc_offset", "latitude", "longitude", "heading", "vertical_fov")
-        ranges = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
-        for name, (low, high) in {**ranges, **{key: OPTIONAL_RANGES[key] for key in ("latitude", "longitude")}}.items():
+        plain_numbers(self, *_RANGES)
+        for name, (low, high) in _RANGES.items():
             if (value := getattr(self, name)) is not None:
                 check_range(name, value, low, high)
         check_place(self.latitude, self.longitude)
         self._check_time()
 
-    def explicit_fields(self) -> dict[str, Any]:
-        """The fields that the user gave, by name."""
+    def explicit_fields(self) -> dict[str, object]:
+        """The fields that the user stated, by name."""
         return {f.name: value for f in fields(self) if (value := getattr(self, f.name)) != f.default}
 
     def _check_time(self) -> None:
@@ -61,11 +70,70 @@ class UserInput:
             raise ParameterError("A time needs a place, and a place a time.", missing, ErrorCode.MISSING)
 
 
-def check_user_input(thing: object) -> None:
-    """Raise ParameterError for what is no UserInput."""
-    if not isinstance(thing, UserInput):
-        sentence = f"What is known of a photo is a UserInput, not {type(thing).__name__}."
+NO_USER_INPUT = UserInput()
+
+
+def check_user_input(value: object) -> None:
+    """Raise ParameterError for what is no UserInput.
+
+    Args:
+        value: what a caller passed.
+    """
+    if not isinstance(value, UserInput):
+        sentence = f"What is known of a photo is a UserInput, not {type(value).__name__}."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
-NO_USER_INPUT = UserInput()
+def check_headings(photos: int, headings: Sequence[float] | None) -> None:
+    """Raise ParameterError unless there is one heading for each of several photos, or none at all.
+
+    Args:
+        photos: how many there are.
+        headings: deg, finite numbers; None where they are not stated.
+    """
+    if not isinstance(headings, Sequence | np.ndarray | None):
+        sentence = f"headings are a list of degrees, not {reprlib.repr(headings)}."
+        raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
+    if headings is None:
+        return
+    if photos == 1:
+        sentence = "headings are those of several photos; one photo has a heading."
+        raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
+    if len(headings) != photos:
+        sentence = f"{photos} photos need {photos} headings, not {len(headings)}."
+        raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
+    for angle in headings:
+        if not is_finite(angle.item() if isinstance(angle, np.generic) else angle):
+            sentence = f"A heading must be a finite number, not {reprlib.repr(angle)}."
+            raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
+
+
+def check_heading(photos: int, heading: float | None) -> None:
+    """Raise ParameterError where the heading of one photo is stated for several.
+
+    Args:
+        photos: how many there are.
+        heading: deg; None where it is not stated.
+    """
+    if heading is not None and photos > 1:
+        sentence = "heading is that of one photo; photos taken together have headings."
+        raise ParameterError(sentence, "heading", ErrorCode.CONTRADICTION)
+
+
+def read_headings(text: str) -> list[float]:
+    """Degrees in "0,45,90", as `Estimator.estimate_views` takes them.
+
+    Args:
+        text: degrees, -360 to 360, separated by commas.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    try:
+        headings = [float(part) for part in text.split(",")]
+    except ValueError as error:
+        sentence = f"{text!r} is not a list of degrees such as 0,45,90."
+        raise ParameterError(sentence, "headings", ErrorCode.MALFORMED) from error
+    for angle in headings:
+        check_range("headings", angle, -360.0, 360.0, "A heading")
+    return headings

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.fusion.consistency import _elevation_p_value, _heading_tail, consistency_warnings
+from lighting.fusion.consistency import _elevation_p_value, _heading_p_value, consistency_warnings
 from lighting.fusion.single_view import Observations, fuse, likelihood_by_heading
 from lighting.sun_grid import grid_directions
 from tests.lighting.fusion.test_single_view import FUSION_UNIFORM, GRID, fusion_lobe, fusion_prediction
@@ -35,9 +35,9 @@ def test_tails_of_suns_drawn_from_the_prediction_are_uniform() -> None:
 
 def test_a_heading_where_the_pixels_see_it_is_no_surprise() -> None:
     density = likelihood_by_heading(fusion_lobe(0.0, 40.0, 80.0), np.array([[40.0, 100.0]]))
-    assert _heading_tail(density, 100.0, 10.0) > 0.9
-    assert _heading_tail(density, 280.0, 10.0) < 1e-3
-    assert _heading_tail(density, 280.0 + 360.0, 10.0) == pytest.approx(_heading_tail(density, 280.0, 10.0))
+    assert _heading_p_value(density, 100.0, 10.0) > 0.9
+    assert _heading_p_value(density, 280.0, 10.0) < 1e-3
+    assert _heading_p_value(density, 280.0 + 360.0, 10.0) == pytest.approx(_heading_p_value(density, 280.0, 10.0))
 
 
 def test_a_flat_sky_contradicts_nothing() -> None:

@@ -1,4 +1,4 @@
-"""Tests of multi view."""
+"""Posterior of several photos: frames, pooling on the grid and on rings, warnings."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.fusion.multi_view import RELATIVE_HEADING_STD, _frames, check_headings, fuse_views
+from lighting.fusion.multi_view import RELATIVE_HEADING_STD, _frames, fuse_views
 from lighting.fusion.single_view import Observations, Posterior, fuse
+from lighting.fusion.user_input import check_headings
 from lighting.geometry import wrap_azimuth
 from lighting.records import Prediction
 from lighting.registration.photo_set import RegisteredView
@@ -24,24 +25,24 @@ def placed(*groups: int) -> list[RegisteredView]:
 
 def test_headings_win_over_everything() -> None:
     found = _frames(COMPASS, [1.0, 2.0, 3.0], placed(0, 0, 0))
-    assert found.turn.tolist() == [1.0, 2.0, 3.0]
-    assert not found.noise.any()
+    assert found.heading.tolist() == [1.0, 2.0, 3.0]
+    assert not found.heading_std.any()
     assert found.source is None
 
 
 def test_matches_win_over_the_compass_where_they_connect_all() -> None:
     found = _frames(COMPASS, None, placed(0, 0, 0))
-    assert found.turn.tolist() == [0.0, 10.0, 20.0]
+    assert found.heading.tolist() == [0.0, 10.0, 20.0]
     assert found.source == "turns"
 
 
 def test_the_compass_joins_groups_that_matches_leave_apart() -> None:
     found = _frames(COMPASS, None, placed(0, 0, 1))
     assert not found.group.any()
-    assert found.turn - found.turn[0] == pytest.approx([0.0, 10.0, 90.0], abs=10.0)
-    assert found.turn[1] - found.turn[0] == pytest.approx(10.0)
-    assert found.noise[2] == pytest.approx(np.hypot(0.3, RELATIVE_HEADING_STD))
-    assert found.noise[:2] == pytest.approx([np.hypot(0.3, RELATIVE_HEADING_STD / np.sqrt(2))] * 2)
+    assert found.heading - found.heading[0] == pytest.approx([0.0, 10.0, 90.0], abs=10.0)
+    assert found.heading[1] - found.heading[0] == pytest.approx(10.0)
+    assert found.heading_std[2] == pytest.approx(np.hypot(0.3, RELATIVE_HEADING_STD))
+    assert found.heading_std[:2] == pytest.approx([np.hypot(0.3, RELATIVE_HEADING_STD / np.sqrt(2))] * 2)
 
 
 def test_without_any_each_photo_is_alone() -> None:

@@ -20,8 +20,8 @@ from lighting.fusion.single_view import (
     COMPASS_OUTLIER_RATE,
     Gravity,
     Observations,
-    _contrary,
-    _held,
+    _contradiction,
+    _fused_tilt,
     camera_elevation_std,
     fuse,
     fuse_gravity,
@@ -182,15 +182,15 @@ def said(elevation: float = 4.0, roll: float = -1.0) -> Prediction:
 
 
 def apart(above: float, aside: float = 0.0) -> str | None:
-    return _contrary(said(), Gravity(4.0 + above, -1.0 + aside, 1.0))
+    return _contradiction(said(), Gravity(4.0 + above, -1.0 + aside, 1.0))
 
 
 def test_both_are_weighted_by_their_errors() -> None:
-    both = _held(said(10.0, 6.0), Gravity(0.0, 0.0, 1.0))
+    both = _fused_tilt(said(10.0, 6.0), Gravity(0.0, 0.0, 1.0))
     assert both == pytest.approx((10.0 * 1.0 / (1.0 + 3.5**2), 6.0 * 1.0 / (1.0 + 2.0**2)))
-    assert _held(said(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
-    assert _held(said(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
-    assert _held(said(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
+    assert _fused_tilt(said(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
+    assert _fused_tilt(said(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
+    assert _fused_tilt(said(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
     assert camera_elevation_std(None) == CAMERA_ELEVATION_STD
     assert camera_elevation_std(Gravity(0.0, 0.0, 1.0)) == pytest.approx((1.0 + 3.5**-2.0) ** -0.5)
 
@@ -198,12 +198,12 @@ def test_both_are_weighted_by_their_errors() -> None:
 def test_a_steep_camera_has_no_roll_and_the_network_does_not_contradict_it() -> None:
     """It learnt elevations within 35 deg, and says as much as it can."""
     down = Gravity(-90.0, None, 1.0)
-    assert _contrary(said(-33.0, 8.0), down) is None
-    elevation, roll = _held(said(-33.0, 8.0), down)
+    assert _contradiction(said(-33.0, 8.0), down) is None
+    elevation, roll = _fused_tilt(said(-33.0, 8.0), down)
     assert elevation == pytest.approx(-90.0, abs=0.5)
     assert roll == 0.0
-    assert _contrary(said(0.0), down) is not None
-    assert _held(said(-30.0), Gravity(-60.0, 20.0, 1.0)) == pytest.approx((-59.6, 15.8), abs=0.1)
+    assert _contradiction(said(0.0), down) is not None
+    assert _fused_tilt(said(-30.0), Gravity(-60.0, 20.0, 1.0)) == pytest.approx((-59.6, 15.8), abs=0.1)
 
 
 @pytest.mark.parametrize(("above", "aside"), [(19.0, 0.0), (-19.0, 0.0), (0.0, 19.0), (13.0, 13.0)])
@@ -229,7 +229,7 @@ def test_the_sentence_names_both() -> None:
     assert (apart(-40.0, 3.0) or "").startswith(
         "By its metadata the camera looks 36° down with a roll of 2°, by the pixels it looks 4° up with a roll of -1°:"
     )
-    said_alone = _contrary(said(), Gravity(-36.0, None, 1.0)) or ""
+    said_alone = _contradiction(said(), Gravity(-36.0, None, 1.0)) or ""
     assert "looks 36° down, by the pixels it looks 4° up:" in said_alone
 
 
