@@ -53,7 +53,7 @@ def report_probe() -> str:
     for bits in (8, 12, 14):
         for fill, name in ((0.8, "the sun"), (SKY_FILL, "the sky")):
             errors = _measure_bracket(BracketCamera(bits, fill), moment, lens, 40.0)
-            sun = ["-", "clipped"] if errors.clipped else [f"{100 * errors.sun:.1f} %", "not clipped_mask"]
+            sun = ["-", "clipped"] if errors.clipped else [f"{100 * errors.sun:.1f} %", "not clipped"]
             sky = [f"{errors.steps:.1f}", f"{100 * errors.longest:.1f} %", f"{100 * errors.sky:.1f} %"]
             rows.append([str(bits), name, *sky, *sun, f"{errors.rotation:.2f}°"])
     title = f"Seven exposures of 1/8000 to 1 s, {PICTURE_SIDE} x {PICTURE_SIDE} pixels, map of {MAP_HEIGHT} rows"
