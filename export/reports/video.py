@@ -252,7 +252,7 @@ def _measure_clip(clip: _Clip, model: Model) -> dict[str, float]:
     first = int(shot.frames[0])
     best = _sun_vector(_sun_by_true_rotations(clip, first, model))
     true = direction(clip.sun[0] - clip.path[0][first], clip.sun[1])  # as the shot's first frame sees it
-    sun, fovs = _sun_vector(shot.fused.sun), _fovs(shot.vertical_fov, shot.zoom)
+    sun, fovs = _sun_vector(shot.posterior.sun), _fovs(shot.vertical_fov, shot.zoom)
     error = float(angle_between(sun, true))
     return {
         **_tracking_errors(shot, clip),
@@ -260,10 +260,10 @@ def _measure_clip(clip: _Clip, model: Model) -> dict[str, float]:
         "to best": float(angle_between(sun, best)),
         "sun": error,
         "best's sun": float(angle_between(best, true)),
-        "in 50 %": 100.0 * (error <= shot.fused.sun.radius_50),
-        "in 90 %": 100.0 * (error <= shot.fused.sun.radius_90),
+        "in 50 %": 100.0 * (error <= shot.posterior.sun.radius_50),
+        "in 90 %": 100.0 * (error <= shot.posterior.sun.radius_90),
         "split": float(len(shots) > 1),
-        "doubted": float(bool(shot.known.warnings)),
+        "doubted": float(bool(shot.prior.warnings)),
     }
 
 
@@ -281,7 +281,7 @@ def _tracking_errors(shot: Shot, clip: _Clip) -> dict[str, float]:
     path, part = shot.path, shot.frames
     azimuth, elevation, roll = (angle[part] for angle in clip.path)
     heading = np.abs(wrap_azimuth(path.heading - path.heading[0] - (azimuth - azimuth[0])))
-    sun = np.degrees(np.unwrap(np.radians(shot.fused.sun.azimuth - path.heading - (clip.sun[0] - azimuth))))
+    sun = np.degrees(np.unwrap(np.radians(shot.posterior.sun.azimuth - path.heading - (clip.sun[0] - azimuth))))
     window = min(len(sun), round(SMOOTHING / float(np.median(np.diff(path.time)))) // 2 * 2 + 1)
     true_gains = clip.gain[part] / clip.gain[part[0]]
     gains = [float(luminance(gain) / luminance(true)) for gain, true in zip(shot.gains, true_gains, strict=True)]

@@ -172,7 +172,7 @@ def _moment(
     place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)
     if place[0] is None or place[1] is None:
         raise click.UsageError("The place is not in EXIF; tell it with --lat and --lon.")
-    return Moment(told.aware(utc_offset), place[0], place[1])
+    return Moment(told.aware_time(utc_offset), place[0], place[1])
 
 
 def _merge_one(shot: "BracketFiles", moment: "Moment", settings: "BracketSettings", output: str, quiet: bool) -> None:
@@ -215,7 +215,7 @@ def _report(made: "Probe", path: Path, quiet: bool) -> None:
 
 
 def _fit_in_words(made: "Probe") -> str:
-    words = "" if made.off is None else f"; the map shows it {made.off:.2f}° away"
+    words = "" if made.sun_error is None else f"; the map shows it {made.sun_error:.2f}° away"
     if made.alignment is not None and len(made.alignment.used) > 1:
         lens, used = made.alignment.lens, int(made.alignment.used.sum())
         words += f"; {used} suns leave {made.alignment.residual:.2f}°, tilt {made.alignment.tilt:.1f}°"

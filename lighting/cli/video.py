@@ -81,7 +81,7 @@ def _video(
     every, overwrite = options.pop("every"), options.pop("overwrite")
     job = VideoJob(Path(clip), Path(output), given, every, OutputOptions(**options))
     check_video_folder(job.folder, overwrite=overwrite)
-    refuse_collisions(clip, str(job.folder / FILM_FILE) if job.wanted.film else None)
+    refuse_collisions(clip, str(job.folder / FILM_FILE) if job.options.film else None)
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
@@ -145,6 +145,6 @@ def _in_words(number: int, shot: "Shot") -> str:
         f"sun {light.sun_elevation:.1f}° high and {aside(light.sun_azimuth, 1)} of the first frame "
         f"(50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
         f"direct sunlight {100 * light.sun_visibility:.0f} %; "
-        f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_sigma:.1f}°"
+        f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_std:.1f}°"
         f"{zoom}{north}"
     )

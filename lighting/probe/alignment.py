@@ -57,34 +57,34 @@ def yaw_rotation(yaw: float) -> Floats:
     return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
-def align_by_sun(lens: Lens, found: tuple[float, float], truth: tuple[float, float]) -> Alignment:
+def align_by_sun(lens: Lens, observed: tuple[float, float], expected: tuple[float, float]) -> Alignment:
     """Yaw alone, from azimuth and elevation [deg] of one sun in the camera's frame and by the ephemeris."""
-    rotation = yaw_rotation(float(wrap_azimuth(truth[0] - found[0])))
-    return Alignment(rotation, lens, np.array([abs(truth[1] - found[1])]), np.array([True]))
+    rotation = yaw_rotation(float(wrap_azimuth(expected[0] - observed[0])))
+    return Alignment(rotation, lens, np.array([abs(expected[1] - observed[1])]), np.array([True]))
 
 
-def align_series(lens: Lens, pixels: Floats, truth: Floats) -> Alignment:
+def align_series(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
     """Rotation, mirror sense and, where the suns allow it, field of view, of pixels (N, 2) and true directions (N, 3).
 
     Raises ProbeError for fewer than three suns or suns too near each other.
     """
-    arc = float(max(angle_between(truth[:, None], truth[None]).max(), 0.0))
-    if len(truth) < MIN_SUNS or arc < MIN_ARC:
+    arc = float(max(angle_between(suns[:, None], suns[None]).max(), 0.0))
+    if len(suns) < MIN_SUNS or arc < MIN_ARC:
         raise ProbeError(
             f"A series needs the sun in {MIN_SUNS} probes or more over {MIN_ARC:g} deg of its path; "
-            f"it was found in {len(truth)}, over {arc:.0f} deg."
+            f"it was found in {len(suns)}, over {arc:.0f} deg."
         )
     senses = [lens, replace(lens, mirrored=not lens.mirrored)]
-    return min((_fit_series(sense, pixels, truth, arc) for sense in senses), key=_robust_rms)
+    return min((_fit_series(sense, pixels, suns, arc) for sense in senses), key=_robust_rms)
 
 
-def _fit_series(lens: Lens, pixels: Floats, truth: Floats, arc: float) -> Alignment:
-    if len(truth) < MIN_SUNS_FOR_FOV or arc < MIN_ARC_FOR_FOV or lens.kind in ("ball", "latlong"):
-        return _fit_rotation(lens, pixels, truth)
-    best, reach = _fit_rotation(lens, pixels, truth), _FOV_REACH
+def _fit_series(lens: Lens, pixels: Floats, suns: Floats, arc: float) -> Alignment:
+    if len(suns) < MIN_SUNS_FOR_FOV or arc < MIN_ARC_FOR_FOV or lens.kind in ("ball", "latlong"):
+        return _fit_rotation(lens, pixels, suns)
+    best, reach = _fit_rotation(lens, pixels, suns), _FOV_REACH
     for step in _FOV_STEPS:
         factors = np.arange(-reach, reach + step / 2, step)
-        best = _best(best, (_fit_rotation(_with_fov(best.lens, factor), pixels, truth) for factor in factors))
+        best = _best(best, (_fit_rotation(_with_fov(best.lens, factor), pixels, suns) for factor in factors))
         reach = step
     return best
 
@@ -103,25 +103,25 @@ def _with_fov(lens: Lens, factor: float) -> Lens:
     return replace(lens, fov=min(lens.fov * (1 + factor), 359.0))
 
 
-def _fit_rotation(lens: Lens, pixels: Floats, truth: Floats) -> Alignment:
+def _fit_rotation(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
     """The rotation of least squares, twice: the second time without suns that are far off."""
-    seen = unproject_from_lens(lens, pixels)
-    shown = np.asarray(np.isfinite(seen).all(axis=-1))
-    seen, used = np.where(shown[:, None], seen, [0.0, 1.0, 0.0]), shown
+    observed = unproject_from_lens(lens, pixels)
+    visible = np.asarray(np.isfinite(observed).all(axis=-1))
+    observed, used = np.where(visible[:, None], observed, [0.0, 1.0, 0.0]), visible
     for _ in range(2):
-        rotation = _kabsch(seen[used], truth[used])
-        residuals = np.where(shown, angle_between(seen @ rotation.T, truth), 180.0)
+        rotation = _kabsch(observed[used], suns[used])
+        residuals = np.where(visible, angle_between(observed @ rotation.T, suns), 180.0)
         limit = max(_OUTLIER_MEDIANS * float(np.median(residuals)), _MIN_OUTLIER)
-        kept = residuals <= limit
-        used = kept if kept.sum() >= MIN_SUNS else used
+        is_inlier = residuals <= limit
+        used = is_inlier if is_inlier.sum() >= MIN_SUNS else used
     return Alignment(rotation, lens, residuals, used)
 
 
-def _kabsch(seen: Floats, truth: Floats) -> Floats:
+def _kabsch(observed: Floats, expected: Floats) -> Floats:
     """The rotation (3, 3) with rotation @ seen nearest to truth."""
-    u, _, v = np.linalg.svd(seen.T @ truth)
-    turn = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
-    return np.asarray((u @ turn @ v).T)
+    u, _, v = np.linalg.svd(observed.T @ expected)
+    proper = np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ v))])
+    return np.asarray((u @ proper @ v).T)
 
 
 TURBIDITIES = (2.0, 3.0, 4.0, 6.0, 8.0)  # tried, from very clear to hazy
@@ -156,7 +156,7 @@ class ProbeOrientation:
     offsets: Floats  # (S,) deg, what each scan alone would say
 
     @property
-    def sure(self) -> bool:
+    def is_sure(self) -> bool:
         return self.other > _MIN_ERROR_RATIO * self.error
 
 
@@ -170,9 +170,9 @@ def fit_orientation(scans: Sequence[Scan]) -> ProbeOrientation:
     errors = {sense: np.array([_offset_errors(scan, sense, offsets) for scan in scans]) for sense in (1, -1)}
     joint = {sense: np.sqrt((each**2).mean(axis=0)) for sense, each in errors.items()}
     sense = min(joint, key=lambda s: float(joint[s].min()))
-    best = float(_minimum_offset(offsets, joint[sense]))
-    alone = np.array([_minimum_offset(offsets, each) for each in errors[sense]])
-    return ProbeOrientation(sense, best, float(joint[sense].min()), float(joint[-sense].min()), alone)
+    offset = float(_minimum_offset(offsets, joint[sense]))
+    offsets_alone = np.array([_minimum_offset(offsets, each) for each in errors[sense]])
+    return ProbeOrientation(sense, offset, float(joint[sense].min()), float(joint[-sense].min()), offsets_alone)
 
 
 def log_errors(measured: Floats, model: Floats) -> Floats:
@@ -184,13 +184,13 @@ def log_errors(measured: Floats, model: Floats) -> Floats:
 def _offset_errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
     """The least error over turbidities at each offset (M,): root mean square of the logarithm, cut at LIMIT."""
     sun = direction(*scan.sun)
-    towards = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
-    far = angle_between(towards, sun) > SUN_CLEARANCE
+    directions = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
+    is_clear = angle_between(directions, sun) > SUN_CLEARANCE
     squares = []
     for turbidity in TURBIDITIES:
-        model = luminance(sky_radiance(towards, sun, turbidity, GROUND_ALBEDO))
+        model = luminance(sky_radiance(directions, sun, turbidity, GROUND_ALBEDO))
         error = np.log(np.maximum(scan.luminance, 1e-12)) - np.log(np.maximum(model, 1e-12))
-        error = np.where(far, error, np.nan)
+        error = np.where(is_clear, error, np.nan)
         error -= np.nanmedian(error, axis=1, keepdims=True)
         squares.append(np.nanmean(np.minimum(error**2, MAX_LOG_ERROR**2), axis=1))
     return np.asarray(np.sqrt(np.min(squares, axis=0)))
@@ -200,6 +200,6 @@ def _minimum_offset(offsets: Floats, errors: Floats) -> float:
     """The offset of the least error, between the steps by a parabola, in (-180, 180]."""
     index = int(errors.argmin())
     before, at, after = errors[index - 1], errors[index], errors[(index + 1) % len(errors)]
-    bend = before - 2 * at + after
-    shift = 0.5 * (before - after) / bend if bend > 0 else 0.0
+    curvature = before - 2 * at + after
+    shift = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
     return float(wrap_azimuth(offsets[index] + shift * _OFFSET_STEP))

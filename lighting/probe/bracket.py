@@ -71,13 +71,13 @@ def make_bracket(photos: Sequence[LinearPhoto], names: Sequence[str] | None = No
     if len(sizes) > 1:
         listed = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
         raise ProbeError(f"The exposures differ in size: {listed} pixels.")
-    told = [photo.exposure for photo in photos]
-    length = [value for value in told if value is not None]
-    if len(length) < len(photos):
-        length = [_brightness(photo.pixels) for photo in photos]
-    order = sorted(range(len(photos)), key=length.__getitem__)
-    called = names or [f"exposure {number}" for number in range(1, len(photos) + 1)]
-    return Bracket(tuple(photos[i] for i in order), tuple(called[i] for i in order))
+    exposures = [photo.exposure for photo in photos]
+    lengths = [value for value in exposures if value is not None]
+    if len(lengths) < len(photos):
+        lengths = [_brightness(photo.pixels) for photo in photos]
+    order = sorted(range(len(photos)), key=lengths.__getitem__)
+    all_names = names or [f"exposure {number}" for number in range(1, len(photos) + 1)]
+    return Bracket(tuple(photos[i] for i in order), tuple(all_names[i] for i in order))
 
 
 def _brightness(pixels: NDArray[np.float32]) -> float:
@@ -118,7 +118,7 @@ class BracketFiles:
     latitude: float | None
     longitude: float | None
 
-    def aware(self, utc_offset: float | None) -> datetime:
+    def aware_time(self, utc_offset: float | None) -> datetime:
         """The time with its zone, which `utc_offset` [h] tells if the files do not; ProbeError without either."""
         if self.time is None:
             raise ProbeError(
@@ -135,11 +135,11 @@ class BracketFiles:
 
 def read_bracket_files(files: Sequence[Path]) -> BracketFiles:
     """A bracket's files, with the first time and place that one of them or their folder's name says."""
-    facts = [read_metadata_and_exposure(file)[0] for file in files]
-    times = [time for fact in facts if (time := _capture_time(fact)) is not None]
-    named = _time_in_names(files[0].parent)
-    placed = next((fact for fact in facts if fact.latitude is not None), PhotoMetadata())
-    return BracketFiles(tuple(files), times[0] if times else named, placed.latitude, placed.longitude)
+    metadata = [read_metadata_and_exposure(file)[0] for file in files]
+    times = [time for m in metadata if (time := _capture_time(m)) is not None]
+    folder_time = _time_in_names(files[0].parent)
+    located = next((m for m in metadata if m.latitude is not None), PhotoMetadata())
+    return BracketFiles(tuple(files), times[0] if times else folder_time, located.latitude, located.longitude)
 
 
 def group_brackets(inputs: Sequence[Path]) -> list[BracketFiles]:
@@ -147,9 +147,9 @@ def group_brackets(inputs: Sequence[Path]) -> list[BracketFiles]:
 
     Raises ProbeError for a folder without pictures and for files without times.
     """
-    folders, files = ([path for path in inputs if path.is_dir() is kind] for kind in (True, False))
-    shots = [read_bracket_files(list_pictures(folder)) for folder in folders]
-    return shots + [read_bracket_files(group) for group in _split_by_time(files)]
+    folders, files = ([path for path in inputs if path.is_dir() is is_folder] for is_folder in (True, False))
+    brackets = [read_bracket_files(list_pictures(folder)) for folder in folders]
+    return brackets + [read_bracket_files(group) for group in _split_by_time(files)]
 
 
 def list_pictures(folder: Path) -> list[Path]:
@@ -176,8 +176,8 @@ def _split_by_time(files: Sequence[Path]) -> list[list[Path]]:
     return groups
 
 
-def _capture_time(facts: PhotoMetadata) -> datetime | None:
-    return facts.utc_time or facts.local_time
+def _capture_time(metadata: PhotoMetadata) -> datetime | None:
+    return metadata.utc_time or metadata.local_time
 
 
 def _time_in_names(folder: Path) -> datetime | None:
@@ -230,14 +230,14 @@ def _is_dated(path: Path) -> bool:
 
 
 def _read_probe_file(path: Path, zone: tzinfo) -> _ProbeFile:
-    filed = read_exr_attributes(path).get(TIME_ATTRIBUTE)
-    if isinstance(filed, str):
-        return _ProbeFile(_parse_time_attribute(filed, path, zone), path)
+    text = read_exr_attributes(path).get(TIME_ATTRIBUTE)
+    if isinstance(text, str):
+        return _ProbeFile(_parse_time_attribute(text, path, zone), path)
     try:
-        named = datetime.strptime("".join(path.parts[-3:-1]), "%Y%m%d%H%M%S")
+        folder_time = datetime.strptime("".join(path.parts[-3:-1]), "%Y%m%d%H%M%S")
     except ValueError as error:
         raise ProbeError(f"{path.parent} is not named by a time.") from error
-    return _ProbeFile(named.replace(tzinfo=zone), path)
+    return _ProbeFile(folder_time.replace(tzinfo=zone), path)
 
 
 def _parse_time_attribute(text: str, path: Path, zone: tzinfo) -> datetime:

@@ -124,8 +124,8 @@ def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple
     lighting = _lighting_from_fit(spot, fit)
     filled = _replace_clipped(image, clipped, spot)
     upper = len(image) // 2
-    with_disc, without = (render(lighting, len(image), sun=shines)[:upper] for shines in (True, False))
-    filled[:upper] += with_disc - without
+    with_disc, without_disc = (render(lighting, len(image), sun=shines)[:upper] for shines in (True, False))
+    filled[:upper] += with_disc - without_disc
     return filled, replace(spot, irradiance=sun_irradiance(lighting)), fit
 
 
@@ -141,10 +141,10 @@ def _lighting_from_fit(spot: SunBlob, fit: SkyFit) -> Lighting:
 
 def _replace_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> NDArray[np.float32]:
     """A copy whose clipped pixels around the sun have the median colour of the ring beside them."""
-    away = angle_between(latlong_directions(len(image)), spot.direction)
+    distance = angle_between(latlong_directions(len(image)), spot.direction)
     reach = max(spot.radius, 1.5 * 180.0 / len(image)) + 1.0
-    region = (away < reach) & (clipped | (away < 0.6 * reach))
-    ring = (away >= reach) & (away < 2 * reach) & ~clipped
+    region = (distance < reach) & (clipped | (distance < 0.6 * reach))
+    ring = (distance >= reach) & (distance < 2 * reach) & ~clipped
     filled = image.copy()
     if ring.any():
         filled[region] = np.median(image[ring], axis=0)
@@ -165,7 +165,7 @@ class _MergedBracket:
 
     merged: MergedHdr
     lens: Lens
-    exposed: ExposureRatios
+    ratios: ExposureRatios
     spot: SunBlob | None  # in the camera's frame, by the lens as told
     warnings: tuple[str, ...]
 
@@ -181,11 +181,11 @@ class Probe:
     estimated: bool  # the sun's light is the model's
     fit: SkyFit | None  # the model, where it was asked for
     alignment: Alignment | None  # None where the caller told the yaw
-    exposed: ExposureRatios
+    ratios: ExposureRatios
     warnings: tuple[str, ...]
 
     @property
-    def off(self) -> float | None:
+    def sun_error(self) -> float | None:
         """Angle [deg] between the sun in the map and the ephemeris; None where none is seen."""
         return None if self.spot is None else float(angle_between(self.spot.direction, direction(*self.moment.sun)))
 
@@ -193,18 +193,18 @@ class Probe:
 def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> Probe:
     """One probe, aligned by the yaw of its sun. Raises ProbeError by night, without a sun, and for bad exposures."""
     _check_day(moment)
-    developed = _merge_bracket(bracket, settings)
+    bracket_hdr = _merge_bracket(bracket, settings)
     if settings.yaw is not None:
-        return _finish_probe(developed, yaw_rotation(settings.yaw), None, moment, settings)
-    if developed.spot is None:
+        return _finish_probe(bracket_hdr, yaw_rotation(settings.yaw), None, moment, settings)
+    if bracket_hdr.spot is None:
         raise ProbeError(
             "No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw.",
             "yaw",
             ErrorCode.MISSING,
         )
-    found = (developed.spot.azimuth, developed.spot.elevation)
-    alignment = align_by_sun(developed.lens, found, moment.sun)
-    return _finish_probe(developed, alignment.rotation, alignment, moment, settings)
+    observed = (bracket_hdr.spot.azimuth, bracket_hdr.spot.elevation)
+    alignment = align_by_sun(bracket_hdr.lens, observed, moment.sun)
+    return _finish_probe(bracket_hdr, alignment.rotation, alignment, moment, settings)
 
 
 def make_series(
@@ -217,26 +217,26 @@ def make_series(
     for moment in moments:
         _check_day(moment)
     alignment = _series_alignment(brackets, moments, settings)
-    told = replace(settings, fov=alignment.lens.fov, mirrored=alignment.lens.mirrored)
+    adjusted = replace(settings, fov=alignment.lens.fov, mirrored=alignment.lens.mirrored)
     for read, moment in zip(brackets, moments, strict=True):
-        developed = _merge_bracket(read(), told)
-        yield _finish_probe(developed, alignment.rotation, alignment, moment, told)
+        bracket_hdr = _merge_bracket(read(), adjusted)
+        yield _finish_probe(bracket_hdr, alignment.rotation, alignment, moment, adjusted)
 
 
 def _series_alignment(
     brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: BracketSettings
 ) -> Alignment:
     """How the camera of a series stood, by the suns that its probes show; ProbeError where they are too few."""
-    pixels, truth, lens = [], [], None
+    pixels, suns, lens = [], [], None
     for read, moment in zip(brackets, moments, strict=True):
-        developed = _merge_bracket(read(), settings)
-        lens = developed.lens
-        if developed.spot is not None:
-            pixels.append(project_to_lens(lens, developed.spot.direction))
-            truth.append(direction(*moment.sun))
+        bracket_hdr = _merge_bracket(read(), settings)
+        lens = bracket_hdr.lens
+        if bracket_hdr.spot is not None:
+            pixels.append(project_to_lens(lens, bracket_hdr.spot.direction))
+            suns.append(direction(*moment.sun))
     if lens is None or not pixels:
         raise ProbeError("No sun is found in any probe of the series, so it cannot be aligned.")
-    return align_series(lens, np.array(pixels), np.array(truth))
+    return align_series(lens, np.array(pixels), np.array(suns))
 
 
 def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracket:
@@ -261,13 +261,17 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
 
 
 def _finish_probe(
-    developed: _MergedBracket, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: BracketSettings
+    bracket_hdr: _MergedBracket,
+    rotation: Floats,
+    alignment: Alignment | None,
+    moment: Moment,
+    settings: BracketSettings,
 ) -> Probe:
     """The probe of a merged bracket by the rotation (3, 3) from its camera to the world."""
-    merged = developed.merged
-    image, clipped = resample_to_latlong(merged.radiance, merged.clipped, developed.lens, rotation, settings.height)
-    spot = None if developed.spot is None else _rotate_sun(developed.spot, rotation)
-    probe = Probe(image, clipped, moment, spot, False, None, alignment, developed.exposed, developed.warnings)
+    merged = bracket_hdr.merged
+    image, clipped = resample_to_latlong(merged.radiance, merged.clipped, bracket_hdr.lens, rotation, settings.height)
+    spot = None if bracket_hdr.spot is None else _rotate_sun(bracket_hdr.spot, rotation)
+    probe = Probe(image, clipped, moment, spot, False, None, alignment, bracket_hdr.ratios, bracket_hdr.warnings)
     if settings.fill and spot is not None and spot.clipped:
         filled, sun, fit = _fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
@@ -291,10 +295,10 @@ def _probe_warnings(probe: Probe) -> Iterator[str]:
     share = _clipped_sky_share(probe)
     if share > _MAX_CLIPPED_SKY:
         yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
-    if probe.off is not None and probe.off > MAX_SUN_ERROR:
+    if probe.sun_error is not None and probe.sun_error > MAX_SUN_ERROR:
         yield (
-            f"The sun in the map is {probe.off:.1f} deg off the ephemeris: the lens's field of view, its centre or the "
-            f"camera's tilt is not as told; several probes of a day find them with --series."
+            f"The sun in the map is {probe.sun_error:.1f} deg off the ephemeris: the lens's field of view, its centre "
+            f"or the camera's tilt is not as told; several probes of a day find them with --series."
         )
     if probe.alignment is not None and probe.alignment.tilt > MAX_TILT:
         yield (
@@ -308,8 +312,8 @@ def _clipped_sky_share(probe: Probe) -> float:
     upper = probe.clipped[: len(probe.clipped) // 2]
     if probe.spot is None:
         return float(upper.mean())
-    towards = latlong_directions(len(probe.clipped))[: len(upper)]
-    return float((upper & (angle_between(towards, probe.spot.direction) > probe.spot.radius + 2)).mean())
+    directions = latlong_directions(len(probe.clipped))[: len(upper)]
+    return float((upper & (angle_between(directions, probe.spot.direction) > probe.spot.radius + 2)).mean())
 
 
 # A probe as an OpenEXR map with what is known of it in the header.
@@ -342,7 +346,7 @@ def _probe_attributes(probe: Probe) -> dict[str, Any]:
     """The header's entries: time, the ephemeris's sun, and what the sun's light rests on."""
     utc = probe.moment.time.astimezone(UTC)
     azimuth, elevation = probe.moment.sun
-    known: dict[str, Any] = {
+    attributes: dict[str, Any] = {
         TIME_ATTRIBUTE: utc.isoformat(timespec="seconds"),
         "capDate": utc.strftime("%Y:%m:%d %H:%M:%S"),
         "utcOffset": 0.0,
@@ -354,7 +358,7 @@ def _probe_attributes(probe: Probe) -> dict[str, Any]:
         "comments": " ".join(probe.warnings),
     }
     if probe.spot is not None:
-        known["lighting.sun_irradiance"] = np.asarray(probe.spot.irradiance, dtype=np.float32)
+        attributes["lighting.sun_irradiance"] = np.asarray(probe.spot.irradiance, dtype=np.float32)
     if probe.fit is not None:
-        known |= {"lighting.turbidity": probe.fit.turbidity, "lighting.exposure": probe.fit.exposure}
-    return known
+        attributes |= {"lighting.turbidity": probe.fit.turbidity, "lighting.exposure": probe.fit.exposure}
+    return attributes

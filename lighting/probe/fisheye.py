@@ -45,14 +45,19 @@ class Lens:
     mirrored: bool = False  # the picture was flipped left to right
 
 
-def make_lens(kind: LensKind, width: int, height: int, **told: Any) -> Lens:
+def make_lens(kind: LensKind, width: int, height: int, **options: Any) -> Lens:
     """The lens of a picture; what is not told (None) is usual: the largest circle in the middle, a fisheye looks up.
 
     Raises ProbeError for a field of view or a circle that no picture has, and for a panorama not twice as wide as high.
     """
-    given = {name: value for name, value in told.items() if value is not None}
-    usual = {"centre": (width / 2, height / 2), "radius": min(width, height) / 2, "fov": 180.0, "pitch": _PITCH[kind]}
-    lens = Lens(kind, width, height, **{**usual, **given})
+    stated = {name: value for name, value in options.items() if value is not None}
+    defaults = {
+        "centre": (width / 2, height / 2),
+        "radius": min(width, height) / 2,
+        "fov": 180.0,
+        "pitch": _PITCH[kind],
+    }
+    lens = Lens(kind, width, height, **{**defaults, **stated})
     if kind == "latlong" and width != 2 * height:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
     check_lens(kind, lens.fov, lens.radius)
@@ -77,16 +82,16 @@ def check_lens(kind: LensKind, fov: float | None, radius: float | None) -> None:
         )
 
 
-def project_to_lens(lens: Lens, towards: ArrayLike) -> Floats:
+def project_to_lens(lens: Lens, directions: ArrayLike) -> Floats:
     """Continuous pixel coordinates (..., 2) as (x, y) of directions (..., 3); NaN where the lens shows nothing."""
-    d = np.asarray(towards, dtype=np.float64)
+    unit = np.asarray(directions, dtype=np.float64)
     if lens.kind == "latlong":
-        pixel = latlong_pixel(_to_axis(lens, d), lens.height)
+        pixel = latlong_pixel(_to_axis(lens, unit), lens.height)
         return np.stack([lens.width - pixel[..., 0] if lens.mirrored else pixel[..., 0], pixel[..., 1]], axis=-1)
-    right, up, forward = np.moveaxis(d @ camera_axes(0.0, lens.pitch, 0.0).T, -1, 0)
-    aside = np.hypot(right, up)
-    reach = lens.radius * _radius_of_angle(lens, np.arctan2(aside, forward))
-    per_side = reach / np.maximum(aside, 1e-12)
+    right, up, forward = np.moveaxis(unit @ camera_axes(0.0, lens.pitch, 0.0).T, -1, 0)
+    lateral = np.hypot(right, up)
+    reach = lens.radius * _radius_of_angle(lens, np.arctan2(lateral, forward))
+    per_side = reach / np.maximum(lateral, 1e-12)
     x = lens.centre[0] + (-1 if lens.mirrored else 1) * right * per_side
     pixel = np.stack([x, lens.centre[1] - up * per_side], axis=-1)
     return np.where((reach <= lens.radius * (1 + 1e-9))[..., None], pixel, np.nan)
@@ -96,14 +101,14 @@ def unproject_from_lens(lens: Lens, pixels: ArrayLike) -> Floats:
     """Unit vectors (..., 3) of continuous pixel coordinates (..., 2); NaN outside the lens's circle."""
     x, y = np.moveaxis(np.asarray(pixels, dtype=np.float64), -1, 0)
     if lens.kind == "latlong":
-        side = lens.width - x if lens.mirrored else x
-        return _from_axis(lens, direction((side / lens.width - 0.5) * 360.0, (0.5 - y / lens.height) * 180.0))
+        column = lens.width - x if lens.mirrored else x
+        return _from_axis(lens, direction((column / lens.width - 0.5) * 360.0, (0.5 - y / lens.height) * 180.0))
     right, up = (x - lens.centre[0]) / lens.radius, (lens.centre[1] - y) / lens.radius
     reach = np.hypot(right, up)
     theta = _angle_of_radius(lens, np.minimum(reach, 1.0))
     scale = np.sin(theta) / np.maximum(reach, 1e-12)
-    towards = np.stack([(-1 if lens.mirrored else 1) * right * scale, up * scale, np.cos(theta)], axis=-1)
-    return np.where((reach <= 1 + 1e-9)[..., None], towards @ camera_axes(0.0, lens.pitch, 0.0), np.nan)
+    directions = np.stack([(-1 if lens.mirrored else 1) * right * scale, up * scale, np.cos(theta)], axis=-1)
+    return np.where((reach <= 1 + 1e-9)[..., None], directions @ camera_axes(0.0, lens.pitch, 0.0), np.nan)
 
 
 def pixels_per_degree(lens: Lens) -> float:
@@ -135,13 +140,13 @@ def _angle_of_radius(lens: Lens, reach: Floats) -> Floats:
     return np.asarray(2 * np.arccos(reach))
 
 
-def _to_axis(lens: Lens, towards: Floats) -> Floats:
+def _to_axis(lens: Lens, directions: Floats) -> Floats:
     """Directions as a panorama sees them whose own axis is raised by the pitch."""
-    return np.asarray(towards @ (camera_axes(0.0, lens.pitch, 0.0).T @ camera_axes(0.0, 0.0, 0.0)))
+    return np.asarray(directions @ (camera_axes(0.0, lens.pitch, 0.0).T @ camera_axes(0.0, 0.0, 0.0)))
 
 
-def _from_axis(lens: Lens, towards: Floats) -> Floats:
-    return np.asarray(towards @ (camera_axes(0.0, 0.0, 0.0).T @ camera_axes(0.0, lens.pitch, 0.0)))
+def _from_axis(lens: Lens, directions: Floats) -> Floats:
+    return np.asarray(directions @ (camera_axes(0.0, 0.0, 0.0).T @ camera_axes(0.0, lens.pitch, 0.0)))
 
 
 # A probe's picture as a lat-long map, with as much light in every direction as the picture has.
@@ -180,8 +185,8 @@ def _resample_rows(
     within = (np.arange(samples) + 0.5) / samples
     elevation = 90.0 - (rows[:, None] + within).reshape(-1) * 180.0 / height
     azimuth = ((np.arange(2 * height)[:, None] + within).reshape(-1) / height - 1) * 180.0
-    towards = direction(azimuth[None, :], elevation[:, None])
-    values = _sample_bilinear(picture, project_to_lens(lens, towards @ rotation), wrap=lens.kind == "latlong")
+    directions = direction(azimuth[None, :], elevation[:, None])
+    values = _sample_bilinear(picture, project_to_lens(lens, directions @ rotation), wrap=lens.kind == "latlong")
     return np.asarray(values.reshape(len(rows), samples, 2 * height, samples, -1).mean(axis=(1, 3)))
 
 
@@ -191,19 +196,19 @@ def _sample_bilinear(picture: Floats, pixels: Floats, *, wrap: bool = False) -> 
     Beyond the outermost centres the edge goes on, or with `wrap` the other side begins.
     """
     height, width = picture.shape[:2]
-    seen = np.asarray(np.isfinite(pixels).all(axis=-1))
-    if not seen.any():
+    valid = np.asarray(np.isfinite(pixels).all(axis=-1))
+    if not valid.any():
         return np.zeros((*pixels.shape[:-1], picture.shape[-1]), dtype=np.float32)
-    at = np.where(seen[..., None], pixels, 0.0) - 0.5
-    corner = np.floor(at)
-    share = (at - corner).astype(np.float32)
+    position = np.where(valid[..., None], pixels, 0.0) - 0.5
+    corner = np.floor(position)
+    share = (position - corner).astype(np.float32)
     x0, y0 = corner[..., 0].astype(np.intp), corner[..., 1].astype(np.intp)
     total = np.zeros((*pixels.shape[:-1], picture.shape[-1]), dtype=np.float32)
     for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
         column = np.mod(x0 + dx, width) if wrap else np.clip(x0 + dx, 0, width - 1)
         weight = np.abs(1 - dx - share[..., 0]) * np.abs(1 - dy - share[..., 1])
         total += weight[..., None] * picture[np.clip(y0 + dy, 0, height - 1), column]
-    return np.where(seen[..., None], total, 0)
+    return np.where(valid[..., None], total, 0)
 
 
 def _reduce_picture(picture: Floats, lens: Lens, height: int) -> tuple[Floats, Lens]:

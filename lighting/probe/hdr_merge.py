@@ -80,7 +80,7 @@ class _ExposureRatio:
     samples: int  # values it was measured from
 
     @property
-    def sure(self) -> bool:
+    def is_sure(self) -> bool:
         return self.samples >= MIN_SURE_SAMPLES and self.error <= MAX_SURE_ERROR
 
 
@@ -100,9 +100,9 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
     Raises ProbeError where neither can say, and where EXIF shows that the pixels are coded by a curve.
     """
     ratios = tuple(_measure_ratio(short, long) for short, long in pairwise(bracket.photos))
-    told = [photo.exposure for photo in bracket.photos]
-    if all(value is not None for value in told):
-        relative = np.array(told, dtype=np.float64)
+    exposures = [photo.exposure for photo in bracket.photos]
+    if all(value is not None for value in exposures):
+        relative = np.array(exposures, dtype=np.float64)
         return ExposureRatios(relative, ratios, True, _check_exif_ratios(relative, ratios, bracket.names))
     missing = next((index for index, ratio in enumerate(ratios) if ratio is None), None)
     if missing is not None:
@@ -163,14 +163,14 @@ def _robust_slope(x: Floats, y: Floats) -> tuple[float, float]:
     for _ in range(_REWEIGHTINGS):
         total = weight.sum()
         mean_x, mean_y = weight @ x / total, weight @ y / total
-        spread = weight @ (x - mean_x) ** 2
-        if spread <= 0:  # all that count are of one value
+        variance = weight @ (x - mean_x) ** 2
+        if variance <= 0:  # all that count are of one value
             return 0.0, 0.0
-        slope = weight @ ((x - mean_x) * (y - mean_y)) / spread
+        slope = weight @ ((x - mean_x) * (y - mean_y)) / variance
         residual = y - mean_y - slope * (x - mean_x)
         scale = max(1.4826 * float(np.median(np.abs(residual))), 1e-6)
         weight = np.maximum(1 - (residual / (4.7 * scale)) ** 2, 0) ** 2
-    return float(slope), float(np.sqrt(weight @ residual**2 / total * 8 / spread))
+    return float(slope), float(np.sqrt(weight @ residual**2 / total * 8 / variance))
 
 
 def _check_exif_ratios(
@@ -178,9 +178,14 @@ def _check_exif_ratios(
 ) -> tuple[str, ...]:
     """Warnings where the pixels contradict EXIF; ProbeError where they do as a curve would."""
     different = []
-    for told, ratio, pair in zip(relative[1:] / relative[:-1], ratios, pairwise(names), strict=True):
-        if ratio and ratio.sure and told > MIN_EXPOSURE_STEP and abs(told / ratio.value - 1) > MAX_EXIF_DIFFERENCE:
-            different.append((float(told), ratio.value, pair))
+    for expected, ratio, pair in zip(relative[1:] / relative[:-1], ratios, pairwise(names), strict=True):
+        if (
+            ratio
+            and ratio.is_sure
+            and expected > MIN_EXPOSURE_STEP
+            and abs(expected / ratio.value - 1) > MAX_EXIF_DIFFERENCE
+        ):
+            different.append((float(expected), ratio.value, pair))
     powers = [np.log(value) / np.log(t) for t, value, _ in different]
     if powers and not MIN_LINEAR_EXPONENT < np.median(powers) < 1 / MIN_LINEAR_EXPONENT:
         t, value, _ = different[0]
@@ -296,13 +301,13 @@ def _smooth_within_rounding(start: Pixels, recorded: Pixels, half: Pixels, reach
     [pixels] is the standard deviation of the filter.
     """
     keep = np.float32(np.exp(-np.sqrt(2) / reach))
-    down, along = keep * _surface_links(recorded, half), keep * _surface_links(recorded.T, half.T)
-    least, most = recorded - half, recorded + half
+    row_shares, column_shares = keep * _surface_links(recorded, half), keep * _surface_links(recorded.T, half.T)
+    lower, upper = recorded - half, recorded + half
     values = start
     for _ in range(SMOOTHING_PASSES):
-        once = _smooth_edge_aware(values, down, along)
-        twice = _smooth_edge_aware(once, down, along)
-        values = np.where(half > 0, np.clip(2 * once - twice, least, most), start)
+        smoothed = _smooth_edge_aware(values, row_shares, column_shares)
+        twice_smoothed = _smooth_edge_aware(smoothed, row_shares, column_shares)
+        values = np.where(half > 0, np.clip(2 * smoothed - twice_smoothed, lower, upper), start)
     return values
 
 
@@ -310,8 +315,8 @@ def _surface_links(recorded: Pixels, half: Pixels) -> Pixels:
     """1 where a value and the one in the row above it (H, W) belong to one surface, else 0."""
     links = np.zeros(recorded.shape, dtype=np.float32)
     step = 2 * np.maximum(half[1:], half[:-1])
-    seen = (recorded[1:] > 0) & (recorded[:-1] > 0)
-    links[1:] = seen & (np.abs(np.diff(recorded, axis=0)) <= _MAX_LINKED_STEPS * step)
+    positive = (recorded[1:] > 0) & (recorded[:-1] > 0)
+    links[1:] = positive & (np.abs(np.diff(recorded, axis=0)) <= _MAX_LINKED_STEPS * step)
     return links
 
 

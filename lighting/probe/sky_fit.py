@@ -60,12 +60,12 @@ class SkyFit:
 class _Sky:
     """Samples of a picture's sky."""
 
-    towards: Floats  # (N, 3) unit vectors, each for the same solid angle
+    directions: Floats  # (N, 3) unit vectors, each for the same solid angle
     pixels: Floats  # (N, 3) linear
     solid_angle: float  # sr, of all
 
     def model(self, sun_direction: Floats, turbidity: float) -> Floats:
-        radiance = sky_radiance(self.towards, sun_direction, turbidity, GROUND_ALBEDO)
+        radiance = sky_radiance(self.directions, sun_direction, turbidity, GROUND_ALBEDO)
         return np.asarray(np.maximum(radiance, 1e-5))
 
 
@@ -92,10 +92,10 @@ def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
     """Pixels (H, 2H) of clear sky: away from the sun, not blown out, bluish, smooth, part of a large patch high up."""
     height = len(linear)
     elevation = np.repeat(latlong_angles(height)[1][:, None], 2 * height, axis=1)
-    away = angle_between(latlong_directions(height), sun_direction) > SUN_CLEARANCE
+    is_far = angle_between(latlong_directions(height), sun_direction) > SUN_CLEARANCE
     blue = linear[..., 2] > 1.05 * linear[..., 0]
     smooth = _roughness(np.log(np.maximum(luminance(linear), 1e-4))) < 0.06
-    mask = (elevation > 3.0) & away & blue & smooth
+    mask = (elevation > 3.0) & is_far & blue & smooth
     if is_clipped(linear):
         mask &= linear.max(axis=-1) < MIN_CLIPPED
     patches = label_regions(mask)
@@ -116,19 +116,19 @@ def _sample_sky(linear: NDArray[np.float32], sun_direction: Floats) -> _Sky:
     if not len(order):
         return _Sky(np.empty((0, 3)), np.empty((0, 3)), 0.0)
     chosen = np.searchsorted(order, (np.arange(SAMPLES) + 0.5) / SAMPLES * order[-1])
-    towards, pixels = latlong_directions(len(linear))[mask][chosen], np.maximum(linear[mask][chosen], 1e-4)
-    return _Sky(towards, pixels, float(order[-1]))
+    directions, pixels = latlong_directions(len(linear))[mask][chosen], np.maximum(linear[mask][chosen], 1e-4)
+    return _Sky(directions, pixels, float(order[-1]))
 
 
 def _fit_gains(sky: _Sky, sun_direction: Floats, turbidity: float) -> tuple[float, Floats, Floats, Floats]:
     """Cost, log gains (3,), errors (N,) and weights (N,) at one turbidity, by iteratively re-weighted least squares."""
     ratio = np.log(sky.pixels) - np.log(sky.model(sun_direction, turbidity))
     offset = np.median(ratio, axis=0)
-    for spread in (0.5, *[ERROR_SCALE] * 6):  # the first one wide, so that a median on clouds can still move
+    for scale in (0.5, *[ERROR_SCALE] * 6):  # the first one wide, so that a median on clouds can still move
         common = CHANNEL_WEIGHT @ offset
         gains = common + (offset - common) / (1 + GAIN_PULL)
         square = (ratio - gains) ** 2 @ CHANNEL_WEIGHT
-        weight = 1 / (1 + square / spread**2)
+        weight = 1 / (1 + square / scale**2)
         offset = weight @ ratio / weight.sum()
     pull = GAIN_PULL * float(CHANNEL_WEIGHT @ (gains - common) ** 2) / ERROR_SCALE**2
     return float(np.log1p(square / ERROR_SCALE**2).mean()) + pull, gains, np.sqrt(square), weight
@@ -194,8 +194,8 @@ def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = N
         raise ProbeError("Too little clear sky is seen to fit a model to: the sky is overcast or hidden.")
     cover = _cloud_cover(image, direction(azimuth, elevation), fit)
     source = "given" if sun else "found"
-    side = float(wrap_azimuth(azimuth))
-    return SkyState(side, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
+    wrapped = float(wrap_azimuth(azimuth))
+    return SkyState(wrapped, elevation, source, fit.turbidity, fit.exposure, fit.residual, fit.ok, cover)
 
 
 def _check_sky(image: NDArray[np.float32]) -> None:
@@ -219,10 +219,10 @@ def _find_sun_direction(image: NDArray[np.float32]) -> tuple[float, float]:
 def _cloud_cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
     """`SkyState.cover` of a map (H, 2H, 3) whose sun stands in a direction (3,), by the model fitted to it."""
     small = shrink_envmap(image, ANALYSIS_HEIGHT)
-    towards = latlong_directions(len(small))
+    directions = latlong_directions(len(small))
     high = np.broadcast_to(latlong_angles(len(small))[1][:, None] > MIN_ELEVATION, small.shape[:2])
-    counted = high & (angle_between(towards, sun) > SUN_CLEARANCE)
-    model = luminance(sky_radiance(towards[counted], sun, fit.turbidity, GROUND_ALBEDO)) * fit.exposure
+    counted = high & (angle_between(directions, sun) > SUN_CLEARANCE)
+    model = luminance(sky_radiance(directions[counted], sun, fit.turbidity, GROUND_ALBEDO)) * fit.exposure
     error = np.abs(np.log(np.maximum(luminance(small[counted]), 1e-12) / np.maximum(model, 1e-12)))
     area = pixel_solid_angles(len(small))[counted]
     return float(area[error > MAX_CLEAR_ERROR].sum() / area.sum())

@@ -154,21 +154,21 @@ class SunBlob:
 
 def find_sun_blob(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
     """The sun in a map (H, 2H, 3) whose clipped pixels (H, 2H) are marked; None where none is above the horizon."""
-    towards = latlong_directions(len(image))
-    value = np.where(towards[..., 1] > 0, luminance(image), 0.0)
-    region = _bright_region(value, clipped & (towards[..., 1] > 0))
+    directions = latlong_directions(len(image))
+    value = np.where(directions[..., 1] > 0, luminance(image), 0.0)
+    region = _bright_region(value, clipped & (directions[..., 1] > 0))
     if region is None:
         return None
     area = pixel_solid_angles(len(image))
     size = float(area[region].sum())
     radius = float(np.degrees(np.arccos(1 - size / (2 * np.pi))))
-    centre = (area * value)[region] @ towards[region]
-    from_centre = angle_between(towards, centre)
+    center = (area * value)[region] @ directions[region]
+    distance = angle_between(directions, center)
     reach = radius + MARGIN * 180.0 / len(image)
-    background = _background(image, from_centre, reach)
-    near = from_centre < reach
-    light = np.maximum(image[near] - background, 0) * area[near][:, None]
-    azimuth, elevation = angles(luminance(light) @ towards[near])
+    background = _background(image, distance, reach)
+    is_near = distance < reach
+    light = np.maximum(image[is_near] - background, 0) * area[is_near][:, None]
+    azimuth, elevation = angles(luminance(light) @ directions[is_near])
     return SunBlob(float(azimuth), float(elevation), radius, bool(clipped[region].any()), light.sum(axis=0))
 
 
@@ -177,8 +177,8 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
     area = pixel_solid_angles(len(value))
     if clipped.any():
         regions = label_regions(clipped)
-        light = np.bincount(regions.ravel(), (area * value).ravel())
-        best = regions == int(np.argmax(light[1:])) + 1
+        power = np.bincount(regions.ravel(), (area * value).ravel())
+        best = regions == int(np.argmax(power[1:])) + 1
         cap = 2 * np.pi * (1 - np.cos(np.radians(MAX_CLIPPED_RADIUS)))
         return best if area[best].sum() < cap else None
     peak = float(value.max())
@@ -188,7 +188,7 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
     return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])
 
 
-def _background(image: NDArray[np.float32], from_centre: Floats, reach: float) -> Floats:
+def _background(image: NDArray[np.float32], distance: Floats, reach: float) -> Floats:
     """Median colour (3,) of the sky right beside the sun, which is much brighter than that a few degrees away."""
-    ring = (from_centre > reach) & (from_centre < reach + MARGIN * 180.0 / len(image))
+    ring = (distance > reach) & (distance < reach + MARGIN * 180.0 / len(image))
     return np.median(image[ring], axis=0) if ring.any() else np.zeros(3)

@@ -121,10 +121,10 @@ TIMES_FILE = "times.csv"
 MIN_SPAN = 20.0  # min, the shortest day
 
 
-def _photo_times(folder: Path, shots: list[_DayPhoto], utc_offset: float | None) -> NDArray[np.datetime64]:
+def _photo_times(folder: Path, photos: list[_DayPhoto], utc_offset: float | None) -> NDArray[np.datetime64]:
     """UTC times (T,) of the photos; `utc_offset` [h] is of clocks that do not say it. PhotoError if one is missing."""
     listed = _listed_times(folder / TIMES_FILE)
-    moments = [_capture_time(shot, listed.get(shot.name), utc_offset) for shot in shots]
+    moments = [_capture_time(photo, listed.get(photo.name), utc_offset) for photo in photos]
     return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
 
 
@@ -146,17 +146,17 @@ def _listed_times(file: Path) -> dict[str, datetime]:
     return {row["file"]: parse_time(row["time"] or "") for row in rows}
 
 
-def _capture_time(shot: _DayPhoto, listed: datetime | None, utc_offset: float | None) -> datetime:
+def _capture_time(photo: _DayPhoto, listed_time: datetime | None, utc_offset: float | None) -> datetime:
     """When a photo was taken, in UTC."""
-    local = listed or shot.metadata.local_time
-    if listed is None and shot.metadata.utc_time is not None:
-        return shot.metadata.utc_time.astimezone(UTC)
+    local = listed_time or photo.metadata.local_time
+    if listed_time is None and photo.metadata.utc_time is not None:
+        return photo.metadata.utc_time.astimezone(UTC)
     if local is None:
-        raise PhotoError(f"{shot.name} does not say when it was taken; list the times in {TIMES_FILE}.")
+        raise PhotoError(f"{photo.name} does not say when it was taken; list the times in {TIMES_FILE}.")
     if local.tzinfo is not None:
         return local.astimezone(UTC)
     if utc_offset is None:
-        raise PhotoError(f"The clock of {shot.name} does not say its offset from UTC; give --utc-offset.")
+        raise PhotoError(f"The clock of {photo.name} does not say its offset from UTC; give --utc-offset.")
     return to_utc(local, utc_offset)
 
 
@@ -197,8 +197,8 @@ def _check_static_camera(images: FloatImage, names: list[str]) -> None:
 def _shrink_image(image: FloatImage) -> FloatImage:
     factor = max(1, max(image.shape) // _COMPARED_SIDE)
     height, width = (side // factor for side in image.shape)
-    cut = image[: height * factor, : width * factor]
-    return np.asarray(cut.reshape(height, factor, width, factor).mean(axis=(1, 3)))
+    cropped = image[: height * factor, : width * factor]
+    return np.asarray(cropped.reshape(height, factor, width, factor).mean(axis=(1, 3)))
 
 
 def _edge_spectrum(image: FloatImage) -> NDArray[Any]:
@@ -218,9 +218,9 @@ def _measure_shift(a: NDArray[Any], b: NDArray[Any]) -> float:
     row, column = np.unravel_index(int(peak.argmax()), peak.shape)
     height, width = peak.shape
     down, right = min(row, height - row), min(column, width - column)
-    here = max(peak[0, 0], peak[0, 1], peak[1, 0], peak[0, -1], peak[-1, 0])
-    clear = peak[row, column] > _MIN_PEAK_RATIO * max(here, 0.02)
-    return float(np.hypot(down, right) / max(height, width)) if clear else 0.0
+    unshifted = max(peak[0, 0], peak[0, 1], peak[1, 0], peak[0, -1], peak[-1, 0])
+    is_clear = peak[row, column] > _MIN_PEAK_RATIO * max(unshifted, 0.02)
+    return float(np.hypot(down, right) / max(height, width)) if is_clear else 0.0
 
 
 # Measured skies at the moments of photos.
@@ -250,18 +250,18 @@ def _nearest_probe(folder: Path, time: Any, utc_offset: float) -> Path:
 _MAX_EXPOSURE_DIFFERENCE = 0.02  # relative difference of exposures that cameras round alike
 
 
-def _check_same_exposure(shots: list[_DayPhoto]) -> None:
+def _check_same_exposure(photos: list[_DayPhoto]) -> None:
     """PhotoError unless size, colours, lens and exposure are those of the first photo throughout."""
-    first = shots[0]
-    for shot in shots[1:]:
-        if shot.shape != first.shape:
-            raise PhotoError(f"{shot.name} and {first.name} differ in size; the camera must not move or change.")
-        if shot.pixels.shape != first.pixels.shape:
-            raise PhotoError(f"Of {shot.name} and {first.name} one is grey and one in colour; make them alike.")
-        if _differ(shot.exposure.focal_length, first.exposure.focal_length):
-            raise PhotoError(f"{shot.name} and {first.name} differ in focal length; the lens must not change.")
-        if _exposures_differ(shot.exposure, first.exposure):
-            raise PhotoError(f"{shot.name} and {first.name} differ in exposure; fix time, aperture and ISO.")
+    first = photos[0]
+    for photo in photos[1:]:
+        if photo.shape != first.shape:
+            raise PhotoError(f"{photo.name} and {first.name} differ in size; the camera must not move or change.")
+        if photo.pixels.shape != first.pixels.shape:
+            raise PhotoError(f"Of {photo.name} and {first.name} one is grey and one in colour; make them alike.")
+        if _differ(photo.exposure.focal_length, first.exposure.focal_length):
+            raise PhotoError(f"{photo.name} and {first.name} differ in focal length; the lens must not change.")
+        if _exposures_differ(photo.exposure, first.exposure):
+            raise PhotoError(f"{photo.name} and {first.name} differ in exposure; fix time, aperture and ISO.")
 
 
 def _exposures_differ(a: _Exposure, b: _Exposure) -> bool:
@@ -292,8 +292,8 @@ def _light_varies(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> bool:
     values = images[:, rows[::step], columns[::step]].mean(axis=-1, dtype=np.float64)  # (T, P)
     brightest = float(np.quantile(values, _BRIGHT_QUANTILE)) if values.size else 0.0
     powers = np.linalg.eigvalsh(values @ values.T)  # rising; the last one is that of one picture alone
-    rest = np.sqrt(max(float(powers[:-1].sum()), 0.0) / max(values.size, 1))
-    return bool(rest > _MIN_VARIATION * brightest)
+    residual = np.sqrt(max(float(powers[:-1].sum()), 0.0) / max(values.size, 1))
+    return bool(residual > _MIN_VARIATION * brightest)
 
 
 # A folder with the photos of one day from a camera that stands still.
@@ -314,7 +314,7 @@ class DayPhotos:
     images: Pixels  # (T, H, W, C), linear, in one unit
     times: NDArray[np.datetime64]  # (T,), UTC
     mask: NDArray[np.bool_]  # (H, W), where the thing is and no photo is clipped
-    place: tuple[float, float] | None  # latitude and longitude [deg] that the photos tell
+    location: tuple[float, float] | None  # latitude and longitude [deg] that the photos tell
     heading: float | None  # deg from true north, likewise
     focal_length: float | None  # mm in 35 mm terms, likewise
     warnings: tuple[str, ...]
@@ -335,31 +335,34 @@ def read_day_photos(
     that are missing or do not differ, sizes, lenses or exposures that do, a camera that moved, and photos that are
     clipped or too small.
     """
-    shots = [_reduce_photo(_read_day_photo(path, curve), size) for path in progress(_list_photos(folder))]
-    if len(shots) < MIN_PHOTOS:
-        count = "1 photo" if len(shots) == 1 else f"{len(shots)} photos"
+    photos = [_reduce_photo(_read_day_photo(path, curve), size) for path in progress(_list_photos(folder))]
+    if len(photos) < MIN_PHOTOS:
+        count = "1 photo" if len(photos) == 1 else f"{len(photos)} photos"
         raise PhotoError(f"{folder} holds {count}; normals need at least {MIN_PHOTOS} of one day.")
-    times = _photo_times(folder, shots, utc_offset)
+    times = _photo_times(folder, photos, utc_offset)
     order = np.argsort(times, kind="stable")
-    shots, times = [shots[index] for index in order], times[order]
-    _check_same_exposure(shots)
+    photos, times = [photos[index] for index in order], times[order]
+    _check_same_exposure(photos)
     _check_times(times)
-    area = _make_mask(folder, mask, shots[0].pixels.shape[:2])
-    images = np.stack([shot.pixels for shot in shots])
-    _check_static_camera(images.mean(axis=-1), [shot.name for shot in shots])
-    kept, lost = _exclude_clipped(area, shots)
-    facts = [shot.metadata for shot in shots]
+    inside = _make_mask(folder, mask, photos[0].pixels.shape[:2])
+    images = np.stack([shot.pixels for shot in photos])
+    _check_static_camera(images.mean(axis=-1), [shot.name for shot in photos])
+    unclipped, lost = _exclude_clipped(inside, photos)
+    metadata = [shot.metadata for shot in photos]
     return DayPhotos(
-        names=tuple(shot.name for shot in shots),
+        names=tuple(shot.name for shot in photos),
         images=images,
         times=times,
-        mask=kept,
-        place=next((place for f in facts if (place := location_of(f))), None),
+        mask=unclipped,
+        location=next((location for f in metadata if (location := location_of(f))), None),
         heading=next(
-            (f.heading for f in facts if f.heading is not None and f.heading_reference == HeadingReference.TRUE), None
+            (f.heading for f in metadata if f.heading is not None and f.heading_reference == HeadingReference.TRUE),
+            None,
         ),
-        focal_length=next((f.focal_length for f in facts if f.vertical_fov is not None), None),  # not of cropped ones
-        warnings=(*_photo_warnings(shots, lost), *_day_warnings(folder, shots, images, kept)),
+        focal_length=next(
+            (f.focal_length for f in metadata if f.vertical_fov is not None), None
+        ),  # not of cropped ones
+        warnings=(*_photo_warnings(photos, lost), *_day_warnings(folder, photos, images, unclipped)),
     )
 
 
@@ -370,28 +373,28 @@ def _list_photos(folder: Path) -> list[Path]:
     return sorted(path for path in files if path.name != MASK_FILE and path.name[0] != ".")
 
 
-def _reduce_photo(shot: _DayPhoto, size: int | None) -> _DayPhoto:
+def _reduce_photo(photo: _DayPhoto, size: int | None) -> _DayPhoto:
     """The photo with each side divided by a whole number, by means of blocks, which keep values linear.
 
     Raises PhotoError where less than LEAST_SIDE is left of a side.
     """
-    height, width = shot.shape
+    height, width = photo.shape
     factor = 1 if not size else -(-max(height, width) // size)
     rows, columns = height // factor, width // factor
     if min(rows, columns) < MIN_SIDE:
         raise PhotoError(
-            f"{shot.name} is reduced to {columns} x {rows} pixels; normals need {MIN_SIDE} or more each way."
+            f"{photo.name} is reduced to {columns} x {rows} pixels; normals need {MIN_SIDE} or more each way."
         )
     if factor == 1:
-        return shot
-    cut = shot.pixels[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor, -1)
-    clipped = shot.clipped[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
-    return replace(shot, pixels=cut.mean(axis=(1, 3)), clipped=np.asarray(clipped.any(axis=(1, 3))))
+        return photo
+    cut = photo.pixels[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor, -1)
+    clipped = photo.clipped[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor)
+    return replace(photo, pixels=cut.mean(axis=(1, 3)), clipped=np.asarray(clipped.any(axis=(1, 3))))
 
 
-def _make_mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
-    file = given or folder / MASK_FILE
-    if given is None and not file.exists():
+def _make_mask(folder: Path, user_mask: Path | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    file = user_mask or folder / MASK_FILE
+    if user_mask is None and not file.exists():
         return np.ones(shape, dtype=bool)
     image = _read_mask(file)
     if abs(image.width / image.height - shape[1] / shape[0]) > 0.02 * shape[1] / shape[0]:
@@ -402,36 +405,36 @@ def _make_mask(folder: Path, given: Path | None, shape: tuple[int, ...]) -> NDAr
     return np.asarray(inside)
 
 
-def _exclude_clipped(area: NDArray[np.bool_], shots: list[_DayPhoto]) -> tuple[NDArray[np.bool_], float]:
+def _exclude_clipped(inside: NDArray[np.bool_], photos: list[_DayPhoto]) -> tuple[NDArray[np.bool_], float]:
     """Where the mask (H, W) is clipped in no photo, and the share that is lost."""
-    clipped = np.any([shot.clipped for shot in shots], axis=0)
-    worst = max(shots, key=lambda shot: shot.clipped[area].mean())
-    lost = float(clipped[area].mean())
-    if lost > _MAX_CLIPPED:
-        share = 100 * worst.clipped[area].mean()
+    clipped = np.any([photo.clipped for photo in photos], axis=0)
+    worst = max(photos, key=lambda photo: photo.clipped[inside].mean())
+    lost_share = float(clipped[inside].mean())
+    if lost_share > _MAX_CLIPPED:
+        share = 100 * worst.clipped[inside].mean()
         raise PhotoError(f"{worst.name} is clipped in {share:.0f} % of its pixels; expose less.")
-    return area & ~clipped, lost
+    return inside & ~clipped, lost_share
 
 
-def _photo_warnings(shots: list[_DayPhoto], lost: float) -> tuple[str, ...]:
-    found = []
-    if any(shot.coded for shot in shots):
-        found.append("JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals.")
-    if any(shot.exposure.seconds is None for shot in shots):
-        found.append("Not every photo says its exposure; it is taken to be the same in all.")
+def _photo_warnings(photos: list[_DayPhoto], lost: float) -> tuple[str, ...]:
+    warnings = []
+    if any(photo.coded for photo in photos):
+        warnings.append("JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals.")
+    if any(photo.exposure.seconds is None for photo in photos):
+        warnings.append("Not every photo says its exposure; it is taken to be the same in all.")
     if lost:
-        found.append(f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out.")
-    return tuple(found)
+        warnings.append(f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out.")
+    return tuple(warnings)
 
 
-def _day_warnings(folder: Path, shots: list[_DayPhoto], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
-    found = [
+def _day_warnings(folder: Path, photos: list[_DayPhoto], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
+    warnings = [
         f"{TIMES_FILE} lists {name}, which is not there."
-        for name in _missing_files(folder, [shot.name for shot in shots])
+        for name in _missing_files(folder, [photo.name for photo in photos])
     ]
     if not _light_varies(images, mask):
-        found.append(
+        warnings.append(
             "All that the photos show brightens and darkens alike, as under an overcast sky or within half an hour: "
             "unless the thing is flat, its normals are worthless."
         )
-    return found
+    return warnings

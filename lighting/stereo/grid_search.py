@@ -59,9 +59,9 @@ def sample_visible_normals(count: int) -> NDArray[np.float32]:
     """Unit vectors (N, 3) spread evenly over the camera frame's half with Z > 0, on a Fibonacci spiral."""
     index = np.arange(count) + 0.5
     z = index / count
-    turn = np.pi * (1 + 5**0.5) * index
-    across = np.sqrt(1 - z * z)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1).astype(np.float32)
+    angle = np.pi * (1 + 5**0.5) * index
+    radius = np.sqrt(1 - z * z)
+    return np.stack([radius * np.cos(angle), radius * np.sin(angle), z], axis=-1).astype(np.float32)
 
 
 Image = NDArray[np.float32]
@@ -96,10 +96,10 @@ class SearchResult:
     residual: Image  # (P,), root of the mean squared difference of the images, in their unit
     difference: Image  # (P, T), the images less what normal and albedo make, mean over channels
     error: Image  # (P,), expected angle [deg] of the normal to the truth
-    spread: Image  # (P,), the same as root of the mean square
+    error_rms: Image  # (P,), the same as root of the mean square
     mean: Image  # (P, 3), mean of the distribution over normals; its length is less than 1
     other: Image  # (P, 3), the best normal that is APART from the first
-    odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
+    log_odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
 
 
 SearchProgress = Callable[[Iterable[SearchResult], int], Iterable[SearchResult]]  # sees answers pass, of so many in all
@@ -130,8 +130,8 @@ def search_normals(
     units, size = _normalize_brightness(table), max(1, _BLOCK_RESIDUALS // len(table.normals))
     blocks = [images[start : start + size] for start in range(0, len(images), size)] or [images]
     with ThreadPoolExecutor(threads) as pool:
-        found = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
-        parts = list(progress(found, len(blocks)))
+        results = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
+        parts = list(progress(results, len(blocks)))
     return SearchResult(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SearchResult)))
 
 
@@ -147,15 +147,15 @@ def _search_block(images: Image, table: Candidates, noise: float, units: Image) 
     best = likelihood.argmax(axis=1)
     likelihood -= likelihood[np.arange(len(best)), best][:, None]
     chords = np.sqrt(np.maximum(2 - 2 * _multiply_in_rows(table.normals[best], table.normals.T), 0))
-    other, odds = _other_normal(likelihood, chords, table.normals)
+    other, log_odds = _other_normal(likelihood, chords, table.normals)
     weight = np.exp(likelihood, out=likelihood)
     total = weight.sum(axis=1)
     mean = _multiply_in_rows(weight, table.normals) / total[:, None]
     error = _chord_angle(np.einsum("pk,pk->p", weight, chords) / total)
     normal, albedo, difference = _refine_normals(images, table, best, noise)
     residual = np.sqrt(np.mean(difference**2, axis=(1, 2)))
-    spread = _chord_angle(np.sqrt(np.maximum(2 - 2 * np.sum(normal * mean, axis=1), 0)))
-    return SearchResult(normal, albedo, residual, difference.mean(axis=2), error, spread, mean, other, odds)
+    error_rms = _chord_angle(np.sqrt(np.maximum(2 - 2 * np.sum(normal * mean, axis=1), 0)))
+    return SearchResult(normal, albedo, residual, difference.mean(axis=2), error, error_rms, mean, other, log_odds)
 
 
 def _chord_angle(chord: Image) -> Image:
@@ -189,10 +189,10 @@ def _multiply_in_rows(left: Image, right: Image) -> Image:
 
 def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:
     """The likeliest normal (P, 3) APART from the best one, and its logarithm of likelihood (P,) relative to that."""
-    near = chords < np.float32(2 * np.sin(np.radians(MIN_OTHER_ANGLE) / 2))
-    rest = np.where(near, np.float32(-np.inf), likelihood)
-    index = rest.argmax(axis=1)
-    return normals[index], np.maximum(rest[np.arange(len(index)), index], np.float32(-1e4))
+    is_near = chords < np.float32(2 * np.sin(np.radians(MIN_OTHER_ANGLE) / 2))
+    far_likelihood = np.where(is_near, np.float32(-np.inf), likelihood)
+    index = far_likelihood.argmax(axis=1)
+    return normals[index], np.maximum(far_likelihood[np.arange(len(index)), index], np.float32(-1e4))
 
 
 def _refine_normals(
@@ -216,8 +216,8 @@ def _refine_normals(
     normal /= np.linalg.norm(normal, axis=1, keepdims=True)
     shading = _shade(light, normal)
     albedo = _fit_albedo(images, shading)
-    left = images - albedo[:, None] * shading
-    return normal.astype(np.float32), albedo.astype(np.float32), left.astype(np.float32)
+    residual = images - albedo[:, None] * shading
+    return normal.astype(np.float32), albedo.astype(np.float32), residual.astype(np.float32)
 
 
 def _shade(light: Image, normal: Image) -> Image:
@@ -246,17 +246,19 @@ _MAX_PATTERNS = 16  # at most
 
 def make_shadow_candidates(skies: Skies, pose: Pose) -> Candidates | None:
     """Normals of a grid in every pattern of shadow, without one first; None where too few photos are left for any."""
-    lit = _shadow_patterns(len(skies))
-    if len(lit) < 2:
+    is_lit = _shadow_patterns(len(skies))
+    if len(is_lit) < 2:
         return None
     sunny = make_candidates(skies, pose, _SHADOW_GRID_SIZE)
-    shade = make_candidates(replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, _SHADOW_GRID_SIZE)
-    light = np.where(lit[:, None, :, None, None], sunny.light, shade.light)
-    brightness = np.where(lit[None, :, None, :], sunny.brightness[:, None], shade.brightness[:, None])
-    hidden = (~lit).sum(axis=1)
-    prior = sunny.prior - np.where(hidden > 0, _SHADOW_PENALTY + _MOMENT_PENALTY * hidden, 0)[:, None]
+    shaded = make_candidates(
+        replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, _SHADOW_GRID_SIZE
+    )
+    light = np.where(is_lit[:, None, :, None, None], sunny.light, shaded.light)
+    brightness = np.where(is_lit[None, :, None, :], sunny.brightness[:, None], shaded.brightness[:, None])
+    hidden_count = (~is_lit).sum(axis=1)
+    prior = sunny.prior - np.where(hidden_count > 0, _SHADOW_PENALTY + _MOMENT_PENALTY * hidden_count, 0)[:, None]
     return Candidates(
-        np.tile(sunny.normals, (len(lit), 1)),
+        np.tile(sunny.normals, (len(is_lit), 1)),
         light.reshape(-1, *light.shape[2:]),
         brightness.reshape(len(brightness), -1, len(skies)),
         prior.ravel().astype(np.float32),

@@ -59,11 +59,11 @@ def skies_from_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
     What stands above the sky around the sun counts as the disc, for the disc is smaller than a pixel of most maps. A
     sun that the map does not show has irradiance 0. Raises EnvironmentMapError for another shape.
     """
-    images, suns = np.asarray(maps, dtype=np.float32), np.asarray(sun_direction, dtype=np.float64)
-    if images.ndim != 4 or images.shape[-1] != 3 or len(images) != len(suns):
+    images, directions = np.asarray(maps, dtype=np.float32), np.asarray(sun_direction, dtype=np.float64)
+    if images.ndim != 4 or images.shape[-1] != 3 or len(images) != len(directions):
         raise EnvironmentMapError(f"Maps have the shape (T, H, 2H, 3), one for each sun, not {images.shape}.")
-    parts = [remove_sun(image, sun) for image, sun in zip(images, suns, strict=True)]
-    return Skies(np.stack([sky for sky, _ in parts]), suns, np.stack([power for _, power in parts]))
+    parts = [remove_sun(image, sun) for image, sun in zip(images, directions, strict=True)]
+    return Skies(np.stack([sky for sky, _ in parts]), directions, np.stack([power for _, power in parts]))
 
 
 def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:
@@ -111,8 +111,8 @@ def sky_light_vectors(radiance: NDArray[np.floating[Any]], normals: Floats) -> F
     rows = max(1, _CHUNK_WEIGHTS // len(d))
     for start in range(0, len(normals), rows):
         cosine = normals[start : start + rows].astype(np.float32) @ d.T
-        above = np.clip(cosine * np.float32(height / np.pi) + np.float32(0.5), 0, 1)
-        result[start : start + rows] = (above @ by_pixel).reshape(-1, moments, 3, channels)
+        share = np.clip(cosine * np.float32(height / np.pi) + np.float32(0.5), 0, 1)
+        result[start : start + rows] = (share @ by_pixel).reshape(-1, moments, 3, channels)
     return result
 
 
@@ -125,12 +125,12 @@ def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Fl
     radius = np.radians(SUN_RADIUS)
     cosine = np.clip(normals @ sun_direction.T, -1, 1)
     height = np.clip(np.arcsin(cosine) / radius, -1, 1)  # of the disc's centre above the plane, in radii
-    inside = np.sqrt(1 - height**2)
-    share = 0.5 + (height * inside + np.arcsin(height)) / np.pi
-    moment = 2 / (3 * np.pi) * inside**3 * radius
-    across = normals[:, None] - cosine[..., None] * sun_direction
-    across /= np.maximum(np.sqrt(1 - cosine**2), 1e-9)[..., None]
-    vector = share[..., None] * sun_direction + moment[..., None] * across
+    half_width = np.sqrt(1 - height**2)
+    share = 0.5 + (height * half_width + np.arcsin(height)) / np.pi
+    moment = 2 / (3 * np.pi) * half_width**3 * radius
+    tangent = normals[:, None] - cosine[..., None] * sun_direction
+    tangent /= np.maximum(np.sqrt(1 - cosine**2), 1e-9)[..., None]
+    vector = share[..., None] * sun_direction + moment[..., None] * tangent
     return np.asarray(vector[..., None] * sun_irradiance[:, None, :] / np.pi)
 
 

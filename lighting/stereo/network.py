@@ -36,7 +36,7 @@ class NormalFeatures:
 
 
 def normal_features(
-    images: Image, mask: NDArray[np.bool_], suns: NDArray[Any], answer: SearchResult, noise: float
+    images: Image, mask: NDArray[np.bool_], suns: NDArray[Any], search: SearchResult, noise: float
 ) -> NormalFeatures:
     """The planes of pixels (P, T, C) that fill a mask (H, W), all 0 outside it.
 
@@ -46,25 +46,25 @@ def normal_features(
     size = np.sqrt(np.mean(brightness**2, axis=1)) + np.float32(1e-9)
     by_image = np.zeros((images.shape[1], BY_IMAGE, *mask.shape), dtype=np.float32)
     by_image[:, 0, mask] = (brightness / size[:, None]).T
-    by_image[:, 1, mask] = np.tanh(answer.difference / (_LARGE_DIFFERENCE * size[:, None])).T
-    by_image[:, 2, mask] = suns.astype(np.float32) @ answer.normal.T
+    by_image[:, 1, mask] = np.tanh(search.difference / (_LARGE_DIFFERENCE * size[:, None])).T
+    by_image[:, 2, mask] = suns.astype(np.float32) @ search.normal.T
     by_image[:, 3:][..., mask] = suns[:, :, None]
     shared = np.zeros((SHARED, *mask.shape), dtype=np.float32)
-    shared[:, mask] = _search_planes(answer, size, noise)
+    shared[:, mask] = _search_planes(search, size, noise)
     return NormalFeatures(by_image, shared)
 
 
-def _search_planes(answer: SearchResult, size: Image, noise: float) -> Image:
+def _search_planes(search: SearchResult, size: Image, noise: float) -> Image:
     """The planes (SHARED, P) of the search."""
     numbers = (
-        np.log1p(answer.residual / noise),
-        np.tanh(answer.odds / 4),
-        answer.spread / 30,
+        np.log1p(search.residual / noise),
+        np.tanh(search.log_odds / 4),
+        search.error_rms / 30,
         np.clip(np.log(size / np.median(size)), -3, 3),
         np.clip(np.log(noise / size), -8, 0) / 4,
         np.ones_like(size),
     )
-    vectors = (answer.normal.T, answer.mean.T, answer.other.T)
+    vectors = (search.normal.T, search.mean.T, search.other.T)
     return np.concatenate([*vectors, np.stack(numbers)]).astype(np.float32)
 
 
@@ -85,34 +85,36 @@ class Network:
         """The network in an ONNX file, by default the one in this package; ModelError for another kind of file."""
         file = _packaged_network() if path is None else path
         session = session_of(file, threads)
-        found = {port.name: port.shape[-3] for port in session.get_inputs()}
-        if found != {"by_image": BY_IMAGE, "shared": SHARED}:
+        planes = {port.name: port.shape[-3] for port in session.get_inputs()}
+        if planes != {"by_image": BY_IMAGE, "shared": SHARED}:
             raise ModelError(f"{file} is not a network of normals of this version.")
         return cls(session)
 
-    def predict(self, planes: NormalFeatures) -> tuple[Image, Image]:
+    def predict(self, features: NormalFeatures) -> tuple[Image, Image]:
         """Normals (H, W, 3) and expected errors (H, W) [deg], tile by tile."""
-        height, width = planes.shared.shape[1:]
+        height, width = features.shared.shape[1:]
         normal, error = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
         for tile in _iter_tiles(height, width):
-            if planes.shared[-1][tile].any():
-                normal[tile], error[tile] = self._tile(planes, tile)
+            if features.shared[-1][tile].any():
+                normal[tile], error[tile] = self._tile(features, tile)
         return normal, error
 
-    def _tile(self, planes: NormalFeatures, tile: tuple[slice, slice]) -> tuple[Image, Image]:
-        around = tuple(
+    def _tile(self, features: NormalFeatures, tile: tuple[slice, slice]) -> tuple[Image, Image]:
+        padded = tuple(
             slice(max(0, part.start - _MARGIN), min(size, part.stop + _MARGIN))
-            for part, size in zip(tile, planes.shared.shape[1:], strict=True)
+            for part, size in zip(tile, features.shared.shape[1:], strict=True)
         )
-        by_image, shared = (_pad_planes(every[..., around[0], around[1]]) for every in (planes.by_image, planes.shared))
+        by_image, shared = (
+            _pad_planes(every[..., padded[0], padded[1]]) for every in (features.by_image, features.shared)
+        )
         try:
             normal, error = self.session.run(("normal", "error"), {"by_image": by_image[None], "shared": shared[None]})
         except Exception as failure:  # onnxruntime's errors share no public base class
             raise ModelError(f"The network of normals failed: {failure}.") from failure
-        inner = tuple(
-            slice(part.start - whole.start, part.stop - whole.start) for part, whole in zip(tile, around, strict=True)
+        core = tuple(
+            slice(part.start - whole.start, part.stop - whole.start) for part, whole in zip(tile, padded, strict=True)
         )
-        return np.moveaxis(normal[0], 0, -1)[inner], np.degrees(error[0, 0])[inner]
+        return np.moveaxis(normal[0], 0, -1)[core], np.degrees(error[0, 0])[core]
 
 
 def _packaged_network() -> Path:

@@ -89,15 +89,15 @@ def angular_std(inverses: Floats, normals: ArrayLike) -> Floats:
     To first order in the noise, where only what moves x across the normal turns it.
     """
     n = np.asarray(normals, dtype=np.float64)
-    across = np.eye(3) - n[..., :, None] * n[..., None, :]
-    square = np.einsum("...ij,...ij->...", np.where(np.isfinite(inverses), inverses, 0.0), across)
-    solved = np.isfinite(inverses[..., 0, 0])
-    return np.asarray(np.where(solved, np.sqrt(np.maximum(square, 0.0)), np.inf))
+    tangent = np.eye(3) - n[..., :, None] * n[..., None, :]
+    square = np.einsum("...ij,...ij->...", np.where(np.isfinite(inverses), inverses, 0.0), tangent)
+    solvable = np.isfinite(inverses[..., 0, 0])
+    return np.asarray(np.where(solvable, np.sqrt(np.maximum(square, 0.0)), np.inf))
 
 
-def angular_error(spread: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
-    """Expected error [deg] (...) of normals from their `angular_spread` (...): at most WORST_ERROR."""
-    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(spread, dtype=np.float64)), MAX_ERROR))
+def angular_error(std: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
+    """Expected error [deg] (...) of normals from their `angular_std` (...): at most WORST_ERROR."""
+    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(std, dtype=np.float64)), MAX_ERROR))
 
 
 def window_gram_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
@@ -116,9 +116,9 @@ def window_gram_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats
 def _sphere_normals(count: int) -> Floats:
     """Unit vectors (count, 3) spread evenly over the sphere along a spiral of golden angles."""
     up = 1 - (2 * np.arange(count) + 1) / count
-    turn = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
     level = np.sqrt(1 - up**2)
-    return np.stack([level * np.sin(turn), up, -level * np.cos(turn)], axis=-1)
+    return np.stack([level * np.sin(angle), up, -level * np.cos(angle)], axis=-1)
 
 
 # Orientations of a surface: those a plan is judged by, those it names, and the half sphere it draws.
@@ -146,12 +146,14 @@ def named_normals(facing: float | None) -> tuple[list[NamedNormal], Floats]:
     """The orientations that a plan speaks of, and their unit normals (N, 3)."""
     if facing is None:
         slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
-        named = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
+        orientations = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
     else:
-        ahead, *sides = ((facing + turn) % 360.0 for turn in (0.0, -45.0, 45.0))
-        tilted = [("ahead", ahead, 0.0), ("45° up", ahead, 45.0), ("45° down", ahead, -45.0)]
-        named = [*tilted, *((f"towards {azimuth:g}°", azimuth, 0.0) for azimuth in sides)]
-    return named, direction([azimuth for _, azimuth, _ in named], [elevation for *_, elevation in named])
+        front, *sides = ((facing + turn) % 360.0 for turn in (0.0, -45.0, 45.0))
+        tilted = [("ahead", front, 0.0), ("45° up", front, 45.0), ("45° down", front, -45.0)]
+        orientations = [*tilted, *((f"towards {azimuth:g}°", azimuth, 0.0) for azimuth in sides)]
+    return orientations, direction(
+        [azimuth for _, azimuth, _ in orientations], [elevation for *_, elevation in orientations]
+    )
 
 
 def half_sphere_normals(facing: float | None, size: int) -> Floats:
@@ -163,8 +165,8 @@ def half_sphere_normals(facing: float | None, size: int) -> Floats:
     x, y = np.meshgrid(side, -side)
     beyond = np.maximum(np.hypot(x, y), 1.0)
     x, y = x / beyond, y / beyond
-    seen = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
     if facing is None:
-        return np.asarray(seen @ np.stack([direction(90.0, 0.0), direction(0.0, 0.0), direction(0.0, 90.0)]))
+        return np.asarray(normals @ np.stack([direction(90.0, 0.0), direction(0.0, 0.0), direction(0.0, 90.0)]))
     left = direction(facing - 90.0, 0.0)  # the surface's left is the camera's right
-    return np.asarray(seen @ np.stack([left, direction(0.0, 90.0), direction(facing, 0.0)]))
+    return np.asarray(normals @ np.stack([left, direction(0.0, 90.0), direction(facing, 0.0)]))

@@ -51,22 +51,22 @@ def check_normals_folder(folder: Path, *, overwrite: bool) -> None:
         raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
 
 
-def _write_map(folder: Path, found: NormalMap, pose: Pose) -> None:
+def _write_map(folder: Path, normals: NormalMap, pose: Pose) -> None:
     """Write the pictures, each as .png and .exr, into a folder that exists; each file appears when it is whole."""
-    for name, plane, codes in _encode_pictures(found, pose):
-        _write_png16(folder / f"{name}.png", np.where(found.mask[..., None], codes, 0))
+    for name, plane, codes in _encode_pictures(normals, pose):
+        _write_png16(folder / f"{name}.png", np.where(normals.mask[..., None], codes, 0))
         _write_picture(folder / f"{name}.exr", plane)
 
 
-def _encode_pictures(found: NormalMap, pose: Pose) -> list[tuple[str, Image, Floats]]:
+def _encode_pictures(normals: NormalMap, pose: Pose) -> list[tuple[str, Image, Floats]]:
     """Name, values (H, W, C) as they are, and as numbers of 16 bits."""
-    inside = found.mask[..., None]
-    world = (camera_to_world(found.normal, pose) * inside).astype(np.float32)
-    error, white = found.error[..., None], 65535.0
+    in_mask = normals.mask[..., None]
+    world = (camera_to_world(normals.normal, pose) * in_mask).astype(np.float32)
+    error, white = normals.error[..., None], 65535.0
     return [
-        ("normals_camera", found.normal, (found.normal + 1) / 2 * white),
+        ("normals_camera", normals.normal, (normals.normal + 1) / 2 * white),
         ("normals_world", world, (world + 1) / 2 * white),
-        ("albedo", found.albedo, found.albedo * white),
+        ("albedo", normals.albedo, normals.albedo * white),
         ("uncertainty", error, error * _HUNDREDTHS),
     ]
 
@@ -99,12 +99,12 @@ def _write_picture(target: Path, values: Image) -> None:
         OpenEXR.File(header, channels).write(str(path))
 
 
-def _write_mesh(target: Path, vertices: Floats, found: NormalMap) -> None:
+def _write_mesh(target: Path, vertices: Floats, normals: NormalMap) -> None:
     """Write points (H, W, 3) of a mask as a binary PLY mesh with normals and the albedo as colours.
 
     Two triangles join each four neighbours that are all in the mask, seen counter-clockwise by the camera.
     """
-    mask = found.mask
+    mask = normals.mask
     index = np.cumsum(mask).reshape(mask.shape) - 1
     whole = mask[:-1, :-1] & mask[1:, :-1] & mask[:-1, 1:] & mask[1:, 1:]
     a, b, c, d = (part[whole] for part in (index[:-1, :-1], index[1:, :-1], index[1:, 1:], index[:-1, 1:]))
@@ -112,14 +112,14 @@ def _write_mesh(target: Path, vertices: Floats, found: NormalMap) -> None:
     faces = np.empty(len(triangles), dtype=[("count", "u1"), ("corners", "<i4", 3)])
     faces["count"], faces["corners"] = 3, triangles
     with atomic_write(target) as path:
-        path.write_bytes(_ply_header(int(mask.sum()), len(faces)) + _ply_vertices(vertices, found) + faces.tobytes())
+        path.write_bytes(_ply_header(int(mask.sum()), len(faces)) + _ply_vertices(vertices, normals) + faces.tobytes())
 
 
-def _ply_vertices(vertices: Floats, found: NormalMap) -> bytes:
+def _ply_vertices(vertices: Floats, normals: NormalMap) -> bytes:
     kinds = [("point", "<f4", 3), ("normal", "<f4", 3), ("colour", "u1", 3)]
-    rows = np.empty(int(found.mask.sum()), dtype=kinds)
-    rows["point"], rows["normal"] = vertices[found.mask], found.normal[found.mask]
-    rows["colour"] = np.clip(np.round(found.albedo[found.mask] * 255), 0, 255)
+    rows = np.empty(int(normals.mask.sum()), dtype=kinds)
+    rows["point"], rows["normal"] = vertices[normals.mask], normals.normal[normals.mask]
+    rows["colour"] = np.clip(np.round(normals.albedo[normals.mask] * 255), 0, 255)
     return rows.tobytes()
 
 
@@ -179,8 +179,8 @@ def _solve_depth(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing:
     first, second, change, weight = _neighbor_pairs(slopes, mask, facing, index)
     rows = np.arange(len(first))
     entries = np.concatenate([-np.ones(len(first)), np.ones(len(first))])
-    places = (np.concatenate([rows, rows]), np.concatenate([first, second]))
-    steps = sparse.coo_matrix((entries, places), shape=(len(first), count)).tocsr()
+    positions = (np.concatenate([rows, rows]), np.concatenate([first, second]))
+    steps = sparse.coo_matrix((entries, positions), shape=(len(first), count)).tocsr()
     weighted = steps.multiply(weight[:, None]).tocsr()
     square = (weighted.T @ steps + _ANCHOR_WEIGHT * sparse.identity(count)).tocsc()
     factors = splu(square, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True}, diag_pivot_thresh=0.0)
@@ -192,22 +192,22 @@ def _neighbor_pairs(
     slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats, index: NDArray[np.intp]
 ) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats, Floats]:
     """Neighbours in the mask: the pixel's number, that of the one right of or below it, the change and its weight."""
-    found = []
-    for slope, here, there in (
+    pairs = []
+    for slope, first_pixels, second_pixels in (
         (slopes[0], np.s_[:, :-1], np.s_[:, 1:]),
         (slopes[1], np.s_[:-1], np.s_[1:]),
     ):
-        both = mask[here] & mask[there]
-        change = (slope[here] + slope[there])[both] / 2
-        weight = np.minimum(facing[here], facing[there])[both] ** 2
-        found.append((index[here][both], index[there][both], change, weight))
-    first, second, change, weight = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        both = mask[first_pixels] & mask[second_pixels]
+        change = (slope[first_pixels] + slope[second_pixels])[both] / 2
+        weight = np.minimum(facing[first_pixels], facing[second_pixels])[both] ** 2
+        pairs.append((index[first_pixels][both], index[second_pixels][both], change, weight))
+    first, second, change, weight = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
     return first, second, change, weight
 
 
-def depth_error(found: Floats, truth: Floats, mask: NDArray[np.bool_]) -> float:
+def depth_error(estimated: Floats, truth: Floats, mask: NDArray[np.bool_]) -> float:
     """Mean absolute difference of two heights (H, W) in a mask, after the offset that makes it least."""
-    difference = (found - truth)[mask]
+    difference = (estimated - truth)[mask]
     return float(np.mean(np.abs(difference - np.median(difference))))
 
 
@@ -256,59 +256,59 @@ class NormalsResult:
 
 def estimate_normals(
     folder: str | os.PathLike[str],
-    told: NormalsOptions,
+    options: NormalsOptions,
     network: Network | None = None,
-    watch: NormalsProgress | None = None,
+    progress: NormalsProgress | None = None,
 ) -> NormalsResult:
     """The normals of the thing that a folder's photos show.
 
     Raises PhotoError for photos that cannot be used and ParameterError where place or heading are not known.
     """
-    folder, seen = Path(folder), watch or NormalsProgress()
-    shots = read_day_photos(
+    folder, progress = Path(folder), progress or NormalsProgress()
+    photos = read_day_photos(
         folder,
-        mask=told.mask,
-        utc_offset=told.utc_offset,
-        curve=told.curve,
-        size=told.size,
-        progress=seen.photos,
+        mask=options.mask,
+        utc_offset=options.utc_offset,
+        curve=options.curve,
+        size=options.size,
+        progress=progress.photos,
     )
-    pose = Pose(_heading(shots, told), told.pitch, told.roll)
-    skies, turbidity = _skies(shots, told, pose)
+    pose = Pose(_heading(photos, options), options.pitch, options.roll)
+    skies, turbidity = _skies(photos, options, pose)
     check_sun_moves(skies)
-    found = solve_normals(Session(shots.images, shots.mask, skies, pose), told.noise, network, seen.pixels)
-    focal = None if shots.focal_length is None else _focal_in_pixels(shots.focal_length, *shots.mask.shape)
-    record = _make_record(found, shots.names) | {"times_utc": [str(time) for time in shots.times]}
+    found = solve_normals(Session(photos.images, photos.mask, skies, pose), options.noise, network, progress.pixels)
+    focal = None if photos.focal_length is None else _focal_in_pixels(photos.focal_length, *photos.mask.shape)
+    record = _make_record(found, photos.names) | {"times_utc": [str(time) for time in photos.times]}
     record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
-    record |= {"sky": str(told.probes or "clear"), "turbidity": turbidity}
-    return NormalsResult(found, pose, focal, record, shots.warnings)
+    record |= {"sky": str(options.probes or "clear"), "turbidity": turbidity}
+    return NormalsResult(found, pose, focal, record, photos.warnings)
 
 
-def write_normals(folder: str | os.PathLike[str], solved: NormalsResult) -> None:
+def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None:
     """Write the pictures, the mesh and the record of a solved day into a folder, which is made where its parent is."""
-    folder, vertices = Path(folder), _surface_points(solved)
+    folder, vertices = Path(folder), _surface_points(result)
     folder.mkdir(exist_ok=True)
-    _write_map(folder, solved.map, solved.pose)
-    _write_mesh(folder / MESH_FILE, vertices, solved.map)
-    _write_record(folder / RECORD_FILE, solved.record)
+    _write_map(folder, result.map, result.pose)
+    _write_mesh(folder / MESH_FILE, vertices, result.map)
+    _write_record(folder / RECORD_FILE, result.record)
 
 
-def _surface_points(solved: NormalsResult) -> Floats:
+def _surface_points(result: NormalsResult) -> Floats:
     """Points (H, W, 3) of the thing in the camera frame, in pixels; NaN outside the mask.
 
     Without a lens known the camera is orthographic; with one the thing stands a focal length away.
     """
-    height, width = solved.map.mask.shape
+    height, width = result.map.mask.shape
     right = np.arange(width)[None, :] - (width - 1) / 2
     up = (height - 1) / 2 - np.arange(height)[:, None]
-    depth = integrate_normals(solved.map.normal, solved.map.mask, solved.focal)
-    if solved.focal is None:
+    depth = integrate_normals(result.map.normal, result.map.mask, result.focal)
+    if result.focal is None:
         return np.stack(np.broadcast_arrays(right, up, depth), axis=-1)
-    return np.stack([right * depth, up * depth, -solved.focal * depth], axis=-1)
+    return np.stack([right * depth, up * depth, -result.focal * depth], axis=-1)
 
 
-def _heading(shots: DayPhotos, told: NormalsOptions) -> float:
-    heading = shots.heading if told.heading is None else told.heading
+def _heading(photos: DayPhotos, options: NormalsOptions) -> float:
+    heading = photos.heading if options.heading is None else options.heading
     if heading is None:
         raise ParameterError(
             "The photos do not say which way the camera looked; give --heading in degrees from north.",
@@ -318,33 +318,33 @@ def _heading(shots: DayPhotos, told: NormalsOptions) -> float:
     return heading
 
 
-def _skies(shots: DayPhotos, told: NormalsOptions, pose: Pose) -> tuple[Skies, float | None]:
+def _skies(photos: DayPhotos, options: NormalsOptions, pose: Pose) -> tuple[Skies, float | None]:
     """Skies of the photos' moments, in as many channels as the photos have, and their turbidity if modelled."""
-    if told.probes is not None:
-        skies = read_nearest_skies(told.probes, shots.times, told.utc_offset or 0.0)
-        return skies if shots.images.shape[-1] == 3 else gray_skies(skies), None
-    suns = _sun_directions(shots, told)
+    if options.probes is not None:
+        skies = read_nearest_skies(options.probes, photos.times, options.utc_offset or 0.0)
+        return skies if photos.images.shape[-1] == 3 else gray_skies(skies), None
+    suns = _sun_directions(photos, options)
 
     def session(turbidity: float, height: int = _TURBIDITY_SKY_HEIGHT) -> Session:
-        skies = clear_skies(suns, turbidity, told.ground_albedo, height)
-        return Session(shots.images, shots.mask, skies if shots.images.shape[-1] == 3 else gray_skies(skies), pose)
+        skies = clear_skies(suns, turbidity, options.ground_albedo, height)
+        return Session(photos.images, photos.mask, skies if photos.images.shape[-1] == 3 else gray_skies(skies), pose)
 
-    turbidity = fit_turbidity(session) if told.turbidity is None else told.turbidity
+    turbidity = fit_turbidity(session) if options.turbidity is None else options.turbidity
     return session(turbidity, SKY_HEIGHT).skies, turbidity
 
 
-def _sun_directions(shots: DayPhotos, told: NormalsOptions) -> Floats:
+def _sun_directions(photos: DayPhotos, options: NormalsOptions) -> Floats:
     """Unit vectors (T, 3) to the sun; ParameterError without a place, PhotoError for a photo of night."""
-    place = (told.latitude, told.longitude)
-    check_place(*place)
-    latitude, longitude = place if None not in place else (shots.place or place)
+    location = (options.latitude, options.longitude)
+    check_place(*location)
+    latitude, longitude = location if None not in location else (photos.location or location)
     if latitude is None or longitude is None:
         raise ParameterError(
             "The photos do not say where they were taken; give --lat and --lon.", "latitude", ErrorCode.MISSING
         )
-    suns = sun_directions(shots.times, latitude, longitude)
+    suns = sun_directions(photos.times, latitude, longitude)
     if (suns[:, 1] <= 0).any():
-        night = shots.names[int(np.argmin(suns[:, 1]))]
+        night = photos.names[int(np.argmin(suns[:, 1]))]
         raise PhotoError(f"The sun is below the horizon in {night}; check its time and place, or leave it out.")
     return suns
 
@@ -354,13 +354,13 @@ def _focal_in_pixels(length: float, height: int, width: int) -> float:
     return length / FULL_FRAME_DIAGONAL * float(np.hypot(height, width))
 
 
-def _make_record(found: NormalMap, names: Sequence[str]) -> dict[str, Any]:
-    error = found.error[found.mask]
+def _make_record(normals: NormalMap, names: Sequence[str]) -> dict[str, Any]:
+    error = normals.error[normals.mask]
     return {
         "photos": list(names),
-        "pixels": int(found.mask.sum()),
+        "pixels": int(normals.mask.sum()),
         "expected_error_median": round(float(np.median(error)), 2),
-        "noise": round(found.noise, 4),
-        "by_network": round(float(found.network[found.mask].mean()), 3),
+        "noise": round(normals.noise, 4),
+        "by_network": round(float(normals.network[normals.mask].mean()), 3),
         "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
     }

@@ -50,8 +50,8 @@ def _gain_colors(gain: Floats) -> NDArray[np.uint8]:
     """Colours (..., 3) of noise gains (...), on a logarithmic scale from LEAST_GAIN, bright, to MOST_GAIN, dark."""
     share = np.log(np.clip(gain, MIN_GAIN, MAX_GAIN) / MIN_GAIN) / np.log(MAX_GAIN / MIN_GAIN)
     stops = np.linspace(0, 1, len(_RAMP))
-    colours = [np.interp(share, stops, channel) for channel in _RAMP.T]
-    return np.round(np.stack(colours, axis=-1)).astype(np.uint8)
+    colors = [np.interp(share, stops, channel) for channel in _RAMP.T]
+    return np.round(np.stack(colors, axis=-1)).astype(np.uint8)
 
 
 def _draw_windows(canvas: Image.Image, plan: Plan) -> None:
@@ -67,9 +67,9 @@ def _draw_windows(canvas: Image.Image, plan: Plan) -> None:
     canvas.paste(_window_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
     every = 1 if last - first <= 12 else 2 if last - first <= 16 else 3
     for hour in range(first, last + 1, every):
-        at = _axis_position(60.0 * hour, plan.table, first, last)
-        draw_text(canvas, (left + at, top + side + 8), f"{hour}", TextStyle(16, MUTED, anchor="ma"))
-        draw_text(canvas, (left - 10, top + side - at), f"{hour}", TextStyle(16, MUTED, anchor="rm"))
+        position = _axis_position(60.0 * hour, plan.table, first, last)
+        draw_text(canvas, (left + position, top + side + 8), f"{hour}", TextStyle(16, MUTED, anchor="ma"))
+        draw_text(canvas, (left - 10, top + side - position), f"{hour}", TextStyle(16, MUTED, anchor="rm"))
     draw_text(canvas, (left + side - 8, top + side - 10), "start", TextStyle(16, MUTED, anchor="rd"))
     draw_text(canvas, (left + 10, top + 10), "end", TextStyle(16, TEXT, shaded=True))
     for window in plan.windows:
@@ -101,10 +101,10 @@ def _window_raster(table: WindowTable, first: int, last: int) -> Image.Image:
 
 def _draw_mark(canvas: Image.Image, spot: tuple[float, float], text: str, *, after: bool) -> None:
     """A mark with its name after it, or before."""
-    turn = np.linspace(0, 2 * np.pi, 33)
-    circle = np.stack([spot[0] + 8 * np.cos(turn), spot[1] + 8 * np.sin(turn)], axis=-1)
-    for colour, width in (((0, 0, 0), 5.0), (TEXT, 2.5)):
-        draw_lines(canvas, [circle], colour, width)
+    angle = np.linspace(0, 2 * np.pi, 33)
+    circle = np.stack([spot[0] + 8 * np.cos(angle), spot[1] + 8 * np.sin(angle)], axis=-1)
+    for color, width in (((0, 0, 0), 5.0), (TEXT, 2.5)):
+        draw_lines(canvas, [circle], color, width)
     beside = (spot[0] + (14 if after else -14), spot[1])
     draw_text(canvas, beside, text, TextStyle(18, TEXT, anchor="lm" if after else "rm", shaded=True))
 
@@ -126,19 +126,19 @@ def _draw_scale(canvas: Image.Image) -> None:
 
 
 def _sphere_caption(plan: Plan) -> str:
-    seen = "from above, north up" if plan.question.facing is None else "as its camera sees it"
-    return f"Noise gain over the sphere of normals {seen}"
+    view = "from above, north up" if plan.question.facing is None else "as its camera sees it"
+    return f"Noise gain over the sphere of normals {view}"
 
 
 def _draw_sphere(canvas: Image.Image, left: int, window: Window) -> None:
     top = 156
     picture = Image.fromarray(_gain_colors(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
     canvas.paste(picture, (left, top), mask=_disc_mask(_SPHERE))
-    centre = left + _SPHERE / 2
-    draw_text(canvas, (centre, top + _SPHERE + 14), f"{window.hours} h", TextStyle(24, TEXT, anchor="ma"))
+    center = left + _SPHERE / 2
+    draw_text(canvas, (center, top + _SPHERE + 14), f"{window.hours} h", TextStyle(24, TEXT, anchor="ma"))
     draw_text(
         canvas,
-        (centre, top + _SPHERE + 46),
+        (center, top + _SPHERE + 46),
         f"{format_clock(window.start)} to {format_clock(window.end)}",
         TextStyle(15, MUTED, anchor="ma"),
     )
@@ -146,8 +146,8 @@ def _draw_sphere(canvas: Image.Image, left: int, window: Window) -> None:
 
 def _disc_mask(size: int) -> Image.Image:
     mask = Image.new("RGB", (size, size))
-    turn = np.linspace(0, 2 * np.pi, 181)[:-1]
-    draw_polygon(mask, size / 2 + (size / 2 - 1) * np.stack([np.cos(turn), np.sin(turn)], axis=-1), (255, 255, 255))
+    angle = np.linspace(0, 2 * np.pi, 181)[:-1]
+    draw_polygon(mask, size / 2 + (size / 2 - 1) * np.stack([np.cos(angle), np.sin(angle)], axis=-1), (255, 255, 255))
     return mask.convert("L")
 
 

@@ -121,7 +121,7 @@ class ModelledSkies:
         days_between(self.first, self.last)
 
     @property
-    def place(self) -> ClockLocation:
+    def location(self) -> ClockLocation:
         offset = round(self.longitude / 15) if self.utc_offset is None else self.utc_offset
         return ClockLocation(self.latitude, self.longitude, float(offset))
 
@@ -140,15 +140,15 @@ class MeasuredSkies:
         days = _probe_days(self.folder, self.utc_offset)
         first, last = self.first or min(days), self.last or self.first or max(days)
         days_between(first, last)
-        found = {day: files for day, files in days.items() if first <= day <= last}
-        if not found:
+        chosen = {day: files for day, files in days.items() if first <= day <= last}
+        if not chosen:
             when = f"on {first}" if first == last else f"from {first} to {last}"
             raise ParameterError(
                 f"{self.folder} has no probes {when}; it has some from {min(days)} to {max(days)}.",
                 "first",
                 ErrorCode.MISSING,
             )
-        return found
+        return chosen
 
 
 PlanSkies = ModelledSkies | MeasuredSkies
@@ -159,10 +159,10 @@ def plan_photos(skies: PlanSkies, question: PlanRequest, progress: DayProgress =
     if isinstance(skies, MeasuredSkies):
         files = skies.days()
         return make_plan(list(files), lambda day, _: _read_day(day, files[day]), question, progress=progress)
-    place, weather, days = skies.place, skies.sky, days_between(skies.first, skies.last)
-    reference = clear_brightness(place, days)
+    location, weather, days = skies.location, skies.sky, days_between(skies.first, skies.last)
+    reference = clear_brightness(location, days)
     return make_plan(
-        days, lambda day, coarse: modelled_day(place, day, weather, coarse=coarse), question, reference, progress
+        days, lambda day, coarse: modelled_day(location, day, weather, coarse=coarse), question, reference, progress
     )
 
 
@@ -170,28 +170,26 @@ def plan_record(skies: PlanSkies, plan: Plan) -> dict[str, Any]:
     """The question and its answer as JSON."""
     if isinstance(skies, MeasuredSkies):
         return {"sky": "probes", "utc_offset": skies.utc_offset, **plan.to_dict()}
-    place = skies.place
-    where = {"latitude": place.latitude, "longitude": place.longitude, "utc_offset": place.utc_offset}
-    return {**where, "sky": skies.sky, **plan.to_dict()}
+    location = skies.location
+    location_text = {"latitude": location.latitude, "longitude": location.longitude, "utc_offset": location.utc_offset}
+    return {**location_text, "sky": skies.sky, **plan.to_dict()}
 
 
 def plan_title(skies: PlanSkies, plan: Plan) -> str:
     """A headline: where and when, under which sky."""
     if isinstance(skies, MeasuredSkies):
         return f"{plan.day}, measured skies of {skies.folder.name}"
-    place = skies.place
-    north, east = "N" if place.latitude >= 0 else "S", "E" if place.longitude >= 0 else "W"
-    where = f"{abs(place.latitude):.2f}° {north} {abs(place.longitude):.2f}° {east}"
-    return f"{plan.day}, {where}, {_SKY_TEXT[skies.sky]}"
+    location = skies.location
+    north, east = "N" if location.latitude >= 0 else "S", "E" if location.longitude >= 0 else "W"
+    location_text = f"{abs(location.latitude):.2f}° {north} {abs(location.longitude):.2f}° {east}"
+    return f"{plan.day}, {location_text}, {_SKY_TEXT[skies.sky]}"
 
 
 def plan_conditions(skies: PlanSkies, question: PlanRequest) -> str:
     """What the plan holds for, in words."""
-    clock = (
-        f"times UTC{_format_offset(skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.place.utc_offset)}"
-    )
+    offset = skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.location.utc_offset
     facing = "surface all around and up" if question.facing is None else f"surface facing {question.facing:g}°"
-    return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, {clock}"
+    return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, times UTC{_format_offset(offset)}"
 
 
 _SKY_TEXT = {"clear": "clear sky", "overcast": "overcast", "mixed": "broken cloud"}

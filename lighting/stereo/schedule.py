@@ -80,26 +80,26 @@ class SkyDay:
 
         Spells of clouds are counted from the start of each window, so that all windows meet the same clouds.
         """
-        wanted = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, shots)
-        after = np.clip(np.searchsorted(self.minutes, wanted), 1, len(self.minutes) - 1)
-        late = self.minutes[after] - wanted < wanted - self.minutes[after - 1]
-        index = np.where(late, after, after - 1)
-        reached = np.abs(self.minutes[index] - wanted) <= self.tolerance
-        spell = ((wanted - start[:, None]) / CLOUD_SPELL).astype(np.intp) % self.clouds.shape[1]
-        return index + len(self.minutes) * self.clouds[:, spell], np.asarray(reached.all(axis=1))
+        times = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, shots)
+        next_index = np.clip(np.searchsorted(self.minutes, times), 1, len(self.minutes) - 1)
+        is_next = self.minutes[next_index] - times < times - self.minutes[next_index - 1]
+        index = np.where(is_next, next_index, next_index - 1)
+        in_light = np.abs(self.minutes[index] - times) <= self.tolerance
+        spell = ((times - start[:, None]) / CLOUD_SPELL).astype(np.intp) % self.clouds.shape[1]
+        return index + len(self.minutes) * self.clouds[:, spell], np.asarray(in_light.all(axis=1))
 
 
-def modelled_day(place: ClockLocation, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
+def modelled_day(location: ClockLocation, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
     """The moments of the day, midnight to midnight, that the sun is up: all of a polar day.
 
     Coarse has half as many moments, in maps of half the size. Raises ParameterError where the sun does not rise.
     """
     step, height = (COARSE_STEP, SKY_HEIGHT // 2) if coarse else (FINE_STEP, SKY_HEIGHT)
     minutes = np.arange(0.0, DAY_MINUTES, step)
-    suns = sun_directions(_utc_times(place, day, minutes), place.latitude, place.longitude)
+    suns = sun_directions(_utc_times(location, day, minutes), location.latitude, location.longitude)
     up = suns[:, 1] > 0
     if up.sum() < 2:
-        raise ParameterError(_night_sentence(place, day, day), "first", ErrorCode.NIGHT)
+        raise ParameterError(_night_sentence(location, day, day), "first", ErrorCode.NIGHT)
     minutes, suns = minutes[up], suns[up]
     clear = gray_skies(clear_skies(suns, height=height))
     return SkyDay(day, minutes, step / 2, *_sky_variants(clear, weather))
@@ -121,30 +121,30 @@ def _concatenate_skies(a: Skies, b: Skies) -> Skies:
     )
 
 
-def _utc_times(place: ClockLocation, day: date, minutes: Floats) -> NDArray[np.datetime64]:
+def _utc_times(location: ClockLocation, day: date, minutes: Floats) -> NDArray[np.datetime64]:
     midnight = np.datetime64(day.isoformat(), "s")
-    seconds = np.rint(60 * (minutes - 60 * place.utc_offset)).astype("timedelta64[s]")
+    seconds = np.rint(60 * (minutes - 60 * location.utc_offset)).astype("timedelta64[s]")
     return np.asarray(midnight + seconds)
 
 
-def clear_brightness(place: ClockLocation, days: Sequence[date]) -> float:
+def clear_brightness(location: ClockLocation, days: Sequence[date]) -> float:
     """The length of the brightest mean light vector under clear skies of these days: of a patch that faces
     the sun at its highest.
 
     Raises ParameterError where the sun does not rise on any.
     """
     minutes = np.arange(0.0, DAY_MINUTES, 15.0)
-    times = np.stack([_utc_times(place, day, minutes) for day in days]).ravel()
-    suns = sun_directions(times, place.latitude, place.longitude)
+    times = np.stack([_utc_times(location, day, minutes) for day in days]).ravel()
+    suns = sun_directions(times, location.latitude, location.longitude)
     highest = suns[np.argmax(suns[:, 1])][None]
     if highest[0, 1] <= 0:
-        raise ParameterError(_night_sentence(place, days[0], days[-1]), "first", ErrorCode.NIGHT)
+        raise ParameterError(_night_sentence(location, days[0], days[-1]), "first", ErrorCode.NIGHT)
     light = illumination_matrices(gray_skies(clear_skies(highest)), highest)
     return float(np.linalg.norm(light))
 
 
-def _night_sentence(place: ClockLocation, first: date, last: date) -> str:
-    where = f"{abs(place.latitude):g}° {'N' if place.latitude >= 0 else 'S'}"
+def _night_sentence(location: ClockLocation, first: date, last: date) -> str:
+    where = f"{abs(location.latitude):g}° {'N' if location.latitude >= 0 else 'S'}"
     when = f"on {first}" if first == last else f"from {first} to {last}"
     return f"The sun does not rise at {where} {when}; it is night all day."
 
@@ -178,7 +178,7 @@ class _Windows:
 class _WindowScores:
     """Medians (W,) over orientations and draws of the clouds, per unit of the skies' radiance; inf where hopeless."""
 
-    spread: Floats  # of `angular_spread`: expected turn of the normal [rad] per unit of noise
+    angular_std: Floats  # of `angular_std`: expected turn of the normal [rad] per unit of noise
     gain: Floats  # of lambda_max
 
 
@@ -203,19 +203,19 @@ def score_windows(windows: _Windows, light: Floats, normals: Floats) -> _WindowS
     parts = [_score_chunk(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
     empty = np.empty(0)
     return _WindowScores(
-        *(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("spread", "gain"))
+        *(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("angular_std", "gain"))
     )
 
 
 def _score_chunk(moments: NDArray[np.intp], light: Floats, normals: Floats) -> _WindowScores:
     inverses = window_gram_inverses(light, moments)
-    spread, gain = angular_std(inverses, normals[:, None, None]), gain_from_inverse(inverses).max(axis=-1)
-    return _WindowScores(np.median(spread, axis=(0, 1)), np.median(gain, axis=(0, 1)))
+    stds, gain = angular_std(inverses, normals[:, None, None]), gain_from_inverse(inverses).max(axis=-1)
+    return _WindowScores(np.median(stds, axis=(0, 1)), np.median(gain, axis=(0, 1)))
 
 
 def _windows_in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _Windows:
-    moments, reached = day.moments(start, end, shots)
-    return _Windows(start[reached], end[reached], moments[:, reached])
+    moments, in_light = day.moments(start, end, shots)
+    return _Windows(start[in_light], end[in_light], moments[:, in_light])
 
 
 # When to take the photos: the windows of a day in which photometric stereo resolves a surface's normals best.
@@ -255,14 +255,14 @@ def make_plan(
     HOURS. A day without light is passed over if there are others. Raises ParameterError where no window fits
     any.
     """
-    looks = [_summarize_day(day, read, question, coarse=len(days) > 1) for day in progress(days)]
-    if not any(look.fits for look in looks):
-        raise ParameterError(looks[0].objection, "first", ErrorCode.INSUFFICIENT)
-    scale = reference or max(look.brightest for look in looks)
-    errors = angular_error(np.stack([look.spread for look in looks]) * scale, question.noise / 100)
-    burden = np.log(errors).sum(axis=1) + np.where([look.fits for look in looks], 0, np.inf)
+    summaries = [_summarize_day(day, read, question, coarse=len(days) > 1) for day in progress(days)]
+    if not any(summary.has_window for summary in summaries):
+        raise ParameterError(summaries[0].objection, "first", ErrorCode.INSUFFICIENT)
+    scale = reference or max(summary.brightest for summary in summaries)
+    errors = angular_error(np.stack([summary.angular_std for summary in summaries]) * scale, question.noise / 100)
+    burden = np.log(errors).sum(axis=1) + np.where([summary.has_window for summary in summaries], 0, np.inf)
     chosen = int(np.argmin(burden))
-    best = looks[chosen].found or read(days[chosen], False)
+    best = summaries[chosen].day_light or read(days[chosen], False)
     scores = tuple(DayScore(day, tuple(map(float, row))) for day, row in zip(days, errors, strict=True))
     normals = normals_of_interest(question.facing)
     light = best.light(normals) / scale
@@ -279,24 +279,26 @@ def _brightest_light(light: Floats) -> float:
 class _DaySummary:
     """What a first look at a day found."""
 
-    spread: Floats  # (len(HOURS),) of the best window of each length; inf where none fits
-    fits: bool  # whether a window of any length does
+    angular_std: Floats  # (len(HOURS),) of the best window of each length; inf where none fits
+    has_window: bool  # whether a window of any length does
     brightest: float  # mean light vector's length
     objection: str  # a sentence, if none fits
-    found: SkyDay | None = None  # its light, if it is fine
+    day_light: SkyDay | None = None  # its light, if it is fine
 
 
 def _summarize_day(day: date, read: DayReader, question: PlanRequest, *, coarse: bool) -> _DaySummary:
     try:
-        found = read(day, coarse)
+        day_light = read(day, coarse)
     except ParameterError as error:
         return _DaySummary(np.full(len(HOURS), np.inf), False, 0.0, str(error))
     normals = normals_of_interest(question.facing)
-    light = found.light(normals)
-    windows = [list_windows(found, hours, question.shots) for hours in HOURS]
-    spread = np.array([score_windows(each, light, normals).spread.min(initial=np.inf) for each in windows])
+    light = day_light.light(normals)
+    windows = [list_windows(day_light, hours, question.shots) for hours in HOURS]
+    angular_std = np.array([score_windows(each, light, normals).angular_std.min(initial=np.inf) for each in windows])
     objection = f"On {day} light is never there for an hour on end; photometric stereo needs that."
-    return _DaySummary(spread, any(map(len, windows)), _brightest_light(light), objection, None if coarse else found)
+    return _DaySummary(
+        angular_std, any(map(len, windows)), _brightest_light(light), objection, None if coarse else day_light
+    )
 
 
 def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanRequest, scale: float) -> Iterable[Window]:
@@ -305,15 +307,15 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         windows = list_windows(day, hours, question.shots)
         if not len(windows):
             continue
-        worths = score_windows(windows, light, normals)
-        best = int(np.argmin(worths.spread))
+        scores = score_windows(windows, light, normals)
+        best = int(np.argmin(scores.angular_std))
         moments = windows.moments[:, best]
         yield Window(
             hours=hours,
             start=float(windows.start[best]),
             end=float(windows.end[best]),
-            error=float(angular_error(worths.spread[best], question.noise / 100)),
-            gain=float(worths.gain[best]),
+            error=float(angular_error(scores.angular_std[best], question.noise / 100)),
+            gain=float(scores.gain[best]),
             rotation_free_gain=float(np.median(rotation_free_gain(light[:, moments]))),
             orientations=_predict_orientations(day, moments, question, scale),
             sphere=_sphere_gains(day, moments, question, scale),

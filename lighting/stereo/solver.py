@@ -75,8 +75,8 @@ def solve_normals(
     `noise` is the least standard deviation of the images as a share of the brightest pixel; where the model fits worse
     than that, what is left counts. Raises PhotoError for an empty mask and images without light.
     """
-    found, planes = solve_with_planes(session, noise, progress)
-    return found if network is None else apply_network(found, network, planes)
+    normals, features = solve_with_planes(session, noise, progress)
+    return normals if network is None else apply_network(normals, network, features)
 
 
 def solve_with_planes(
@@ -86,10 +86,10 @@ def solve_with_planes(
     mask, skies, pose = session.mask, session.skies, session.pose
     pixels = _relative_pixels(session)
     table = make_candidates(skies, pose)
-    sigma = _measure_noise(pixels, table, noise)
-    answer = search_with_shadows(pixels, table, make_shadow_candidates(skies, pose), sigma, progress)
-    planes = normal_features(pixels, mask, world_to_camera(skies.sun_direction, pose), answer, sigma)
-    return _make_normal_map(mask, answer, sigma), planes
+    noise_std = _measure_noise(pixels, table, noise)
+    result = search_with_shadows(pixels, table, make_shadow_candidates(skies, pose), noise_std, progress)
+    features = normal_features(pixels, mask, world_to_camera(skies.sun_direction, pose), result, noise_std)
+    return _make_normal_map(mask, result, noise_std), features
 
 
 def _session_noise(session: Session) -> float:
@@ -113,23 +113,23 @@ def _relative_pixels(session: Session) -> Image:
 def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
     """Standard deviation of what the model misses of pixels (P, T, C), in their unit, but at least `least`."""
     moments, channels = pixels.shape[1:]
-    free = moments * channels - channels - _NORMAL_PARAMETERS
-    if free <= 0:
+    degrees_of_freedom = moments * channels - channels - _NORMAL_PARAMETERS
+    if degrees_of_freedom <= 0:
         return least
     chosen = pixels[:: max(1, len(pixels) // _NOISE_PIXELS)]
-    answer = search_normals(chosen, table, least)
-    spread = np.sqrt(np.median(answer.residual**2) * moments * channels / free)
-    return float(max(least, spread))
+    result = search_normals(chosen, table, least)
+    std = np.sqrt(np.median(result.residual**2) * moments * channels / degrees_of_freedom)
+    return float(max(least, std))
 
 
-def _make_normal_map(mask: NDArray[np.bool_], answer: SearchResult, noise: float) -> NormalMap:
-    albedo = answer.albedo / max(float(np.quantile(answer.albedo, 0.99)), 1e-9)
+def _make_normal_map(mask: NDArray[np.bool_], result: SearchResult, noise: float) -> NormalMap:
+    albedo = result.albedo / max(float(np.quantile(result.albedo, 0.99)), 1e-9)
     return NormalMap(
         mask,
-        normal=_fill_mask(mask, answer.normal),
+        normal=_fill_mask(mask, result.normal),
         albedo=_fill_mask(mask, albedo.astype(np.float32)),
-        error=_fill_mask(mask, answer.error),
-        residual=_fill_mask(mask, answer.residual),
+        error=_fill_mask(mask, result.error),
+        residual=_fill_mask(mask, result.residual),
         network=np.zeros(mask.shape, dtype=bool),
         noise=noise,
     )
@@ -142,18 +142,18 @@ def _fill_mask(mask: NDArray[np.bool_], values: Image) -> Image:
     return picture
 
 
-def apply_network(found: NormalMap, network: Network, planes: NormalFeatures) -> NormalMap:
+def apply_network(normals: NormalMap, network: Network, features: NormalFeatures) -> NormalMap:
     """The network's normals where it expects to err clearly less than the search.
 
     It is at times too sure of itself. _BETTER is the largest of 0.4, 0.5 ... 1 at which the median rose by more than
     0.2 deg on fewer than 5 % of 159 scenes like those that it was trained on (on 10 % with 1, on 4 % with 0.7).
     """
-    normal, error = network.predict(planes)
-    better = found.mask & (error < _MAX_ERROR_RATIO * found.error)
+    normal, error = network.predict(features)
+    better = normals.mask & (error < _MAX_ERROR_RATIO * normals.error)
     return replace(
-        found,
-        normal=np.where(better[..., None], normal, found.normal),
-        error=np.where(better, error, found.error),
+        normals,
+        normal=np.where(better[..., None], normal, normals.normal),
+        error=np.where(better, error, normals.error),
         network=better,
     )
 
@@ -172,10 +172,10 @@ TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear
 
 def fit_turbidity(session_at: Callable[[float], Session]) -> float:
     """The turbidity whose session leaves least of the photos unexplained; between those tried by a parabola."""
-    left = np.array([_session_noise(session_at(turbidity)) for turbidity in TURBIDITIES])
-    best = int(np.clip(left.argmin(), 1, len(left) - 2))
-    around = slice(best - 1, best + 2)
-    curve = np.polyfit(TURBIDITIES[around], left[around] ** 2, 2)
+    residual = np.array([_session_noise(session_at(turbidity)) for turbidity in TURBIDITIES])
+    best = int(np.clip(residual.argmin(), 1, len(residual) - 2))
+    nearby = slice(best - 1, best + 2)
+    curve = np.polyfit(TURBIDITIES[nearby], residual[nearby] ** 2, 2)
     if curve[0] <= 0:
-        return TURBIDITIES[int(left.argmin())]
+        return TURBIDITIES[int(residual.argmin())]
     return float(np.clip(-curve[1] / (2 * curve[0]), TURBIDITIES[best - 1], TURBIDITIES[best + 1]))

@@ -94,15 +94,15 @@ _SCALING = {  # by the form that is asked for
 _MIN_HD_HEIGHT = 720  # rows from which a picture that names no colour matrix is taken for one of BT.709
 
 
-def _display_size(picture: Any, stretch: float) -> tuple[int, int]:
+def _display_size(picture: Any, aspect: float) -> tuple[int, int]:
     """Width and height of a decoded picture as it is to be shown: pixels made square, turned upright."""
-    width, height = max(1, round(picture.width * stretch)), picture.height
+    width, height = max(1, round(picture.width * aspect)), picture.height
     return (height, width) if _swaps_axes(_display_matrix(picture)) else (width, height)
 
 
-def _upright_pixels(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np.uint8]:
+def _upright_pixels(picture: Any, side: int, aspect: float = 1.0) -> NDArray[np.uint8]:
     """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
-    width, height = max(1, round(picture.width * stretch)), picture.height
+    width, height = max(1, round(picture.width * aspect)), picture.height
     curve = TRANSFER_CURVES.get(int(picture.color_trc))
     pixels = _resize_picture(picture, *shrunk(width, height, side), "rgb24" if curve is None else "rgb48le")
     pixels = pixels if curve is None else _to_srgb(pixels, curve, int(picture.color_primaries))
@@ -111,37 +111,37 @@ def _upright_pixels(picture: Any, side: int, stretch: float = 1.0) -> NDArray[np
 
 def _display_matrix(picture: Any) -> NDArray[np.int32]:
     """The container's matrix (2, 2) by which to show the picture: its rows are where right and down go, as (x, y)."""
-    said = picture.side_data.get("DISPLAYMATRIX")
-    if said is None:
+    matrix = picture.side_data.get("DISPLAYMATRIX")
+    if matrix is None:
         return np.eye(2, dtype=np.int32)
-    return np.frombuffer(bytes(said), np.int32).reshape(3, 3)[:2, :2]
+    return np.frombuffer(bytes(matrix), np.int32).reshape(3, 3)[:2, :2]
 
 
-def _swaps_axes(placing: NDArray[np.int32]) -> bool:
+def _swaps_axes(matrix: NDArray[np.int32]) -> bool:
     """Whether the picture's rows are to be shown as columns."""
-    return bool(np.abs(placing[0, 1]) > np.abs(placing[0, 0]))
+    return bool(np.abs(matrix[0, 1]) > np.abs(matrix[0, 0]))
 
 
-def _apply_display_matrix(pixels: NDArray[np.uint8], placing: NDArray[np.int32]) -> NDArray[np.uint8]:
+def _apply_display_matrix(pixels: NDArray[np.uint8], matrix: NDArray[np.int32]) -> NDArray[np.uint8]:
     """Pixels (h, w, 3) turned by whole quarters, and mirrored, as a matrix of `_placing` says."""
-    lies = _swaps_axes(placing)
-    (right, down) = (placing[1, 0], placing[0, 1]) if lies else (placing[0, 0], placing[1, 1])
-    shown = pixels.transpose(1, 0, 2) if lies else pixels
-    return np.ascontiguousarray(shown[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
+    swapped = _swaps_axes(matrix)
+    (right, down) = (matrix[1, 0], matrix[0, 1]) if swapped else (matrix[0, 0], matrix[1, 1])
+    upright = pixels.transpose(1, 0, 2) if swapped else pixels
+    return np.ascontiguousarray(upright[:: -1 if down < 0 else 1, :: -1 if right < 0 else 1])
 
 
-def _resize_picture(picture: Any, width: int, height: int, form: str) -> NDArray[Any]:
+def _resize_picture(picture: Any, width: int, height: int, pixel_format: str) -> NDArray[Any]:
     matrix = int(picture.colorspace)
-    named = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _MIN_HD_HEIGHT else 5
-    small = picture.reformat(
+    color_matrix = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _MIN_HD_HEIGHT else 5
+    resized = picture.reformat(
         width=width,
         height=height,
-        format=form,
-        src_colorspace=named,
-        dst_colorspace=named,
-        interpolation=_SCALING[form],
+        format=pixel_format,
+        src_colorspace=color_matrix,
+        dst_colorspace=color_matrix,
+        interpolation=_SCALING[pixel_format],
     )
-    return np.asarray(small.to_ndarray())
+    return np.asarray(resized.to_ndarray())
 
 
 # A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
@@ -187,7 +187,7 @@ class Clip:
         self._container = _open_container(self.path)
         try:
             self._stream = _video_stream(self._container)
-            self._stretch = _pixel_aspect(self._stream)
+            self._aspect = _pixel_aspect(self._stream)
             self._errors = 0  # packets that could not be decoded
             self._pictures = self._decode()
             self._first = self._decoded_first()
@@ -205,15 +205,15 @@ class Clip:
     def frames(self, only: Container[int] | None = None) -> Iterator[Frame]:
         """The frames in the order in which they are shown, or only those of some indices; may be read once."""
         start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
-        jumped = 0.0  # seconds by which times that begin again are shifted
+        shift = 0.0  # seconds by which times that begin again are shifted
         for index, picture in enumerate(self._decoded()):
             time = max(0.0, last + self._interval())
             if picture.time is not None:
                 time = float(picture.time) - start
-                jumped = 0.0 if time > last else jumped  # once they return, they were damaged: nothing was joined
-                time += jumped
+                shift = 0.0 if time > last else shift  # once they return, they were damaged: nothing was joined
+                time += shift
             if time < last - _MIN_JUMP_BACK * self._interval() and not picture.is_corrupt:
-                jumped += last + self._interval() - time
+                shift += last + self._interval() - time
                 time = last + self._interval()
             if not last < time < _MAX_TIME or picture.is_corrupt:
                 lost += 1
@@ -221,10 +221,10 @@ class Clip:
             last, end = time, time + _picture_duration(picture)
             if only is not None and index not in only:
                 continue
-            yield Frame(index, time, _upright_pixels(picture, self.side, self._stretch))
-        self._tell(end, lost)
+            yield Frame(index, time, _upright_pixels(picture, self.side, self._aspect))
+        self._note_damage(end, lost)
 
-    def _tell(self, end: float, lost: int) -> None:
+    def _note_damage(self, end: float, lost: int) -> None:
         """Write down what is missing; `end` is when [s] the last picture is over."""
         if self.info.duration - end > _MAX_MISSING_END + self._interval():
             self.damage = f"The clip ends after {end:.1f} of {self.info.duration:.1f} s: it is damaged or cut short."
@@ -267,7 +267,7 @@ class Clip:
 
     def _describe(self) -> _ClipInfo:
         stream, first = self._stream, self._first
-        width, height = _display_size(first, self._stretch)
+        width, height = _display_size(first, self._aspect)
         metadata = {**stream.metadata, **self._container.metadata}
         subtitled, gimbal = subtitle_metadata(read_subtitles(self.path), width, height)
         return _ClipInfo(

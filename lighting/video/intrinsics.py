@@ -31,69 +31,69 @@ MAX_FOV_STDS = 3.0  # of the network's field of view, within which a walk is bel
 MIN_FOV_STD = 0.4  # deg, below which a pair's own error is not believed
 
 
-def fit_fov(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
+def fit_fov(tracked: ShotObservations, clip_metadata: ClipMetadata) -> tuple[float, float]:
     """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
-    said = prior_fov(watched, around)[0]
-    turns = (turn for turn in _lens_rotations(watched) if turn is not None and constrains_fov(turn, said))
-    return _combine_fovs(watched, around, ((turn.vertical_fov[0], turn.fov_std) for turn in turns))
+    prior = prior_fov(tracked, clip_metadata)[0]
+    turns = (turn for turn in _lens_rotations(tracked) if turn is not None and constrains_fov(turn, prior))
+    return _combine_fovs(tracked, clip_metadata, ((turn.vertical_fov[0], turn.fov_std) for turn in turns))
 
 
 def _combine_fovs(
-    watched: ShotObservations, around: ClipMetadata, told: Iterable[tuple[float, float]]
+    tracked: ShotObservations, clip_metadata: ClipMetadata, fovs: Iterable[tuple[float, float]]
 ) -> tuple[float, float]:
-    """The same where fields of view and their standard deviations [deg] are `told` by turns."""
-    if around.given.vertical_fov is not None:
-        return around.given.vertical_fov, 0.0
-    said = prior_fov(watched, around)
-    return _robust_mean([said, *((fov, math.hypot(sigma, MIN_FOV_STD)) for fov, sigma in told)])
+    """The same where fields of view and their standard deviations [deg] are `fovs` by turns."""
+    if clip_metadata.user_input.vertical_fov is not None:
+        return clip_metadata.user_input.vertical_fov, 0.0
+    prior = prior_fov(tracked, clip_metadata)
+    return _robust_mean([prior, *((fov, math.hypot(std, MIN_FOV_STD)) for fov, std in fovs)])
 
 
-def prior_fov(watched: ShotObservations, around: ClipMetadata) -> tuple[float, float]:
+def prior_fov(tracked: ShotObservations, clip_metadata: ClipMetadata) -> tuple[float, float]:
     """The field of view, and its standard deviation, that metadata or else the network say."""
-    if around.given.use_exif and (stated := around.metadata.vertical_fov):
-        return stated, METADATA_FOV_STD
+    if clip_metadata.user_input.use_exif and (metadata_fov := clip_metadata.metadata.vertical_fov):
+        return metadata_fov, METADATA_FOV_STD
     return math.exp(
-        float(np.mean([math.log(s.prediction.vertical_fov) for s in watched.looks.values()]))
+        float(np.mean([math.log(s.prediction.vertical_fov) for s in tracked.estimates.values()]))
     ), NETWORK_FOV_STD
 
 
-def _robust_mean(told: Sequence[tuple[float, float]]) -> tuple[float, float]:
+def _robust_mean(fovs: Sequence[tuple[float, float]]) -> tuple[float, float]:
     """What most of several fields of view say, and its standard deviation [deg]; those far off count for less."""
-    values, spreads = np.array(told).T
-    weight = np.square(1.0 / spreads)
+    values, stds = np.array(fovs).T
+    weight = np.square(1.0 / stds)
     for _ in range(5):
         mean = float(weight @ values / weight.sum())
-        weight = 1.0 / (np.square(spreads) + np.square(values - mean) / 4.0)
+        weight = 1.0 / (np.square(stds) + np.square(values - mean) / 4.0)
     return mean, float(1.0 / math.sqrt(weight.sum()))
 
 
-def _lens_rotations(watched: ShotObservations) -> Iterator[RelativeRotation | None]:
+def _lens_rotations(tracked: ShotObservations) -> Iterator[RelativeRotation | None]:
     """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
-    pairs = _lens_pairs(list(watched.keys.values()))
+    pairs = _lens_pairs(list(tracked.keys.values()))
     for a, b in pairs:
         yield match_keyframes(a, b, None)
     if len(pairs) < MIN_PAIRS:
-        for step in [s for s in _distant_frames(watched) if _median_motion(s.matches) > MIN_MEDIAN_MOTION][-MIN_PAIRS:]:
-            yield estimate_rotation(step.matches, watched.size, watched.size)
+        for step in [s for s in _distant_frames(tracked) if _median_motion(s.matches) > MIN_MEDIAN_MOTION][-MIN_PAIRS:]:
+            yield estimate_rotation(step.matches, tracked.size, tracked.size)
 
 
-def _distant_frames(watched: ShotObservations) -> list[TrackedFrame]:
+def _distant_frames(tracked: ShotObservations) -> list[TrackedFrame]:
     """Frames that are far from their keyframes: those that became the next one, and the last that was followed."""
-    followed = [step for step in watched.steps if len(step.matches)]
-    return [step for step in watched.steps if step.makes is not None] + followed[-1:]
+    followed = [step for step in tracked.steps if len(step.matches)]
+    return [step for step in tracked.steps if step.next_key is not None] + followed[-1:]
 
 
-def constrains_fov(turn: RelativeRotation, said: float) -> bool:
-    """Whether a turn by an unknown lens tells it, where metadata or the network `said` a field of view [deg].
+def constrains_fov(turn: RelativeRotation, prior: float) -> bool:
+    """Whether a turn by an unknown lens tells it, where metadata or the network `prior` a field of view [deg].
 
     A camera that walks ahead tells next to nothing of its lens, and now and then something far off. One that is zoomed
     has no lens of the whole shot.
     """
     if turn.zoomed:
         return False
-    far = abs(turn.vertical_fov[0] - said) > MAX_FOV_STDS * NETWORK_FOV_STD
-    clear = not far if turn.translates else turn.inliers >= MIN_ROTATION_SHARE * turn.matches
-    return clear and turn.fov_std < 2 * NETWORK_FOV_STD
+    is_far = abs(turn.vertical_fov[0] - prior) > MAX_FOV_STDS * NETWORK_FOV_STD
+    is_clear = not is_far if turn.translates else turn.inliers >= MIN_ROTATION_SHARE * turn.matches
+    return is_clear and turn.fov_std < 2 * NETWORK_FOV_STD
 
 
 def _median_motion(matches: Matches) -> float:
@@ -131,112 +131,118 @@ _REWEIGHTINGS = 8  # of re-weighting, from eight times the tolerance down to it
 class UnzoomedShot:
     """A shot as if all of it had been seen through the lens of its first frame."""
 
-    watched: ShotObservations
+    tracked: ShotObservations
     zoom: Floats  # (N,) focal lengths of the frames by the first one's
     lens: tuple[float, float]  # vertical field of view of the first frame and its standard deviation [deg]
-    told: float = 1.0  # share of the frames whose zoom their points told
+    zoom_share: float = 1.0  # share of the frames whose zoom their points told
 
 
-def remove_zoom(watched: ShotObservations, around: ClipMetadata) -> UnzoomedShot | None:
+def remove_zoom(tracked: ShotObservations, clip_metadata: ClipMetadata) -> UnzoomedShot | None:
     """A shot whose lens is zoomed, as through one lens; None where one lens does."""
-    turns = _zoomed_rotations(watched, _combine_fovs(watched, around, ())[0])
-    first = _combine_fovs(_first_looks(watched), around, ())[0]
-    found: UnzoomedShot | None = None
+    turns = _zoomed_rotations(tracked, _combine_fovs(tracked, clip_metadata, ())[0])
+    first = _combine_fovs(_first_looks(tracked), clip_metadata, ())[0]
+    best: UnzoomedShot | None = None
     for start in _START_FACTORS if turns else ():
-        one = _track_from_fov(watched, around, turns, start * first)
-        if found is None or one.told > found.told:
-            found = one
-        if found.told >= MIN_ZOOMED_FRAMES:
+        unzoomed = _track_from_fov(tracked, clip_metadata, turns, start * first)
+        if best is None or unzoomed.zoom_share > best.zoom_share:
+            best = unzoomed
+        if best.zoom_share >= MIN_ZOOMED_FRAMES:
             break
-    return None if found is None or np.all(found.zoom == 1.0) else found
+    return None if best is None or np.all(best.zoom == 1.0) else best
 
 
-def _first_looks(watched: ShotObservations) -> ShotObservations:
+def _first_looks(tracked: ShotObservations) -> ShotObservations:
     """The shot with its first looks alone."""
-    time = {step.frame: step.time for step in watched.steps}
-    end = min(time[frame] for frame in watched.looks) + FIRST_SECONDS
-    return replace(watched, looks={frame: seen for frame, seen in watched.looks.items() if time[frame] <= end})
+    time = {step.frame: step.time for step in tracked.steps}
+    end = min(time[frame] for frame in tracked.estimates) + FIRST_SECONDS
+    return replace(
+        tracked, estimates={frame: estimate for frame, estimate in tracked.estimates.items() if time[frame] <= end}
+    )
 
 
 def _track_from_fov(
-    watched: ShotObservations, around: ClipMetadata, turns: Sequence[tuple[int, RelativeRotation]], start: float
+    tracked: ShotObservations, clip_metadata: ClipMetadata, turns: Sequence[tuple[int, RelativeRotation]], start: float
 ) -> UnzoomedShot:
     """The shot through a lens that is taken to be `start` [deg] at first, or through the one given."""
-    lens = (start, GUESSED_FOV_STD) if around.given.vertical_fov is None else (around.given.vertical_fov, 0.0)
+    lens = (
+        (start, GUESSED_FOV_STD)
+        if clip_metadata.user_input.vertical_fov is None
+        else (clip_metadata.user_input.vertical_fov, 0.0)
+    )
     for _ in range(_PASSES):
-        zoom, told = _track_zoom(watched, lens[0])
-        one = _divide_by_zoom(watched, zoom)
-        by_turns = [(zoomed_fov(turn.vertical_fov[0], 1.0 / one.keys[key].zoom), turn.fov_std) for key, turn in turns]
-        lens = _combine_fovs(one, around, by_turns)
-    return UnzoomedShot(one, zoom, lens, told)
+        zoom, zoom_share = _track_zoom(tracked, lens[0])
+        unzoomed = _divide_by_zoom(tracked, zoom)
+        fovs = [(zoomed_fov(turn.vertical_fov[0], 1.0 / unzoomed.keys[key].zoom), turn.fov_std) for key, turn in turns]
+        lens = _combine_fovs(unzoomed, clip_metadata, fovs)
+    return UnzoomedShot(unzoomed, zoom, lens, zoom_share)
 
 
-def _zoomed_rotations(watched: ShotObservations, vertical_fov: float) -> list[tuple[int, RelativeRotation]]:
+def _zoomed_rotations(tracked: ShotObservations, vertical_fov: float) -> list[tuple[int, RelativeRotation]]:
     """Turns of zoomed cameras against keyframes of these numbers, `vertical_fov` [deg] being a guess of the lens.
 
     None where more turns are those of a walk.
     """
-    focal = focal_from_fov(vertical_fov, *watched.size)
-    found = []
-    for step in _distant_frames(watched):
-        grown = _fit_rotation_and_zoom(step.matches, focal, np.eye(3), 1.0)
-        if grown is not None and abs(np.log(grown[1])) > 0.5 * ONE_LENS:
+    focal = focal_from_fov(vertical_fov, *tracked.size)
+    candidates = []
+    for step in _distant_frames(tracked):
+        fit = _fit_rotation_and_zoom(step.matches, focal, np.eye(3), 1.0)
+        if fit is not None and abs(np.log(fit[1])) > 0.5 * ONE_LENS:
             turn = estimate_rotation(
-                step.matches, watched.size, watched.size, (vertical_fov, vertical_fov), GUESSED_FOV_STD
+                step.matches, tracked.size, tracked.size, (vertical_fov, vertical_fov), GUESSED_FOV_STD
             )
-            if turn is not None and step.key in watched.keys:
-                found.append((step.key, turn))
-    zoomed = [(key, turn) for key, turn in found if turn.zoomed]
-    return zoomed if len(zoomed) >= sum(turn.translates for _, turn in found) else []
+            if turn is not None and step.key in tracked.keys:
+                candidates.append((step.key, turn))
+    zoomed = [(key, turn) for key, turn in candidates if turn.zoomed]
+    return zoomed if len(zoomed) >= sum(turn.translates for _, turn in candidates) else []
 
 
-def _track_zoom(watched: ShotObservations, vertical_fov: float) -> tuple[Floats, float]:
+def _track_zoom(tracked: ShotObservations, vertical_fov: float) -> tuple[Floats, float]:
     """Focal lengths (N,) of the frames by the first one's, whose lens has about `vertical_fov` [deg].
 
     Beside them the share of the frames whose points tell it. All are 1 where they change by less than those of two
     photos of one lens may.
     """
-    focal = focal_from_fov(vertical_fov, *watched.size)
+    focal = focal_from_fov(vertical_fov, *tracked.size)
     of_key: dict[int, float] = {}
-    turned: Floats = np.eye(3)
-    found, told, zoom, last = [], [True], 1.0, -1
-    for step in watched.steps:
-        if step.begins:
-            of_key[step.key] = zoom = _zoom_after_gap(watched, step, of_key, zoom)
+    rotation: Floats = np.eye(3)
+    zooms, agreeing, zoom, last = [], [True], 1.0, -1
+    for step in tracked.steps:
+        if step.is_start:
+            of_key[step.key] = zoom = _zoom_after_gap(tracked, step, of_key, zoom)
         elif len(step.matches):
             base = of_key.setdefault(step.key, zoom)
-            guess = turned if step.key == last else np.eye(3)
-            grown = _fit_rotation_and_zoom(step.matches, focal * base, guess, zoom / base)
-            told.append(grown is not None)
-            turned, growth = grown or (guess, zoom / base)
+            guess = rotation if step.key == last else np.eye(3)
+            fit = _fit_rotation_and_zoom(step.matches, focal * base, guess, zoom / base)
+            agreeing.append(fit is not None)
+            rotation, growth = fit or (guess, zoom / base)
             zoom = base * growth
-        if step.makes is not None:
-            of_key[step.makes] = zoom
-        found.append(zoom)
+        if step.next_key is not None:
+            of_key[step.next_key] = zoom
+        zooms.append(zoom)
         last = step.key
-    logs = smooth_parabolic(np.array([step.time for step in watched.steps]), np.log(found))
-    zooms = np.exp(logs - logs[0]) if np.ptp(logs) > ONE_LENS else np.ones(len(logs))
-    return zooms, float(np.mean(told))
+    logs = smooth_parabolic(np.array([step.time for step in tracked.steps]), np.log(zooms))
+    relative = np.exp(logs - logs[0]) if np.ptp(logs) > ONE_LENS else np.ones(len(logs))
+    return relative, float(np.mean(agreeing))
 
 
-def _divide_by_zoom(watched: ShotObservations, zoom: Floats) -> ShotObservations:
+def _divide_by_zoom(tracked: ShotObservations, zoom: Floats) -> ShotObservations:
     of_key: dict[int, float] = {}
     steps = []
-    for step, own in zip(watched.steps, zoom.tolist(), strict=True):
-        base = of_key.setdefault(step.key, own)
-        if step.makes is not None:
-            of_key[step.makes] = own
-        steps.append(replace(step, matches=_divide_matches(step.matches, base, own)))
-    of_frame = {step.frame: own for step, own in zip(watched.steps, zoom.tolist(), strict=True)}
-    keys = {number: replace(key, zoom=of_frame[key.frame]) for number, key in watched.keys.items()}
-    looks = {frame: _unzoom_estimate(seen, of_frame[frame]) for frame, seen in watched.looks.items()}
-    return replace(watched, steps=steps, keys=keys, looks=looks)
+    for step, factor in zip(tracked.steps, zoom.tolist(), strict=True):
+        base = of_key.setdefault(step.key, factor)
+        if step.next_key is not None:
+            of_key[step.next_key] = factor
+        steps.append(replace(step, matches=_divide_matches(step.matches, base, factor)))
+    of_frame = {step.frame: factor for step, factor in zip(tracked.steps, zoom.tolist(), strict=True)}
+    keys = {number: replace(key, zoom=of_frame[key.frame]) for number, key in tracked.keys.items()}
+    estimates = {frame: _unzoom_estimate(estimate, of_frame[frame]) for frame, estimate in tracked.estimates.items()}
+    return replace(tracked, steps=steps, keys=keys, estimates=estimates)
 
 
 def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> bool:
     """Whether the lens was zoomed between a keyframe with `vertical_fov` [deg] and a frame, by their points alone."""
-    grown = _fit_rotation_and_zoom(matches, focal_from_fov(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
-    return grown is not None and abs(np.log(grown[1])) > ONE_LENS
+    fit = _fit_rotation_and_zoom(matches, focal_from_fov(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
+    return fit is not None and abs(np.log(fit[1])) > ONE_LENS
 
 
 def zoomed_fov(vertical_fov: float, zoom: float) -> float:
@@ -244,9 +250,11 @@ def zoomed_fov(vertical_fov: float, zoom: float) -> float:
     return degrees(2.0 * atan(tan(radians(vertical_fov) / 2.0) / zoom))
 
 
-def _unzoom_estimate(seen: FrameEstimate, zoom: float) -> FrameEstimate:
-    said = seen.prediction
-    return replace(seen, prediction=replace(said, vertical_fov=zoomed_fov(said.vertical_fov, 1.0 / zoom)))
+def _unzoom_estimate(estimate: FrameEstimate, zoom: float) -> FrameEstimate:
+    prediction = estimate.prediction
+    return replace(
+        estimate, prediction=replace(prediction, vertical_fov=zoomed_fov(prediction.vertical_fov, 1.0 / zoom))
+    )
 
 
 def _divide_matches(matches: Matches, a: float, b: float) -> Matches:
@@ -254,12 +262,12 @@ def _divide_matches(matches: Matches, a: float, b: float) -> Matches:
     return Matches(matches.a / a, matches.b / b, matches.pixel / min(a, b))
 
 
-def _zoom_after_gap(watched: ShotObservations, step: TrackedFrame, of_key: dict[int, float], last: float) -> float:
+def _zoom_after_gap(tracked: ShotObservations, step: TrackedFrame, of_key: dict[int, float], last: float) -> float:
     """The zoom of a keyframe that begins a stretch, by those before the gap that show the same."""
-    if (key := watched.keys.get(step.key)) is None:
+    if (key := tracked.keys.get(step.key)) is None:
         return last
-    for before in sorted((k for k in of_key if k < step.key and k in watched.keys), reverse=True)[:GAP_KEYFRAMES]:
-        if (turn := match_keyframes(watched.keys[before], key, None)) is not None:
+    for before in sorted((k for k in of_key if k < step.key and k in tracked.keys), reverse=True)[:GAP_KEYFRAMES]:
+        if (turn := match_keyframes(tracked.keys[before], key, None)) is not None:
             return of_key[before] * _focal_ratio(turn, key)
     return last
 
@@ -273,7 +281,7 @@ def _focal_ratio(turn: RelativeRotation, key: Keyframe) -> float:
 
 
 def _fit_rotation_and_zoom(
-    matches: Matches, focal: float, rotation: Floats, growth: float, least: float = MIN_ZOOM_AGREEMENT
+    matches: Matches, focal: float, rotation: Floats, zoom: float, least: float = MIN_ZOOM_AGREEMENT
 ) -> tuple[Floats, float] | None:
     """The turn (3, 3) of a frame and its focal length by its keyframe's `focal` [half diagonals]; from guesses of both.
 
@@ -281,18 +289,23 @@ def _fit_rotation_and_zoom(
     obeys.
     """
     a, reach = rays_through(matches.a, focal), TOLERANCE * matches.pixel
-    turned, grown = rotation, growth
+    fitted, factor = rotation, zoom
     for wider in np.geomspace(8.0, 1.0, _REWEIGHTINGS):
-        there = a @ turned.T
-        ahead = np.maximum(-there[:, 2:], 1e-3)
-        at = grown * focal * there[:, :2] / ahead
-        off = matches.b - at
-        weight = np.square(1.0 / (1.0 + np.sum(np.square(off), axis=1) / (wider * reach) ** 2))
-        moved = -cross_matrix(there)  # (N, 3, 3): by small rotations about each axis, in its columns
-        by_turn = grown * focal * (moved[:, :2] + (there[:, :2] / ahead)[:, :, None] * moved[:, 2:]) / ahead[:, :, None]
-        slope = np.concatenate([by_turn, at[:, :, None]], axis=2)
-        normal = np.einsum("n,nki,nkj->ij", weight, slope, slope)
-        change = np.linalg.solve(normal + 1e-12 * np.eye(4), np.einsum("n,nki,nk->i", weight, slope, off))
-        turned, grown = rotation_about(change[:3]) @ turned, grown * float(np.exp(np.clip(change[3], -0.2, 0.2)))
-    agreeing = np.mean(np.sum(np.square(off), axis=1) < (2.0 * reach) ** 2)
-    return (turned, grown) if agreeing >= least else None
+        rotated = a @ fitted.T
+        ahead = np.maximum(-rotated[:, 2:], 1e-3)
+        at = factor * focal * rotated[:, :2] / ahead
+        error = matches.b - at
+        weight = np.square(1.0 / (1.0 + np.sum(np.square(error), axis=1) / (wider * reach) ** 2))
+        jacobian = -cross_matrix(rotated)  # (N, 3, 3): by small rotations about each axis, in its columns
+        by_rotation = (
+            factor
+            * focal
+            * (jacobian[:, :2] + (rotated[:, :2] / ahead)[:, :, None] * jacobian[:, 2:])
+            / ahead[:, :, None]
+        )
+        by_parameter = np.concatenate([by_rotation, at[:, :, None]], axis=2)
+        normal = np.einsum("n,nki,nkj->ij", weight, by_parameter, by_parameter)
+        step = np.linalg.solve(normal + 1e-12 * np.eye(4), np.einsum("n,nki,nk->i", weight, by_parameter, error))
+        fitted, factor = rotation_about(step[:3]) @ fitted, factor * float(np.exp(np.clip(step[3], -0.2, 0.2)))
+    agreeing = np.mean(np.sum(np.square(error), axis=1) < (2.0 * reach) ** 2)
+    return (fitted, factor) if agreeing >= least else None

@@ -52,7 +52,7 @@ class _Link:
 
 
 def match_keyframes(
-    a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_sigma: float = 0.0
+    a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_std: float = 0.0
 ) -> RelativeRotation | None:
     """The turn from a to b by their features, None where they have too little in common.
 
@@ -61,9 +61,7 @@ def match_keyframes(
     if a.picture.shape != b.picture.shape:
         return None
     size = (a.picture.shape[1], a.picture.shape[0])
-    return estimate_rotation(
-        match_features(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_sigma
-    )
+    return estimate_rotation(match_features(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_std)
 
 
 def _chain_orientations(count: int, links: Sequence[_Link]) -> tuple[Floats, NDArray[np.intp]]:
@@ -72,20 +70,20 @@ def _chain_orientations(count: int, links: Sequence[_Link]) -> tuple[Floats, NDA
     Each part's first keyframe has the identity.
     """
     orientation, part = np.tile(np.eye(3), (count, 1, 1)), np.full(count, -1)
-    near: list[list[tuple[int, Floats]]] = [[] for _ in range(count)]
+    neighbors: list[list[tuple[int, Floats]]] = [[] for _ in range(count)]
     for link in links:
-        near[link.a].append((link.b, link.rotation))
-        near[link.b].append((link.a, link.rotation.T))
+        neighbors[link.a].append((link.b, link.rotation))
+        neighbors[link.b].append((link.a, link.rotation.T))
     for start in range(count):
-        waiting = [start] if part[start] < 0 else []
-        if waiting:
+        queue = [start] if part[start] < 0 else []
+        if queue:
             part[start] = start
-        while waiting:
-            here = waiting.pop(0)
-            for there, rotation in near[here]:
-                if part[there] < 0:
-                    part[there], orientation[there] = start, rotation @ orientation[here]
-                    waiting.append(there)
+        while queue:
+            current = queue.pop(0)
+            for other, rotation in neighbors[current]:
+                if part[other] < 0:
+                    part[other], orientation[other] = start, rotation @ orientation[current]
+                    queue.append(other)
     return orientation, part
 
 
@@ -95,11 +93,11 @@ def _average_rotations(orientation: Floats, links: Sequence[_Link], fixed: NDArr
     if len(links) < count or count > MAX_AVERAGED_KEYFRAMES:
         return orientation
     a, b = (np.array([getattr(link, end) for link in links]) for end in ("a", "b"))
-    turns, given = np.stack([link.rotation for link in links]), np.array([link.weight for link in links])
+    rotations, link_weight = np.stack([link.rotation for link in links]), np.array([link.weight for link in links])
     for _ in range(_MAX_ROUNDS):
-        off = np.swapaxes(orientation[b], 1, 2) @ turns @ orientation[a]
-        residual = np.stack([rotation_vector(r) for r in off])
-        weight = given / (1.0 + np.sum(residual**2, axis=1) / np.radians(_OUTLIER_ANGLE) ** 2)
+        error = np.swapaxes(orientation[b], 1, 2) @ rotations @ orientation[a]
+        residual = np.stack([rotation_vector(r) for r in error])
+        weight = link_weight / (1.0 + np.sum(residual**2, axis=1) / np.radians(_OUTLIER_ANGLE) ** 2)
         step = _rotation_steps(a, b, residual, weight, fixed)
         orientation = orientation @ rotation_about(step)
         if np.abs(step).max() < 1e-7:
@@ -131,8 +129,8 @@ def _close_loops(
     """Turns by features between keyframes that look nearly the same way and are not neighbours."""
     pairs = _near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov)
     step = max(1, math.ceil(len(pairs) / MAX_LOOPS))
-    found = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
-    return [_Link(i, j, turn.rotation, 0.5) for i, j, turn in found if turn is not None]
+    rotations = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
+    return [_Link(i, j, turn.rotation, 0.5) for i, j, turn in rotations if turn is not None]
 
 
 def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> list[tuple[int, int]]:
@@ -142,9 +140,9 @@ def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> l
         older = np.flatnonzero(part[: j - MIN_LOOP_KEYFRAMES + 1] == part[j])
         if not len(older):
             continue
-        apart = angle_between(orientation[older, 2], orientation[j, 2])
-        if apart.min() < within:
-            pairs.append((int(older[int(np.argmin(apart))]), j))
+        angle = angle_between(orientation[older, 2], orientation[j, 2])
+        if angle.min() < within:
+            pairs.append((int(older[int(np.argmin(angle))]), j))
     return pairs
 
 
@@ -154,76 +152,77 @@ GIMBAL_INTERVAL = 0.5  # s between the gimbal's angles that count
 
 
 def estimate_orientations(
-    watched: ShotObservations, turnings: Sequence[FrameRotation], fov: float
+    tracked: ShotObservations, rotations: Sequence[FrameRotation], fov: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
     """Orientations (N, 3, 3) of the frames against the shot's first camera, and which of them are believed (N,).
 
-    `turnings` are those of `turnings_of`, `fov` the vertical field of view [deg].
+    `rotations` are those of `turnings_of`, `fov` the vertical field of view [deg].
     """
-    lowest = watched.steps[0].key
-    numbers = [n for s in watched.steps for n in (s.key, s.makes) if n is not None]
+    lowest = tracked.steps[0].key
+    numbers = [n for s in tracked.steps for n in (s.key, s.next_key) if n is not None]
     count = max(numbers) - lowest + 1
     chain = [
-        _Link(step.key - lowest, step.makes - lowest, turn.rotation, 2.0)
-        for step, turn in zip(watched.steps, turnings, strict=True)
-        if step.makes is not None
+        _Link(step.key - lowest, step.next_key - lowest, turn.rotation, 2.0)
+        for step, turn in zip(tracked.steps, rotations, strict=True)
+        if step.next_key is not None
     ]
-    chain += _bridge_gaps(watched, lowest, fov)
+    chain += _bridge_gaps(tracked, lowest, fov)
     orientation, part = _chain_orientations(count, chain)
-    keys = sorted(watched.keys.values(), key=lambda k: k.number)
+    keys = sorted(tracked.keys.values(), key=lambda k: k.number)
     where = np.array([k.number - lowest for k in keys], dtype=np.intp)
     closed = [
         replace(link, a=int(where[link.a]), b=int(where[link.b]))
         for link in (_close_loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else [])
     ]
     orientation = _average_rotations(orientation, [*chain, *closed], part == np.arange(count))
-    own = np.array([step.key - lowest for step in watched.steps])
-    frames = np.stack([t.rotation for t in turnings]) @ orientation[own]
-    main = np.bincount(part[own]).argmax()
-    sure = [is_reliable(t, begins=s.begins) for t, s in zip(turnings, watched.steps, strict=True)]
-    believed = np.array(sure) & (part[own] == main)
-    return frames @ frames[int(np.argmax(believed))].T, believed
+    key_index = np.array([step.key - lowest for step in tracked.steps])
+    frames = np.stack([t.rotation for t in rotations]) @ orientation[key_index]
+    main = np.bincount(part[key_index]).argmax()
+    reliable = [is_reliable(t, is_start=s.is_start) for t, s in zip(rotations, tracked.steps, strict=True)]
+    is_used = np.array(reliable) & (part[key_index] == main)
+    return frames @ frames[int(np.argmax(is_used))].T, is_used
 
 
-def estimate_frame_rotations(watched: ShotObservations, fov: float) -> list[FrameRotation]:
+def estimate_frame_rotations(tracked: ShotObservations, fov: float) -> list[FrameRotation]:
     """Each frame's turn against its keyframe, through a lens of a vertical field of view [deg]."""
-    focal = focal_from_fov(fov, *watched.size)
-    found: list[FrameRotation] = []
+    focal = focal_from_fov(fov, *tracked.size)
+    result: list[FrameRotation] = []
     guess: Floats = np.eye(3)
     last = -1
-    for step in watched.steps:
+    for step in tracked.steps:
         guess = np.eye(3) if step.key != last else guess
-        if step.begins or not len(step.matches):
-            found.append(FrameRotation(np.eye(3), 1.0 if step.begins else 0.0, len(step.matches)))
+        if step.is_start or not len(step.matches):
+            result.append(FrameRotation(np.eye(3), 1.0 if step.is_start else 0.0, len(step.matches)))
         else:
-            found.append(estimate_frame_rotation(step.matches, focal, guess))
-        guess, last = found[-1].rotation, step.key
-    return found
+            result.append(estimate_frame_rotation(step.matches, focal, guess))
+        guess, last = result[-1].rotation, step.key
+    return result
 
 
-def _bridge_gaps(watched: ShotObservations, lowest: int, fov: float) -> list[_Link]:
+def _bridge_gaps(tracked: ShotObservations, lowest: int, fov: float) -> list[_Link]:
     """Turns over the gaps between stretches."""
-    stretches = sorted({k.stretch for k in watched.keys.values()})
-    keys = {s: [k for k in watched.keys.values() if k.stretch == s] for s in stretches}
-    found = []
+    stretches = sorted({k.stretch for k in tracked.keys.values()})
+    keys = {s: [k for k in tracked.keys.values() if k.stretch == s] for s in stretches}
+    links = []
     for before, after in pairwise(stretches):
         for a in keys[before][-GAP_KEYFRAMES:]:
             for b in keys[after][:GAP_KEYFRAMES]:
                 if (turn := match_keyframes(a, b, fov)) is not None:
-                    found.append(_Link(a.number - lowest, b.number - lowest, turn.rotation))
-    return found
+                    links.append(_Link(a.number - lowest, b.number - lowest, turn.rotation))
+    return links
 
 
-def estimate_up(watched: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
+def estimate_up(tracked: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
     """Up (3,) in the shot's first camera: the gimbal's if there is one, or what most looks agree upon."""
-    if stated := sample_gimbal(gimbal, time):
+    if samples := sample_gimbal(gimbal, time):
         return consensus_up(
-            orientation[[i for i, _ in stated]], np.stack([camera_up(at[1], at[2]) for _, at in stated])
+            orientation[[i for i, _ in samples]],
+            np.stack([camera_up(angles[1], angles[2]) for _, angles in samples]),
         )
-    position = {step.frame: i for i, step in enumerate(watched.steps)}
-    said = [seen.prediction for seen in watched.looks.values()]
-    ups = np.stack([camera_up(p.camera_elevation, p.camera_roll) for p in said])
-    return consensus_up(orientation[[position[f] for f in watched.looks]], ups)
+    position = {step.frame: i for i, step in enumerate(tracked.steps)}
+    predictions = [estimate.prediction for estimate in tracked.estimates.values()]
+    ups = np.stack([camera_up(p.camera_elevation, p.camera_roll) for p in predictions])
+    return consensus_up(orientation[[position[f] for f in tracked.estimates]], ups)
 
 
 def sample_gimbal(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, float, float]]]:
@@ -250,16 +249,16 @@ class CameraPath:
     bridged: NDArray[np.bool_]  # (N,) where nothing could be followed and the neighbours tell
 
 
-def make_camera_path(time: Floats, orientations: Floats, known: NDArray[np.bool_], levelled: Floats) -> CameraPath:
-    """The path of cameras (N, 3, 3) of which those `known` (N,), at least one, are believed."""
-    heading, elevation, roll = heading_elevation_roll(orientations, levelled)
-    turned = np.empty_like(heading)
-    turned[known] = np.degrees(np.unwrap(np.radians(heading[known])))
-    rolled = np.empty_like(roll)
-    rolled[known] = np.degrees(np.unwrap(np.radians(roll[known])))
-    bridged = (np.interp(time, time[known], v[known]) for v in (turned, elevation, rolled))
-    heading, elevation, roll = (smooth_parabolic(time, v) for v in bridged)
-    return CameraPath(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~known)
+def make_camera_path(time: Floats, orientations: Floats, is_used: NDArray[np.bool_], leveling: Floats) -> CameraPath:
+    """The path of cameras (N, 3, 3) of which those `is_used` (N,), at least one, are believed."""
+    heading, elevation, roll = heading_elevation_roll(orientations, leveling)
+    unwrapped_heading = np.empty_like(heading)
+    unwrapped_heading[is_used] = np.degrees(np.unwrap(np.radians(heading[is_used])))
+    unwrapped_roll = np.empty_like(roll)
+    unwrapped_roll[is_used] = np.degrees(np.unwrap(np.radians(roll[is_used])))
+    interpolated = (np.interp(time, time[is_used], v[is_used]) for v in (unwrapped_heading, elevation, unwrapped_roll))
+    heading, elevation, roll = (smooth_parabolic(time, v) for v in interpolated)
+    return CameraPath(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~is_used)
 
 
 def smooth_parabolic(time: Floats, values: Floats, window: int = SMOOTHING_WINDOW) -> Floats:
@@ -268,9 +267,9 @@ def smooth_parabolic(time: Floats, values: Floats, window: int = SMOOTHING_WINDO
     if count < window:
         return values
     first = np.clip(np.arange(count) - window // 2, 0, count - window)
-    near = first[:, None] + np.arange(window)
-    apart = time[near] - time[:, None]
-    scale = np.maximum(np.abs(apart).max(axis=1, keepdims=True), 1e-9)
-    basis = np.stack([np.ones_like(apart), apart / scale, (apart / scale) ** 2], axis=-1)
-    fitted = np.linalg.pinv(basis) @ values[near][..., None]
+    neighbors = first[:, None] + np.arange(window)
+    offset = time[neighbors] - time[:, None]
+    scale = np.maximum(np.abs(offset).max(axis=1, keepdims=True), 1e-9)
+    basis = np.stack([np.ones_like(offset), offset / scale, (offset / scale) ** 2], axis=-1)
+    fitted = np.linalg.pinv(basis) @ values[neighbors][..., None]
     return np.asarray(fitted[:, 0, 0])

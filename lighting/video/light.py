@@ -42,7 +42,7 @@ _EPSILON_DENSITY = 1e-12  # density that stands for none
 class FrameObservation:
     """What one frame shows, and how that frame lies in the shot."""
 
-    seen: FrameEstimate
+    estimate: FrameEstimate
     heading: float  # deg clockwise from the shot's azimuth 0
     vertical_fov: float  # deg
     gain: float = 1.0  # of the frame's linear values, by the first frame's
@@ -57,23 +57,23 @@ class _Sector:
     log_cells: Floats = field(default_factory=lambda: np.zeros(0))  # (N,) densities over the grid, in the shot's frame
     log_rings: Floats = field(default_factory=lambda: np.zeros((0, 360)))  # (K, 360) by the heading of azimuth 0
     numbers: Floats = field(default_factory=lambda: np.zeros(0))  # what _numbers says
-    grounded: float = 0.0  # looks that show ground
+    ground_looks: float = 0.0  # looks that show ground
     log_ground: Floats = field(default_factory=lambda: np.zeros(3))  # of their reflectance
 
-    def add(self, part: float, log_cells: Floats, log_rings: Floats, numbers: Floats, ground: Floats | None) -> None:
-        """Count a `part` (0 to 1) of a look."""
+    def add(self, count: float, log_cells: Floats, log_rings: Floats, numbers: Floats, ground: Floats | None) -> None:
+        """Count a `count` (0 to 1) of a look."""
         if self.weight == 0.0 or self.log_rings.shape != log_rings.shape:
             self.log_rings = log_rings
         if self.weight == 0.0:
             self.log_cells, self.numbers = log_cells, numbers
-        self.weight = min(self.weight + part, MAX_SECTOR_LOOKS)
-        share = part / self.weight
+        self.weight = min(self.weight + count, MAX_SECTOR_LOOKS)
+        share = count / self.weight
         self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
         self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
         self.numbers = self.numbers + share * (numbers - self.numbers)
         if ground is not None:
-            self.grounded = min(self.grounded + part, MAX_SECTOR_LOOKS)
-            self.log_ground = self.log_ground + part / self.grounded * (np.log(ground) - self.log_ground)
+            self.ground_looks = min(self.ground_looks + count, MAX_SECTOR_LOOKS)
+            self.log_ground = self.log_ground + count / self.ground_looks * (np.log(ground) - self.log_ground)
 
 
 class ShotLight:
@@ -89,16 +89,21 @@ class ShotLight:
         """Whether there was a look."""
         return self._last is not None
 
-    def add(self, look: FrameObservation) -> None:
+    def add(self, observation: FrameObservation) -> None:
         """Count a look, in parts for the two sectors between whose middles it lies."""
         self._looks += 1
-        self._last, self._vertical_fov = look.seen.prediction, look.vertical_fov
-        said = _log_cells(look), _log_rings(look), _averaged_numbers(look), look.seen.ground
-        at = look.heading % 360.0 / SECTOR_WIDTH
-        low = math.floor(at)
-        for number, part in ((low, 1.0 - at + low), (low + 1, at - low)):
-            if part > 0.0:
-                self._sectors.setdefault(number % round(360.0 / SECTOR_WIDTH), _Sector()).add(part, *said)
+        self._last, self._vertical_fov = observation.estimate.prediction, observation.vertical_fov
+        parts = (
+            _log_cells(observation),
+            _log_rings(observation),
+            _averaged_numbers(observation),
+            observation.estimate.ground,
+        )
+        sector = observation.heading % 360.0 / SECTOR_WIDTH
+        low = math.floor(sector)
+        for number, share in ((low, 1.0 - sector + low), (low + 1, sector - low)):
+            if share > 0.0:
+                self._sectors.setdefault(number % round(360.0 / SECTOR_WIDTH), _Sector()).add(share, *parts)
 
     def answer(self, evidence: Observations) -> Posterior:
         """What all looks say, as a camera at azimuth 0 would see it.
@@ -110,20 +115,23 @@ class ShotLight:
             raise ValueError("There was no look yet.")
         cells = np.stack([s.log_cells for s in self._sectors.values()])
         weight = pool_log_likelihoods(
-            cells, self._counts(SUN_CORRELATION), SUN_CORRELATION, grid_solid_angle(self._last.spec.sun_grid)
+            cells, self._weights(SUN_CORRELATION), SUN_CORRELATION, grid_solid_angle(self._last.spec.sun_grid)
         )
         by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
-        fused = fuse(by_pixels, evidence)
+        posterior = fuse(by_pixels, evidence)
         if evidence.candidates and (rings := self._rings(evidence)) is not None:
-            fused = replace(posterior_on_rings(by_pixels, evidence, rings), warnings=fused.warnings)
+            posterior = replace(posterior_on_rings(by_pixels, evidence, rings), warnings=posterior.warnings)
         return replace(
-            fused, used=fused.used if self._looks == 1 else (*fused.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS)
+            posterior,
+            used=posterior.used
+            if self._looks == 1
+            else (*posterior.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS),
         )
 
     @property
     def ground(self) -> Floats | None:
         """Reflectance (3,) of the ground, the mean of the directions that show it; None where none does."""
-        weight = self._present() * np.array([sector.grounded > 0.0 for sector in self._sectors.values()])
+        weight = self._present() * np.array([sector.ground_looks > 0.0 for sector in self._sectors.values()])
         if not weight.any():
             return None
         log_ground = np.average([s.log_ground for s in self._sectors.values()], axis=0, weights=weight)
@@ -135,7 +143,7 @@ class ShotLight:
         rings = [sector.log_rings for sector in self._sectors.values()]
         if any(len(ring) != len(up) for ring in rings):
             return None
-        weight = pool_log_likelihoods(np.stack(rings)[:, up], self._counts(AZIMUTH_CORRELATION), AZIMUTH_CORRELATION)
+        weight = pool_log_likelihoods(np.stack(rings)[:, up], self._weights(AZIMUTH_CORRELATION), AZIMUTH_CORRELATION)
         return np.asarray(weight * compass_prior(evidence))
 
     def _present(self) -> Floats:
@@ -143,7 +151,7 @@ class ShotLight:
         weight = np.array([sector.weight for sector in self._sectors.values()])
         return np.asarray(np.minimum(weight / (MIN_SECTOR_WEIGHT * weight.mean()), 1.0))
 
-    def _counts(self, correlation: Correlation) -> Floats:
+    def _weights(self, correlation: Correlation) -> Floats:
         """How much each sector (S,) counts."""
         ahead = direction(SECTOR_WIDTH * np.array(list(self._sectors)), 0.0)
         return effective_weights(ahead, np.full(len(ahead), self._vertical_fov), correlation, present=self._present())
@@ -162,35 +170,35 @@ class ShotLight:
         )
 
 
-def _log_cells(look: FrameObservation) -> Floats:
+def _log_cells(observation: FrameObservation) -> Floats:
     """Log densities (N,) over the cells of a camera at azimuth 0."""
-    p = look.seen.prediction
+    p = observation.estimate.prediction
     return np.asarray(
-        np.log(np.maximum(rotate_density(p.sun_probability, -look.heading, p.spec.sun_grid), _EPSILON_DENSITY))
+        np.log(np.maximum(rotate_density(p.sun_probability, -observation.heading, p.spec.sun_grid), _EPSILON_DENSITY))
     )
 
 
-def _log_rings(look: FrameObservation) -> Floats:
+def _log_rings(observation: FrameObservation) -> Floats:
     """Log densities (K, 360) of each candidate's sun by the heading of azimuth 0."""
-    candidates = np.array(look.observations.candidates, dtype=np.float64).reshape(-1, 2)
+    candidates = np.array(observation.observations.candidates, dtype=np.float64).reshape(-1, 2)
     if not len(candidates):
         return np.zeros((0, 360))
-    seen = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
-    density = likelihood_by_heading(look.seen.prediction, seen)
+    above = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
+    density = likelihood_by_heading(observation.estimate.prediction, above)
     density[candidates[:, 0] < 0.0] = 0.0
     log = np.log(np.maximum(density, _EPSILON_DENSITY))
-    return np.stack([np.interp(HEADINGS + look.heading, HEADINGS, row, period=360.0) for row in log])
+    return np.stack([np.interp(HEADINGS + observation.heading, HEADINGS, row, period=360.0) for row in log])
 
 
-def _averaged_numbers(look: FrameObservation) -> Floats:
+def _averaged_numbers(observation: FrameObservation) -> Floats:
     """What of a look is averaged, (4,) or with a Light (12,), in the linear values of the shot's first frame.
 
     Logarithms of turbidity, exposure and field of view, the visibility, then `light_numbers`.
     """
-    p = look.seen.prediction
-    exposure = math.log(max(p.exposure, _EPSILON_DENSITY) / max(look.gain, _EPSILON_DENSITY))
+    p = observation.estimate.prediction
+    exposure = math.log(max(p.exposure, _EPSILON_DENSITY) / max(observation.gain, _EPSILON_DENSITY))
     numbers = [math.log(max(p.turbidity, _EPSILON_DENSITY)), exposure, math.log(p.vertical_fov), p.sun_visibility]
-    return np.concatenate([numbers, _unexposed_light(p.light, look.gain) if p.light else []])
+    return np.concatenate([numbers, _unexposed_light(p.light, observation.gain) if p.light else []])
 
 
 def _unexposed_light(light: Light, gain: float) -> Floats:

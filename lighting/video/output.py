@@ -67,7 +67,9 @@ class VideoResult:
 
     shots: list[Shot | VideoError] = field(default_factory=list)
     damage: str = ""  # a sentence, where part of the clip was lost
-    of_scenes: dict[int, tuple[str, ...]] = field(default_factory=dict)  # warnings of scenes, the light's too, by shot
+    scene_warnings: dict[int, tuple[str, ...]] = field(
+        default_factory=dict
+    )  # warnings of scenes, the light's too, by shot
 
     @property
     def failed(self) -> bool:
@@ -77,8 +79,8 @@ class VideoResult:
     def warnings(self, number: int) -> tuple[str, ...]:
         """Those of a shot, counted from 1, and of its scene."""
         shot = self.shots[number - 1]
-        alone = () if isinstance(shot, VideoError) else shot_lighting(shot).warnings
-        return self.of_scenes.get(number, alone)
+        of_light = () if isinstance(shot, VideoError) else shot_lighting(shot).warnings
+        return self.scene_warnings.get(number, of_light)
 
 
 @dataclass(frozen=True)
@@ -87,9 +89,9 @@ class VideoJob:
 
     source: Path
     folder: Path
-    given: UserInput = field(default_factory=UserInput)
+    user_input: UserInput = field(default_factory=UserInput)
     every: float = NETWORK_INTERVAL  # s between the frames that the network sees
-    wanted: OutputOptions = field(default_factory=OutputOptions)
+    options: OutputOptions = field(default_factory=OutputOptions)
 
 
 def _shot_map(number: int) -> str:
@@ -108,25 +110,25 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
 
     Raises VideoError, MissingExtraError, ModelError, SceneError, EnvironmentMapError, ParameterError or OSError.
     """
-    done, lights = VideoResult(), list[FrameLight]()
+    result, lights = VideoResult(), list[FrameLight]()
     with Clip(job.source) as clip:
-        metadata_of_clip(clip, job.given).known_at(0.0)  # what cannot be is refused before anything is written
+        metadata_of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
-            for shot in analyze_shots(clip, model, job.given, job.every, progress):
-                done.shots.append(shot)
-                lights += _write_shot(job, shot, len(done.shots), lines)
+            for shot in analyze_shots(clip, model, job.user_input, job.every, progress):
+                result.shots.append(shot)
+                lights += _write_shot(job, shot, len(result.shots), lines)
                 lines.flush()
-        done.damage, rate = clip.damage, clip.info.frame_rate
+        result.damage, rate = clip.damage, clip.info.frame_rate
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
-    if job.wanted.tool is not None:
-        done.of_scenes = _write_scenes(job, done.shots, rate)
-    if job.wanted.film:
+    if job.options.tool is not None:
+        result.scene_warnings = _write_scenes(job, result.shots, rate)
+    if job.options.film:
         from lighting.video.overlay import write_film
 
         write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE)
-    _remove_old_maps(job, done, {light.frame for light in lights})
-    return done
+    _remove_old_maps(job, result, {light.frame for light in lights})
+    return result
 
 
 def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO) -> list[FrameLight]:
@@ -137,26 +139,26 @@ def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: Text
         return []
     lights = list(frame_lights(shot, number))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
-    write_envmap(job.folder / _shot_map(number), *render_world_map(shot, job.wanted.height, job.wanted.sun))
-    if job.wanted.frames_exr:
+    write_envmap(job.folder / _shot_map(number), *render_world_map(shot, job.options.height, job.options.sun))
+    if job.options.frames_exr:
         (job.folder / FRAMES_FOLDER).mkdir(exist_ok=True)
         for light in lights:
-            picture = render(light.lighting, job.wanted.height, sun=job.wanted.sun)
+            picture = render(light.lighting, job.options.height, sun=job.options.sun)
             write_envmap(job.folder / FRAMES_FOLDER / f"{light.frame:06d}.exr", picture, light.lighting)
     return lights
 
 
-def _remove_old_maps(job: VideoJob, done: VideoResult, frames: set[int]) -> None:
+def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> None:
     """Remove the maps of an earlier run that this one has not replaced; each says in its header that it is ours."""
-    shots = {_shot_map(number) for number, shot in enumerate(done.shots, 1) if isinstance(shot, Shot)}
-    written = {f"{frame:06d}.exr" for frame in frames if job.wanted.frames_exr}
-    others = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name) and p.name not in shots]
-    others += [
+    shots = {_shot_map(number) for number, shot in enumerate(result.shots, 1) if isinstance(shot, Shot)}
+    written = {f"{frame:06d}.exr" for frame in frames if job.options.frames_exr}
+    old = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name) and p.name not in shots]
+    old += [
         p
         for p in (job.folder / FRAMES_FOLDER).glob("*.exr")
         if _FRAME_MAP_NAME.fullmatch(p.name) and p.name not in written
     ]
-    for path in others:
+    for path in old:
         if path.is_file() and not path.is_symlink() and _is_ours(path):
             path.unlink()
     with suppress(OSError):  # it holds files that are none of ours, or is not there
@@ -173,14 +175,14 @@ def _is_ours(path: Path) -> bool:
 def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float) -> dict[int, tuple[str, ...]]:
     """Write a scene a shot; their warnings by the shots' numbers."""
 
-    assert job.wanted.tool is not None
+    assert job.options.tool is not None
     warnings = dict[int, tuple[str, ...]]()
     first = {int(shot.frames[0]): (n, shot) for n, shot in enumerate(shots, 1) if isinstance(shot, Shot)}
     with Clip(job.source, MAX_PLATE_SIDE) as clip:
         for frame in clip.frames(first):
             number, shot = first[frame.index]
-            folder = job.folder / f"shot-{number}-{job.wanted.tool}"
-            warnings[number] = _write_scene(shot, frame.pixels, job.wanted.tool, folder, str(job.source), rate)
+            folder = job.folder / f"shot-{number}-{job.options.tool}"
+            warnings[number] = _write_scene(shot, frame.pixels, job.options.tool, folder, str(job.source), rate)
     return warnings
 
 

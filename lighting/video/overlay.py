@@ -49,22 +49,22 @@ class _Balls:
 
     def at(self, light: FrameLight) -> NDArray[np.float32]:
         """Linear (h, w, 3), blended between the two nearest headings."""
-        turn = (light.lighting.relative_heading or 0.0) / BALL_STEP
-        low = int(np.floor(turn))
-        share = np.float32(turn - low)
+        step = (light.lighting.relative_heading or 0.0) / BALL_STEP
+        low = int(np.floor(step))
+        share = np.float32(step - low)
         first, second = (self._rendered(light, low + step) for step in (0, 1))
         return (1 - share) * first + share * second
 
     def _rendered(self, light: FrameLight, step: int) -> NDArray[np.float32]:
         step %= round(360.0 / BALL_STEP)
         if (light.shot, step) not in self.pictures:
-            own = light.lighting
-            off = step * BALL_STEP - (own.relative_heading or 0.0)
-            azimuth = (own.sun_azimuth - off + 180.0) % 360.0 - 180.0
-            there = replace(
-                scale_exposure(own, np.full(3, 1 / _gain(light))), sun_azimuth=azimuth, camera_elevation=-8.0
+            lighting = light.lighting
+            rotation = step * BALL_STEP - (lighting.relative_heading or 0.0)
+            azimuth = (lighting.sun_azimuth - rotation + 180.0) % 360.0 - 180.0
+            turned = replace(
+                scale_exposure(lighting, np.full(3, 1 / _gain(light))), sun_azimuth=azimuth, camera_elevation=-8.0
             )
-            linear = render_spheres(render(there, _MAP_HEIGHT), there, *self.size, supersampling=2)
+            linear = render_spheres(render(turned, _MAP_HEIGHT), turned, *self.size, supersampling=2)
             small = linear.reshape(self.size[1], 2, self.size[0], 2, 3).mean(axis=(1, 3))
             self.pictures[light.shot, step] = small
         return self.pictures[light.shot, step]
@@ -89,8 +89,8 @@ def _film_frames(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple
         height, width = (side // 2 * 2 for side in frame.pixels.shape[:2])
         picture = frame.pixels[:height, :width]
         if balls is None:
-            panel = round(0.32 * max(width, height)) if width > height else round(0.6 * width)
-            balls = _Balls((panel, round(panel * 0.42)), {})
+            width_of_balls = round(0.32 * max(width, height)) if width > height else round(0.6 * width)
+            balls = _Balls((width_of_balls, round(width_of_balls * 0.42)), {})
         light = lights.get(frame.index)
         yield frame.time, picture if light is None else draw_overlay(picture, light, balls.at(light))
 
@@ -103,11 +103,11 @@ def draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np
     panel = Image.fromarray(display_srgb(balls * np.float32(_gain(light))))
     layout = _fit_layout(picture.width, panel.width)
     picture.paste(panel, (_MARGIN, picture.height - panel.height - layout.below), rounded_mask(panel.size, 10))
-    words, colour = _frame_text(light), SUN if light.lighting.sun_shines else WHITE
-    style = TextStyle(layout.size, colour, anchor="rs", shaded=True)
+    texts, color = _frame_text(light), SUN if light.lighting.sun_shines else WHITE
+    style = TextStyle(layout.size, color, anchor="rs", shaded=True)
     for i, line in enumerate(reversed(layout.lines)):
         corner = (picture.width - 14.0, picture.height - 12.0 - i * _LINE_HEIGHT * layout.size)
-        draw_text(picture, corner, _GAP.join(words[k] for k in line), style)
+        draw_text(picture, corner, _GAP.join(texts[k] for k in line), style)
     return np.asarray(picture)
 
 
@@ -122,26 +122,32 @@ class _Layout:
 
 def _fit_layout(width: int, panel: int) -> _Layout:
     """The layout of a picture and of balls of these widths [pixels]: they share a line where the longest words fit."""
-    room = width - 28.0
-    size = max(1, min(_FONT_SIZE, int(_FONT_SIZE * room / max(text_width(word, _FONT_SIZE) for word in _LONGEST_TEXT))))
-    if text_width(_GAP.join(_LONGEST_TEXT), size) <= room - panel - _MARGIN:
+    width_left = width - 28.0
+    size = max(
+        1, min(_FONT_SIZE, int(_FONT_SIZE * width_left / max(text_width(word, _FONT_SIZE) for word in _LONGEST_TEXT)))
+    )
+    if text_width(_GAP.join(_LONGEST_TEXT), size) <= width_left - panel - _MARGIN:
         return _Layout(size, (tuple(range(len(_LONGEST_TEXT))),), _MARGIN)
     lines: list[tuple[int, ...]] = []
     for i in range(len(_LONGEST_TEXT)):
         longer = (*lines[-1], i) if lines else (i,)
-        fits = text_width(_GAP.join(_LONGEST_TEXT[k] for k in longer), size) <= room
+        fits = text_width(_GAP.join(_LONGEST_TEXT[k] for k in longer), size) <= width_left
         lines = [*lines[:-1], longer] if lines and fits else [*lines, (i,)]
     return _Layout(size, tuple(lines), _MARGIN + round(_LINE_HEIGHT * size * len(lines)))
 
 
 def _frame_text(light: FrameLight) -> tuple[str, str, str]:
     """What is told of a frame, none longer than that of _LONGEST."""
-    own = light.lighting
-    turned = round(float(wrap_azimuth(own.relative_heading or 0.0)), 1)
-    where = f"turned {turned or 0.0:+.1f}°" if own.camera_heading is None else f"heading {own.camera_heading:.1f}°"
+    lighting = light.lighting
+    relative = round(float(wrap_azimuth(lighting.relative_heading or 0.0)), 1)
+    heading = (
+        f"turned {relative or 0.0:+.1f}°"
+        if lighting.camera_heading is None
+        else f"heading {lighting.camera_heading:.1f}°"
+    )
     bridged = " (bridged)" if light.bridged else ""
-    sun = f"sun {own.sun_azimuth:+.1f}°, {own.sun_elevation:.1f}° high"
-    return f"{light.time:5.1f} s", sun, where + bridged
+    sun = f"sun {lighting.sun_azimuth:+.1f}°, {lighting.sun_elevation:.1f}° high"
+    return f"{light.time:5.1f} s", sun, heading + bridged
 
 
 def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, target: Path) -> None:

@@ -78,11 +78,11 @@ class _ShotAnalyzer:
         """
         self._model, self._every, self._due = model, every, 0.0
         self._vertical_fov = vertical_fov
-        self._follower, self._dissolves = PointTracker(), DissolveDetector()
-        self._is_to_judge = False  # whether a new stretch is to be compared with what was before
+        self._tracker, self._dissolves = PointTracker(), DissolveDetector()
+        self._check_pending = False  # whether a new stretch is to be compared with what was before
         self._steps: list[TrackedFrame] = []
         self._keys: dict[int, Keyframe] = {}
-        self._looks: dict[int, FrameEstimate] = {}
+        self._estimates: dict[int, FrameEstimate] = {}
         self._size = (0, 0)
 
     def take(self, frame: Frame) -> Iterator[ShotObservations]:
@@ -92,17 +92,17 @@ class _ShotAnalyzer:
             yield from self.finish()
             self._keep(ShotObservations(size, [], {}, {}))
         self._size, self._frame = size, frame
-        step = self._follower.follow(frame)
+        step = self._tracker.follow(frame)
         self._steps.append(step)
-        if (key := self._follower.new_key) is not None:
+        if (key := self._tracker.new_key) is not None:
             self._keys[key.number] = key
-        if frame.time >= self._due or (step.begins and step.frame > 0):
-            self._look(frame)
+        if frame.time >= self._due or (step.is_start and step.frame > 0):
+            self._estimate(frame)
         if (dissolve := self._dissolves.take(frame)) is not None:
             yield from self._divide(dissolve)
-        self._is_to_judge |= self._is_time_to_judge(step.stretch)
-        if self._is_to_judge and not self._dissolves.is_open:
-            *over, rest = split_shots(self.watched())
+        self._check_pending |= self._is_check_due(step.stretch)
+        if self._check_pending and not self._dissolves.is_pending:
+            *over, rest = split_shots(self.tracked())
             yield from over
             self._keep(rest)
 
@@ -111,38 +111,38 @@ class _ShotAnalyzer:
         if (dissolve := self._dissolves.finish()) is not None:
             yield from self._divide(dissolve)
         if self._steps:
-            yield from split_shots(self.watched())
+            yield from split_shots(self.tracked())
 
-    def watched(self) -> ShotObservations:
+    def tracked(self) -> ShotObservations:
         """What was gathered of the frames that are not of a shot handed out."""
-        return ShotObservations(self._size, self._steps, self._keys, self._looks)
+        return ShotObservations(self._size, self._steps, self._keys, self._estimates)
 
     def _keep(self, rest: ShotObservations) -> None:
-        self._steps, self._keys, self._looks = list(rest.steps), dict(rest.keys), dict(rest.looks)
-        self._is_to_judge = False
+        self._steps, self._keys, self._estimates = list(rest.steps), dict(rest.keys), dict(rest.estimates)
+        self._check_pending = False
 
     def _divide(self, dissolve: Dissolve) -> Iterator[ShotObservations]:
         """Hands out what is before a dissolve."""
-        *before, rest = split_at_dissolve(self.watched(), dissolve)
+        *before, rest = split_at_dissolve(self.tracked(), dissolve)
         for part in before:
             yield from split_shots(part)
         self._keep(rest)
-        if not rest.looks:
-            self._look(self._frame)
+        if not rest.estimates:
+            self._estimate(self._frame)
 
-    def _look(self, frame: Frame) -> None:
+    def _estimate(self, frame: Frame) -> None:
         if is_dark(frame.pixels):
             self._due = frame.time
             return
-        self._looks[frame.index] = estimate_frame(self._model, frame.pixels, self._vertical_fov)
+        self._estimates[frame.index] = estimate_frame(self._model, frame.pixels, self._vertical_fov)
         self._due = frame.time + self._every - 1e-6
 
-    def _is_time_to_judge(self, stretch: int) -> bool:
+    def _is_check_due(self, stretch: int) -> bool:
         """Whether a new stretch has just become long enough to see if it is a new shot."""
         if self._steps[0].stretch == stretch or len(self._steps) <= MIN_STRETCH_FRAMES:
             return False
-        own = [step.stretch == stretch for step in self._steps[-MIN_STRETCH_FRAMES - 1 :]]
-        return all(own[1:]) and not own[0]
+        is_same = [step.stretch == stretch for step in self._steps[-MIN_STRETCH_FRAMES - 1 :]]
+        return all(is_same[1:]) and not is_same[0]
 
 
 def observe_shots(
@@ -158,15 +158,15 @@ def observe_shots(
 
     An interruption by the user ends the last shot where the clip had been read to, and is raised after that.
     """
-    watcher, interruption = _ShotAnalyzer(model, every, vertical_fov), None
+    analyzer, interruption = _ShotAnalyzer(model, every, vertical_fov), None
     try:
         for frame in frames:
-            yield from watcher.take(frame)
+            yield from analyzer.take(frame)
             if progress is not None:
                 progress(frame.time)
     except KeyboardInterrupt as error:
         interruption = error
-    yield from watcher.finish()
+    yield from analyzer.finish()
     if interruption is not None:
         raise interruption
 
@@ -177,26 +177,26 @@ def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = No
     Beside it the same by a lens of `vertical_fov` [deg], if it is known.
     """
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
-    said = model.predict(preprocess(photo, model.spec))[0]
-    alone = _apply_colors(screen_prediction(said, pixels), pixels)
+    prediction = model.predict(preprocess(photo, model.spec))[0]
+    estimate = _apply_colors(screen_prediction(prediction, pixels), pixels)
     if vertical_fov is None:
-        return alone
-    return replace(alone, by_lens=_apply_colors(screen_prediction(said, pixels, vertical_fov), pixels))
+        return estimate
+    return replace(estimate, by_lens=_apply_colors(screen_prediction(prediction, pixels, vertical_fov), pixels))
 
 
-def _apply_colors(said: Prediction, pixels: Pixels) -> FrameEstimate:
+def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
     """What is said of a frame, with the colours that it shows."""
-    if (light := said.light) is None:
-        return FrameEstimate(said)
-    if (tint := sky_white_balance(pixels, lighting_from_prediction(said))) is not None:
-        said = replace(said, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
-    return FrameEstimate(said, estimate_ground_albedo(pixels, lighting_from_prediction(said), light.around))
+    if (light := prediction.light) is None:
+        return FrameEstimate(prediction)
+    if (tint := sky_white_balance(pixels, lighting_from_prediction(prediction))) is not None:
+        prediction = replace(prediction, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
+    return FrameEstimate(prediction, estimate_ground_albedo(pixels, lighting_from_prediction(prediction), light.around))
 
 
 def is_dark(pixels: Pixels) -> bool:
     """Whether a frame is too dark for daylight, black frames and nights among them."""
-    bright = np.percentile(luminance(srgb_decode(pixels[::8, ::8] / 255.0)), 95)
-    return bool(bright < MIN_BRIGHTNESS)
+    brightness = np.percentile(luminance(srgb_decode(pixels[::8, ::8] / 255.0)), 95)
+    return bool(brightness < MIN_BRIGHTNESS)
 
 
 # A shot solved, once its end is known: its lens, the camera's path, its one sun.
@@ -227,92 +227,107 @@ class Shot:
     path: CameraPath
     gains: Floats  # (N, 3) of the linear values, relative to the shot's first frame
     vertical_fov: float  # deg, of the shot's first frame
-    fov_sigma: float  # deg, one standard deviation of that
+    fov_std: float  # deg, one standard deviation of that
     zoom: Floats  # (N,) focal length by the first frame's; 1 throughout unless the lens was zoomed
-    fused: Posterior  # the sun, as the shot's first camera sees it, its tilt removed
+    posterior: Posterior  # the sun, as the shot's first camera sees it, its tilt removed
     ground: Floats | None  # (3,) reflectance; None where no look shows it
-    known: MetadataPrior
+    prior: MetadataPrior
     north: float | None  # deg clockwise from true north, where azimuth 0 points; None unknown
 
 
-def solve_shot(watched: ShotObservations, around: ClipMetadata) -> Shot:
+def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
     """The shot's lens, path and light; VideoError where the network saw none of its frames.
 
     Raises ParameterError where the user's own time and place are of night at the clip's first frame.
     """
-    if not watched.looks:
+    if not tracked.estimates:
         raise VideoError("No frame of the shot is bright enough for daylight.")
-    one = remove_zoom(watched, around) or _assume_no_zoom(watched, around)
-    watched, fov = one.watched, one.lens[0]
-    turnings = estimate_frame_rotations(watched, fov)
-    orientation, believed = estimate_orientations(watched, turnings, fov)
-    time = np.array([step.time for step in watched.steps])
-    up = estimate_up(watched, orientation, time, around.gimbal)
-    path = make_camera_path(time, orientation, believed, leveling_rotation(up))
-    gains = chain_gains(watched.steps)
-    return _light_shot(one, around, path, gains, tuple(_tracking_warnings(one, around, turnings)))
+    unzoomed = remove_zoom(tracked, clip_metadata) or _assume_no_zoom(tracked, clip_metadata)
+    tracked, fov = unzoomed.tracked, unzoomed.lens[0]
+    rotations = estimate_frame_rotations(tracked, fov)
+    orientation, reliable = estimate_orientations(tracked, rotations, fov)
+    time = np.array([step.time for step in tracked.steps])
+    up = estimate_up(tracked, orientation, time, clip_metadata.gimbal)
+    path = make_camera_path(time, orientation, reliable, leveling_rotation(up))
+    gains = chain_gains(tracked.steps)
+    return _light_shot(
+        unzoomed, clip_metadata, path, gains, tuple(_tracking_warnings(unzoomed, clip_metadata, rotations))
+    )
 
 
-def _assume_no_zoom(watched: ShotObservations, around: ClipMetadata) -> UnzoomedShot:
-    return UnzoomedShot(watched.through_known_lens(), np.ones(len(watched.steps)), fit_fov(watched, around))
+def _assume_no_zoom(tracked: ShotObservations, clip_metadata: ClipMetadata) -> UnzoomedShot:
+    return UnzoomedShot(tracked.with_fixed_lens(), np.ones(len(tracked.steps)), fit_fov(tracked, clip_metadata))
 
 
-def _tracking_warnings(one: UnzoomedShot, around: ClipMetadata, turnings: Sequence[FrameRotation]) -> Iterator[str]:
+def _tracking_warnings(
+    unzoomed: UnzoomedShot, clip_metadata: ClipMetadata, rotations: Sequence[FrameRotation]
+) -> Iterator[str]:
     """Sentences on why headings may be wrong though points were followed."""
-    shares = [turn.share for turn, step in zip(turnings, one.watched.steps, strict=True) if len(step.matches)]
-    fov, said = one.lens[0], prior_fov(one.watched, around)[0]
-    if one.told < MIN_ZOOMED_FRAMES:
-        yield _ZOOM_LOST.format(100.0 * (1.0 - one.told))
-    if shares and (agreed := float(np.median(shares))) < MIN_AGREEMENT:
-        yield _FEW_AGREE.format(100.0 * agreed)
-    if around.given.vertical_fov is None and abs(fov - said) > MAX_FOV_STDS * NETWORK_FOV_STD:
-        yield _ODD_LENS.format(fov, said)
+    shares = [turn.share for turn, step in zip(rotations, unzoomed.tracked.steps, strict=True) if len(step.matches)]
+    fov, expected = unzoomed.lens[0], prior_fov(unzoomed.tracked, clip_metadata)[0]
+    if unzoomed.zoom_share < MIN_ZOOMED_FRAMES:
+        yield _ZOOM_LOST.format(100.0 * (1.0 - unzoomed.zoom_share))
+    if shares and (share := float(np.median(shares))) < MIN_AGREEMENT:
+        yield _FEW_AGREE.format(100.0 * share)
+    if clip_metadata.user_input.vertical_fov is None and abs(fov - expected) > MAX_FOV_STDS * NETWORK_FOV_STD:
+        yield _ODD_LENS.format(fov, expected)
 
 
 def _light_shot(
-    one: UnzoomedShot, around: ClipMetadata, path: CameraPath, gains: Floats, doubts: tuple[str, ...]
+    unzoomed: UnzoomedShot, clip_metadata: ClipMetadata, path: CameraPath, gains: Floats, warnings: tuple[str, ...]
 ) -> Shot:
-    """The shot along a path with gains (N, 3): the light of its looks, with the warnings `doubts`."""
-    watched, (fov, sigma) = one.watched, one.lens
-    there = around.known_at(float(path.time[0]), _compass_heading(path, around.gimbal))
-    position = {step.frame: i for i, step in enumerate(watched.steps)}
-    at = {frame: around.known_at(float(path.time[position[frame]])) for frame in watched.looks}
-    used = _daylight_frames(at, there)
+    """The shot along a path with gains (N, 3): the light of its looks, with the warnings `warnings`."""
+    tracked, (fov, fov_std) = unzoomed.tracked, unzoomed.lens
+    first = clip_metadata.prior_at(float(path.time[0]), _compass_heading(path, clip_metadata.gimbal))
+    position = {step.frame: i for i, step in enumerate(tracked.steps)}
+    priors = {frame: clip_metadata.prior_at(float(path.time[position[frame]])) for frame in tracked.estimates}
+    by_day = _daylight_frames(priors, first)
     light = ShotLight()
-    for frame, seen in watched.looks.items():
-        if frame in used:
+    for frame, estimate in tracked.estimates.items():
+        if frame in by_day:
             i = position[frame]
             gain = float(luminance(gains[i]))
-            own = zoomed_fov(fov, float(one.zoom[i]))
-            light.add(FrameObservation(seen, float(path.heading[i]), own, gain, at[frame].observations))
-    if dark := [float(path.time[position[frame]]) for frame in at if frame not in used]:
-        there = replace(there, warnings=(*there.warnings, _NIGHT_FALLS.format(min(dark))))
-    there = replace(there, warnings=(*there.warnings, *doubts))
-    fused = light.answer(there.observations)
-    fused = replace(fused, prediction=replace(fused.prediction, vertical_fov=fov))
-    frames = np.array([step.frame for step in watched.steps])
-    return Shot(frames, path, gains, fov, sigma, one.zoom, fused, light.ground, there, estimate_north(fused, there))
+            frame_fov = zoomed_fov(fov, float(unzoomed.zoom[i]))
+            light.add(FrameObservation(estimate, float(path.heading[i]), frame_fov, gain, priors[frame].observations))
+    if night := [float(path.time[position[frame]]) for frame in priors if frame not in by_day]:
+        first = replace(first, warnings=(*first.warnings, _NIGHT_FALLS.format(min(night))))
+    first = replace(first, warnings=(*first.warnings, *warnings))
+    posterior = light.answer(first.observations)
+    posterior = replace(posterior, prediction=replace(posterior.prediction, vertical_fov=fov))
+    frames = np.array([step.frame for step in tracked.steps])
+    return Shot(
+        frames,
+        path,
+        gains,
+        fov,
+        fov_std,
+        unzoomed.zoom,
+        posterior,
+        light.ground,
+        first,
+        estimate_north(posterior, first),
+    )
 
 
-def _daylight_frames(at: Mapping[int, MetadataPrior], first: MetadataPrior) -> set[int]:
-    """The frames that count, of those with what is known `at` each: not those of night in a shot that begins by day."""
-    day = {frame for frame, known in at.items() if not known.is_night}
-    return day if day and not first.is_night else set(at)
+def _daylight_frames(priors: Mapping[int, MetadataPrior], first: MetadataPrior) -> set[int]:
+    """The frames that count, by their metadata: in a shot that begins by day not those of night."""
+    day = {frame for frame, prior in priors.items() if not prior.is_night}
+    return day if day and not first.is_night else set(priors)
 
 
 def _compass_heading(path: CameraPath, gimbal: Gimbal) -> float | None:
     """Where azimuth 0 points by the gimbal, deg clockwise from north; None without one."""
-    said = sample_gimbal(gimbal, path.time)
-    if not said:
+    samples = sample_gimbal(gimbal, path.time)
+    if not samples:
         return None
-    return circular_mean([heading - path.heading[i] for i, (heading, *_) in said]) % 360.0
+    return circular_mean([heading - path.heading[i] for i, (heading, *_) in samples]) % 360.0
 
 
-def estimate_north(fused: Posterior, known: MetadataPrior) -> float | None:
+def estimate_north(posterior: Posterior, prior: MetadataPrior) -> float | None:
     """Where azimuth 0 points from true north [deg], by sun and compass together or by the compass alone."""
-    if fused.camera_heading is not None:
-        return fused.camera_heading.best
-    return known.observations.heading
+    if posterior.camera_heading is not None:
+        return posterior.camera_heading.best
+    return prior.observations.heading
 
 
 # The record of each frame: the shot's one light, as that frame's camera sees it.
@@ -331,14 +346,18 @@ class FrameLight:
 
     def to_line(self, name: str) -> str:
         """One line of JSON about the frame of the clip `name`."""
-        told = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
-        told |= {"gain": list(self.gain), "bridged": self.bridged, "lighting": record_with_coefficients(self.lighting)}
-        return json.dumps(told, allow_nan=False)
+        record = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
+        record |= {
+            "gain": list(self.gain),
+            "bridged": self.bridged,
+            "lighting": record_with_coefficients(self.lighting),
+        }
+        return json.dumps(record, allow_nan=False)
 
 
 def shot_lighting(shot: Shot) -> Lighting:
     """The shot's light as its first camera sees it."""
-    light = with_ground_color(build_estimate(shot.fused, shot.known).lighting, shot.ground)
+    light = with_ground_color(build_estimate(shot.posterior, shot.prior).lighting, shot.ground)
     return replace(
         light,
         camera_elevation=_round_angle(shot.path.elevation[0]),
@@ -408,17 +427,17 @@ def _round_heading(degrees: float) -> float:
 # From a clip to its shots, each solved as soon as it is over.
 
 
-def metadata_of_clip(clip: Clip, given: UserInput) -> ClipMetadata:
+def metadata_of_clip(clip: Clip, user_input: UserInput) -> ClipMetadata:
     """What is known of an open clip beside its pixels."""
-    if not given.use_exif:
-        return ClipMetadata(given=given)
-    return ClipMetadata(clip.info.metadata, clip.info.gimbal, given)
+    if not user_input.use_exif:
+        return ClipMetadata(user_input=user_input)
+    return ClipMetadata(clip.info.metadata, clip.info.gimbal, user_input)
 
 
 def analyze_shots(
     clip: Clip,
     model: Model,
-    given: UserInput = NO_USER_INPUT,
+    user_input: UserInput = NO_USER_INPUT,
     every: float = NETWORK_INTERVAL,
     progress: Callable[[float], Any] | None = None,
 ) -> Iterator[Shot | VideoError]:
@@ -427,10 +446,10 @@ def analyze_shots(
     Raises MissingExtraError, ModelError, and ParameterError where the user's own time and place are of night at the
     clip's first frame.
     """
-    circumstances = metadata_of_clip(clip, given)
-    for watched in observe_shots(clip.frames(), model, every, progress, circumstances.vertical_fov):
+    clip_metadata = metadata_of_clip(clip, user_input)
+    for tracked in observe_shots(clip.frames(), model, every, progress, clip_metadata.vertical_fov):
         try:
-            yield solve_shot(watched, circumstances)
+            yield solve_shot(tracked, clip_metadata)
         except VideoError as error:
-            first, last = watched.steps[0].time, watched.steps[-1].time
+            first, last = tracked.steps[0].time, tracked.steps[-1].time
             yield VideoError(f"From {first:.1f} to {last:.1f} s: {error}")

@@ -72,7 +72,7 @@ class DissolveDetector:
         self._mixed: list[int] = []  # numbers of the frames that were found to be mixed, of one dissolve
 
     @property
-    def is_open(self) -> bool:
+    def is_pending(self) -> bool:
         """Whether a dissolve has begun and was not yet told."""
         return bool(self._mixed)
 
@@ -81,16 +81,16 @@ class DissolveDetector:
         last = self._kept[-1] if self._kept else None
         if last is not None and frame.time < last.time + COMPARISON_INTERVAL - 1e-3:
             return None
-        small = self._small(frame, 0 if last is None else last.number + 1)
-        if last is not None and (small.even.shape != last.even.shape or frame.time > last.time + MAX_COMPARISON_GAP):
+        compared = self._compared_frame(frame, 0 if last is None else last.number + 1)
+        if last is not None and (compared.even.shape != last.even.shape or frame.time > last.time + MAX_COMPARISON_GAP):
             self._kept.clear()
             self._mixed = []
-        self._kept.append(small)
+        self._kept.append(compared)
         for lag in LAGS:
             middle = len(self._kept) - 1 - lag
             if middle >= lag and self._kept[middle].number % (lag // LAGS[0]) == 0:
-                self._judge(self._kept[middle - lag], self._kept[middle], small)
-        is_over = bool(self._mixed) and small.number - max(self._mixed) > _MAX_UNMIXED + LAGS[-1]
+                self._compare(self._kept[middle - lag], self._kept[middle], compared)
+        is_over = bool(self._mixed) and compared.number - max(self._mixed) > _MAX_UNMIXED + LAGS[-1]
         return self.finish() if is_over else None
 
     def finish(self) -> Dissolve | None:
@@ -110,29 +110,29 @@ class DissolveDetector:
             return None
         return Dissolve(at(first).time, at(last).time)
 
-    def _judge(self, before: _ComparedFrame, middle: _ComparedFrame, after: _ComparedFrame) -> None:
+    def _compare(self, before: _ComparedFrame, middle: _ComparedFrame, after: _ComparedFrame) -> None:
         if self._mixed and middle.number > max(self._mixed) + _MAX_UNMIXED:
             return  # of another dissolve, or none: this one is told first
         if self._is_mixed(before.even, middle.even, after.even):
             self._mixed.append(middle.number)
 
-    def _small(self, frame: Frame, number: int) -> _ComparedFrame:
+    def _compared_frame(self, frame: Frame, number: int) -> _ComparedFrame:
         picture = resize_to(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
-        tiny = resize_to(picture, _COMPARED_SIDE)
-        mean, spread = self._cv2.meanStdDev(tiny)
-        scale = _EVEN_STD / max(float(spread[0, 0]), _MIN_STD)
-        even = self._cv2.convertScaleAbs(np.maximum(tiny * scale + (128.0 - scale * float(mean[0, 0])), 0.0))
+        small = resize_to(picture, _COMPARED_SIDE)
+        mean, std = self._cv2.meanStdDev(small)
+        scale = _EVEN_STD / max(float(std[0, 0]), _MIN_STD)
+        even = self._cv2.convertScaleAbs(np.maximum(small * scale + (128.0 - scale * float(mean[0, 0])), 0.0))
         return _ComparedFrame(number, frame.time, picture, np.asarray(even))
 
     def _is_mixed(self, before: NDArray[np.uint8], middle: NDArray[np.uint8], after: NDArray[np.uint8]) -> bool:
         """Whether a frame is a mixture of two others, and not in part the one and in part the other."""
-        shown, by_first = middle.astype(np.float32), self._moved(before, middle)
-        there = np.isfinite(by_first)
-        if there.mean() < _MIN_SHARED or np.square((shown - by_first)[there]).mean() < MIN_DIFFERENCE:
+        values, first = middle.astype(np.float32), self._moved(before, middle)
+        valid = np.isfinite(first)
+        if valid.mean() < _MIN_SHARED or np.square((values - first)[valid]).mean() < MIN_DIFFERENCE:
             return False
-        by_second = self._moved(after, middle)
-        there &= np.isfinite(by_second)
-        return bool(there.mean() >= _MIN_SHARED) and _is_mixture(by_first[there], shown[there], by_second[there])
+        second = self._moved(after, middle)
+        valid &= np.isfinite(second)
+        return bool(valid.mean() >= _MIN_SHARED) and _is_mixture(first[valid], values[valid], second[valid])
 
     def _moved(self, other: NDArray[np.uint8], onto: NDArray[np.uint8]) -> NDArray[np.float32]:
         """Another picture (h, w) as seen from this one, NaN where it shows nothing."""
@@ -150,15 +150,15 @@ class DissolveDetector:
         )
 
 
-def _is_mixture(first: Floats, shown: Floats, second: Floats) -> bool:
+def _is_mixture(first: Floats, values: Floats, second: Floats) -> bool:
     """Whether values (N,) are those of two pictures (N,) with one share throughout, and the two differ."""
-    apart = first - second
-    share = float(apart @ (shown - second)) / max(float(apart @ apart), 1e-6)
+    difference = first - second
+    share = float(difference @ (values - second)) / max(float(difference @ difference), 1e-6)
     if not MIXED_SHARES[0] < share < MIXED_SHARES[1]:
         return False
-    missed = float(np.square(shown - second - share * apart).mean()) + MIXTURE_NOISE
-    unlike = float(np.minimum(np.square(shown - first), np.square(shown - second)).mean())
-    if unlike < max(MIN_DIFFERENCE, missed):
+    residual = float(np.square(values - second - share * difference).mean()) + MIXTURE_NOISE
+    distance = float(np.minimum(np.square(values - first), np.square(values - second)).mean())
+    if distance < max(MIN_DIFFERENCE, residual):
         return False
     return bool(_correlation(first, second) < MAX_CORRELATION)
 
@@ -176,52 +176,52 @@ def _match_frames(before: _ComparedFrame, after: _ComparedFrame) -> bool:
 MIN_SHOT_FRAMES = 5  # frames, fewer than which are no shot but a gap in one
 
 
-def split_shots(watched: ShotObservations) -> list[ShotObservations]:
+def split_shots(tracked: ShotObservations) -> list[ShotObservations]:
     """The shots of a clip, in order; frames in which nothing can be followed belong to the shot before them."""
-    long = _long_stretches(watched.steps)
-    keys = {s: sorted((k for k in watched.keys.values() if k.stretch == s), key=lambda k: k.number) for s in long}
+    long = _long_stretches(tracked.steps)
+    keys = {s: sorted((k for k in tracked.keys.values() if k.stretch == s), key=lambda k: k.number) for s in long}
     shot_of, number = {}, 0
     for before, after in zip([None, *long[:-1]], long, strict=True):
         if before is not None and not _is_same_shot(keys[before], keys[after]):
             number += 1
         shot_of[after] = number
     current, members = 0, []
-    for step in watched.steps:
+    for step in tracked.steps:
         current = shot_of.get(step.stretch, current)
         members.append(current)
-    return [_select_frames(watched, [i for i, m in enumerate(members) if m == n]) for n in range(number + 1)]
+    return [_select_frames(tracked, [i for i, m in enumerate(members) if m == n]) for n in range(number + 1)]
 
 
-def split_at_dissolve(watched: ShotObservations, dissolve: Dissolve) -> list[ShotObservations]:
+def split_at_dissolve(tracked: ShotObservations, dissolve: Dissolve) -> list[ShotObservations]:
     """What is before the middle of a dissolve, if that is a shot, and what is after it.
 
     Nothing counts as followed or seen while it lasts; nor does what is followed from before it later on.
     """
-    steps = watched.steps
-    clear = [step for step in steps if step.time < dissolve.first]
-    old = {number for step in clear for number in (step.key, step.makes)}
-    late = [i for i, step in enumerate(steps) if step.time > dissolve.last and step.key not in old]
-    if not late:
-        return [watched]
+    steps = tracked.steps
+    before = [step for step in steps if step.time < dissolve.first]
+    old_keys = {number for step in before for number in (step.key, step.next_key)}
+    after = [i for i, step in enumerate(steps) if step.time > dissolve.last and step.key not in old_keys]
+    if not after:
+        return [tracked]
     middle = 0.5 * (dissolve.first + dissolve.last)
-    begin = sum(step.time < middle for step in steps) if len(clear) >= MIN_SHOT_FRAMES else 0
-    ending = [*clear, *(_as_lost(step, clear[-1]) for step in steps[len(clear) : begin])][:begin]
-    beginning = [_as_lost(step, steps[late[0]]) for step in steps[begin : late[0]]]
+    begin = sum(step.time < middle for step in steps) if len(before) >= MIN_SHOT_FRAMES else 0
+    ending = [*before, *(_as_lost(step, before[-1]) for step in steps[len(before) : begin])][:begin]
+    beginning = [_as_lost(step, steps[after[0]]) for step in steps[begin : after[0]]]
     mixed = {step.frame for step in steps if dissolve.first <= step.time <= dissolve.last}
     unmixed = replace(
-        watched,
-        steps=[*ending, *beginning, *steps[late[0] :]],
-        keys={n: key for n, key in watched.keys.items() if key.frame not in mixed},
-        looks={frame: seen for frame, seen in watched.looks.items() if frame not in mixed},
+        tracked,
+        steps=[*ending, *beginning, *steps[after[0] :]],
+        keys={n: key for n, key in tracked.keys.items() if key.frame not in mixed},
+        estimates={frame: estimate for frame, estimate in tracked.estimates.items() if frame not in mixed},
     )
     return [_select_frames(unmixed, part) for part in (range(begin), range(begin, len(steps))) if part]
 
 
 def _as_lost(step: TrackedFrame, like: TrackedFrame) -> TrackedFrame:
     """A frame in which nothing can be followed, in the stretch of another one."""
-    nothing = np.empty((0, 2), np.float32)
-    matches = Matches(nothing, nothing, step.matches.pixel)
-    return replace(like, frame=step.frame, time=step.time, matches=matches, begins=False, makes=None)
+    none = np.empty((0, 2), np.float32)
+    matches = Matches(none, none, step.matches.pixel)
+    return replace(like, frame=step.frame, time=step.time, matches=matches, is_start=False, next_key=None)
 
 
 def _long_stretches(steps: Sequence[TrackedFrame]) -> list[int]:
@@ -235,8 +235,8 @@ def _is_same_shot(before: Sequence[Keyframe], after: Sequence[Keyframe]) -> bool
     return any(match_keyframes(a, b, None) is not None for a in before[-GAP_KEYFRAMES:] for b in after[:GAP_KEYFRAMES])
 
 
-def _select_frames(watched: ShotObservations, positions: Sequence[int]) -> ShotObservations:
-    steps = [watched.steps[i] for i in positions]
+def _select_frames(tracked: ShotObservations, positions: Sequence[int]) -> ShotObservations:
+    steps = [tracked.steps[i] for i in positions]
     frames = {step.frame for step in steps}
-    keys = {n: k for n, k in watched.keys.items() if k.frame in frames}
-    return ShotObservations(watched.size, steps, keys, {f: p for f, p in watched.looks.items() if f in frames})
+    keys = {n: k for n, k in tracked.keys.items() if k.frame in frames}
+    return ShotObservations(tracked.size, steps, keys, {f: p for f, p in tracked.estimates.items() if f in frames})

@@ -67,7 +67,7 @@ FIRST_CHAIN = 0  # the chain that headings are against
 class _BankKeyframe:
     """A keyframe of the bank."""
 
-    key: Keyframe
+    keyframe: Keyframe
     orientation: Floats  # (3, 3) against the first camera of its chain
     chain: int
 
@@ -76,59 +76,62 @@ class _KeyframeBank:
     """Keyframes with their orientations, not two of one direction in a chain."""
 
     def __init__(self) -> None:
-        self.kept: list[_BankKeyframe] = []
+        self.keyframes: list[_BankKeyframe] = []
 
-    def own(self, key: Keyframe, orientation: Floats, chain: int, within: float) -> Sequence[_BankKeyframe]:
-        """The nearest COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
-        apart = {i: angle for i, angle in self._apart(orientation).items() if self.kept[i].chain == chain}
-        near = sorted((i for i in apart if apart[i] < within and _is_old(self.kept[i].key, key)), key=apart.__getitem__)
-        return [self.kept[i] for i in near[:MAX_COMPARED]]
+    def nearest_of_chain(
+        self, key: Keyframe, orientation: Floats, chain: int, within: float
+    ) -> Sequence[_BankKeyframe]:
+        """The nearest MAX_COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
+        angles = {i: angle for i, angle in self._angles(orientation).items() if self.keyframes[i].chain == chain}
+        old = [i for i in angles if angles[i] < within and _is_old(self.keyframes[i].keyframe, key)]
+        near = sorted(old, key=angles.__getitem__)
+        return [self.keyframes[i] for i in near[:MAX_COMPARED]]
 
-    def strangers(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_BankKeyframe]:
+    def of_other_chains(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_BankKeyframe]:
         """Keyframes of other chains, whose directions are unknown: none is too far off, and each gets its turn."""
-        apart = {i: angle for i, angle in self._apart(orientation).items() if self.kept[i].chain != chain}
-        order = sorted(apart, key=apart.__getitem__)
+        angles = {i: angle for i, angle in self._angles(orientation).items() if self.keyframes[i].chain != chain}
+        order = sorted(angles, key=angles.__getitem__)
         rest = order[MAX_OTHER_CHAINS:]
         start = key.number * MAX_OTHER_CHAINS % max(len(rest), 1)
         return [
-            self.kept[i]
+            self.keyframes[i]
             for i in [*order[:MAX_OTHER_CHAINS], *(rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]]
         ]
 
     def add(self, new: _BankKeyframe) -> None:
         """Remember a keyframe, unless its chain has one of nearly the same direction."""
         if any(
-            angle < MIN_KEYFRAME_ANGLE and self.kept[i].chain == new.chain
-            for i, angle in self._apart(new.orientation).items()
+            angle < MIN_KEYFRAME_ANGLE and self.keyframes[i].chain == new.chain
+            for i, angle in self._angles(new.orientation).items()
         ):
             return
-        self.kept.append(new)
-        if len(self.kept) > MAX_KEYFRAMES:
-            del self.kept[self._least_missed(new.chain)]
+        self.keyframes.append(new)
+        if len(self.keyframes) > MAX_KEYFRAMES:
+            del self.keyframes[self._least_needed(new.chain)]
 
     def join(self, chain: int, other: int, correction: Floats) -> None:
         """Make a chain part of another one, its orientations being turned by a rotation (3, 3)."""
-        self.kept = [
+        self.keyframes = [
             replace(k, orientation=k.orientation @ correction, chain=other) if k.chain == chain else k
-            for k in self.kept
+            for k in self.keyframes
         ]
 
-    def _apart(self, orientation: Floats) -> dict[int, float]:
+    def _angles(self, orientation: Floats) -> dict[int, float]:
         """Angles [deg] between where each keyframe and a camera look."""
-        return {i: float(angle_between(-k.orientation[2], -orientation[2])) for i, k in enumerate(self.kept)}
+        return {i: float(angle_between(-k.orientation[2], -orientation[2])) for i, k in enumerate(self.keyframes)}
 
-    def _least_missed(self, chain: int) -> int:
+    def _least_needed(self, chain: int) -> int:
         """The oldest of chains that were left, or of the longer one of the first and the present `chain`.
 
         The first frame's stays: it is what all headings refer to.
         """
-        left = [i for i, k in enumerate(self.kept) if k.chain not in (FIRST_CHAIN, chain)]
-        first, present = ([i for i, k in enumerate(self.kept) if k.chain == c] for c in (FIRST_CHAIN, chain))
-        return left[0] if left else (present if len(present) > len(first) else first[1:])[0]
+        abandoned = [i for i, k in enumerate(self.keyframes) if k.chain not in (FIRST_CHAIN, chain)]
+        first, current = ([i for i, k in enumerate(self.keyframes) if k.chain == c] for c in (FIRST_CHAIN, chain))
+        return abandoned[0] if abandoned else (current if len(current) > len(first) else first[1:])[0]
 
 
-def _is_old(kept: Keyframe, new: Keyframe) -> bool:
-    return new.number - kept.number > RECENT_KEYFRAMES or new.stretch != kept.stretch
+def _is_old(old: Keyframe, new: Keyframe) -> bool:
+    return new.number - old.number > RECENT_KEYFRAMES or new.stretch != old.stretch
 
 
 # What a stream teaches as its frames come: which way is up, the light, and the lens; memory constant.
@@ -142,22 +145,22 @@ class _ChainLight:
     def __init__(self, chain: int) -> None:
         self.chain = chain
         self.light = ShotLight()
-        self.fused: Posterior | None = None  # the light's last answer; None before the first look
+        self.posterior: Posterior | None = None  # the light's last answer; None before the first look
         self._up: Floats | None = None
-        self._ups = 0
+        self._count = 0
 
     def add(
-        self, seen: FrameEstimate, orientation: Floats, vertical_fov: float, gain: float, known: MetadataPrior
+        self, estimate: FrameEstimate, orientation: Floats, vertical_fov: float, gain: float, prior: MetadataPrior
     ) -> None:
         """Count a look by a camera of that orientation (3, 3)."""
-        said = seen.prediction
-        up = orientation.T @ camera_up(said.camera_elevation, said.camera_roll)
-        self._ups = min(self._ups + 1, MAX_LOOKS)
-        before = up if self._up is None else self._up
-        mean = before + (up - before) / self._ups
+        prediction = estimate.prediction
+        up = orientation.T @ camera_up(prediction.camera_elevation, prediction.camera_roll)
+        self._count = min(self._count + 1, MAX_LOOKS)
+        previous = up if self._up is None else self._up
+        mean = previous + (up - previous) / self._count
         self._up = np.asarray(mean / np.linalg.norm(mean))
-        self.light.add(FrameObservation(seen, self.angles(orientation)[0], vertical_fov, gain, known.observations))
-        self.fused = self.light.answer(known.observations)
+        self.light.add(FrameObservation(estimate, self.angles(orientation)[0], vertical_fov, gain, prior.observations))
+        self.posterior = self.light.answer(prior.observations)
 
     def angles(self, orientation: Floats) -> tuple[float, float, float]:
         """Heading, elevation and roll [deg] of a camera, once there was a look."""
@@ -169,35 +172,35 @@ class _ChainLight:
 class _LensEstimator:
     """A field of view learnt as frames come: given, or by the network, or by turns between keyframes."""
 
-    def __init__(self, given: float | None) -> None:
-        self.given = given  # deg; None where it is not known
+    def __init__(self, fixed: float | None) -> None:
+        self.fixed = fixed  # deg; None where it is not known
         self._sum, self._weight = 0.0, 0.0  # of what turns say
-        self._seen, self._looks = 50.0, 0
+        self._network_fov, self._count = 50.0, 0
 
     @property
     def fov(self) -> float:
         """Vertical, deg."""
-        if self.given is not None:
-            return self.given
-        own = NETWORK_FOV_STD**-2
-        return (self._sum + own * self._seen) / (self._weight + own)
+        if self.fixed is not None:
+            return self.fixed
+        network_weight = NETWORK_FOV_STD**-2
+        return (self._sum + network_weight * self._network_fov) / (self._weight + network_weight)
 
-    def see(self, fov: float) -> None:
+    def add_prediction(self, fov: float) -> None:
         """Count what the network says of a look."""
-        self._looks = min(self._looks + 1, MAX_LOOKS)
-        self._seen += (fov - self._seen) / self._looks
+        self._count = min(self._count + 1, MAX_LOOKS)
+        self._network_fov += (fov - self._network_fov) / self._count
 
-    def learn(self, a: Keyframe, b: Keyframe) -> None:
+    def add_keyframes(self, a: Keyframe, b: Keyframe) -> None:
         """From the turn between two keyframes, while the lens is not known well."""
-        if self.given is not None or self._weight > 1.0 / MIN_FOV_STD**2 * 4:
+        if self.fixed is not None or self._weight > 1.0 / MIN_FOV_STD**2 * 4:
             return
         turn = match_keyframes(a, b, None)
         if turn is not None and not turn.zoomed:
-            self.count(turn)
+            self.add_rotation(turn)
 
-    def count(self, turn: RelativeRotation) -> None:
+    def add_rotation(self, turn: RelativeRotation) -> None:
         """Learn from a turn to a picture that was seen through this lens."""
-        if turn.zoomed or constrains_fov(turn, self._seen):
+        if turn.zoomed or constrains_fov(turn, self._network_fov):
             weight = 1.0 / (turn.fov_std**2 + MIN_FOV_STD**2)
             self._sum, self._weight = self._sum + weight * turn.vertical_fov[1], self._weight + weight
 
@@ -223,9 +226,13 @@ class Tracker:
     """Takes frames (h, w, 3), upright sRGB, of one size; not for several threads."""
 
     def __init__(
-        self, model: Model | None = None, given: UserInput | None = None, *, look_every: float = STREAM_NETWORK_INTERVAL
+        self,
+        model: Model | None = None,
+        user_input: UserInput | None = None,
+        *,
+        look_every: float = STREAM_NETWORK_INTERVAL,
     ) -> None:
-        """`given` is of the first frame: its time, place, heading and field of view, as far as they are known.
+        """`user_input` is of the first frame: its time, place, heading and field of view, as far as they are known.
 
         `look_every` [s], at least 0, is the time between frames that the network sees.
 
@@ -236,23 +243,25 @@ class Tracker:
             predicate = f"must be a finite number of seconds, at least 0, not {look_every}."
             raise ParameterError.about("look_every", predicate, ErrorCode.OUT_OF_RANGE)
         self._model = model_or_packaged(model)
-        known = UserInput(use_exif=False) if given is None else given
-        check_user_input(known)
-        self._around = ClipMetadata(given=known, subject="stream")
+        prior = UserInput(use_exif=False) if user_input is None else user_input
+        check_user_input(prior)
+        self._clip_metadata = ClipMetadata(user_input=prior, subject="stream")
         self._look_every, self._due = look_every, -math.inf
-        self._follower, self._lens = PointTracker(), _LensEstimator(self._around.given.vertical_fov)
-        self._lens_spread = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
+        self._point_tracker, self._lens = PointTracker(), _LensEstimator(self._clip_metadata.user_input.vertical_fov)
+        self._lens_std = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
         self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
         self._bank = _KeyframeBank()
-        self._chain = self._chains = FIRST_CHAIN  # the one in use, and the last that was begun
-        self._before: Keyframe | None = None  # the keyframe before, where the thread was not lost since
-        self._of_key: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframe in use and the next
+        self._chain = self._last_chain = FIRST_CHAIN  # the one in use, and the last that was begun
+        self._previous_key: Keyframe | None = None  # the keyframe before, where the thread was not lost since
+        self._key_poses: dict[
+            int, tuple[Floats, Floats]
+        ] = {}  # orientation and gain of the keyframe in use and the next
         self._orientation, self._gain = np.eye(3), np.ones(3)
-        self._first = self._seen = _ChainLight(
+        self._first_light = self._light = _ChainLight(
             FIRST_CHAIN
         )  # what looks tell in the first chain, and in the one last looked from
         self._count = 0
-        self._known = MetadataPrior()  # of the last moment that is not of night
+        self._prior = MetadataPrior()  # of the last moment that is not of night
 
     def __call__(self, pixels: NDArray[np.uint8], time: float) -> _StreamFrame | None:
         """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
@@ -270,128 +279,130 @@ class Tracker:
             raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
         frame = Frame(self._count, time, _shrink_frame(checked_pixels(pixels)))
         self._count += 1
-        step = self._follower.follow(frame)
+        step = self._point_tracker.follow(frame)
         size = (frame.pixels.shape[1], frame.pixels.shape[0])
-        if (key := self._follower.new_key) is not None:
-            self._recognise(key)
-        followed = self._turn(step, size)
-        if not (known := self._known_at(time)).is_night:
-            self._known = known
-        if time >= self._due and followed and not known.is_night and not is_dark(frame.pixels):
-            self._look(frame, known)
+        if (key := self._point_tracker.new_key) is not None:
+            self._close_loop(key)
+        followed = self._update_orientation(step, size)
+        if not (prior := self._prior_at(time)).is_night:
+            self._prior = prior
+        if time >= self._due and followed and not prior.is_night and not is_dark(frame.pixels):
+            self._estimate(frame, prior)
         return self._answer(followed)
 
-    def _turn(self, step: TrackedFrame, size: tuple[int, int]) -> bool:
+    def _update_orientation(self, step: TrackedFrame, size: tuple[int, int]) -> bool:
         """Follow the camera's turn; whether the frame's own points told it."""
-        if step.begins:
-            self._lose()
-            self._of_key = {step.key: (self._orientation, self._gain)}
+        if step.is_start:
+            self._begin_chain()
+            self._key_poses = {step.key: (self._orientation, self._gain)}
             return len(step.matches) > 0
-        base, gain = self._of_key[step.key]
-        turned = estimate_frame_rotation(
+        base, gain = self._key_poses[step.key]
+        rotation = estimate_frame_rotation(
             step.matches, focal_from_fov(self._lens.fov, *size), self._orientation @ base.T
         )
         self._gain = gain * step.gain
-        believed = is_reliable(turned, begins=False)
-        if believed:
-            self._orientation = turned.rotation @ base
+        reliable = is_reliable(rotation, is_start=False)
+        if reliable:
+            self._orientation = rotation.rotation @ base
         if self._is_zoomed(step, size):
-            self._zoomed_key, self._lens, self._lens_spread = step.key, _LensEstimator(None), GUESSED_FOV_STD
-            self._lose()
-        elif step.makes is not None and not believed:
-            self._lose()
-        if step.makes is not None:
-            self._of_key[step.makes] = (self._orientation, self._gain)
-        self._of_key = {k: v for k, v in self._of_key.items() if k >= step.key}
-        return believed
+            self._zoomed_key, self._lens, self._lens_std = step.key, _LensEstimator(None), GUESSED_FOV_STD
+            self._begin_chain()
+        elif step.next_key is not None and not reliable:
+            self._begin_chain()
+        if step.next_key is not None:
+            self._key_poses[step.next_key] = (self._orientation, self._gain)
+        self._key_poses = {k: v for k, v in self._key_poses.items() if k >= step.key}
+        return reliable
 
     def _is_zoomed(self, step: TrackedFrame, size: tuple[int, int]) -> bool:
         """Whether the lens was zoomed since the keyframe, asked once of a keyframe and when the next one begins."""
-        if step.makes is None and (step.key == self._zoomed_key or step.frame % ZOOM_CHECK_FRAMES):
+        if step.next_key is None and (step.key == self._zoomed_key or step.frame % ZOOM_CHECK_FRAMES):
             return False
-        return self._first.fused is not None and is_zoomed(step.matches, self._lens.fov, size)
+        return self._first_light.posterior is not None and is_zoomed(step.matches, self._lens.fov, size)
 
-    def _lose(self) -> None:
+    def _begin_chain(self) -> None:
         """Begin another chain; all begins anew where there was no answer yet."""
-        self._before = None
-        if self._first.fused is None:
+        self._previous_key = None
+        if self._first_light.posterior is None:
             self._bank, self._orientation, self._gain = _KeyframeBank(), np.eye(3), np.ones(3)
             return
-        self._chains += 1
-        self._chain, self._due = self._chains, -math.inf
+        self._last_chain += 1
+        self._chain, self._due = self._last_chain, -math.inf
 
-    def _recognise(self, key: Keyframe) -> None:
+    def _close_loop(self, key: Keyframe) -> None:
         """Compare a keyframe with those of the bank: take back what the chain has drifted, and join chains."""
-        before, self._before = self._before, key
-        near = self._bank.own(key, self._of_key[key.number][0], self._chain, 0.5 * self._lens.fov)
-        if again := self._recognised(key, near):
-            self._correct(rotation_about(CORRECTION_SHARE * rotation_vector(again[1])))
-        strange = self._recognised(key, self._bank.strangers(key, self._of_key[key.number][0], self._chain))
-        if strange:
-            self._join(*strange)
-        if again or strange:
+        previous, self._previous_key = self._previous_key, key
+        nearest = self._bank.nearest_of_chain(key, self._key_poses[key.number][0], self._chain, 0.5 * self._lens.fov)
+        if match := self._match_bank(key, nearest):
+            self._correct(rotation_about(CORRECTION_SHARE * rotation_vector(match[1])))
+        other_match = self._match_bank(
+            key, self._bank.of_other_chains(key, self._key_poses[key.number][0], self._chain)
+        )
+        if other_match:
+            self._join(*other_match)
+        if match or other_match:
             return
-        if before is not None:
-            self._lens.learn(before, key)
-        self._bank.add(_BankKeyframe(key, nearest_rotation(self._of_key[key.number][0]), self._chain))
+        if previous is not None:
+            self._lens.add_keyframes(previous, key)
+        self._bank.add(_BankKeyframe(key, nearest_rotation(self._key_poses[key.number][0]), self._chain))
 
-    def _recognised(self, key: Keyframe, among: Sequence[_BankKeyframe]) -> tuple[_BankKeyframe, Floats] | None:
+    def _match_bank(self, key: Keyframe, candidates: Sequence[_BankKeyframe]) -> tuple[_BankKeyframe, Floats] | None:
         """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
-        for kept in among:
-            if (turn := match_keyframes(kept.key, key, self._lens.fov, self._lens_spread)) is not None:
-                if self._lens_spread:
-                    self._lens.count(turn)
-                return kept, self._of_key[key.number][0].T @ turn.rotation @ kept.orientation
+        for kept in candidates:
+            if (turn := match_keyframes(kept.keyframe, key, self._lens.fov, self._lens_std)) is not None:
+                if self._lens_std:
+                    self._lens.add_rotation(turn)
+                return kept, self._key_poses[key.number][0].T @ turn.rotation @ kept.orientation
         return None
 
-    def _join(self, kept: _BankKeyframe, between: Floats) -> None:
-        """Turn the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
+    def _join(self, kept: _BankKeyframe, rotation: Floats) -> None:
+        """RelativeRotation the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
         if kept.chain > self._chain:
-            self._bank.join(kept.chain, self._chain, between.T)
+            self._bank.join(kept.chain, self._chain, rotation.T)
             return
-        self._bank.join(self._chain, kept.chain, between)
-        self._correct(between)
+        self._bank.join(self._chain, kept.chain, rotation)
+        self._correct(rotation)
         self._chain, self._due = kept.chain, -math.inf
         if self._chain == FIRST_CHAIN:
-            self._seen = self._first
+            self._light = self._first_light
 
     def _correct(self, correction: Floats) -> None:
-        """Turn the camera, and the keyframes that it is followed from, by a rotation (3, 3) of their chain's frame."""
+        """RelativeRotation the camera, and the keyframes that it is followed from, by a rotation (3, 3) of their chain's frame."""
         self._orientation = self._orientation @ correction
-        self._of_key = {k: (orientation @ correction, gain) for k, (orientation, gain) in self._of_key.items()}
+        self._key_poses = {k: (orientation @ correction, gain) for k, (orientation, gain) in self._key_poses.items()}
 
-    def _look(self, frame: Frame, known: MetadataPrior) -> None:
+    def _estimate(self, frame: Frame, prior: MetadataPrior) -> None:
         self._due = frame.time + self._look_every - 1e-6
-        seen = estimate_frame(self._model, frame.pixels, self._lens.given)
-        seen = seen.by_lens or seen
-        self._lens.see(seen.prediction.vertical_fov)
-        if self._seen.chain != self._chain:
-            self._seen = _ChainLight(self._chain)
+        estimate = estimate_frame(self._model, frame.pixels, self._lens.fixed)
+        estimate = estimate.by_lens or estimate
+        self._lens.add_prediction(estimate.prediction.vertical_fov)
+        if self._light.chain != self._chain:
+            self._light = _ChainLight(self._chain)
         gain = float(luminance(self._gain))
-        self._seen.add(seen, self._orientation, self._lens.fov, gain, self._in_chain(known))
+        self._light.add(estimate, self._orientation, self._lens.fov, gain, self._in_chain(prior))
 
-    def _in_chain(self, known: MetadataPrior) -> MetadataPrior:
+    def _in_chain(self, prior: MetadataPrior) -> MetadataPrior:
         """What is known in the frame of the present chain: a heading is that of the first frame."""
         return (
-            known
+            prior
             if self._chain == FIRST_CHAIN
-            else replace(known, observations=replace(known.observations, heading=None))
+            else replace(prior, observations=replace(prior.observations, heading=None))
         )
 
-    def _known_at(self, time: float) -> MetadataPrior:
+    def _prior_at(self, time: float) -> MetadataPrior:
         """What is known of a moment, the heading being that of the first frame."""
-        known, first = self._around.known_at(time), self._around.known_at(0.0).observations
-        compass = replace(known.observations, heading=first.heading, heading_std=first.heading_std)
-        return replace(known, observations=compass)
+        prior, first = self._clip_metadata.prior_at(time), self._clip_metadata.prior_at(0.0).observations
+        compass = replace(prior.observations, heading=first.heading, heading_std=first.heading_std)
+        return replace(prior, observations=compass)
 
     def _answer(self, followed: bool) -> _StreamFrame | None:
-        if (fused := self._seen.fused) is None:
+        if (posterior := self._light.posterior) is None:
             return None
-        angles = self._seen.angles(self._orientation)
-        known = self._in_chain(self._known)
-        base = with_ground_color(build_estimate(fused, known).lighting, self._seen.light.ground)
+        angles = self._light.angles(self._orientation)
+        prior = self._in_chain(self._prior)
+        base = with_ground_color(build_estimate(posterior, prior).lighting, self._light.light.ground)
         lighting = lighting_in_camera(
-            scale_exposure(base, self._gain), angles, self._lens.fov, estimate_north(fused, known)
+            scale_exposure(base, self._gain), angles, self._lens.fov, estimate_north(posterior, prior)
         )
         red, green, blue = map(float, self._gain)
         return _StreamFrame(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST_CHAIN)

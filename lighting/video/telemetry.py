@@ -47,29 +47,29 @@ class Gimbal:
         """Heading, elevation and roll [deg] at a time [s] between the first and the last."""
         if not len(self.time) or not self.time[0] - 1.0 <= time <= self.time[-1] + 1.0:
             return None
-        turns, rolls = (np.degrees(np.unwrap(np.radians(angle))) for angle in (self.heading, self.roll))
-        heading, elevation, roll = (float(np.interp(time, self.time, v)) for v in (turns, self.elevation, rolls))
+        headings, rolls = (np.degrees(np.unwrap(np.radians(angle))) for angle in (self.heading, self.roll))
+        heading, elevation, roll = (float(np.interp(time, self.time, v)) for v in (headings, self.elevation, rolls))
         return heading % 360.0, elevation, float(wrap_azimuth(roll))
 
 
-def container_metadata(metadata: Mapping[str, str], width: int, height: int) -> PhotoMetadata:
+def container_metadata(tags: Mapping[str, str], width: int, height: int) -> PhotoMetadata:
     """The facts in a container's metadata; `width` and `height` are those of the upright picture. Never raises."""
-    place = _first_value(metadata, LOCATION_TAGS, _parse_iso6709)
-    lens = _first_value(metadata, LENS_TAGS, _positive)
-    heading = _first_value(metadata, HEADING_TAGS, _degrees)
-    facts = PhotoMetadata(
-        latitude=None if place is None else place[0],
-        longitude=None if place is None else place[1],
+    location = _first_value(tags, LOCATION_TAGS, _parse_iso6709)
+    focal_length = _first_value(tags, LENS_TAGS, _positive)
+    heading = _first_value(tags, HEADING_TAGS, _degrees)
+    result = PhotoMetadata(
+        latitude=None if location is None else location[0],
+        longitude=None if location is None else location[1],
         heading=heading,
         heading_reference=None,
-        focal_length=lens,
-        vertical_fov=None if lens is None else vertical_fov_from_focal_length(lens, width, height),
+        focal_length=focal_length,
+        vertical_fov=None if focal_length is None else vertical_fov_from_focal_length(focal_length, width, height),
     )
-    return _with_recording_time(facts, metadata)
+    return _with_recording_time(result, tags)
 
 
-def _first_value(metadata: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
-    values = (_try_read(read, metadata[name]) for name in names if name in metadata)
+def _first_value(tags: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
+    values = (_try_read(read, tags[name]) for name in names if name in tags)
     return next((value for value in values if value is not None), None)
 
 
@@ -104,17 +104,15 @@ def _degrees(text: str) -> float | None:
     return value % 360.0 if math.isfinite(value) else None
 
 
-def _with_recording_time(facts: PhotoMetadata, metadata: Mapping[str, str]) -> PhotoMetadata:
+def _with_recording_time(result: PhotoMetadata, tags: Mapping[str, str]) -> PhotoMetadata:
     """The same with the moment of recording: Apple's with its zone, else the container's, which is in UTC."""
-    moments = (
-        _try_read(_parse_moment, metadata[n]) for n in (f"{QUICKTIME}creationdate", "creation_time") if n in metadata
-    )
+    moments = (_try_read(_parse_moment, tags[n]) for n in (f"{QUICKTIME}creationdate", "creation_time") if n in tags)
     moment = next((m for m in moments if m is not None), None)
     if moment is None:
-        return facts
+        return result
     offset = moment.utcoffset().total_seconds() / 3600.0
     local = moment.replace(tzinfo=None) if offset else None
-    return replace(facts, local_time=local, utc_offset=offset if local else None, utc_time=moment.astimezone(UTC))
+    return replace(result, local_time=local, utc_offset=offset if local else None, utc_time=moment.astimezone(UTC))
 
 
 def _parse_moment(text: str) -> datetime | None:
@@ -139,7 +137,7 @@ def read_subtitles(clip: Path) -> str:
 
 def subtitle_metadata(text: str, width: int, height: int) -> tuple[PhotoMetadata, Gimbal]:
     """The facts of the first entry and the gimbal's angles of all; other programs' subtitles say nothing."""
-    entries = [found for block in re.split(r"\r?\n\s*\r?\n", text) if (found := _parse_entry(block))]
+    entries = [entry for block in re.split(r"\r?\n\s*\r?\n", text) if (entry := _parse_entry(block))]
     if not entries:
         return PhotoMetadata(), Gimbal()
     return _metadata_of_entries(entries, width, height), _make_gimbal(entries)
@@ -161,10 +159,10 @@ def _parse_entry(block: str) -> _Entry | None:
     A picture that is zoomed digitally is a crop, of which the focal length says nothing.
     """
     start = _START_TIME.search(block)
-    said = {name.lower(): value for name, value in _NUMBER.findall(block)}
-    numbers = {name: float(value) for name, value in said.items()}
-    if fix := _GPS_PAIR.search(block):
-        numbers["longitude"], numbers["latitude"] = float(fix[1]), float(fix[2])
+    texts = {name.lower(): value for name, value in _NUMBER.findall(block)}
+    numbers = {name: float(value) for name, value in texts.items()}
+    if position := _GPS_PAIR.search(block):
+        numbers["longitude"], numbers["latitude"] = float(position[1]), float(position[2])
     if start is None or not {"latitude", "gb_yaw", "focal_len", "iso"} & set(numbers):
         return None
     hours, minutes, seconds, thousandths = map(int, start.groups())
@@ -173,7 +171,7 @@ def _parse_entry(block: str) -> _Entry | None:
     return _Entry(
         start=3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0,
         numbers=numbers,
-        focal_length=None if zoomed else _parse_focal_length(said.get("focal_len", "")),
+        focal_length=None if zoomed else _parse_focal_length(texts.get("focal_len", "")),
         clock=_try_read(_parse_local_time, clock[0]) if clock else None,
     )
 
@@ -191,14 +189,14 @@ def _parse_local_time(text: str) -> datetime:
 
 
 def _metadata_of_entries(entries: list[_Entry], width: int, height: int) -> PhotoMetadata:
-    place = next((p for e in entries if (p := _entry_location(e)) is not None), None)
-    lens = entries[0].focal_length
+    location = next((p for e in entries if (p := _entry_location(e)) is not None), None)
+    focal_length = entries[0].focal_length
     return PhotoMetadata(
         local_time=entries[0].clock,
-        latitude=None if place is None else place[0],
-        longitude=None if place is None else place[1],
-        focal_length=lens,
-        vertical_fov=None if lens is None else vertical_fov_from_focal_length(lens, width, height),
+        latitude=None if location is None else location[0],
+        longitude=None if location is None else location[1],
+        focal_length=focal_length,
+        vertical_fov=None if focal_length is None else vertical_fov_from_focal_length(focal_length, width, height),
     )
 
 
@@ -211,8 +209,8 @@ def _entry_location(entry: _Entry) -> tuple[float, float] | None:
 
 def _make_gimbal(entries: list[_Entry]) -> Gimbal:
     names = ("gb_yaw", "gb_pitch", "gb_roll")
-    said = [e for e in entries if set(names) <= set(e.numbers)]
-    table = np.array([[e.start, *(e.numbers[name] for name in names)] for e in said], dtype=np.float64)
+    complete = [e for e in entries if set(names) <= set(e.numbers)]
+    table = np.array([[e.start, *(e.numbers[name] for name in names)] for e in complete], dtype=np.float64)
     if not len(table) or np.any(np.diff(table[:, 0]) <= 0) or np.any(np.abs(table[:, 1:]) > 360.0):
         return Gimbal()
     time, yaw, pitch, roll = table.T

@@ -68,9 +68,9 @@ class Keyframe:
     @cached_property
     def features(self) -> Features:
         """What it can be found again by; sought when it is first asked for, since that takes a tenth of a second."""
-        found = detect_features(self.picture, FEATURE_SIDE, MAX_FEATURES)
-        width, height = (round(self.zoom * side) for side in (found.width, found.height))
-        return Features(found.points / self.zoom, found.descriptors, width, height)
+        features = detect_features(self.picture, FEATURE_SIDE, MAX_FEATURES)
+        width, height = (round(self.zoom * side) for side in (features.width, features.height))
+        return Features(features.points / self.zoom, features.descriptors, width, height)
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +83,8 @@ class TrackedFrame:
     stretch: int
     matches: Matches  # of the keyframe's points, to the frame's; none in the keyframe that begins a stretch
     gain: Floats  # (3,) of linear values, the frame's by the keyframe's
-    begins: bool  # whether it is the keyframe that begins a stretch
-    makes: int | None = None  # number of the keyframe that the frame became, another one than `key`
+    is_start: bool  # whether it is the keyframe that begins a stretch
+    next_key: int | None = None  # number of the keyframe that the frame became, another one than `key`
 
 
 class PointTracker:
@@ -95,103 +95,105 @@ class PointTracker:
         self._cv2 = import_opencv()
         self._stretch = self._number = -1
         self._grey = self._key_grey = np.empty((0, 0), np.uint8)
-        self._corners = self._at = np.empty((0, 2), np.float32)
+        self._corners = self._points = np.empty((0, 2), np.float32)
         self._light = np.empty((0, 0, 3), np.float32)  # of the keyframe, as `_linear` has it
-        self._sought = 1
-        self._unproven: Frame | None = None  # the keyframe while no frame was followed from it
+        self._corner_count = 1
+        self._pending_key: Frame | None = None  # the keyframe while no frame was followed from it
         self.new_key: Keyframe | None = None  # from which the last frame was the first to be followed
 
     def follow(self, frame: Frame) -> TrackedFrame:
         """What the frame shares with the last keyframe; it may be the next one itself."""
         grey, self.new_key = self._even(frame.pixels), None
-        found = self._followed(grey) if grey.shape == self._grey.shape else np.zeros(0, bool)
-        lost = bool(np.count_nonzero(found) < MIN_POINTS)
-        if lost:
+        is_kept = self._track_points(grey) if grey.shape == self._grey.shape else np.zeros(0, bool)
+        is_lost = bool(np.count_nonzero(is_kept) < MIN_POINTS)
+        if is_lost:
             self._stretch += 1
-            self._make_key(frame, grey)
+            self._begin_key(frame, grey)
         else:
-            self._prove()
-            self._corners, self._at = self._corners[found], self._at[found]
+            self._release_key()
+            self._corners, self._points = self._corners[is_kept], self._points[is_kept]
         self._grey = grey
-        makes = self._number + 1 if not lost and self._is_far() else None
+        next_key = self._number + 1 if not is_lost and self._is_far() else None
         at = (frame.index, frame.time, self._number, self._stretch)
-        step = TrackedFrame(*at, self._matches(), self._gained(frame.pixels), lost, makes)
-        if makes is not None:
-            self._make_key(frame, grey)
+        step = TrackedFrame(*at, self._matches(), self._measure_gain(frame.pixels), is_lost, next_key)
+        if next_key is not None:
+            self._begin_key(frame, grey)
         return step
 
     def _even(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Grey values of one mean and spread, whatever the exposure."""
         grey = self._cv2.cvtColor(pixels, self._cv2.COLOR_RGB2GRAY)
-        mean, spread = self._cv2.meanStdDev(grey)
-        scale = _EVEN_STD / max(float(spread[0, 0]), 4.0)
+        mean, std = self._cv2.meanStdDev(grey)
+        scale = _EVEN_STD / max(float(std[0, 0]), 4.0)
         return np.asarray(self._cv2.convertScaleAbs(grey, alpha=scale, beta=128.0 - scale * float(mean[0, 0])))
 
-    def _followed(self, grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    def _track_points(self, grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Moves the points into the frame; which of them are still there."""
-        if not len(self._at):
+        if not len(self._points):
             return np.zeros(0, bool)
         flow = self._cv2.calcOpticalFlowPyrLK
-        there, ok, _ = flow(self._grey, grey, self._at, None, winSize=_FLOW_WINDOW, maxLevel=_FLOW_LEVELS)
-        fine, ok_fine, apart = flow(
+        coarse, ok, _ = flow(self._grey, grey, self._points, None, winSize=_FLOW_WINDOW, maxLevel=_FLOW_LEVELS)
+        fine, ok_fine, error = flow(
             self._key_grey,
             grey,
             self._corners,
-            there.copy(),
+            coarse.copy(),
             winSize=_FLOW_WINDOW,
             maxLevel=0,
             flags=self._cv2.OPTFLOW_USE_INITIAL_FLOW,
         )
-        alike = (apart.ravel() < _MAX_FLOW_ERROR) & (np.linalg.norm(fine - there, axis=1) < _MAX_CORRECTION)
-        self._at = fine
+        close = (error.ravel() < _MAX_FLOW_ERROR) & (np.linalg.norm(fine - coarse, axis=1) < _MAX_CORRECTION)
+        self._points = fine
         inside = np.all((fine > 2) & (fine < np.array(grey.shape[::-1]) - 3), axis=1)
-        return np.asarray((ok.ravel() > 0) & (ok_fine.ravel() > 0) & alike & inside)
+        return np.asarray((ok.ravel() > 0) & (ok_fine.ravel() > 0) & close & inside)
 
-    def _prove(self) -> None:
+    def _release_key(self) -> None:
         """Hand out the keyframe, once: what nothing can be followed from is not worth keeping."""
-        if self._unproven is not None:
-            frame, self._unproven = self._unproven, None
+        if self._pending_key is not None:
+            frame, self._pending_key = self._pending_key, None
             small = resize_to(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
             self.new_key = Keyframe(self._number, self._stretch, frame.index, frame.time, small)
 
-    def _make_key(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
+    def _begin_key(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
         """Seek corners in the frame, to be followed from now on."""
         self._number += 1
         self._key_grey = grey
-        found = self._cv2.goodFeaturesToTrack(grey, MAX_POINTS, 0.005, max(6, max(grey.shape) // 64), blockSize=5)
-        self._corners = np.empty((0, 2), np.float32) if found is None else found.reshape(-1, 2).astype(np.float32)
-        self._at, self._sought = self._corners.copy(), max(len(self._corners), 1)
+        corners = self._cv2.goodFeaturesToTrack(grey, MAX_POINTS, 0.005, max(6, max(grey.shape) // 64), blockSize=5)
+        self._corners = np.empty((0, 2), np.float32) if corners is None else corners.reshape(-1, 2).astype(np.float32)
+        self._points, self._corner_count = self._corners.copy(), max(len(self._corners), 1)
         self._light, _ = self._linear(frame.pixels)
-        self._unproven = frame
+        self._pending_key = frame
 
     def _is_far(self) -> bool:
         half = 0.5 * float(np.hypot(*self._grey.shape))
-        moved = float(np.median(np.linalg.norm(self._at - self._corners, axis=1))) / half
-        return len(self._at) < max(2 * MIN_POINTS, MIN_KEPT_SHARE * self._sought) or moved > MAX_KEYFRAME_MOTION
+        moved = float(np.median(np.linalg.norm(self._points - self._corners, axis=1))) / half
+        return (
+            len(self._points) < max(2 * MIN_POINTS, MIN_KEPT_SHARE * self._corner_count) or moved > MAX_KEYFRAME_MOTION
+        )
 
     def _matches(self) -> Matches:
         height, width = self._grey.shape
         pixel = 2.0 / float(np.hypot(width, height))
-        a, b = (to_centered(v, width, height).astype(np.float32) for v in (self._corners, self._at))
+        a, b = (to_centered(v, width, height).astype(np.float32) for v in (self._corners, self._points))
         return Matches(a, b, pixel)
 
-    def _gained(self, pixels: NDArray[np.uint8]) -> Floats:
+    def _measure_gain(self, pixels: NDArray[np.uint8]) -> Floats:
         """Median ratios (3,) of linear values to the keyframe's, pixel by pixel where both show the same.
 
         A homography that the points obey says where that is. Around the points alone things look larger or smaller
         as the camera turns, so that there the ratio would not be that of the light.
         """
-        if len(self._at) < MIN_POINTS:
+        if len(self._points) < MIN_POINTS:
             return np.ones(3)
         now, scale = self._linear(pixels)
-        moved, _ = self._cv2.findHomography(scale * self._corners, scale * self._at, self._cv2.RANSAC, 1.0)
-        if moved is None:
+        homography, _ = self._cv2.findHomography(scale * self._corners, scale * self._points, self._cv2.RANSAC, 1.0)
+        if homography is None:
             return np.ones(3)
-        before = self._cv2.warpPerspective(self._light, moved, now.shape[1::-1], borderValue=(np.nan,) * 3)
-        both = np.isfinite(before).all(axis=-1) & np.isfinite(now).all(axis=-1)
-        if np.count_nonzero(both) < _MIN_LIT_SHARE * both.size:
+        before = self._cv2.warpPerspective(self._light, homography, now.shape[1::-1], borderValue=(np.nan,) * 3)
+        valid = np.isfinite(before).all(axis=-1) & np.isfinite(now).all(axis=-1)
+        if np.count_nonzero(valid) < _MIN_LIT_SHARE * valid.size:
             return np.ones(3)
-        return np.asarray(np.median(now[both] / before[both], axis=0), dtype=np.float64)
+        return np.asarray(np.median(now[valid] / before[valid], axis=0), dtype=np.float64)
 
     def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
@@ -203,17 +205,17 @@ class PointTracker:
 
 def chain_gains(steps: Sequence[TrackedFrame]) -> Floats:
     """Gains (N, 3) of linear values against the first frame's, by way of the keyframes."""
-    found: list[Floats] = []
+    gains: list[Floats] = []
     of_key: dict[int, Floats] = {}
     last: Floats = np.ones(3)
     for step in steps:
         base = of_key.setdefault(step.key, last)
         last = base * step.gain
-        if step.makes is not None:
-            of_key[step.makes] = last
-        found.append(last)
-    gains = np.array(found)
-    return np.asarray(gains / gains[0])
+        if step.next_key is not None:
+            of_key[step.next_key] = last
+        gains.append(last)
+    relative = np.array(gains)
+    return np.asarray(relative / relative[0])
 
 
 # How a frame is turned against its keyframe, quickly: a rotation that most followed points obey.
@@ -250,20 +252,20 @@ def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> Fr
     """
     a, b = rays_through(matches.a, focal), rays_through(matches.b, focal)
     reach = TOLERANCE * matches.pixel / focal
-    found = _refine_rotation(a, b, guess, reach)
-    if _is_parallax(a, b, found.rotation, reach):
-        moved = _walking_rotation(matches, focal, found.agreeing)
-        if moved is not None:
-            return moved
-    if found.share < MIN_LOCAL_SHARE:
-        other = _refine_rotation(a, b, ransac_rotation(matches, (focal, focal), (1.0,)).rotation, reach)
-        found = max(found, other, key=lambda t: t.share)
-    return found
+    best = _refine_rotation(a, b, guess, reach)
+    if _is_parallax(a, b, best.rotation, reach):
+        walking = _walking_rotation(matches, focal, best.agreeing)
+        if walking is not None:
+            return walking
+    if best.share < MIN_LOCAL_SHARE:
+        restarted = _refine_rotation(a, b, ransac_rotation(matches, (focal, focal), (1.0,)).rotation, reach)
+        best = max(best, restarted, key=lambda t: t.share)
+    return best
 
 
-def is_reliable(turn: FrameRotation, *, begins: bool) -> bool:
+def is_reliable(rotation: FrameRotation, *, is_start: bool) -> bool:
     """Whether a frame's turn is to be used."""
-    return begins or (turn.share >= MIN_RELIABLE_SHARE and turn.agreeing >= MIN_RELIABLE_POINTS)
+    return is_start or (rotation.share >= MIN_RELIABLE_SHARE and rotation.agreeing >= MIN_RELIABLE_POINTS)
 
 
 def _is_parallax(a: Floats, b: Floats, rotation: Floats, reach: float) -> bool:
@@ -271,30 +273,30 @@ def _is_parallax(a: Floats, b: Floats, rotation: Floats, reach: float) -> bool:
 
     Where things move before a place that stands still, the place's points all lie close to it.
     """
-    apart = np.linalg.norm(b - a @ rotation.T, axis=1)
-    near = np.count_nonzero(apart < 2.0 * reach)
+    distance = np.linalg.norm(b - a @ rotation.T, axis=1)
+    close = np.count_nonzero(distance < 2.0 * reach)
     return bool(
-        np.mean(apart < BLUR_TOLERANCES * reach) < MAX_PARALLAX_SHARE
-        and np.count_nonzero(apart < 0.5 * reach) < MIN_TIGHT_SHARE * near
+        np.mean(distance < BLUR_TOLERANCES * reach) < MAX_PARALLAX_SHARE
+        and np.count_nonzero(distance < 0.5 * reach) < MIN_TIGHT_SHARE * close
     )
 
 
 def _walking_rotation(matches: Matches, focal: float, agreeing: int) -> FrameRotation | None:
     """The turn of a camera that walked, where clearly more points tell it than agree with a rotation alone."""
-    obeying = prefers_translation(matches, agreeing)
-    found = None if obeying is None else essential_motion(obeying, (focal, focal), (1.0,), _EXACT_PRIOR)
-    if found is None or (count := int(np.count_nonzero(found.inliers))) < MIN_MOTION_SHARE * len(matches):
+    consistent = prefers_translation(matches, agreeing)
+    motion = None if consistent is None else essential_motion(consistent, (focal, focal), (1.0,), _EXACT_PRIOR)
+    if motion is None or (count := int(np.count_nonzero(motion.inliers))) < MIN_MOTION_SHARE * len(matches):
         return None
-    return FrameRotation(found.rotation, count / len(matches), count)
+    return FrameRotation(motion.rotation, count / len(matches), count)
 
 
 def _refine_rotation(a: Floats, b: Floats, rotation: Floats, reach: float) -> FrameRotation:
     for wider in np.geomspace(8.0, 1.0, _REWEIGHTINGS):
-        apart = np.sum(np.square(b - a @ rotation.T), axis=1)
-        weight = np.square(1.0 / (1.0 + apart / (wider * reach) ** 2))
+        distance = np.sum(np.square(b - a @ rotation.T), axis=1)
+        weight = np.square(1.0 / (1.0 + distance / (wider * reach) ** 2))
         rotation = nearest_rotation((b * weight[:, None]).T @ a)
-    agree = np.sum(np.square(b - a @ rotation.T), axis=1) < (2.0 * reach) ** 2
-    return FrameRotation(rotation, float(agree.mean()), int(agree.sum()))
+    agrees = np.sum(np.square(b - a @ rotation.T), axis=1) < (2.0 * reach) ** 2
+    return FrameRotation(rotation, float(agrees.mean()), int(agrees.sum()))
 
 
 # What is gathered of a clip while it is read, and what is known beside its pixels.
@@ -316,11 +318,13 @@ class ShotObservations:
     size: tuple[int, int]  # width and height of the frames, pixels
     steps: Sequence[TrackedFrame]  # one a frame
     keys: dict[int, Keyframe]  # by number
-    looks: dict[int, FrameEstimate]  # by the frame's index
+    estimates: dict[int, FrameEstimate]  # by the frame's index
 
-    def through_known_lens(self) -> "ShotObservations":
+    def with_fixed_lens(self) -> "ShotObservations":
         """The same where the lens that is known is that of all frames: it was not zoomed."""
-        return replace(self, looks={frame: seen.by_lens or seen for frame, seen in self.looks.items()})
+        return replace(
+            self, estimates={frame: estimate.by_lens or estimate for frame, estimate in self.estimates.items()}
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,15 +333,15 @@ class ClipMetadata:
 
     metadata: PhotoMetadata = field(default_factory=PhotoMetadata)  # of the clip's first moment
     gimbal: Gimbal = field(default_factory=Gimbal)
-    given: UserInput = field(default_factory=UserInput)
+    user_input: UserInput = field(default_factory=UserInput)
     subject: str = "clip"  # what warnings call it
 
     @property
     def vertical_fov(self) -> float | None:
         """Of the lens [deg] by the user or the metadata."""
-        return camera_observations(self.metadata, self.given).vertical_fov
+        return camera_observations(self.metadata, self.user_input).vertical_fov
 
-    def known_at(self, seconds: float, heading: float | None = None) -> MetadataPrior:
+    def prior_at(self, seconds: float, heading: float | None = None) -> MetadataPrior:
         """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
 
         Raises ParameterError where the user's own time and place are of night at 0 s; later they are not used then.
@@ -348,11 +352,15 @@ class ClipMetadata:
             for name in ("local_time", "utc_time")
             if (moment := getattr(self.metadata, name)) is not None
         }
-        facts = replace(self.metadata, **moved)
-        given = self.given if self.given.time is None else replace(self.given, time=self.given.time + later)
+        metadata = replace(self.metadata, **moved)
+        user_input = (
+            self.user_input
+            if self.user_input.time is None
+            else replace(self.user_input, time=self.user_input.time + later)
+        )
         if heading is not None:
-            facts = replace(facts, heading=heading, heading_reference=HeadingReference.TRUE)
+            metadata = replace(metadata, heading=heading, heading_reference=HeadingReference.TRUE)
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
-            facts, given = replace(facts, heading=None), replace(given, heading=None)
-        tell = observations_from_metadata if seconds == 0.0 else observations_of_frame
-        return tell(facts, given, self.subject)
+            metadata, user_input = replace(metadata, heading=None), replace(user_input, heading=None)
+        read_prior = observations_from_metadata if seconds == 0.0 else observations_of_frame
+        return read_prior(metadata, user_input, self.subject)

@@ -67,7 +67,7 @@ def test_azimuths_of_the_clear_day_run_counter_clockwise_from_about_13_degrees()
     scans = read_sky_scans()["2013-05-27"]
     found = fit_orientation(scans)
     assert found.sense == -1
-    assert found.sure
+    assert found.is_sure
     assert found.offset == pytest.approx(13, abs=5)
     assert np.median(found.offsets) == pytest.approx(13, abs=5)
     height = np.radians([scan.sun[1] for scan in scans])
@@ -155,6 +155,6 @@ def test_the_fisheye_stack_has_its_ratios_its_clipped_sun_and_its_lens_residual(
     told = BracketSettings(centre=ALPNACH_CIRCLE[0], radius=ALPNACH_CIRCLE[1], height=64)
     probe = make_probe(bracket, ALPNACH, told)
     assert "clipped in every exposure" in probe.warnings[0]
-    assert probe.off == pytest.approx(4.6, abs=1.0)
+    assert probe.sun_error == pytest.approx(4.6, abs=1.0)
     with pytest.raises(ProbeError, match="only one"):
         read_bracket(sorted(STACK.glob("*_12_image.png")))

@@ -131,7 +131,7 @@ def test_a_clip_is_measured_against_what_is_true_of_it(model: Model) -> None:
     """The same pictures, once with their own truth and once with another told of them."""
     clip = pan()
     (watched,) = observe_shots(clip.frames(), model)
-    sun = solve_shot(watched, ClipMetadata()).fused.sun
+    sun = solve_shot(watched, ClipMetadata()).posterior.sun
     clip = replace(clip, sun=(clip.path[0][0] + sun.azimuth, sun.elevation))
     right = _measure_clip(clip, model)
     assert right["sun"] < 1e-3

@@ -84,14 +84,14 @@ def scan(sun: tuple[float, float], sense: int, offset: float) -> Scan:
 def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
     found = fit_orientation([scan(sun, sense, offset) for sun in ORIENTATION_SUNS])
     assert found.sense == sense
-    assert found.sure
+    assert found.is_sure
     assert found.offset == pytest.approx(offset, abs=1.0)
     assert found.offsets == pytest.approx([offset] * 3, abs=1.5)
 
 
 def test_one_moment_leaves_the_sense_open() -> None:
     found = fit_orientation([scan(ORIENTATION_SUNS[0], -1, 13.0)])
-    assert not found.sure
+    assert not found.is_sure
 
 
 def test_a_scale_is_no_error() -> None:

@@ -36,7 +36,7 @@ def test_files_are_split_where_their_times_leave_a_gap(tmp_path: Path) -> None:
     files = [put(tmp_path, f"{name}.png", taken(0.1, f"2024:06:01 {time}")) for name, time in names.items()]
     shots = group_brackets(files)
     assert [[file.stem for file in shot.files] for shot in shots] == [["a", "b"], ["c", "d"]]
-    assert shots[1].aware(None) == datetime(2024, 6, 1, 9, 2, tzinfo=UTC)
+    assert shots[1].aware_time(None) == datetime(2024, 6, 1, 9, 2, tzinfo=UTC)
 
 
 def test_each_folder_is_a_bracket_and_may_be_named_by_its_time(tmp_path: Path) -> None:
@@ -44,15 +44,15 @@ def test_each_folder_is_a_bracket_and_may_be_named_by_its_time(tmp_path: Path) -
     put(tmp_path / "20240601" / "113200", "a.png")
     shots = group_brackets([tmp_path / "20240601" / "113000", tmp_path / "20240601" / "113200"])
     assert shots[1].time == datetime(2024, 6, 1, 11, 32)
-    assert shots[1].aware(2.0) == datetime(2024, 6, 1, 9, 32, tzinfo=UTC)
+    assert shots[1].aware_time(2.0) == datetime(2024, 6, 1, 9, 32, tzinfo=UTC)
     with pytest.raises(ProbeError, match="no known zone"):
-        shots[1].aware(None)
+        shots[1].aware_time(None)
 
 
 def test_a_time_that_is_nowhere_is_asked_for(tmp_path: Path) -> None:
     shot = read_bracket_files([put(tmp_path, "a.png")])
     with pytest.raises(ProbeError, match="does not say when"):
-        shot.aware(0.0)
+        shot.aware_time(0.0)
     with pytest.raises(ProbeError, match="folder of its own"):
         group_brackets([tmp_path / "a.png"])
 
@@ -65,7 +65,7 @@ def test_the_place_is_read_as_well(tmp_path: Path) -> None:
     Image.fromarray((PIXELS >> 8).astype(np.uint8)).save(tmp_path / "a.jpg", exif=munich())
     shot = read_bracket_files([tmp_path / "a.jpg"])
     assert shot.latitude == pytest.approx(48.1375, abs=1e-3)
-    assert shot.aware(None) == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert shot.aware_time(None) == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
 
 
 def test_a_folder_without_pictures_is_said(tmp_path: Path) -> None:

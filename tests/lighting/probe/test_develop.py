@@ -64,8 +64,8 @@ def test_a_sun_that_is_not_clipped_needs_no_warning() -> None:
     assert not probe.warnings
     assert probe.alignment is not None
     assert _rotation_between(probe.alignment.rotation, yaw_rotation(40.0)) < 0.3
-    assert probe.off is not None
-    assert probe.off < 0.5
+    assert probe.sun_error is not None
+    assert probe.sun_error < 0.5
     assert probe.image.shape == (64, 128, 3)
 
 
@@ -106,7 +106,7 @@ def test_a_series_finds_tilt_and_yaw() -> None:
     assert (
         _rotation_between(alignment.rotation, rotation(6.0, -100.0)) < 0.6
     )  # of pixels of 0.9 deg; finer pictures in the report
-    assert all(probe.off is not None and probe.off < 0.5 for probe in probes)
+    assert all(probe.sun_error is not None and probe.sun_error < 0.5 for probe in probes)
     assert not any("stood" in warning for probe in probes for warning in probe.warnings)
 
 

@@ -193,9 +193,9 @@ def test_values_that_are_all_the_same_tell_a_ratio_where_they_are_many_steps(lev
 
 
 def test_a_ratio_of_few_or_scattered_values_is_not_sure() -> None:
-    assert _ExposureRatio(4.0, 0.01, 2000).sure
-    assert not _ExposureRatio(4.0, 0.01, 200).sure
-    assert not _ExposureRatio(7.6, 0.11, 8000).sure
+    assert _ExposureRatio(4.0, 0.01, 2000).is_sure
+    assert not _ExposureRatio(4.0, 0.01, 200).is_sure
+    assert not _ExposureRatio(7.6, 0.11, 8000).is_sure
 
 
 STEP = 1 / 255

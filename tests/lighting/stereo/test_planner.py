@@ -72,9 +72,9 @@ def test_one_probe_is_no_day_and_sizes_do_not_mix(tmp_path: Path) -> None:
 
 
 def test_the_clock_is_the_longitudes_unless_told() -> None:
-    assert ModelledSkies(47.0, 10.0, JUNE, JUNE).place.utc_offset == 1
-    assert ModelledSkies(47.0, -76.0, JUNE, JUNE).place.utc_offset == -5
-    assert ModelledSkies(47.0, 10.0, JUNE, JUNE, utc_offset=2.0).place.utc_offset == 2
+    assert ModelledSkies(47.0, 10.0, JUNE, JUNE).location.utc_offset == 1
+    assert ModelledSkies(47.0, -76.0, JUNE, JUNE).location.utc_offset == -5
+    assert ModelledSkies(47.0, 10.0, JUNE, JUNE, utc_offset=2.0).location.utc_offset == 2
 
 
 def test_conditions_are_said() -> None:

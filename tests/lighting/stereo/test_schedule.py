@@ -117,7 +117,7 @@ def test_a_wall_is_judged_by_what_its_camera_sees() -> None:
 
 
 def test_a_polar_day_has_windows_through_midnight_and_a_polar_night_none() -> None:
-    day = modelled_day(ModelledSkies(78.0, 15.0, JUNE, JUNE).place, JUNE, "clear", coarse=True)
+    day = modelled_day(ModelledSkies(78.0, 15.0, JUNE, JUNE).location, JUNE, "clear", coarse=True)
     assert len(day.minutes) == 144
     with pytest.raises(ParameterError, match="night all day"):
         plan(78.0, date(2026, 12, 21))
@@ -226,4 +226,4 @@ def test_a_window_is_worth_the_gain_of_its_photos() -> None:
     windows, light = list_windows(day, 3.0, 6), day.light(normal)
     found = score_windows(windows, light, normal)
     assert found.gain[0] == pytest.approx(float(largest_gain(light[0, windows.moments[0, 0]])))
-    assert found.spread[0] > 0
+    assert found.angular_std[0] > 0

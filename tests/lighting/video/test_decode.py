@@ -329,8 +329,8 @@ def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
 
 def test_dark_greys_are_no_darker_than_their_light() -> None:
     coded = np.repeat(np.arange(200, 8000, dtype=np.uint16)[:, None], 3, axis=1)
-    wanted = 255.0 * srgb_encode(_hlg_decode(coded / 65280.0))
-    assert np.mean(_to_srgb(coded, "hlg", 1) - wanted) == pytest.approx(0.0, abs=0.05)
+    options = 255.0 * srgb_encode(_hlg_decode(coded / 65280.0))
+    assert np.mean(_to_srgb(coded, "hlg", 1) - options) == pytest.approx(0.0, abs=0.05)
 
 
 def test_primaries_of_bt2020_are_more_saturated_than_those_of_bt709() -> None:

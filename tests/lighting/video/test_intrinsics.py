@@ -72,18 +72,18 @@ def angles(light: Lighting) -> list[float]:
 
 
 def test_a_zoom_by_a_lens_that_is_given_begins_with_it(model: Model) -> None:
-    given = ClipMetadata(given=UserInput(vertical_fov=FOV))
-    shot = solve_shot(watched(filmed(zooms(1.6)), model), given)
-    assert (shot.vertical_fov, shot.fov_sigma) == (FOV, 0.0)
+    user_input = ClipMetadata(user_input=UserInput(vertical_fov=FOV))
+    shot = solve_shot(watched(filmed(zooms(1.6)), model), user_input)
+    assert (shot.vertical_fov, shot.fov_std) == (FOV, 0.0)
     assert shot.zoom[-1] == pytest.approx(1.6, rel=0.01)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.6])
 def test_a_lens_that_is_given_tells_how_an_unzoomed_camera_was_held(model: Model, ratio: float) -> None:
-    given, pictures = ClipMetadata(given=UserInput(vertical_fov=60.0)), filmed(zooms(ratio))
+    user_input, pictures = ClipMetadata(user_input=UserInput(vertical_fov=60.0)), filmed(zooms(ratio))
     plain = watched(pictures, model)
-    (by_lens,) = observe_shots(frames(pictures), model, 0.5, vertical_fov=given.vertical_fov)
-    moved = solve_shot(by_lens, given).path.elevation - solve_shot(plain, given).path.elevation
+    (by_lens,) = observe_shots(frames(pictures), model, 0.5, vertical_fov=user_input.vertical_fov)
+    moved = solve_shot(by_lens, user_input).path.elevation - solve_shot(plain, user_input).path.elevation
     assert bool(np.abs(moved).max() > 0.1) == (ratio == 1.0)
 
 
@@ -103,17 +103,19 @@ def test_a_gap_is_bridged_by_the_zoom_of_both_sides(model: Model) -> None:
 def test_a_zoom_begins_with_the_lens_that_is_seen_first(model: Model) -> None:
     """The mean of all looks is another lens, from which a zoom by far is lost on the way."""
     (found,) = observe_shots(frames(filmed(zooms(0.5)), 10.0), model, 0.2)
-    fovs = {frame: FOV if frame < 12 else 120.0 for frame in found.looks}
-    looks = {f: replace(s, prediction=replace(s.prediction, vertical_fov=fovs[f])) for f, s in found.looks.items()}
-    one = remove_zoom(replace(found, looks=looks), ClipMetadata())
+    fovs = {frame: FOV if frame < 12 else 120.0 for frame in found.estimates}
+    estimates = {
+        f: replace(s, prediction=replace(s.prediction, vertical_fov=fovs[f])) for f, s in found.estimates.items()
+    }
+    one = remove_zoom(replace(found, estimates=estimates), ClipMetadata())
     assert one is not None
     assert one.zoom[-1] == pytest.approx(0.5, rel=0.01)
-    assert one.told > 0.95
+    assert one.zoom_share > 0.95
 
 
 def test_a_zoom_that_is_lost_on_the_way_is_told(model: Model) -> None:
-    given = ClipMetadata(given=UserInput(vertical_fov=95.0))
-    shot = solve_shot(watched(filmed(zooms(0.5)), model), given)
-    assert any("zoomed" in warning for warning in shot.known.warnings)
-    right = solve_shot(watched(filmed(zooms(0.5)), model), ClipMetadata(given=UserInput(vertical_fov=FOV)))
-    assert not any("zoomed" in warning for warning in right.known.warnings)
+    user_input = ClipMetadata(user_input=UserInput(vertical_fov=95.0))
+    shot = solve_shot(watched(filmed(zooms(0.5)), model), user_input)
+    assert any("zoomed" in warning for warning in shot.prior.warnings)
+    right = solve_shot(watched(filmed(zooms(0.5)), model), ClipMetadata(user_input=UserInput(vertical_fov=FOV)))
+    assert not any("zoomed" in warning for warning in right.prior.warnings)

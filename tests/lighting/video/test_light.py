@@ -84,13 +84,13 @@ def test_the_strength_of_the_light_is_averaged_in_the_first_frames_exposure() ->
     for gain in (1.0, 2.0):
         one = look(50.0, 0.0)
         strength = Light(np.full(3, 1.0 * gain), np.full(3, 0.5 * gain), 0.2 * gain, 0.9)
-        light.add(replace(one, seen=FrameEstimate(replace(one.seen.prediction, light=strength)), gain=gain))
+        light.add(replace(one, estimate=FrameEstimate(replace(one.estimate.prediction, light=strength)), gain=gain))
     said = light.answer(NOTHING).prediction.light
     assert said is not None
     assert said.sun_irradiance == pytest.approx([1.0] * 3)
     assert said.sky_irradiance == pytest.approx([0.5] * 3)
     assert (said.cover, said.suitable) == pytest.approx((0.3, 0.9))
-    assert look(0.0, 0.0).seen.prediction.light is None
+    assert look(0.0, 0.0).estimate.prediction.light is None
 
 
 def test_the_ground_is_the_mean_of_the_directions_that_show_it() -> None:
@@ -99,5 +99,5 @@ def test_the_ground_is_the_mean_of_the_directions_that_show_it() -> None:
     assert light.ground is None
     for heading, reflectance in ((60.0, 0.1), (60.0, 0.1), (120.0, 0.4)):
         one = look(50.0, heading)
-        light.add(replace(one, seen=replace(one.seen, ground=np.array([1.0, 0.5, 0.25]) * reflectance)))
+        light.add(replace(one, estimate=replace(one.estimate, ground=np.array([1.0, 0.5, 0.25]) * reflectance)))
     assert light.ground == pytest.approx([0.2, 0.1, 0.05])

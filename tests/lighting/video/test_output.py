@@ -318,7 +318,7 @@ def test_what_was_done_before_an_interruption_stays(
     monkeypatch.setattr(output, "write_envmap", fail)
     with pytest.raises(KeyboardInterrupt):
         output.process_video(
-            output.VideoJob(path, tmp_path / "out", wanted=output.OutputOptions(height=32)), Model.load(network)
+            output.VideoJob(path, tmp_path / "out", options=output.OutputOptions(height=32)), Model.load(network)
         )
     lines = (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()
     assert len(lines) >= 25
@@ -330,7 +330,7 @@ def test_an_interrupted_shot_is_answered_as_far_as_it_was_read(clip: Path, netwo
         if time > 0.4:
             raise KeyboardInterrupt
 
-    job = output.VideoJob(clip, tmp_path / "out", wanted=output.OutputOptions(height=32))
+    job = output.VideoJob(clip, tmp_path / "out", options=output.OutputOptions(height=32))
     with pytest.raises(KeyboardInterrupt):
         output.process_video(job, Model.load(network), stop)
     times = [json.loads(line)["time"] for line in (tmp_path / "out" / "lighting.jsonl.part").read_text().splitlines()]

@@ -51,8 +51,8 @@ def test_a_gimbal_tells_the_level_and_north(shot_model: Model) -> None:
 
 
 def test_a_lens_that_is_given_stays(shot_model: Model) -> None:
-    (shot,) = shots(pan(20, 15.0), shot_model, ClipMetadata(given=UserInput(vertical_fov=47.0)))
-    assert (shot.vertical_fov, shot.fov_sigma) == (47.0, 0.0)
+    (shot,) = shots(pan(20, 15.0), shot_model, ClipMetadata(user_input=UserInput(vertical_fov=47.0)))
+    assert (shot.vertical_fov, shot.fov_std) == (47.0, 0.0)
 
 
 def test_a_cut_makes_two_shots_each_from_azimuth_0(shot_model: Model) -> None:
@@ -81,7 +81,7 @@ def test_black_frames_in_a_shot_are_bridged(shot_model: Model) -> None:
 def test_a_still_clip_is_a_shot_that_does_not_turn(shot_model: Model) -> None:
     (shot,) = shots([look(10.0)] * 20, shot_model)
     assert np.ptp(shot.path.heading) < 0.05
-    assert shot.fov_sigma > 3.0  # nothing but the network tells the lens
+    assert shot.fov_std > 3.0  # nothing but the network tells the lens
 
 
 def test_one_frame_is_a_shot(shot_model: Model) -> None:
@@ -99,11 +99,11 @@ def test_night_that_falls_in_a_shot_ends_its_looks_alone(shot_model: Model) -> N
     dusk = UserInput(time=datetime(2024, 6, 1, 19, 47, 33, tzinfo=UTC), latitude=48.0, longitude=11.0, vertical_fov=FOV)
     (watched,) = observe_shots(frames(pan(30, 20.0), 1.0), shot_model, 0.5)
     (begun,) = observe_shots(frames(pan(30, 20.0)[:15], 1.0), shot_model, 0.5)
-    shot, by_day = (solve_shot(one, ClipMetadata(given=dusk)) for one in (watched, begun))
-    assert shot.known.warnings[-1].startswith("By time and place it is night at 15.0 s, too dark for these skies")
-    assert shot.known.observations == by_day.known.observations
-    assert len(by_day.known.warnings) == len(shot.known.warnings) - 1
-    assert "time+place" in shot.fused.used
+    shot, by_day = (solve_shot(one, ClipMetadata(user_input=dusk)) for one in (watched, begun))
+    assert shot.prior.warnings[-1].startswith("By time and place it is night at 15.0 s, too dark for these skies")
+    assert shot.prior.observations == by_day.prior.observations
+    assert len(by_day.prior.warnings) == len(shot.prior.warnings) - 1
+    assert "time+place" in shot.posterior.used
     assert shot.north == pytest.approx(by_day.north, abs=3.0)
     assert len(shot.frames) == 30
 
@@ -133,17 +133,17 @@ def before_moving_things(speeds: Sequence[tuple[float, float]], top: int) -> lis
 
 def test_points_that_obey_no_one_turn_are_told(shot_model: Model) -> None:
     (shot,) = shots(before_moving_things([(2.0, 1.0), (-1.0, 1.5), (1.0, -2.0), (-2.0, -1.0)], 20), shot_model)
-    assert any("agree with one turn" in warning for warning in shot.known.warnings)
+    assert any("agree with one turn" in warning for warning in shot.prior.warnings)
 
 
 def test_points_of_a_thing_that_passes_are_told_by_the_lens_they_would_need(shot_model: Model) -> None:
     (shot,) = shots(before_moving_things([(-3.0, 0.0)], 20), shot_model)
-    assert any("The points tell a field of view" in warning for warning in shot.known.warnings)
+    assert any("The points tell a field of view" in warning for warning in shot.prior.warnings)
 
 
 def test_a_pan_has_no_doubts(shot_model: Model) -> None:
     (shot,) = shots(pan(30, 40.0), shot_model)
-    assert shot.known.warnings == ()
+    assert shot.prior.warnings == ()
 
 
 def sky_of(model: Model, pixels: np.ndarray) -> np.ndarray:
@@ -174,8 +174,8 @@ def test_a_lens_that_is_known_enters_how_the_camera_was_held(network: Path) -> N
     assert seen.by_lens is not None
     assert estimate_frame(model, pixels).by_lens is None
     assert seen.prediction.camera_elevation == predict_photo(model, photo_from_array(pixels)).camera_elevation
-    known = predict_photo(model, photo_from_array(pixels), UserInput(vertical_fov=60.0)).camera_elevation
-    assert seen.by_lens.prediction.camera_elevation == known != seen.prediction.camera_elevation
+    prior = predict_photo(model, photo_from_array(pixels), UserInput(vertical_fov=60.0)).camera_elevation
+    assert seen.by_lens.prediction.camera_elevation == prior != seen.prediction.camera_elevation
 
 
 def test_a_frames_ground_has_the_colour_that_it_shows(lit_network: Path) -> None:

@@ -85,8 +85,8 @@ def test_a_dissolve_makes_two_shots_and_its_own_frames_are_bridged(model: Model)
 
 def test_what_the_network_sees_of_a_mixture_does_not_count(model: Model) -> None:
     for watched in observe_shots(frames(dissolving()), model, 0.1):
-        assert watched.looks
-        assert not any(ALONE + 3 <= frame < ALONE + MIXED - 3 for frame in watched.looks)
+        assert watched.estimates
+        assert not any(ALONE + 3 <= frame < ALONE + MIXED - 3 for frame in watched.estimates)
 
 
 def test_a_mixture_has_one_share_throughout() -> None:

@@ -43,7 +43,7 @@ def test_a_chain_has_one_keyframe_of_a_direction() -> None:
     bank = _KeyframeBank()
     for number, chain in enumerate((FIRST_CHAIN, FIRST_CHAIN, 1)):
         bank.add(_BankKeyframe(key(number), orientation(5.0 * number), chain))
-    assert [kept.key.number for kept in bank.kept] == [0, 2]
+    assert [kept.keyframe.number for kept in bank.keyframes] == [0, 2]
 
 
 @pytest.mark.parametrize(
@@ -51,35 +51,35 @@ def test_a_chain_has_one_keyframe_of_a_direction() -> None:
 )
 def test_memory_is_bounded_and_the_first_frame_stays(chains: list[int]) -> None:
     bank = filled(chains)
-    assert len(bank.kept) == MAX_KEYFRAMES
-    assert bank.kept[0].key.number == 0
-    assert bank.kept[-1].key.number == len(chains) - 1
+    assert len(bank.keyframes) == MAX_KEYFRAMES
+    assert bank.keyframes[0].keyframe.number == 0
+    assert bank.keyframes[-1].keyframe.number == len(chains) - 1
 
 
 def test_a_stretch_that_is_not_linked_does_not_push_out_what_it_could_be_linked_by() -> None:
     bank = filled([FIRST_CHAIN] * 20 + [1] * 34)
-    assert sum(kept.chain == FIRST_CHAIN for kept in bank.kept) == MAX_KEYFRAMES // 2
+    assert sum(kept.chain == FIRST_CHAIN for kept in bank.keyframes) == MAX_KEYFRAMES // 2
     left = filled([FIRST_CHAIN] * 20 + [1] * 6 + [2] * 20)
-    assert [sum(kept.chain == c for kept in left.kept) for c in (FIRST_CHAIN, 1, 2)] == [16, 0, 16]
+    assert [sum(kept.chain == c for kept in left.keyframes) for c in (FIRST_CHAIN, 1, 2)] == [16, 0, 16]
 
 
 def test_all_strangers_have_their_turn_and_the_nearest_are_always_compared() -> None:
     bank, seen = filled([FIRST_CHAIN] * 30), set[int]()
     for number in range(30, 60):
-        now = {kept.key.number for kept in bank.strangers(key(number, 1), around(1)[0], 1)}
+        now = {kept.keyframe.number for kept in bank.of_other_chains(key(number, 1), around(1)[0], 1)}
         assert {0, 1, 17} <= now
         assert len(now) == 6
         seen |= now
     assert seen == set(range(30))
-    assert not bank.own(key(60, 1), around(1)[0], 1, 180.0)
-    assert not bank.strangers(key(60), around(1)[0], FIRST_CHAIN)
+    assert not bank.nearest_of_chain(key(60, 1), around(1)[0], 1, 180.0)
+    assert not bank.of_other_chains(key(60), around(1)[0], FIRST_CHAIN)
 
 
 def test_a_chain_that_is_joined_is_turned() -> None:
     bank, turn = filled([FIRST_CHAIN, 1, 1]), rotation_about(np.array([0.0, 1.0, 0.0]))
     bank.join(1, FIRST_CHAIN, turn)
-    assert {kept.chain for kept in bank.kept} == {FIRST_CHAIN}
-    for kept, before, turned in zip(bank.kept, around(3), (np.eye(3), turn, turn), strict=True):
+    assert {kept.chain for kept in bank.keyframes} == {FIRST_CHAIN}
+    for kept, before, turned in zip(bank.keyframes, around(3), (np.eye(3), turn, turn), strict=True):
         np.testing.assert_allclose(kept.orientation, before @ turned)
 
 
@@ -164,9 +164,9 @@ def test_keyframes_of_a_stretch_are_turned_when_it_is_linked(model: Model) -> No
     assert answers[-1] is not None
     assert answers[-1].heading == pytest.approx(10.0, abs=2.0)
     assert answers[-1].linked
-    for kept in tracker._bank.kept:
+    for kept in tracker._bank.keyframes:
         there = np.degrees(np.arctan2(-kept.orientation[2, 0], kept.orientation[2, 2]))
-        assert there == pytest.approx(headings[kept.key.frame], abs=2.0)
+        assert there == pytest.approx(headings[kept.keyframe.frame], abs=2.0)
         assert kept.chain == FIRST_CHAIN
 
 
@@ -178,8 +178,8 @@ def test_what_another_place_shows_of_the_sun_does_not_count_for_the_first(model:
     assert before is not None
     assert lost is not None
     assert again is not None
-    assert tracker._seen is tracker._first
-    assert tracker._first.light._looks == 12  # a stretch is recognised when a second frame follows
+    assert tracker._light is tracker._first_light
+    assert tracker._first_light.light._looks == 12  # a stretch is recognised when a second frame follows
     assert before.lighting.camera_heading == pytest.approx(48.0, abs=6.0)
     assert lost.lighting.camera_heading != pytest.approx(68.0, abs=6.0)  # the first frame's heading tells it nothing
     assert again.lighting.camera_heading == pytest.approx(34.0, abs=6.0)
@@ -220,11 +220,11 @@ def test_a_stretch_that_is_recognised_by_a_linked_camera_is_linked(model: Model)
     found = followed(tracker, views)
     assert [linked for linked, _ in found] == [True] * 11 + [False] * 41 + [True] * 85
     assert max(off for linked, off in found if linked) < 1.0
-    seen = {kept.key.frame for kept in tracker._bank.kept if kept.chain == FIRST_CHAIN}
+    seen = {kept.keyframe.frame for kept in tracker._bank.keyframes if kept.chain == FIRST_CHAIN}
     assert seen & set(range(12, 28))
     assert seen & set(range(29, 50))
-    for kept in tracker._bank.kept:
-        view = views[kept.key.frame]
+    for kept in tracker._bank.keyframes:
+        view = views[kept.keyframe.frame]
         assert view is not None
         true = orientation(*view) @ orientation(0.0).T
         assert np.degrees(np.linalg.norm(rotation_vector(kept.orientation @ true.T))) < 1.0
@@ -235,10 +235,10 @@ def test_a_keyframe_whose_turn_is_not_believed_ends_the_link(model: Model, monke
     tracker, lost = Tracker(model, UserInput(vertical_fov=FOV), look_every=5.0), range(11, 41)
     views = [*line((0, 0), (90, 0), 46), *line((88, 0), (10, 0), 40)]
 
-    def is_believed(turn: FrameRotation, *, begins: bool) -> bool:
-        return tracker._count - 1 not in lost and tracking.is_reliable(turn, begins=begins)
+    def is_reliable(rotation: FrameRotation, *, is_start: bool) -> bool:
+        return tracker._count - 1 not in lost and tracking.is_reliable(rotation, is_start=is_start)
 
-    monkeypatch.setattr("lighting.video.stream.is_reliable", is_believed)
+    monkeypatch.setattr("lighting.video.stream.is_reliable", is_reliable)
     found = followed(tracker, views)
     assert all(linked for linked, _ in found[:11])
     assert not all(linked for linked, _ in found)
@@ -348,9 +348,9 @@ def test_memory_does_not_grow(model: Model) -> None:
     tracker = Tracker(model, UserInput(vertical_fov=FOV), look_every=2.0)
     for i in range(33):
         tracker(look(15.0 * i % 360.0), 0.1 * i)
-    assert len(tracker._bank.kept) <= 32
-    assert len(tracker._of_key) <= 2
-    assert len(tracker._seen.light._sectors) <= 24
+    assert len(tracker._bank.keyframes) <= 32
+    assert len(tracker._key_poses) <= 2
+    assert len(tracker._light.light._sectors) <= 24
 
 
 def test_a_zoom_ends_the_link_until_what_was_seen_before_is_recognised(model: Model) -> None:

@@ -21,13 +21,13 @@ def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> N
     start = orientation(0.0, 0.0, 0.0)
     for frame, s in zip(frames(pan(count, reach)), share.tolist(), strict=True):
         step = follower.follow(frame)
-        if step.begins:
+        if step.is_start:
             known[step.key] = np.eye(3)
         found = estimate_frame_rotation(step.matches, focal_from_fov(FOV, *SIZE), guess)
-        guess = found.rotation if step.makes is None else np.eye(3)
+        guess = found.rotation if step.next_key is None else np.eye(3)
         own = found.rotation @ known[step.key]
-        if step.makes is not None:
-            known[step.makes] = own
+        if step.next_key is not None:
+            known[step.next_key] = own
         true = orientation(reach * s, 3 * np.sin(3 * s), 2 * s) @ start.T
         assert np.degrees(np.linalg.norm(rotation_vector(own @ true.T))) < 0.15  # a pixel is 0.25 deg
     assert len(known) > 2
@@ -55,7 +55,7 @@ def test_a_turn_is_no_gain() -> None:
 
 def cuts(pictures: list[Pixels]) -> list[int]:
     follower = PointTracker()
-    return [step.frame for frame in frames(pictures) if (step := follower.follow(frame)).begins]
+    return [step.frame for frame in frames(pictures) if (step := follower.follow(frame)).is_start]
 
 
 def test_a_cut_begins_a_new_stretch() -> None:
