@@ -349,14 +349,15 @@ class Tracker:
     def _match_bank(self, key: Keyframe, candidates: Sequence[_BankKeyframe]) -> tuple[_BankKeyframe, Floats] | None:
         """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
         for kept in candidates:
-            if (turn := match_keyframes(kept.keyframe, key, self._lens.fov, self._lens_std)) is not None:
+            rotation = match_keyframes(kept.keyframe, key, self._lens.fov, self._lens_std)
+            if rotation is not None:
                 if self._lens_std:
-                    self._lens.add_rotation(turn)
-                return kept, self._key_poses[key.number][0].T @ turn.rotation @ kept.orientation
+                    self._lens.add_rotation(rotation)
+                return kept, self._key_poses[key.number][0].T @ rotation.rotation @ kept.orientation
         return None
 
     def _join(self, kept: _BankKeyframe, rotation: Floats) -> None:
-        """RelativeRotation the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
+        """Turn the later of two chains, one of which has a keyframe that the other recognised, into the earlier."""
         if kept.chain > self._chain:
             self._bank.join(kept.chain, self._chain, rotation.T)
             return
@@ -367,7 +368,7 @@ class Tracker:
             self._light = self._first_light
 
     def _correct(self, correction: Floats) -> None:
-        """RelativeRotation the camera, and the keyframes that it is followed from, by a rotation (3, 3) of their chain's frame."""
+        """Turn the camera, and the keyframes that it is followed from, by a rotation (3, 3) of their chain's frame."""
         self._orientation = self._orientation @ correction
         self._key_poses = {k: (orientation @ correction, gain) for k, (orientation, gain) in self._key_poses.items()}
 
