@@ -145,13 +145,13 @@ def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
 
 def _batches(crops: Any) -> Iterator[tuple[Batch, list[Any]]]:
     """The network's inputs and the crops that they show."""
-    from export.crops.crops import take
+    from export.crops.crops import crop_panorama
     from lighting.color import tone_map
     from lighting.photo.preprocess import pad_to_input
 
     spec = Model.load().spec
     for first in range(0, len(crops), _BATCH):
-        part = [take(source, camera, spec) for source, camera in crops[first : first + _BATCH]]
+        part = [crop_panorama(source, camera, spec) for source, camera in crops[first : first + _BATCH]]
         yield np.stack([pad_to_input(tone_map(crop.linear), spec) for crop in part]), part
 
 

@@ -54,9 +54,9 @@ export_cli.add_command(stereo_group)
 @_option("--workers", "Processes.", click.IntRange(1), 2)
 def _label(data: Path, out: Path, workers: int) -> None:
     """Find suns and fit skies; print how well both agree with what is known."""
-    from export.data.labels import run
+    from export.data.labels import label_folder
 
-    run(data, out, workers)
+    label_folder(data, out, workers)
 
 
 @export_cli.command("synthesize")
@@ -142,9 +142,9 @@ def _suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
 
     Prints what it catches.
     """
-    from export.training.suitability_head import learn_suitable
+    from export.training.suitability_head import fit_suitability_head
 
-    click.echo(learn_suitable(runs, data, labels))
+    click.echo(fit_suitability_head(runs, data, labels))
 
 
 @export_cli.command("prior")

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from export.crops.cameras import Camera, pinhole
+from export.crops.cameras import Camera, pinhole_camera
 from export.crops.crops import Crop, Source
 from lighting.color import luminance, tone_map
 from lighting.geometry import Floats, camera_directions, wrap_azimuth
@@ -110,7 +110,7 @@ def _cover(linear: Linear, crop: Crop, rng: np.random.Generator) -> Linear:
 def _hide_sky(linear: Linear, crop: Crop, rng: np.random.Generator) -> Linear:
     """Paint everything above the horizon in one colour: what lies on the ground then has to suffice."""
     height, width = linear.shape[:2]
-    up = camera_directions(pinhole(crop.camera, width, height))[..., 1]
+    up = camera_directions(pinhole_camera(crop.camera, width, height))[..., 1]
     colour = rng.uniform(0.15, 1.3) * np.exp(rng.normal(0, 0.08, 3)).astype(np.float32)
     return np.where((up > np.sin(np.radians(rng.uniform(0, 12))))[..., None], colour, linear).astype(np.float32)
 
@@ -196,7 +196,7 @@ PICTURE_EFFECTS: tuple[Effect[Picture], ...] = (  # on the developed picture
 NEAR = 5.0  # deg, how far apart in elevation the suns of two places in one picture may stand
 
 
-def companions(sources: Sequence[Source], chances: Floats) -> list[tuple[NDArray[np.intp], Floats]]:
+def cutmix_partners(sources: Sequence[Source], chances: Floats) -> list[tuple[NDArray[np.intp], Floats]]:
     """For each source, the indices (M,) of sources that may share its picture, and their cumulative chances (M,).
 
     They are of other places, have about the same sun elevation and the same `direct`; sources without a sun go with
@@ -216,7 +216,7 @@ def companions(sources: Sequence[Source], chances: Floats) -> list[tuple[NDArray
     return found
 
 
-def same_view(camera: Camera, source: Source, other: Source, rng: np.random.Generator) -> Camera:
+def matching_camera(camera: Camera, source: Source, other: Source, rng: np.random.Generator) -> Camera:
     """The camera that sees the other's sun where `camera` sees the source's, mirrored at random.
 
     Without a sun it looks in a random direction.

@@ -58,19 +58,21 @@ def aimed_camera(rng: np.random.Generator, azimuth: float, elevation: float) -> 
     for _ in range(AIMS):
         camera = training_camera(rng)
         camera = replace(camera, azimuth=float(wrap_azimuth(azimuth + rng.uniform(-53, 53))))
-        if pixel_of(camera, azimuth - camera.azimuth, elevation, round(1000 * camera.aspect), 1000):
+        if direction_to_pixel(camera, azimuth - camera.azimuth, elevation, round(1000 * camera.aspect), 1000):
             break
     return camera
 
 
-def pinhole(camera: Camera, width: int, height: int, azimuth: float = 0.0) -> Pinhole:
+def pinhole_camera(camera: Camera, width: int, height: int, azimuth: float = 0.0) -> Pinhole:
     """The camera of a picture of that many pixels, which looks to an azimuth [deg]."""
     return Pinhole(width, height, camera.vertical_fov, azimuth, camera.elevation, camera.roll)
 
 
-def pixel_of(camera: Camera, azimuth: float, elevation: float, width: int, height: int) -> tuple[float, float] | None:
+def direction_to_pixel(
+    camera: Camera, azimuth: float, elevation: float, width: int, height: int
+) -> tuple[float, float] | None:
     """Pixel (x, y) of a picture where a direction [deg] lies, its azimuth relative to the camera; None if outside."""
-    x, y = camera_pixel(direction(azimuth, elevation), pinhole(camera, width, height))
+    x, y = camera_pixel(direction(azimuth, elevation), pinhole_camera(camera, width, height))
     return (float(x), float(y)) if 0 <= x <= width and 0 <= y <= height else None
 
 

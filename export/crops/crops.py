@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.crops.cameras import Camera, pinhole, pixel_of
-from export.data.labels import Label, labels_of
+from export.crops.cameras import Camera, direction_to_pixel, pinhole_camera
+from export.data.labels import Label, read_labels_of
 from export.data.panoramas import Panorama, decode_srgb, read_picture
 from lighting.color import luminance
 from lighting.geometry import Floats, angles, camera_directions, direction, sample_latlong, wrap_azimuth
@@ -66,7 +66,7 @@ class Stretch:
 NOT_STRETCHED = Stretch()
 
 
-def any_stretch(rng: np.random.Generator) -> Stretch:
+def random_stretch(rng: np.random.Generator) -> Stretch:
     """A stretch or a squeeze, each as likely, by at most UPWARDS and ALONG."""
     upwards, along = 2.0 ** rng.uniform((-UPWARDS, -ALONG), (UPWARDS, ALONG))
     return Stretch(float(upwards), float(along), rng.uniform(0.0, 180.0))
@@ -89,7 +89,7 @@ class Source:
 
 def load_sources(panoramas: Sequence[Panorama], labels: str | Path) -> list[Source]:
     """Panoramas with their labels, which are read from a file; DataError if a label is missing."""
-    known = labels_of(panoramas, labels)
+    known = read_labels_of(panoramas, labels)
     with ThreadPoolExecutor(2) as pool:
         return list(pool.map(_load_source, panoramas, known))
 
@@ -136,7 +136,7 @@ WHITE, BRIGHT = 0.7, 80  # linear value that this percentile of the luminance ha
 LEAST = 1e-6  # luminance
 
 
-def automatic_gain(linear: NDArray[np.floating]) -> float:
+def auto_exposure_gain(linear: NDArray[np.floating]) -> float:
     """The factor that brings a scene-referred view (H, W, 3) to a photo's exposure, its brighter parts near white."""
     return float(WHITE / max(float(np.percentile(luminance(linear), BRIGHT)), LEAST))
 
@@ -175,7 +175,7 @@ class Crop:
     def sun_pixel(self) -> tuple[float, float] | None:
         """Where (x, y) in the picture the sun lies, None if there is none or elsewhere."""
         height, width = self.linear.shape[:2]
-        return pixel_of(self.camera, self.sun_azimuth, self.sun_elevation, width, height)
+        return direction_to_pixel(self.camera, self.sun_azimuth, self.sun_elevation, width, height)
 
     @property
     def parameters(self) -> Floats:
@@ -186,7 +186,7 @@ class Crop:
         )
 
 
-def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0) -> Crop:
+def crop_panorama(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0) -> Crop:
     """The crop that `camera` takes, sized for the canvas of `spec`, with its targets.
 
     `sharpness` in (0, 1] is the share of the canvas's resolution that is kept. A narrow view holds few panorama pixels;
@@ -195,7 +195,7 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
     width, height = fit_size(round(1000 * camera.aspect), 1000, spec)
     kernel = _KERNELS[source.panorama.kind]
     linear = resize(_view(source, camera, width, height, sharpness), width, height, kernel)
-    gain = automatic_gain(linear) if source.panorama.kind == "hdr" else 1.0
+    gain = auto_exposure_gain(linear) if source.panorama.kind == "hdr" else 1.0
     side = -1.0 if camera.mirrored else 1.0
     label = source.label
     nan = float("nan")
@@ -212,7 +212,7 @@ def take(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0
     )
 
 
-def finest_side(source: Source, camera: Camera) -> int:
+def native_longer_side(source: Source, camera: Camera) -> int:
     """Pixels along the longer side of a picture that is as fine as its panorama.
 
     One that is finer shows the panorama's own rows and columns, which are horizontals and verticals of the world.
@@ -226,7 +226,9 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
-    rays = source.stretch.undone(camera_directions(pinhole(camera, columns, rows, camera.azimuth)).astype(np.float32))
+    rays = source.stretch.undone(
+        camera_directions(pinhole_camera(camera, columns, rows, camera.azimuth)).astype(np.float32)
+    )
     sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
     ldr = source.panorama.kind == "ldr"
     return decode_srgb(np.round(sampled).astype(np.uint8)) if ldr else sampled
@@ -254,7 +256,7 @@ def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Re
 # Randomness that does not change when panoramas are added or left out.
 
 
-def generator(name: str, index: int, purpose: str) -> np.random.Generator:
+def crop_rng(name: str, index: int, purpose: str) -> np.random.Generator:
     """A generator whose seed is made of a panorama's name, a crop's index and a purpose, and of nothing else."""
     digest = hashlib.sha256(f"{purpose}/{name}/{index}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:8], "little"))

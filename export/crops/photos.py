@@ -50,7 +50,7 @@ def photo_weights(photos: Sequence[PhotoSource]) -> Floats:
     return np.asarray(weight / weight.sum())
 
 
-def take_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec, upwards: float = 1.0) -> Crop:
+def crop_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec, upwards: float = 1.0) -> Crop:
     """A crop of a photo; the camera's elevation and roll are unknown, and so is the sky.
 
     `upwards` stretches the world that it shows (crops/stretch.py), as the picture of a level camera tells it.
@@ -104,7 +104,7 @@ def _room(shape: tuple[int, ...], middle: tuple[float, float], width: float, hei
     return float(np.clip(math.degrees(turn), 0.0, LARGEST_TURN))
 
 
-def likelihood(crop: Crop, layout: str) -> Floats:
+def photo_sun_likelihood(crop: Crop, layout: str) -> Floats:
     """How well each cell (N,) of a grid agrees with what is known of a photo's sun; sums to 1.
 
     The heading's error is normal but for a share GROSS, in which it may be any. Without an azimuth only the elevation

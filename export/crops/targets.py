@@ -16,7 +16,7 @@ from PIL import Image
 
 from export.crops.cameras import Camera
 from export.crops.crops import NOT_STRETCHED, Crop, Source, Stretch, resize
-from export.data.panoramas import linear_of
+from export.data.panoramas import linearize
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, sample_latlong
@@ -43,19 +43,19 @@ class _Irradiance:
 
 def panorama_irradiance(source: Source) -> _Irradiance:
     """The powers of a panorama's sun and sky, as far as it tells them."""
-    linear = np.asarray(linear_of(source.panorama, source.levels[-1]), dtype=np.float64)
+    linear = np.asarray(linearize(source.panorama, source.levels[-1]), dtype=np.float64)
     sun, sky = _measured(linear, source)
     label, direct = source.label, source.panorama.direct
     if direct == "no":
         sun = COVERED_SUN * sky
     elif direct == "yes" and not np.isfinite(sun).all() and math.isfinite(label.sun_elevation):
-        sun = sky * clear_ratio(round(max(label.sun_elevation, 0.0)))
+        sun = sky * clear_sun_to_sky_ratio(round(max(label.sun_elevation, 0.0)))
     covered = 1.0 if source.panorama.sun == "none" else COVER.get(direct, math.nan)
     return _Irradiance(sun, sky, covered)
 
 
 @lru_cache(maxsize=128)
-def clear_ratio(elevation: int) -> Floats:
+def clear_sun_to_sky_ratio(elevation: int) -> Floats:
     """Power of the sun over that of what lies above the horizon (3,), the sun at an elevation [deg], no cloud."""
     clear = Lighting(0.0, float(elevation), CLEAR_TURBIDITY, 1.0)
     return np.asarray(sun_irradiance(clear) / sky_irradiance(clear)) * SEEN_RATIO
@@ -91,9 +91,9 @@ BRIGHTEST = 4.0  # the photo's white is 1; the sun's disc counts no more than th
 _FINE = 6  # parts of a row and of a column, the steps by which the map is turned
 
 
-def light_around(source: Source) -> Floats:
+def coarse_radiance(source: Source) -> Floats:
     """Linear radiance (_FINE * ROWS, _FINE * COLUMNS, 3) of a panorama, in its own exposure."""
-    linear = np.asarray(linear_of(source.panorama, source.levels[-1]), dtype=np.float32)
+    linear = np.asarray(linearize(source.panorama, source.levels[-1]), dtype=np.float32)
     return resize(linear, _FINE * COLUMNS, _FINE * ROWS, Image.Resampling.BOX)
 
 
@@ -117,7 +117,7 @@ CELL = 16  # pixels of the canvas along one side of a cell
 TARGET_SPREAD = 0.7  # cells, standard deviation of the target around the sun
 
 
-def where_seen(crop: Crop, spec: ModelSpec, visible: bool | None) -> Floats:
+def sun_in_view_target(crop: Crop, spec: ModelSpec, visible: bool | None) -> Floats:
     """Probabilities (1 + cells,) that the picture shows no sun, and that each cell does, row by row; zeros if unknown.
 
     `visible` says whether the panorama shows the sun, None if unknown. A crop that looks elsewhere shows none.

@@ -61,7 +61,7 @@ def read_labels(path: str | Path) -> list[Label]:
         raise DataError(f"The labels {path} cannot be read: {error}.") from error
 
 
-def labels_of(panoramas: Sequence[Panorama], path: str | Path) -> list[Label]:
+def read_labels_of(panoramas: Sequence[Panorama], path: str | Path) -> list[Label]:
     """The label of each panorama, from a file of labels; DataError if one is missing."""
     known = {label.name: label for label in read_labels(path)}
     missing = [p.name for p in panoramas if p.name not in known]
@@ -166,7 +166,7 @@ class _RenderedCheck:
         )
 
 
-def agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> _Agreement:
+def sun_agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> _Agreement:
     """Found suns against given ones, over the panoramas whose sun is given as visible or as none."""
     by_name = {label.name: label for label in labels}
     pairs = [(panorama.sun, by_name[panorama.name]) for panorama in panoramas]
@@ -199,7 +199,7 @@ def check_rendered(count: int = 60, height: int = 128) -> _RenderedCheck:
     return _RenderedCheck(len(scenes), len(sun_errors), medians[0], len(turbidity), medians[1], medians[2])
 
 
-def run(data: Path, out: Path, workers: int = 2) -> None:
+def label_folder(data: Path, out: Path, workers: int = 2) -> None:
     """Label a folder of panoramas, write the labels and print how accurate they are."""
     panoramas = read_index(data)
     with ProcessPoolExecutor(workers) as pool:
@@ -208,8 +208,8 @@ def run(data: Path, out: Path, workers: int = 2) -> None:
     trusted = [label for label in labels if label.fit_ok]
     by_eye = [panorama for panorama in panoramas if "machine" not in panorama.label]
     print(f"{out}: {len(labels)} panoramas, {sum(label.sun_source != 'none' for label in labels)} with a sun")
-    print(f"found suns against given ones: {agreement(panoramas, labels)}")
-    print(f"  against those that people alone gave: {agreement(by_eye, labels)}")
+    print(f"found suns against given ones: {sun_agreement(panoramas, labels)}")
+    print(f"  against those that people alone gave: {sun_agreement(by_eye, labels)}")
     print(
         f"trusted sky fits: {len(trusted)}; turbidity {_quartiles([label.turbidity for label in trusted])}, "
         f"exposure {_quartiles([label.exposure for label in trusted])}"

@@ -259,10 +259,10 @@ def read_picture(panorama: Panorama) -> NDArray[Any]:
 
 def read_linear_panorama(panorama: Panorama, height: int) -> NDArray[np.float32]:
     """Linear Rec.709 float32 (H, 2H, 3), reduced to `height` rows if the picture has more."""
-    return shrink_envmap(linear_of(panorama, read_picture(panorama)), height)
+    return shrink_envmap(linearize(panorama, read_picture(panorama)), height)
 
 
-def linear_of(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
+def linearize(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
     """Linear values of pixels of any shape, which are as `read_picture` returns them."""
     return decode_srgb(pixels) if panorama.kind == "ldr" else pixels
 

@@ -179,7 +179,7 @@ class _Photographed:
     lit: NDArray[np.bool_]  # (h, w) where the sun reaches it
 
 
-class RenderedPlace:
+class RenderedTown:
     """A place under a sky, loaded into Mitsuba.
 
     Sunlight and skylight are traced separately: if sampled together, the sun would take most paths and the shade would

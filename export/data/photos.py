@@ -32,7 +32,7 @@ def read_photo_rows(folder: str | Path) -> list[PhotoRow]:
     return [_row(row, table, line) for line, row in enumerate(read_table(table, COLUMNS), start=2)]
 
 
-def needed_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[PhotoRow]:
+def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[PhotoRow]:
     """As `read_photo_rows`, for those who cannot do without photos; DataError if there is none.
 
     `licensed_only` keeps the rows that `is_permissive` accepts.

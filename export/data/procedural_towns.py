@@ -212,7 +212,7 @@ EYE = 1.65  # m, the camera's height
 KINDS = ("street", "square", "courtyard", "wood", "country")
 
 
-def place(rng: np.random.Generator) -> tuple[Mesh, Mesh]:
+def random_town(rng: np.random.Generator) -> tuple[Mesh, Mesh]:
     """The matte and the glossy mesh of a random place of one of KINDS."""
     kind, yaw = str(rng.choice(KINDS)), rng.uniform(0, 360)
     matte, glossy = [_ground(rng)], [_box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(GLASS))]

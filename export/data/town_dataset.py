@@ -8,8 +8,8 @@ from tqdm import tqdm
 
 from export.data.labels import Label, read_labels, write_labels
 from export.data.panoramas import Panorama, read_index, write_index
-from export.data.path_tracing import RenderedPlace, Sky, random_sky
-from export.data.procedural_towns import place
+from export.data.path_tracing import RenderedTown, Sky, random_sky
+from export.data.procedural_towns import random_town
 from lighting.files.exr import write_exr
 from lighting.geometry import Floats
 
@@ -35,9 +35,9 @@ def _render_place(number: int, height: int) -> _TownPanorama:
     """Place `number`; the same number gives the same place in every run."""
     rng = np.random.default_rng([8, number])
     sky = random_sky(rng)
-    scene = RenderedPlace(*place(rng), sky)
+    scene = RenderedTown(*random_town(rng), sky)
     while not scene.is_clear():
-        scene = RenderedPlace(*place(rng), sky)
+        scene = RenderedTown(*random_town(rng), sky)
     around = rng.uniform(-1, 1, (GROUND_POINTS, 3)) * [GROUND_RADIUS, 0, GROUND_RADIUS] + [0, 0.3, 0]
     lit = scene.sunlit(around) * sky.sunlight
     visible = scene.sees_the_sun() and sky.sunlight > TRUE_SKY

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops.crops import Source, load_sources, take
-from export.data.labels import Label, labels_of
+from export.crops.crops import Source, crop_panorama, load_sources
+from export.data.labels import Label, read_labels_of
 from export.data.panoramas import read_index, write_table
 from export.evaluation.baselines import baseline_answers
 from export.evaluation.failures import ScoredCrops, diagnostic_sections
@@ -67,7 +67,7 @@ def evaluate_networks(options: Options) -> Evaluation:
 
     Raises DataError for data or labels that cannot be used and ModelError for a missing network.
     """
-    training = labels_of(read_index(options.data, "train"), options.labels)
+    training = read_labels_of(read_index(options.data, "train"), options.labels)
     sources = load_sources(read_index(options.data, "val"), options.labels)
     methods = _Methods(load_models(options.models), training)
     options.out.mkdir(parents=True, exist_ok=True)
@@ -122,7 +122,7 @@ def _sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[st
         return []
     ours = list(zip(next(iter(looked.said.values())), looked.with_lens, strict=True))
     spec, shown = next(iter(models.values())).spec, np.flatnonzero(chosen).tolist()
-    pictures = [tone_map(take(*views[i], spec).linear) for i in shown]
+    pictures = [tone_map(crop_panorama(*views[i], spec).linear) for i in shown]
     known = in_view_evidence(select_crops(truth, chosen), [ours[i] for i in shown], pictures)
     return [in_view_report(select_crops(truth, chosen), said, known)]
 

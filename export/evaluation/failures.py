@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from export.crops.crops import take
+from export.crops.crops import crop_panorama
 from export.data.panoramas import write_table
 from export.evaluation.baselines import CONSTANT
 from export.evaluation.metrics import (
@@ -267,7 +267,7 @@ def _of_paper(judged: ScoredCrops, out: Path, *, failures: bool) -> list[str]:
     if failures:
         _write_failures(out / "failures.csv", found, np.array([camera.azimuth for _, camera in judged.views]))
         spec = judged.predictions[0].spec
-        shown = [take(*judged.views[f.index], spec) for f in found]
+        shown = [crop_panorama(*judged.views[f.index], spec) for f in found]
         _write_sheet(out / "failures.png", found, [tone_map(crop.linear) for crop in shown])
     return [
         _turbidity_report("paper", judged.truth, judged.said[judged.ours], judged.said[CONSTANT], kind),

@@ -11,10 +11,10 @@ import numpy as np
 
 from export.crops.augmentation import augment
 from export.crops.cameras import paper_camera, training_camera
-from export.crops.crops import generator, load_sources, take
-from export.crops.targets import clear_ratio, panorama_irradiance
+from export.crops.crops import crop_panorama, crop_rng, load_sources
+from export.crops.targets import clear_sun_to_sky_ratio, panorama_irradiance
 from export.data.panoramas import DataError, read_index
-from export.data.photos import needed_photo_rows
+from export.data.photos import require_photo_rows
 from export.evaluation.irradiance import (
     WEATHER,
     HdrCrops,
@@ -171,8 +171,8 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
         if not np.isfinite(true).all():
             continue
         for number, camera in enumerate(SKY_CAMERAS):
-            rng = generator(source.panorama.name, number, "colour of the sky")
-            crop = take(source, camera(rng), model.spec)
+            rng = crop_rng(source.panorama.name, number, "colour of the sky")
+            crop = crop_panorama(source, camera(rng), model.spec)
             pixels, gains, _ = augment(crop, rng)
             height, width = pixels.shape[:2]
             light = estimate_from_pixels(model, Photo(pixels, width, height, "PIXELS")).lighting
@@ -302,7 +302,7 @@ def _stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: S
     Of a clear sky it is the luminance of the channels' ratios: it only has to be the same for all that are compared.
     """
     said = luminance(np.array(sun)) / luminance(np.array(sky))
-    clear = luminance(np.array([clear_ratio(round(e)) for e in elevation]))
+    clear = luminance(np.array([clear_sun_to_sky_ratio(round(e)) for e in elevation]))
     return np.asarray(np.log2(said / clear))
 
 
@@ -318,7 +318,7 @@ def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
 
 def _photo_sun_stops(model: Model, data: Path) -> Floats:
     """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
-    rows = [r for r in needed_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= MIN_ELEVATION]
+    rows = [r for r in require_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= MIN_ELEVATION]
     lights = [predict_photo(model, read_photo(row.path)).light for row in rows]
     said = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
     if not said:

@@ -11,7 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.cameras import pinhole
+from export.crops.cameras import pinhole_camera
 from export.crops.crops import Crop
 from lighting.color import luminance
 from lighting.envmap.latlong import row_irradiance, shrink_envmap
@@ -174,7 +174,7 @@ def mirror_photo(crop: Crop) -> Floats:
     The picture's own angles are known; what is brighter than white is clipped, as in a photo.
     """
     height, width = crop.linear.shape[:2]
-    camera = pinhole(crop.camera, width, height)
+    camera = pinhole_camera(crop.camera, width, height)
     across = math.degrees(2 * math.atan(width / 2 / camera.focal_length))
     azimuth, elevation = latlong_angles(HEIGHT)
     tilt = crop.camera.elevation

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops.crops import Crop, Source, load_sources, take
-from export.data.panoramas import DataError, Panorama, linear_of, read_index
+from export.crops.crops import Crop, Source, crop_panorama, load_sources
+from export.data.panoramas import DataError, Panorama, linearize, read_index
 from export.evaluation.hdr_truth import (
     HEIGHT,
     TrueLight,
@@ -83,9 +83,9 @@ def take_hdr_crops(data: Path, labels: Path, spec: ModelSpec, part: str = "val",
 def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH) -> HdrCrops:
     """`each` paper-protocol crops of each of some panoramas of WEATHER; what is clipped in one is so in its light."""
     sources = load_sources(panoramas, labels)
-    apart = {s.panorama.name: split_sun(linear_of(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
+    apart = {s.panorama.name: split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
     views = [view for i, view in enumerate(protocol_views(sources, "paper")) if i % CROPS_EACH < each]
-    crops = [take(source, camera, spec) for source, camera in views]
+    crops = [crop_panorama(source, camera, spec) for source, camera in views]
     truth = [
         true_light(apart[source.panorama.name], camera.azimuth, crop.gain)
         for (source, camera), crop in zip(views, crops, strict=True)

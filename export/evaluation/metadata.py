@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.crops import generator
+from export.crops.crops import crop_rng
 from export.evaluation.metrics import (
     Truth,
     answers_from_sun,
@@ -97,11 +97,11 @@ def simulate_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
 
 
 def _sighting_of(truth: Truth, i: int) -> _SunSighting:
-    return _simulate_sighting(float(angles(truth.sun[i])[1]), generator(truth.panorama[i], 0, "sighting"))
+    return _simulate_sighting(float(angles(truth.sun[i])[1]), crop_rng(truth.panorama[i], 0, "sighting"))
 
 
 def _taken(truth: Truth, i: int, seen: _SunSighting, index: int) -> SimulatedMetadata:
-    rng = generator(truth.panorama[i], index, "compass")
+    rng = crop_rng(truth.panorama[i], index, "compass")
     heading = (seen.compass - float(angles(truth.sun[i])[0])) % 360.0
     gross = bool(rng.random() < GROSS)
     error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_ERROR)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from export.data.labels import agreement, check_rendered, read_labels
+from export.data.labels import check_rendered, read_labels, sun_agreement
 from export.data.panoramas import Panorama, is_permissive, read_index
 from export.evaluation.evaluate import Evaluation, Options
 from export.evaluation.failures import RELIABILITY_FILE
@@ -27,7 +27,7 @@ def write_card(evaluation: Evaluation, options: Options) -> Path:
     model = options.models[0]
     target, docs = model.parent / CARD, ROOT / "docs"
     train, val = read_index(options.data, "train"), read_index(options.data, "val")
-    given = agreement([*train, *val], read_labels(options.labels))
+    given = sun_agreement([*train, *val], read_labels(options.labels))
     loaded = Model.load(model)
     values = {
         **_of_model(loaded, model),

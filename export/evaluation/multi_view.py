@@ -12,7 +12,7 @@ from textwrap import fill
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.crops import generator
+from export.crops.crops import crop_rng
 from export.evaluation.metadata import COMPASS_ERROR, COMPASS_MEDIAN, SimulatedMetadata, keep_evidence
 from export.evaluation.metrics import Truth, figures_table, median, percentage
 from lighting.circular import HEADINGS, Heading
@@ -158,7 +158,7 @@ def _groups_of(truth: Truth, crops_each: int, size: int) -> list[_Group]:
     found = []
     for first in range(0, len(truth.scored), crops_each):
         if truth.scored[first]:
-            order = generator(truth.panorama[first], size, "group").permutation(crops_each) + first
+            order = crop_rng(truth.panorama[first], size, "group").permutation(crops_each) + first
             found += [_Group(part, truth.place[first]) for part in order.reshape(-1, size)]
     return found
 

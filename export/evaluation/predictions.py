@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, pinhole
-from export.crops.crops import Crop, Source, finest_side, generator, take
+from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, pinhole_camera
+from export.crops.crops import Crop, Source, crop_panorama, crop_rng, native_longer_side
 from export.data.panoramas import DataError, Panorama
 from export.evaluation.metrics import Answers, Truth
 from lighting.color import tone_map
@@ -48,9 +48,9 @@ def protocol_views(sources: Sequence[Source], protocol: str) -> list[View]:
     """CROPS_EACH views of each panorama by a protocol, at even steps of azimuth from a random start."""
     taken: list[View] = []
     for source in sources:
-        start = generator(source.panorama.name, 0, "azimuth").uniform(-180, 180)
+        start = crop_rng(source.panorama.name, 0, "azimuth").uniform(-180, 180)
         for index in range(CROPS_EACH):
-            drawn = PROTOCOLS[protocol](generator(source.panorama.name, index, protocol))
+            drawn = PROTOCOLS[protocol](crop_rng(source.panorama.name, index, protocol))
             azimuth = (start + index * 360 / CROPS_EACH + 180) % 360 - 180
             taken.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
     return taken
@@ -61,7 +61,7 @@ def sun_centered_views(sources: Sequence[Source]) -> list[View]:
     taken: list[View] = []
     for source in (source for source in sources if source.panorama.sun == "visible"):
         for index in range(AIMED_EACH):
-            rng = generator(source.panorama.name, index, "sun in view")
+            rng = crop_rng(source.panorama.name, index, "sun in view")
             drawn = aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)
             taken.append((source, replace(drawn, mirrored=False)))
     return taken
@@ -72,7 +72,7 @@ def _predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Pre
     crops: list[Crop] = []
     said: list[Prediction] = []
     for first in range(0, len(views), BATCH):
-        part = [take(source, camera, model.spec) for source, camera in views[first : first + BATCH]]
+        part = [crop_panorama(source, camera, model.spec) for source, camera in views[first : first + BATCH]]
         said += model.predict(np.stack([pad_to_input(tone_map(crop.linear), model.spec) for crop in part]))
         crops += part
     return collect_truth([source.panorama for source, _ in views], crops), said
@@ -94,8 +94,8 @@ def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredi
 
 def _photo_pixels(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
     """The view (h, w, 3) as a photo that was read: TARGET pixels along its longer side, or what the panorama has."""
-    side = min(TARGET, finest_side(*view))
-    return tone_map(take(*view, replace(spec, width=side, height=side)).linear)
+    side = min(TARGET, native_longer_side(*view))
+    return tone_map(crop_panorama(*view, replace(spec, width=side, height=side)).linear)
 
 
 def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
@@ -120,7 +120,7 @@ def _what_is_in_view(panorama: Panorama, crop: Crop) -> str:
     """By geometry: a visible sun, or more than SKY_SHARE of the frame above the horizon, or neither."""
     if panorama.sun == "visible" and crop.sun_pixel:
         return "sun in view"
-    rays = camera_directions(pinhole(crop.camera, 32, 24))
+    rays = camera_directions(pinhole_camera(crop.camera, 32, 24))
     return "sky in view" if np.mean(rays[..., 1] > 0) > MIN_SKY_SHARE else "no sky"
 
 

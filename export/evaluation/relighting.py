@@ -17,8 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.crops.crops import Crop, load_sources, take
-from export.data.labels import Label, labels_of
+from export.crops.crops import Crop, crop_panorama, load_sources
+from export.data.labels import Label, read_labels_of
 from export.data.panoramas import DataError, read_index
 from export.evaluation.hdr_truth import HEIGHT, SIZE, pool_map, render_scene, scene_points, transfer_matrix
 from export.evaluation.metrics import Names, difference_interval, format_interval, markdown_table
@@ -72,7 +72,7 @@ def _lit_crops(data: Path, labels: Path, spec: ModelSpec) -> _LitCrops:
     if not panoramas:
         raise DataError(f"{data} has no HDR panorama in `val` that shows its sun, so nothing can be relit.")
     views = protocol_views(load_sources(panoramas, labels), "paper")
-    crops = [take(source, camera, spec) for source, camera in views]
+    crops = [crop_panorama(source, camera, spec) for source, camera in views]
     truth = [
         pool_map(rotate_envmap(source.levels[0], -camera.azimuth)) * crop.gain
         for (source, camera), crop in zip(views, crops, strict=True)
@@ -82,7 +82,7 @@ def _lit_crops(data: Path, labels: Path, spec: ModelSpec) -> _LitCrops:
 
 def _estimated(model: Model, views: list[View]) -> list[Floats]:
     """The environment maps that a network's answers give."""
-    crops = [take(source, camera, model.spec) for source, camera in views]
+    crops = [crop_panorama(source, camera, model.spec) for source, camera in views]
     said = [predict_photo(model, photo_from_array(tone_map(c.linear))) for c in crops]
     return [np.asarray(render(lighting_from_prediction(p), HEIGHT)) for p in said]
 
@@ -113,7 +113,7 @@ def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     truth = [render_scene(light) for light in shown.truth]
     pictures = {name: [render_scene(li) for li in _estimated(model, shown.views)] for name, model in loaded.items()}
     training = [
-        la for la in labels_of(read_index(data, "train"), labels) if la.fit_ok and math.isfinite(la.sun_elevation)
+        la for la in read_labels_of(read_index(data, "train"), labels) if la.fit_ok and math.isfinite(la.sun_elevation)
     ]
     pictures["mean training sky"] = [render_scene(_mean_sky(training))] * len(truth)
     constants = [render_scene(sky) for sky in _constant_skies(training)]

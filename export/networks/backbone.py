@@ -8,7 +8,7 @@ from torch import Tensor, nn
 # Layers that the networks share, and what a network returns.
 
 
-class Said(NamedTuple):
+class NetworkOutput(NamedTuple):
     """A network's answers for B photos; shape (B, 0) for heads that it lacks."""
 
     sun: Tensor  # (B, G) logits over the cells of its grid
@@ -20,7 +20,7 @@ class Said(NamedTuple):
     suitable: Tensor  # (B, 1) logit that this is an ordinary photo of outdoors by daylight
 
 
-def convolution(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Sequential:
+def conv_batch_norm(inside: int, outside: int, kernel: int, stride: int = 1, groups: int = 1) -> nn.Sequential:
     """Convolution and batch normalisation, without activation.
 
     Strided ones pad as TensorFlow's SAME does on even inputs, right and bottom first: the pretrained weights expect it.
@@ -39,9 +39,9 @@ class _InvertedResidual(nn.Module):
     def __init__(self, inside: int, outside: int, kernel: int, stride: int, expansion: int, drop: float) -> None:
         super().__init__()
         wide = inside * expansion
-        self.expand = convolution(inside, wide, 1) if expansion > 1 else None
-        self.depthwise = convolution(wide, wide, kernel, stride, groups=wide)
-        self.project = convolution(wide, outside, 1)
+        self.expand = conv_batch_norm(inside, wide, 1) if expansion > 1 else None
+        self.depthwise = conv_batch_norm(wide, wide, kernel, stride, groups=wide)
+        self.project = conv_batch_norm(wide, outside, 1)
         self.residual = stride == 1 and inside == outside
         self.drop = drop
 
@@ -58,7 +58,7 @@ class _InvertedResidual(nn.Module):
         return x + y
 
 
-def nothing(photo: Tensor) -> Tensor:
+def empty_output(photo: Tensor) -> Tensor:
     """The answer (B, 0) of a head that the network lacks."""
     return photo[:, 0, 0, :0]
 
@@ -87,7 +87,7 @@ class Backbone(nn.Module):
 
     def __init__(self, drop_path: float = 0.1) -> None:
         super().__init__()
-        self.stem = convolution(3, 32, 3, 2)
+        self.stem = conv_batch_norm(3, 32, 3, 2)
         blocks: list[nn.Module] = []
         inside, total = 32, sum(stage[-1] for stage in _STAGES)
         for expansion, kernel, stride, outside, repeats in _STAGES:
@@ -96,7 +96,7 @@ class Backbone(nn.Module):
                 blocks.append(_InvertedResidual(inside, outside, kernel, stride if i == 0 else 1, expansion, drop))
                 inside = outside
         self.blocks = nn.Sequential(*blocks)
-        self.head = convolution(320, 1280, 1)
+        self.head = conv_batch_norm(320, 1280, 1)
         for layer in self._frozen():
             layer.requires_grad_(False)
 

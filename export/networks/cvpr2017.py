@@ -4,7 +4,7 @@ import math
 
 from torch import Tensor, nn
 
-from export.networks.backbone import Said, nothing
+from export.networks.backbone import NetworkOutput, empty_output
 from lighting.model import PARAMETERS
 from lighting.records import ModelSpec
 
@@ -38,6 +38,6 @@ class DeepOutdoor(nn.Module):
         self.sun = nn.Linear(2048, cells)
         self.values = nn.Linear(2048, len(PARAMETERS))
 
-    def forward(self, photo: Tensor) -> Said:
+    def forward(self, photo: Tensor) -> NetworkOutput:
         shared = self.shared(self.convolutions(photo))
-        return Said(self.sun(shared), self.values(shared), *[nothing(photo)] * 5)
+        return NetworkOutput(self.sun(shared), self.values(shared), *[empty_output(photo)] * 5)

@@ -24,18 +24,25 @@ from torch import Tensor, nn
 
 from export.crops.targets import COLUMNS, DARKEST, ROWS
 from export.data.panoramas import DataError
-from export.networks.backbone import Said
+from export.networks.backbone import NetworkOutput
 from export.networks.outdoor import (
     ROLL_SCALE,
+    cell_directions,
     decode_parameters,
-    expected,
-    levelled,
-    roll_spread,
-    seen_probability,
-    towards,
-    with_the_seen,
+    expected_roll,
+    fuse_sun_in_view,
+    mean_of_camera_bins,
+    roll_bins_std,
+    sun_in_view_probability,
 )
-from export.networks.weights import describe_data, differ, history, read_network, read_record, read_spec
+from export.networks.weights import (
+    describe_data,
+    have_different_specs,
+    read_network,
+    read_record,
+    read_spec,
+    training_history,
+)
 from lighting.errors import ModelError
 from lighting.geometry import angles
 from lighting.model import MORE_OUTPUTS, OUTPUTS, Model, weights_path
@@ -176,21 +183,21 @@ class _Served(nn.Module):
         return [*OUTPUTS, *(MORE_OUTPUTS if any(n.light is not None for n in self.networks) else ())]
 
     def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
-        said: list[Said] = [network(photo) for network in self.networks]
+        said: list[NetworkOutput] = [network(photo) for network in self.networks]
         sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in said]).mean(dim=0)
         sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
         raw = torch.stack([one.raw.float() for one in said]).mean(dim=0)
         asked = [network(photo) for network in self.cameras] or said
         camera = torch.stack([_camera(one) for one in asked]).mean(dim=0)
         parameters = decode_parameters(torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1))
-        seen = [seen_probability(one.seen.float()) for one in said if one.seen.shape[1]]
+        seen = [sun_in_view_probability(one.seen.float()) for one in said if one.seen.shape[1]]
         if seen:
-            rays = towards(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
-            sun = with_the_seen(sun, torch.stack(seen).mean(dim=0), rays, self.cells)
+            rays = cell_directions(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
+            sun = fuse_sun_in_view(sun, torch.stack(seen).mean(dim=0), rays, self.cells)
         return sun, parameters, *_light(said)
 
 
-def _camera(said: Said) -> Tensor:
+def _camera(said: NetworkOutput) -> Tensor:
     """The camera's raw values (B, 3): the mean of those of its bins and of the head of values, where both are.
 
     The bins also say how sure they are of the roll, which is then that of photographs.
@@ -198,12 +205,12 @@ def _camera(said: Said) -> Tensor:
     values = said.raw[:, 2:5].float()
     if not said.camera.shape[1]:
         return values
-    camera = 0.5 * (values + expected(said.camera))
-    roll = levelled(camera[:, 1:2] * ROLL_SCALE, roll_spread(said.camera) * ROLL_SCALE) / ROLL_SCALE
+    camera = 0.5 * (values + mean_of_camera_bins(said.camera))
+    roll = expected_roll(camera[:, 1:2] * ROLL_SCALE, roll_bins_std(said.camera) * ROLL_SCALE) / ROLL_SCALE
     return torch.cat([camera[:, :1], roll, camera[:, 2:]], dim=1)
 
 
-def _light(said: Sequence[Said]) -> tuple[Tensor, ...]:
+def _light(said: Sequence[NetworkOutput]) -> tuple[Tensor, ...]:
     """The light (B, 8) and what lies around (B, ROWS, COLUMNS, 3) of the networks that say it; nothing if none does."""
     known = [one for one in said if one.light.shape[1]]
     if not known:
@@ -237,10 +244,10 @@ def write_onnx(
     photos; ModelError if the file's answers differ from torch's by more than TOLERANCE, or by more than ROUNDED once
     its weights are stored small.
     """
-    if differ([*folders, *cameras]):
+    if have_different_specs([*folders, *cameras]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")
     spec, known = _described(folders, version)
-    known["cameras"] = json.dumps([history(read_record(f)) for f in cameras])
+    known["cameras"] = json.dumps([training_history(read_record(f)) for f in cameras])
     networks, seeing = ([read_network(f) for f in some] for some in (folders, cameras))
     served = _Served(networks, spec.sun_grid, temperature, seeing, elevation_scale).eval()
     known["networks"] = str(len(folders) + len(cameras))
@@ -268,8 +275,8 @@ def _described(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec,
     """The spec of the file and the metadata that tell where its networks come from."""
     records, spec = [read_record(f) for f in folders], read_spec(folders[0])
     data = "; ".join(dict.fromkeys(describe_data(r) for r in records))
-    commits = ", ".join(dict.fromkeys(run["commit"] for run in history(*records)))
-    training = json.dumps([history(r) for r in records])
+    commits = ", ".join(dict.fromkeys(run["commit"] for run in training_history(*records)))
+    training = json.dumps([training_history(r) for r in records])
     known = {"commit": commits, "training": training}
     return replace(spec, training_data=data, version=version or spec.version), known
 

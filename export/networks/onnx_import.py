@@ -15,7 +15,7 @@ import torch
 from torch import Tensor, nn
 
 from export.data.panoramas import DataError
-from export.networks.outdoor import HEADS, Outdoor, build
+from export.networks.outdoor import HEADS, Outdoor, build_network
 from export.networks.weights import CHECKPOINT, RECORD, check_new
 from lighting.files.atomic import atomic_write
 from lighting.records import ModelSpec
@@ -23,7 +23,7 @@ from lighting.records import ModelSpec
 GROUPS = ("networks", "cameras")  # those of `Served`, in the order in which a file's networks are numbered
 
 
-def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
+def read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     """Network `number` (from 0) of a file, and the file's metadata; heads that did not ship have random weights.
 
     DataError if the file is none of `write_onnx`, or holds no such network.
@@ -43,7 +43,7 @@ def read_shipped(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
         raise DataError(f"{file} holds no network number {number}.")
     prefix = prefixes[number]
     bins, around = (any(t.startswith(f"{prefix}{head}.") for t in tensors) for head in ("camera", "around"))
-    network = build(spec, bins=bins, around=around)
+    network = build_network(spec, bins=bins, around=around)
     assert isinstance(network, Outdoor)
     missing, _ = network.load_state_dict(_weights(network, tensors, prefix), strict=False)
     if lost := [name for name in missing if not name.startswith((*HEADS, "sun.", "values."))]:
@@ -120,7 +120,7 @@ def _shared(name: str) -> bool:
     return any(f".backbone.{part}." in name for part in ("stem", "blocks.0", "blocks.1", "blocks.2"))
 
 
-def recalibrate(network: nn.Module, photos: Iterable[Tensor]) -> None:
+def recalibrate_batch_norm(network: nn.Module, photos: Iterable[Tensor]) -> None:
     """Give batch normalisations that change nothing the statistics of photos (B, 3, H, W), at the same answers."""
     sums: dict[nn.BatchNorm2d, list[Tensor]] = {}
 

@@ -20,7 +20,7 @@ from torch import Tensor, nn
 
 from export.crops.targets import CELL, CELLS
 from export.data.panoramas import DataError
-from export.networks.backbone import Backbone, Said, convolution, load_imagenet, nothing
+from export.networks.backbone import Backbone, NetworkOutput, conv_batch_norm, empty_output, load_imagenet
 from export.networks.cvpr2017 import DeepOutdoor
 from lighting.model import PARAMETERS
 from lighting.records import ModelSpec
@@ -35,7 +35,7 @@ _CENTRE = torch.tensor([math.log(4.0), math.log(5.0), 0.0, 0.0, 55.0])
 _SCALE = torch.tensor([0.5, 0.6, 15.0, ROLL_SCALE, 15.0])
 
 
-def encode(parameters: Tensor) -> Tensor:
+def encode_parameters(parameters: Tensor) -> Tensor:
     """Targets of the first five raw values (B, 5) from parameters (B, 5) in their units."""
     value = torch.where(_LOGARITHMIC.to(parameters.device), parameters.clamp_min(1e-6).log(), parameters)
     return (value - _CENTRE.to(value)) / _SCALE.to(value)
@@ -63,13 +63,13 @@ def _bins(like: Tensor) -> Tensor:
     return (low[:, None] + (high - low)[:, None] * steps).to(like)
 
 
-def expected(logits: Tensor) -> Tensor:
+def mean_of_camera_bins(logits: Tensor) -> Tensor:
     """Raw values (B, 3) of the camera: the means of its bins' probabilities, from logits (B, 3, BINS)."""
     chances = logits.float().softmax(dim=2)
     return (chances * _bins(chances)).sum(dim=2)
 
 
-def roll_spread(logits: Tensor) -> Tensor:
+def roll_bins_std(logits: Tensor) -> Tensor:
     """Standard deviation (B, 1) of the roll's raw value by its bins, less their targets', from logits (B, 3, BINS)."""
     chances, centres = logits[:, 1].float().softmax(dim=1), _bins(logits)[1].float()
     mean = (chances * centres).sum(dim=1, keepdim=True)
@@ -77,7 +77,7 @@ def roll_spread(logits: Tensor) -> Tensor:
     return (variance - (_SPREAD * (centres[1] - centres[0])) ** 2).clamp_min(0.0).sqrt()
 
 
-def binned(raw: Tensor) -> Tensor:
+def camera_bin_targets(raw: Tensor) -> Tensor:
     """Target probabilities (B, 3, BINS) of raw values (B, 3) of the camera."""
     centres = _bins(raw)
     width = (centres[:, 1] - centres[:, 0])[:, None]
@@ -96,9 +96,9 @@ class _SeenSun(nn.Module):
     def __init__(self, channels: int, features: int, hidden: int = 48) -> None:
         super().__init__()
         self.where = nn.Sequential(
-            convolution(channels, hidden, 1),
+            conv_batch_norm(channels, hidden, 1),
             nn.ReLU6(),
-            convolution(hidden, hidden, 5, groups=hidden),
+            conv_batch_norm(hidden, hidden, 5, groups=hidden),
             nn.ReLU6(),
             nn.Conv2d(hidden, 1, 1),
         )
@@ -114,7 +114,7 @@ class _CameraBins(nn.Module):
 
     def __init__(self, channels: int, features: int, cells: int, reduced: int = 24, hidden: int = 320) -> None:
         super().__init__()
-        self.where = nn.Sequential(convolution(channels, reduced, 1), nn.ReLU6(), nn.Flatten())
+        self.where = nn.Sequential(conv_batch_norm(channels, reduced, 1), nn.ReLU6(), nn.Flatten())
         self.bins = nn.Sequential(
             nn.Dropout(DROP / 2),
             nn.Linear(features + reduced * cells, hidden),
@@ -151,15 +151,15 @@ class Outdoor(nn.Module):
         self.light = _head(features, LIGHT) if around else None
         self.suitable = nn.Linear(1280, 1) if around else None
 
-    def forward(self, photo: Tensor) -> Said:
+    def forward(self, photo: Tensor) -> NetworkOutput:
         middle, last, pooled = self.backbone(photo)
         features = torch.cat([pooled, self.where(last)], dim=1)
-        seen = self.seen(middle, pooled) if self.seen else nothing(photo)
-        around = self.around(features) if self.around else nothing(photo)
-        light = self.light(features) if self.light else nothing(photo)
-        camera = self.camera(middle, pooled) if self.camera else nothing(photo)
-        suitable = self.suitable(pooled) if self.suitable else nothing(photo)
-        return Said(self.sun(features), self.values(features), seen, around, camera, light, suitable)
+        seen = self.seen(middle, pooled) if self.seen else empty_output(photo)
+        around = self.around(features) if self.around else empty_output(photo)
+        light = self.light(features) if self.light else empty_output(photo)
+        camera = self.camera(middle, pooled) if self.camera else empty_output(photo)
+        suitable = self.suitable(pooled) if self.suitable else empty_output(photo)
+        return NetworkOutput(self.sun(features), self.values(features), seen, around, camera, light, suitable)
 
 
 def _head(features: int, outputs: int) -> nn.Sequential:
@@ -174,12 +174,12 @@ RARER = 1.0  # nats; the sun is rarer in photos than in the crops that teach to 
 DIRECTION_SPREAD = 5.0  # deg per axis of the directions that a cell stands for: the error of the estimated camera
 
 
-def seen_probability(logits: Tensor) -> Tensor:
+def sun_in_view_probability(logits: Tensor) -> Tensor:
     """Probabilities (B, 1 + cells) that the sun is seen nowhere, and in each cell, from the network's logits."""
     return (logits - RARER * (torch.arange(logits.shape[1], device=logits.device) > 0)).softmax(dim=1)
 
 
-def towards(photo: Tensor, elevation: Tensor, roll: Tensor, fov: Tensor) -> Tensor:
+def cell_directions(photo: Tensor, elevation: Tensor, roll: Tensor, fov: Tensor) -> Tensor:
     """Unit vectors (B, cells, 3) through the cells' centres of canvases (B, 3, H, W); angles (B,) in deg.
 
     Signs are those of `lighting.geometry`. The photo's height is that of the canvas without the zero rows around it.
@@ -198,7 +198,7 @@ def towards(photo: Tensor, elevation: Tensor, roll: Tensor, fov: Tensor) -> Tens
     return nn.functional.normalize(rays, dim=2)
 
 
-def with_the_seen(sun: Tensor, seen: Tensor, towards: Tensor, cells: Tensor) -> Tensor:
+def fuse_sun_in_view(sun: Tensor, seen: Tensor, towards: Tensor, cells: Tensor) -> Tensor:
     """Probabilities (B, G) over directions (G, 3), with those of a sun seen in the picture mixed in.
 
     `seen` (B, 1 + cells) are the probabilities of nowhere and of each cell, `towards` (B, cells, 3) where cells look.
@@ -214,7 +214,7 @@ def with_the_seen(sun: Tensor, seen: Tensor, towards: Tensor, cells: Tensor) -> 
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
 
 
-def build(
+def build_network(
     spec: ModelSpec, *, pretrained: bool = False, sees: bool = True, bins: bool = True, around: bool = False
 ) -> nn.Module:
     """The network of `spec.name`; `pretrained` loads the ImageNet weights of the backbone if it has one.
@@ -252,7 +252,7 @@ _TRUST = 0.65  # errors over the bins' spread, less that of their targets; 0.6 a
 _LEAST = 0.3  # deg, the smallest error of a network
 
 
-def levelled(roll: Tensor, spread: Tensor) -> Tensor:
+def expected_roll(roll: Tensor, spread: Tensor) -> Tensor:
     """The expected roll (B, 1) [deg] of photographs of which a network says a roll (B, 1) with a spread (B, 1)."""
     error = (_TRUST * spread).clamp_min(_LEAST) ** 2
     prior = _SPREADS.to(roll) ** 2
@@ -269,7 +269,7 @@ BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained wit
 BACKBONE_STD = (128 / 255,) * 3
 
 
-def specs(version: str) -> dict[str, ModelSpec]:
+def network_specs(version: str) -> dict[str, ModelSpec]:
     """The spec of each network by its name, for a version of it."""
     return {
         "outdoor": ModelSpec("outdoor", version, 224, 224, BACKBONE_MEAN, BACKBONE_STD, "fibonacci:1024"),

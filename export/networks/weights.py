@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from export.data.panoramas import DataError
-from export.networks.outdoor import build, load_weights
+from export.networks.outdoor import build_network, load_weights
 from lighting.files.atomic import atomic_write
 from lighting.records import ModelSpec
 
@@ -40,12 +40,12 @@ def read_spec(folder: Path) -> ModelSpec:
     return ModelSpec.from_json(json.dumps(read_record(folder)["spec"]))
 
 
-def differ(folders: Sequence[Path]) -> bool:
+def have_different_specs(folders: Sequence[Path]) -> bool:
     """Whether the networks of training folders have different specs, versions aside."""
     return len({replace(read_spec(folder), version="") for folder in folders}) > 1
 
 
-def history(*records: dict[str, Any]) -> list[dict[str, Any]]:
+def training_history(*records: dict[str, Any]) -> list[dict[str, Any]]:
     """Settings and commits of runs, of those they continue and of those they were merged from, once each.
 
     Of the runs and places that they learnt from, the folders' last names; no paths.
@@ -75,7 +75,7 @@ def describe_data(record: dict[str, Any]) -> str:
     """One sentence about the network's training data; that of the file if it was read back from one."""
     if told := record.get("training_data"):
         return str(told)
-    runs, names = history(record), record["panoramas"]["train"]
+    runs, names = training_history(record), record["panoramas"]["train"]
     free = all(run["licensed_only"] for run in runs)
     which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
     pretrained = runs[0]["pretrained"] and record["spec"]["name"] != "cvpr2017"  # which has no such weights
@@ -125,7 +125,7 @@ def read_network(folder: Path) -> nn.Module:
     """The averaged network of a training folder, ready to answer."""
     weights = averaged_weights(folder)
     has = {part: any(name.startswith(head) for name in weights) for part, head in LEARNT.items()}
-    network = build(read_spec(folder), **has)
+    network = build_network(read_spec(folder), **has)
     load_weights(network, weights)
     return network.eval()
 
@@ -140,7 +140,7 @@ def average_weights(folders: Sequence[Path], out: Path) -> None:
     have, such as those of the head `seen`, are averaged over these. DataError if the networks differ or if `out`
     already holds a run.
     """
-    if differ(folders):
+    if have_different_specs(folders):
         raise DataError("The runs' networks differ, so their weights have no mean.")
     check_new(out)
     records = [read_record(f) for f in folders]
@@ -148,7 +148,7 @@ def average_weights(folders: Sequence[Path], out: Path) -> None:
     mean = {f"module.{name}": _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
     names = dict.fromkeys(name for r in records for name in r["panoramas"]["train"])
     held_out = [name for name in records[0]["panoramas"]["tune"] if name not in names]
-    record = {**records[0], "panoramas": {"train": list(names), "tune": held_out}, "merged": history(*records)}
+    record = {**records[0], "panoramas": {"train": list(names), "tune": held_out}, "merged": training_history(*records)}
     out.mkdir(parents=True, exist_ok=True)
     with atomic_write(out / RECORD) as path:
         path.write_text(json.dumps(record, indent=1))

@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from export import PHOTO_SET_PARTS
-from export.crops.cameras import Camera, pinhole
-from export.crops.crops import automatic_gain, generator
-from export.data.panoramas import DataError, Panorama, linear_of, read_index, read_picture
+from export.crops.cameras import Camera, pinhole_camera
+from export.crops.crops import auto_exposure_gain, crop_rng
+from export.data.panoramas import DataError, Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from lighting.color import tone_map
 from lighting.fusion.estimate import predict_photo
@@ -75,7 +75,7 @@ def _one_per_place(panoramas: Sequence[Panorama]) -> list[Panorama]:
     for panorama in panoramas:
         places.setdefault(panorama.place, []).append(panorama)
     return [
-        of_place[int(generator(name, 0, "which").integers(len(of_place)))] for name, of_place in sorted(places.items())
+        of_place[int(crop_rng(name, 0, "which").integers(len(of_place)))] for name, of_place in sorted(places.items())
     ]
 
 
@@ -84,7 +84,7 @@ def _one_per_place(panoramas: Sequence[Panorama]) -> list[Panorama]:
 
 def _photograph_sweep(panorama: Panorama, count: int, purpose: str) -> list[_Photo]:
     """Photos of which each overlaps the one before; decided by the panorama's name and the purpose alone."""
-    rng = generator(panorama.name, count, purpose)
+    rng = crop_rng(panorama.name, count, purpose)
     fov, azimuth = rng.uniform(*PHOTO_FOVS), rng.uniform(-180, 180)
     side = rng.choice([-1.0, 1.0])
     cameras = []
@@ -105,13 +105,13 @@ def expose_panorama(panorama: Panorama) -> NDArray[np.float32]:
     Args:
         panorama: HDR or 8-bit.
     """
-    linear = linear_of(panorama, read_picture(panorama))
-    return linear if panorama.kind == "ldr" else np.asarray(linear * automatic_gain(linear), dtype=np.float32)
+    linear = linearize(panorama, read_picture(panorama))
+    return linear if panorama.kind == "ldr" else np.asarray(linear * auto_exposure_gain(linear), dtype=np.float32)
 
 
 def _photograph(linear: NDArray[np.float32], camera: Camera, gain: Floats) -> NDArray[np.uint8]:
     """What a camera takes of a panorama in linear values (H, 2H, 3)."""
-    rays = camera_directions(pinhole(camera, PHOTO_WIDTH, PHOTO_HEIGHT, camera.azimuth))
+    rays = camera_directions(pinhole_camera(camera, PHOTO_WIDTH, PHOTO_HEIGHT, camera.azimuth))
     return np.asarray(tone_map(sample_latlong(linear, rays.astype(np.float32)) * gain))
 
 

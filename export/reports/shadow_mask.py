@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.crops.crops import automatic_gain
-from export.data.path_tracing import RenderedPlace, random_sky
-from export.data.procedural_towns import place
+from export.crops.crops import auto_exposure_gain
+from export.data.path_tracing import RenderedTown, random_sky
+from export.data.procedural_towns import random_town
 from export.evaluation.metrics import figures_table, percentage
 from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.latlong import row_irradiance
@@ -96,7 +96,7 @@ def _render_scene(number: int) -> _GroundScene | None:
     """None for a place without sun or ground."""
     rng = np.random.default_rng([17, number])
     sky = random_sky(rng)
-    town = RenderedPlace(*place(rng), sky)
+    town = RenderedTown(*random_town(rng), sky)
     angles = {"azimuth": rng.uniform(-180, 180), "elevation": rng.uniform(-18, 5)}
     camera = Pinhole(GROUND_WIDTH, GROUND_HEIGHT, rng.uniform(42, 65), **angles)
     if sky.sunlight < MIN_SUN or not town.is_clear():
@@ -105,7 +105,7 @@ def _render_scene(number: int) -> _GroundScene | None:
     if traced.ground.mean() < MIN_GROUND:
         return None
     radiance = traced.sky + traced.sun
-    gain = automatic_gain(radiance)
+    gain = auto_exposure_gain(radiance)
     above = row_irradiance(len(sky.radiance)) @ sky.radiance.mean(axis=1, dtype=np.float64)
     light = replace(
         sky.lighting,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export import CLIP_KINDS
-from export.crops.crops import generator
+from export.crops.crops import crop_rng
 from export.data.panoramas import DataError, Panorama, decode_srgb, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from export.reports.photo_sets import expose_panorama
@@ -116,7 +116,7 @@ class _Clip:
 
 
 def _film_panorama(panorama: Panorama, kind: str) -> _Clip:
-    rng = generator(panorama.name, 0, f"clip {kind}")
+    rng = crop_rng(panorama.name, 0, f"clip {kind}")
     time, fov = np.arange(round(CLIP_RATE * CLIP_SECONDS)) / CLIP_RATE, float(rng.uniform(*CLIP_FOVS))
     path, gain = _handheld_path(time, kind, rng), _gains(time, kind, rng)
     zoom = np.ones(len(time))

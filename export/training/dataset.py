@@ -13,7 +13,7 @@ from PIL import Image
 from torch import Tensor
 from torch.utils.data import Dataset
 
-from export.crops.augmentation import augment, companions, cutmix, same_view
+from export.crops.augmentation import augment, cutmix, cutmix_partners, matching_camera
 from export.crops.cameras import Camera, aimed_camera, paper_camera, training_camera
 from export.crops.crops import (
     NOT_STRETCHED,
@@ -21,19 +21,19 @@ from export.crops.crops import (
     Source,
     Stretch,
     anisotropic_scale,
-    any_stretch,
-    generator,
+    crop_panorama,
+    crop_rng,
     is_resolved,
     load_sources,
+    random_stretch,
     sampling_weights,
-    take,
 )
-from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
-from export.crops.targets import CELLS, light_around, panorama_irradiance, surroundings_in_camera, where_seen
+from export.crops.photos import PhotoSource, crop_photo, load_photos, photo_sun_likelihood, photo_weights
+from export.crops.targets import CELLS, coarse_radiance, panorama_irradiance, sun_in_view_target, surroundings_in_camera
 from export.data.panoramas import DataError, Panorama, read_index
-from export.data.photos import needed_photo_rows
+from export.data.photos import require_photo_rows
 from export.data.town_dataset import LABELS
-from export.networks.outdoor import LIGHT, specs
+from export.networks.outdoor import LIGHT, network_specs
 from export.training.config import TrainConfig
 from lighting.color import tone_map
 from lighting.files.atomic import atomic_write
@@ -80,11 +80,11 @@ class TrainingCrops(Dataset[Batch]):
         parts = [(1 - share) * sampling_weights(sources), share * sampling_weights(synthetic)]
         chances = np.concatenate(parts)
         self.chances = np.cumsum(chances)
-        self.companions = companions(self.sources, chances) if config.joined and not tune else []
+        self.companions = cutmix_partners(self.sources, chances) if config.joined and not tune else []
         self.photos = [] if tune else list(photos)
         self.photo_chances = np.cumsum(photo_weights(photos)) if self.photos else np.zeros(0)
         self.light = {s.panorama.path: panorama_irradiance(s) for s in self.sources} if config.surroundings else {}
-        self.around = {s.panorama.path: light_around(s) for s in self.sources} if config.surroundings else {}
+        self.around = {s.panorama.path: coarse_radiance(s) for s in self.sources} if config.surroundings else {}
         self.purpose = f"train from {Path(config.start).name}" if config.start else "train"
 
     def __len__(self) -> int:
@@ -95,7 +95,7 @@ class TrainingCrops(Dataset[Batch]):
             raise IndexError(index)
         if self.tune:
             return self._batch([self.sources[index % len(self.sources)]], index, "tune")
-        rng = generator("photo", index, self.purpose)
+        rng = crop_rng("photo", index, self.purpose)
         if self.photos and rng.random() < self.config.photos_share:
             return self._photo(self.photos[_draw(self.photo_chances, rng)], rng, self._stretch(index).upwards)
         stretch = self._stretch(index)
@@ -104,8 +104,8 @@ class TrainingCrops(Dataset[Batch]):
 
     def _drawn(self, index: int) -> list[int]:
         """The index of the source that a crop shows, and at times of a second one."""
-        number = _draw(self.chances, generator("panorama", index, self.purpose))
-        rng = generator("joined", index, self.purpose)
+        number = _draw(self.chances, crop_rng("panorama", index, self.purpose))
+        rng = crop_rng("joined", index, self.purpose)
         if rng.random() >= self.config.joined:
             return [number]
         numbers, chances = self.companions[number]
@@ -113,19 +113,19 @@ class TrainingCrops(Dataset[Batch]):
 
     def _stretch(self, index: int) -> Stretch:
         """The stretch of a crop's world, at times."""
-        rng = generator("stretch", index, self.purpose)
-        return any_stretch(rng) if rng.random() < self.config.stretched else NOT_STRETCHED
+        rng = crop_rng("stretch", index, self.purpose)
+        return random_stretch(rng) if rng.random() < self.config.stretched else NOT_STRETCHED
 
     def _batch(self, shown: Sequence[Source], index: int, purpose: str) -> Batch:
         source = shown[0]
-        rng = generator(source.panorama.name, index, purpose)
+        rng = crop_rng(source.panorama.name, index, purpose)
         camera = paper_camera(rng) if self.tune else self._camera(source, rng)
         sharpness = rng.uniform(self.config.sharpness, 1.0)
-        crop = take(source, camera, self.spec, sharpness)
+        crop = crop_panorama(source, camera, self.spec, sharpness)
         taken = [(source, camera, crop.gain)]
         for other in shown[1:]:
-            view = same_view(camera, source, other, rng)
-            second = take(other, view, self.spec, sharpness)
+            view = matching_camera(camera, source, other, rng)
+            second = crop_panorama(other, view, self.spec, sharpness)
             taken.append((other, view, second.gain))
             crop = cutmix(crop, second, rng)
         pixels, gains, hidden = augment(crop, rng)
@@ -135,20 +135,20 @@ class TrainingCrops(Dataset[Batch]):
             photo=torch.from_numpy(pad_to_input(pixels, self.spec)),
             sun=torch.from_numpy(self._sun(crop)),
             parameters=torch.from_numpy(_parameters(crop, float(gains.mean()), resolved=resolved)),
-            seen=torch.from_numpy(where_seen(crop, self.spec, visible)).float(),
+            seen=torch.from_numpy(sun_in_view_target(crop, self.spec, visible)).float(),
             around=torch.from_numpy(self._around(taken, gains)),
             light=torch.from_numpy(self._light(shown, gains * crop.gain)),
             likely=torch.tensor(False),
         )
 
     def _photo(self, photo: PhotoSource, rng: np.random.Generator, upwards: float) -> Batch:
-        crop = take_photo(photo, rng, self.spec, upwards)
+        crop = crop_photo(photo, rng, self.spec, upwards)
         pixels, _, _ = augment(crop, rng)
         return Batch(
             photo=torch.from_numpy(pad_to_input(pixels, self.spec)),
-            sun=torch.from_numpy(likelihood(crop, self.spec.sun_grid).astype(np.float32)),
+            sun=torch.from_numpy(photo_sun_likelihood(crop, self.spec.sun_grid).astype(np.float32)),
             parameters=torch.from_numpy(_parameters(crop, 1.0, resolved=True)),
-            seen=torch.from_numpy(where_seen(crop, self.spec, visible=None)).float(),
+            seen=torch.from_numpy(sun_in_view_target(crop, self.spec, visible=None)).float(),
             around=torch.full((3 * CELLS if self.around else 0,), math.nan),
             light=torch.full((LIGHT if self.around else 0,), math.nan),
             likely=torch.tensor(True),
@@ -221,7 +221,7 @@ def training_photos(config: TrainConfig) -> list[PhotoSource]:
     """The ordinary photos that the run mixes in, if any; DataError if it asks for a share and there are none."""
     if not config.photos_share:
         return []
-    return load_photos(needed_photo_rows(config.data, licensed_only=config.licensed_only))
+    return load_photos(require_photo_rows(config.data, licensed_only=config.licensed_only))
 
 
 def synthetic_sources(config: TrainConfig) -> list[Source]:
@@ -241,9 +241,11 @@ def write_samples(folder: Path, target: Path) -> None:
     panoramas = read_index(folder, "train")[: ACROSS * DOWN]
     if len(panoramas) < ACROSS * DOWN:
         raise DataError(f"{folder} holds {len(panoramas)} places; the picture shows {ACROSS * DOWN}.")
-    spec = specs("")["outdoor"]
+    spec = network_specs("")["outdoor"]
     sources = load_sources(panoramas, folder / LABELS)
-    crops = [take(source, paper_camera(generator(source.panorama.name, 0, "sample")), spec) for source in sources]
+    crops = [
+        crop_panorama(source, paper_camera(crop_rng(source.panorama.name, 0, "sample")), spec) for source in sources
+    ]
     tiles = np.stack([tone_map(crop.linear) for crop in crops])
     height, width = tiles.shape[1:3]
     rows = tiles.reshape(DOWN, ACROSS, height, width, 3).swapaxes(1, 2)

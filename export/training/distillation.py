@@ -14,8 +14,8 @@ import torch
 from torch import Tensor
 
 from export.data.panoramas import DataError
-from export.networks.backbone import Said
-from export.networks.outdoor import decode_parameters, expected
+from export.networks.backbone import NetworkOutput
+from export.networks.outdoor import decode_parameters, mean_of_camera_bins
 from export.networks.weights import read_network, read_spec
 from export.training.dataset import Batch
 from lighting.records import ModelSpec
@@ -45,9 +45,9 @@ class TeacherEnsemble:
     @torch.no_grad()
     def targets(self, photo: Tensor) -> Batch:
         """The batch (B, 3, H, W) with the teachers' mean answers in place of what is known of its crops."""
-        said = [Said(*(part.float() for part in network(photo))) for network in self.networks]
+        said = [NetworkOutput(*(part.float() for part in network(photo))) for network in self.networks]
         raw = _mean([one.raw for one in said])
-        if camera := [expected(one.camera) for one in said if one.camera.shape[1]]:
+        if camera := [mean_of_camera_bins(one.camera) for one in said if one.camera.shape[1]]:
             raw = torch.cat([raw[:, :2], _mean(camera), raw[:, 5:]], dim=1)
         light = _mean([one.light for one in said]) if self.around else photo[:, 0, 0, :0]
         return Batch(

@@ -19,12 +19,12 @@ from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError, Panorama
-from export.networks.outdoor import build, load_weights, specs
-from export.networks.weights import CHECKPOINT, RECORD, averaged_weights, history, read_checkpoint, read_record
+from export.networks.outdoor import build_network, load_weights, network_specs
+from export.networks.weights import CHECKPOINT, RECORD, averaged_weights, read_checkpoint, read_record, training_history
 from export.training.config import MAY_CHANGE, PLACES, TrainConfig
 from export.training.dataset import Batch, TrainingCrops, synthetic_sources, training_panoramas, training_photos
 from export.training.distillation import TeacherEnsemble, mixup
-from export.training.losses import losses
+from export.training.losses import training_losses
 from lighting.files.atomic import atomic_write, stale_temporaries
 
 # The state of a training run: saved and resumed as a whole.
@@ -46,11 +46,13 @@ class _Run:
 
     def __init__(self, config: TrainConfig) -> None:
         self.config = config
-        self.spec = specs(config.version)[config.network]
+        self.spec = network_specs(config.version)[config.network]
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self.halves = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
         torch.manual_seed(0)
-        network = build(self.spec, pretrained=config.pretrained and not config.start, around=config.surroundings)
+        network = build_network(
+            self.spec, pretrained=config.pretrained and not config.start, around=config.surroundings
+        )
         if config.start:
             load_weights(network, averaged_weights(Path(config.start)))
         if config.only_seen:
@@ -101,7 +103,7 @@ class _Run:
         """Losses of a batch on the device, in bfloat16 where that is safe and the processor has it."""
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
             said = network(batch.photo)
-        return losses(said, batch)
+        return training_losses(said, batch)
 
     def taught(self, teachers: TeacherEnsemble, batch: Batch) -> dict[str, Tensor]:
         """Losses of a batch against what is known of its crops and against what the teachers answer."""
@@ -109,7 +111,9 @@ class _Run:
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
             answers = teachers.targets(batch.photo)
             said = self.network(batch.photo)
-        return losses(said, batch) | {f"taught {name}": loss for name, loss in losses(said, answers).items()}
+        return training_losses(said, batch) | {
+            f"taught {name}": loss for name, loss in training_losses(said, answers).items()
+        }
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """One step of the optimiser; what it leaves out by chance depends on the step, so runs resume as they were."""
@@ -170,7 +174,7 @@ def _write_record(run: _Run, commits: Iterable[str], kept: Sequence[Panorama], h
         "spec": asdict(run.spec),
         "commit": ", ".join(dict.fromkeys(commits)),
         "torch": torch.__version__,
-        "before": history(*(read_record(Path(folder)) for folder in sources)),
+        "before": training_history(*(read_record(Path(folder)) for folder in sources)),
         "panoramas": {"train": [p.name for p in kept], "tune": [p.name for p in held_out]},
     }
     with atomic_write(Path(config.out) / RECORD) as path:

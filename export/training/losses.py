@@ -4,8 +4,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from export.networks.backbone import Said
-from export.networks.outdoor import binned, encode
+from export.networks.backbone import NetworkOutput
+from export.networks.outdoor import camera_bin_targets, encode_parameters
 from export.training.dataset import Batch
 
 LEAST_LIKELIHOOD = 1e-9
@@ -15,9 +15,9 @@ CAMERA_WEIGHT = 0.25  # of each angle's bins
 LIGHT_WEIGHT = 0.5
 
 
-def losses(said: Said, batch: Batch) -> dict[str, Tensor]:
+def training_losses(said: NetworkOutput, batch: Batch) -> dict[str, Tensor]:
     """Mean losses of one batch by name, each over the crops that have the target."""
-    target = torch.cat([encode(batch.parameters[:, :5]), batch.parameters[:, 5:]], dim=1)
+    target = torch.cat([encode_parameters(batch.parameters[:, :5]), batch.parameters[:, 5:]], dim=1)
     known = torch.isfinite(target)
     target = torch.where(known, target, torch.zeros_like(target))
     fit = F.smooth_l1_loss(said.raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
@@ -50,7 +50,7 @@ def _sun(logits: Tensor, batch: Batch) -> Tensor:
 
 
 def _camera(logits: Tensor, target: Tensor, known: Tensor) -> Tensor:
-    cross = -(binned(target) * F.log_softmax(logits.float(), dim=2)).sum(dim=2)
+    cross = -(camera_bin_targets(target) * F.log_softmax(logits.float(), dim=2)).sum(dim=2)
     return _masked_mean(cross, known).sum()
 
 

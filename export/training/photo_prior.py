@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 
 from export.crops.crops import Source, sampling_weights
-from export.data.labels import labels_of
+from export.data.labels import read_labels_of
 from export.data.panoramas import read_index
-from export.data.photos import needed_photo_rows
+from export.data.photos import require_photo_rows
 from lighting.geometry import Floats
 
 SCALES = np.arange(20.0, 301.0, 5.0)  # deg, those tried
@@ -19,9 +19,9 @@ SCALES = np.arange(20.0, 301.0, 5.0)  # deg, those tried
 
 def describe_prior(data: Path, labels: Path) -> str:
     """The fitted scale in words, over places of the photos of `photos_train.csv`; DataError for data without any."""
-    rows = needed_photo_rows(data)
+    rows = require_photo_rows(data)
     panoramas = read_index(data, "train")
-    sources = [Source(p, (), label) for p, label in zip(panoramas, labels_of(panoramas, labels), strict=True)]
+    sources = [Source(p, (), label) for p, label in zip(panoramas, read_labels_of(panoramas, labels), strict=True)]
     weights = sampling_weights(sources)
     crops = np.array([s.label.sun_elevation for s in sources], dtype=np.float64)
     seen = np.isfinite(crops)

@@ -17,9 +17,9 @@ from torch import Tensor, nn
 
 from export.crops.augmentation import augment
 from export.crops.cameras import training_camera
-from export.crops.crops import Source, generator, load_sources, take
+from export.crops.crops import Source, crop_panorama, crop_rng, load_sources
 from export.crops.negatives import Picture, read_unsuitable, unsuitable_pictures
-from export.crops.photos import load_photos, photo_weights, take_photo
+from export.crops.photos import crop_photo, load_photos, photo_weights
 from export.data.panoramas import DataError, read_index, read_table
 from export.data.photos import read_photo_rows
 from export.networks.outdoor import Outdoor
@@ -59,7 +59,7 @@ class _Head:
         return features @ self.weight + self.bias
 
 
-def learn_suitable(runs: Sequence[Path], data: Path, labels: Path) -> str:
+def fit_suitability_head(runs: Sequence[Path], data: Path, labels: Path) -> str:
     """Fit the head, write each run's part of it into its averaged weights, and return in words what it achieves.
 
     The runs answer together: the mean of their logits is the head's. DataError if one has not learnt the light, since
@@ -94,7 +94,7 @@ def _photos(data: Path, spec: ModelSpec) -> list[Picture]:
     photos = load_photos(read_photo_rows(data))
     rng = np.random.default_rng(1)
     drawn: list[int] = rng.choice(len(photos), PHOTOS, p=photo_weights(photos)).tolist() if photos else []
-    return [augment(take_photo(photos[i], rng, spec), rng)[0] for i in drawn]
+    return [augment(crop_photo(photos[i], rng, spec), rng)[0] for i in drawn]
 
 
 def _on_photos(head: _Head, networks: Sequence[Outdoor], data: Path, spec: ModelSpec) -> str:
@@ -117,8 +117,8 @@ def _crops(sources: Sequence[Source], count: int, spec: ModelSpec) -> Iterator[t
     """Training crops as pictures, of one source after the other."""
     for number in range(count):
         source = sources[number * 7919 % len(sources)]
-        rng = generator(source.panorama.name, number, "suitable")
-        yield augment(take(source, training_camera(rng), spec), rng)[0], source
+        rng = crop_rng(source.panorama.name, number, "suitable")
+        yield augment(crop_panorama(source, training_camera(rng), spec), rng)[0], source
 
 
 def _features(networks: Sequence[Outdoor], spec: ModelSpec, shown: Iterable[Picture]) -> Tensor:

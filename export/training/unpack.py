@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
-from export.networks.onnx_import import read_shipped, recalibrate, write_run
+from export.networks.onnx_import import read_onnx_network, recalibrate_batch_norm, write_run
 from export.networks.weights import check_new
 from export.training.config import TrainConfig
 from export.training.dataset import TrainingCrops, training_panoramas
@@ -24,8 +24,8 @@ def unpack_network(file: Path, number: int, config: TrainConfig) -> None:
     DataError if the file holds no such network or if the folder holds a run.
     """
     check_new(Path(config.out))
-    network, metadata = read_shipped(file, number)
-    recalibrate(network, _photos(config, ModelSpec.from_json(metadata["spec"])))
+    network, metadata = read_onnx_network(file, number)
+    recalibrate_batch_norm(network, _photos(config, ModelSpec.from_json(metadata["spec"])))
     write_run(network, metadata, file, number, Path(config.out))
 
 

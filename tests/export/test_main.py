@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from export.__main__ import export_cli
 from export.data.panoramas import INDEX, DataError
 from export.evaluation.relighting import _lit_crops
-from export.networks.outdoor import specs
+from export.networks.outdoor import network_specs
 from lighting.errors import LightingError
 
 
@@ -63,7 +63,7 @@ def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, ne
         assert isinstance(result.exception, DataError | LightingError), (command, result.output)
         assert message in str(result.exception)
     with pytest.raises(DataError, match="has no HDR panorama in `val` that shows its sun"):
-        _lit_crops(data, data / "labels.csv", specs("0")["outdoor"])
+        _lit_crops(data, data / "labels.csv", network_specs("0")["outdoor"])
 
 
 def test_a_kind_of_clips_that_does_not_exist_is_refused(data: Path) -> None:

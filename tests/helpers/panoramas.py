@@ -14,7 +14,7 @@ from export.data.path_tracing import HEIGHT, Sky
 from export.data.procedural_towns import Mesh, _box
 from export.evaluation.failures import _Failure
 from export.evaluation.metrics import Answers, Truth, answers_from_sun
-from export.networks.outdoor import specs
+from export.networks.outdoor import network_specs
 from lighting.color import tone_map
 from lighting.envmap.render import render
 from lighting.geometry import angle_between, angles, direction, latlong_directions
@@ -22,7 +22,7 @@ from lighting.records import Lighting, Prediction
 from lighting.sun_grid import grid_directions
 from tests.lighting.fusion.test_single_view import GRID, SPEC, fusion_lobe, fusion_prediction
 
-EXAMPLES_SPEC = specs("0")["outdoor"]
+EXAMPLES_SPEC = network_specs("0")["outdoor"]
 
 
 SUN = (40.0, 25.0)  # deg

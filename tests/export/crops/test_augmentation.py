@@ -14,12 +14,12 @@ from export.crops.augmentation import (
     Linear,
     Picture,
     augment,
-    companions,
     cutmix,
-    same_view,
+    cutmix_partners,
+    matching_camera,
 )
 from export.crops.cameras import Camera
-from export.crops.crops import Crop, Source, generator, take
+from export.crops.crops import Crop, Source, crop_panorama, crop_rng
 from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, brightest, crop, label, source
 
 
@@ -108,14 +108,14 @@ def test_companions_are_other_places_under_the_same_light() -> None:
         at("f", nan, "no"),
         at("g", 16.0),
     ]
-    found = companions(sources, np.arange(1.0, 9.0))
+    found = cutmix_partners(sources, np.arange(1.0, 9.0))
     assert [list(numbers) for numbers, _ in found] == [[2, 7], [2], [0, 1], [3], [4], [6], [5], [0]]
     np.testing.assert_allclose(found[0][1], [3 / 11, 1.0])
     assert all(chances[-1] == pytest.approx(1.0) for _, chances in found)
 
 
 def test_panoramas_that_are_never_drawn_are_nobodys_companion() -> None:
-    found = companions([at("a", 20.0), at("b", 21.0), at("c", 60.0)], np.array([1.0, 0.0, 0.0]))
+    found = cutmix_partners([at("a", 20.0), at("b", 21.0), at("c", 60.0)], np.array([1.0, 0.0, 0.0]))
     assert [list(numbers) for numbers, _ in found] == [[0], [0], [2]]
     assert all(chances[-1] == 1.0 for _, chances in found)
 
@@ -125,11 +125,11 @@ def test_both_cameras_see_their_sun_in_the_same_place(mirrored: bool) -> None:
     one, other = source(), source("ldr", sun=label())
     turned = replace(other, levels=(np.roll(other.levels[0], 100, axis=1),), label=label(40.0 + 100 / 512 * 360))
     camera = Camera(30.0, 15.0, 6.0, 60.0, 4 / 3, mirrored)
-    first = take(one, camera, EXAMPLES_SPEC)
+    first = crop_panorama(one, camera, EXAMPLES_SPEC)
     seen = set()
     for index in range(12):
-        second_camera = same_view(camera, one, turned, generator("same view", index, "test"))
-        second = take(turned, second_camera, EXAMPLES_SPEC)
+        second_camera = matching_camera(camera, one, turned, crop_rng("same view", index, "test"))
+        second = crop_panorama(turned, second_camera, EXAMPLES_SPEC)
         seen.add(second_camera.mirrored)
         assert second.sun_azimuth == pytest.approx(first.sun_azimuth)
         assert second.camera.roll == pytest.approx(first.camera.roll)
@@ -141,18 +141,18 @@ def test_without_a_sun_the_second_camera_looks_anywhere() -> None:
     one, other = at("a", float("nan"), "no"), at("b", float("nan"), "no")
     one = replace(one, label=replace(one.label, sun_azimuth=float("nan")))
     camera = Camera(30.0, 15.0, 6.0, 60.0, 4 / 3)
-    seen = [same_view(camera, one, other, generator("no sun", i, "test")) for i in range(20)]
+    seen = [matching_camera(camera, one, other, crop_rng("no sun", i, "test")) for i in range(20)]
     assert np.ptp([c.azimuth for c in seen]) > 180
     assert {(c.elevation, c.roll, c.vertical_fov) for c in seen} == {(15.0, 6.0, 60.0)}
 
 
 def test_a_joined_crop_shows_both_places_and_the_first_ones_sun() -> None:
     camera = Camera(30.0, 15.0, 0.0, 60.0, 4 / 3)
-    one = take(source(), camera, EXAMPLES_SPEC)
+    one = crop_panorama(source(), camera, EXAMPLES_SPEC)
     other = replace(one, linear=np.full_like(one.linear, 7.0), sun_elevation=28.0, sun_uncertainty=6.0)
     shares = []
     for index in range(60):
-        crop = cutmix(one, other, generator("joined", index, "test"))
+        crop = cutmix(one, other, crop_rng("joined", index, "test"))
         second = (crop.linear == 7.0).all(axis=-1)
         np.testing.assert_array_equal(crop.linear[~second], one.linear[~second])
         x, y = brightest(one)
@@ -168,10 +168,10 @@ def test_a_joined_crop_shows_both_places_and_the_first_ones_sun() -> None:
 
 def test_a_sun_that_only_the_second_place_has_in_the_frame_is_not_shown() -> None:
     """The target is the first crop's, which says that no sun is seen."""
-    other = take(source(), Camera(30.0, 15.0, 0.0, 60.0, 4 / 3), EXAMPLES_SPEC)
+    other = crop_panorama(source(), Camera(30.0, 15.0, 0.0, 60.0, 4 / 3), EXAMPLES_SPEC)
     x, y = brightest(other)
     one = replace(other, linear=np.full_like(other.linear, 7.0), sun_azimuth=150.0)
     assert one.sun_pixel is None
     for index in range(20):
-        crop = cutmix(one, other, generator("away", index, "test"))
+        crop = cutmix(one, other, crop_rng("away", index, "test"))
         assert (crop.linear[int(y), int(x)] == 7.0).all()

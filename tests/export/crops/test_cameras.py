@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from export.crops.cameras import MAX_HORIZONTAL_FOV, TILTED, _phone_camera, aimed_camera, paper_camera, training_camera
-from export.crops.crops import generator
+from export.crops.crops import crop_rng
 from tests.helpers.panoramas import crop
 
 
 @pytest.mark.parametrize("draw", [paper_camera, _phone_camera, training_camera])
 def test_cameras_stay_inside_their_protocol(draw: object) -> None:
-    drawn = [draw(generator("name", i, "test")) for i in range(300)]  # type: ignore[operator]
+    drawn = [draw(crop_rng("name", i, "test")) for i in range(300)]  # type: ignore[operator]
     elevation, fov = 20 if draw is paper_camera else 35, (25, 90)
     roll = {paper_camera: 0.0, _phone_camera: 10.0, training_camera: TILTED}[draw]  # type: ignore[index]
     assert all(

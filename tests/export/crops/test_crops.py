@@ -16,13 +16,13 @@ from export.crops.crops import (
     Stretch,
     _load_source,
     anisotropic_scale,
-    any_stretch,
-    generator,
+    crop_panorama,
+    crop_rng,
     is_resolved,
+    random_stretch,
     sampling_weights,
-    take,
 )
-from export.crops.targets import COLUMNS, ROWS, light_around, surroundings_in_camera
+from export.crops.targets import COLUMNS, ROWS, coarse_radiance, surroundings_in_camera
 from export.data.labels import Label
 from export.data.panoramas import Panorama
 from lighting.geometry import Pinhole, angles, camera_directions, camera_pixel, direction
@@ -33,7 +33,7 @@ from tests.helpers.panoramas import EXAMPLES_SPEC, SUN, brightest, label, source
 @pytest.mark.parametrize("roll", [0.0, 9.0])
 @pytest.mark.parametrize("aspect", [9 / 16, 4 / 3])
 def test_the_target_points_at_the_brightest_pixel(aspect: float, roll: float, mirrored: bool) -> None:
-    crop = take(source(), Camera(30.0, 15.0, roll, 60.0, aspect, mirrored), EXAMPLES_SPEC)
+    crop = crop_panorama(source(), Camera(30.0, 15.0, roll, 60.0, aspect, mirrored), EXAMPLES_SPEC)
     height, width = crop.linear.shape[:2]
     c = crop.camera
     expected = camera_pixel(crop.sun_direction, Pinhole(width, height, c.vertical_fov, 0.0, c.elevation, c.roll))
@@ -46,14 +46,14 @@ def test_no_black_ring_surrounds_the_sun_of_an_hdr_panorama() -> None:
     bright = hdr.levels[0].copy()
     bright[:] = 0.2
     bright[bright.shape[0] // 2, bright.shape[1] // 2] = 1e4
-    crop = take(replace(hdr, levels=(bright,)), Camera(0.0, 0.0, 0.0, 60.0, 4 / 3), EXAMPLES_SPEC)
+    crop = crop_panorama(replace(hdr, levels=(bright,)), Camera(0.0, 0.0, 0.0, 60.0, 4 / 3), EXAMPLES_SPEC)
     assert crop.linear.max() > 100 * crop.linear.min()
     assert crop.linear.min() == pytest.approx(0.2 * crop.gain, rel=1e-3)
 
 
 def test_ldr_and_hdr_crops_show_the_same_light() -> None:
     camera = Camera(0.0, 5.0, 2.0, 50.0, 4 / 3)
-    ldr, hdr = take(source("ldr"), camera, EXAMPLES_SPEC), take(source("hdr"), camera, EXAMPLES_SPEC)
+    ldr, hdr = crop_panorama(source("ldr"), camera, EXAMPLES_SPEC), crop_panorama(source("hdr"), camera, EXAMPLES_SPEC)
     np.testing.assert_allclose(ldr.linear * (hdr.exposure / ldr.exposure), hdr.linear, rtol=0.05, atol=0.01)
 
 
@@ -63,7 +63,7 @@ def test_lower_sharpness_and_narrow_views_keep_the_size_and_lose_detail() -> Non
     sizes = set()
     spread = []
     for fov, sharpness in ((60.0, 1.0), (60.0, 0.4), (25.0, 1.0)):
-        crop = take(noisy, Camera(0.0, 0.0, 0.0, fov, 4 / 3), EXAMPLES_SPEC, sharpness)
+        crop = crop_panorama(noisy, Camera(0.0, 0.0, 0.0, fov, 4 / 3), EXAMPLES_SPEC, sharpness)
         sizes.add(crop.linear.shape)
         spread.append(float(np.abs(np.diff(crop.linear[..., 0] / crop.linear[..., 0].mean(), axis=1)).mean()))
     assert sizes == {(168, 224, 3)}
@@ -74,7 +74,7 @@ def test_lower_sharpness_and_narrow_views_keep_the_size_and_lose_detail() -> Non
 def test_unknown_suns_and_untrusted_fits_are_nan() -> None:
     nan = math.nan
     unknown = Label("p", nan, nan, nan, "none", nan, nan, 3.0, 0.5, 0.1, False, "")
-    crop = take(source(sun=unknown), Camera(0.0, 0.0, 0.0, 50.0, 1.0), EXAMPLES_SPEC)
+    crop = crop_panorama(source(sun=unknown), Camera(0.0, 0.0, 0.0, 50.0, 1.0), EXAMPLES_SPEC)
     assert np.isnan(crop.sun_direction).all()
     np.testing.assert_array_equal(np.isnan(crop.parameters), [True, True, False, False, False, True])
 
@@ -82,16 +82,18 @@ def test_unknown_suns_and_untrusted_fits_are_nan() -> None:
 def test_rays_above_the_horizon_see_the_upper_half() -> None:
     upper = np.zeros((256, 512, 3), np.float32)
     upper[:128] = 1.0
-    crop = take(Source(source().panorama, (upper,), label()), Camera(77.0, 12.0, 6.0, 50.0, 4 / 3), EXAMPLES_SPEC)
+    crop = crop_panorama(
+        Source(source().panorama, (upper,), label()), Camera(77.0, 12.0, 6.0, 50.0, 4 / 3), EXAMPLES_SPEC
+    )
     rays = camera_directions(Pinhole(224, 168, 50.0, 0.0, 12.0, 6.0))
     clear = np.abs(rays[..., 1]) > 0.02
     assert ((crop.linear[..., 0] > 0.5 * crop.linear.max()) == (rays[..., 1] > 0))[clear].all()
 
 
 def test_randomness_depends_on_name_index_and_purpose_alone() -> None:
-    values = {generator(n, i, p).random() for n in "ab" for i in range(3) for p in ("train", "tune")}
+    values = {crop_rng(n, i, p).random() for n in "ab" for i in range(3) for p in ("train", "tune")}
     assert len(values) == 12
-    assert generator("a", 1, "train").random() == generator("a", 1, "train").random()
+    assert crop_rng("a", 1, "train").random() == crop_rng("a", 1, "train").random()
 
 
 def test_large_places_and_common_elevations_are_drawn_less_each() -> None:
@@ -110,7 +112,7 @@ def test_sources_are_halved_for_wide_views(tmp_path: Path) -> None:
     loaded = _load_source(Panorama("p", tmp_path / "p.png", "ldr", "a", "train"), label())
     assert [level.shape[0] for level in loaded.levels] == [768, 384, 192]
     assert all((level == [10, 200, 30]).all() for level in loaded.levels)
-    crop = take(loaded, Camera(0.0, 0.0, 0.0, 80.0, 1.0), EXAMPLES_SPEC)
+    crop = crop_panorama(loaded, Camera(0.0, 0.0, 0.0, 80.0, 1.0), EXAMPLES_SPEC)
     assert np.ptp(crop.linear, axis=(0, 1)).max() < 1e-3
 
 
@@ -142,7 +144,9 @@ def test_upright_and_level_things_stay_so() -> None:
 @pytest.mark.parametrize("stretch", [TALL, LONG])
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_the_crop_shows_the_sun_where_its_target_says(stretch: Stretch, mirrored: bool) -> None:
-    crop = take(anisotropic_scale(source(), stretch), Camera(30.0, 15.0, 5.0, 70.0, 4 / 3, mirrored), EXAMPLES_SPEC)
+    crop = crop_panorama(
+        anisotropic_scale(source(), stretch), Camera(30.0, 15.0, 5.0, 70.0, 4 / 3, mirrored), EXAMPLES_SPEC
+    )
     assert crop.sun_elevation != pytest.approx(SUN[1], abs=3.0)
     assert crop.sun_pixel is not None
     np.testing.assert_allclose(brightest(crop), crop.sun_pixel, atol=2.5)
@@ -151,8 +155,8 @@ def test_the_crop_shows_the_sun_where_its_target_says(stretch: Stretch, mirrored
 def test_a_world_that_is_not_stretched_gives_the_same_crop() -> None:
     camera = Camera(30.0, 15.0, 5.0, 70.0, 4 / 3)
     np.testing.assert_array_equal(
-        take(anisotropic_scale(source(), NOT_STRETCHED), camera, EXAMPLES_SPEC).linear,
-        take(source(), camera, EXAMPLES_SPEC).linear,
+        crop_panorama(anisotropic_scale(source(), NOT_STRETCHED), camera, EXAMPLES_SPEC).linear,
+        crop_panorama(source(), camera, EXAMPLES_SPEC).linear,
     )
 
 
@@ -165,7 +169,7 @@ def test_a_panorama_without_a_sun_has_none_when_it_is_stretched() -> None:
 def test_a_sky_that_was_fitted_around_another_sun_is_unknown() -> None:
     camera = Camera(0.0, 0.0, 0.0, 60.0, 1.0)
     one, other = (
-        take(anisotropic_scale(source(), stretch), camera, EXAMPLES_SPEC) for stretch in (NOT_STRETCHED, TALL)
+        crop_panorama(anisotropic_scale(source(), stretch), camera, EXAMPLES_SPEC) for stretch in (NOT_STRETCHED, TALL)
     )
     assert math.isfinite(one.turbidity * one.exposure)
     assert math.isnan(other.turbidity)
@@ -181,7 +185,7 @@ def test_a_stretch_costs_resolution() -> None:
 
 def test_the_light_around_is_that_of_the_stretched_world() -> None:
     camera = Camera(SUN[0], 0.0, 0.0, 60.0, 1.0)
-    around = light_around(source())
+    around = coarse_radiance(source())
     before, after = (
         surroundings_in_camera(around, camera, np.ones(3), stretch).reshape(ROWS, COLUMNS, 3)[..., 0]
         for stretch in (NOT_STRETCHED, Stretch(upwards=4.0))
@@ -191,7 +195,7 @@ def test_the_light_around_is_that_of_the_stretched_world() -> None:
 
 
 def test_stretches_are_drawn_within_their_limits_both_ways() -> None:
-    drawn = [any_stretch(np.random.default_rng(seed)) for seed in range(300)]
+    drawn = [random_stretch(np.random.default_rng(seed)) for seed in range(300)]
     upwards, along = np.log2([s.upwards for s in drawn]), np.log2([s.along for s in drawn])
     assert np.abs(upwards).max() <= UPWARDS
     assert np.abs(along).max() <= ALONG

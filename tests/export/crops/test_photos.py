@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.crops.photos import PhotoSource, likelihood, load_photos, photo_weights, take_photo
+from export.crops.photos import PhotoSource, crop_photo, load_photos, photo_sun_likelihood, photo_weights
 from export.data.photos import PhotoRow
 from lighting.color import tone_map
 from lighting.geometry import angles
@@ -27,7 +27,7 @@ def test_an_off_centre_crop_sees_the_sun_at_another_azimuth() -> None:
     focal = 200 / math.tan(math.radians(30))
     rng = np.random.default_rng(1)
     for _ in range(30):
-        crop = take_photo(photo(), rng, EXAMPLES_SPEC)
+        crop = crop_photo(photo(), rng, EXAMPLES_SPEC)
         height, width = crop.linear.shape[:2]
         red = crop.linear[height // 2, width // 2 - 1 : width // 2 + 1, 0].mean()
         column = 255 * float(np.where(red <= 0.0031308, 12.92 * red, 1.055 * red ** (1 / 2.4) - 0.055)) / 0.6
@@ -40,19 +40,19 @@ def test_an_off_centre_crop_sees_the_sun_at_another_azimuth() -> None:
 
 
 def test_the_likelihood_is_widest_where_least_is_known() -> None:
-    crop = take_photo(photo(), np.random.default_rng(0), EXAMPLES_SPEC)
+    crop = crop_photo(photo(), np.random.default_rng(0), EXAMPLES_SPEC)
     azimuth, elevation = angles(grid_directions(EXAMPLES_SPEC.sun_grid))
-    weight = likelihood(crop, EXAMPLES_SPEC.sun_grid)
+    weight = photo_sun_likelihood(crop, EXAMPLES_SPEC.sun_grid)
     assert weight.sum() == pytest.approx(1.0)
     best = int(np.argmax(weight))
     assert azimuth[best] == pytest.approx(crop.sun_azimuth, abs=5.0)
     assert elevation[best] == pytest.approx(20.0, abs=3.0)
     behind = np.abs(np.abs(azimuth - crop.sun_azimuth) - 180) < 30
     assert 0 < weight[behind].sum() < 0.05
-    unknown = take_photo(
+    unknown = crop_photo(
         photo(PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)), np.random.default_rng(0), EXAMPLES_SPEC
     )
-    ring = likelihood(unknown, EXAMPLES_SPEC.sun_grid)
+    ring = photo_sun_likelihood(unknown, EXAMPLES_SPEC.sun_grid)
     near = np.abs(elevation - 20.0) < 3.0
     assert np.ptp(ring[near]) < ring[near].max()
     assert ring[near].sum() > 0.5
@@ -61,7 +61,7 @@ def test_the_likelihood_is_widest_where_least_is_known() -> None:
 def test_a_stretched_photo_is_taller_and_has_a_higher_sun() -> None:
     """Each step down the picture shows fewer rows of the photo, by the stretch; columns stay as they are."""
     for seed in range(8):
-        crop = take_photo(photo(), np.random.default_rng(seed), EXAMPLES_SPEC, upwards=1.4)
+        crop = crop_photo(photo(), np.random.default_rng(seed), EXAMPLES_SPEC, upwards=1.4)
         assert math.tan(math.radians(crop.sun_elevation)) == pytest.approx(1.4 * math.tan(math.radians(20.0)))
         height, width = crop.linear.shape[:2]
         srgb = np.asarray(tone_map(crop.linear), dtype=float)

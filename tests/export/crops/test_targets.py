@@ -15,14 +15,14 @@ from export.crops.targets import (
     COVERED_SUN,
     DARKEST,
     ROWS,
-    clear_ratio,
-    light_around,
+    clear_sun_to_sky_ratio,
+    coarse_radiance,
     panorama_irradiance,
+    sun_in_view_target,
     surroundings_in_camera,
-    where_seen,
 )
 from export.data.panoramas import Panorama
-from export.networks.outdoor import specs
+from export.networks.outdoor import network_specs
 from lighting.color import tone_map
 from lighting.envmap.render import render, sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
@@ -51,7 +51,7 @@ def test_an_unclipped_sun_tells_both_powers() -> None:
 def test_a_clipped_sun_is_that_of_a_clear_sky() -> None:
     found = panorama_irradiance(panorama("ldr", "yes"))
     np.testing.assert_allclose(found.sky, sky_irradiance(SKY), rtol=0.06)
-    np.testing.assert_allclose(found.sun, found.sky * clear_ratio(25))
+    np.testing.assert_allclose(found.sun, found.sky * clear_sun_to_sky_ratio(25))
 
 
 def test_without_direct_sun_the_sun_is_weak() -> None:
@@ -76,13 +76,13 @@ def test_the_integral_is_that_of_a_level_plane() -> None:
     np.testing.assert_allclose(panorama_irradiance(grey).sky, 0.5 * np.pi, rtol=1e-3)
 
 
-SPEC = specs("0")["outdoor"]
+SPEC = network_specs("0")["outdoor"]
 
 
 def test_a_sun_outside_the_picture_is_seen_nowhere_and_an_unknown_one_asks_nothing() -> None:
-    assert where_seen(crop(VIEWS[0], 120.0, 17.0), SPEC, True)[0] == 1.0
-    assert where_seen(crop(VIEWS[0], float("nan"), float("nan")), SPEC, False)[0] == 1.0
-    assert where_seen(crop(VIEWS[0], 8.0, 17.0), SPEC, None).sum() == 0.0
+    assert sun_in_view_target(crop(VIEWS[0], 120.0, 17.0), SPEC, True)[0] == 1.0
+    assert sun_in_view_target(crop(VIEWS[0], float("nan"), float("nan")), SPEC, False)[0] == 1.0
+    assert sun_in_view_target(crop(VIEWS[0], 8.0, 17.0), SPEC, None).sum() == 0.0
 
 
 ONE = np.ones(3)
@@ -100,7 +100,7 @@ def lit_at(azimuth: float, kind: str = "hdr") -> Source:
 @pytest.mark.parametrize(("looking", "mirrored", "column"), [(90, False, 12), (30, False, 16), (30, True, 8)])
 def test_the_map_is_seen_from_the_camera(looking: float, mirrored: bool, column: int) -> None:
     camera = Camera(looking, 10.0, 0.0, 50.0, 4 / 3, mirrored)
-    cells = surroundings_in_camera(light_around(lit_at(90.0)), camera, ONE)
+    cells = surroundings_in_camera(coarse_radiance(lit_at(90.0)), camera, ONE)
     assert cells.size == 3 * CELLS
     for plane in cells.reshape(ROWS, COLUMNS, 3).transpose(2, 0, 1):
         centre = np.average(np.arange(COLUMNS) + 0.5, weights=(plane[: ROWS // 2] - plane.min()).sum(axis=0))
@@ -109,7 +109,7 @@ def test_the_map_is_seen_from_the_camera(looking: float, mirrored: bool, column:
 
 
 def test_the_photo_s_exposure_and_white_balance_count() -> None:
-    around, gains = light_around(lit_at(0.0)), np.array([3.0, 2.0, 1.0])
+    around, gains = coarse_radiance(lit_at(0.0)), np.array([3.0, 2.0, 1.0])
     camera = Camera(0.0, 0.0, 0.0, 50.0, 1.0)
     one, other = (np.exp(surroundings_in_camera(around, camera, g)).reshape(-1, 3) - DARKEST for g in (ONE, gains))
     np.testing.assert_allclose(other, one * gains, rtol=1e-3)
@@ -118,9 +118,9 @@ def test_the_photo_s_exposure_and_white_balance_count() -> None:
 def test_a_sun_counts_as_a_few_whites_at_most() -> None:
     source = lit_at(0.0)
     source.levels[0][40:44, 180:184] = 1e4
-    cells = surroundings_in_camera(light_around(source), Camera(0.0, 0.0, 0.0, 50.0, 1.0), ONE)
+    cells = surroundings_in_camera(coarse_radiance(source), Camera(0.0, 0.0, 0.0, 50.0, 1.0), ONE)
     assert np.exp(cells.max()) <= BRIGHTEST + DARKEST + 1e-4
 
 
 def test_ldr_and_hdr_panoramas_show_the_same_light() -> None:
-    np.testing.assert_allclose(light_around(lit_at(0.0, "ldr")), light_around(lit_at(0.0)), atol=0.05)
+    np.testing.assert_allclose(coarse_radiance(lit_at(0.0, "ldr")), coarse_radiance(lit_at(0.0)), atol=0.05)

@@ -6,7 +6,15 @@ from pathlib import Path
 
 import pytest
 
-from export.data.labels import Label, _label_panorama, agreement, check_rendered, read_labels, run, write_labels
+from export.data.labels import (
+    Label,
+    _label_panorama,
+    check_rendered,
+    label_folder,
+    read_labels,
+    sun_agreement,
+    write_labels,
+)
 from export.data.panoramas import DataError, Panorama, read_index
 from export.data.rendered_panoramas import _write_dataset
 
@@ -94,7 +102,7 @@ def test_agreement_counts_suns_and_overcast_skies() -> None:
     wrong = dataclasses.replace(LABEL, name="c", found_azimuth=170.0)
     none = dataclasses.replace(missed, name="d", sun_source="none", sun_azimuth=math.nan)
     suns = [panorama("a", "visible"), panorama("b", "visible"), panorama("c", "visible"), panorama("d", "none")]
-    result = agreement(suns, [LABEL, missed, wrong, none])
+    result = sun_agreement(suns, [LABEL, missed, wrong, none])
     assert (result.visible, result.found, result.overcast, result.rejected) == (3, 2, 1, 1)
     assert result.gross == 0.5
     assert result.error_25 < result.error_50 < result.error_75
@@ -106,7 +114,7 @@ def test_a_folder_is_labelled_whole(
 ) -> None:
     monkeypatch.setattr("export.data.labels.check_rendered", lambda: check_rendered(4, 32))
     _write_dataset(tmp_path, 8, 64)
-    run(tmp_path, tmp_path / "labels.csv", workers=2)
+    label_folder(tmp_path, tmp_path / "labels.csv", workers=2)
     labels = read_labels(tmp_path / "labels.csv")
     assert [label.name for label in labels] == [p.name for p in read_index(tmp_path)]
     assert sum(label.fit_ok for label in labels) >= 4

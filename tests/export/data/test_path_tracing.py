@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from export.data.panoramas import DataError
-from export.data.path_tracing import HEIGHT, VARIABLE, RenderedPlace, Sky, _despeckle, find_llvm, random_sky
+from export.data.path_tracing import HEIGHT, VARIABLE, RenderedTown, Sky, _despeckle, find_llvm, random_sky
 from export.data.procedural_towns import EYE, _box, _join
 from lighting.geometry import angle_between, direction, latlong_directions
 from tests.helpers.panoramas import ALBEDO, NOTHING, clear, plain
@@ -45,7 +45,7 @@ def test_an_llvm_that_ends_the_process_is_not_taken(tmp_path: Path, monkeypatch:
 @pytest.mark.usefixtures("llvm")
 def test_the_sky_is_seen_where_it_is() -> None:
     sky, height = clear(), 64
-    seen = RenderedPlace(plain(4.0), NOTHING, sky).panorama(height, 0)
+    seen = RenderedTown(plain(4.0), NOTHING, sky).panorama(height, 0)
     upper = sky.radiance[: HEIGHT // 2].reshape(height // 2, 4, 2 * height, 4, 3).mean(axis=(1, 3))
     near = angle_between(latlong_directions(height)[: height // 2], sky.lighting.sun_direction) < 12
     ratio = (seen[: height // 2] / upper)[~near]
@@ -59,10 +59,10 @@ def test_level_ground_shines_by_lambert_s_law() -> None:
     """Under an even sky L: albedo x L. Under the sun alone: albedo / pi x E x sin(elevation)."""
     even = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0).repeat(3, axis=2).astype(np.float32)
     overcast = Sky(even, clear().lighting, 0.0)
-    below = RenderedPlace(plain(), NOTHING, overcast).panorama(32, 1)[22:28]
+    below = RenderedTown(plain(), NOTHING, overcast).panorama(32, 1)[22:28]
     np.testing.assert_allclose(below.mean(axis=(0, 1)), ALBEDO, rtol=0.02)
     sunny = Sky(np.zeros_like(even) + 1e-6, clear().lighting, 1.0)
-    lit = RenderedPlace(plain(), NOTHING, sunny).panorama(32, 1)[22:28].mean(axis=(0, 1))
+    lit = RenderedTown(plain(), NOTHING, sunny).panorama(32, 1)[22:28].mean(axis=(0, 1))
     np.testing.assert_allclose(
         lit, np.array(ALBEDO) / np.pi * sunny.sun_irradiance * np.sin(np.radians(40.0)), rtol=0.02
     )
@@ -74,7 +74,7 @@ def test_a_shadow_falls_away_from_the_sun() -> None:
     sky = clear(elevation=30.0)
     toward = direction(60.0, 0.0)[[0, 2]]
     tower = _box(15 * toward, np.array([6.0, 30.0, 6.0]), -60.0, np.array(ALBEDO))
-    scene = RenderedPlace(_join([plain(), tower]), NOTHING, sky)
+    scene = RenderedTown(_join([plain(), tower]), NOTHING, sky)
     here, aside = np.array([[0.0, EYE, 0.0]]), np.array([[*(20 * toward[::-1] * [1, -1])]])
     aside = np.array([[aside[0, 0], EYE, aside[0, 1]]])
     assert scene.sunlit(here) == 0.0
@@ -86,7 +86,7 @@ def test_a_shadow_falls_away_from_the_sun() -> None:
 @pytest.mark.usefixtures("llvm")
 def test_a_camera_in_a_corner_is_not_clear() -> None:
     wall = _box(np.array([0.0, 0.9]), np.array([8.0, 3.0, 0.4]), 0.0, np.array(ALBEDO))
-    assert not RenderedPlace(_join([plain(), wall]), NOTHING, clear()).is_clear()
+    assert not RenderedTown(_join([plain(), wall]), NOTHING, clear()).is_clear()
 
 
 def test_single_bright_and_dark_pixels_go_and_edges_stay() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from export.data.panoramas import DataError
-from export.data.photos import COLUMNS, PHOTOS, needed_photo_rows, read_photo_rows
+from export.data.photos import COLUMNS, PHOTOS, read_photo_rows, require_photo_rows
 
 
 def table(folder: Path, *rows: str) -> None:
@@ -43,13 +43,13 @@ def test_a_row_that_cannot_be_used_is_named(tmp_path: Path, row: str, words: str
 
 def test_photos_that_are_needed_are_there_and_permissive_where_that_is_asked(tmp_path: Path) -> None:
     with pytest.raises(DataError, match=r"There is no photo to learn from in .*photos_train\.csv\.$"):
-        needed_photo_rows(tmp_path)
+        require_photo_rows(tmp_path)
     table(tmp_path, "a.jpg,x_1,1,2,yes,50,15")
-    assert len(needed_photo_rows(tmp_path)) == 1
+    assert len(require_photo_rows(tmp_path)) == 1
     with pytest.raises(DataError, match="no photo with a permissive licence"):
-        needed_photo_rows(tmp_path, licensed_only=True)
+        require_photo_rows(tmp_path, licensed_only=True)
     lines = [",".join([*COLUMNS, "licence"])]
     lines += [f"a.jpg,{licence},1,2,yes,50,15,{licence}" for licence in ("none stated", "GPL", "CC-BY 4.0", "")]
     (tmp_path / PHOTOS).write_text("\n".join(lines), encoding="utf-8")
-    assert [row.group for row in needed_photo_rows(tmp_path, licensed_only=True)] == ["CC-BY 4.0"]
-    assert len(needed_photo_rows(tmp_path)) == 4
+    assert [row.group for row in require_photo_rows(tmp_path, licensed_only=True)] == ["CC-BY 4.0"]
+    assert len(require_photo_rows(tmp_path)) == 4

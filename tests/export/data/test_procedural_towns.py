@@ -39,7 +39,7 @@ def test_meshes_join_turn_and_move() -> None:
 
 
 def test_a_seed_gives_one_place() -> None:
-    (a, b), (c, d) = (procedural_towns.place(np.random.default_rng(5)) for _ in range(2))
+    (a, b), (c, d) = (procedural_towns.random_town(np.random.default_rng(5)) for _ in range(2))
     for one, other in ((a, c), (b, d)):
         np.testing.assert_array_equal(one.corners, other.corners)
         np.testing.assert_array_equal(one.albedo, other.albedo)
@@ -49,7 +49,7 @@ def test_a_seed_gives_one_place() -> None:
 def test_every_kind_of_place_is_sound(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(procedural_towns, "KINDS", (kind,))
     for seed in range(4):
-        for mesh in procedural_towns.place(np.random.default_rng(seed)):
+        for mesh in procedural_towns.random_town(np.random.default_rng(seed)):
             assert mesh.corners.shape == (len(mesh.albedo), 4, 3)
             assert np.isfinite(mesh.corners).all()
             assert ((mesh.albedo > 0) & (mesh.albedo < 0.9)).all()

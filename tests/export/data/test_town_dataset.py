@@ -8,11 +8,11 @@ from click.testing import CliRunner
 
 from export.__main__ import export_cli
 from export.crops.cameras import Camera
-from export.crops.crops import _load_source, take
+from export.crops.crops import _load_source, crop_panorama
 from export.data import town_dataset
 from export.data.labels import read_labels, write_labels
 from export.data.panoramas import read_index
-from export.networks.outdoor import specs
+from export.networks.outdoor import network_specs
 from lighting.geometry import angle_between, direction
 from lighting.probe.sun_detection import find_sun
 
@@ -33,7 +33,9 @@ def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
     assert len(read_index(folder, "train")) == len(read_labels(folder / town_dataset.LABELS)) == 4
     again = town_dataset._render_place(1, 32)
     assert again.label.sun_elevation == pytest.approx(labels[1].sun_elevation, rel=1e-5)
-    crop = take(_load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), specs("0")["outdoor"])
+    crop = crop_panorama(
+        _load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), network_specs("0")["outdoor"]
+    )
     assert np.isfinite(crop.linear).all()
 
 

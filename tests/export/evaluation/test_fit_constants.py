@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from export.__main__ import FITS as NAMES
-from export.crops.targets import clear_ratio
+from export.crops.targets import clear_sun_to_sky_ratio
 from export.data.panoramas import DataError
 from export.data.photos import PHOTOS
 from export.evaluation import fit_constants as module
@@ -182,7 +182,7 @@ HEADER = "file,group,sun_azimuth,sun_elevation,direct,hfov,expected_azimuth_erro
 
 @pytest.mark.parametrize("elevation", [2.0, 30.0, 80.0])
 def test_a_clear_sky_s_own_ratio_is_none_over_it(elevation: float) -> None:
-    clear = float(luminance(clear_ratio(round(elevation))))
+    clear = float(luminance(clear_sun_to_sky_ratio(round(elevation))))
     suns = [luminance(BLUE_SKY) * clear * factor * np.ones(3) for factor in (1.0, 2.0, 0.5)]
     assert _stops_over_clear(suns, [BLUE_SKY] * 3, [elevation] * 3) == pytest.approx([0.0, 1.0, -1.0], abs=1e-6)
 
@@ -192,7 +192,9 @@ def test_photos_in_direct_sun_alone_count(tmp_path: Path, lit_network: Path) -> 
     (tmp_path / "a.jpg").write_bytes(encode(scene(320, 240)))
     (tmp_path / PHOTOS).write_text("\n".join([HEADER, *rows]) + "\n")
     high, low = _photo_sun_stops(Model.load(lit_network), tmp_path)
-    assert low - high == pytest.approx(np.log2(luminance(clear_ratio(40)) / luminance(clear_ratio(20))), abs=1e-6)
+    assert low - high == pytest.approx(
+        np.log2(luminance(clear_sun_to_sky_ratio(40)) / luminance(clear_sun_to_sky_ratio(20))), abs=1e-6
+    )
 
 
 @pytest.mark.parametrize("row", ["a.jpg,x,0,40,no,60,15", "a.jpg,x,0,0.5,yes,60,15"])

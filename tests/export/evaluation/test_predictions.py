@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.crops.crops import load_sources, take
+from export.crops.crops import crop_panorama, load_sources
 from export.data.panoramas import DataError, read_index
 from export.evaluation.predictions import (
     AIMED_EACH,
@@ -41,7 +41,7 @@ def test_aimed_views_show_the_sun(data: Path) -> None:
     sources = load_sources(read_index(data), data / "labels.csv")
     views = sun_centered_views(sources)
     assert len(views) == AIMED_EACH * sum(s.panorama.sun == "visible" for s in sources)
-    crops = [take(source, camera, TINY) for source, camera in views]
+    crops = [crop_panorama(source, camera, TINY) for source, camera in views]
     truth = collect_truth([source.panorama for source, _ in views], crops)
     assert np.mean(truth.in_view == "sun in view") > 0.8  # a camera tilts by 35 deg at most: the highest suns stay out
     assert not any(camera.mirrored for _, camera in views)

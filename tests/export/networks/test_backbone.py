@@ -3,16 +3,16 @@
 import pytest
 import torch
 
-from export.networks.backbone import _InvertedResidual, convolution, nothing
-from export.networks.outdoor import Outdoor, build, specs
+from export.networks.backbone import _InvertedResidual, conv_batch_norm, empty_output
+from export.networks.outdoor import Outdoor, build_network, network_specs
 
-SPECS = specs("0")
+SPECS = network_specs("0")
 
 
 def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
     """The weights land in the right layers: the last features neither die nor explode, and differ between pictures."""
     torch.manual_seed(0)
-    network = build(SPECS["outdoor"], pretrained=True).eval()
+    network = build_network(SPECS["outdoor"], pretrained=True).eval()
     assert isinstance(network, Outdoor)
     smooth = torch.linspace(-1, 1, 224).expand(1, 3, 224, 224)
     with torch.inference_mode():
@@ -22,7 +22,7 @@ def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
 
 
 def test_frozen_layers_do_not_learn() -> None:
-    network = build(SPECS["outdoor"], around=True).train()
+    network = build_network(SPECS["outdoor"], around=True).train()
     assert isinstance(network, Outdoor)
     frozen = [p for p in network.backbone.parameters() if not p.requires_grad]
     before = [p.clone() for p in network.backbone.stem.parameters()]
@@ -37,13 +37,13 @@ def test_frozen_layers_do_not_learn() -> None:
 
 @pytest.mark.parametrize(("kernel", "stride"), [(1, 1), (3, 1), (5, 1), (3, 2), (5, 2)])
 def test_a_convolution_keeps_or_halves_the_map(kernel: int, stride: int) -> None:
-    layer = convolution(2, 4, kernel, stride).eval()
+    layer = conv_batch_norm(2, 4, kernel, stride).eval()
     assert layer(torch.zeros(1, 2, 16, 16)).shape == (1, 4, 16 // stride, 16 // stride)
 
 
 def test_a_strided_convolution_pads_right_and_bottom_first() -> None:
     """TensorFlow's SAME on an even input: a kernel of 3 with stride 2 begins at the first pixel."""
-    layer = convolution(1, 1, 3, 2).eval()
+    layer = conv_batch_norm(1, 1, 3, 2).eval()
     weight = layer.get_parameter("1.weight")
     weight.data.zero_()
     weight.data[0, 0, 0, 0] = 1.0  # passes its upper left input
@@ -70,4 +70,4 @@ def test_dropped_blocks_pass_their_input_in_training_alone() -> None:
 
 
 def test_a_missing_head_answers_nothing() -> None:
-    assert nothing(torch.zeros(3, 3, 8, 8)).shape == (3, 0)
+    assert empty_output(torch.zeros(3, 3, 8, 8)).shape == (3, 0)

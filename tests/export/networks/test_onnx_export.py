@@ -15,7 +15,7 @@ from onnx import GraphProto, ModelProto, TensorProto, checker, helper, numpy_hel
 
 from export.crops.targets import COLUMNS, ROWS
 from export.networks.onnx_export import BYTES, ROUNDED, _parity, _save_graph, _Served, _share, _store_small, write_onnx
-from export.networks.outdoor import build, specs
+from export.networks.outdoor import build_network, network_specs
 from export.networks.weights import average_weights, read_network, read_spec
 from lighting.errors import LightingError
 from lighting.model import Model, weights_path
@@ -190,7 +190,7 @@ def test_a_wrong_export_is_refused(
     assert list(tmp_path.iterdir()) == []
 
 
-SPECS = specs("0")
+SPECS = network_specs("0")
 
 
 GRID = SPECS["outdoor"].sun_grid
@@ -199,7 +199,7 @@ GRID = SPECS["outdoor"].sun_grid
 @pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
 def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
     spec = SPECS[name]
-    served = _Served([build(spec)], spec.sun_grid).eval()
+    served = _Served([build_network(spec)], spec.sun_grid).eval()
     with torch.inference_mode():
         probability, parameters = served(torch.zeros(2, 3, spec.height, spec.width))
     assert probability.shape == (2, len(grid_directions(spec.sun_grid)))
@@ -210,8 +210,8 @@ def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
 
 
 def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
-    network = build(SPECS["outdoor"], around=True).eval()
-    served = _Served([network, build(SPECS["outdoor"]).eval()], GRID)
+    network = build_network(SPECS["outdoor"], around=True).eval()
+    served = _Served([network, build_network(SPECS["outdoor"]).eval()], GRID)
     with torch.inference_mode():
         _, _, light, around = served(torch.randn(2, 3, 224, 224))
     assert served.outputs == ["sun_probability", "parameters", "light", "around"]
@@ -223,7 +223,7 @@ def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
 
 
 def test_temperature_widens_the_distribution() -> None:
-    network = build(SPECS["outdoor"], sees=False).eval()
+    network = build_network(SPECS["outdoor"], sees=False).eval()
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
         sharp, soft = _Served([network], GRID, 0.5)(photo)[0], _Served([network], GRID, 2.0)(photo)[0]
@@ -233,7 +233,7 @@ def test_temperature_widens_the_distribution() -> None:
 
 def test_networks_together_answer_their_mean() -> None:
     torch.manual_seed(3)
-    networks = [build(SPECS["outdoor"]).eval() for _ in range(2)]
+    networks = [build_network(SPECS["outdoor"]).eval() for _ in range(2)]
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         alone = [_Served([network], GRID, 1.4)(photo) for network in networks]
@@ -245,7 +245,7 @@ def test_networks_together_answer_their_mean() -> None:
 
 def test_a_network_for_the_camera_answers_for_it_instead_of_the_others() -> None:
     torch.manual_seed(4)
-    first, camera = (build(SPECS["outdoor"], sees=False).eval() for _ in range(2))
+    first, camera = (build_network(SPECS["outdoor"], sees=False).eval() for _ in range(2))
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
         sun, parameters = _Served([first], GRID, cameras=[camera])(photo)

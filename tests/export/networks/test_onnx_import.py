@@ -12,9 +12,9 @@ from torch import nn
 
 from export.data.panoramas import DataError
 from export.networks.onnx_export import write_onnx
-from export.networks.onnx_import import read_shipped, recalibrate, write_run
-from export.networks.outdoor import Outdoor, specs
-from export.networks.weights import CHECKPOINT, RECORD, history, read_network, read_record
+from export.networks.onnx_import import read_onnx_network, recalibrate_batch_norm, write_run
+from export.networks.outdoor import Outdoor, network_specs
+from export.networks.weights import CHECKPOINT, RECORD, read_network, read_record, training_history
 from lighting.model import packaged_model
 
 ROUNDED = 0.1  # of the largest value: the file's weights are bytes, and these networks have hardly learnt to tell apart
@@ -32,7 +32,7 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(trained: P
     (camera / RECORD).write_text((trained / RECORD).read_text())
     torch.save({"average": changed}, camera / CHECKPOINT)
     write_onnx([trained], file, cameras=[camera])
-    network, _ = read_shipped(file, 0)
+    network, _ = read_onnx_network(file, 0)
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
         expected, found = read_network(trained)(photo), network.eval()(photo)
@@ -43,25 +43,25 @@ def test_the_shipped_networks_can_be_read_back_with_their_heads() -> None:
     """The first two say everything, the third the camera alone."""
     photo = torch.zeros(1, 3, 224, 224)
     for number in range(2):
-        network, metadata = read_shipped(packaged_model(), number)
+        network, metadata = read_onnx_network(packaged_model(), number)
         with torch.inference_mode():
             said = network.eval()(photo)
         assert said.around.shape[1] > 0
         assert said.light.shape[1] > 0
         assert "panoramas" in metadata["training_data"]
-    camera, metadata = read_shipped(packaged_model(), 2)
+    camera, metadata = read_onnx_network(packaged_model(), 2)
     assert camera.around is None
     assert metadata["networks"] == "3"
 
 
 def test_a_network_read_back_answers_as_before(trained: Path, trained_network: Path, tmp_path: Path) -> None:
-    network, metadata = read_shipped(trained_network, 0)
+    network, metadata = read_onnx_network(trained_network, 0)
     photo = torch.randn(4, 3, 224, 224)
     with torch.inference_mode():
         expected, found = read_network(trained)(photo), network.eval()(photo)
         assert (found.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
         assert (found.raw - expected.raw).abs().max() < ROUNDED * expected.raw.abs().max()
-        recalibrate(network, [photo])
+        recalibrate_batch_norm(network, [photo])
         again = network(photo)
     torch.testing.assert_close(again.sun, found.sun, rtol=1e-3, atol=1e-4)
     for module in network.modules():
@@ -69,13 +69,13 @@ def test_a_network_read_back_answers_as_before(trained: Path, trained_network: P
             assert module.running_mean is not None
             assert module.running_mean.abs().max() > 0
     write_run(network, metadata, trained_network, 0, tmp_path / "run")
-    assert history(read_record(tmp_path / "run")) == history(read_record(trained))
+    assert training_history(read_record(tmp_path / "run")) == training_history(read_record(trained))
     read = read_network(tmp_path / "run")
     assert isinstance(read, Outdoor)
     with pytest.raises(DataError, match="already holds a run"):
         write_run(network, metadata, trained_network, 0, tmp_path / "run")
     with pytest.raises(DataError, match="no network number 1"):
-        read_shipped(trained_network, 1)
+        read_onnx_network(trained_network, 1)
 
 
 def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -> None:
@@ -85,9 +85,9 @@ def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -
     other, baseline, bare = (tmp_path / f"{name}.onnx" for name in ("other", "baseline", "bare"))
     onnx.save(model, str(other))
     entry = model.metadata_props.add()
-    entry.key, entry.value = "spec", specs("1.0.0")["cvpr2017"].to_json()
+    entry.key, entry.value = "spec", network_specs("1.0.0")["cvpr2017"].to_json()
     onnx.save(model, str(baseline))
-    entry.value = specs("1.0.0")["outdoor"].to_json()
+    entry.value = network_specs("1.0.0")["outdoor"].to_json()
     model.graph.initializer.append(numpy_helper.from_array(np.zeros(2, np.float32), "networks.0.x.weight"))
     onnx.save(model, str(bare))
     for file, words in (
@@ -97,4 +97,4 @@ def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -
         (bare, r"does not hold all weights of network number 0: backbone\.\S+ is missing"),
     ):
         with pytest.raises(DataError, match=words):
-            read_shipped(file, 0)
+            read_onnx_network(file, 0)

@@ -6,7 +6,7 @@ import torch
 
 from export.crops.cameras import Camera
 from export.crops.crops import Crop
-from export.crops.targets import CELL, CELLS, where_seen
+from export.crops.targets import CELL, CELLS, sun_in_view_target
 from export.data.panoramas import DataError
 from export.networks.outdoor import (
     BINS,
@@ -15,18 +15,18 @@ from export.networks.outdoor import (
     ROLL_SCALE,
     TARGET_WIDTH,
     Outdoor,
-    binned,
-    build,
+    build_network,
+    camera_bin_targets,
+    cell_directions,
     decode_parameters,
-    encode,
-    expected,
-    levelled,
+    encode_parameters,
+    expected_roll,
+    fuse_sun_in_view,
     load_weights,
-    roll_spread,
-    seen_probability,
-    specs,
-    towards,
-    with_the_seen,
+    mean_of_camera_bins,
+    network_specs,
+    roll_bins_std,
+    sun_in_view_probability,
 )
 from lighting.color import tone_map
 from lighting.geometry import Pinhole, angle_between, camera_directions, direction
@@ -38,7 +38,7 @@ from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, crop
 
 
 def said(roll: float, spread: float) -> float:
-    return float(levelled(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
+    return float(expected_roll(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
 
 
 def test_a_camera_that_is_nearly_level_is_level() -> None:
@@ -58,26 +58,26 @@ def test_a_roll_grows_with_what_the_network_says_and_shrinks_with_its_doubt() ->
     assert said(-4.0, 2.0) == -said(4.0, 2.0)
 
 
-SPECS = specs("0")
+SPECS = network_specs("0")
 
 
 def test_weights_with_the_light_around_fit_a_network_without_it_and_the_other_way_round() -> None:
-    learnt, served = build(SPECS["outdoor"], around=True), build(SPECS["outdoor"])
+    learnt, served = build_network(SPECS["outdoor"], around=True), build_network(SPECS["outdoor"])
     load_weights(served, learnt.state_dict())
-    again = build(SPECS["outdoor"], around=True)
+    again = build_network(SPECS["outdoor"], around=True)
     load_weights(again, served.state_dict())
     for name, value in served.state_dict().items():
         torch.testing.assert_close(value, learnt.state_dict()[name])
         torch.testing.assert_close(value, again.state_dict()[name])
     with pytest.raises(DataError, match="are of another network"):
-        load_weights(served, {"sun.2.weight": torch.zeros(3)} | build(SPECS["cvpr2017"]).state_dict())
+        load_weights(served, {"sun.2.weight": torch.zeros(3)} | build_network(SPECS["cvpr2017"]).state_dict())
 
 
-SPEC = specs("0")["outdoor"]
+SPEC = network_specs("0")["outdoor"]
 
 
 def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
-    mute, seeing = build(SPEC, sees=False).eval(), build(SPEC).eval()
+    mute, seeing = build_network(SPEC, sees=False).eval(), build_network(SPEC).eval()
     photo = torch.randn(2, 3, SPEC.height, SPEC.width)
     with torch.inference_mode():
         assert mute(photo)[2].shape == (2, 0)
@@ -113,22 +113,22 @@ def test_heads_that_are_not_asked_for_are_not_there() -> None:
 
 def test_encode_and_decode_are_inverse() -> None:
     parameters = torch.tensor([[1.0, 0.01, -35.0, -10.0, 25.0], [10.0, 40.0, 35.0, 10.0, 90.0]])
-    raw = torch.cat([encode(parameters), torch.zeros(2, 1)], dim=1)
+    raw = torch.cat([encode_parameters(parameters), torch.zeros(2, 1)], dim=1)
     torch.testing.assert_close(decode_parameters(raw)[:, :5], parameters)
     assert (decode_parameters(raw)[:, 5] == 0.5).all()
 
 
 def test_the_mean_of_a_target_s_bins_is_the_target() -> None:
-    camera = encode(torch.tensor([[1.0, 1.0, 12.3, -38.0, 91.0], [1.0, 1.0, -31.0, 0.4, 27.0]]))[:, 2:5]
-    target = binned(camera)
+    camera = encode_parameters(torch.tensor([[1.0, 1.0, 12.3, -38.0, 91.0], [1.0, 1.0, -31.0, 0.4, 27.0]]))[:, 2:5]
+    target = camera_bin_targets(camera)
     assert target.shape == (2, 3, BINS)
-    torch.testing.assert_close(expected(target.clamp_min(1e-12).log()), camera, rtol=1e-3, atol=1e-3)
+    torch.testing.assert_close(mean_of_camera_bins(target.clamp_min(1e-12).log()), camera, rtol=1e-3, atol=1e-3)
 
 
 def test_the_spread_of_a_roll_is_what_its_bins_have_beyond_their_target() -> None:
-    camera = encode(torch.tensor([[1.0, 1.0, 12.3, -8.0, 91.0], [1.0, 1.0, 12.3, 8.0, 91.0]]))[:, 2:5]
-    one, other = binned(camera)
-    sure, torn = ROLL_SCALE * roll_spread(torch.stack([one, 0.5 * (one + other)]).clamp_min(1e-12).log())
+    camera = encode_parameters(torch.tensor([[1.0, 1.0, 12.3, -8.0, 91.0], [1.0, 1.0, 12.3, 8.0, 91.0]]))[:, 2:5]
+    one, other = camera_bin_targets(camera)
+    sure, torn = ROLL_SCALE * roll_bins_std(torch.stack([one, 0.5 * (one + other)]).clamp_min(1e-12).log())
     assert float(sure) < 0.1
     assert float(torn) == pytest.approx(8.0, rel=0.01)
 
@@ -142,7 +142,9 @@ def canvas(one: Crop) -> torch.Tensor:
 
 def rays(one: Crop) -> torch.Tensor:
     c = one.camera
-    return towards(canvas(one), torch.tensor([c.elevation]), torch.tensor([c.roll]), torch.tensor([c.vertical_fov]))
+    return cell_directions(
+        canvas(one), torch.tensor([c.elevation]), torch.tensor([c.roll]), torch.tensor([c.vertical_fov])
+    )
 
 
 @pytest.mark.parametrize("camera", VIEWS)
@@ -163,9 +165,9 @@ def test_a_target_that_the_network_meets_points_at_the_sun(camera: Camera) -> No
     """From the pixel of the sun to the cells and back to a direction, whatever the camera's angles."""
     one = crop(camera, 8.0, 17.0)
     assert one.sun_pixel
-    wanted = torch.from_numpy(where_seen(one, EXAMPLES_SPEC, True)).float()[None]
+    wanted = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
     uniform = torch.full((1, len(SEEN_SUN_CELLS)), 1 / len(SEEN_SUN_CELLS))
-    answer = with_the_seen(uniform, wanted, rays(one), SEEN_SUN_CELLS)
+    answer = fuse_sun_in_view(uniform, wanted, rays(one), SEEN_SUN_CELLS)
     assert float(answer.sum()) == pytest.approx(1.0, abs=1e-5)
     assert angle_between((answer @ SEEN_SUN_CELLS)[0].numpy(), direction(8.0, 17.0)) < 1.0
 
@@ -173,24 +175,24 @@ def test_a_target_that_the_network_meets_points_at_the_sun(camera: Camera) -> No
 def test_what_is_not_seen_changes_nothing_and_half_a_doubt_counts_half() -> None:
     one = crop(VIEWS[0], 8.0, 17.0)
     sun = torch.rand(1, len(SEEN_SUN_CELLS)).softmax(dim=1)
-    nowhere = torch.from_numpy(where_seen(one, EXAMPLES_SPEC, False)).float()[None]
-    seen = torch.from_numpy(where_seen(one, EXAMPLES_SPEC, True)).float()[None]
-    torch.testing.assert_close(with_the_seen(sun, nowhere, rays(one), SEEN_SUN_CELLS), sun)
-    half = with_the_seen(sun, (nowhere + seen) / 2, rays(one), SEEN_SUN_CELLS)
-    torch.testing.assert_close(half, (sun + with_the_seen(sun, seen, rays(one), SEEN_SUN_CELLS)) / 2)
+    nowhere = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, False)).float()[None]
+    seen = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
+    torch.testing.assert_close(fuse_sun_in_view(sun, nowhere, rays(one), SEEN_SUN_CELLS), sun)
+    half = fuse_sun_in_view(sun, (nowhere + seen) / 2, rays(one), SEEN_SUN_CELLS)
+    torch.testing.assert_close(half, (sun + fuse_sun_in_view(sun, seen, rays(one), SEEN_SUN_CELLS)) / 2)
 
 
 def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> None:
     """Of even odds in training: they fall by RARER, and the cells keep theirs among each other."""
     logits = torch.tensor([[2.0, *np.log([0.1, 0.3, 0.6]) + 2.0]], dtype=torch.float32)
-    nowhere, *cells = seen_probability(logits)[0].tolist()
+    nowhere, *cells = sun_in_view_probability(logits)[0].tolist()
     assert sum(cells) / nowhere == pytest.approx(np.exp(-RARER), rel=1e-5)
     assert cells == pytest.approx(np.array([0.1, 0.3, 0.6]) * (1 - nowhere), rel=1e-5)
 
 
 @pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
 def test_a_spec_survives_its_json_and_has_a_grid(name: str) -> None:
-    spec = specs("1.2.3")[name]
+    spec = network_specs("1.2.3")[name]
     assert (spec.name, spec.version) == (name, "1.2.3")
     assert ModelSpec.from_json(spec.to_json()) == spec
     assert len(grid_directions(spec.sun_grid)) in (160, 1024)
@@ -198,7 +200,7 @@ def test_a_spec_survives_its_json_and_has_a_grid(name: str) -> None:
 
 
 def test_the_packaged_network_expects_what_training_gives() -> None:
-    shipped, ours = Model.load().spec, specs("")["outdoor"]
+    shipped, ours = Model.load().spec, network_specs("")["outdoor"]
     assert (shipped.width, shipped.height, shipped.sun_grid) == (ours.width, ours.height, ours.sun_grid)
     assert shipped.mean == pytest.approx(ours.mean)
     assert shipped.std == pytest.approx(ours.std)

@@ -9,18 +9,18 @@ import pytest
 import torch
 
 from export.data.panoramas import DataError
-from export.networks.outdoor import build, load_weights, specs
+from export.networks.outdoor import build_network, load_weights, network_specs
 from export.networks.weights import (
     CHECKPOINT,
     RECORD,
     average_weights,
     averaged_weights,
     describe_data,
-    differ,
-    history,
+    have_different_specs,
     read_network,
     read_record,
     read_spec,
+    training_history,
 )
 from lighting.errors import LightingError
 
@@ -41,8 +41,8 @@ def test_merged_runs_have_the_mean_of_their_weights(trained: Path, tmp_path: Pat
     assert one.keys() == mean.keys()
     for name, value in one.items():
         torch.testing.assert_close(mean[name], value + 1.0 if value.is_floating_point() else value)
-    assert [run["crops"] for run in history(read_record(merged))] == [16, 32]
-    assert [run["crops"] for run in history(read_record(merged), read_record(other))] == [16, 32]
+    assert [run["crops"] for run in training_history(read_record(merged))] == [16, 32]
+    assert [run["crops"] for run in training_history(read_record(merged), read_record(other))] == [16, 32]
     assert "48 crops" in describe_data(read_record(merged))
     with pytest.raises(LightingError, match="already holds a run"):
         average_weights([trained, other], merged)
@@ -50,14 +50,14 @@ def test_merged_runs_have_the_mean_of_their_weights(trained: Path, tmp_path: Pat
 
 def test_averaged_weights_have_the_network_s_own_names(trained: Path) -> None:
     weights = averaged_weights(trained)
-    network = build(read_spec(trained))
+    network = build_network(read_spec(trained))
     assert set(weights) == set(network.state_dict())
     state = torch.load(trained / CHECKPOINT, weights_only=True)
     assert {"network", "average", "optimizer", "step"} <= set(state)
 
 
 def test_the_network_that_is_read_is_ready_to_answer(trained: Path) -> None:
-    network, expected = read_network(trained), build(read_spec(trained))
+    network, expected = read_network(trained), build_network(read_spec(trained))
     load_weights(expected, averaged_weights(trained))
     assert not network.training
     photo = torch.randn(1, 3, 224, 224)
@@ -67,7 +67,7 @@ def test_the_network_that_is_read_is_ready_to_answer(trained: Path) -> None:
 
 def record(crops: int, **more: Any) -> dict[str, Any]:
     config = {"crops": crops, "licensed_only": False, "pretrained": True, "data": "here", "labels": "l", "out": "o"}
-    spec = json.loads(specs("1.0.0")["outdoor"].to_json())
+    spec = json.loads(network_specs("1.0.0")["outdoor"].to_json())
     made = {"config": config, "spec": spec, "commit": "c", "torch": "2", "panoramas": {"train": ["a", "b"], "tune": []}}
     return made | more
 
@@ -79,25 +79,25 @@ def write(folder: Path, content: dict[str, Any]) -> Path:
 
 
 def test_history_lists_each_run_once_and_no_paths() -> None:
-    first = history(record(10))
+    first = training_history(record(10))
     assert first == [{"crops": 10, "licensed_only": False, "pretrained": True, "commit": "c", "torch": "2"}]
     later = record(20, before=first)
-    assert [run["crops"] for run in history(later, record(10))] == [10, 20]
-    assert [run["crops"] for run in history(record(30, merged=history(later)))] == [10, 20]
+    assert [run["crops"] for run in training_history(later, record(10))] == [10, 20]
+    assert [run["crops"] for run in training_history(record(30, merged=training_history(later)))] == [10, 20]
 
 
 def test_of_the_runs_and_places_that_a_run_learnt_from_the_names_alone_are_listed() -> None:
     one = record(10)
     one["config"] |= {"start": "/home/me/runs/first", "synthetic": "runs/towns/", "teachers": ["/a/b", "c"]}
-    (told,) = history(one)
+    (told,) = training_history(one)
     assert (told["start"], told["synthetic"], told["teachers"]) == ("first", "towns", ["b", "c"])
     older = {**told, "start": "/work/first", "synthetic": "", "teachers": []}  # as runs listed them before
-    assert [run["start"] for run in history(record(20, before=[older]))[:1]] == ["first"]
-    assert len(history(one, record(30, merged=[{**told, "start": "/home/me/runs/first"}]))) == 1
+    assert [run["start"] for run in training_history(record(20, before=[older]))[:1]] == ["first"]
+    assert len(training_history(one, record(30, merged=[{**told, "start": "/home/me/runs/first"}]))) == 1
 
 
 def test_the_training_data_are_one_sentence() -> None:
-    assert describe_data(record(10, before=history(record(5)))) == (
+    assert describe_data(record(10, before=training_history(record(5)))) == (
         "from ImageNet weights, 15 crops of 2 outdoor panoramas, most with no stated licence"
     )
     mixed = record(10)
@@ -117,10 +117,10 @@ def test_versions_alone_make_no_difference(tmp_path: Path) -> None:
     newer = record(1)
     newer["spec"] = newer["spec"] | {"version": "2.0.0"}
     other = record(1)
-    other["spec"] = json.loads(specs("1.0.0")["cvpr2017"].to_json())
-    assert not differ([one, write(tmp_path / "newer", newer)])
-    assert differ([one, write(tmp_path / "other", other)])
-    assert read_spec(one) == specs("1.0.0")["outdoor"]
+    other["spec"] = json.loads(network_specs("1.0.0")["cvpr2017"].to_json())
+    assert not have_different_specs([one, write(tmp_path / "newer", newer)])
+    assert have_different_specs([one, write(tmp_path / "other", other)])
+    assert read_spec(one) == network_specs("1.0.0")["outdoor"]
 
 
 def test_a_folder_without_a_record_is_refused(tmp_path: Path) -> None:

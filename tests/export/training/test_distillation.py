@@ -9,14 +9,14 @@ import torch
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError, read_index
-from export.networks.backbone import Said
-from export.networks.outdoor import decode_parameters, expected
-from export.networks.weights import history, read_network, read_record
+from export.networks.backbone import NetworkOutput
+from export.networks.outdoor import decode_parameters, mean_of_camera_bins
+from export.networks.weights import read_network, read_record, training_history
 from export.training.config import TrainConfig
 from export.training.dataset import Batch, TrainingCrops
 from export.training.distillation import TeacherEnsemble, mixup
 from export.training.loop import _Run, train_network
-from export.training.losses import losses
+from export.training.losses import training_losses
 from lighting.errors import LightingError
 
 
@@ -40,8 +40,10 @@ def test_the_target_is_the_mean_of_the_teachers_answers(trained: Path, batch: Ba
     torch.testing.assert_close(twice.sun, alone.sun)
 
 
-def _camera(said: Said) -> torch.Tensor:
-    return decode_parameters(torch.cat([said.raw[:, :2], expected(said.camera), said.raw[:, 5:]], dim=1))[:, 2:5]
+def _camera(said: NetworkOutput) -> torch.Tensor:
+    return decode_parameters(torch.cat([said.raw[:, :2], mean_of_camera_bins(said.camera), said.raw[:, 5:]], dim=1))[
+        :, 2:5
+    ]
 
 
 def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch) -> None:
@@ -63,7 +65,7 @@ def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trai
     taught = TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, around=False)
     answers = taught.targets(batch.photo)
     said = network(batch.photo)
-    loss = losses(said, answers)["sun"]
+    loss = training_losses(said, answers)["sun"]
     entropy = -(answers.sun * answers.sun.log()).sum(dim=1).mean()
     assert loss.item() == pytest.approx(entropy.item(), rel=1e-3)
     (slope,) = torch.autograd.grad(loss, said.sun)
@@ -75,7 +77,7 @@ def test_a_run_is_taught_and_says_by_whom(config: TrainConfig, trained: Path, tm
     train_network(own)
     logged = json.loads((tmp_path / "log.jsonl").read_text())
     assert logged["taught sun"] > 0
-    assert [run["crops"] for run in history(read_record(tmp_path))] == [16, 8]
+    assert [run["crops"] for run in training_history(read_record(tmp_path))] == [16, 8]
     train_network(replace(own, workers=0))  # a finished run is taken up again with the same teachers
     with pytest.raises(DataError, match="another teachers"):
         train_network(replace(own, teachers=()))

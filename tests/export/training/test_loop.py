@@ -15,9 +15,9 @@ from export.crops.crops import load_sources
 from export.crops.targets import CELLS
 from export.data.panoramas import DataError, read_index
 from export.networks.onnx_export import write_onnx
-from export.networks.onnx_import import read_shipped, write_run
-from export.networks.outdoor import specs
-from export.networks.weights import CHECKPOINT, RECORD, average_weights, averaged_weights, history, read_record
+from export.networks.onnx_import import read_onnx_network, write_run
+from export.networks.outdoor import network_specs
+from export.networks.weights import CHECKPOINT, RECORD, average_weights, averaged_weights, read_record, training_history
 from export.training.config import TrainConfig
 from export.training.dataset import TrainingCrops
 from export.training.loop import _earlier_commits, _learning_rate, _Run, train_network
@@ -56,7 +56,7 @@ def test_networks_that_are_no_runs_are_to_be_started_from(
 ) -> None:
     mean, read = tmp_path / "mean", tmp_path / "read"
     average_weights([trained, trained], mean)
-    write_run(*read_shipped(trained_network, 0), trained_network, 0, read)
+    write_run(*read_onnx_network(trained_network, 0), trained_network, 0, read)
     for folder, made in ((mean, "is the mean of several runs"), (read, "was read back from a file")):
         before = (folder / RECORD).read_bytes()
         with pytest.raises(DataError, match=f"{made}; give it as --start and choose another --out"):
@@ -173,7 +173,7 @@ def test_where_the_sun_is_seen_can_be_learnt_alone(config: TrainConfig, trained:
     changed = {name for name, value in before.items() if not torch.equal(value, after[name])}
     assert changed
     assert all(name.startswith("seen.") for name in changed)
-    assert [run["crops"] for run in history(read_record(tmp_path))] == [16, 8]
+    assert [run["crops"] for run in training_history(read_record(tmp_path))] == [16, 8]
 
 
 def test_the_camera_can_be_learnt_alone(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
@@ -205,13 +205,13 @@ def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: Trai
 def test_crops_of_a_stretched_world_have_other_pictures_and_suns(config: TrainConfig, tmp_path: Path) -> None:
     stretched = replace(config, out=str(tmp_path / "run"), crops=8, stretched=1.0, joined=0.5, surroundings=True)
     sources = load_sources(read_index(config.data, "train"), config.labels)
-    spec = specs("1.0.0")["outdoor"]
+    spec = network_specs("1.0.0")["outdoor"]
     as_it_is, other = (TrainingCrops(sources, spec, replace(stretched, stretched=share)) for share in (0.0, 1.0))
     assert all(as_it_is._drawn(index) == other._drawn(index) for index in range(8))
     for part in ("photo", "sun", "around"):
         assert not any(torch.equal(getattr(as_it_is[i], part), getattr(other[i], part)) for i in range(4))
     train_network(stretched)
-    assert history(read_record(Path(stretched.out)))[0]["stretched"] == 1.0
+    assert training_history(read_record(Path(stretched.out)))[0]["stretched"] == 1.0
 
 
 def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: TrainConfig, tmp_path: Path) -> None:
@@ -227,7 +227,7 @@ def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: 
 
 def test_a_run_s_crops_depend_on_the_name_of_its_start_and_not_on_where_that_lies(config: TrainConfig) -> None:
     sources = load_sources(read_index(config.data, "train"), config.labels)
-    spec = specs("1.0.0")["outdoor"]
+    spec = network_specs("1.0.0")["outdoor"]
     photos = [
         TrainingCrops(sources, spec, replace(config, start=start))[0].photo
         for start in ("/home/me/runs/first", "runs/first/", "runs/second")

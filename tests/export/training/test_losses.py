@@ -4,28 +4,28 @@ import numpy as np
 import pytest
 import torch
 
-from export.networks.backbone import Said
-from export.networks.outdoor import binned, decode_parameters, encode
+from export.networks.backbone import NetworkOutput
+from export.networks.outdoor import camera_bin_targets, decode_parameters, encode_parameters
 from export.training.dataset import Batch
-from export.training.losses import losses
+from export.training.losses import training_losses
 
 
 def test_unknown_targets_cost_nothing() -> None:
     nan = float("nan")
     parameters = torch.tensor([[nan, nan, 5.0, 1.0, 50.0, nan], [3.0, 2.0, 5.0, 1.0, 50.0, 1.0]])
     sun = torch.tensor([[0.0, 0.0], [0.5, 0.5]])
-    raw = torch.cat([encode(torch.nan_to_num(parameters[:, :5], nan=1.0)), torch.zeros(2, 1)], dim=1)
+    raw = torch.cat([encode_parameters(torch.nan_to_num(parameters[:, :5], nan=1.0)), torch.zeros(2, 1)], dim=1)
     raw[0, :2] = 100.0
     raw.requires_grad_()
     logits = torch.tensor([[50.0, -50.0], [1.0, 1.0]])
     nothing = logits[:, :0]
     batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, sun, nothing, nothing, torch.tensor([False, False]))
-    said = Said(logits, raw, logits, nothing, nothing, nothing, nothing)
-    parts = losses(said, batch)
+    said = NetworkOutput(logits, raw, logits, nothing, nothing, nothing, nothing)
+    parts = training_losses(said, batch)
     found = {name: part.item() for name, part in parts.items()}
     expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
     assert found == pytest.approx(expected, abs=1e-6)
-    assert "seen" not in losses(said._replace(seen=nothing), batch)
+    assert "seen" not in training_losses(said._replace(seen=nothing), batch)
     torch.autograd.backward(sum(parts.values(), torch.zeros(())))
     assert raw.grad is not None
     assert torch.isfinite(raw.grad).all()
@@ -37,12 +37,12 @@ def test_a_likelihood_is_met_by_any_sharp_answer_inside_it() -> None:
     known = torch.tensor([[0.5, 0.5, 0.0, 0.0]])
     costs = {}
     for name, logits in {"sure": [30.0, 0, 0, 0], "even": [30.0, 30.0, 0, 0], "wrong": [0, 0, 30.0, 0]}.items():
-        said = Said(torch.tensor([logits]), torch.zeros(1, 6), *[torch.zeros(1, 0)] * 5)
+        said = NetworkOutput(torch.tensor([logits]), torch.zeros(1, 6), *[torch.zeros(1, 0)] * 5)
         nan = torch.full((1, 6), float("nan"))
         batch = Batch(
             torch.zeros(1, 3, 1, 1), known, nan, known[:, :0], known[:, :0], known[:, :0], torch.tensor([True])
         )
-        costs[name] = losses(said, batch)["sun"].item()
+        costs[name] = training_losses(said, batch)["sun"].item()
     assert costs["sure"] == pytest.approx(costs["even"], abs=1e-4)
     assert costs["wrong"] > costs["sure"] + 10
 
@@ -53,11 +53,11 @@ def test_light_and_camera_cost_nothing_where_they_are_right_or_unknown() -> None
     empty = torch.zeros(1, 0)
     light = torch.tensor([[0.1, 0.2, 0.3, -1.0, -1.1, -1.2, float("nan")]])
     around = torch.zeros(1, 6)
-    bins = binned(raw[:, 2:5]).clamp_min(1e-9).log()
-    said = Said(empty, raw, empty, around, bins, light.nan_to_num(), empty)
+    bins = camera_bin_targets(raw[:, 2:5]).clamp_min(1e-9).log()
+    said = NetworkOutput(empty, raw, empty, around, bins, light.nan_to_num(), empty)
     batch = Batch(torch.zeros(1, 3, 1, 1), empty, parameters, empty, around, light, torch.tensor([False]))
-    parts = losses(said, batch)
+    parts = training_losses(said, batch)
     assert parts["light"].item() == pytest.approx(0.0, abs=1e-6)
     assert parts["around"].item() == pytest.approx(0.0, abs=1e-6)
-    off = losses(said._replace(camera=bins.flip(2).roll(9, 2)), batch)
+    off = training_losses(said._replace(camera=bins.flip(2).roll(9, 2)), batch)
     assert off["camera"].item() > parts["camera"].item() + 0.5

@@ -10,13 +10,13 @@ import pytest
 import torch
 
 from export.data.panoramas import DataError
-from export.networks.outdoor import Outdoor, build, specs
+from export.networks.outdoor import Outdoor, build_network, network_specs
 from export.networks.weights import CHECKPOINT, RECORD, read_network
-from export.training.suitability_head import FALSE_ALARMS, RATES, _caught, _fit, _folds, _write, learn_suitable
+from export.training.suitability_head import FALSE_ALARMS, RATES, _caught, _fit, _folds, _write, fit_suitability_head
 
 
 def network_with_light() -> Outdoor:
-    return Outdoor(specs("0")["outdoor"], 1024, around=True)
+    return Outdoor(network_specs("0")["outdoor"], 1024, around=True)
 
 
 def test_good_and_bad_features_are_told_apart_at_the_stated_rate() -> None:
@@ -74,13 +74,15 @@ def test_the_head_is_written_where_networks_are_read(trained: Path, tmp_path: Pa
 def test_networks_without_light_are_refused_and_left_alone(trained: Path, data: Path) -> None:
     before = (trained / CHECKPOINT).read_bytes()
     with pytest.raises(DataError, match="cannot say whether a photo suits: it has not learnt --surroundings"):
-        learn_suitable([trained], data, data / "labels.csv")
+        fit_suitability_head([trained], data, data / "labels.csv")
     assert (trained / CHECKPOINT).read_bytes() == before
 
 
 def test_the_baseline_has_no_head_for_it(tmp_path: Path, data: Path) -> None:
-    spec = specs("0")["cvpr2017"]
+    spec = network_specs("0")["cvpr2017"]
     (tmp_path / RECORD).write_text(json.dumps({"spec": asdict(spec)}))
-    torch.save({"average": {f"module.{n}": v for n, v in build(spec).state_dict().items()}}, tmp_path / CHECKPOINT)
+    torch.save(
+        {"average": {f"module.{n}": v for n, v in build_network(spec).state_dict().items()}}, tmp_path / CHECKPOINT
+    )
     with pytest.raises(DataError, match="cannot say whether a photo suits"):
-        learn_suitable([tmp_path], data, data / "labels.csv")
+        fit_suitability_head([tmp_path], data, data / "labels.csv")
