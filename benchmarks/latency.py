@@ -181,7 +181,7 @@ def measure_parts(
         seen = read_photo(jpeg)
         found = estimator(seen)
         place = photo_context_for_height(
-            found, seen.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, wanted=True
+            found, seen.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, surroundings=True
         )
         assert place is not None
         write_exr(next(exr), render_with_surroundings(found.lighting, place, height, sun=True), found.lighting)

@@ -47,7 +47,7 @@ class EnvmapAPI(litserve.LitAPI):  # type: ignore[misc]  # known in an environme
         photo = read_photo(data)
         estimate = self.estimator(photo)
         place = photo_context_for_height(estimate, photo.pixels, HEIGHT, finer)
-        image, light = render_view(estimate.lighting, HEIGHT, place=place)
+        image, light = render_view(estimate.lighting, HEIGHT, context=place)
         return encode_envmap(image, light)
 
     def encode_response(self, output: bytes) -> Response:

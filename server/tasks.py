@@ -85,7 +85,7 @@ def _which(number: int, files: Sequence[Upload]) -> str:
 
 def envmap_file(lighting: Lighting, query: MapQuery, place: PhotoContext | None = None) -> bytes:
     """The environment map of a light as a file."""
-    image, turned = render_view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, place=place)
+    image, turned = render_view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, context=place)
     check_cancelled()
     return encode_envmap(image, turned, query.format, compression=query.compression)
 
@@ -97,9 +97,10 @@ def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> b
     def finer(side: int) -> Pixels:
         return service.read_finer(data, side).pixels
 
-    wanted, exposure = query.surroundings, query.photo_exposure
-    place = photo_context_for_height(estimate, photo.pixels, query.height, finer, wanted=wanted, exposure=exposure)
-    return envmap_file(edit_lighting(estimate.lighting, query.changes()), query, place)
+    context = photo_context_for_height(
+        estimate, photo.pixels, query.height, finer, surroundings=query.surroundings, exposure=query.photo_exposure
+    )
+    return envmap_file(edit_lighting(estimate.lighting, query.changes()), query, context)
 
 
 def _estimated(service: Service, data: bytes, query: GivenQuery) -> tuple[Photo, Estimate]:
@@ -135,7 +136,7 @@ def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -
     _, estimate = _estimated(service, data, query)
     lighting = edit_lighting(estimate.lighting, query.changes())
     plate = service.read_finer(data, PLATE_SIDE)
-    place = photo_context(estimate, plate.pixels, wanted=query.surroundings, exposure=query.photo_exposure)
+    place = photo_context(estimate, plate.pixels, surroundings=query.surroundings, exposure=query.photo_exposure)
     return _scene_file(plate, lighting, query, place)
 
 

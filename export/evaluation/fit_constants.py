@@ -86,10 +86,10 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
         if light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
         reflectance = estimate_ground_albedo(place.photo, light)
-        if reflectance is None or place.around is None:
+        if reflectance is None or place.coarse_panorama is None:
             continue
         radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
-        levels = radiance, ground_luminance(place.around), max(float(luminance(truth.ground)), MIN_LUMINANCE)
+        levels = radiance, ground_luminance(place.coarse_panorama), max(float(luminance(truth.ground)), MIN_LUMINANCE)
         found.append((*np.log2(levels), light.sky_cover or 0.0))
         kinds.append((str(weather), source.panorama.place))
     if not found:

@@ -108,7 +108,7 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: Maps) -> No
     from lighting.files.exr import write_exr
 
     image, turned = render_view(
-        answer.lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky, place=answer.place
+        answer.lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky, context=answer.place
     )
     write_exr(target, image, turned, compression=maps.compression)
 
@@ -137,7 +137,7 @@ def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: Map
     def finer(side: int) -> "NDArray[np.uint8]":
         return read_photo_isolated(source, target=side, seconds=DECODE_SECONDS).pixels
 
-    return photo_context_for_height(estimate, photo.pixels, maps.height, finer, wanted=maps.surroundings)
+    return photo_context_for_height(estimate, photo.pixels, maps.height, finer, surroundings=maps.surroundings)
 
 
 # What became of a batch's photos, in one line.

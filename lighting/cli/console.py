@@ -309,7 +309,7 @@ def place_in(
     def finer(side: int) -> "NDArray[np.uint8]":
         return read_photo(data, target=side).pixels
 
-    return photo_context_for_height(estimate, photo.pixels, height, finer, wanted=wanted)
+    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=wanted)
 
 
 def check_compression(output: str, compression: str | None) -> None:

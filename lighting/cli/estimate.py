@@ -175,7 +175,7 @@ def _envmap(
         data = photo_bytes(photo)
         picture, estimate = estimated(data, given, model, warm_up)
     place = place_in(data, picture, estimate, view["height"], surroundings)
-    write_output_map(output, estimate.lighting, place=place, **view)
+    write_output_map(output, estimate.lighting, context=place, **view)
     if preview:
         write_preview(preview, data, estimate, surroundings)
     if not quiet and "-" not in (output, preview):

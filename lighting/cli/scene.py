@@ -116,7 +116,7 @@ def _scene(**options: Any) -> None:
         plate = read_photo(data, target=PLATE_SIDE)
         estimate = None if asked.record else estimated(data, asked.given, asked.model)[1]
         lighting = estimate.lighting if estimate else read_lighting(asked.record or "-")
-    place = photo_context(estimate, plate.pixels, wanted=asked.surroundings) if estimate else None
+    place = photo_context(estimate, plate.pixels, surroundings=asked.surroundings) if estimate else None
     made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, place=place)
     write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
     if not asked.quiet:

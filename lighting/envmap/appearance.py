@@ -1,130 +1,130 @@
-"""Ground albedo and sky colour read from the photo."""
+"""Ground albedo and sky color read from the photo."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
-from lighting.envmap.latlong import irradiance_from_rows, max_channel, row_irradiance
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, irradiance_from_rows, max_channel, row_irradiance
 from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.geometry import Floats, sample_latlong
 from lighting.records import Lighting
 
-# The colour of the sky, from the pixels of a photo above its horizon.
-
-_HEIGHT = 32  # rows of the map with which the photo is compared
+# Which pixels count as sky, and how far they tint it.
+_MAP_ROWS = 32  # of the map with which the photo is compared
 _MIN_SIN_ELEVATION = 0.05  # sine of the angle above the horizon from which a pixel may show sky
-_MAX_STEP = 0.1  # largest step of brightness, 0 to 1, from a pixel of sky to its neighbours
-_MIN_SKY_LUMINANCE = 0.6  # share of the map's luminance there that a pixel of sky has at least
+_MAX_STEP = 0.1  # of brightness, 0 to 1, from a pixel of sky to its neighbours
+_MIN_SKY_LUMINANCE = 0.6  # share of the map's luminance that a pixel of sky has at least
 _MIN_SKY_SHARE = 0.02  # share of the picture that must show sky
 _MAX_SAMPLES = 500  # pixels, of which the mean is exact enough
-_TINT_EXPONENT = (
-    0.11,
-    0.51,
-)  # power of that ratio under a clear sky, and what cover squared adds; fitted on crops of `train`
-_EPSILON = 1e-9  # radiance or irradiance that stands for none
-_MAX_COLOR_RATIO = 2.0  # most by which a channel changes against green
+_TINT_EXPONENT = (0.11, 0.51)  # under a clear sky, and what cover squared adds; fitted on crops of `train`
+_MAX_COLOR_RATIO = 2.0  # by which a channel changes against green
+
+# Which pixels count as ground, and how far the network's view of it counts.
+_MIN_SIN_DEPRESSION = (0.2, 0.05)  # sines of the angle below the horizon; the first that leaves enough ground counts
+_MIN_GROUND_SHARE = 0.02  # share of the picture that must show ground
+_QUANTILES = (0.25, 0.75)  # of brightness, between which pixels count
+_REFLECTANCE_RANGE = (0.02, 0.9)
+# The last two by `python -m export fit ground`, on places that a network never saw.
+_NETWORK_SHARE = 0.6  # how far the brightness goes, under a clear sky, to that of the network's panorama
+_NETWORK_BIAS_STOPS = 0.2  # by which the panorama's ground is too dark
 
 
 def sky_white_balance(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
-    """Factors (3,) that bring the sky's irradiance nearer to the colour of the sky in a photo (h, w, 3, sRGB).
+    """Factors (3,) that bring the sky's irradiance nearer to the color of the sky in a photo; luminance stays.
 
-    A cloudy sky has one colour, so there the photo counts for much; a clear one differs from place to place, and what
-    is seen low over the horizon says little of the rest. Luminance stays. None where the photo shows too little sky or
-    the irradiances are not known.
+    A cloudy sky has one color, so the photo counts for much. A clear one differs from place to place, and the sky low
+    over the horizon says little of the rest. None where the photo shows too little sky, or irradiances are unknown.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        lighting: estimated for the photo.
     """
-    off = sky_color_ratio(pixels, lighting)
-    if off is None:
+    ratio = sky_color_ratio(pixels, lighting)
+    if ratio is None:
         return None
-    said = np.array(lighting.sky_irradiance) + _EPSILON
-    tint = off ** (_TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2)
-    return np.asarray(tint * float(luminance(said) / luminance(said * tint)))
+    irradiance = np.array(lighting.sky_irradiance) + EPSILON_IRRADIANCE
+    tint = ratio ** (_TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2)
+    return np.asarray(tint * float(luminance(irradiance) / luminance(irradiance * tint)))
 
 
 def sky_color_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
-    """The colour (3,) of the sky that a photo shows over that of the bare map in the same directions; green is 1.
+    """The color (3,) of the sky in a photo over that of the bare map in the same directions; green is 1.
 
-    Smooth, bright pixels above the estimated horizon count as sky. None as `photo_sky`.
+    Smooth, bright pixels above the estimated horizon count as sky. None as in `sky_white_balance`.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        lighting: estimated for the photo.
     """
     if lighting.sky_irradiance is None:
         return None
     photo, directions = sample_photo(pixels, lighting)
     smooth = _brightness_steps(np.sqrt(luminance(photo))) < _MAX_STEP
-    likely = np.nonzero(smooth & (directions[..., 1] > _MIN_SIN_ELEVATION) & (max_channel(photo) < CLIPPED))
-    least = _MIN_SKY_SHARE * smooth.size
-    if len(likely[0]) < least:
+    candidates = np.nonzero(smooth & (directions[..., 1] > _MIN_SIN_ELEVATION) & (max_channel(photo) < CLIPPED))
+    needed = _MIN_SKY_SHARE * smooth.size
+    if len(candidates[0]) < needed:
         return None
-    some = tuple(axis[:: len(axis) // _MAX_SAMPLES + 1] for axis in likely)
-    seen, there = photo[some], sample_latlong(render(lighting, _HEIGHT, sun=False), directions[some])
-    sky = luminance(seen) > _MIN_SKY_LUMINANCE * luminance(there)
-    if sky.mean() * len(likely[0]) < least:
+    chosen = tuple(axis[:: len(axis) // _MAX_SAMPLES + 1] for axis in candidates)
+    colors = photo[chosen]
+    map_colors = sample_latlong(render(lighting, _MAP_ROWS, sun=False), directions[chosen])
+    sky = luminance(colors) > _MIN_SKY_LUMINANCE * luminance(map_colors)
+    if sky.mean() * len(candidates[0]) < needed:
         return None
-    ratio = seen[sky].mean(axis=0) / np.maximum(there[sky].mean(axis=0), _EPSILON)
-    return np.asarray(np.clip(ratio / max(ratio[1], _EPSILON), 1 / _MAX_COLOR_RATIO, _MAX_COLOR_RATIO))
+    ratio = colors[sky].mean(axis=0) / np.maximum(map_colors[sky].mean(axis=0), EPSILON_IRRADIANCE)
+    return np.asarray(np.clip(ratio / max(ratio[1], EPSILON_IRRADIANCE), 1 / _MAX_COLOR_RATIO, _MAX_COLOR_RATIO))
 
 
-def _brightness_steps(grey: NDArray[np.float32]) -> NDArray[np.float32]:
+def _brightness_steps(gray: NDArray[np.float32]) -> NDArray[np.float32]:
     """How much a picture (h, w) changes from each pixel to its neighbours, the larger step of either direction."""
-    down, across = (np.abs(np.diff(grey, axis=axis)) for axis in (0, 1))
+    down, across = (np.abs(np.diff(gray, axis=axis)) for axis in (0, 1))
     down, across = np.pad(down, ((1, 1), (0, 0))), np.pad(across, ((0, 0), (1, 1)))
     return np.asarray(np.maximum(down[1:], down[:-1]) + np.maximum(across[:, 1:], across[:, :-1]))
 
 
-# The colour of the ground, from the pixels of a photo below its horizon.
-
-_MIN_SIN_DEPRESSION = (
-    0.2,
-    0.05,
-)  # sines of the angle below the horizon; the first one counts below which enough ground is seen
-_MIN_GROUND_SHARE = 0.02  # share of the picture that must show ground
-_QUANTILES = (0.25, 0.75)  # quantiles of brightness between which pixels count
-_REFLECTANCE_RANGE = (0.02, 0.9)  # of the reflectance
-_EPSILON_IRRADIANCE = 1e-6  # radiance or irradiance that stands for none
-_NETWORK_SHARE = (
-    0.6  # how far the brightness goes, under a clear sky, to that of the ground all around as the network has it;
-)
-_NETWORK_BIAS_STOPS = (
-    0.2  # stops by which that is too dark; `python -m export fit ground`, on places that a network never saw
-)
-
-
 def estimate_ground_albedo(
-    pixels: NDArray[np.uint8], lighting: Lighting, around: NDArray[np.float32] | None = None
+    pixels: NDArray[np.uint8], lighting: Lighting, panorama: NDArray[np.float32] | None = None
 ) -> Floats | None:
-    """Reflectance (3,) of the ground that a photo (h, w, 3, sRGB) shows under the lighting's irradiances.
+    """Reflectance (3,) of the ground that a photo shows under the lighting's irradiances.
 
-    It is the mean of the linear values well below the estimated horizon (near it things stand upright), without the
-    darkest and the brightest quarter, over (sky + sin(elevation) x sun) / pi. With `around`, an estimate's, its
-    brightness is drawn to that of the ground which the photo does not show, the less the cloudier the sky is, for there
-    the network errs more. None where the photo shows too little ground or the irradiances are not known.
+    It is the mean of the linear values well below the estimated horizon, over (sky + sin(elevation) x sun) / pi. Near
+    the horizon things stand upright; the darkest and the brightest quarter do not count. None where the photo shows
+    too little ground or the irradiances are unknown.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        lighting: estimated for the photo.
+        panorama: (R, 2R, 3) the network's surroundings. They draw the brightness to that of the ground which the photo
+            does not show, the less the cloudier the sky is, for then the network errs more. None: the photo alone.
     """
     if lighting.sky_irradiance is None or lighting.sun_irradiance is None:
         return None
     photo, directions = sample_photo(pixels, lighting)
     down = -directions[..., 1]
-    seen = next((down > below for below in _MIN_SIN_DEPRESSION if np.mean(down > below) >= _MIN_GROUND_SHARE), None)
-    if seen is None:
+    shows_ground = (down > sine for sine in _MIN_SIN_DEPRESSION)
+    below = next((mask for mask in shows_ground if np.mean(mask) >= _MIN_GROUND_SHARE), None)
+    if below is None:
         return None
-    ground = photo[seen]
-    grey = ground.mean(axis=1)
-    low, high = _quantiles(grey, _QUANTILES)
-    inside = (grey >= low) & (grey <= high)
-    level = np.maximum(level_irradiance(lighting), _EPSILON_IRRADIANCE)
-    found = ground[inside].mean(axis=0)
-    if around is not None:
+    ground = photo[below]
+    gray = ground.mean(axis=1)
+    low, high = _quantiles(gray, _QUANTILES)
+    radiance = ground[(gray >= low) & (gray <= high)].mean(axis=0)
+    if panorama is not None:
         share = _NETWORK_SHARE * (1 - (lighting.sky_cover or 0.0))
-        found = (
-            found
-            * (2**_NETWORK_BIAS_STOPS * ground_luminance(around) / max(float(luminance(found)), _EPSILON_IRRADIANCE))
-            ** share
-        )
-    return np.asarray(np.clip(np.pi * found / level, *_REFLECTANCE_RANGE))
+        brightness = max(float(luminance(radiance)), EPSILON_IRRADIANCE)
+        radiance = radiance * (2**_NETWORK_BIAS_STOPS * ground_luminance(panorama) / brightness) ** share
+    level = np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
+    return np.asarray(np.clip(np.pi * radiance / level, *_REFLECTANCE_RANGE))
 
 
-def ground_luminance(around: NDArray[np.float32]) -> float:
-    """Luminance of the ground in a coarse panorama (R, C, 3), as level ground that faces down would receive it."""
-    half = len(around) // 2
-    return float(luminance(irradiance_from_rows(row_irradiance(len(around))[half:], around[half:]))) / np.pi
+def ground_luminance(panorama: NDArray[np.float32]) -> float:
+    """Luminance of the ground in a coarse panorama, as level ground that faces down would receive it.
+
+    Args:
+        panorama: (R, 2R, 3) linear radiance.
+    """
+    half = len(panorama) // 2
+    return float(luminance(irradiance_from_rows(row_irradiance(len(panorama))[half:], panorama[half:]))) / np.pi
 
 
 def _quantiles(values: Floats, shares: tuple[float, float]) -> Floats:

@@ -7,14 +7,53 @@ from numpy.typing import NDArray
 
 from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directions, latlong_solid_angle
 
-# Environment maps prepared for shading: without the sun's disc, reduced, blurred, integrated to irradiance.
+Image = NDArray[np.float32]
+
+EPSILON_IRRADIANCE = 1e-12  # irradiance, radiance or exposure that stands for none in a divisor
 
 
-def remove_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.float32], Floats]:
-    """The map (H, 2H, 3) with the sky around the sun painted over its disc, and the disc's irradiance (3,).
+def row_irradiance(height: int) -> Floats:
+    """Irradiance (H,) of level ground, facing up or down, by radiance 1 in each row of a map.
 
-    `sun` (3,) is the unit vector towards the sun. With no pixel near it above the horizon, the map is returned as it is
-    and the irradiance is 0.
+    Args:
+        height: rows of the map.
+    """
+    edges = np.sin(np.linspace(-math.pi / 2, math.pi / 2, height + 1)) ** 2
+    return np.abs(np.diff(edges)) * math.pi
+
+
+def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
+    """Irradiance (3,) of level ground by some rows of a map.
+
+    Args:
+        levels: (R,) the `row_irradiance` of these rows.
+        rows: (R, W, 3) linear radiance.
+    """
+    count, width = rows.shape[:2]
+    columns = np.einsum("r,rx->x", to_float32(levels), rows.reshape(count, 3 * width))
+    return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
+
+
+def envmap_irradiance(image: Image, normals: Floats) -> Floats:
+    """Irradiance (..., 3) under a map on surfaces of any orientation.
+
+    Args:
+        image: (H, 2H, 3) linear radiance.
+        normals: (..., 3) unit vectors.
+    """
+    cosine = np.maximum(normals @ latlong_directions(len(image)).reshape(-1, 3).T, 0)
+    weight = cosine * np.repeat(latlong_solid_angle(len(image)), 2 * len(image))
+    return np.asarray(weight @ image.reshape(-1, 3) * np.pi / weight.sum(axis=-1, keepdims=True))
+
+
+def remove_sun(envmap: Image, sun: Floats) -> tuple[Image, Floats]:
+    """The map with the sky beside the sun painted over its disc, and the disc's irradiance (3,).
+
+    With no pixel near it above the horizon, the map is returned as it is and the irradiance is 0.
+
+    Args:
+        envmap: (H, 2H, 3) linear radiance.
+        sun: (3,) unit vector towards the sun.
     """
     height = len(envmap)
     row = int((0.5 - np.degrees(np.arcsin(sun[1])) / 180.0) * height)
@@ -22,44 +61,47 @@ def remove_sun(envmap: NDArray[np.float32], sun: Floats) -> tuple[NDArray[np.flo
     rows = slice(max(0, row - int(reach / 180 * height) - 2), row + int(reach / 180 * height) + 3)
     above = latlong_directions(height)[rows]
     distance = np.where(above[..., 1] > 0, angle_between(above, sun), 180.0)
-    disc, around = distance < reach - 180.0 / height, (distance >= reach - 180.0 / height) & (distance < 2 * reach)
-    if not (disc.any() and around.any()):
+    disc, ring = distance < reach - 180.0 / height, (distance >= reach - 180.0 / height) & (distance < 2 * reach)
+    if not (disc.any() and ring.any()):
         return envmap, np.zeros(3)
     sky = envmap.copy()
-    background = np.median(sky[rows][around], axis=0)
+    background = np.median(sky[rows][ring], axis=0)
     weight = np.broadcast_to(latlong_solid_angle(height)[rows, None], distance.shape)[disc]
     power = weight @ np.maximum(sky[rows][disc] - background, 0.0)
     sky[rows][disc] = background
     return sky, np.asarray(power, dtype=np.float64)
 
 
-def shrink_envmap(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """A map (H, 2H, C) reduced to `rows` rows by area averages; unchanged if it has no more rows."""
+def shrink_envmap(image: Image, rows: int) -> Image:
+    """A map reduced by area averages; unchanged if it has no more rows.
+
+    Args:
+        image: (H, 2H, C).
+        rows: of the result.
+    """
     height = len(image)
     if rows >= height:
         return image
-    wide = np.tensordot(_shares(rows, height), image, 1)  # (rows, 2H, C)
-    return np.asarray(np.einsum("xw,ywc->yxc", _shares(2 * rows, 2 * height), wide, optimize=True))
+    wide = np.tensordot(_area_shares(rows, height), image, 1)  # (rows, 2H, C)
+    return np.asarray(np.einsum("xw,ywc->yxc", _area_shares(2 * rows, 2 * height), wide, optimize=True))
 
 
-def _shares(fewer: int, pixels: int) -> NDArray[np.float32]:
+def _area_shares(fewer: int, pixels: int) -> Image:
     """How much (fewer, pixels) of each of the larger pixels each of the smaller ones fills; rows sum to 1."""
     edges = np.arange(fewer + 1) * (pixels / fewer)
     low, high = edges[:-1, None], edges[1:, None]
-    at = np.arange(pixels)
-    filled = np.clip(np.minimum(high, at + 1) - np.maximum(low, at), 0.0, None)
+    start = np.arange(pixels)
+    filled = np.clip(np.minimum(high, start + 1) - np.maximum(low, start), 0.0, None)
     return np.asarray(filled * (fewer / pixels), dtype=np.float32)
 
 
-def envmap_irradiance(image: NDArray[np.float32], normals: Floats) -> Floats:
-    """Irradiance (..., 3) under a map (H, 2H, 3) on surfaces of these normals (..., 3)."""
-    cosine = np.maximum(normals @ latlong_directions(len(image)).reshape(-1, 3).T, 0)
-    weight = cosine * np.repeat(latlong_solid_angle(len(image)), 2 * len(image))
-    return np.asarray(weight @ image.reshape(-1, 3) * np.pi / weight.sum(axis=-1, keepdims=True))
+def blur_envmap(image: Image, concentration: float) -> Image:
+    """The map (H, 2H, 3) as a lobe exp(concentration (cos - 1)) averages it in each direction.
 
-
-def blur_envmap(image: NDArray[np.float32], concentration: float) -> NDArray[np.float32]:
-    """The map (H, 2H, 3) seen through a lobe exp(concentration (cos - 1)) around each direction."""
+    Args:
+        image: (H, 2H, 3) linear radiance.
+        concentration: over 0; the larger, the less blur.
+    """
     height = len(image)
     d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
     weight = np.exp(np.float32(concentration) * (d @ d.T - 1)) * np.repeat(latlong_solid_angle(height), 2 * height)
@@ -67,38 +109,32 @@ def blur_envmap(image: NDArray[np.float32], concentration: float) -> NDArray[np.
     return np.asarray(blurred.reshape(image.shape), dtype=np.float32)
 
 
-# What all maps share: their type, what their rows light, and arithmetic on their pixels that is quick in numpy.
-
-Image = NDArray[np.float32]
-
-
-def row_irradiance(height: int) -> Floats:
-    """Irradiance (H,) of level ground, facing up or down, by radiance 1 in each row of a map of that many rows."""
-    edges = np.sin(np.linspace(-math.pi / 2, math.pi / 2, height + 1)) ** 2
-    return np.abs(np.diff(edges)) * math.pi
-
-
-def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
-    """Irradiance (3,) by rows (R, W, 3) of a map with these `row_levels` (R,)."""
-    count, width = rows.shape[:2]
-    columns = np.einsum("r,rx->x", to_float32(levels), rows.reshape(count, 3 * width))
-    return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
-
-
 def scale_colors(image: Image, gain: Floats) -> None:
-    """Multiply an image (R, W, 3), contiguous in memory, by a colour (3,) in place.
+    """Multiply an image by a color in place.
 
     Whole rows are multiplied, since numpy takes ten times as long with an innermost axis of 3.
+
+    Args:
+        image: (R, W, 3), contiguous in memory.
+        gain: (3,).
     """
     rows = image.reshape(len(image), -1)
     rows *= np.tile(to_float32(gain), image.shape[1])
 
 
 def max_channel(image: Image) -> Image:
-    """The largest channel (...) of colours (..., 3); numpy's maximum along so short an axis is ten times as slow."""
+    """The largest channel (...) of colors; numpy's maximum along so short an axis is ten times as slow.
+
+    Args:
+        image: (..., 3).
+    """
     return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
 
 
 def to_float32(values: Floats) -> Image:
-    """The values as float32."""
+    """The values as float32.
+
+    Args:
+        values: of any shape.
+    """
     return np.asarray(values, dtype=np.float32)

@@ -20,10 +20,10 @@ from lighting.geometry import (
 )
 from lighting.records import Lighting
 
-FEATHER = 0.15  # share of the picture's half width and half height over which it fades into what lies around
+FEATHER = 0.15  # share of the picture's half width and half height over which it fades into its surroundings
 CLIPPED = 0.95  # linear value from which a pixel may have been brighter
 
-_SAMPLED_SIDE = 96  # pixels of the longer side of a photo whose colours are looked at
+_SAMPLED_SIDE = 96  # pixels along the longer side at which a photo's colors are sampled
 _WINDOW_ROWS = 48  # rows of a map in which the photo's window is sought
 _MAX_SIDE = 2048  # pixels of the photo's longer side
 
@@ -38,7 +38,7 @@ class ProjectedPhoto:
     weight: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 outside it
 
     def over(self, image: Image, gain: float) -> "ProjectedPhoto":
-        """The same times a gain. Where the photo is clipped and the map (H, 2H, 3) brighter, the map's value stands."""
+        """The same times a gain. Where the photo is clipped and the map (H, 2H, 3) brighter, the map's value counts."""
         clipped = max_channel(self.linear) > CLIPPED
         linear = self.linear * np.float32(gain)
         np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
@@ -49,17 +49,29 @@ class ProjectedPhoto:
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
         if top >= bottom:
             return None
-        own = slice(top - self.rows.start, bottom - self.rows.start)
-        return ProjectedPhoto(slice(top, bottom), self.columns, self.linear[own], self.weight[own])
+        part = slice(top - self.rows.start, bottom - self.rows.start)
+        return ProjectedPhoto(slice(top, bottom), self.columns, self.linear[part], self.weight[part])
 
 
 def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
-    """The camera that took a photo, which is shown in `width` x `height` pixels; it looks to azimuth 0."""
+    """The camera that took a photo; it looks to azimuth 0.
+
+    Args:
+        lighting: with the camera's elevation, roll and field of view.
+        width: pixels at which the photo is projected.
+        height: pixels, as the width.
+    """
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
 def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> ProjectedPhoto | None:
-    """A photo (h, w, 3, sRGB) as a map of `height` rows sees it; None where it is under a few degrees wide."""
+    """A photo in the pixels of a map; None where it is under a few degrees wide.
+
+    Args:
+        lighting: with the photo's camera.
+        photo: (h, w, 3) sRGB.
+        height: rows of the map.
+    """
     picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
     camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
     window = _window(camera, height)
@@ -76,23 +88,34 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
 
 
 def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
-    """Linear values (h, w, 3) of a few of a photo's pixels (H, W, 3, sRGB), and the directions in which they lie."""
+    """Linear values (h, w, 3) of a few of a photo's pixels, and their directions (h, w, 3).
+
+    Args:
+        pixels: (H, W, 3) sRGB.
+        lighting: with the photo's camera.
+    """
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED_SIDE))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
     small = pixels[first[0] :: step, first[1] :: step]
     return SRGB_LINEAR.take(small), _directions(photo_camera(lighting, small.shape[1], small.shape[0]))
 
 
-@lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are looked at one after the other
+@lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are sampled one after the other
 def _directions(camera: Pinhole) -> Floats:
-    """`camera_directions` of the few pixels that are looked at."""
+    """`camera_directions` of the sampled pixels."""
     directions = camera_directions(camera)
     directions.setflags(write=False)  # since others get it as well
     return directions
 
 
 def size_in_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
-    """Width and height at which a photo (h, w, 3) has about the resolution of a map with `height` rows."""
+    """Width and height in pixels at which a photo has about the resolution of a map.
+
+    Args:
+        photo: (h, w, 3).
+        vertical_fov: deg, of the photo.
+        height: rows of the map.
+    """
     camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
     scale = min(height / np.pi / camera.focal_length * 1.2, _MAX_SIDE / max(photo.shape[:2]))
     return scaled(camera.width, camera.height, scale)
@@ -134,6 +157,6 @@ def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -
     return x, y
 
 
-def _index(place: Image, count: int, sign: int) -> NDArray[np.intp]:
-    """Index of the pixel at a place of -1 to 1; `sign` -1 counts from the other end."""
-    return np.asarray(np.clip((sign * place + 1) * np.float32(count / 2), 0, count - 1), dtype=np.intp)
+def _index(position: Image, count: int, sign: int) -> NDArray[np.intp]:
+    """Index of the pixel at a position of -1 to 1; `sign` -1 counts from the other end."""
+    return np.asarray(np.clip((sign * position + 1) * np.float32(count / 2), 0, count - 1), dtype=np.intp)

@@ -9,60 +9,73 @@ from typing import Any
 import numpy as np
 
 from lighting.color import luminance
-from lighting.envmap.latlong import Image
-from lighting.envmap.render import clear_irradiance, lobe_table
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
+from lighting.envmap.render import clear_irradiance
 from lighting.envmap.sun_disc import disc_power
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.records import Colour, Lighting, check_lighting, clipped_colour, significant
 from lighting.validation import RANGES
 
-# Turned and brightened maps, and the records that describe them.
-
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
-_ANGLE_DIGITS = 6  # behind the point, of turned angles in degrees; records' own have fewer
+_ANGLE_DIGITS = 6  # behind the point, of rotated angles in degrees; records of estimates have fewer
+
+_MIN_ELEVATION = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
+_HIGH_ELEVATION = 30.0  # deg, of a sun at full strength
+_MIN_CHANNEL_SHARE = 0.05  # of that sun's channels, which the model's has at least: in haze a low one has none
 
 
 def rotate_envmap(image: Image, yaw: float) -> Image:
-    """The map turned by `yaw` [deg]: what was at azimuth a is at a + yaw. Exact for a whole number of pixels.
+    """The map rotated about the vertical: what was at azimuth a is at a + yaw. Exact for a whole number of pixels.
 
-    Otherwise neighbouring pixels are interpolated linearly, also across the seam. Raises ParameterError unless finite.
+    Otherwise neighbouring pixels are interpolated linearly, also across the seam.
+
+    Args:
+        image: (H, 2H, 3).
+        yaw: deg, any finite number, else ParameterError.
     """
     _check_yaw(yaw)
     shift = yaw % 360.0 / 360.0 * image.shape[1]
     whole = math.floor(shift + _WHOLE_PIXEL)
     share = np.float32(shift - whole)
-    turned = np.roll(image, whole, axis=1)
+    rotated = np.roll(image, whole, axis=1)
     if share <= _WHOLE_PIXEL:
-        return turned
-    return np.asarray(turned * (1 - share) + np.roll(turned, 1, axis=1) * share)
+        return rotated
+    return np.asarray(rotated * (1 - share) + np.roll(rotated, 1, axis=1) * share)
 
 
 def rotate_lighting(lighting: Lighting, yaw: float) -> Lighting:
-    """The record of a map turned by `yaw` [deg]; its azimuth 0 lies `yaw` to the left of where the camera points.
+    """The record of a rotated map; its azimuth 0 lies `yaw` to the left of where the camera points.
 
-    Raises ParameterError for what is no Lighting, and unless the yaw is finite.
+    Args:
+        lighting: of the map before, else ParameterError.
+        yaw: deg, as in `rotate_envmap`.
     """
     check_lighting(lighting)
     _check_yaw(yaw)
-    turned = replace(
+    rotated = replace(
         lighting,
         sun_azimuth=round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _ANGLE_DIGITS),
         relative_heading=None if lighting.relative_heading is None else _heading(lighting.relative_heading - yaw),
     )
     if lighting.camera_heading is None:
-        return turned
+        return rotated
     degrees, probability = np.arange(360.0), lighting.camera_heading_probability
     shifted = np.interp(degrees + yaw, degrees, probability, period=360.0) if probability else np.array([])
     return replace(
-        turned,
+        rotated,
         camera_heading=_heading(lighting.camera_heading - yaw),
         camera_heading_probability=tuple(shifted.tolist()),
     )
 
 
 def scale_exposure(lighting: Lighting, gain: Floats) -> Lighting:
-    """The light of a picture whose linear red, green and blue are `gain` (3,) times those of the record's."""
+    """The light of a picture whose linear values are those of the record's, times a gain.
+
+    Args:
+        lighting: of the picture before.
+        gain: (3,) over 0, of linear red, green and blue.
+    """
     exposure = float(np.clip(lighting.exposure * float(luminance(gain)), *RANGES["exposure"]))
     return replace(
         lighting,
@@ -90,60 +103,42 @@ def _scale_irradiance(name: str, irradiance: Colour | None, gain: Floats) -> Col
     return None if irradiance is None else clipped_colour(np.array(irradiance) * gain, name)
 
 
-# A light with another sun, turbidity, exposure or power, as a user sets them by hand.
-
-_EPSILON = 1e-9  # irradiance that stands for none
-_MIN_ELEVATION = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
-_HIGH_ELEVATION = 30.0  # deg, of a sun at full strength
-_MIN_CHANNEL_SHARE = (
-    0.05  # of that sun's channels, which the model's is taken to have at least: in haze a low one has none
-)
-
-
 def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lighting:
-    """The light with other values of `sun_azimuth`, `sun_elevation`, `turbidity`, `exposure` or `ground_color`.
+    """The light with another sun, turbidity, exposure or ground, as a user sets them by hand.
 
-    Those of the camera, `camera_elevation`, `camera_roll` and `vertical_fov`, move no light.
-    Where irradiances are stated, their ratios to the model's, channel by channel, stay as they were; a sun under 5 deg
-    is to the model as one of 5 deg. A `sun_irradiance`, `sky_irradiance` or `sky_cover` among the changes counts as it
-    is; the sky's power follows the cover. Raises ParameterError for a value out of range, and for what is no
-    Lighting.
+    Where irradiances are stated, their ratios to the model's stay as they were, channel by channel. A sun under 5 deg
+    is to the model as one of 5 deg.
+
+    Args:
+        lighting: before, else ParameterError.
+        changes: values by the fields of Lighting. Those of the camera move no light. An irradiance or a `sky_cover`
+            counts as it is; the sky's power follows the cover. ParameterError for one out of range.
     """
     check_lighting(lighting)
     values: dict[str, Any] = dict(changes)
     changed = replace(lighting, **values)
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return changed
-    followed = changed
-    if "sun_irradiance" not in changes:
-        sun = _rescale_irradiance(
-            lighting.sun_irradiance, _model_sun_irradiance(lighting), _model_sun_irradiance(changed)
-        )
-        followed = replace(followed, sun_irradiance=clipped_colour(sun, "sun_irradiance"))
-    if "sky_irradiance" not in changes:
-        sky = _rescale_irradiance(
-            lighting.sky_irradiance, _model_sky_irradiance(lighting), _model_sky_irradiance(changed)
-        )
-        followed = replace(followed, sky_irradiance=clipped_colour(sky, "sky_irradiance"))
-    return followed
+    models = {"sun_irradiance": _model_sun_irradiance, "sky_irradiance": _model_sky_irradiance}
+    rescaled: dict[str, Any] = {}
+    for name, by_model in models.items():
+        if name not in changes:
+            before, after = np.maximum(by_model(lighting), EPSILON_IRRADIANCE), by_model(changed)
+            rescaled[name] = clipped_colour(np.array(getattr(lighting, name)) * after / before, name)
+    return replace(changed, **rescaled)
 
 
 def _model_sun_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) by the model, or what stands for it where the model's would vanish."""
-    there, high = (
+    power, high_power = (
         disc_power(replace(lighting, sun_elevation=elevation))[0]
         for elevation in (max(lighting.sun_elevation, _MIN_ELEVATION), _HIGH_ELEVATION)
     )
-    return np.asarray(np.maximum(there, _MIN_CHANNEL_SHARE * high))
+    return np.asarray(np.maximum(power, _MIN_CHANNEL_SHARE * high_power))
 
 
 def _model_sky_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) by the model, the share of its overcast part grey."""
-    clear = clear_irradiance(lighting, lobe_table(lighting))
+    """Irradiance (3,) by the model, the share of its overcast part gray."""
+    clear = clear_irradiance(lighting)
     cover = lighting.sky_cover or 0.0
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
-
-
-def _rescale_irradiance(stated: Colour, before: Floats, after: Floats) -> Floats:
-    """The stated irradiance (3,) times what the model's has changed by."""
-    return np.asarray(np.array(stated) * after / np.maximum(before, _EPSILON))

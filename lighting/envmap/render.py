@@ -3,6 +3,8 @@
 An environment map is a lat-long image (H, 2H, 3), float32, linear Rec.709, in the pixel layout of geometry.py. Its
 values are the photo's own linear values. A lighting that has `sky_irradiance` and `sun_irradiance` gets a map whose
 integrals equal them; else they follow from `exposure` x the sky model's radiance.
+
+Clear skies by the model of Hosek and Wilkie are painted with tables along two axes.
 """
 
 import math
@@ -13,7 +15,14 @@ from numbers import Integral
 import numpy as np
 
 from lighting.color import luminance
-from lighting.envmap.latlong import Image, irradiance_from_rows, row_irradiance, scale_colors, to_float32
+from lighting.envmap.latlong import (
+    EPSILON_IRRADIANCE,
+    Image,
+    irradiance_from_rows,
+    row_irradiance,
+    scale_colors,
+    to_float32,
+)
 from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
@@ -21,20 +30,194 @@ from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lightin
 from lighting.sky import SKY_MODEL, SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL, sky_gradation, sky_lobe, sky_parameters
 
-# Clear skies by the model of Hosek and Wilkie, painted with tables along two axes.
-
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
-_CHUNK_PIXELS = 1 << 17  # pixels painted at once, few enough for the processor's cache
-_IRRADIANCE_HEIGHT = 128  # rows of the sky that is integrated to light the ground; accurate to 2e-4
+_CHUNK_PIXELS = 1 << 17  # painted at once, few enough for the processor's cache
+_IRRADIANCE_ROWS = 128  # of the sky that is integrated to light the ground; accurate to 2e-4
+_LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
+_EFFICACY = 120.0  # lm / W of skylight
 
 
-def lobe_table(lighting: Lighting) -> Image:
-    """`sky_lobe` of each channel (3, steps + 1) at the angles to the sun that `paint_clear` looks up."""
-    return _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
+    """Environment map (H, 2H, 3) of a lighting: float32, linear Rec.709, in the photo's linear values.
+
+    The sum of the disc's radiance x solid angle is the same at every height. The ground is lit by what is painted.
+
+    Args:
+        lighting: else ParameterError.
+        height: rows, even, 16 to 4096, else ParameterError.
+        sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
+        disc: False leaves the disc for a light of its own; the sun still lights the ground.
+    """
+    check_lighting(lighting)
+    check_height(height)
+    painted = lighting.sun_painted if sun is None else sun
+    image = np.empty((height, 2 * height, 3), dtype=np.float32)
+    if lighting.sky_irradiance is None and lighting.sky_model == SKY_MODEL:
+        level = _fill_model_sky(image[: height // 2], lighting, painted)
+    else:
+        level = _fill_stated_sky(image[: height // 2], lighting, painted)
+    _fill_ground(image[height // 2 :], ground_reflectance(lighting) / math.pi * level)
+    if painted and disc:
+        add_sun(image, lighting)
+    return image
 
 
-@lru_cache(maxsize=1)  # a photo's sky is looked at before it is painted
+def add_sun(image: Image, lighting: Lighting) -> None:
+    """Add the sun to a map that lacks it.
+
+    Args:
+        image: (H, 2H, 3), changed in place.
+        lighting: of the map.
+    """
+    power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.sky_model].sun_glow
+    if glow is None:
+        splat_sun_disc(image, lighting, power)
+    else:
+        upper = image[: len(image) // 2]
+        _add_sun_glow(upper, glow(latlong_directions(len(image))[: len(upper)], lighting.sun_direction), power)
+
+
+def sky_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) of open level ground by the sky, without the sun's disc.
+
+    Args:
+        lighting: stated, or by the sky model.
+    """
+    if lighting.sky_irradiance is not None:
+        return np.array(lighting.sky_irradiance)
+    return clear_irradiance(lighting)
+
+
+def level_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) of open level ground by sky and sun.
+
+    Args:
+        lighting: whose sun counts, painted or not.
+    """
+    return sky_irradiance(lighting) + sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
+
+
+def ground_reflectance(lighting: Lighting) -> Floats:
+    """Reflectance (3,) of the ground, 0 to 1: its color; else `ground_albedo`, or 0.12 where irradiances are stated.
+
+    Args:
+        lighting: with a color of the ground or none.
+    """
+    if lighting.ground_color is not None:
+        return np.array(lighting.ground_color)
+    return np.full(3, lighting.ground_albedo if lighting.sky_irradiance is None else GROUND_REFLECTANCE)
+
+
+def with_irradiance(lighting: Lighting) -> Lighting:
+    """The same light with its irradiances stated; a sun that is not painted has none.
+
+    Args:
+        lighting: returned as it is where it states them.
+    """
+    if lighting.sky_irradiance is not None:
+        return lighting
+    sun = sun_irradiance(lighting) if lighting.sun_painted else np.zeros(3)
+    sky = sky_irradiance(lighting)
+    red, green, blue = ground_reflectance(lighting).tolist()
+    return replace(
+        lighting,
+        sun_irradiance=(float(sun[0]), float(sun[1]), float(sun[2])),
+        sky_irradiance=(float(sky[0]), float(sky[1]), float(sky[2])),
+        ground_color=(red, green, blue),
+    )
+
+
+def check_height(height: int) -> None:
+    """Raise ParameterError for what is no number of rows of a map.
+
+    Args:
+        height: even, 16 to 4096.
+    """
+    whole = isinstance(height, Integral) and not isinstance(height, bool)
+    if not whole or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
+        predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
+        raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE)
+
+
+def _fill_model_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
+    """Fill the upper half (H / 2, 2H, 3) by the model alone; the irradiance (3,) of the ground."""
+    direct = disc_power(lighting)[1] if painted else np.zeros(3)
+    _render_clear_sky(upper, lighting)
+    return np.asarray(direct + clear_irradiance(lighting))
+
+
+def _fill_stated_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
+    """The same for a sky whose irradiance is stated, or whose model has no unit of its own."""
+    power = sun_irradiance(lighting) if painted else np.zeros(3)
+    sky = sky_irradiance(lighting)
+    _render_mixed_sky(upper, lighting, sky)
+    return np.asarray(sky + power * max(float(lighting.sun_direction[1]), 0.0))
+
+
+def _fill_ground(image: Image, radiance: Floats) -> None:
+    """Fill the lower half (H / 2, 2H, 3) with one color (3,); copying whole rows is fastest."""
+    image[0] = radiance
+    image[1:] = image[0]
+
+
+def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
+    """Fill the upper half (H / 2, 2H, 3) of a map whose horizontal irradiance is then (3,), without the sun's disc.
+
+    The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
+    """
+    cover = lighting.sky_cover or 0.0
+    if cover >= 1:
+        upper[:] = _overcast_rows(len(upper)) * to_float32(irradiance)
+        return
+    _render_sky_shape(upper, lighting)
+    level = irradiance_from_rows(row_irradiance(2 * len(upper))[: len(upper)], upper)
+    scale_colors(upper, (1 - cover) * irradiance / np.maximum(level, EPSILON_IRRADIANCE))
+    if cover > 0:
+        _add_color_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
+
+
+def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
+    """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,)."""
+    weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
+    total = max(float(weight @ glow.sum(axis=1)), EPSILON_IRRADIANCE)
+    upper += to_float32(glow[..., None] * (power / total))
+
+
+def _overcast_rows(rows: int) -> Image:
+    """Radiance (rows, 1, 1) of the overcast sky of irradiance 1, row by row from the zenith."""
+    up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
+    radiance = (1 + 2 * up) / 3
+    return to_float32(radiance / (row_irradiance(2 * rows)[:rows] @ radiance))[:, None, None]
+
+
+def _add_color_rows(upper: Image, rows: Image, color: Floats) -> None:
+    """Add rows (rows, 1, 1) of a color (3,) to a map, by whole rows as `scale_colors` multiplies."""
+    flat = upper.reshape(len(upper), -1)
+    flat += rows[:, 0] * np.tile(to_float32(color), upper.shape[1])
+
+
+def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
+    """Fill the upper half with the model's radiance at any scale."""
+    if lighting.sky_model == SKY_MODEL:
+        _render_clear_sky(upper, lighting)
+        return
+    directions = latlong_directions(2 * len(upper))[: len(upper)]
+    upper[:] = sky_shape(lighting.sky_model, directions, lighting.sun_direction, _weather(lighting))
+
+
+def _weather(lighting: Lighting) -> Weather:
+    """What shapes the sky. The strength of sun and sky is as stated, else as Hosek and Wilkie's models have it."""
+    clear = clear_irradiance(lighting) / lighting.exposure
+    sun = sun_irradiance(lighting)
+    sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
+    beam = float(luminance(sun)) / max(float(luminance(sky)), EPSILON_IRRADIANCE)
+    diffuse = float(luminance(clear)) * _LUX / _EFFICACY
+    return Weather(lighting.turbidity, lighting.ground_albedo, beam, diffuse)
+
+
+@lru_cache(maxsize=1)  # a photo's sky is compared before it is painted
 def _lobe_table(sun_elevation: float, turbidity: float, ground_albedo: float) -> Image:
+    """`sky_lobe` of each channel (3, steps + 1) at the angles to the sun that `_render_clear_sky` looks up."""
     angle, chord2 = _lobe_angles()
     coefficients, _ = sky_parameters(sun_elevation, turbidity, ground_albedo)
     table = np.stack([sky_lobe(row, chord2, angle) for row in coefficients])
@@ -50,13 +233,14 @@ def _lobe_angles() -> tuple[Image, Image]:
     return angle, np.square(2 * np.sin(angle / 2))
 
 
-def _render_clear_sky(image: Image, lighting: Lighting, lobe: Image) -> None:
+def _render_clear_sky(image: Image, lighting: Lighting) -> None:
     """Fill the upper half (H / 2, 2H, 3) of a map: per row a factor and an offset, per pixel one look-up of the lobe.
 
     The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
     the row gives all but the last factor and the column that one; this keeps its precision next to the sun. The table
     goes by sin(g / 2) / (sin(g / 2) + cos(g / 2)), which is as fine at both ends and needs no arcsine.
     """
+    lobe = _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
     factor, offset = _row_terms(lighting, 2 * len(image))
     azimuth, elevation = latlong_angles(2 * len(image))
     sun = math.radians(lighting.sun_elevation)
@@ -86,173 +270,13 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
     return to_float32(factor), to_float32(np.stack([offset for _, offset in terms]))
 
 
-def clear_irradiance(lighting: Lighting, lobe: Image) -> Floats:
-    """Irradiance (3,) of a horizontal surface by the sky without the disc."""
-    half = _IRRADIANCE_HEIGHT // 2
-    sky = np.empty((half, 2 * _IRRADIANCE_HEIGHT, 3), dtype=np.float32)
-    _render_clear_sky(sky, lighting, lobe)
-    return np.asarray(row_irradiance(_IRRADIANCE_HEIGHT)[:half] @ sky.mean(axis=1, dtype=np.float64))
+def clear_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) of a horizontal surface by the model's clear sky without the disc.
 
-
-# Skies between clear and overcast, scaled to a given irradiance: any model shapes the clear part.
-
-_LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
-_EFFICACY = 120.0  # lm / W of skylight
-_EPSILON = 1e-12  # irradiance that stands for none
-
-
-def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
-    """Fill the upper half (H / 2, 2H, 3) of a map whose horizontal irradiance is then (3,), the sun's disc apart.
-
-    The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
+    Args:
+        lighting: whose sun, turbidity, ground albedo and exposure count.
     """
-    cover = lighting.sky_cover or 0.0
-    if cover >= 1:
-        upper[:] = _overcast_rows(len(upper)) * to_float32(irradiance)
-        return
-    _render_sky_shape(upper, lighting)
-    level = irradiance_from_rows(row_irradiance(2 * len(upper))[: len(upper)], upper)
-    scale_colors(upper, (1 - cover) * irradiance / np.maximum(level, _EPSILON))
-    if cover > 0:
-        _add_color_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
-
-
-def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
-    """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,)."""
-    weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
-    total = max(float(weight @ glow.sum(axis=1)), _EPSILON)
-    upper += to_float32(glow[..., None] * (power / total))
-
-
-def _overcast_rows(rows: int) -> Image:
-    """Radiance (rows, 1, 1) of the overcast sky of irradiance 1, row by row from the zenith."""
-    up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
-    radiance = (1 + 2 * up) / 3
-    return to_float32(radiance / (row_irradiance(2 * rows)[:rows] @ radiance))[:, None, None]
-
-
-def _add_color_rows(upper: Image, rows: Image, colour: Floats) -> None:
-    """Add rows (rows, 1, 1) of a colour (3,) to a map, by whole rows as `scale` multiplies."""
-    flat = upper.reshape(len(upper), -1)
-    flat += rows[:, 0] * np.tile(to_float32(colour), upper.shape[1])
-
-
-def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
-    """Fill the upper half with the model's radiance at any scale."""
-    if lighting.sky_model == SKY_MODEL:
-        _render_clear_sky(upper, lighting, lobe_table(lighting))
-        return
-    directions = latlong_directions(2 * len(upper))[: len(upper)]
-    upper[:] = sky_shape(lighting.sky_model, directions, lighting.sun_direction, _weather(lighting))
-
-
-def _weather(lighting: Lighting) -> Weather:
-    """What shapes the sky. The strength of sun and sky is as given, else as Hosek and Wilkie's models have it."""
-    clear = clear_irradiance(lighting, lobe_table(lighting)) / lighting.exposure
-    sun = sun_irradiance(lighting)
-    sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
-    beam = float(luminance(sun)) / max(float(luminance(sky)), _EPSILON)
-    diffuse = float(luminance(clear)) * _LUX / _EFFICACY
-    return Weather(lighting.turbidity, lighting.ground_albedo, beam, diffuse)
-
-
-# Environment maps of a Lighting: the sky, a sun of the right power, and the ground that they light.
-
-
-def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
-    """Environment map (H, 2H, 3) of a lighting; `height` is even, 16 to 4096.
-
-    `sun` says whether the sun is in it; None leaves that to `Lighting.sun_painted`. The sum of the disc's radiance x
-    solid angle is the same at every height, and the ground is lit by what is painted. Without `disc` the sun lights the
-    ground and is left for a light of its own. Raises ParameterError for another height, and for what is no Lighting.
-    """
-    check_lighting(lighting)
-    check_height(height)
-    painted = lighting.sun_painted if sun is None else sun
-    image = np.empty((height, 2 * height, 3), dtype=np.float32)
-    if lighting.sky_irradiance is None and lighting.sky_model == SKY_MODEL:
-        level = _fill_model_sky(image[: height // 2], lighting, painted)
-    else:
-        level = _fill_stated_sky(image[: height // 2], lighting, painted)
-    _fill_ground(image[height // 2 :], ground_reflectance(lighting) / math.pi * level)
-    if painted and disc:
-        add_sun(image, lighting)
-    return image
-
-
-def add_sun(image: Image, lighting: Lighting) -> None:
-    """Add the sun to a map (H, 2H, 3) of that light which lacks it."""
-    power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.sky_model].sun_glow
-    if glow is None:
-        splat_sun_disc(image, lighting, power)
-    else:
-        upper = image[: len(image) // 2]
-        _add_sun_glow(upper, glow(latlong_directions(len(image))[: len(upper)], lighting.sun_direction), power)
-
-
-def sky_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) of open level ground by the sky, without the sun's disc."""
-    if lighting.sky_irradiance is not None:
-        return np.array(lighting.sky_irradiance)
-    return clear_irradiance(lighting, lobe_table(lighting))
-
-
-def level_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) of open level ground by sky and sun, whether or not the sun is painted."""
-    return sky_irradiance(lighting) + sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
-
-
-def ground_reflectance(lighting: Lighting) -> Floats:
-    """Reflectance (3,) of the ground: its colour; else `ground_albedo`, or 0.12 where irradiances are given."""
-    if lighting.ground_color is not None:
-        return np.array(lighting.ground_color)
-    return np.full(3, lighting.ground_albedo if lighting.sky_irradiance is None else GROUND_REFLECTANCE)
-
-
-def with_irradiance(lighting: Lighting) -> Lighting:
-    """The same light with its irradiances stated; a sun that is not painted has none."""
-    if lighting.sky_irradiance is not None:
-        return lighting
-    sun = sun_irradiance(lighting) if lighting.sun_painted else np.zeros(3)
-    sky = sky_irradiance(lighting)
-    red, green, blue = ground_reflectance(lighting).tolist()
-    return replace(
-        lighting,
-        sun_irradiance=(float(sun[0]), float(sun[1]), float(sun[2])),
-        sky_irradiance=(float(sky[0]), float(sky[1]), float(sky[2])),
-        ground_color=(red, green, blue),
-    )
-
-
-def check_height(height: int) -> None:
-    """Raise ParameterError for what is no number of rows of a map."""
-    if (
-        isinstance(height, bool)
-        or not isinstance(height, Integral)
-        or height % 2
-        or not MIN_HEIGHT <= height <= MAX_HEIGHT
-    ):
-        predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
-        raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE)
-
-
-def _fill_model_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
-    """Fill the upper half (H / 2, 2H, 3) by the model alone; the irradiance (3,) of the ground."""
-    lobe = lobe_table(lighting)
-    direct = disc_power(lighting)[1] if painted else np.zeros(3)
-    _render_clear_sky(upper, lighting, lobe)
-    return np.asarray(direct + clear_irradiance(lighting, lobe))
-
-
-def _fill_stated_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
-    """The same for a sky whose irradiance is given, or whose model has no unit of its own."""
-    power = sun_irradiance(lighting) if painted else np.zeros(3)
-    sky = sky_irradiance(lighting)
-    _render_mixed_sky(upper, lighting, sky)
-    return np.asarray(sky + power * max(float(lighting.sun_direction[1]), 0.0))
-
-
-def _fill_ground(image: Image, radiance: Floats) -> None:
-    """Fill the lower half (H / 2, 2H, 3) with one colour (3,); copying whole rows is fastest."""
-    image[0] = radiance
-    image[1:] = image[0]
+    half = _IRRADIANCE_ROWS // 2
+    sky = np.empty((half, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
+    _render_clear_sky(sky, lighting)
+    return np.asarray(row_irradiance(_IRRADIANCE_ROWS)[:half] @ sky.mean(axis=1, dtype=np.float64))

@@ -10,25 +10,28 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import SRGB_LINEAR, checked_pixels, luminance
+from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, shrunk, slice_around
 from lighting.records import Lighting, check_lighting
 
-_MAX_SIDE = 256  # pixels of the answer's longer side, at most
+_MAX_SIDE = 256  # pixels of the mask's longer side
 _GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade
 _SIN_BELOW = np.sin(np.radians(1.0))  # sine of the angle below the horizon from which a pixel counts as ground
 _MIN_GROUND = 0.02  # share of the picture that must show ground
-_LOG2_RANGE = (-7.0, 0.0)  # range of the log2 of luminance
+
+_LOG2_RANGE = (-7.0, 0.0)  # of luminance
 _BINS = 64  # of a histogram over it
 _MIN_STEP = 1.0  # stops between shade and sunlight; a smaller difference is the ground's own
-_MIN_PREDICTED_SHARE = 0.6  # share of the predicted step
-_MIN_CLASS_SHARE = 0.03  # share of the ground that the rarer of both takes
-_LOG2_ALBEDO = (-3.4, 1.2)  # log2 of a ground's reflectance: the mean, and the spread with the errors of irradiance
-_SUNLIT_SHARE = 0.8  # share of the ground that the sun reaches where it reaches the scene
-_MIN_SUNLIT_SHARE = 0.05  # least such share
-_THRESHOLD_REACH = 1.0  # stops from the threshold of ordinary ground, within which the picture's own is sought
+_MIN_PREDICTED_SHARE = 0.6  # of the predicted step
+_MIN_CLASS_SHARE = 0.03  # of the ground that the rarer class takes
+_THRESHOLD_REACH = 1.0  # stops from the threshold of ordinary ground, within which the picture's is sought first
+
+_LOG2_ALBEDO = (-3.4, 1.2)  # of a ground's reflectance: mean, and standard deviation with the errors of irradiance
+_SUNLIT_SHARE = 0.8  # of the ground, where the sun reaches the scene
+_MIN_SUNLIT_SHARE = 0.05
 
 
 @dataclass(frozen=True)
@@ -50,36 +53,47 @@ class _OtsuClasses:
 
 
 def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None) -> NDArray[np.float32]:
-    """How much of the sun reaches what each pixel of a photo (h, w, 3, sRGB) shows: (H, W), 0 in shade, 1 in sunlight.
+    """How much of the sun reaches what each pixel of a photo shows: (H, W), 0 in shade, 1 in sunlight.
 
-    It has the photo's aspect and at most 256 pixels on its longer side. It is 1 above the horizon, and everywhere where
-    the light has no sun (`sun` as in `render`) or shade and sunlight lie less than a stop apart. Else the ground falls
-    into a bright and a dark kind (Otsu's threshold on log luminance, sought first near that between ordinary ground in
-    the sun and in shade), if the dark one is darker than that and they lie about as far apart as shade and sunlight do.
-    If not, all ground is of one kind: it counts as shade if it is so dark that ordinary ground would rather be that
-    dark in shade, in view of the probability that the sun reaches the scene. What is dark by itself may count as shade.
-    Raises ParameterError for what is no Lighting, and PhotoError for what is no photo's pixels.
+    It has the photo's aspect and at most 256 pixels on its longer side. It is 1 above the horizon, and everywhere if
+    the light has no sun or shade and sunlight lie less than a stop apart. Else the ground falls into a bright and a
+    dark class by Otsu's threshold on log luminance. That is sought first near the one between ordinary ground in the
+    sun and in shade. The dark class must be darker than that, and about as much as shade is.
+
+    If not, all ground is of one class. It counts as shade if ordinary ground would rather be so dark in shade, in view
+    of the probability that the sun reaches the scene. What is dark by itself may count as shade.
+
+    Args:
+        photo: (h, w, 3) sRGB, else PhotoError.
+        lighting: of the photo, else ParameterError.
+        sun: whether the light has one; None: by `Lighting.sun_painted`.
+
+    References:
+        [1] Otsu, A Threshold Selection Method from Gray-Level Histograms, IEEE SMC 1979.
     """
     check_lighting(lighting)
     small = _shrink_photo(checked_pixels(photo))
     height, width = small.shape[:2]
     shines = lighting.sun_painted if sun is None else sun
     step = _predicted_step(lighting) if shines else 0.0
-    grey = _block_means(luminance(SRGB_LINEAR[small].astype(np.float64)))
-    ground = _ground_blocks(grey.shape, lighting)
+    gray = _block_means(luminance(SRGB_LINEAR[small].astype(np.float64)))
+    ground = _ground_blocks(gray.shape, lighting)
     if step < _MIN_STEP or ground.mean() < _MIN_GROUND:
         return np.ones((height, width), dtype=np.float32)
-    stops = np.log2(np.clip(grey, *np.exp2(_LOG2_RANGE)))[ground]
-    lit = np.ones(grey.shape, dtype=np.float32)
+    stops = np.log2(np.clip(gray, *np.exp2(_LOG2_RANGE)))[ground]
+    lit = np.ones(gray.shape, dtype=np.float32)
     lit[ground] = _sunlit_share(stops, _white_level(lighting), step, lighting.sun_visibility)
     return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
 
 
 def mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:
-    """How far the ground around things lies in sunlight, 0 to 1, by a picture's `lit_ground` (H, W).
+    """How far the ground at the feet of things lies in sunlight, 0 to 1; 1 where the picture does not show it.
 
-    `feet` (N, 3) are where they stand, from the camera; the rectangle up to `reach` [camera's pixels] around them is
-    looked at. 1 where the picture does not show it.
+    Args:
+        lit: (H, W) the picture's `ground_shadow_mask`.
+        camera: of the picture.
+        feet: (N, 3) where things touch the ground, from the camera.
+        reach: pixels of the camera beside the feet, of the rectangle that counts.
     """
     pixels = camera_pixel(feet, camera)
     if not np.isfinite(pixels).all():  # behind the camera
@@ -88,19 +102,19 @@ def mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: 
     x, y = (pixels * scale).T
     columns = slice_around(float(x.mean()), float(np.ptp(x) / 2 + reach * scale), lit.shape[1])
     rows = slice_around(float(y.mean()), reach * scale, len(lit))
-    around = lit[rows, columns]
-    return float(around.mean()) if around.size else 1.0
+    part = lit[rows, columns]
+    return float(part.mean()) if part.size else 1.0
 
 
 def _predicted_step(lighting: Lighting) -> float:
     """Stops between level ground in the sun and in shade."""
     sky, direct = _level_luminances(lighting)
-    return float(np.log2(1 + direct / max(sky, 1e-9)))
+    return float(np.log2(1 + direct / max(sky, EPSILON_IRRADIANCE)))
 
 
 def _white_level(lighting: Lighting) -> float:
     """Log2 of the luminance of a level white surface in the sun."""
-    return float(np.log2(max(sum(_level_luminances(lighting)), 1e-9) / np.pi))
+    return float(np.log2(max(sum(_level_luminances(lighting)), EPSILON_IRRADIANCE) / np.pi))
 
 
 def _level_luminances(lighting: Lighting) -> tuple[float, float]:
@@ -112,10 +126,10 @@ def _level_luminances(lighting: Lighting) -> tuple[float, float]:
 def _sunlit_share(stops: Floats, level: float, step: float, visibility: float) -> Floats:
     """The share (N,) of the sun at ground of log2 luminance (N,)."""
     middle = level + _LOG2_ALBEDO[0] - step / 2  # between ordinary ground in the sun and in shade
-    kinds = _classify_ground(stops, middle, max(_MIN_STEP, _MIN_PREDICTED_SHARE * step))
-    if kinds is None:
+    classes = _classify_ground(stops, middle, max(_MIN_STEP, _MIN_PREDICTED_SHARE * step))
+    if classes is None:
         return np.full(len(stops), float(np.median(stops) >= level + _min_lit_albedo(step, visibility)))
-    return np.asarray(np.clip((stops - kinds.threshold) / (0.5 * kinds.step) + 0.5, 0, 1))
+    return np.asarray(np.clip((stops - classes.threshold) / (0.5 * classes.step) + 0.5, 0, 1))
 
 
 def _classify_ground(stops: Floats, middle: float, least: float) -> _OtsuClasses | None:
@@ -134,9 +148,9 @@ def _min_lit_albedo(step: float, visibility: float) -> float:
 
     By Bayes' rule with a normal distribution of log2 reflectance: in shade it would be a `step` more than it seems.
     """
-    mean, spread = _LOG2_ALBEDO
+    mean, std = _LOG2_ALBEDO
     lit = _SUNLIT_SHARE * visibility
-    return float(mean - step / 2 - spread**2 * np.log(max(lit, _MIN_SUNLIT_SHARE) / (1 - lit)) / step)
+    return float(mean - step / 2 - std**2 * np.log(max(lit, _MIN_SUNLIT_SHARE) / (1 - lit)) / step)
 
 
 def _shrink_photo(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -146,22 +160,22 @@ def _shrink_photo(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
 
 
-def _block_means(grey: Floats) -> Floats:
+def _block_means(gray: Floats) -> Floats:
     """Means of blocks of _GRAIN pixels each way of a picture (h, w); the last ones take what is left over."""
-    starts = [np.arange(max(1, count // _GRAIN)) * _GRAIN for count in grey.shape]
-    sums = np.add.reduceat(np.add.reduceat(grey, starts[0], axis=0), starts[1], axis=1)
-    sizes = [np.diff([*start, count]) for start, count in zip(starts, grey.shape, strict=True)]
+    starts = [np.arange(max(1, count // _GRAIN)) * _GRAIN for count in gray.shape]
+    sums = np.add.reduceat(np.add.reduceat(gray, starts[0], axis=0), starts[1], axis=1)
+    sizes = [np.diff([*start, count]) for start, count in zip(starts, gray.shape, strict=True)]
     return np.asarray(sums / np.outer(*sizes))
 
 
 def _ground_blocks(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
-    """Which blocks (rows, columns) of a picture show ground, if nothing stands on it."""
+    """Which blocks (rows, columns) of a picture show ground, if it is bare."""
     rays = camera_directions(photo_camera(lighting, blocks[1], blocks[0]))
     return np.asarray(rays[..., 1] < -_SIN_BELOW)
 
 
 def _otsu_classes(stops: Floats, middle: float, reach: float) -> _OtsuClasses | None:
-    """The two kinds into which log2 luminances (N,) fall by a threshold near the middle; None if one is rare."""
+    """The two classes into which log2 luminances (N,) fall by a threshold near the middle; None if one is rare."""
     counts, edges = np.histogram(stops, _BINS, _LOG2_RANGE)
     values = (edges[:-1] + edges[1:]) / 2
     below = np.cumsum(counts)[:-1]
@@ -170,8 +184,8 @@ def _otsu_classes(stops: Floats, middle: float, reach: float) -> _OtsuClasses | 
     dark = sums[:-1] / np.maximum(below, 1)
     bright = (sums[-1] - sums[:-1]) / np.maximum(above, 1)
     near = np.abs((dark + bright) / 2 - middle) <= reach
-    spread = np.where((below > 0) & (above > 0) & near, below * above * (bright - dark) ** 2, -1.0)
-    best = int(np.argmax(spread))
-    if spread[best] < 0 or min(below[best], above[best]) < _MIN_CLASS_SHARE * len(stops):
+    variance = np.where((below > 0) & (above > 0) & near, below * above * (bright - dark) ** 2, -1.0)
+    best = int(np.argmax(variance))
+    if variance[best] < 0 or min(below[best], above[best]) < _MIN_CLASS_SHARE * len(stops):
         return None
     return _OtsuClasses(float(dark[best]), float(bright[best]))

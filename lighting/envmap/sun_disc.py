@@ -14,18 +14,18 @@ _FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
 _FINE_PER_PIXEL = 4  # least number of grid rows per row of pixels
 
 
-def _exposed_disc(directions: Floats, lighting: Lighting) -> Floats:
-    """Radiance (..., 3) of the model's disc along unit vectors (..., 3), in the photo's linear values."""
-    return sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
-
-
 def splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
-    """Add the disc: the mean over each pixel of its radiance on a finer grid, scaled to the disc's exact power."""
+    """Add the disc: the mean over each pixel of its radiance on a finer grid, scaled to the disc's exact power.
+
+    Args:
+        image: (H, 2H, 3) linear radiance, changed in place.
+        lighting: with the sun's direction and color.
+        power: (3,) radiance x solid angle of the disc.
+    """
     height, width = image.shape[:2]
     row, column, directions = _fine_grid(lighting, height)
-    radiance = (
-        _exposed_disc(directions, lighting) if lighting.sun_irradiance is None else _grey_disc(directions, lighting)
-    )
+    disc = _model_disc if lighting.sun_irradiance is None else _gray_disc
+    radiance = disc(directions, lighting)
     share = radiance * np.hypot(directions[..., 0], directions[..., 2])[..., None]  # x the cell's relative solid angle
     lit = radiance.any(axis=-1)
     pixels, inverse = np.unique((row[:, None] * width + column % width)[lit], return_inverse=True)
@@ -34,27 +34,42 @@ def splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
     image.reshape(-1, 3)[pixels] += to_float32(sums * scale / latlong_solid_angle(height)[pixels // width, None])
 
 
-def _grey_disc(directions: Floats, lighting: Lighting) -> Floats:
-    """The disc at any scale in one colour: seen through haze, that of a setting sun lacks channels or is black."""
+def _gray_disc(directions: Floats, lighting: Lighting) -> Floats:
+    """The disc at any scale in one color: through haze, that of a setting sun lacks channels or is black."""
     clearest = sun_disc_radiance(directions, lighting.sun_direction, 1.0)
     return np.repeat(clearest.mean(axis=-1, keepdims=True), 3, axis=-1)
 
 
+def _model_disc(directions: Floats, lighting: Lighting) -> Floats:
+    """Radiance (..., 3) of the model's disc along unit vectors (..., 3), in the photo's linear values."""
+    return sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
+
+
 def disc_power(lighting: Lighting) -> tuple[Floats, Floats]:
-    """Radiance x solid angle (3,) of the part of the disc above the horizon, and the irradiance (3,) of the ground."""
+    """Radiance x solid angle (3,) of the part of the disc above the horizon, and the irradiance (3,) of the ground.
+
+    Args:
+        lighting: whose exposure, turbidity and sun the model takes.
+    """
     points, weight = sun_disc_points(lighting.sun_direction)
-    radiance = _exposed_disc(points, lighting)
+    radiance = _model_disc(points, lighting)
     return np.asarray(weight @ radiance), np.asarray((weight * points[:, 1]) @ radiance)
 
 
 def sun_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) on a surface that faces the sun: as stated, else the disc's power."""
+    """Irradiance (3,) on a surface that faces the sun: as stated, else the disc's power.
+
+    Args:
+        lighting: of the sun, painted or not.
+    """
     return disc_power(lighting)[0] if lighting.sun_irradiance is None else np.array(lighting.sun_irradiance)
 
 
 def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArray[np.intp], Floats]:
-    """A grid over the visible disc, finer than a map's pixels: its directions (R, C, 3) and the map's row (R,) and
-    column (C,) that each of its rows and columns lies in; columns may run over the seam.
+    """A grid over the visible disc, finer than a map's pixels.
+
+    The map's row (R,) and column (C,) of each of its rows and columns, and its directions (R, C, 3); columns may run
+    over the seam.
     """
     azimuth, elevation = (float(angle) for angle in angles(lighting.sun_direction))
     widest = math.cos(math.radians(max(elevation - SUN_RADIUS, 0.0)))

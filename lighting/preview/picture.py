@@ -178,7 +178,7 @@ def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> N
 
 
 def _map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
-    place = photo_context(estimate, photo, wanted=surroundings)
+    place = photo_context(estimate, photo, surroundings=surroundings)
     return (
         render_with_surroundings(estimate.lighting, place, MAP_HEIGHT)
         if place

@@ -201,7 +201,7 @@ def make_scene(
     else:
         environment = render_with_surroundings(lighting, place, map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
-    lit = ground_shadow_mask(photo.pixels, place.shown_light(lighting) if place else lighting, sun=shines)
+    lit = ground_shadow_mask(photo.pixels, place.light_at_exposure(lighting) if place else lighting, sun=shines)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)
 
 

@@ -544,7 +544,7 @@ def estimated_together(files: list[Path]) -> NDArray[np.float32]:
         return read_photo(files[-1], target=side).pixels
 
     place = photo_context_for_height(alone, photo.pixels, 512, finer, exposure=light.exposure)
-    return render_view(light, 512, sun=light.sun_shines, place=place)[0]
+    return render_view(light, 512, sun=light.sun_shines, context=place)[0]
 
 
 class TestSeveral:

@@ -3,6 +3,7 @@
 import struct
 import zlib
 from collections.abc import Mapping
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from PIL import ExifTags, Image
 from PIL.PngImagePlugin import PngInfo
 
-from tests.conftest import exif
+from tests.conftest import encode, exif, munich, scene
 
 BASE = ExifTags.Base
 BACK = "iPhone 13 Pro back triple camera 5.7mm f/1.5"
@@ -20,6 +21,10 @@ RDF = "http://www.w3.org/1999/02/22-rdf-syntax-ns#"
 DJI = "http://www.dji.com/drone-dji/1.0/"
 PIX4D = "http://pix4d.com/camera/1.0/"
 _XMP_TAG = 700  # of a TIFF
+WHOLE_PAGE, THUMBNAIL_PAGE = scene(320, 240), scene(80, 60)
+SUBFILE_TAG, SUBDIRECTORY_TAG, PHOTOMETRIC_TAG = 0xFE, 0x14A, 0x106
+WIDE_PRIMARIES = ((0.7977, 0.2880, 0.0), (0.1352, 0.7119, 0.0001), (0.0313, 0.0001, 0.8252))
+PROFILE_WHITE = (0.9642, 1.0, 0.8249)
 
 
 def apple_note(x: float, y: float, z: float, front: int | None = None) -> bytes:
@@ -116,3 +121,82 @@ def taken(seconds: float, time: str = "2024:06:01 11:00:00", offset: str = "+02:
     """EXIF tags of an exposure."""
     base = ExifTags.Base
     return {base.ExposureTime: seconds, base.DateTimeOriginal: time, base.OffsetTimeOriginal: offset}
+
+
+def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
+    """A DNG of one strip, whose colours are Rec.709 already: header, directory, what does not fit it, pixels."""
+    height, width = mosaic.shape
+    to_rec709 = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570)  # of XYZ
+    matrix = np.array([[round(value * 10000), 10000] for value in to_rec709], "<i4").tobytes()
+    byte, text, short, long, ratio, signed = (1, 1), (2, 1), (3, 2), (4, 4), (5, 8), (10, 8)  # numbers of types, sizes
+    name = b"Test\0"
+    tags = [
+        *((256, long, _int(width)), (257, long, _int(height)), (258, short, _int(16, 2)), (259, short, _int(1, 2))),
+        *((262, short, _int(32803, 2)), (271, text, name), (272, text, name), (273, long, b"")),
+        *((277, short, _int(1, 2)), (278, long, _int(height)), (279, long, _int(2 * height * width))),
+        *((33421, short, _int(2, 2) * 2), (33422, byte, bytes([0, 1, 1, 2])), (50706, byte, bytes([1, 4, 0, 0]))),
+        *((50708, text, name), (50714, short, _int(0, 2)), (50717, long, _int(white)), (50721, signed, matrix)),
+        *((50728, ratio, (_int(1) * 2) * 3), (50778, short, _int(21, 2))),
+    ]
+    start = 8 + 2 + 12 * len(tags) + 4
+    data_at = start + sum(-(-len(data) // 2) * 2 for _, _, data in tags if len(data) > 4)
+    directory, beside = _int(len(tags), 2), b""
+    for tag, (kind, size), data in tags:
+        value = data or _int(data_at)
+        directory += _int(tag, 2) + _int(kind, 2) + _int(len(value) // size)
+        if len(value) > 4:
+            directory += _int(start + len(beside))
+            beside += value + bytes(len(value) % 2)
+        else:
+            directory += value.ljust(4, b"\0")
+    pixels: bytes = np.rint(mosaic).astype("<u2").tobytes()
+    return b"II*\0" + _int(8) + directory + bytes(4) + beside + pixels
+
+
+def _int(value: int, size: int = 4) -> bytes:
+    return value.to_bytes(size, "little")
+
+
+def display_profile(name: str, primaries: tuple[tuple[float, ...], ...]) -> bytes:
+    """A display profile (ICC.1, version 2) of a matrix and straight curves."""
+
+    def numbers(values: tuple[float, ...]) -> bytes:
+        return b"".join(struct.pack(">i", round(65536 * value)) for value in values)
+
+    described = b"desc" + struct.pack(">II", 0, len(name) + 1) + name.encode() + bytes(79)
+    tags = {b"desc": described + bytes(-len(described) % 4), b"wtpt": b"XYZ " + bytes(4) + numbers(PROFILE_WHITE)}
+    for channel, primary in zip((b"r", b"g", b"b"), primaries, strict=True):
+        tags[channel + b"XYZ"] = b"XYZ " + bytes(4) + numbers(primary)
+        tags[channel + b"TRC"] = b"curv" + bytes(8)
+    table, held, start = struct.pack(">I", len(tags)), b"", 128 + 4 + 12 * len(tags)
+    for tag, content in tags.items():
+        table += tag + struct.pack(">II", start + len(held), len(content))
+        held += content
+    kind = struct.pack(">I", 0x02400000) + b"mntrRGB XYZ " + bytes(12) + b"acsp" + bytes(28) + numbers(PROFILE_WHITE)
+    head = struct.pack(">I", start + len(held)) + bytes(4) + kind
+    return head + bytes(128 - len(head)) + table + held
+
+
+def tiff(*pages: tuple[NDArray[Any], Mapping[int, Any]], **options: Any) -> bytes:
+    """A TIFF of these pages with their tags."""
+    pictures = [Image.fromarray(pixels) for pixels, _ in pages]
+    for picture, (_, tags) in zip(pictures, pages, strict=True):
+        told = {"exif": tags.tobytes()} if isinstance(tags, Image.Exif) else {"tiffinfo": tags}
+        picture.encoderinfo = {**told, **options}
+    stream = BytesIO()
+    pictures[0].save(stream, "TIFF", save_all=True, append_images=pictures[1:])
+    return stream.getvalue()
+
+
+def tiff_with_exif_behind_thumbnail() -> bytes:
+    """A TIFF whose whole picture has the EXIF block; of its thumbnail there is the directory alone."""
+    block = munich()
+    block[ExifTags.Base.Orientation] = 6
+    data = encode(WHOLE_PAGE, "TIFF", exif=block.tobytes())
+    (place,) = struct.unpack_from("<I", data, 4)
+    return data[:4] + struct.pack("<I", len(data)) + data[8:] + directory("<", (SUBFILE_TAG, 4, 1, 1), following=place)
+
+
+def directory(order: str, *entries: tuple[int, int, int, int], following: int) -> bytes:
+    body = b"".join(struct.pack(order + "HHII", *entry) for entry in entries)
+    return struct.pack(order + "H", len(entries)) + body + struct.pack(order + "I", following)

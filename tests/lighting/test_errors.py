@@ -63,9 +63,11 @@ TAKERS: dict[str, Callable[[Any], object]] = {
     "surround: light": lambda thing: render_with_surroundings(thing, PLACE, 16),
     "surround: place": lambda thing: render_with_surroundings(LIGHT, thing, 16),
     "place_factors: place": lambda thing: surroundings_gain(LIGHT, thing),
-    "known_place: estimate": lambda thing: photo_context(thing, PIXELS, wanted=True),
-    "known_place: photo": lambda thing: photo_context(ESTIMATE, thing, wanted=True),
-    "place_of: height": lambda thing: photo_context_for_height(ESTIMATE, PIXELS, thing, lambda _: PIXELS, wanted=True),
+    "known_place: estimate": lambda thing: photo_context(thing, PIXELS, surroundings=True),
+    "known_place: photo": lambda thing: photo_context(ESTIMATE, thing, surroundings=True),
+    "place_of: height": lambda thing: photo_context_for_height(
+        ESTIMATE, PIXELS, thing, lambda _: PIXELS, surroundings=True
+    ),
     "lit_ground: photo": lambda thing: ground_shadow_mask(thing, LIGHT),
     "lit_ground: light": lambda thing: ground_shadow_mask(PIXELS, thing),
     "turn: light": lambda thing: rotate_lighting(thing, 10.0),

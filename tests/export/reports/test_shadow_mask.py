@@ -16,10 +16,9 @@ from export.reports.shadow_mask import (
 )
 from lighting.color import tone_map
 from lighting.model import Model
-from tests.lighting.envmap import test_shadow_mask
-from tests.lighting.envmap.test_shadow_mask import SHADED, SUNLIT
+from tests.helpers.lights import SHADED_GROUND, SUNLIT_GROUND, stated_light
 
-LIGHT = replace(test_shadow_mask.LIGHT, camera_elevation=0.0)
+LIGHT = stated_light(40.0, camera_elevation=0.0)
 
 
 def halves(width: int = 320, height: int = 240) -> _GroundScene:
@@ -29,9 +28,9 @@ def halves(width: int = 320, height: int = 240) -> _GroundScene:
     lit[:, width // 2 :] = False
     ground = np.zeros_like(lit)
     ground[height // 2 :] = True
-    linear[ground] = np.where(lit[ground][:, None], SUNLIT, SHADED)
+    linear[ground] = np.where(lit[ground][:, None], SUNLIT_GROUND, SHADED_GROUND)
     weights = np.array([0.2126, 0.7152, 0.0722])
-    return _GroundScene(tone_map(linear), LIGHT, ground, lit & ground, np.full(lit.shape, SHADED @ weights))
+    return _GroundScene(tone_map(linear), LIGHT, ground, lit & ground, np.full(lit.shape, SHADED_GROUND @ weights))
 
 
 def test_a_right_mask_leaves_no_error_of_the_shadow() -> None:

@@ -92,10 +92,10 @@ def test_a_map_shows_the_place_as_envmap_does(tmp_path: Path, wanted: bool | Non
     write_photo_map(tmp_path / "map.exr", answer, maps)
     picture = read_photo(photo)
     place = photo_context_for_height(
-        estimator(picture, given), picture.pixels, 32, picture.pixels.repeat, wanted=wanted
+        estimator(picture, given), picture.pixels, 32, picture.pixels.repeat, surroundings=wanted
     )
     assert (place is None) == (wanted is False)  # the packaged network predicts what lies around
-    expected, _ = render_view(answer.lighting, 32, place=place)
+    expected, _ = render_view(answer.lighting, 32, context=place)
     found, _ = read_exr(tmp_path / "map.exr")
     assert found == pytest.approx(expected, rel=1e-3, abs=1e-6)
 

@@ -15,7 +15,7 @@ from lighting.envmap.appearance import (
     sky_white_balance,
 )
 from lighting.records import Lighting
-from tests.lighting.envmap.test_render import render_given_light
+from tests.helpers.lights import stated_light
 
 LEVEL = np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(33.0)) * np.array([1.9, 1.5, 0.9])
 
@@ -27,24 +27,22 @@ def photo(reflectance: list[float], sky: float = 0.8) -> np.ndarray:
 
 
 def test_the_ground_is_what_lies_below_the_horizon_over_its_light() -> None:
-    assert estimate_ground_albedo(photo([0.2, 0.15, 0.1]), render_given_light()) == pytest.approx(
-        [0.2, 0.15, 0.1], rel=0.05
-    )
+    assert estimate_ground_albedo(photo([0.2, 0.15, 0.1]), stated_light()) == pytest.approx([0.2, 0.15, 0.1], rel=0.05)
 
 
 def test_few_glints_do_not_count() -> None:
     spotted = photo([0.2, 0.2, 0.2])
     spotted[40:43] = 255
-    assert estimate_ground_albedo(spotted, render_given_light()) == pytest.approx([0.2] * 3, rel=0.1)
+    assert estimate_ground_albedo(spotted, stated_light()) == pytest.approx([0.2] * 3, rel=0.1)
 
 
 def test_a_camera_that_looks_up_sees_no_ground() -> None:
-    assert estimate_ground_albedo(photo([0.2] * 3), render_given_light(camera_elevation=50.0)) is None
+    assert estimate_ground_albedo(photo([0.2] * 3), stated_light(camera_elevation=50.0)) is None
 
 
 @pytest.mark.parametrize("cover", [0.0, 0.5, 1.0])
 def test_the_network_s_ground_counts_for_brightness_the_less_the_cloudier_and_not_for_colour(cover: float) -> None:
-    picture, light = photo([0.2, 0.15, 0.1]), render_given_light(sky_cover=cover)
+    picture, light = photo([0.2, 0.15, 0.1]), stated_light(sky_cover=cover)
     shown = estimate_ground_albedo(picture, light)
     assert shown is not None
     radiance = shown * LEVEL / np.pi
@@ -56,9 +54,9 @@ def test_the_network_s_ground_counts_for_brightness_the_less_the_cloudier_and_no
 
 
 def test_a_network_without_ground_stays_in_range() -> None:
-    assert estimate_ground_albedo(
-        photo([0.2] * 3), render_given_light(), np.zeros((12, 24, 3), np.float32)
-    ) == pytest.approx([0.02] * 3)
+    assert estimate_ground_albedo(photo([0.2] * 3), stated_light(), np.zeros((12, 24, 3), np.float32)) == pytest.approx(
+        [0.02] * 3
+    )
 
 
 def test_brightness_below_is_that_of_a_level_surface_facing_down() -> None:
@@ -73,8 +71,8 @@ def test_without_irradiances_nothing_is_known() -> None:
 
 
 def test_a_black_or_white_picture_stays_in_range() -> None:
-    assert estimate_ground_albedo(np.zeros((40, 60, 3), np.uint8), render_given_light()) == pytest.approx([0.02] * 3)
-    assert estimate_ground_albedo(np.full((40, 60, 3), 255, np.uint8), render_given_light(1.0)) is not None
+    assert estimate_ground_albedo(np.zeros((40, 60, 3), np.uint8), stated_light()) == pytest.approx([0.02] * 3)
+    assert estimate_ground_albedo(np.full((40, 60, 3), 255, np.uint8), stated_light(1.0)) is not None
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 50, 999])
@@ -96,7 +94,7 @@ def sky_colour_photo(sky: Sequence[float] | np.ndarray, detail: float = 0.0) -> 
 
 
 def overcast(**changes: float) -> Lighting:
-    return render_given_light(sky_cover=1.0, **changes)
+    return stated_light(sky_cover=1.0, **changes)
 
 
 def seen_sky(picture: np.ndarray, light: Lighting) -> np.ndarray:
@@ -119,7 +117,7 @@ def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
 
 @pytest.mark.parametrize(("cover", "trust"), [(0.0, 0.11), (0.5, 0.11 + 0.51 / 4), (1.0, 0.11 + 0.51)])
 def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust: float) -> None:
-    light = render_given_light(sky_cover=cover)
+    light = stated_light(sky_cover=cover)
     off = sky_color_ratio(sky_colour_photo(SUNSET), light)
     assert off is not None
     assert np.ptp(off) > 0.3
@@ -127,14 +125,14 @@ def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust
 
 
 def test_its_brightness_stays() -> None:
-    for light in (overcast(), render_given_light()):
+    for light in (overcast(), stated_light()):
         found = seen_sky(sky_colour_photo(SUNSET), light)
         assert luminance(found) == pytest.approx(luminance(SAID), rel=1e-6)
 
 
 def test_a_clear_sky_changes_less_and_towards_the_photo() -> None:
     clear, cloudy = (
-        seen_sky(sky_colour_photo(SUNSET), render_given_light(sky_cover=0.0)),
+        seen_sky(sky_colour_photo(SUNSET), stated_light(sky_cover=0.0)),
         seen_sky(sky_colour_photo(SUNSET), overcast()),
     )
     reds = [colour_of(sky)[0] for sky in (SAID, clear, cloudy, SUNSET)]

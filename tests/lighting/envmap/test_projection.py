@@ -7,7 +7,7 @@ import pytest
 
 from lighting.envmap.projection import project_photo
 from lighting.geometry import Pinhole, camera_pixel, latlong_directions
-from tests.lighting.envmap.test_render import render_given_light
+from tests.helpers.lights import stated_light
 
 HEIGHT = 64
 DARK = np.full((HEIGHT, 2 * HEIGHT, 3), 0.01, np.float32)
@@ -22,7 +22,7 @@ def halves() -> np.ndarray:
 
 @pytest.mark.parametrize(("elevation", "roll"), [(0.0, 0.0), (25.0, 10.0), (-30.0, -170.0), (89.0, 0.0)])
 def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> None:
-    light = replace(render_given_light(), camera_elevation=elevation, camera_roll=roll)
+    light = replace(stated_light(), camera_elevation=elevation, camera_roll=roll)
     seen = project_photo(light, halves(), HEIGHT)
     assert seen is not None
     weight = np.zeros((HEIGHT, 2 * HEIGHT))
@@ -41,7 +41,7 @@ def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> 
 
 
 def test_clipped_pixels_leave_the_brighter_map() -> None:
-    seen = project_photo(render_given_light(), np.full((60, 80, 3), 255, np.uint8), HEIGHT)
+    seen = project_photo(stated_light(), np.full((60, 80, 3), 255, np.uint8), HEIGHT)
     assert seen is not None
     inside = seen.weight > 0.5
     assert seen.over(DARK + 5, 1.0).linear[inside] == pytest.approx(5.01)
@@ -50,7 +50,7 @@ def test_clipped_pixels_leave_the_brighter_map() -> None:
 
 
 def test_a_half_of_it_may_hold_none() -> None:
-    seen = project_photo(replace(render_given_light(), camera_elevation=60.0), halves(), HEIGHT)
+    seen = project_photo(replace(stated_light(), camera_elevation=60.0), halves(), HEIGHT)
     assert seen is not None
     assert seen.within(slice(HEIGHT // 2 + 8, HEIGHT)) is None
     upper = seen.within(slice(0, HEIGHT // 2))

@@ -14,7 +14,7 @@ from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ParameterError
 from lighting.geometry import wrap_azimuth
 from lighting.records import Lighting
-from tests.lighting.envmap.test_render import render_given_light, render_lighting
+from tests.helpers.lights import model_light, stated_light
 
 PLAIN = Lighting(sun_azimuth=30.0, sun_elevation=40.0, turbidity=3.0, exposure=4.0)
 STATED = replace(PLAIN, sun_irradiance=(6.0, 4.0, 2.0), sky_irradiance=(1.0, 2.0, 3.0), sky_cover=0.25)
@@ -76,7 +76,7 @@ def test_a_low_sun_that_is_raised_becomes_an_ordinary_one(turbidity: float) -> N
     )
 
 
-SMALL = render(render_lighting(), 16)
+SMALL = render(model_light(), 16)
 
 
 @given(st.integers(-100, 100))
@@ -86,9 +86,9 @@ def test_whole_pixels_turn_exactly(columns: int) -> None:
 
 @pytest.mark.parametrize("yaw", [46.0, -100.0, 170.0, 522.0])
 def test_turning_the_map_turns_the_sun(yaw: float) -> None:
-    turned = rotate_envmap(render(render_lighting(0.0), 90), yaw)
+    turned = rotate_envmap(render(model_light(0.0), 90), yaw)
     azimuth = (yaw + 180) % 360 - 180
-    np.testing.assert_allclose(turned, render(render_lighting(azimuth), 90), rtol=2e-3)
+    np.testing.assert_allclose(turned, render(model_light(azimuth), 90), rtol=2e-3)
 
 
 @given(st.floats(-1000, 1000))
@@ -114,18 +114,18 @@ def test_a_yaw_is_finite(yaw: float) -> None:
 
 def test_a_turned_record_keeps_the_suns_compass_azimuth() -> None:
     known = replace(
-        render_lighting(0.0), camera_heading=350.0, camera_heading_probability=(0.0,) * 350 + (1.0,) + (0.0,) * 9
+        model_light(0.0), camera_heading=350.0, camera_heading_probability=(0.0,) * 350 + (1.0,) + (0.0,) * 9
     )
     turned = rotate_lighting(known, -30.0)
     assert turned.sun_azimuth == pytest.approx(wrap_azimuth(known.sun_azimuth - 30.0))
     assert turned.camera_heading == pytest.approx(20.0)
     assert np.argmax(turned.camera_heading_probability) == 20
     assert rotate_lighting(turned, 30.0) == known
-    assert rotate_lighting(render_lighting(0.0), 30.0).camera_heading is None
+    assert rotate_lighting(model_light(0.0), 30.0).camera_heading is None
 
 
 def test_turned_angles_have_no_digits_of_rounding() -> None:
-    known = replace(render_lighting(0.0), sun_azimuth=57.5527, camera_heading=142.67, relative_heading=33.4)
+    known = replace(model_light(0.0), sun_azimuth=57.5527, camera_heading=142.67, relative_heading=33.4)
     assert rotate_lighting(known, 360.0) == known
     turned = rotate_lighting(known, 123.456)
     assert (turned.sun_azimuth, turned.camera_heading, turned.relative_heading) == (-178.9913, 19.214, 269.944)
@@ -134,17 +134,17 @@ def test_turned_angles_have_no_digits_of_rounding() -> None:
 
 def test_a_brightened_record_renders_a_brightened_map() -> None:
     gain = np.array([2.0, 2.0, 2.0])
-    for light in (render_lighting(), render_given_light(sky_cover=0.3)):
+    for light in (model_light(), stated_light(sky_cover=0.3)):
         np.testing.assert_allclose(render(scale_exposure(light, gain), 32), 2 * render(light, 32), rtol=1e-5)
 
 
 def test_a_tint_changes_the_irradiances_alone() -> None:
-    tinted = scale_exposure(render_given_light(), np.array([2.0, 1.0, 0.5]))
+    tinted = scale_exposure(stated_light(), np.array([2.0, 1.0, 0.5]))
     assert tinted.sky_irradiance == pytest.approx((0.8, 0.5, 0.4))
-    assert scale_exposure(render_lighting(), np.ones(3)).sky_irradiance is None
+    assert scale_exposure(model_light(), np.ones(3)).sky_irradiance is None
 
 
 def test_a_turned_record_turns_its_heading_against_other_photos() -> None:
-    known = replace(render_lighting(0.0), relative_heading=20.0)
+    known = replace(model_light(0.0), relative_heading=20.0)
     assert rotate_lighting(known, 30.0).relative_heading == pytest.approx(350.0)
     assert rotate_lighting(rotate_lighting(known, 30.0), -30.0) == known

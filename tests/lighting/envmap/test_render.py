@@ -10,10 +10,10 @@ import pytest
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.render import (
     _add_sun_glow,
+    _lobe_table,
     _render_clear_sky,
     _render_mixed_sky,
     clear_irradiance,
-    lobe_table,
     render,
     sky_irradiance,
     with_irradiance,
@@ -33,6 +33,7 @@ from lighting.records import Lighting
 from lighting.sky import SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
 from lighting.sky.preetham import lalonde_matthews_sun
+from tests.helpers.lights import GROUND_COLOR, SKY_IRRADIANCE, SUN_IRRADIANCE, model_light, stated_light
 
 HEIGHTS = (16, 18, 50, 128, 1024)
 SUNS = {  # azimuth and elevation, deg
@@ -46,11 +47,6 @@ SUNS = {  # azimuth and elevation, deg
     "zenith": (0.0, 90.0),
 }
 SUN_CASES = pytest.mark.parametrize(("azimuth", "elevation"), SUNS.values(), ids=SUNS.keys())
-
-
-def render_lighting(azimuth: float = -41.2, elevation: float = 33.0, **fields: float) -> Lighting:
-    given: dict[str, Any] = {"turbidity": 2.6, "exposure": 1.0, **fields}
-    return Lighting(sun_azimuth=azimuth, sun_elevation=elevation, **given)
 
 
 @lru_cache(maxsize=8)
@@ -79,7 +75,7 @@ def horizontal_irradiance(image: Floats) -> Floats:
 
 @pytest.mark.parametrize("height", [16, 18, 512, np.int64(64)])
 def test_shape_type_and_finite_values(height: int) -> None:
-    image = render(render_lighting(), height)
+    image = render(model_light(), height)
     assert image.shape == (height, 2 * height, 3)
     assert image.dtype == np.float32
     assert np.isfinite(image).all()
@@ -89,12 +85,12 @@ def test_shape_type_and_finite_values(height: int) -> None:
 @pytest.mark.parametrize("height", [0, 14, 17, 511, 4098, -512, 512.0, True, "512"])
 def test_other_heights_are_one_sentence(height: Any) -> None:
     with pytest.raises(ParameterError, match=r"^height is .*; it must be an even number from 16 to 4096\.$"):
-        render(render_lighting(), height)
+        render(model_light(), height)
 
 
 @pytest.mark.slow
 def test_the_largest_height() -> None:
-    light = render_lighting(*SUNS["seam"])
+    light = model_light(*SUNS["seam"])
     image = render(light, 4096)
     assert image.shape == (4096, 8192, 3)
     azimuth, elevation = latlong_angles(4096)
@@ -110,9 +106,7 @@ def test_the_largest_height() -> None:
 
 
 def test_exposure_scales_everything() -> None:
-    np.testing.assert_allclose(
-        render(render_lighting(exposure=0.02), 64), 0.02 * render(render_lighting(), 64), rtol=1e-5
-    )
+    np.testing.assert_allclose(render(model_light(exposure=0.02), 64), 0.02 * render(model_light(), 64), rtol=1e-5)
 
 
 # Sky
@@ -122,7 +116,7 @@ def test_exposure_scales_everything() -> None:
 @pytest.mark.parametrize("elevation", [0.0, 3.0, 33.0, 90.0])
 @pytest.mark.parametrize("height", [16, 256])
 def test_sky_pixels_hold_the_sky_model(height: int, elevation: float, turbidity: float) -> None:
-    light = render_lighting(25.0, elevation, turbidity=turbidity, ground_albedo=0.6)
+    light = model_light(25.0, elevation, turbidity=turbidity, ground_albedo=0.6)
     sky = render(light, height, sun=False)[: height // 2]
     expected = sky_radiance(latlong_directions(height)[: height // 2], light.sun_direction, turbidity, 0.6)
     strongest = expected.max(axis=-1, keepdims=True)
@@ -135,14 +129,14 @@ def test_sky_pixels_hold_the_sky_model(height: int, elevation: float, turbidity:
 @SUN_CASES
 @pytest.mark.parametrize("height", HEIGHTS)
 def test_sun_power_is_the_same_at_every_height(azimuth: float, elevation: float, height: int) -> None:
-    light = render_lighting(azimuth, elevation)
+    light = model_light(azimuth, elevation)
     expected = expected_power(light)
     assert np.abs(power(light, height) - expected).max() < 0.01 * expected.max()
 
 
 @SUN_CASES
 def test_the_disc_is_where_the_sun_is(azimuth: float, elevation: float) -> None:
-    light, height = render_lighting(azimuth, elevation), 512
+    light, height = model_light(azimuth, elevation), 512
     disc = disc_of(light, height)[..., 0]
     directions = latlong_directions(height)[: height // 2]
     pixel_diagonal = 2**0.5 * 180 / height
@@ -155,7 +149,7 @@ def test_the_disc_is_where_the_sun_is(azimuth: float, elevation: float) -> None:
 def test_large_maps_resolve_the_disc_and_its_limb(rows: int, columns: int) -> None:
     height, row, column = 2048, 568, 2048
     azimuth, elevation = latlong_angles(height)
-    light = render_lighting(azimuth[column], elevation[row])
+    light = model_light(azimuth[column], elevation[row])
     painted = disc_of(light, height)[row + rows, column + columns]
     inside = (np.arange(64) + 0.5) / 64 * (180 / height) - 90 / height
     points = direction(azimuth[column + columns] + inside, elevation[row + rows] + inside[:, None])
@@ -164,7 +158,7 @@ def test_large_maps_resolve_the_disc_and_its_limb(rows: int, columns: int) -> No
 
 
 def test_half_of_a_setting_sun_is_painted() -> None:
-    set_, whole = render_lighting(30.0, 0.0), render_lighting(30.0, 0.3)
+    set_, whole = model_light(30.0, 0.0), model_light(30.0, 0.3)
     assert disc_of(set_, 512).sum() > 0
     radiance = sun_radiance(set_.sun_direction, set_.turbidity) * SUN_SOLID_ANGLE / 2
     assert power(set_, 512) == pytest.approx(radiance, rel=0.01)
@@ -173,7 +167,7 @@ def test_half_of_a_setting_sun_is_painted() -> None:
 
 @pytest.mark.parametrize(("visibility", "painted"), [(0.49, False), (0.5, True), (1.0, True)])
 def test_visibility_decides_about_the_disc(visibility: float, painted: bool) -> None:
-    light = render_lighting(sun_visibility=visibility)
+    light = model_light(sun_visibility=visibility)
     np.testing.assert_array_equal(render(light, 32), render(light, 32, sun=painted))
     assert (render(light, 32, sun=True) > render(light, 32, sun=False)).any()
 
@@ -185,31 +179,23 @@ def test_visibility_decides_about_the_disc(visibility: float, painted: bool) -> 
 @pytest.mark.parametrize("elevation", [4.0, 33.0, 90.0])
 @pytest.mark.parametrize("albedo", [0.3, 1.0])
 def test_ground_reflects_the_hemisphere_integral(albedo: float, elevation: float, sun: bool) -> None:
-    light = render_lighting(60.0, elevation, ground_albedo=albedo)
+    light = model_light(60.0, elevation, ground_albedo=albedo)
     image = render(light, 512, sun=sun)
     assert (image[256:] == image[256, 0]).all()
     assert image[-1, 0] == pytest.approx(albedo / np.pi * horizontal_irradiance(image), rel=0.01)
 
 
 def test_ground_is_the_same_at_every_height() -> None:
-    expected = render(render_lighting(), 1024)[-1, 0]
+    expected = render(model_light(), 1024)[-1, 0]
     for height in HEIGHTS:
-        np.testing.assert_array_equal(render(render_lighting(), height)[-1, 0], expected)
+        np.testing.assert_array_equal(render(model_light(), height)[-1, 0], expected)
 
 
 def test_black_ground_is_black() -> None:
-    assert not render(render_lighting(ground_albedo=0.0), 32)[16:].any()
+    assert not render(model_light(ground_albedo=0.0), 32)[16:].any()
 
 
 # Given irradiances
-
-SUN, RENDER_SKY, GROUND = (1.9, 1.5, 0.9), (0.4, 0.5, 0.8), (0.12, 0.11, 0.1)
-
-
-def render_given_light(elevation: float = 33.0, **fields: Any) -> Lighting:
-    return Lighting(
-        -41.2, elevation, 2.6, 5.0, sun_irradiance=SUN, sky_irradiance=RENDER_SKY, ground_color=GROUND, **fields
-    )
 
 
 def test_what_is_no_lighting_is_named() -> None:
@@ -221,63 +207,60 @@ def test_what_is_no_lighting_is_named() -> None:
 @pytest.mark.parametrize("elevation", [0.3, 33.0, 89.0])
 @pytest.mark.parametrize("height", [16, 128])
 def test_the_integrals_are_those_given(cover: float, elevation: float, height: int) -> None:
-    light = render_given_light(elevation, sky_cover=cover)
-    assert power(light, height) == pytest.approx(SUN, rel=1e-4)
+    light = stated_light(elevation, sky_cover=cover)
+    assert power(light, height) == pytest.approx(SUN_IRRADIANCE, rel=1e-4)
     image = render(light, height)
     up = np.sin(np.radians(elevation))
     assert image[-1, 0] == pytest.approx(
-        np.array(GROUND) / np.pi * (np.array(RENDER_SKY) + up * np.array(SUN)), rel=1e-5
+        np.array(GROUND_COLOR) / np.pi * (np.array(SKY_IRRADIANCE) + up * np.array(SUN_IRRADIANCE)), rel=1e-5
     )
     fine = render(light, 512, sun=False)
-    assert horizontal_irradiance(fine) == pytest.approx(RENDER_SKY, rel=2e-4)
-    assert fine[-1, 0] == pytest.approx(np.array(GROUND) / np.pi * np.array(RENDER_SKY), rel=1e-5)
+    assert horizontal_irradiance(fine) == pytest.approx(SKY_IRRADIANCE, rel=2e-4)
+    assert fine[-1, 0] == pytest.approx(np.array(GROUND_COLOR) / np.pi * np.array(SKY_IRRADIANCE), rel=1e-5)
 
 
 def test_a_covered_sun_fades_by_its_irradiance_whatever_its_visibility() -> None:
-    faint = Lighting(0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, sun_irradiance=(0.1, 0.1, 0.1), sky_irradiance=RENDER_SKY)
+    faint = Lighting(
+        0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, sun_irradiance=(0.1, 0.1, 0.1), sky_irradiance=SKY_IRRADIANCE
+    )
     assert power(faint, 64) == pytest.approx([0.1] * 3, rel=1e-4)
     assert faint.sun_painted
     assert not faint.sun_shines
 
 
 def test_without_a_colour_the_given_ground_is_dark_grey_and_the_old_one_its_albedo() -> None:
-    plain = Lighting(0.0, 40.0, 3.0, 1.0, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=RENDER_SKY)
-    assert render(plain, 32)[-1, 0] == pytest.approx(0.12 / np.pi * np.array(RENDER_SKY), rel=1e-5)
+    plain = Lighting(0.0, 40.0, 3.0, 1.0, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=SKY_IRRADIANCE)
+    assert render(plain, 32)[-1, 0] == pytest.approx(0.12 / np.pi * np.array(SKY_IRRADIANCE), rel=1e-5)
     red = Lighting(0.0, 40.0, 3.0, 1.0, ground_color=(0.6, 0.3, 0.3))
-    assert render(red, 32)[-1, 0] == pytest.approx(
-        render(render_lighting(0.0, 40.0, turbidity=3.0), 32)[-1, 0] * [2, 1, 1]
-    )
+    assert render(red, 32)[-1, 0] == pytest.approx(render(model_light(0.0, 40.0, turbidity=3.0), 32)[-1, 0] * [2, 1, 1])
 
 
 def test_stated_irradiances_are_those_of_the_model() -> None:
-    old = render_lighting()
+    old = model_light()
     stated = with_irradiance(old)
     assert sun_irradiance(stated) == pytest.approx(sun_irradiance(old))
     assert sky_irradiance(stated) == pytest.approx(sky_irradiance(old))
     np.testing.assert_allclose(render(stated, 128, sun=False), render(old, 128, sun=False), rtol=2e-3)
     assert with_irradiance(stated) is stated
-    assert with_irradiance(render_lighting(sun_visibility=0.2)).sun_irradiance == (0.0, 0.0, 0.0)
+    assert with_irradiance(model_light(sun_visibility=0.2)).sun_irradiance == (0.0, 0.0, 0.0)
 
 
 def test_a_sun_that_haze_has_put_out_is_painted_in_its_given_colour() -> None:
-    light = Lighting(10.0, 0.0, 10.0, 1.0, sun_irradiance=SUN, sky_irradiance=RENDER_SKY)
-    assert power(light, 64) == pytest.approx(SUN, rel=1e-4)
+    light = Lighting(10.0, 0.0, 10.0, 1.0, sun_irradiance=SUN_IRRADIANCE, sky_irradiance=SKY_IRRADIANCE)
+    assert power(light, 64) == pytest.approx(SUN_IRRADIANCE, rel=1e-4)
 
 
 def test_a_painted_sky_has_the_models_irradiance() -> None:
-    light = render_lighting()
-    lobe = lobe_table(light)
+    light = model_light()
     upper = np.empty((128, 512, 3), np.float32)
-    _render_clear_sky(upper, light, lobe)
-    assert irradiance_from_rows(row_irradiance(256)[:128], upper) == pytest.approx(
-        clear_irradiance(light, lobe), rel=1e-3
-    )
+    _render_clear_sky(upper, light)
+    assert irradiance_from_rows(row_irradiance(256)[:128], upper) == pytest.approx(clear_irradiance(light), rel=1e-3)
 
 
 def test_a_table_is_that_of_its_own_sky() -> None:
-    first, other = lobe_table(render_lighting()), lobe_table(render_lighting(turbidity=8.0))
+    first, other = (_lobe_table(33.0, turbidity, 0.3) for turbidity in (2.6, 8.0))
     assert not np.array_equal(first, other)
-    assert np.array_equal(lobe_table(render_lighting()), first)
+    assert np.array_equal(_lobe_table(33.0, 2.6, 0.3), first)
     with pytest.raises(ValueError, match="read-only"):
         other[0, 0] = 1.0
 
@@ -287,14 +270,14 @@ HEIGHT = 32
 
 def upper(**fields: Any) -> np.ndarray:
     image = np.empty((HEIGHT // 2, 2 * HEIGHT, 3), np.float32)
-    _render_mixed_sky(image, replace(render_given_light(), **fields), np.array(RENDER_SKY))
+    _render_mixed_sky(image, replace(stated_light(), **fields), np.array(SKY_IRRADIANCE))
     return image
 
 
 @pytest.mark.parametrize("model", SKY_MODELS)
 def test_every_model_gives_the_irradiance_asked_for(model: str) -> None:
     sky = upper(sky_model=model, sky_cover=0.3)
-    assert irradiance_from_rows(row_irradiance(HEIGHT)[: HEIGHT // 2], sky) == pytest.approx(RENDER_SKY, rel=1e-4)
+    assert irradiance_from_rows(row_irradiance(HEIGHT)[: HEIGHT // 2], sky) == pytest.approx(SKY_IRRADIANCE, rel=1e-4)
     assert sky.min() >= 0
 
 
@@ -324,9 +307,7 @@ def test_no_model_leaves_a_channel_dark(model: str, elevation: float, turbidity:
 
 @pytest.mark.parametrize("model", ["preetham", "perez", "cie-12"])
 def test_without_irradiances_another_model_has_those_of_hosek_and_wilkie(model: str) -> None:
-    ours, other = (
-        render(replace(render_lighting(), sky_model=name), 64, sun=False) for name in ("hosek-wilkie", model)
-    )
+    ours, other = (render(replace(model_light(), sky_model=name), 64, sun=False) for name in ("hosek-wilkie", model))
     level = [irradiance_from_rows(row_irradiance(64)[:32], image[:32]) for image in (ours, other)]
     assert level[1] == pytest.approx(level[0], rel=5e-3)
     assert not np.allclose(ours, other, rtol=0.05)
@@ -334,9 +315,9 @@ def test_without_irradiances_another_model_has_those_of_hosek_and_wilkie(model: 
 
 def test_the_sun_of_lalonde_and_matthews_is_a_lobe_of_the_power_asked_for() -> None:
     image = np.zeros((64, 256, 3), np.float32)
-    glow = lalonde_matthews_sun(latlong_directions(128)[:64], render_lighting(elevation=40.0).sun_direction)
+    glow = lalonde_matthews_sun(latlong_directions(128)[:64], model_light(elevation=40.0).sun_direction)
     _add_sun_glow(image, glow, np.array([3.0, 2.0, 1.0]))
     assert image.sum(axis=1).T @ latlong_solid_angle(128)[:64] == pytest.approx([3.0, 2.0, 1.0], rel=1e-4)
     assert np.count_nonzero(image[..., 0] > 0.1 * image.max()) > 4
-    light = replace(render_given_light(), sky_model="lalonde-matthews")
-    assert render(light, 64).max() < render(render_given_light(), 64).max()
+    light = replace(stated_light(), sky_model="lalonde-matthews")
+    assert render(light, 64).max() < render(stated_light(), 64).max()

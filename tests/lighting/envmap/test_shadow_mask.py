@@ -13,12 +13,16 @@ from lighting.color import tone_map
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
 from lighting.geometry import Pinhole
 from lighting.records import Lighting
-from tests.lighting.envmap.test_render import render_given_light
+from tests.helpers.lights import (
+    GROUND_ALBEDO,
+    SHADED_GROUND,
+    SKY_IRRADIANCE,
+    SUN_ON_GROUND,
+    SUNLIT_GROUND,
+    stated_light,
+)
 
-LIGHT = render_given_light(40.0, camera_elevation=-10.0)
-SKY, SUN = np.array([0.4, 0.5, 0.8]), np.sin(np.radians(40.0)) * np.array([1.9, 1.5, 0.9])
-ALBEDO = 0.15
-SUNLIT, SHADED = ALBEDO / np.pi * (SKY + SUN), ALBEDO / np.pi * SKY
+LIGHT = stated_light(40.0, camera_elevation=-10.0)
 CASES = Path(__file__).with_name("lit_ground.json")
 
 
@@ -31,7 +35,7 @@ def photo(bright: NDArray[np.float64], dark: NDArray[np.float64], size: int = 1)
 
 
 def test_shade_is_told_from_sunlight() -> None:
-    lit = ground_shadow_mask(photo(SUNLIT, SHADED), LIGHT)
+    lit = ground_shadow_mask(photo(SUNLIT_GROUND, SHADED_GROUND), LIGHT)
     assert lit.shape == (120, 160)
     assert lit.dtype == np.float32
     assert lit[50:, :76] == pytest.approx(1.0)
@@ -40,32 +44,32 @@ def test_shade_is_told_from_sunlight() -> None:
 
 
 def test_a_large_photo_has_a_small_answer() -> None:
-    lit = ground_shadow_mask(photo(SUNLIT, SHADED, size=8), LIGHT)
+    lit = ground_shadow_mask(photo(SUNLIT_GROUND, SHADED_GROUND, size=8), LIGHT)
     assert lit.shape == (192, 256)
     assert lit[120, [40, 200]].tolist() == [1.0, 0.0]
 
 
 def test_a_threshold_of_the_pictures_own_counts_near_the_likely_one() -> None:
     """Ground of half the reflectance."""
-    dim = ground_shadow_mask(photo(0.5 * SUNLIT, 0.5 * SHADED), LIGHT)
+    dim = ground_shadow_mask(photo(0.5 * SUNLIT_GROUND, 0.5 * SHADED_GROUND), LIGHT)
     assert [dim[50:, :76].min(), dim[50:, 84:].max()] == [1.0, 0.0]
 
 
 @pytest.mark.parametrize(("albedo", "lit"), [(0.9, 1.0), (0.3, 1.0), (0.1, 1.0), (0.01, 0.0)])
 def test_ground_of_one_kind_is_lit_unless_it_is_too_dark_for_that(albedo: float, lit: float) -> None:
-    level = albedo / ALBEDO * SUNLIT
+    level = albedo / GROUND_ALBEDO * SUNLIT_GROUND
     assert ground_shadow_mask(photo(level, level), LIGHT)[50:] == pytest.approx(lit)
 
 
 def test_ground_that_is_all_in_shade_is_told_where_the_sun_is_strong() -> None:
     hard = replace(LIGHT, sun_irradiance=tuple(6 * np.array(LIGHT.sun_irradiance)))
-    lit = ground_shadow_mask(photo(SHADED, SHADED), hard)
+    lit = ground_shadow_mask(photo(SHADED_GROUND, SHADED_GROUND), hard)
     assert lit[50:].max() == 0.0
     assert lit[:30].min() == 1.0
 
 
 def test_doubt_that_the_sun_shines_makes_shade_likelier() -> None:
-    level = 0.04 / ALBEDO * SUNLIT
+    level = 0.04 / GROUND_ALBEDO * SUNLIT_GROUND
     there, doubtful = (ground_shadow_mask(photo(level, level), replace(LIGHT, sun_visibility=v)) for v in (1.0, 0.3))
     assert [there[50:].min(), doubtful[50:].max()] == [1.0, 0.0]
 
@@ -73,9 +77,9 @@ def test_doubt_that_the_sun_shines_makes_shade_likelier() -> None:
 def test_a_difference_that_the_light_does_not_make_is_the_grounds_own() -> None:
     """What is dark in itself, and bright things over lit ground."""
     hard = replace(LIGHT, sun_irradiance=(19.0, 15.0, 9.0))
-    level = 0.15 / np.pi * (SKY + 10 * SUN)
+    level = 0.15 / np.pi * (np.array(SKY_IRRADIANCE) + 10 * SUN_ON_GROUND)
     assert ground_shadow_mask(photo(level, 0.45 * level), hard).min() == 1.0
-    assert ground_shadow_mask(photo(5 * SUNLIT, SUNLIT), LIGHT).min() == 1.0
+    assert ground_shadow_mask(photo(5 * SUNLIT_GROUND, SUNLIT_GROUND), LIGHT).min() == 1.0
 
 
 def test_the_page_has_the_same_rule() -> None:
@@ -109,13 +113,13 @@ def test_the_page_has_the_same_rule() -> None:
     ids=["no sun", "sun at the horizon", "hidden sun", "no ground"],
 )
 def test_without_sun_or_ground_nothing_is_in_shade(light: Lighting) -> None:
-    assert ground_shadow_mask(photo(SUNLIT, SHADED), light).min() == 1.0
+    assert ground_shadow_mask(photo(SUNLIT_GROUND, SHADED_GROUND), light).min() == 1.0
 
 
 def test_the_caller_may_say_whether_the_sun_shines() -> None:
-    assert ground_shadow_mask(photo(SUNLIT, SHADED), LIGHT, sun=False).min() == 1.0
+    assert ground_shadow_mask(photo(SUNLIT_GROUND, SHADED_GROUND), LIGHT, sun=False).min() == 1.0
     hidden = Lighting(0.0, 40.0, 3.0, 1.0, sun_visibility=0.1, camera_elevation=-10.0)
-    assert ground_shadow_mask(photo(SUNLIT, SHADED), hidden, sun=True).min() == 0.0
+    assert ground_shadow_mask(photo(SUNLIT_GROUND, SHADED_GROUND), hidden, sun=True).min() == 0.0
 
 
 def test_a_picture_of_one_pixel_is_answered() -> None:

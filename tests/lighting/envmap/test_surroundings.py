@@ -26,12 +26,12 @@ from lighting.envmap.surroundings import (
 )
 from lighting.geometry import angle_between, latlong_directions
 from lighting.records import Estimate, Lighting, SunDistribution
-from tests.lighting.envmap.test_render import RENDER_SKY, render_given_light, render_lighting
+from tests.helpers.lights import SKY_IRRADIANCE, model_light, stated_light
 
 ROWS = 24
 AHEAD = slice(22, 26)  # columns that a view of 60° by 45° shows for certain
 RED, BLUE = (200, 40, 30), (60, 90, 200)
-LIGHT = replace(render_lighting(), camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0)
+LIGHT = replace(model_light(), camera_elevation=0.0, camera_roll=0.0, vertical_fov=45.0)
 
 
 def cells(value: float = 0.2) -> np.ndarray:
@@ -111,15 +111,15 @@ def level(image: np.ndarray, below: bool = False) -> np.ndarray:
 @pytest.mark.parametrize("known", [False, True])
 @pytest.mark.parametrize("pitch", [0.0, 40.0, -60.0])
 def test_the_irradiances_stay(known: bool, pitch: float) -> None:
-    light = replace(render_given_light(sky_cover=0.2), camera_elevation=pitch)
+    light = replace(stated_light(sky_cover=0.2), camera_elevation=pitch)
     wild = np.random.default_rng(1).uniform(0.01, 3, (12, 24, 3)).astype(np.float32)
     image = render_with_surroundings(light, PhotoContext(PHOTO, wild if known else None), HEIGHT, disc=False)
-    assert level(image) == pytest.approx(RENDER_SKY, rel=1e-4)
+    assert level(image) == pytest.approx(SKY_IRRADIANCE, rel=1e-4)
     assert level(image, below=True) == pytest.approx(level(render(light, HEIGHT), below=True), rel=1e-4)
 
 
 def test_the_sun_is_painted_once_and_last() -> None:
-    light = render_given_light()
+    light = stated_light()
     place = PhotoContext(PHOTO, around(light))
     with_disc, without = (
         render_with_surroundings(light, place, HEIGHT),
@@ -133,7 +133,7 @@ def test_the_sun_is_painted_once_and_last() -> None:
 
 @pytest.mark.parametrize("factor", [0.1, 8.0])
 def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: float) -> None:
-    light = render_given_light(sky_cover=0.2)
+    light = stated_light(sky_cover=0.2)
     brighter = edit_lighting(light, {"exposure": factor * light.exposure})
     place = PhotoContext(PHOTO, around(light) * np.linspace(0.3, 1.5, 24, dtype=np.float32)[:, None], light.exposure)
     expected = factor * render_with_surroundings(light, place, HEIGHT, disc=False)
@@ -142,9 +142,7 @@ def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: f
 
 @pytest.mark.parametrize("moved", [180.0, -90.0])
 def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
-    light = replace(
-        render_given_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0
-    )  # the photo shows ground
+    light = replace(stated_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0)  # the photo shows ground
     estimate = Estimate(light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), around(light))
     place = photo_context(estimate, PHOTO)
     assert place is not None
@@ -157,7 +155,7 @@ def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
 
 
 def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
-    light = render_given_light()
+    light = stated_light()
     cells = around(light)
     cells[4:6, :6] *= 0.2  # trees to the left
     image = render_with_surroundings(light, PhotoContext(np.zeros((32, 32, 3), np.uint8), cells), HEIGHT, disc=False)
@@ -169,7 +167,7 @@ def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
 
 @pytest.mark.parametrize("half", [slice(0, 6), slice(6, 12)])
 def test_the_place_differs_less_from_the_bare_map_than_the_network_says(half: slice) -> None:
-    light = replace(render_given_light(), camera_elevation=-80.0, vertical_fov=10.0)  # the photo hides little
+    light = replace(stated_light(), camera_elevation=-80.0, vertical_fov=10.0)  # the photo hides little
     cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
     plain = surroundings_gain(light, PhotoContext(nothing, cells))
     cells[half, :12] *= np.float32(4.0)
@@ -179,7 +177,7 @@ def test_the_place_differs_less_from_the_bare_map_than_the_network_says(half: sl
 
 @pytest.mark.parametrize(("half", "kept"), [(slice(0, 6), 1.0), (slice(6, 12), 0.7)])
 def test_colours_of_the_place_are_weaker_below_the_horizon(half: slice, kept: float) -> None:
-    light = replace(render_given_light(), camera_elevation=-80.0, vertical_fov=10.0)
+    light = replace(stated_light(), camera_elevation=-80.0, vertical_fov=10.0)
     cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
     plain = surroundings_gain(light, PhotoContext(nothing, cells))
     cells[half, :12] *= np.array([1.5, 1.0, 0.75], np.float32)
@@ -188,7 +186,7 @@ def test_colours_of_the_place_are_weaker_below_the_horizon(half: slice, kept: fl
 
 
 def test_the_photo_lies_ahead_in_its_own_values() -> None:
-    light = render_given_light()
+    light = stated_light()
     grey = np.full((60, 80, 3), 100, np.uint8)
     image = render_with_surroundings(light, PhotoContext(grey, around(light)), HEIGHT)
     assert image[HEIGHT // 2 - 3, HEIGHT] == pytest.approx([0.127] * 3, rel=0.02)
@@ -196,14 +194,14 @@ def test_the_photo_lies_ahead_in_its_own_values() -> None:
 
 
 def test_a_light_without_irradiances_keeps_those_of_its_map() -> None:
-    light = render_lighting()
+    light = model_light()
     image = render_with_surroundings(light, PhotoContext(PHOTO), HEIGHT, disc=False)
     assert level(image) == pytest.approx(level(render(light, HEIGHT, disc=False)), rel=1e-4)
     assert image[:, HEIGHT // 8] == pytest.approx(image[:, HEIGHT // 8])
 
 
 def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None:
-    light = replace(render_given_light(), camera_elevation=-80.0, vertical_fov=10.0)
+    light = replace(stated_light(), camera_elevation=-80.0, vertical_fov=10.0)
     bare = render(light, HEIGHT, disc=False)
     image = render_with_surroundings(light, PhotoContext(PHOTO, around(light)), HEIGHT, disc=False)
     upper = slice(0, HEIGHT // 2)
@@ -211,7 +209,7 @@ def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None
 
 
 def estimate(cells: np.ndarray | None) -> Estimate:
-    return Estimate(render_given_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
+    return Estimate(stated_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
 
 
 @pytest.mark.parametrize(("height", "asked"), [(96, []), (512, [1000]), (4096, [1000])])
@@ -222,7 +220,7 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(height: int, 
         sides.append(side)
         return PHOTO.repeat(2, axis=0).repeat(2, axis=1)
 
-    place = photo_context_for_height(estimate(around(render_given_light())), PHOTO, height, finer)
+    place = photo_context_for_height(estimate(around(stated_light())), PHOTO, height, finer)
     assert place is not None
     assert sides == asked
     assert (place.photo is PHOTO) == (not asked)
@@ -230,13 +228,13 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(height: int, 
 
 @pytest.mark.parametrize(("known", "wanted", "shows"), [(True, None, True), (False, None, False), (True, False, False)])
 def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, wanted: bool | None, shows: bool) -> None:
-    answer = estimate(around(render_given_light()) if known else None)
-    assert (photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, wanted=wanted) is not None) == shows
-    assert photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, wanted=True) is not None
+    answer = estimate(around(stated_light()) if known else None)
+    assert (photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, surroundings=wanted) is not None) == shows
+    assert photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, surroundings=True) is not None
 
 
 def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
-    light = replace(render_given_light(), camera_elevation=0.0)
+    light = replace(stated_light(), camera_elevation=0.0)
     dark, red = np.full((60, 80, 3), 40, np.uint8), np.full((60, 80, 3), (160, 40, 40), np.uint8)
     maps = [
         render_with_surroundings(light, PhotoContext(photo, around(light)), HEIGHT, disc=False) for photo in (dark, red)
@@ -249,7 +247,7 @@ def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
 
 def case() -> dict[str, Any]:
     """A photo in its place, for those who lay it around the camera in another language."""
-    light = replace(render_given_light(sky_cover=0.3), camera_elevation=8.0, camera_roll=-3.0, vertical_fov=50.0)
+    light = replace(stated_light(sky_cover=0.3), camera_elevation=8.0, camera_roll=-3.0, vertical_fov=50.0)
     y, x = np.mgrid[:48, :64]
     photo = np.stack([120 + x, 200 - 2 * y, np.where(y < 20, 250, 60)], axis=-1).astype(np.uint8)
     cells = around(light) * (1 + 0.6 * np.sin(np.arange(24) / 3)[:, None]).astype(np.float32)
@@ -286,7 +284,7 @@ def floats(found: dict[str, Any]) -> list[np.ndarray]:
 
 
 def test_where_a_sun_was_nothing_is_left_of_its_glow_and_far_off_the_place_stays() -> None:
-    light = render_given_light()
+    light = stated_light()
     factors = np.full((24, 48, 3), 0.8, np.float32)
     angle = angle_between(latlong_directions(24), light.sun_direction)
     factors[angle < 15] = 0.1
@@ -302,7 +300,7 @@ def test_where_a_sun_was_nothing_is_left_of_its_glow_and_far_off_the_place_stays
 if __name__ == "__main__":
     CASE.write_text(json.dumps(case()))
 
-VIEWS_LIGHT = render_given_light(sky_cover=0.2)
+VIEWS_LIGHT = stated_light(sky_cover=0.2)
 PLACE = PhotoContext(np.full((40, 60, 3), 90, np.uint8))
 
 
@@ -319,6 +317,6 @@ def test_another_sky_is_in_the_record() -> None:
 
 
 def test_the_place_turns_with_the_map() -> None:
-    image, light = render_view(VIEWS_LIGHT, 32, yaw=90.0, place=PLACE)
+    image, light = render_view(VIEWS_LIGHT, 32, yaw=90.0, context=PLACE)
     np.testing.assert_array_equal(image, rotate_envmap(render_with_surroundings(VIEWS_LIGHT, PLACE, 32), 90.0))
     assert light.sun_azimuth == pytest.approx(VIEWS_LIGHT.sun_azimuth + 90.0)

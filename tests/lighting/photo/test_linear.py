@@ -15,8 +15,7 @@ from lighting.errors import PhotoError
 from lighting.photo.linear import linear_from_array, read_linear
 from lighting.photo.reader import read_photo
 from tests.conftest import exif, munich, scene
-from tests.helpers.photos import grey_tiff, png
-from tests.lighting.photo.test_containers import tiff, with_own_exif
+from tests.helpers.photos import grey_tiff, plain_dng, png, tiff, tiff_with_exif_behind_thumbnail
 
 RANDOM = np.random.default_rng(3)
 NOISE = RANDOM.integers(0, 65536, (37, 53, 3)).astype(np.uint16)
@@ -79,7 +78,7 @@ def test_the_picture_behind_a_tiff_s_thumbnail_is_read(tmp_path: Path) -> None:
 
 
 def test_its_own_exif_block_counts_before_the_thumbnail_s(tmp_path: Path) -> None:
-    (tmp_path / "a.tif").write_bytes(with_own_exif())
+    (tmp_path / "a.tif").write_bytes(tiff_with_exif_behind_thumbnail())
     photo = read_linear(tmp_path / "a.tif", "linear", turned=True)
     assert photo.metadata.latitude == pytest.approx(48.1375)
     assert photo.pixels == pytest.approx(np.rot90(scene(320, 240), 3) / 255.0, abs=1e-6)
@@ -217,40 +216,6 @@ def test_raw_photos_are_linear_whatever_their_brightest_pixel(tmp_path: Path) ->
         # The middle of two neighbours of a row counts half a step of the ramp.
         assert photo.pixels[inside] == pytest.approx(expected[inside], abs=0.003)
         assert photo.step == pytest.approx(1 / 16383)
-
-
-def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
-    """A DNG of one strip, whose colours are Rec.709 already: header, directory, what does not fit it, pixels."""
-    height, width = mosaic.shape
-    to_rec709 = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570)  # of XYZ
-    matrix = np.array([[round(value * 10000), 10000] for value in to_rec709], "<i4").tobytes()
-    byte, text, short, long, ratio, signed = (1, 1), (2, 1), (3, 2), (4, 4), (5, 8), (10, 8)  # numbers of types, sizes
-    name = b"Test\0"
-    tags = [
-        *((256, long, _int(width)), (257, long, _int(height)), (258, short, _int(16, 2)), (259, short, _int(1, 2))),
-        *((262, short, _int(32803, 2)), (271, text, name), (272, text, name), (273, long, b"")),
-        *((277, short, _int(1, 2)), (278, long, _int(height)), (279, long, _int(2 * height * width))),
-        *((33421, short, _int(2, 2) * 2), (33422, byte, bytes([0, 1, 1, 2])), (50706, byte, bytes([1, 4, 0, 0]))),
-        *((50708, text, name), (50714, short, _int(0, 2)), (50717, long, _int(white)), (50721, signed, matrix)),
-        *((50728, ratio, (_int(1) * 2) * 3), (50778, short, _int(21, 2))),
-    ]
-    start = 8 + 2 + 12 * len(tags) + 4
-    data_at = start + sum(-(-len(data) // 2) * 2 for _, _, data in tags if len(data) > 4)
-    directory, beside = _int(len(tags), 2), b""
-    for tag, (kind, size), data in tags:
-        value = data or _int(data_at)
-        directory += _int(tag, 2) + _int(kind, 2) + _int(len(value) // size)
-        if len(value) > 4:
-            directory += _int(start + len(beside))
-            beside += value + bytes(len(value) % 2)
-        else:
-            directory += value.ljust(4, b"\0")
-    pixels: bytes = np.rint(mosaic).astype("<u2").tobytes()
-    return b"II*\0" + _int(8) + directory + bytes(4) + beside + pixels
-
-
-def _int(value: int, size: int = 4) -> bytes:
-    return value.to_bytes(size, "little")
 
 
 def test_raw_photos_ask_for_their_library_or_say_what_is_wrong(tmp_path: Path) -> None:

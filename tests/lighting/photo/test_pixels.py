@@ -1,6 +1,5 @@
 """Tests of pixels."""
 
-import struct
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +11,7 @@ from lighting.photo import pixels
 from lighting.photo.linear import read_linear
 from lighting.photo.pixels import is_gamma_encoded, profile_to_rec709
 from tests.conftest import scene
+from tests.helpers.photos import WIDE_PRIMARIES, display_profile
 
 SCENE = scene(90, 60)
 
@@ -43,48 +43,26 @@ def test_a_strip_may_be_transparent_if_another_is_not(monkeypatch: pytest.Monkey
 
 
 # XYZ of red, green and blue under D50: ROMM RGB (ISO 22028-2), and a profile of sRGB, as they are published
-WIDE = ((0.7977, 0.2880, 0.0), (0.1352, 0.7119, 0.0001), (0.0313, 0.0001, 0.8252))
 SRGB = ((0.4361, 0.2225, 0.0139), (0.3851, 0.7169, 0.0971), (0.1431, 0.0606, 0.7141))
-WHITE = (0.9642, 1.0, 0.8249)
 COLOURS = np.array([[[60, 90, 140], [200, 190, 180]]], dtype=np.uint8)
 
 
-def profile(name: str, primaries: tuple[tuple[float, ...], ...]) -> bytes:
-    """A display profile (ICC.1, version 2) of a matrix and straight curves."""
-
-    def numbers(values: tuple[float, ...]) -> bytes:
-        return b"".join(struct.pack(">i", round(65536 * value)) for value in values)
-
-    described = b"desc" + struct.pack(">II", 0, len(name) + 1) + name.encode() + bytes(79)
-    tags = {b"desc": described + bytes(-len(described) % 4), b"wtpt": b"XYZ " + bytes(4) + numbers(WHITE)}
-    for channel, primary in zip((b"r", b"g", b"b"), primaries, strict=True):
-        tags[channel + b"XYZ"] = b"XYZ " + bytes(4) + numbers(primary)
-        tags[channel + b"TRC"] = b"curv" + bytes(8)
-    table, held, start = struct.pack(">I", len(tags)), b"", 128 + 4 + 12 * len(tags)
-    for tag, content in tags.items():
-        table += tag + struct.pack(">II", start + len(held), len(content))
-        held += content
-    kind = struct.pack(">I", 0x02400000) + b"mntrRGB XYZ " + bytes(12) + b"acsp" + bytes(28) + numbers(WHITE)
-    head = struct.pack(">I", start + len(held)) + bytes(4) + kind
-    return head + bytes(128 - len(head)) + table + held
-
-
 def test_values_of_wide_primaries_become_those_of_rec709(tmp_path: Path) -> None:
-    Image.fromarray(COLOURS).save(tmp_path / "a.png", icc_profile=profile("Wide, linear", WIDE))
+    Image.fromarray(COLOURS).save(tmp_path / "a.png", icc_profile=display_profile("Wide, linear", WIDE_PRIMARIES))
     found = read_linear(tmp_path / "a.png", "linear").pixels
-    xyz = COLOURS / 255.0 @ np.array(WIDE)
+    xyz = COLOURS / 255.0 @ np.array(WIDE_PRIMARIES)
     assert found @ np.array(SRGB) == pytest.approx(xyz, abs=1e-3)
 
 
 def test_white_stays_white_and_clipped_values_stay_clipped(tmp_path: Path) -> None:
     colours = np.array([[[255, 255, 255], [120, 200, 255]]], dtype=np.uint8)
-    Image.fromarray(colours).save(tmp_path / "a.png", icc_profile=profile("Wide", WIDE))
+    Image.fromarray(colours).save(tmp_path / "a.png", icc_profile=display_profile("Wide", WIDE_PRIMARIES))
     photo = read_linear(tmp_path / "a.png", "linear")
     assert photo.pixels[0, 0] == pytest.approx([1, 1, 1], abs=2e-3)
     assert (photo.pixels.max(axis=-1) >= photo.white).all()
 
 
-@pytest.mark.parametrize("said", [None, b"damaged", profile("sRGB, linear", SRGB)])
+@pytest.mark.parametrize("said", [None, b"damaged", display_profile("sRGB, linear", SRGB)])
 def test_the_same_primaries_and_profiles_that_say_none_change_nothing(said: bytes | None) -> None:
     assert profile_to_rec709(said) is None
     assert profile_to_rec709(ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()) is None
@@ -93,7 +71,7 @@ def test_the_same_primaries_and_profiles_that_say_none_change_nothing(said: byte
 @pytest.mark.parametrize(("name", "coded"), [("Wide, linear", False), ("Wide-elle-V2-g10", False), ("Wide", True)])
 def test_a_profile_that_says_a_curve_is_told_and_not_believed(tmp_path: Path, name: str, coded: bool) -> None:
     values = np.array([[100, 40000]], dtype=np.uint16)
-    Image.fromarray(values).save(tmp_path / "a.png", icc_profile=profile(name, WIDE))
+    Image.fromarray(values).save(tmp_path / "a.png", icc_profile=display_profile(name, WIDE_PRIMARIES))
     with Image.open(tmp_path / "a.png") as header:
         assert is_gamma_encoded(header) is coded
     photo = read_linear(tmp_path / "a.png")

@@ -118,7 +118,7 @@ def test_threads_read_at_once() -> None:
 def test_it_ends_with_the_process_that_asks() -> None:
     code = (
         "from lighting.photo.sandbox import DecoderProcess; import os; "
-        "d = Decoder(); d.prepare(); print(d.pid, flush=True); os.kill(os.getpid(), 9)"
+        "d = DecoderProcess(); d.prepare(); print(d.pid, flush=True); os.kill(os.getpid(), 9)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     wait_until_ended(int(done.stdout))

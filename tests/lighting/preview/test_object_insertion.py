@@ -24,14 +24,14 @@ from lighting.preview.object_insertion import (
 )
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE, SphereScene, build_sphere_scene, sphere_centers
 from lighting.records import Lighting
-from tests.lighting.envmap.test_render import render_given_light
+from tests.helpers.lights import stated_light
 
-LIGHT = replace(render_given_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
+LIGHT = replace(stated_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
 WIDTH, HEIGHT = 160, 120
 CAMERA = Pinhole(WIDTH, HEIGHT, LIGHT.vertical_fov, elevation=-10.0)
 CENTRES = _ball_centres(CAMERA, (WIDTH / 2, 0.8 * HEIGHT))  # where they stand on plain ground
 SUNLIT = (
-    np.array(render_given_light(40.0).ground_color)
+    np.array(stated_light(40.0).ground_color)
     / np.pi
     * (np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(40.0)) * np.array([1.9, 1.5, 0.9]))
 )

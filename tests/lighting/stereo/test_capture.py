@@ -24,10 +24,8 @@ from lighting.stereo.capture import (
 from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, overcast_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
-from tests.helpers.photos import chunk
+from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
 from tests.helpers.skies import JUNE, LATITUDE, ball, photos
-from tests.lighting.photo.test_linear import plain_dng
-from tests.lighting.photo.test_pixels import WIDE, profile
 
 NOON = datetime(2024, 6, 21, 10)
 
@@ -252,7 +250,7 @@ def test_a_photo_has_the_values_that_a_sky_probe_has(tmp_path: Path) -> None:
     """Wide primaries and what counts as clipped were passed over, for photos of a day had a reader of their own."""
     colours = np.full((8, 8, 3), (60, 90, 140), dtype=np.uint8)
     colours[0] = 252
-    Image.fromarray(colours).save(tmp_path / "a.png", icc_profile=profile("Wide", WIDE))
+    Image.fromarray(colours).save(tmp_path / "a.png", icc_profile=display_profile("Wide", WIDE_PRIMARIES))
     shot, photo = _read_day_photo(tmp_path / "a.png"), read_linear(tmp_path / "a.png")
     assert np.array_equal(shot.pixels, photo.pixels)
     assert np.abs(shot.pixels[4, 4] - srgb_decode(colours[4, 4] / 255.0)).max() > 0.02
