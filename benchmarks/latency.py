@@ -28,9 +28,9 @@ from itertools import count
 from pathlib import Path
 from typing import Any
 
-from lighting.start import prepare
+from lighting.start import prepare_process
 
-prepare(["envmap"])  # as the command does, before numpy is imported
+prepare_process(["envmap"])  # as the command does, before numpy is imported
 
 import numpy as np
 import OpenEXR
@@ -171,10 +171,10 @@ def measure_parts(
     alone = estimator.model.predict(tensor)[0]
     estimate = estimator(photo)
     light = estimate.lighting
-    there = PhotoContext(photo.pixels, estimate.around)
+    there = PhotoContext(photo.pixels, estimate.surroundings)
     image = render_with_surroundings(light, there, height, sun=True)
-    assert estimate.around is not None
-    around, size = estimate.around, size_in_envmap(photo.pixels, light.vertical_fov, height)
+    assert estimate.surroundings is not None
+    around, size = estimate.surroundings, size_in_envmap(photo.pixels, light.vertical_fov, height)
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:

@@ -2,25 +2,25 @@
 
 import sys
 
-from lighting.start import hold_closed_streams, prepare, start_network
+from lighting.start import prepare_process, replace_closed_streams, start_network
 
 
 def run_command() -> None:
     """Run the command line; what the terminal cannot show is escaped instead of failing."""
-    hold_closed_streams()
+    replace_closed_streams()
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
-    prepare(sys.argv[1:])
+    prepare_process(sys.argv[1:])
     start_network(sys.argv[1:])
     from lighting.cli import cli
-    from lighting.cli.process import leave
+    from lighting.cli.process import exit_now
 
     try:
         cli(prog_name="lighting")
     except SystemExit as end:
         if isinstance(end.code, int):
-            leave(end.code)
+            exit_now(end.code)
         raise
 
 

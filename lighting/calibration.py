@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.geometry import Floats, focal_length, level_in_camera, shrunk, up_in_camera
+from lighting.geometry import Floats, focal_length, level_in_camera, shrink_size, up_in_camera
 from lighting.records import Prediction
 
 MAX_LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
@@ -358,7 +358,7 @@ def _known_lens(prediction: Prediction, vertical_fov: float | None) -> Floats | 
 def _grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Grey levels (h, w) of pixels (h, w, 3), at most MOST_SIDE along the longer side."""
     grey = Image.fromarray(pixels).convert("L")
-    return np.asarray(grey.resize(shrunk(*grey.size, MAX_SIDE), Image.Resampling.BOX))
+    return np.asarray(grey.resize(shrink_size(*grey.size, MAX_SIDE), Image.Resampling.BOX))
 
 
 def _means(cameras: _Cameras, edges: _Edges, height: int) -> tuple[float, float, float]:

@@ -33,7 +33,7 @@ def srgb_encode(linear: ArrayLike) -> Floats:
     return np.where(v <= 0.0031308, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055)
 
 
-def checked_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:
+def check_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:
     """The array, not copied; PhotoError unless it is of shape (h, w, 3), not empty, and of type uint8."""
     array = np.asarray(pixels)
     if array.dtype != np.uint8:

@@ -10,7 +10,16 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, circular_mode
 from lighting.color import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.records import Colour, EvidenceKind, Light, Lighting, Prediction, SunEstimate, clipped_colour, significant
+from lighting.records import (
+    Color,
+    EvidenceKind,
+    Light,
+    Lighting,
+    Prediction,
+    SunEstimate,
+    clip_color,
+    round_significant,
+)
 from lighting.sky.hosek_wilkie import sun_radiance
 from lighting.sun_grid import credible_radii, grid_directions
 from lighting.validation import RANGES
@@ -33,8 +42,8 @@ _DARKEST = 1e-6  # irradiance that stands for none where logarithms are averaged
 class _Strength:
     """How strong a light is; the fields are those of a Lighting."""
 
-    sun_irradiance: Colour
-    sky_irradiance: Colour
+    sun_irradiance: Color
+    sky_irradiance: Color
     sky_cover: float
     suitable: float
 
@@ -47,12 +56,12 @@ def _irradiance_from_network(light: Light, visibility: float) -> _Strength:
     """
     cover = float(np.clip(light.cover, 0.0, 1.0))
     return _Strength(
-        sun_irradiance=clipped_colour(
+        sun_irradiance=clip_color(
             light.sun_irradiance * 2.0**_SHY * _visibility_attenuation(visibility), "sun_irradiance"
         ),
-        sky_irradiance=clipped_colour(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
-        sky_cover=significant(cover),
-        suitable=significant(float(np.clip(light.suitable, 0.0, 1.0))),
+        sky_irradiance=clip_color(light.sky_irradiance * 2.0 ** (_HIDDEN_SKY * cover), "sky_irradiance"),
+        sky_cover=round_significant(cover),
+        suitable=round_significant(float(np.clip(light.suitable, 0.0, 1.0))),
     )
 
 
@@ -65,7 +74,7 @@ def _visibility_attenuation(visibility: float) -> float:
     return float(np.clip(visibility / _SURE, 0.0, 1.0) ** _FADING)
 
 
-def correct_sun_color(irradiance: Colour, said: float, known: float) -> Colour:
+def correct_sun_color(irradiance: Color, said: float, known: float) -> Color:
     """The sun's irradiance, as bright as before, where its elevation [deg] is `known` and the pixels `said` another.
 
     The network learnt most suns' colours from 8-bit panoramas, in whose blue skies there is too little red, and gives
@@ -76,7 +85,7 @@ def correct_sun_color(irradiance: Colour, said: float, known: float) -> Colour:
     stated = np.array(irradiance)
     if float(luminance(stated)) == 0.0:
         return irradiance
-    return clipped_colour(
+    return clip_color(
         _match_luminance(blend_to_clear_sun(stated, said, _USUAL) * _turned(said, known), stated), "sun_irradiance"
     )
 
@@ -108,9 +117,7 @@ def _clear_sun(elevation: float) -> Floats:
 
 def with_ground_color(lighting: Lighting, reflectance: Floats | None) -> Lighting:
     """The lighting over ground of a reflectance (3,), or as it is where none is known."""
-    return (
-        lighting if reflectance is None else replace(lighting, ground_color=clipped_colour(reflectance, "ground_color"))
-    )
+    return lighting if reflectance is None else replace(lighting, ground_color=clip_color(reflectance, "ground_color"))
 
 
 def light_to_vector(light: Light) -> Floats:
@@ -178,7 +185,7 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
 
 def _clipped(name: str, value: float) -> float:
     """The value as records hold it, clipped to its range in RANGES."""
-    return significant(float(np.clip(value, *RANGES[name])))
+    return round_significant(float(np.clip(value, *RANGES[name])))
 
 
 def bayes_direction(probability: ArrayLike, layout: str) -> Floats:

@@ -165,6 +165,6 @@ def install_command(extra: str) -> str:
     return f"pip install 'outdoor-lighting[{extra}]'"
 
 
-def reason(error: Exception) -> str:
+def describe_error(error: Exception) -> str:
     """An error as one sentence, without the name of the file that an OSError carries."""
     return f"{error.strerror or error}." if isinstance(error, OSError) else str(error)

@@ -19,7 +19,7 @@ from lighting.fusion.single_view import Observations, camera_elevation_std, fuse
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_heading, check_headings, check_user_input
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
-from lighting.records import Estimate, Prediction, clipped_colour
+from lighting.records import Estimate, Prediction, clip_color
 
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView, View
@@ -127,7 +127,7 @@ class Estimator:
         match: bool | RegisterFn = False,
     ) -> list[Estimate]:
         """Call `estimate_views`, of which this is the old name."""
-        warn_of_old_name("lighting.estimator.Estimator.together")
+        warn_of_old_name("lighting.Estimator.together")
         return self.estimate_views(photos, given, headings, register=match)
 
 
@@ -181,11 +181,12 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
     balances = [sky_white_balance(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
     if tints := [tint for tint in balances if tint is not None]:
         tint = np.exp(np.mean(np.log(tints), axis=0))
-        skies = (clipped_colour(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
+        skies = (clip_color(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
     return [
         replace(
-            estimate, lighting=with_ground_color(light, estimate_ground_albedo(photo.pixels, light, estimate.around))
+            estimate,
+            lighting=with_ground_color(light, estimate_ground_albedo(photo.pixels, light, estimate.surroundings)),
         )
         for photo, estimate, light in zip(photos, estimates, lights, strict=True)
     ]

@@ -22,9 +22,9 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.floating[Any]]
 
 SUN_RADIUS = 0.2679  # deg, angular radius of the disc: half of 0.5358, as the Hosek-Wilkie sun has it
-STEEP = 85.0  # deg of elevation, up or down, from which a camera has no roll
+MIN_STEEP_ELEVATION = 85.0  # deg of elevation, up or down, from which a camera has no roll
 EYE_HEIGHT = 1.6  # m, of a camera in the hand over level ground; no photo tells its scale
-SPOT = 0.6  # how far below the picture's middle things are put on the ground, 0 = middle, 1 = lower edge
+OBJECT_POSITION = 0.6  # how far below the picture's middle things are put on the ground, 0 = middle, 1 = lower edge
 
 
 def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
@@ -194,14 +194,14 @@ def ray_sphere(origin: Floats, direction: Floats, centre: Floats, radius: float 
     return np.asarray(np.where((discriminant > 0) & (distance > 0), distance, np.inf))
 
 
-def window_of(cells: NDArray[np.bool_], height: int, width: int) -> tuple[slice, slice] | None:
+def pixel_window(cells: NDArray[np.bool_], height: int, width: int) -> tuple[slice, slice] | None:
     """Rows and columns of a picture that hold the true cells (H, W) of a coarse one, and a cell around them, if any."""
     if not cells.any():
         return None
     return _span(cells, 0, height), _span(cells, 1, width)
 
 
-def slice_around(middle: float, reach: float, count: int) -> slice:
+def clip_slice(middle: float, reach: float, count: int) -> slice:
     """Which of `count` rows or columns lie within `reach` of the middle; an empty slice where none does."""
     first = max(0, int(middle - reach))
     return slice(first, max(first, min(count, int(middle + reach) + 1)))
@@ -226,16 +226,16 @@ def to_z_up(vector: Floats) -> Floats:
 # Sizes of pictures that are made smaller or larger: width and height in whole pixels, at least 1 x 1.
 
 
-def scaled(width: int, height: int, scale: float) -> tuple[int, int]:
+def scale_size(width: int, height: int, scale: float) -> tuple[int, int]:
     """Width and height of a picture that is made `scale` times as large."""
     return max(1, round(width * scale)), max(1, round(height * scale))
 
 
-def fitting(width: int, height: int, most_width: int, most_height: int) -> tuple[int, int]:
+def fit_in_box(width: int, height: int, most_width: int, most_height: int) -> tuple[int, int]:
     """The largest width and height of the picture's aspect ratio in a box."""
-    return scaled(width, height, min(most_width / width, most_height / height))
+    return scale_size(width, height, min(most_width / width, most_height / height))
 
 
-def shrunk(width: int, height: int, side: int) -> tuple[int, int]:
+def shrink_size(width: int, height: int, side: int) -> tuple[int, int]:
     """Width and height of a picture whose longer side is made `side` pixels long, if it is longer."""
-    return (width, height) if max(width, height) <= side else fitting(width, height, side, side)
+    return (width, height) if max(width, height) <= side else fit_in_box(width, height, side, side)

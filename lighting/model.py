@@ -14,18 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
-from lighting.onnx_session import packaged, reason_of, session_of
-from lighting.records import AROUND_SHAPE, Light, ModelSpec, Prediction
+from lighting.onnx_session import create_session, describe_onnx_error, packaged_network
+from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
-LIGHT = (  # of output `light`: irradiances in the photo's linear units, then two shares
+LIGHT_OUTPUT = (  # of output `light`: irradiances in the photo's linear units, then two shares
     *("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue"),
     *("cover", "suitable"),
 )
 OUTPUTS = ("sun_probability", "parameters")
-MORE_OUTPUTS = {"light": (len(LIGHT),), "around": AROUND_SHAPE}  # that a network may have; `around` needs `light`
-CARD = "MODEL_CARD.md"  # beside a network's file
+OPTIONAL_OUTPUTS = {
+    "light": (len(LIGHT_OUTPUT),),
+    "around": SURROUNDINGS_SHAPE,
+}  # that a network may have; `around` needs `light`
+MODEL_CARD = "MODEL_CARD.md"  # beside a network's file
 
 
 class Model:
@@ -35,7 +38,7 @@ class Model:
         self.session = session
         self.spec = spec
         there = {port.name for port in session.get_outputs()}
-        self.outputs = (*OUTPUTS, *(name for name in MORE_OUTPUTS if name in there))
+        self.outputs = (*OUTPUTS, *(name for name in OPTIONAL_OUTPUTS if name in there))
 
     @classmethod
     def load(
@@ -51,7 +54,7 @@ class Model:
         if not isinstance(path, str | os.PathLike | None):
             raise ModelError(f"A network is read from a path, not {type(path).__name__}.")
         file = packaged_model() if path is None else Path(path)
-        return cls.from_session(session_of(file, threads, for_one_run=for_one_photo), file)
+        return cls.from_session(create_session(file, threads, for_one_run=for_one_photo), file)
 
     @classmethod
     def from_session(cls, session: Any, file: Path) -> "Model":
@@ -82,7 +85,7 @@ class Model:
         try:
             outputs: list[NDArray[np.float32]] = self.session.run(self.outputs, {"photo": batch})
         except Exception as error:  # onnxruntime's errors share no public base class
-            raise ModelError(f"The network failed: {reason_of(error)}") from error
+            raise ModelError(f"The network failed: {describe_onnx_error(error)}") from error
         shapes = _shapes(self.spec)
         found, expected = [o.shape for o in outputs], [(len(batch), *shapes[name]) for name in self.outputs]
         if found != expected:
@@ -111,7 +114,7 @@ def figures_path(spec: ModelSpec, folder: Path) -> Path:
 
 def packaged_model() -> Path:
     """The network in this package; raises ModelError unless there is exactly one."""
-    return packaged(Path(__file__).parent / "data", "outdoor")
+    return packaged_network(Path(__file__).parent / "data", "outdoor")
 
 
 def weights_path(network: Path) -> Path:
@@ -136,12 +139,12 @@ def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:
         "sun_probability": (len(grid_directions(spec.sun_grid)),),
         "parameters": (len(PARAMETERS),),
     }
-    return {**plain, **MORE_OUTPUTS}
+    return {**plain, **OPTIONAL_OUTPUTS}
 
 
 def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
     found = {port.name: port.shape[1:] for port in [*session.get_inputs(), *session.get_outputs()]}
-    more = [name for name in MORE_OUTPUTS if name in found]
+    more = [name for name in OPTIONAL_OUTPUTS if name in found]
     shapes = _shapes(spec)
     expected = {"photo": [3, spec.height, spec.width], **{name: list(shapes[name]) for name in (*OUTPUTS, *more)}}
     if found != expected or more == ["around"]:

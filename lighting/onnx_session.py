@@ -10,7 +10,7 @@ from lighting.runtime import available_cpus
 _ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 
 
-def session_of(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
+def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
     """The onnxruntime session of a file; `threads` work on one run, 0 means one for each CPU that is available.
 
     One run alone skips the rewriting of the graph, which takes longer than it saves there. Raises ModelError for a file
@@ -32,7 +32,7 @@ def session_of(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
     try:
         return onnxruntime.InferenceSession(str(file), options, providers=["CPUExecutionProvider"])
     except Exception as error:  # onnxruntime's errors share no public base class
-        raise ModelError(f"{file} is not an ONNX network that can be read: {reason_of(error)}") from error
+        raise ModelError(f"{file} is not an ONNX network that can be read: {describe_onnx_error(error)}") from error
 
 
 def import_onnxruntime() -> Any:
@@ -43,13 +43,13 @@ def import_onnxruntime() -> Any:
     return onnxruntime
 
 
-def reason_of(error: Exception) -> str:
+def describe_onnx_error(error: Exception) -> str:
     """The last clause of onnxruntime's message; codes and the path come before it."""
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return lines[0].rsplit("failed:", 1)[-1].strip().rstrip(".") + "."
 
 
-def packaged(folder: Path, name: str) -> Path:
+def packaged_network(folder: Path, name: str) -> Path:
     """The one `name`-<version>.onnx in a folder of this package; ModelError if there is none or a choice."""
     found = sorted(folder.glob(f"{name}-*.onnx"))
     if len(found) != 1:

@@ -16,13 +16,13 @@ from lighting.geometry import Floats, direction
 from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
 from lighting.sky.hosek_wilkie import sky_coefficients
 from lighting.validation import (
-    COLOUR_RANGES,
+    COLOR_RANGES,
     OPTIONAL_RANGES,
     RANGES,
     RECORD_PATHS,
     check_range,
+    convert_numpy_numbers,
     is_finite,
-    plain_numbers,
     record_path,
 )
 
@@ -40,7 +40,7 @@ def _sections() -> dict[str, dict[str, str]]:
 
 
 _SECTIONS = _sections()
-_COLOURS = {RECORD_PATHS[attribute]: attribute for attribute in COLOUR_RANGES}
+_COLOURS = {RECORD_PATHS[attribute]: attribute for attribute in COLOR_RANGES}
 
 
 def _record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any]:
@@ -116,7 +116,7 @@ def _section(record: Mapping[str, Any], name: str, *, required: bool = False) ->
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
-SUITABLE = 0.5  # `suitable` below it earns a warning
+MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
 
 
@@ -161,8 +161,8 @@ def warning_code(warning: str) -> WarningCode:
     return warning.code if isinstance(warning, CodedWarning) else WarningCode.OTHER
 
 
-Colour = tuple[float, float, float]  # linear Rec.709
-AROUND_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
+Color = tuple[float, float, float]  # linear Rec.709
+SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 
 
 @dataclass(frozen=True)
@@ -211,7 +211,9 @@ class Light:
     sky_irradiance: Floats  # (3,) of a level surface by the sky without the sun
     cover: float  # 0 clear to 1 overcast
     suitable: float  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
-    around: NDArray[np.float32] | None = None  # AROUND_SHAPE, radiance all around the camera without the sun
+    surroundings: NDArray[np.float32] | None = (
+        None  # SURROUNDINGS_SHAPE, radiance all around the camera without the sun
+    )
 
 
 @dataclass(frozen=True)
@@ -266,20 +268,20 @@ class Lighting:
     latitude: float | None = field(default=None, repr=False)
     longitude: float | None = field(default=None, repr=False)
     sky_model: str = SKY_MODEL  # of SKY_MODELS: the shape of the sky
-    sun_irradiance: Colour | None = None  # with sky_irradiance: maps then have these irradiances
-    sky_irradiance: Colour | None = None
+    sun_irradiance: Color | None = None  # with sky_irradiance: maps then have these irradiances
+    sky_irradiance: Color | None = None
     sky_cover: float | None = None
-    ground_color: Colour | None = None
+    ground_color: Color | None = None
     suitable: float | None = None
 
     def __post_init__(self) -> None:
-        plain_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOUR_RANGES, "camera_heading_probability")
+        convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
         for name, (low, high) in RANGES.items():
             check_range(name, getattr(self, name), low, high)
         for name, (low, high) in OPTIONAL_RANGES.items():
             if getattr(self, name) is not None:
                 check_range(name, getattr(self, name), low, high)
-        for name, limits in COLOUR_RANGES.items():
+        for name, limits in COLOR_RANGES.items():
             _check_colour(name, getattr(self, name), limits)
         _check_headings(self.camera_heading_probability)
         for name in ("model_name", "model_version"):
@@ -351,7 +353,9 @@ class Estimate:
 
     lighting: Lighting
     distribution: SunDistribution  # with all evidence counted
-    around: NDArray[np.float32] | None = field(default=None, repr=False)  # AROUND_SHAPE, radiance without the sun
+    surroundings: NDArray[np.float32] | None = field(
+        default=None, repr=False
+    )  # SURROUNDINGS_SHAPE, radiance without the sun
 
     @property
     def evidence(self) -> tuple[str, ...]:
@@ -371,14 +375,14 @@ def check_estimate(thing: object) -> None:
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
-def significant(value: float) -> float:
+def round_significant(value: float) -> float:
     """The value to six digits, as records hold it."""
     return float(f"{value:.6g}")
 
 
-def clipped_colour(values: Floats, name: str) -> Colour:
-    """Red, green and blue (3,) as records hold them, clipped to the range that COLOUR_RANGES has for `name`."""
-    red, green, blue = (significant(float(v)) for v in np.clip(values, *COLOUR_RANGES[name]))
+def clip_color(values: Floats, name: str) -> Color:
+    """Red, green and blue (3,) as records hold them, clipped to the range that COLOR_RANGES has for `name`."""
+    red, green, blue = (round_significant(float(v)) for v in np.clip(values, *COLOR_RANGES[name]))
     return red, green, blue
 
 

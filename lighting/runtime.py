@@ -20,7 +20,7 @@ ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_
 _LONGEST = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
 
 
-def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
+def start_python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
     """Start Python on `code`, with this package, one thread for arrays, and pipes to its stdin and from its stdout."""
     from subprocess import PIPE, Popen
 
@@ -30,7 +30,7 @@ def python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[by
     return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=own)
 
 
-def leave_signals() -> None:
+def ignore_signals() -> None:
     """Ignore what ends a terminal's or a service's processes together: this one ends with the process that asks it."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if number := getattr(signal, name, None):  # Windows has no SIGHUP
@@ -38,7 +38,7 @@ def leave_signals() -> None:
 
 
 @contextmanager
-def ending_after(seconds: float) -> Iterator[None]:
+def exit_after(seconds: float) -> Iterator[None]:
     """End this process a second after the block took its time, should nobody be left to do so; not on Windows."""
     if sys.platform == "win32":
         yield
@@ -50,7 +50,7 @@ def ending_after(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0)
 
 
-def own_stdout() -> BinaryIO:
+def claim_stdout() -> BinaryIO:
     """The stream of answers; what libraries print on the usual one, and on stderr, goes nowhere from now on."""
     answers = os.fdopen(os.dup(1), "wb")
     with Path(os.devnull).open("wb") as nowhere:
@@ -59,14 +59,14 @@ def own_stdout() -> BinaryIO:
     return answers
 
 
-def held() -> int:
+def address_space_used() -> int:
     """Bytes of address space that this process has taken; 0 where that cannot be told."""
     if sys.platform != "linux":
         return 0
     return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
 
 
-def bound(size: int) -> None:
+def limit_address_space(size: int) -> None:
     """Let this process take no more address space than `size` bytes; the bound is Linux's."""
     if sys.platform == "linux":
         import resource

@@ -19,7 +19,7 @@ _DATA = Path(__file__).parent / "data"
 _GARBAGE = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
 
 
-def prepare(arguments: Sequence[str]) -> None:
+def prepare_process(arguments: Sequence[str]) -> None:
     """Save a brief command what pays in long ones alone; call this before numpy is imported.
 
     OpenBLAS's threads would spin while they wait for products of matrices that are too small to share.
@@ -35,7 +35,7 @@ class _EarlySession:
     """The session of the packaged network, made in a thread; onnxruntime lets others run meanwhile."""
 
     def __init__(self) -> None:
-        from lighting.onnx_session import import_onnxruntime, packaged, session_of
+        from lighting.onnx_session import create_session, import_onnxruntime, packaged_network
 
         self._session: Any = None
         self._error: Exception | None = None
@@ -43,7 +43,7 @@ class _EarlySession:
 
         def load() -> None:
             try:
-                self._session = session_of(packaged(_DATA, "outdoor"), 0, for_one_run=True)
+                self._session = create_session(packaged_network(_DATA, "outdoor"), 0, for_one_run=True)
             except Exception as error:  # which `result` raises
                 self._error = error
 
@@ -94,7 +94,7 @@ class _ClosedStdout(io.TextIOBase):
         raise OSError(errno.EBADF, "There is no stdout to write to, it is closed")
 
 
-def hold_closed_streams() -> None:
+def replace_closed_streams() -> None:
     """Put something in the place of streams that the caller closed: what is said on stderr is lost, on stdout it fails.
 
     Their numbers are held, too: otherwise the next file that is opened gets one, and what a library prints goes there.

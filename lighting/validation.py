@@ -37,7 +37,7 @@ OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
     "suitable": (0.0, 1.0),  # probability that this is an ordinary photo of outdoors by daylight
 }
 
-COLOUR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not always known
+COLOR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not always known
     "sun_irradiance": (0.0, 1e6),  # of a surface that faces the sun, in the photo's linear units
     "sky_irradiance": (0.0, 1e6),  # of open level ground by the sky without the sun, in the same units
     "ground_color": (0.0, 1.0),  # reflectance of the ground
@@ -120,14 +120,14 @@ def check_range(field: str, value: object, low: float, high: float, subject: str
     raise ParameterError.about(field, predicate, code)
 
 
-def check_place(latitude: float | None, longitude: float | None) -> None:
+def check_location(latitude: float | None, longitude: float | None) -> None:
     """Raise a one-sentence ParameterError where only one of them is known."""
     if (latitude is None) != (longitude is None):
         missing = "latitude" if latitude is None else "longitude"
         raise ParameterError("A latitude needs a longitude and the other way round.", missing, ErrorCode.MISSING)
 
 
-def plain_numbers(record: object, *names: str) -> None:
+def convert_numpy_numbers(record: object, *names: str) -> None:
     """Turn numpy's numbers in these fields of a frozen record into Python's, in tuples and arrays without axes too."""
     for name in names:
         value = getattr(record, name)

@@ -22,7 +22,7 @@ from lighting.fusion.user_input import read_headings
 from lighting.photo.metadata import parse_time, parse_utc_offset
 from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
 from lighting.sky import SKY_MODELS
-from lighting.validation import COLOUR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
+from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
 
 # The values of parameters and of records: each with its unit, its range and an example in the OpenAPI document.
 
@@ -126,8 +126,8 @@ VerticalFov = Annotated[float, named("vertical_fov", "deg, vertical field of vie
 FormatName = Annotated[str, RegistryName(MAP_FORMATS)]
 SkyName = Annotated[str, RegistryName(SKY_MODELS)]
 SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
-Irradiance = Annotated[float, Between(*COLOUR_RANGES["sky_irradiance"])]
-Reflectance = Annotated[float, Between(*COLOUR_RANGES["ground_color"])]
+Irradiance = Annotated[float, Between(*COLOR_RANGES["sky_irradiance"])]
+Reflectance = Annotated[float, Between(*COLOR_RANGES["ground_color"])]
 SUN_IRRADIANCE = "red, green, blue of a surface that faces the sun, in the photo's linear units"
 SKY_IRRADIANCE = "red, green, blue of open level ground by the sky without the sun, in the photo's linear units"
 GROUND_COLOR = "red, green, blue: the ground's reflectance; unknown, `ground_albedo` counts, or 0.12 with irradiances"

@@ -13,7 +13,7 @@ from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS
 from lighting.fusion.user_input import UserInput, check_heading, check_headings, read_headings
 from lighting.photo.reader import MIN_SIDE
-from lighting.records import GROUND_ALBEDO, Colour, Lighting
+from lighting.records import GROUND_ALBEDO, Color, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
 from lighting.scene.records import PLATE_SIDE
 from lighting.validation import parameter_name
@@ -175,7 +175,7 @@ class ChangeQuery(StatedQuery):
         float | None, named("exposure", "the exposure at which the photo is as it is; by default its estimate's", 5.0)
     ] = None
 
-    def changes(self) -> dict[str, float | Colour]:
+    def changes(self) -> dict[str, float | Color]:
         """The fields of Lighting that the client replaces."""
         return self.model_dump(include=set(ChangeQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
 

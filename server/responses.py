@@ -14,10 +14,17 @@ from lighting.envmap.latlong import Image
 from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
 from lighting.model import figures_path
-from lighting.records import Lighting, ModelSpec, SunDistribution, record_with_coefficients, significant, warning_code
+from lighting.records import (
+    Lighting,
+    ModelSpec,
+    SunDistribution,
+    record_with_coefficients,
+    round_significant,
+    warning_code,
+)
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
-from lighting.validation import COLOUR_RANGES
+from lighting.validation import COLOR_RANGES
 from lighting.version import __version__
 from server.dependencies import PhotoAnswer, Service
 from server.query_params import LightingQuery, Query
@@ -58,7 +65,7 @@ def _envmap_link(lighting: Lighting, root: str) -> str:
     """Where the environment map of a light is on this host; the service lives under the path `root`."""
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo")
     values = {name: getattr(lighting, name) for name in names}
-    values |= {name: ",".join(f"{v:g}" for v in c) for name in COLOUR_RANGES if (c := getattr(lighting, name))}
+    values |= {name: ",".join(f"{v:g}" for v in c) for name in COLOR_RANGES if (c := getattr(lighting, name))}
     values |= {} if lighting.sky_cover is None else {"sky_cover": lighting.sky_cover}
     values |= {} if lighting.sky_model == SKY_MODEL else {"sky": lighting.sky_model}
     return f"{root}/v1/envmap?{urlencode({**values, 'sun': str(lighting.sun_painted).lower()}, safe=',')}"
@@ -71,7 +78,7 @@ def _sun_probability(sun: SunDistribution) -> dict[str, Any]:
         "grid": sun.grid,
         "azimuth": np.round(azimuth, 3).tolist(),
         "elevation": np.round(elevation, 3).tolist(),
-        "probability": [significant(float(value)) for value in sun.probability],
+        "probability": [round_significant(float(value)) for value in sun.probability],
     }
 
 

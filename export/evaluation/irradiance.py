@@ -37,7 +37,7 @@ from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array
-from lighting.records import Estimate, Lighting, ModelSpec, clipped_colour
+from lighting.records import Estimate, Lighting, ModelSpec, clip_color
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
 PAINTED = 0.1  # of the sky's level irradiance, from which a sun counts as painted
@@ -107,7 +107,7 @@ def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, 
     for crop in crops:
         photo = photo_from_array(tone_map(crop.linear))
         (estimate,) = apply_photo_colors([photo], [estimate_from_pixels(model, photo)])
-        found.append((estimate, PhotoContext(photo.pixels, estimate.around)))
+        found.append((estimate, PhotoContext(photo.pixels, estimate.surroundings)))
     return found
 
 
@@ -140,8 +140,8 @@ def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
 def _true_power(light: Lighting, truth: TrueLight) -> Lighting:
     return replace(
         light,
-        sun_irradiance=clipped_colour(truth.sun_irradiance, "sun_irradiance"),
-        sky_irradiance=clipped_colour(truth.sky_irradiance, "sky_irradiance"),
+        sun_irradiance=clip_color(truth.sun_irradiance, "sun_irradiance"),
+        sky_irradiance=clip_color(truth.sky_irradiance, "sky_irradiance"),
     )
 
 
@@ -152,7 +152,7 @@ def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
 def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
     told = _true_both(light, truth)
     level = np.maximum(level_irradiance(told), 1e-9)
-    return replace(told, ground_color=clipped_colour(np.pi * truth.ground / level, "ground_color"))
+    return replace(told, ground_color=clip_color(np.pi * truth.ground / level, "ground_color"))
 
 
 ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {

@@ -12,7 +12,7 @@ from export.evaluation.evaluate import Evaluation, Options
 from export.evaluation.failures import RELIABILITY_FILE
 from export.evaluation.report import write_figures
 from lighting.files.atomic import atomic_write
-from lighting.model import CARD, Model, network_sha256, weights_path
+from lighting.model import MODEL_CARD, Model, network_sha256, weights_path
 
 ROOT = Path(__file__).parents[2]
 CAPTION = "True suns inside the region that holds a given probability, by that probability"
@@ -25,7 +25,7 @@ def write_card(evaluation: Evaluation, options: Options) -> Path:
     Returns the card's path.
     """
     model = options.models[0]
-    target, docs = model.parent / CARD, ROOT / "docs"
+    target, docs = model.parent / MODEL_CARD, ROOT / "docs"
     train, val = read_index(options.data, "train"), read_index(options.data, "val")
     given = sun_agreement([*train, *val], read_labels(options.labels))
     loaded = Model.load(model)

@@ -45,7 +45,7 @@ from export.networks.weights import (
 )
 from lighting.errors import ModelError
 from lighting.geometry import angles
-from lighting.model import MORE_OUTPUTS, OUTPUTS, Model, weights_path
+from lighting.model import OPTIONAL_OUTPUTS, OUTPUTS, Model, weights_path
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
@@ -180,7 +180,7 @@ class _Served(nn.Module):
     @property
     def outputs(self) -> list[str]:
         """Names of what `forward` returns."""
-        return [*OUTPUTS, *(MORE_OUTPUTS if any(n.light is not None for n in self.networks) else ())]
+        return [*OUTPUTS, *(OPTIONAL_OUTPUTS if any(n.light is not None for n in self.networks) else ())]
 
     def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
         said: list[NetworkOutput] = [network(photo) for network in self.networks]

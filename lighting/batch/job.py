@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, reason
+from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.photo.linear import RAW_SUFFIXES
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits
 
 
 @dataclass(frozen=True)
-class Maps:
+class MapOptions:
     """How environment maps are rendered and written; see envmap.view and files.write_exr."""
 
     height: int = 512
@@ -48,7 +48,7 @@ class BatchJob:
     source: str  # the folder that the photos' names are relative to
     out: str
     model: str | None = None  # a network's file; the one in this package by default
-    maps: Maps | None = None  # none are written by default
+    maps: MapOptions | None = None  # none are written by default
     engine: str = "pool"  # or "ray"
     given: dict[str, Any] = field(default_factory=dict)  # what the user says of all photos, as evidence.Given takes it
 
@@ -61,7 +61,7 @@ class PhotoLight:
     place: "PhotoContext | None"
 
 
-def settings(job: BatchJob) -> dict[str, object]:
+def job_settings(job: BatchJob) -> dict[str, object]:
     """What the results depend on, for SETTINGS; the network is identified by its SHA-256. Raises ModelError."""
     from lighting.model import network_sha256, packaged_model
 
@@ -102,7 +102,7 @@ def load_worker_estimator(job: BatchJob) -> "tuple[Estimator, UserInput]":
     return Estimator(Model.load(job.model, threads=1)), UserInput(**job.given)
 
 
-def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: Maps) -> None:
+def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions) -> None:
     """Render and write an environment map; raises EnvironmentMapError."""
     from lighting.envmap.surroundings import render_view
     from lighting.files.exr import write_exr
@@ -114,7 +114,7 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: Maps) -> No
 
 
 def estimate_or_error(
-    estimator: "Estimator", source: Path | bytes, given: "UserInput", maps: Maps | None
+    estimator: "Estimator", source: Path | bytes, given: "UserInput", maps: MapOptions | None
 ) -> PhotoLight | str:
     """The light of a photo, or one sentence that says why the photo has none; other errors are raised.
 
@@ -127,10 +127,10 @@ def estimate_or_error(
         estimate = estimator(photo, given)
         return PhotoLight(estimate.lighting, _place(source, photo, estimate, maps) if maps else None)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
-        return reason(error)
+        return describe_error(error)
 
 
-def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: Maps) -> "PhotoContext | None":
+def _place(source: Path | bytes, photo: "Photo", estimate: "Estimate", maps: MapOptions) -> "PhotoContext | None":
     from lighting.envmap.surroundings import photo_context_for_height
     from lighting.photo.sandbox import read_photo_isolated
 
@@ -169,11 +169,11 @@ def _in_words(others: Counter[str]) -> str:
 
 # The photos of a batch: those in a folder, or those that a glob matches.
 
-SUFFIXES = (  # of photos in a folder; a glob may match any file
+PHOTO_SUFFIXES = (  # of photos in a folder; a glob may match any file
     ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".png", ".webp", ".heic", ".heif", ".hif", ".tif", ".tiff", ".avif",
     *RAW_SUFFIXES, ".x3f",
 )  # fmt: skip
-OTHERS = (  # of pictures that are no photos, or that nothing here is known to read
+UNREAD_SUFFIXES = (  # of pictures that are no photos, or that nothing here is known to read
     ".heics", ".heifs", ".avifs",
     ".srw", ".3fr", ".fff", ".iiq", ".erf", ".kdc", ".dcr", ".mrw", ".mef", ".mos",
     ".gif", ".bmp", ".jxl", ".jp2", ".j2k", ".jxr", ".psd", ".svg", ".exr", ".hdr", ".tga", ".ppm", ".xcf", ".ico",
@@ -189,30 +189,30 @@ def find_photos(pattern: str) -> tuple[str, list[str]]:
     if not pattern:
         raise BatchError("The input is empty; it must be a folder or a pattern.")
     if Path(pattern).is_dir():
-        source, names = pattern, list(_files_below(Path(pattern), SUFFIXES))
+        source, names = pattern, list(_files_below(Path(pattern), PHOTO_SUFFIXES))
     else:
         source = _fixed_part(pattern)
         names = list(_matches(pattern, Path(source)))
     if not names:
-        others = _in_words(other_pictures(pattern))
+        others = _in_words(count_unread_pictures(pattern))
         but = f"; its pictures are of kinds that are not read{others}" if others else ""
         raise BatchError(f"{pattern} is neither a folder with photos nor a pattern that matches any{but}.")
     return source, sorted(names)
 
 
-def other_pictures(pattern: str) -> Counter[str]:
+def count_unread_pictures(pattern: str) -> Counter[str]:
     """How many pictures of each kind that is not read lie in a folder, by suffix; none for a glob.
 
     Maps that a batch wrote beside their photos are no such pictures.
     """
     folder = Path(pattern)
-    names = _files_below(folder, OTHERS) if folder.is_dir() else ()
+    names = _files_below(folder, UNREAD_SUFFIXES) if folder.is_dir() else ()
     return Counter(Path(name).suffix.lower() for name in names if not _is_map(name))
 
 
 def _is_map(name: str) -> bool:
     """Whether a file is named as a batch names a photo's map."""
-    return name.endswith(".exr") and name.removesuffix(".exr").lower().endswith(SUFFIXES)
+    return name.endswith(".exr") and name.removesuffix(".exr").lower().endswith(PHOTO_SUFFIXES)
 
 
 def _files_below(source: Path, suffixes: tuple[str, ...]) -> Iterator[str]:

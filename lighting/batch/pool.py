@@ -26,12 +26,12 @@ from typing import Generic, TypeVar
 from lighting.batch.job import (
     SETTINGS,
     BatchJob,
-    Maps,
+    MapOptions,
     PhotoLight,
     check_settings,
     estimate_or_error,
+    job_settings,
     load_worker_estimator,
-    settings,
     write_photo_map,
 )
 from lighting.batch.results import JOURNAL, TABLE, Journal, check_table, has_lights, open_journal
@@ -45,7 +45,7 @@ from lighting.runtime import ONE_THREAD
 Result = TypeVar("Result")
 Work = Callable[[str], Result]
 
-PATIENCE = 5.0  # seconds that workers have to finish their item when the batch ends
+EXIT_SECONDS = 5.0  # seconds that workers have to finish their item when the batch ends
 
 _AHEAD = 2  # items that a worker holds, so that it never waits for the next one
 _ATTEMPTS = 2  # workers that an item may kill before it is given up
@@ -188,7 +188,7 @@ def _dismiss(team: list[_Worker]) -> None:
     for worker in team:
         worker.connection.close()
     for worker in team:
-        worker.process.join(PATIENCE)
+        worker.process.join(EXIT_SECONDS)
         if worker.process.is_alive():
             worker.process.kill()
             worker.process.join()
@@ -213,8 +213,8 @@ def _serve(connection: Connection, prepare: Callable[[], Work[Result]]) -> None:
 
 # A batch on one machine, in a process per CPU.
 
-LOST = "The process that worked on this photo ended, twice."
-NO_MAP = {  # why the system takes no map of a photo's name, where that is so of this photo alone
+WORKER_DIED = "The process that worked on this photo ended, twice."
+MAP_NAME_ERRORS = {  # why the system takes no map of a photo's name, where that is so of this photo alone
     errno.ENAMETOOLONG: "The photo's name is too long for a map of that name.",
     errno.EISDIR: "A folder in the results has the name of the photo's map.",
 }
@@ -233,7 +233,7 @@ def open_batch(job: BatchJob, *, overwrite: bool = False) -> Iterator[Journal]:
     if overwrite:
         check_table(out)
     out.mkdir(parents=True, exist_ok=True)
-    asked = settings(job)
+    asked = job_settings(job)
     if not overwrite:
         found = out / SETTINGS
         check_settings(found.read_bytes() if found.exists() else None, asked, _has_results(out), job.out)
@@ -262,7 +262,7 @@ def run_pool(job: BatchJob, names: Sequence[str], journal: Journal, workers: int
     missing = [name for name in names if name not in journal.done]
     _tidy(job, missing)
     for name, result in _map_in_processes(missing, partial(_prepare, job), min(workers, len(missing))):
-        line, failed = result or (json_line(name, LOST), True)
+        line, failed = result or (json_line(name, WORKER_DIED), True)
         journal.append(name, line, failed=failed)
         yield name
 
@@ -292,13 +292,13 @@ def _prepare(job: BatchJob) -> Callable[[str], tuple[str, bool]]:
     return work
 
 
-def _write_map(path: Path, answer: PhotoLight, maps: Maps) -> str | None:
+def _write_map(path: Path, answer: PhotoLight, maps: MapOptions) -> str | None:
     """Write a map, or say why the system takes none of that name; raises EnvironmentMapError for other failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         write_photo_map(path, answer, maps)
     except EnvironmentMapError as error:
-        if isinstance(error.__cause__, OSError) and error.__cause__.errno in NO_MAP:
-            return NO_MAP[error.__cause__.errno]
+        if isinstance(error.__cause__, OSError) and error.__cause__.errno in MAP_NAME_ERRORS:
+            return MAP_NAME_ERRORS[error.__cause__.errno]
         raise
     return None

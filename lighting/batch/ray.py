@@ -14,19 +14,19 @@ from time import monotonic
 from typing import Any
 
 from lighting.batch.job import (
+    PHOTO_SUFFIXES,
     SETTINGS,
-    SUFFIXES,
     BatchJob,
     PhotoLight,
     Summary,
     check_settings,
     estimate_or_error,
     find_photos,
+    job_settings,
     load_worker_estimator,
-    settings,
     write_photo_map,
 )
-from lighting.batch.results import JOURNAL, TABLE, has_lights, row, schema
+from lighting.batch.results import JOURNAL, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")
@@ -43,7 +43,7 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
     from pyarrow.fs import FileSelector
 
     found = (file.path for file in filesystem.get_file_info(FileSelector(base, recursive=True)) if file.is_file)
-    names = sorted(posixpath.relpath(path, base) for path in found if path.lower().endswith(SUFFIXES))
+    names = sorted(posixpath.relpath(path, base) for path in found if path.lower().endswith(PHOTO_SUFFIXES))
     if not names:
         raise BatchError(f"{source} holds no photos.")
     return source, names
@@ -82,10 +82,10 @@ class _PhotoActor:
         name = posixpath.relpath(photo["path"], self.base)
         answer = estimate_or_error(self.estimator, photo["bytes"], self.given, self.job.maps)
         if isinstance(answer, str):
-            return row(name, answer)
+            return table_row(name, answer)
         if self.job.maps:
             _write_map(self.job, name, answer)
-        return row(name, answer.lighting)
+        return table_row(name, answer.lighting)
 
 
 def _map_photos(job: BatchJob, names: Sequence[str], workers: int | None, progress: bool) -> None:
@@ -106,7 +106,7 @@ def _map_photos(job: BatchJob, names: Sequence[str], workers: int | None, progre
     )
     target, folder = _place(job.out)
     rows.write_parquet(
-        f"{folder}/{TABLE}", filesystem=target, schema=schema(), ray_remote_args={"num_cpus": _TASK_CPUS}
+        f"{folder}/{TABLE}", filesystem=target, schema=table_schema(), ray_remote_args={"num_cpus": _TASK_CPUS}
     )
 
 
@@ -146,7 +146,7 @@ def _open_results(filesystem: Any, out: str, job: BatchJob, overwrite: bool) -> 
     """Check that the folder is for this job, and write its settings."""
     from pyarrow.fs import FileType
 
-    asked = settings(job)
+    asked = job_settings(job)
     file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, TABLE))
     found = filesystem.open_input_file(file.path).read() if file.is_file else None
     if not overwrite:

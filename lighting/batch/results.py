@@ -135,10 +135,10 @@ def _lock(file: BinaryIO, path: Path) -> None:
 # Results as a Parquet table (extra `parquet`): a row per photo, a column per field of Lighting.
 
 TABLE = "lighting.parquet"
-ROWS = 8192  # of a row group, which is held in memory
+ROW_GROUP_SIZE = 8192  # of a row group, which is held in memory
 
 
-def row(name: str, light: Lighting | str) -> dict[str, Any]:
+def table_row(name: str, light: Lighting | str) -> dict[str, Any]:
     """The row of a photo: its light, or the reason why it has none."""
     file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
     if isinstance(light, str):
@@ -148,7 +148,7 @@ def row(name: str, light: Lighting | str) -> dict[str, Any]:
 
 def require_parquet(out: Path) -> None:
     """Raise MissingExtraError if pyarrow is not installed, BatchError if the folder `out` takes no TABLE."""
-    schema()
+    table_schema()
     check_table(out)
 
 
@@ -169,12 +169,12 @@ def write_parquet(out: Path) -> None:
     import pyarrow
     from pyarrow.parquet import ParquetWriter
 
-    with atomic_write(out / TABLE) as path, ParquetWriter(path, schema()) as writer:
+    with atomic_write(out / TABLE) as path, ParquetWriter(path, table_schema()) as writer:
         for part in _parts(_rows(out / JOURNAL)):
-            writer.write_table(pyarrow.Table.from_pylist(part, schema()))
+            writer.write_table(pyarrow.Table.from_pylist(part, table_schema()))
 
 
-def schema() -> Any:
+def table_schema() -> Any:
     """The table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
     pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "parquet")
     kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
@@ -196,9 +196,9 @@ def _rows(journal: Path) -> Iterator[dict[str, Any]]:
             light = record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
         except ParameterError as error:
             raise BatchError(f"{journal}, line {number}: {error}") from error
-        yield row(record["file"], light)
+        yield table_row(record["file"], light)
 
 
 def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
-    while part := list(islice(rows, ROWS)):
+    while part := list(islice(rows, ROW_GROUP_SIZE)):
         yield part

@@ -13,8 +13,8 @@ from click.core import ParameterSource
 from lighting.cli import cli
 from lighting.cli.console import escape_path
 from lighting.cli.options import (
-    folder_name,
-    given_of_many_options,
+    batch_input_options,
+    check_folder_name,
     map_options,
     model_option,
     quiet_option,
@@ -50,11 +50,11 @@ class _Options:
 
     @property
     def job(self) -> "BatchJob":
-        from lighting.batch.job import BatchJob, Maps
+        from lighting.batch.job import BatchJob, MapOptions
 
         maps = None
         if self.envmap:
-            maps = Maps(self.height, self.sun, self.yaw, self.sky, self.compression or "zip", self.surroundings)
+            maps = MapOptions(self.height, self.sun, self.yaw, self.sky, self.compression or "zip", self.surroundings)
         return BatchJob(self.input, self.out, self.model, maps, self.engine, self.given.explicit_fields())
 
     @property
@@ -64,7 +64,7 @@ class _Options:
 
 @cli.command("batch")
 @click.argument("input")
-@click.argument("out", callback=folder_name)
+@click.argument("out", callback=check_folder_name)
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @map_options
 @surroundings_option
@@ -75,7 +75,7 @@ class _Options:
     "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What runs the workers."
 )
 @click.option("--address", metavar="ADDRESS", help="Address of a Ray cluster; a local one is started by default.")
-@given_of_many_options
+@batch_input_options
 @model_option
 @quiet_option
 @click.pass_context
@@ -112,7 +112,7 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 
 def _run_pool(asked: _Options) -> "Summary":
     """What became of the photos."""
-    from lighting.batch.job import Summary, find_photos, other_pictures
+    from lighting.batch.job import Summary, count_unread_pictures, find_photos
     from lighting.batch.pool import open_batch, run_pool
     from lighting.batch.results import TABLE, require_parquet, write_parquet
     from lighting.runtime import available_cpus
@@ -131,12 +131,12 @@ def _run_pool(asked: _Options) -> "Summary":
         if parquet:
             write_parquet(Path(job.out))
     done = len(journal.done) - journal.failed
-    return Summary(done, journal.failed, earlier, monotonic() - began, other_pictures(asked.input))
+    return Summary(done, journal.failed, earlier, monotonic() - began, count_unread_pictures(asked.input))
 
 
 def _run_ray(asked: _Options) -> "Summary":
     """What became of the photos, in this run and in the earlier ones whose results are kept."""
-    from lighting.batch.job import other_pictures
+    from lighting.batch.job import count_unread_pictures
     from lighting.batch.ray import find_photos_at, run_ray
 
     source, names = find_photos_at(asked.input)
@@ -148,7 +148,7 @@ def _run_ray(asked: _Options) -> "Summary":
         overwrite=asked.overwrite,
         progress=asked.progress,
     )
-    return replace(found, others=other_pictures(asked.input))
+    return replace(found, others=count_unread_pictures(asked.input))
 
 
 def _progress(finished: Iterator[str], done: int, total: int, visible: bool) -> Any:

@@ -13,17 +13,17 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
-from lighting.cli.process import ending_at_once
+from lighting.cli.process import exit_on_interrupt
 from lighting.errors import (
     EnvironmentMapError,
     ErrorCode,
     ParameterError,
     PhotoError,
     ProbeError,
+    describe_error,
     install_command,
-    reason,
 )
-from lighting.formatting import azimuth_in_words, tilt_in_words
+from lighting.formatting import format_azimuth, format_tilt
 
 if TYPE_CHECKING:
     import numpy as np
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 
 
-def progress_over(items: Sequence[str], quiet: bool) -> Any:
+def photo_progress(items: Sequence[str], quiet: bool) -> Any:
     """The items behind a progress bar, which appears only if stderr is a terminal and the results go elsewhere."""
     from tqdm import tqdm
 
@@ -64,19 +64,19 @@ def report_failure(name: str, error: Exception, as_json: bool, progress: Any) ->
     from lighting.records import json_line
 
     if as_json:
-        click.echo(json_line(name, reason(error)))
+        click.echo(json_line(name, describe_error(error)))
     with progress.external_write_mode(file=sys.stderr):
-        click.echo(f"Error: {escape_path(name)}: {escape_control_chars(reason(error))}", err=True)
+        click.echo(f"Error: {escape_path(name)}: {escape_control_chars(describe_error(error))}", err=True)
 
 
 def format_summary(name: str, lighting: "Lighting") -> str:
     """One line for people."""
     roll = round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
-        f"{escape_path(name)}: sun {azimuth_in_words(lighting.sun_azimuth, 1)}, {lighting.sun_elevation:.1f}° high"
+        f"{escape_path(name)}: sun {format_azimuth(lighting.sun_azimuth, 1)}, {lighting.sun_elevation:.1f}° high"
         f"{_spread(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
         f"turbidity {lighting.turbidity:.1f}; "
-        f"camera looks {tilt_in_words(lighting.camera_elevation, 1)}, roll {roll:.1f}°, "
+        f"camera looks {format_tilt(lighting.camera_elevation, 1)}, roll {roll:.1f}°, "
         f"vertical field of view {lighting.vertical_fov:.1f}°{_headings(lighting)}{_evidence(lighting)}"
     )
 
@@ -108,7 +108,7 @@ def report_warnings(name: str, warnings: Sequence[str], quiet: bool = False) -> 
         click.echo(f"Warning: {escape_path(name)}: {warning}", err=True)
 
 
-def report_unmatched(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:
+def warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:
     """Say on stderr where photos taken together could have been matched, and what is missing for it."""
     from lighting.registration.features import has_opencv
 
@@ -132,7 +132,9 @@ def escape_control_chars(text: str) -> str:
 
 def format_error(error: Exception) -> str:
     file = getattr(error, "filename", None)
-    return escape_control_chars(f"{click.format_filename(file)}: {reason(error)}" if file else reason(error))
+    return escape_control_chars(
+        f"{click.format_filename(file)}: {describe_error(error)}" if file else describe_error(error)
+    )
 
 
 def is_broken_pipe(error: Exception) -> bool:
@@ -143,7 +145,7 @@ def is_broken_pipe(error: Exception) -> bool:
 
 
 @contextmanager
-def _opened(name: str) -> Iterator[BinaryIO]:
+def _open_input(name: str) -> Iterator[BinaryIO]:
     """The file, or stdin for "-", to read from."""
     if name == "-":
         yield _stdin()
@@ -154,22 +156,22 @@ def _opened(name: str) -> Iterator[BinaryIO]:
             yield stream
 
 
-def picture_bytes(name: str) -> bytes:
+def read_picture_bytes(name: str) -> bytes:
     """What the file of an EXR or HDR holds, or that of a photo as far as a photo may; PhotoTooLargeError or OSError."""
     from lighting.files.exr import EXR_MAGIC
     from lighting.files.radiance_hdr import HDR_MAGIC
     from lighting.photo.reader import MAX_BYTES
 
-    with _opened(name) as stream:
+    with _open_input(name) as stream:
         head = stream.read(len(EXR_MAGIC))
         return head + (stream.read() if head.startswith((EXR_MAGIC, HDR_MAGIC)) else stream.read(MAX_BYTES))
 
 
-def photo_bytes(name: str) -> bytes:
+def read_photo_bytes(name: str) -> bytes:
     """What the file of a photo holds, as far as a photo may; PhotoError, PhotoTooLargeError or OSError."""
     from lighting.photo.reader import read_bytes
 
-    with _opened(name) as stream:
+    with _open_input(name) as stream:
         return read_bytes(stream)
 
 
@@ -182,11 +184,11 @@ def prefix_errors(file: str) -> Iterator[None]:
         raise error.prefixed(escape_path(file)) from error
 
 
-def open_photo(name: str, target: int | None = None) -> "Photo":
+def read_photo_file(name: str, target: int | None = None) -> "Photo":
     """The photo in a file; `target` pixels of its longer side are kept where the network's own need is not enough."""
     from lighting.photo.reader import read_photo
 
-    data = photo_bytes(name)
+    data = read_photo_bytes(name)
     return read_photo(data) if target is None else read_photo(data, target=target)
 
 
@@ -200,11 +202,11 @@ def read_lighting(name: str) -> "Lighting":
     """The record in a JSON file, bare or in the line that `estimate --json` printed; ParameterError names the file."""
     from lighting.records import MAX_RECORD_BYTES
 
-    with _opened(name) as stream:
-        return lighting_of(stream.read(MAX_RECORD_BYTES + 1), name)
+    with _open_input(name) as stream:
+        return parse_lighting(stream.read(MAX_RECORD_BYTES + 1), name)
 
 
-def lighting_of(data: bytes, name: str) -> "Lighting":
+def parse_lighting(data: bytes, name: str) -> "Lighting":
     """The same of what a file of that name holds."""
     from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
 
@@ -237,7 +239,7 @@ def load_estimator(model: str | None) -> "Estimator":
     return Estimator(Model.load(model))
 
 
-def estimated(
+def estimate_photo(
     photo: bytes, given: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
 ) -> "tuple[Photo, Estimate]":
     """The photo in bytes and its estimate.
@@ -247,12 +249,12 @@ def estimated(
     """
     from concurrent.futures import ThreadPoolExecutor
 
-    with ending_at_once(), ThreadPoolExecutor(1) as pool:
+    with exit_on_interrupt(), ThreadPoolExecutor(1) as pool:
         network = pool.submit(_load_for_one_photo, model)
         from lighting.photo.reader import read_photo
 
         picture = read_photo(photo)
-        said = pool.submit(lambda: _said_of(network.result(), picture, given))
+        said = pool.submit(lambda: _predict(network.result(), picture, given))
         from lighting.estimator import estimate_from_prediction
 
         meanwhile()
@@ -269,7 +271,7 @@ def _load_for_one_photo(model: str | None) -> "Model":
     return Model.from_session(started, packaged_model())
 
 
-def _said_of(network: "Model", photo: "Photo", given: "UserInput") -> "Prediction":
+def _predict(network: "Model", photo: "Photo", given: "UserInput") -> "Prediction":
     from lighting.fusion.estimate import predict_photo
 
     return predict_photo(network, photo, given)
@@ -299,7 +301,7 @@ def is_same_file(one: str, other: str) -> bool:
     return Path(one).exists() and Path(other).exists() and Path(one).samefile(other)
 
 
-def place_in(
+def photo_context_of(
     data: bytes, photo: "Photo", estimate: "Estimate", height: int, wanted: bool | None
 ) -> "PhotoContext | None":
     """The place for a map of a photo with these bytes, as `envmap.place_of` has it."""

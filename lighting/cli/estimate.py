@@ -8,36 +8,36 @@ import click
 from lighting.cli import cli
 from lighting.cli.console import (
     check_compression,
-    estimated,
+    estimate_photo,
     format_summary,
     load_estimator,
-    open_photo,
-    photo_bytes,
-    place_in,
+    photo_context_of,
+    photo_progress,
     prefix_errors,
     print_estimate,
-    progress_over,
     read_lighting,
+    read_photo_bytes,
+    read_photo_file,
     refuse_collisions,
     report_failure,
-    report_unmatched,
     report_warnings,
     warm_up,
+    warn_unregistered,
     write_output_map,
     write_preview,
 )
 from lighting.cli.options import (
+    check_png_file,
     check_together,
-    given_options,
     headings_option,
     map_options,
     map_output,
     model_option,
-    preview_file,
     removed_option,
+    silent_option,
     surroundings_option,
     together_option,
-    unwarned_option,
+    user_input_options,
 )
 from lighting.errors import ParameterError, PhotoError
 
@@ -64,11 +64,11 @@ def _answers(
     The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
     """
     if len(names) == 1:
-        return lambda shown: _each(shown, lambda name: estimated(photo_bytes(name), given, model)[1])
+        return lambda shown: _each(shown, lambda name: estimate_photo(read_photo_bytes(name), given, model)[1])
     estimator = load_estimator(model)
     if together:
         return lambda shown: _together(estimator, shown, given, headings)
-    return lambda shown: _each(shown, lambda name: estimator(open_photo(name), given))
+    return lambda shown: _each(shown, lambda name: estimator(read_photo_file(name), given))
 
 
 def _each(names: Iterable[str], find: "Callable[[str], Estimate]") -> Answers:
@@ -92,7 +92,7 @@ def _together(
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, open_photo(name, MAX_SIDE if match else None)
+            read[i] = name, read_photo_file(name, MAX_SIDE if match else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:
@@ -111,9 +111,9 @@ def _together(
 @together_option
 @headings_option
 @removed_option("--fit", "--together with time and place says where each camera looks")
-@given_options
+@user_input_options
 @model_option
-@unwarned_option
+@silent_option
 @click.pass_context
 def _estimate(
     ctx: click.Context,
@@ -133,9 +133,9 @@ def _estimate(
     if photos.count("-") > 1:
         raise click.UsageError("Only one of the photos can be stdin.")
     check_together(len(photos), given, **taken_together)
-    report_unmatched(quiet, **taken_together)
+    warn_unregistered(quiet, **taken_together)
     failed, answers_of = 0, _answers(model, photos, given, **taken_together)
-    with progress_over(photos, quiet) as progress:
+    with photo_progress(photos, quiet) as progress:
         for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):
                 print_estimate(name, answer, as_json, quiet)
@@ -154,10 +154,10 @@ def _estimate(
 @map_output
 @map_options
 @surroundings_option
-@click.option("--preview", metavar="FILE.png", callback=preview_file, help="Also draw what `lighting preview` draws.")
-@given_options
+@click.option("--preview", metavar="FILE.png", callback=check_png_file, help="Also draw what `lighting preview` draws.")
+@user_input_options
 @model_option
-@unwarned_option
+@silent_option
 def _envmap(
     photo: str,
     output: str,
@@ -172,9 +172,9 @@ def _envmap(
     refuse_collisions(photo, output, preview)
     check_compression(output, view["compression"])
     with prefix_errors(photo):
-        data = photo_bytes(photo)
-        picture, estimate = estimated(data, given, model, warm_up)
-    place = place_in(data, picture, estimate, view["height"], surroundings)
+        data = read_photo_bytes(photo)
+        picture, estimate = estimate_photo(data, given, model, warm_up)
+    place = photo_context_of(data, picture, estimate, view["height"], surroundings)
     write_output_map(output, estimate.lighting, context=place, **view)
     if preview:
         write_preview(preview, data, estimate, surroundings)
@@ -199,18 +199,18 @@ def _render(record: str, output: str, **view: Any) -> None:
 
 @cli.command("preview")
 @click.argument("photo")
-@click.option("-o", "--output", required=True, metavar="FILE.png", callback=preview_file, help='"-" is stdout.')
+@click.option("-o", "--output", required=True, metavar="FILE.png", callback=check_png_file, help='"-" is stdout.')
 @surroundings_option
-@given_options
+@user_input_options
 @model_option
-@unwarned_option
+@silent_option
 def _preview(
     photo: str, output: str, surroundings: bool | None, given: "UserInput", model: str | None, quiet: bool
 ) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
     with prefix_errors(photo):
-        data = photo_bytes(photo)
-        _, estimate = estimated(data, given, model)
+        data = read_photo_bytes(photo)
+        _, estimate = estimate_photo(data, given, model)
     write_preview(output, data, estimate, surroundings)
     report_warnings(photo, estimate.warnings, quiet)

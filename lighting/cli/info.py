@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.cli import cli
-from lighting.cli.console import lighting_of, picture_bytes, prefix_errors, read_lighting
-from lighting.cli.process import silence
+from lighting.cli.console import parse_lighting, prefix_errors, read_lighting, read_picture_bytes
+from lighting.cli.process import silence_libraries
 
 if TYPE_CHECKING:
     import numpy as np
@@ -51,14 +51,14 @@ def _describe_picture(file: str) -> dict[str, Any]:
     from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
     from lighting.photo.reader import read_photo
 
-    data = picture_bytes(file)
+    data = read_picture_bytes(file)
     if data.startswith(EXR_MAGIC):
         return _describe_map(file, data)
     if data.startswith(HDR_MAGIC) or Path(file).suffix.lower() == ".hdr":
         with prefix_errors(file):
             return _map_like(decode_hdr(data))
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):
-        return _of_record(lighting_of(data, file))
+        return _of_record(parse_lighting(data, file))
     with prefix_errors(file):
         photo = read_photo(data)
     size = {"format": photo.format, "width": photo.width, "height": photo.height}
@@ -79,7 +79,7 @@ def _describe_map(file: str, data: bytes) -> dict[str, Any]:
     from lighting.files.exr import read_exr
     from lighting.records import record_with_coefficients
 
-    with prefix_errors(file), silence():
+    with prefix_errors(file), silence_libraries():
         image, lighting = read_exr(BytesIO(data))
     return {**_map_like(image), "lighting": None if lighting is None else record_with_coefficients(lighting)}
 

@@ -57,7 +57,7 @@ def _objection(name: str, suffixes: Sequence[str]) -> str | None:
     return None if os.access(folder, os.W_OK) else f"The folder {folder} cannot be written to."
 
 
-def folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
+def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
     """A check that refuses what names no folder, as an empty variable of a shell, which would be the current one."""
     if not name:
         raise click.BadParameter("the name of the folder is empty.")
@@ -66,7 +66,7 @@ def folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
     return name
 
 
-def file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
+def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
     """A check that refuses an empty name, as an empty variable of a shell is."""
     if name == "":
         raise click.BadParameter(_NAMELESS)
@@ -189,7 +189,7 @@ results_folder = click.option(
     "--output",
     required=True,
     metavar="FOLDER",
-    callback=folder_name,
+    callback=check_folder_name,
     help="New or empty unless --overwrite.",
 )
 surroundings_option = click.option(
@@ -205,23 +205,23 @@ map_output = click.option(
     callback=_map_file,
     help=f'{_either(_map_suffixes())}; "-" is EXR on stdout.',
 )
-preview_file = _output_file(".png")
+check_png_file = _output_file(".png")
 model_option = click.option(
-    "--model", metavar="FILE.onnx", callback=file_name, help="Another network than the one in this package."
+    "--model", metavar="FILE.onnx", callback=check_file_name, help="Another network than the one in this package."
 )
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
-unwarned_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")
+silent_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")
 
 # The options by which the user says what a photo's metadata should say.
 
 
-def read_moment(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
+def time_option_value(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
     from lighting.photo.metadata import parse_time
 
     return None if text is None else _parsed(parse_time, text)
 
 
-def read_zone(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
+def utc_offset_value(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
     from lighting.photo.metadata import parse_utc_offset
 
     return None if text is None else _parsed(parse_utc_offset, text)
@@ -247,10 +247,10 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of Given that they fill
         "--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
     ),
     "time": click.option(
-        "--time", metavar="TIME", callback=read_moment, help="When: 2024-06-01T14:30, +02:00 behind it if known."
+        "--time", metavar="TIME", callback=time_option_value, help="When: 2024-06-01T14:30, +02:00 behind it if known."
     ),
     "utc_offset": click.option(
-        "--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of a local time: +02:00 or 2."
+        "--utc-offset", metavar="HOURS", callback=utc_offset_value, help="Zone of a local time: +02:00 or 2."
     ),
     "latitude": click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
     "longitude": click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
@@ -285,19 +285,19 @@ def _options(*names: str) -> Decorator:
 
 
 # What the user knows; a command receives it as `given`. Contradictions are wrong usage.
-given_options = _options(*_OPTIONS)
-given_of_many_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
+user_input_options = _options(*_OPTIONS)
+batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
 
 
 def _given(**options: Any) -> "UserInput":
     from lighting.fusion.user_input import UserInput
 
-    with wrong_usage():
+    with usage_errors():
         return UserInput(**options)
 
 
 @contextmanager
-def wrong_usage(kind: type[LightingError] = ParameterError) -> Iterator[None]:
+def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
     """Turn errors of a kind into wrong usage, with the option in place of the field."""
     try:
         yield
@@ -315,6 +315,6 @@ def check_together(photos: int, given: "UserInput", together: bool, headings: li
         raise click.UsageError("--headings needs --together.")
     from lighting.fusion.user_input import check_heading, check_headings
 
-    with wrong_usage():
+    with usage_errors():
         check_headings(photos, headings)
         check_heading(photos, given.heading)

@@ -10,10 +10,17 @@ import click
 
 from lighting.cli import cli
 from lighting.cli.console import escape_path, prefix_errors
-from lighting.cli.options import FiniteRange, height_option, quiet_option, read_moment, read_zone, wrong_usage
-from lighting.cli.process import silence
+from lighting.cli.options import (
+    FiniteRange,
+    height_option,
+    quiet_option,
+    time_option_value,
+    usage_errors,
+    utc_offset_value,
+)
+from lighting.cli.process import silence_libraries
 from lighting.errors import ProbeError
-from lighting.formatting import aside
+from lighting.formatting import format_side
 
 if TYPE_CHECKING:
     from lighting.probe.bracket import Bracket, BracketFiles
@@ -53,8 +60,8 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
 @click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
-@click.option("--time", metavar="TIME", callback=read_moment, help="2024-06-01T14:30+02:00. [EXIF]")
-@click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Zone of local times: +02:00 or 2.")
+@click.option("--time", metavar="TIME", callback=time_option_value, help="2024-06-01T14:30+02:00. [EXIF]")
+@click.option("--utc-offset", metavar="HOURS", callback=utc_offset_value, help="Zone of local times: +02:00 or 2.")
 @click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
 @click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
 @click.option(
@@ -126,7 +133,7 @@ def _settings(options: dict[str, Any]) -> "BracketSettings":
     """The options as the library takes them; UsageError for numbers that no picture is taken by."""
     from lighting.probe.develop import BracketSettings
 
-    with wrong_usage(ProbeError):
+    with usage_errors(ProbeError):
         return BracketSettings(**options)
 
 
@@ -136,7 +143,7 @@ def _check_told(
     """Raise UsageError where what is told of time and place contradicts itself."""
     from lighting.fusion.user_input import UserInput
 
-    with wrong_usage():
+    with usage_errors():
         UserInput(time=time, utc_offset=utc_offset, latitude=latitude, longitude=longitude)
 
 
@@ -199,7 +206,7 @@ def _merge_series(
 def _bracket(shot: "BracketFiles", settings: "BracketSettings") -> "Bracket":
     from lighting.probe.bracket import read_bracket
 
-    with silence():
+    with silence_libraries():
         return read_bracket(shot.files, settings.curve)
 
 
@@ -246,7 +253,7 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
         return
     trust = "" if state.trusted else ", not to be trusted"
     click.echo(
-        f"{escape_path(sky)}: sun {aside(state.sun_azimuth, 1)} of the centre, "
+        f"{escape_path(sky)}: sun {format_side(state.sun_azimuth, 1)} of the centre, "
         f"{state.sun_elevation:.1f}° high ({state.sun_source}); "
         f"turbidity {state.turbidity:.1f}, exposure {state.exposure:.4g}, residual {100 * state.residual:.0f} %"
         f"{trust}; cover {100 * state.cover:.0f} %"
@@ -258,7 +265,7 @@ def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
     from lighting.files.exr import read_envmap
     from lighting.probe.sky_fit import describe_sky
 
-    with silence():
+    with silence_libraries():
         image = read_envmap(sky)
     with prefix_errors(sky):
         return describe_sky(image, sun)

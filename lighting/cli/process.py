@@ -14,7 +14,7 @@ from typing import TextIO
 
 
 @contextmanager
-def ending_at_once() -> Iterator[None]:
+def exit_on_interrupt() -> Iterator[None]:
     """Ctrl-C ends the process within the block, which has nothing to put in order and waits for a thread.
 
     Python would raise an exception. Where both threads import, that may come while an object is taken apart, which
@@ -38,7 +38,7 @@ def _abort(*_: object) -> None:
     os._exit(1)
 
 
-def leave(status: int) -> None:
+def exit_now(status: int) -> None:
     """End the process without taking its objects apart; what waits for its end is called, and what is said is written.
 
     It returns where somebody watches the program (a profiler or a debugger), or where a stream cannot be written, and
@@ -59,7 +59,7 @@ def leave(status: int) -> None:
 
 
 @contextmanager
-def silence() -> Iterator[TextIO]:
+def silence_libraries() -> Iterator[TextIO]:
     """Nothing reaches stdout, nor stderr, of which OpenEXR writes in C; for a process of one thread.
 
     What is written to the stream that it yields reaches stderr all the same: a progress bar.

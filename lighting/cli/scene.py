@@ -11,24 +11,24 @@ from click.core import ParameterSource
 from lighting.cli import cli
 from lighting.cli.console import (
     escape_path,
-    estimated,
+    estimate_photo,
     format_summary,
     is_same_file,
-    photo_bytes,
     prefix_errors,
     read_lighting,
+    read_photo_bytes,
     report_warnings,
 )
 from lighting.cli.options import (
     RegistryChoice,
-    file_name,
-    given_options,
+    check_file_name,
     height_option,
     model_option,
     results_folder,
+    silent_option,
     sun_option,
     surroundings_option,
-    unwarned_option,
+    user_input_options,
 )
 from lighting.scene import EXPORTERS, unsupported_options
 
@@ -86,15 +86,15 @@ def _tool_options() -> list[click.Option]:
     "--lighting",
     "record",
     metavar="LIGHTING.json",
-    callback=file_name,
+    callback=check_file_name,
     help="Take the light from this record, not from PHOTO.",
 )
 @height_option
 @sun_option
 @surroundings_option
-@given_options
+@user_input_options
 @model_option
-@unwarned_option
+@silent_option
 def _scene(**options: Any) -> None:
     """Write PHOTO and its light as a scene for another tool.
 
@@ -112,9 +112,9 @@ def _scene(**options: Any) -> None:
 
     check_scene_folder(Path(asked.output), overwrite=asked.overwrite)
     with prefix_errors(asked.photo):
-        data = photo_bytes(asked.photo)
+        data = read_photo_bytes(asked.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        estimate = None if asked.record else estimated(data, asked.given, asked.model)[1]
+        estimate = None if asked.record else estimate_photo(data, asked.given, asked.model)[1]
         lighting = estimate.lighting if estimate else read_lighting(asked.record or "-")
     place = photo_context(estimate, plate.pixels, surroundings=asked.surroundings) if estimate else None
     made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, place=place)

@@ -10,8 +10,15 @@ import click
 
 from lighting.cli import cli
 from lighting.cli.console import escape_path, write_png
-from lighting.cli.options import FiniteRange, preview_file, quiet_option, read_zone, results_folder, wrong_usage
-from lighting.cli.process import silence
+from lighting.cli.options import (
+    FiniteRange,
+    check_png_file,
+    quiet_option,
+    results_folder,
+    usage_errors,
+    utc_offset_value,
+)
+from lighting.cli.process import silence_libraries
 
 if TYPE_CHECKING:
     from lighting.stereo.network import Network
@@ -60,10 +67,10 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
 @click.option(
     "--utc-offset",
     metavar="HOURS",
-    callback=read_zone,
+    callback=utc_offset_value,
     help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
-@click.option("-o", "--output", metavar="FILE.png", callback=preview_file, help='Also draw it; "-" is stdout.')
+@click.option("-o", "--output", metavar="FILE.png", callback=check_png_file, help='Also draw it; "-" is stdout.')
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of words.")
 @quiet_option
 def _plan(
@@ -79,9 +86,9 @@ def _plan(
 
     if output == "-" and as_json:
         raise click.UsageError('--json and "-o -" both go to stdout.')
-    with wrong_usage():
+    with usage_errors():
         skies, question = _skies(**said), PlanRequest(facing, shots, noise)
-    with silence() as stderr:
+    with silence_libraries() as stderr:
         found = plan_photos(skies, question, _progress(quiet, stderr))
     if output:
         _draw(output, skies, found)
@@ -173,7 +180,7 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
 @click.option("--pitch", type=FiniteRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
 @click.option("--roll", type=FiniteRange(-360, 360), default=0.0, metavar="DEG", help="How far it is turned clockwise.")
-@click.option("--utc-offset", metavar="HOURS", callback=read_zone, help="Of the camera's clock: +02:00 or 2.")
+@click.option("--utc-offset", metavar="HOURS", callback=utc_offset_value, help="Of the camera's clock: +02:00 or 2.")
 @click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
 @click.option("--turbidity", type=FiniteRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
 @click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
@@ -197,7 +204,7 @@ def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
     check_normals_folder(folder, overwrite=overwrite)
-    with silence() as stderr:
+    with silence_libraries() as stderr:
         solved = estimate_normals(day, _told(**said), _network() if network else None, _watch(quiet, stderr))
     write_normals(folder, solved)
     for warning in solved.warnings:

@@ -11,14 +11,14 @@ from lighting.cli.console import escape_path, refuse_collisions
 from lighting.cli.options import (
     FiniteRange,
     RegistryChoice,
-    given_options,
     height_option,
     model_option,
     results_folder,
+    silent_option,
     sun_option,
-    unwarned_option,
+    user_input_options,
 )
-from lighting.formatting import aside
+from lighting.formatting import format_side
 from lighting.scene import animated_tools
 
 if TYPE_CHECKING:
@@ -44,9 +44,9 @@ if TYPE_CHECKING:
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
 @height_option
 @sun_option
-@given_options
+@user_input_options
 @model_option
-@unwarned_option
+@silent_option
 @click.pass_context
 def _video(
     ctx: click.Context,
@@ -142,7 +142,7 @@ def _in_words(number: int, shot: "Shot") -> str:
     )
     return (
         f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {frames}{bridged}: "
-        f"sun {light.sun_elevation:.1f}° high and {aside(light.sun_azimuth, 1)} of the first frame "
+        f"sun {light.sun_elevation:.1f}° high and {format_side(light.sun_azimuth, 1)} of the first frame "
         f"(50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
         f"direct sunlight {100 * light.sun_visibility:.0f} %; "
         f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_std:.1f}°"

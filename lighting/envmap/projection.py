@@ -15,8 +15,8 @@ from lighting.geometry import (
     camera_pixel,
     latlong_angles,
     latlong_directions,
-    scaled,
-    window_of,
+    pixel_window,
+    scale_size,
 )
 from lighting.records import Lighting
 
@@ -118,7 +118,7 @@ def size_in_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -
     """
     camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
     scale = min(height / np.pi / camera.focal_length * 1.2, _MAX_SIDE / max(photo.shape[:2]))
-    return scaled(camera.width, camera.height, scale)
+    return scale_size(camera.width, camera.height, scale)
 
 
 def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
@@ -133,7 +133,7 @@ def _window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
     """Rows and columns of a map (H, 2H) that hold the picture."""
     x, y = np.moveaxis(camera_pixel(latlong_directions(_WINDOW_ROWS), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false where NaN
-    return window_of(inside, height, 2 * height)
+    return pixel_window(inside, height, 2 * height)
 
 
 def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:

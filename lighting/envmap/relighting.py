@@ -14,7 +14,7 @@ from lighting.envmap.render import clear_irradiance
 from lighting.envmap.sun_disc import disc_power
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.records import Colour, Lighting, check_lighting, clipped_colour, significant
+from lighting.records import Color, Lighting, check_lighting, clip_color, round_significant
 from lighting.validation import RANGES
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
@@ -79,7 +79,7 @@ def scale_exposure(lighting: Lighting, gain: Floats) -> Lighting:
     exposure = float(np.clip(lighting.exposure * float(luminance(gain)), *RANGES["exposure"]))
     return replace(
         lighting,
-        exposure=significant(exposure),
+        exposure=round_significant(exposure),
         sun_irradiance=_scale_irradiance("sun_irradiance", lighting.sun_irradiance, gain),
         sky_irradiance=_scale_irradiance("sky_irradiance", lighting.sky_irradiance, gain),
     )
@@ -99,11 +99,11 @@ def _heading(degrees: float) -> float:
     return round(degrees % 360.0, _ANGLE_DIGITS) % 360.0
 
 
-def _scale_irradiance(name: str, irradiance: Colour | None, gain: Floats) -> Colour | None:
-    return None if irradiance is None else clipped_colour(np.array(irradiance) * gain, name)
+def _scale_irradiance(name: str, irradiance: Color | None, gain: Floats) -> Color | None:
+    return None if irradiance is None else clip_color(np.array(irradiance) * gain, name)
 
 
-def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Colour]) -> Lighting:
+def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> Lighting:
     """The light with another sun, turbidity, exposure or ground, as a user sets them by hand.
 
     Where irradiances are stated, their ratios to the model's stay as they were, channel by channel. A sun under 5 deg
@@ -124,7 +124,7 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Colour]) -> 
     for name, by_model in models.items():
         if name not in changes:
             before, after = np.maximum(by_model(lighting), EPSILON_IRRADIANCE), by_model(changed)
-            rescaled[name] = clipped_colour(np.array(getattr(lighting, name)) * after / before, name)
+            rescaled[name] = clip_color(np.array(getattr(lighting, name)) * after / before, name)
     return replace(changed, **rescaled)
 
 

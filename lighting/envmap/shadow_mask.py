@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.color import SRGB_LINEAR, checked_pixels, luminance
+from lighting.color import SRGB_LINEAR, check_pixels, luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
-from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, shrunk, slice_around
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.records import Lighting, check_lighting
 
 _MAX_SIDE = 256  # pixels of the mask's longer side
@@ -72,7 +72,7 @@ def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: boo
         [1] Otsu, A Threshold Selection Method from Gray-Level Histograms, IEEE SMC 1979.
     """
     check_lighting(lighting)
-    small = _shrink_photo(checked_pixels(photo))
+    small = _shrink_photo(check_pixels(photo))
     height, width = small.shape[:2]
     shines = lighting.sun_painted if sun is None else sun
     step = _predicted_step(lighting) if shines else 0.0
@@ -100,8 +100,8 @@ def mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: 
         return 1.0
     scale = len(lit) / camera.height
     x, y = (pixels * scale).T
-    columns = slice_around(float(x.mean()), float(np.ptp(x) / 2 + reach * scale), lit.shape[1])
-    rows = slice_around(float(y.mean()), reach * scale, len(lit))
+    columns = clip_slice(float(x.mean()), float(np.ptp(x) / 2 + reach * scale), lit.shape[1])
+    rows = clip_slice(float(y.mean()), reach * scale, len(lit))
     part = lit[rows, columns]
     return float(part.mean()) if part.size else 1.0
 
@@ -156,7 +156,7 @@ def _min_lit_albedo(step: float, visibility: float) -> float:
 def _shrink_photo(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The photo (h, w, 3) with at most _SIDE pixels along its longer side."""
     height, width = photo.shape[:2]
-    size = shrunk(width, height, _MAX_SIDE)
+    size = shrink_size(width, height, _MAX_SIDE)
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
 
 

@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import checked_pixels, luminance
+from lighting.color import check_pixels, luminance
 from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     Image,
@@ -57,12 +57,14 @@ class PhotoContext:
     """A photo and what the network predicts beside it. PhotoError for what is no photo's pixels."""
 
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
-    coarse_panorama: NDArray[np.float32] | None = None  # `Estimate.around`; None: bare sky and ground beside the photo
+    coarse_panorama: NDArray[np.float32] | None = (
+        None  # `Estimate.surroundings`; None: bare sky and ground beside the photo
+    )
     exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
     light: Lighting | None = None  # that light; what it makes of the surroundings stays under another sun
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "photo", checked_pixels(self.photo))
+        object.__setattr__(self, "photo", check_pixels(self.photo))
 
     def gain(self, lighting: Lighting) -> float:
         """The factor that brings photo and panorama to the exposure of a light that may have changed since."""
@@ -89,11 +91,11 @@ def photo_context(
         PhotoError: for what is no photo's pixels.
     """
     check_estimate(estimate)
-    if not (estimate.around is not None if surroundings is None else surroundings):
+    if not (estimate.surroundings is not None if surroundings is None else surroundings):
         return None
     if exposure is not None:
-        return PhotoContext(photo, estimate.around, exposure)
-    return PhotoContext(photo, estimate.around, estimate.lighting.exposure, estimate.lighting)
+        return PhotoContext(photo, estimate.surroundings, exposure)
+    return PhotoContext(photo, estimate.surroundings, estimate.lighting.exposure, estimate.lighting)
 
 
 def photo_context_for_height(

@@ -26,7 +26,7 @@ from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.files.atomic import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
-from lighting.validation import COLOUR_RANGES, OPTIONAL_RANGES, RANGES
+from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.version import __version__
 
 # How the pixels of an EXR are packed: which ways there are, and what each costs.
@@ -289,7 +289,7 @@ def _attributes(lighting: Lighting | None) -> dict[str, Any]:
     return {
         **{f"lighting.{name}": float(getattr(lighting, name)) for name in RANGES},
         **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},
-        **{f"lighting.{name}": np.array(v, np.float32) for name in COLOUR_RANGES if (v := getattr(lighting, name))},
+        **{f"lighting.{name}": np.array(v, np.float32) for name in COLOR_RANGES if (v := getattr(lighting, name))},
         "lighting.sky_model": lighting.sky_model,
         "lighting.sun_direction": lighting.sun_direction.astype(np.float32),
         "lighting.evidence": ", ".join(lighting.evidence),

@@ -18,7 +18,7 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.model import Model
 from lighting.photo.preprocess import is_blank, is_panorama, preprocess
 from lighting.photo.reader import Photo
-from lighting.records import SUITABLE, Estimate, EvidenceKind, Lighting, Prediction, significant
+from lighting.records import MIN_SUITABLE, Estimate, EvidenceKind, Lighting, Prediction, round_significant
 
 _UNSUITABLE = (
     "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
@@ -84,7 +84,7 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
     suitable, warnings = lighting.suitable, (*prior.warnings, *posterior.warnings)
     if suitable is not None:
         suitable = _suitable(suitable, prior)
-        warnings = (*warnings, *(_unsuitable_warnings(prior.observations) if suitable < SUITABLE else ()))
+        warnings = (*warnings, *(_unsuitable_warnings(prior.observations) if suitable < MIN_SUITABLE else ()))
     latitude, longitude = prior.location or (None, None)
     lighting = replace(
         _with_headings(_with_sunlight(lighting, posterior, prior), posterior),
@@ -95,7 +95,7 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
         longitude=longitude,
     )
     light = posterior.prediction.light
-    return Estimate(lighting, posterior.on_cells(), light.around if light else None)
+    return Estimate(lighting, posterior.on_cells(), light.surroundings if light else None)
 
 
 def _with_headings(lighting: Lighting, posterior: Posterior) -> Lighting:
@@ -131,7 +131,7 @@ def _suitable(by_pixels: float, prior: MetadataPrior) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
     exposure_value = prior.observations.exposure_value
     by_exposure = by_pixels if exposure_value is None else by_pixels * daylight_probability(exposure_value)
-    return significant(min(by_exposure, 1.0 if prior.sun_is_up else _MAX_SUITABLE_IN_TWILIGHT))
+    return round_significant(min(by_exposure, 1.0 if prior.sun_is_up else _MAX_SUITABLE_IN_TWILIGHT))
 
 
 def _unsuitable_warnings(observations: Observations) -> tuple[str, ...]:

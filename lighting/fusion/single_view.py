@@ -23,9 +23,18 @@ from lighting.circular import HEADINGS, Heading, heading_from_probability, von_m
 from lighting.color import luminance
 from lighting.decoding import bayes_direction, sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
-from lighting.formatting import tilt_in_words
+from lighting.formatting import format_tilt
 from lighting.fusion.consistency import consistency_warnings
-from lighting.geometry import STEEP, Floats, Pinhole, angles, camera_axes, camera_pixel, direction, wrap_azimuth
+from lighting.geometry import (
+    MIN_STEEP_ELEVATION,
+    Floats,
+    Pinhole,
+    angles,
+    camera_axes,
+    camera_pixel,
+    direction,
+    wrap_azimuth,
+)
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
 from lighting.sun_grid import grid_directions, smooth_density, soft_label, splat_to_grid
 from lighting.validation import RANGES
@@ -207,7 +216,7 @@ def _fused_tilt(prediction: Prediction, gravity: Gravity) -> tuple[float, float]
     """The camera's elevation and roll [deg] by both; the roll is 0 where it looks straight up or down within 5 deg."""
     elevation_difference, roll_difference = _tilt_difference(prediction, gravity)
     elevation = gravity.elevation + elevation_difference * _network_weight(gravity.std, CAMERA_ELEVATION_STD)
-    if abs(elevation) > STEEP:
+    if abs(elevation) > MIN_STEEP_ELEVATION:
         return elevation, 0.0
     if gravity.roll is None:
         return elevation, prediction.camera_roll
@@ -228,7 +237,7 @@ def _network_weight(metadata_std: float, network_std: float) -> float:
 
 
 def _format_tilt(elevation: float, roll: float | None) -> str:
-    looks = f"looks {tilt_in_words(elevation)}"
+    looks = f"looks {format_tilt(elevation)}"
     return looks if roll is None else f"{looks} with a roll of {roll + 0.0:.0f}°"
 
 

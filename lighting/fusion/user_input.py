@@ -9,7 +9,7 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
-from lighting.validation import OPTIONAL_RANGES, RANGES, check_place, check_range, is_finite, plain_numbers
+from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, is_finite
 
 _RANGES = {
     "utc_offset": UTC_OFFSET_RANGE,
@@ -41,11 +41,11 @@ class UserInput:
             if not isinstance(getattr(self, name), bool):
                 predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
                 raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
-        plain_numbers(self, *_RANGES)
+        convert_numpy_numbers(self, *_RANGES)
         for name, (low, high) in _RANGES.items():
             if (value := getattr(self, name)) is not None:
                 check_range(name, value, low, high)
-        check_place(self.latitude, self.longitude)
+        check_location(self.latitude, self.longitude)
         self._check_time()
 
     def explicit_fields(self) -> dict[str, object]:

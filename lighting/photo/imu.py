@@ -15,7 +15,7 @@ from typing import Any
 
 from PIL import ExifTags
 
-from lighting.geometry import STEEP
+from lighting.geometry import MIN_STEEP_ELEVATION
 
 _Vector = tuple[float, float, float]
 
@@ -79,7 +79,9 @@ def heading_from_xmp(said: Mapping[str, str]) -> float | None:
 
 def heading_from_gimbal(pitch: float, roll: float, yaw: float) -> float:
     """The same by a gimbal's own angles [deg]."""
-    on_its_head = abs(abs(pitch) - 90.0) < 90.0 - STEEP and abs(roll) > 90.0  # straight down, as DJI's may say
+    on_its_head = (
+        abs(abs(pitch) - 90.0) < 90.0 - MIN_STEEP_ELEVATION and abs(roll) > 90.0
+    )  # straight down, as DJI's may say
     return (yaw + 180.0 * on_its_head) % 360.0
 
 
@@ -123,7 +125,7 @@ def _most_upright(up: _Vector, orientation: int | None, size: tuple[int, int]) -
 def _held(up: _Vector, spread: float, source: str) -> CameraTilt:
     right, top, into = up
     elevation = math.degrees(math.asin(max(-1.0, min(1.0, into))))
-    roll = None if abs(elevation) > STEEP else math.degrees(math.atan2(-right, top)) + 0.0
+    roll = None if abs(elevation) > MIN_STEEP_ELEVATION else math.degrees(math.atan2(-right, top)) + 0.0
     return CameraTilt(elevation + 0.0, roll, spread, source)
 
 

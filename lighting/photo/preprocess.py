@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.geometry import Floats, fitting
+from lighting.geometry import Floats, fit_in_box
 from lighting.photo.pixels import Pixels
 from lighting.photo.reader import Photo
 from lighting.records import ModelSpec
@@ -62,7 +62,7 @@ def _difference(rows: Floats, first: Sequence[int], second: Sequence[int]) -> fl
 
 def fit_size(width: int, height: int, spec: ModelSpec) -> tuple[int, int]:
     """The largest (width, height) of the photo's aspect ratio inside the network's canvas, at least 1 x 1."""
-    return fitting(width, height, spec.width, spec.height)
+    return fit_in_box(width, height, spec.width, spec.height)
 
 
 def pad_to_input(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:

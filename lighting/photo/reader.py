@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
 
-from lighting.color import checked_pixels
+from lighting.color import check_pixels
 from lighting.deprecation import warn_of_old_name
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
 from lighting.photo.containers import (
@@ -268,7 +268,7 @@ def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -
     Raises PhotoError for another type or shape, and PhotoError or PhotoTooLargeError for a size that `read_photo`
     refuses.
     """
-    array = checked_pixels(pixels)
+    array = check_pixels(pixels)
     height, width = array.shape[:2]
     _check_size(width, height, MAX_PIXELS, "photo")
     return Photo(np.ascontiguousarray(array), width, height, _ARRAY_FORMAT, metadata or PhotoMetadata())

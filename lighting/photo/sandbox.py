@@ -23,7 +23,14 @@ import numpy as np
 
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, Source, memory_budget, read_bytes, read_photo
-from lighting.runtime import bound, ending_after, held, leave_signals, own_stdout, python
+from lighting.runtime import (
+    address_space_used,
+    claim_stdout,
+    exit_after,
+    ignore_signals,
+    limit_address_space,
+    start_python,
+)
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -55,14 +62,14 @@ class _Reply:
 
 def serve_decoder() -> None:
     """Answer requests until stdin ends."""
-    leave_signals()
-    requests, answers = sys.stdin.buffer, own_stdout()
+    ignore_signals()
+    requests, answers = sys.stdin.buffer, claim_stdout()
     _one_thread()
-    own = held()
+    own = address_space_used()
     pickle.dump(_READY, answers)
     answers.flush()
     while request := _next(requests):
-        with ending_after(request.seconds):
+        with exit_after(request.seconds):
             _answer(request, requests, answers, own)
             answers.flush()
 
@@ -79,7 +86,7 @@ def _answer(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: 
     source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
     try:
         size = len(source) if isinstance(source, bytes) else request.max_bytes
-        bound(own + memory_budget(size, request.max_pixels, request.target))
+        limit_address_space(own + memory_budget(size, request.max_pixels, request.target))
         photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
     except Exception as error:
         pickle.dump(_Reply(error=error), answers)
@@ -276,7 +283,7 @@ def _alarm(seconds: float, process: "Popen[bytes]") -> Iterator[Event]:
 
 
 def _start_process() -> "Popen[bytes]":
-    process = python(_WORKER_CODE, _ENVIRONMENT)
+    process = start_python(_WORKER_CODE, _ENVIRONMENT)
     if sys.platform == "linux":
         import fcntl
 

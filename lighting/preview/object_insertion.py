@@ -16,14 +16,14 @@ from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
 from lighting.geometry import (
     EYE_HEIGHT,
-    SPOT,
+    OBJECT_POSITION,
     Floats,
     Pinhole,
     camera_directions,
     camera_pixel,
+    clip_slice,
+    pixel_window,
     ray_sphere,
-    slice_around,
-    window_of,
 )
 from lighting.preview.spheres import SPACING, SphereScene, dim_sun, ground_radiance, shade_sphere, visible_sun_share
 from lighting.records import Lighting
@@ -55,7 +55,7 @@ def _plain_spot(picture: Image.Image, camera: Pinhole, radius: float, row: float
         return None
     grey = picture.convert("L").resize((small.width, small.height), Image.Resampling.BOX)
     y, x = np.mgrid[: small.height, : small.width] + 0.5
-    away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + SPOT) / 2)
+    away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + OBJECT_POSITION) / 2)
     aside, above, below = (radii * tall * small.height for radii in (row, _ABOVE, _BELOW))
     unrest = _boxed(_unrest(np.asarray(grey, dtype=np.float32)), aside, above, below)
     down, across = np.unravel_index(np.argmin(np.where(feet, unrest + _AWAY * away, np.inf)), feet.shape)
@@ -180,7 +180,7 @@ def _dark(points: Floats, near: NDArray[np.bool_], stage: SphereScene) -> NDArra
 def _shadow(camera: Pinhole, stage: SphereScene, dark: NDArray[np.bool_]) -> NDArray[np.float32]:
     """The share (h, w) of the sun that the balls leave each pixel; shadows lie in and around `dark` cells (H, W)."""
     share = np.ones((camera.height, camera.width), dtype=np.float32)
-    window = window_of(dark, camera.height, camera.width)
+    window = pixel_window(dark, camera.height, camera.width)
     if window is not None:
         points, near = _ground_points(_rays(camera, *window), stage)
         fine = np.ones(near.shape)
@@ -215,7 +215,7 @@ def _over(linear: NDArray[np.float32], camera: Pinhole, stage: SphereScene) -> N
             continue
         x, y = camera_pixel(centre, camera)
         reach = 1.2 * camera.focal_length / depth
-        rows, columns = slice_around(y, reach, camera.height), slice_around(x, reach, camera.width)
+        rows, columns = clip_slice(y, reach, camera.height), clip_slice(x, reach, camera.width)
         window = result[rows, columns]
         if window.size:
             _draw_ball(window, kind, _rays(camera, rows, columns), stage)

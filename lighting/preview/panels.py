@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fitting, latlong_pixel
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
 from lighting.preview.drawing import (
     HEAT,
     LINE,
@@ -250,7 +250,7 @@ def draw_photo_panel(
     """The photo with its horizon and the sun, and with the balls of a stage on its ground if one is given."""
     panel = Image.new("RGB", (box.width, box.height), PANEL)
     height, width = photo.shape[:2]
-    size = fitting(width, height, box.width, box.height)
+    size = fit_in_box(width, height, box.width, box.height)
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
     picture = picture if stage is None else insert_balls(picture, lighting, stage)
     draw_horizon(picture, lighting)

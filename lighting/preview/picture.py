@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.color import checked_pixels
+from lighting.color import check_pixels
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
-from lighting.formatting import aside, azimuth_in_words, tilt_in_words
+from lighting.formatting import format_azimuth, format_side, format_tilt
 from lighting.preview.drawing import (
     BACKGROUND,
     MUTED,
@@ -39,7 +39,7 @@ from lighting.preview.panels import (
     lay_out,
 )
 from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
-from lighting.records import SUITABLE, Estimate, Lighting, check_estimate
+from lighting.records import MIN_SUITABLE, Estimate, Lighting, check_estimate
 
 # The preview's headline, warnings and numbers.
 
@@ -51,10 +51,10 @@ _LETTERS = 160  # of a line of warnings
 def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
     visible, hedge = lighting.sun_shines, _hedge(lighting)
-    where = f"{azimuth_in_words(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
+    where = f"{format_azimuth(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     none = "No direct sun" if lighting.sun_visibility < DOUBTED else "Probably no direct sun"
     title = f"Sun {hedge}{where}" if visible else none
-    doubtful = lighting.suitable is not None and lighting.suitable < SUITABLE
+    doubtful = lighting.suitable is not None and lighting.suitable < MIN_SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
     sources = _sources(lighting)
     size = _fitting(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
@@ -101,7 +101,7 @@ def _short(value: float) -> str:
 
 def _short_azimuth(azimuth: float) -> str:
     """An azimuth [deg] for a column of numbers: "ahead", "behind" or "41° left"."""
-    return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), aside(azimuth))
+    return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), format_side(azimuth))
 
 
 def _numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
@@ -113,7 +113,7 @@ def _numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
         ("Turbidity", f"{lighting.turbidity:.1f}"),
         ("Exposure", f"{lighting.exposure:.3g}"),
-        ("Camera elevation", tilt_in_words(lighting.camera_elevation, 1)),
+        ("Camera elevation", format_tilt(lighting.camera_elevation, 1)),
         ("Camera roll", f"{round(lighting.camera_roll, 1) + 0.0:.1f}°"),
         ("Vertical field of view", f"{lighting.vertical_fov:.1f}°"),
     ]
@@ -141,7 +141,7 @@ def _draw_preview(
     it is rendered here. The errors are those of `preview_png`, and EnvironmentMapError for what is no map.
     """
     check_estimate(estimate)
-    photo = checked_pixels(photo)
+    photo = check_pixels(photo)
     lighting = estimate.lighting
     envmap = _map(photo, estimate, None) if envmap is None else check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _numbers_of(lighting)

@@ -82,7 +82,7 @@ def resize_to(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
     """A grey picture (H, W) with `max_side` pixels along its longer side, if it has more."""
     cv2 = import_opencv()
     height, width = grey.shape
-    size = geometry.shrunk(width, height, max_side)
+    size = geometry.shrink_size(width, height, max_side)
     if size == (width, height):
         return np.ascontiguousarray(grey)
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA))

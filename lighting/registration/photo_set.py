@@ -42,7 +42,14 @@ from lighting.registration.rotations import (
     rotation_vector,
 )
 from lighting.registration.two_view import RelativeRotation, estimate_rotation
-from lighting.runtime import bound, ending_after, held, leave_signals, own_stdout, python
+from lighting.runtime import (
+    address_space_used,
+    claim_stdout,
+    exit_after,
+    ignore_signals,
+    limit_address_space,
+    start_python,
+)
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -395,7 +402,7 @@ def register_views_isolated(
     """
     request = _request(views, seconds)
     try:
-        process = python(CODE)
+        process = start_python(CODE)
     except OSError as error:
         raise TurnsError("The process that matches photos with each other does not start.") from error
     said = _told(process, request, seconds, check)
@@ -436,8 +443,8 @@ def _told(process: "Popen[bytes]", request: bytes, seconds: float, check: Callab
 
 def serve_registration() -> None:
     """Answer the one request on stdin; the process ends with it, or a second after nobody waits for it any more."""
-    leave_signals()
-    requests, answers = sys.stdin.buffer, own_stdout()
+    ignore_signals()
+    requests, answers = sys.stdin.buffer, claim_stdout()
     pickle.dump(_answer(requests), answers)
     answers.flush()
 
@@ -446,8 +453,8 @@ def _answer(requests: BinaryIO) -> tuple[RegisteredView, ...] | LightingError:
     try:
         import_opencv().setNumThreads(1)
         seconds, memory = pickle.load(requests), pickle.load(requests)
-        with ending_after(seconds):
-            bound(held() + memory)
+        with exit_after(seconds):
+            limit_address_space(address_space_used() + memory)
             return register_views(list(_shots(requests)))
     except LightingError as error:
         return error

@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from lighting.geometry import STEEP, Floats, angles, camera_axes, direction, wrap_azimuth
+from lighting.geometry import MIN_STEEP_ELEVATION, Floats, angles, camera_axes, direction, wrap_azimuth
 
 # Rays of a pinhole camera and small rotations, in the camera's own frame: x right, y up, it looks along -z.
 
@@ -90,7 +90,7 @@ def nearest_rotation(matrix: Floats) -> Floats:
 
 # Up, and angles about it: what several cameras that are turned against each other say of the vertical together.
 
-_STEEP = float(np.sin(np.radians(STEEP)))
+_STEEP = float(np.sin(np.radians(MIN_STEEP_ELEVATION)))
 
 
 def camera_from_world(azimuth: float, elevation: float, roll: float) -> Floats:

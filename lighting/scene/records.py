@@ -20,7 +20,16 @@ from lighting.envmap.render import ground_reflectance, render, sky_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
-from lighting.geometry import EYE_HEIGHT, SPOT, SUN_RADIUS, Floats, Pinhole, camera_axes, camera_pixel, focal_length
+from lighting.geometry import (
+    EYE_HEIGHT,
+    OBJECT_POSITION,
+    SUN_RADIUS,
+    Floats,
+    Pinhole,
+    camera_axes,
+    camera_pixel,
+    focal_length,
+)
 from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, check_lighting
@@ -134,7 +143,7 @@ class Scene:
     def spot(self) -> Floats:
         """Where the user's object goes: the point (3,) on the ground that the lower middle of the picture shows."""
         _, up, forward = self.camera_axes
-        sight = forward - SPOT * np.tan(np.radians(self.vertical_fov) / 2) * up
+        sight = forward - OBJECT_POSITION * np.tan(np.radians(self.vertical_fov) / 2) * up
         ahead = np.array([sight[0], 0.0, sight[2]])
         slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _LEAST_DESCENT)
         return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * EYE_HEIGHT / slope)

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ModelError
-from lighting.onnx_session import packaged, session_of
+from lighting.onnx_session import create_session, packaged_network
 from lighting.stereo.grid_search import SearchResult
 
 # What the network of normals sees: each image beside its sun, and what the search says.
@@ -84,7 +84,7 @@ class Network:
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
         """The network in an ONNX file, by default the one in this package; ModelError for another kind of file."""
         file = _packaged_network() if path is None else path
-        session = session_of(file, threads)
+        session = create_session(file, threads)
         planes = {port.name: port.shape[-3] for port in session.get_inputs()}
         if planes != {"by_image": BY_IMAGE, "shared": SHARED}:
             raise ModelError(f"{file} is not a network of normals of this version.")
@@ -119,7 +119,7 @@ class Network:
 
 def _packaged_network() -> Path:
     """The one network of normals in this package; ModelError if there is none or a choice."""
-    return packaged(Path(__file__).parents[1] / "data", "normals")
+    return packaged_network(Path(__file__).parents[1] / "data", "normals")
 
 
 def _iter_tiles(height: int, width: int) -> Iterator[tuple[slice, slice]]:

@@ -34,7 +34,7 @@ from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, sun_di
 from lighting.stereo.network import Network
 from lighting.stereo.schedule import gray_skies
 from lighting.stereo.solver import MIN_NOISE, NormalMap, Session, check_sun_moves, fit_turbidity, solve_normals
-from lighting.validation import check_place
+from lighting.validation import check_location
 
 # What a solved day is written as: normals, albedo and uncertainty as pictures, the surface as a mesh.
 
@@ -336,7 +336,7 @@ def _skies(photos: DayPhotos, options: NormalsOptions, pose: Pose) -> tuple[Skie
 def _sun_directions(photos: DayPhotos, options: NormalsOptions) -> Floats:
     """Unit vectors (T, 3) to the sun; ParameterError without a place, PhotoError for a photo of night."""
     location = (options.latitude, options.longitude)
-    check_place(*location)
+    check_location(*location)
     latitude, longitude = location if None not in location else (photos.location or location)
     if latitude is None or longitude is None:
         raise ParameterError(

@@ -23,7 +23,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import srgb_encode
 from lighting.errors import VideoError, require_extra
-from lighting.geometry import Floats, shrunk
+from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
 from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, read_subtitles, subtitle_metadata
@@ -104,7 +104,7 @@ def _upright_pixels(picture: Any, side: int, aspect: float = 1.0) -> NDArray[np.
     """sRGB (h, w, 3) of a decoded picture, its longer side at most `side` pixels."""
     width, height = max(1, round(picture.width * aspect)), picture.height
     curve = TRANSFER_CURVES.get(int(picture.color_trc))
-    pixels = _resize_picture(picture, *shrunk(width, height, side), "rgb24" if curve is None else "rgb48le")
+    pixels = _resize_picture(picture, *shrink_size(width, height, side), "rgb24" if curve is None else "rgb48le")
     pixels = pixels if curve is None else _to_srgb(pixels, curve, int(picture.color_primaries))
     return _apply_display_matrix(pixels, _display_matrix(picture))
 

@@ -190,7 +190,9 @@ def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
         return FrameEstimate(prediction)
     if (tint := sky_white_balance(pixels, lighting_from_prediction(prediction))) is not None:
         prediction = replace(prediction, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
-    return FrameEstimate(prediction, estimate_ground_albedo(pixels, lighting_from_prediction(prediction), light.around))
+    return FrameEstimate(
+        prediction, estimate_ground_albedo(pixels, lighting_from_prediction(prediction), light.surroundings)
+    )
 
 
 def is_dark(pixels: Pixels) -> bool:

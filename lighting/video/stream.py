@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import checked_pixels, luminance
+from lighting.color import check_pixels, luminance
 from lighting.decoding import with_ground_color
 from lighting.envmap.relighting import scale_exposure
 from lighting.errors import ErrorCode, ParameterError
@@ -25,7 +25,7 @@ from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import UserInput, check_user_input
-from lighting.geometry import Floats, angle_between, shrunk
+from lighting.geometry import Floats, angle_between, shrink_size
 from lighting.model import Model, model_or_packaged
 from lighting.records import Lighting
 from lighting.registration.rotations import (
@@ -277,7 +277,7 @@ class Tracker:
         if abs(time) > MAX_TIME:
             sentence = f"The time of a frame must be seconds after the first, not {time:g}."
             raise ParameterError(sentence, "time", ErrorCode.OUT_OF_RANGE)
-        frame = Frame(self._count, time, _shrink_frame(checked_pixels(pixels)))
+        frame = Frame(self._count, time, _shrink_frame(check_pixels(pixels)))
         self._count += 1
         step = self._point_tracker.follow(frame)
         size = (frame.pixels.shape[1], frame.pixels.shape[0])
@@ -414,7 +414,7 @@ def _shrink_frame(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     from PIL import Image
 
     height, width = pixels.shape[:2]
-    size = shrunk(width, height, FRAME_SIDE)
+    size = shrink_size(width, height, FRAME_SIDE)
     if size == (width, height):
         return np.ascontiguousarray(pixels)
     return np.asarray(Image.fromarray(pixels).resize(size, Image.Resampling.BILINEAR, reducing_gap=2.0))

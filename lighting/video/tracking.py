@@ -198,7 +198,7 @@ class PointTracker:
     def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
         height, width = pixels.shape[:2]
-        scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), geometry.shrunk(width, height, _LIGHT_SIDE)
+        scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), geometry.shrink_size(width, height, _LIGHT_SIDE)
         small = self._cv2.resize(self._cv2.LUT(pixels, _LINEAR_TABLE), size, interpolation=self._cv2.INTER_AREA)
         return np.asarray(small), scale
 

@@ -27,7 +27,7 @@ from lighting.errors import (
     PhotoError,
     PhotoExtraError,
     PhotoTooLargeError,
-    reason,
+    describe_error,
     require_extra,
 )
 from lighting.files import write_envmap
@@ -95,7 +95,7 @@ TAKERS: dict[str, Callable[[Any], object]] = {
     ],
 )
 def test_a_reason_is_one_sentence_without_the_file(error: Exception, sentence: str) -> None:
-    assert reason(error) == sentence
+    assert describe_error(error) == sentence
 
 
 @pytest.mark.parametrize("name", TAKERS)

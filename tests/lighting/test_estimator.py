@@ -171,7 +171,7 @@ def test_a_network_that_says_so_gives_irradiances_ground_and_the_place(lit_netwo
     assert (light.sky_cover, light.suitable) == pytest.approx((0.2, 0.97))
     assert light.ground_color is not None
     assert light.ground_color[1] > light.ground_color[2]  # the picture's green grows downwards, its blue does not
-    assert estimate.around == pytest.approx(AROUND)
+    assert estimate.surroundings == pytest.approx(AROUND)
     assert not estimate.warnings
 
 
@@ -224,7 +224,7 @@ def test_photos_together_share_the_strength_of_the_light(lit_network: Path) -> N
     one, two = Estimator(Model.load(lit_network)).estimate_views(photos)
     assert one.lighting.sky_irradiance == pytest.approx(LIFTED, rel=1e-4)
     assert one.lighting.ground_color == two.lighting.ground_color is not None
-    assert two.around == pytest.approx(AROUND)
+    assert two.surroundings == pytest.approx(AROUND)
 
 
 @pytest.mark.parametrize(("elevation", "sigma"), [(None, 2.5), (-6.0, 0.96), (60.0, 2.5)])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from lighting.formatting import aside, azimuth_in_words, tilt_in_words
+from lighting.formatting import format_azimuth, format_side, format_tilt
 
 
 @pytest.mark.parametrize(
@@ -20,11 +20,11 @@ from lighting.formatting import aside, azimuth_in_words, tilt_in_words
     ],
 )
 def test_an_azimuth_is_told_by_its_side(azimuth: float, digits: int, words: str) -> None:
-    assert azimuth_in_words(azimuth, digits) == words
+    assert format_azimuth(azimuth, digits) == words
 
 
 def test_the_side_of_anything_is_told_without_what_lies_behind() -> None:
-    assert (aside(-170.0), aside(0.0, 1)) == ("170° left", "0.0° right")
+    assert (format_side(-170.0), format_side(0.0, 1)) == ("170° left", "0.0° right")
 
 
 @pytest.mark.parametrize(
@@ -32,4 +32,4 @@ def test_the_side_of_anything_is_told_without_what_lies_behind() -> None:
     [(-7.31, 1, "7.3° down"), (-0.04, 1, "0.0° up"), (-0.4, 0, "0° up"), (4.1, 0, "4° up")],
 )
 def test_a_tilt_is_told_by_its_direction(elevation: float, digits: int, words: str) -> None:
-    assert tilt_in_words(elevation, digits) == words
+    assert format_tilt(elevation, digits) == words

@@ -16,19 +16,19 @@ from lighting.geometry import (
     camera_directions,
     camera_pixel,
     direction,
-    fitting,
+    fit_in_box,
     focal_length,
     latlong_angles,
     latlong_directions,
     latlong_pixel,
     latlong_solid_angle,
     level_in_camera,
+    pixel_window,
     ray_sphere,
     sample_latlong,
-    scaled,
-    shrunk,
+    scale_size,
+    shrink_size,
     up_in_camera,
-    window_of,
     wrap_azimuth,
 )
 
@@ -321,11 +321,11 @@ def test_origins_rays_and_centres_broadcast_and_keep_their_precision() -> None:
 
 def test_a_window_holds_the_true_cells_and_one_more_on_each_side() -> None:
     cells = np.zeros((6, 8), dtype=bool)
-    assert window_of(cells, 60, 100) is None
+    assert pixel_window(cells, 60, 100) is None
     cells[2, 3] = True
-    assert window_of(cells, 60, 100) == (slice(10, 40), slice(25, 63))
+    assert pixel_window(cells, 60, 100) == (slice(10, 40), slice(25, 63))
     cells[0, 7] = True
-    assert window_of(cells, 60, 100) == (slice(0, 40), slice(25, 100))
+    assert pixel_window(cells, 60, 100) == (slice(0, 40), slice(25, 100))
 
 
 SIDES = integers(1, 20_000)
@@ -336,23 +336,23 @@ SIDES = integers(1, 20_000)
     [((4000, 3000), 448, (448, 336)), ((3000, 4001), 1024, (768, 1024)), ((300, 200), 300, (300, 200))],
 )
 def test_pictures_are_shrunk_and_never_grow(size: tuple[int, int], side: int, expected: tuple[int, int]) -> None:
-    assert shrunk(*size, side) == expected
+    assert shrink_size(*size, side) == expected
 
 
 @given(SIDES, SIDES, SIDES)
 def test_the_longer_side_is_what_is_asked_for(width: int, height: int, side: int) -> None:
-    found = shrunk(width, height, side)
+    found = shrink_size(width, height, side)
     assert max(found) == min(side, max(width, height))
     assert min(found) >= 1
 
 
 @given(SIDES, SIDES, SIDES, SIDES)
 def test_a_box_is_filled_one_way(width: int, height: int, most_width: int, most_height: int) -> None:
-    found = fitting(width, height, most_width, most_height)
+    found = fit_in_box(width, height, most_width, most_height)
     assert 1 <= found[0] <= most_width
     assert 1 <= found[1] <= most_height
     assert found[0] == most_width or found[1] == most_height
 
 
 def test_no_picture_is_empty() -> None:
-    assert scaled(1000, 1, 0.01) == (10, 1)
+    assert scale_size(1000, 1, 0.01) == (10, 1)

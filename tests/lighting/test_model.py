@@ -176,7 +176,7 @@ def test_a_network_may_say_how_strong_the_light_is(lit_network: Path) -> None:
     assert first.light.sun_irradiance == pytest.approx([1.9, 1.5, 0.9])
     assert second.light.sky_irradiance == pytest.approx([0.4, 0.5, 0.8])
     assert (first.light.cover, first.light.suitable) == pytest.approx((0.2, 0.97))
-    assert first.light.around == pytest.approx(LIT["around"])
+    assert first.light.surroundings == pytest.approx(LIT["around"])
 
 
 def test_the_strength_of_the_light_stays_in_range(tmp_path: Path) -> None:
@@ -184,7 +184,7 @@ def test_the_strength_of_the_light_stays_in_range(tmp_path: Path) -> None:
     (prediction,) = Model.load(write_network(tmp_path / "n.onnx", more=wild)).predict(batch(1))
     assert prediction.light is not None
     assert prediction.light.sun_irradiance.tolist() == [0.0, 0.5, 2.0]
-    assert (prediction.light.cover, prediction.light.suitable, prediction.light.around) == (1.0, 0.0, None)
+    assert (prediction.light.cover, prediction.light.suitable, prediction.light.surroundings) == (1.0, 0.0, None)
 
 
 def test_a_network_without_it_says_nothing_of_it(model: Model) -> None:

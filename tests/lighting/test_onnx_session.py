@@ -5,16 +5,16 @@ from pathlib import Path
 import pytest
 
 from lighting.errors import ModelError
-from lighting.onnx_session import packaged, reason_of, session_of
+from lighting.onnx_session import create_session, describe_onnx_error, packaged_network
 
 
 def test_a_file_that_is_missing_or_no_network_is_named(tmp_path: Path) -> None:
     file = tmp_path / "x.onnx"
     with pytest.raises(ModelError, match=r"There is no network at .*x\.onnx"):
-        session_of(file, 1)
+        create_session(file, 1)
     file.write_bytes(b"no network")
     with pytest.raises(ModelError, match=r"x\.onnx is not an ONNX network"):
-        session_of(file, 1)
+        create_session(file, 1)
 
 
 def test_a_package_holds_one_network_of_a_name(tmp_path: Path) -> None:
@@ -22,11 +22,11 @@ def test_a_package_holds_one_network_of_a_name(tmp_path: Path) -> None:
         (tmp_path / f"a-{count}.onnx").touch()
         (tmp_path / f"b-{count}.onnx").touch()
         if count == 1:
-            assert packaged(tmp_path, "a").name == "a-1.onnx"
+            assert packaged_network(tmp_path, "a").name == "a-1.onnx"
     with pytest.raises(ModelError, match="it holds 2"):
-        packaged(tmp_path, "a")
+        packaged_network(tmp_path, "a")
     with pytest.raises(ModelError, match="it holds 0"):
-        packaged(tmp_path, "c")
+        packaged_network(tmp_path, "c")
 
 
 @pytest.mark.parametrize(
@@ -34,4 +34,4 @@ def test_a_package_holds_one_network_of_a_name(tmp_path: Path) -> None:
     [("[E:1] Load model from x failed:Protobuf parsing failed.\nmore", "Protobuf parsing failed."), ("", "OSError.")],
 )
 def test_the_reason_is_the_last_clause(message: str, reason: str) -> None:
-    assert reason_of(OSError(message)) == reason
+    assert describe_onnx_error(OSError(message)) == reason

@@ -20,7 +20,7 @@ from lighting.records import (
     Lighting,
     ModelSpec,
     WarningCode,
-    clipped_colour,
+    clip_color,
     json_line,
     record_with_coefficients,
     unwrap_record,
@@ -416,7 +416,7 @@ def test_a_colour_is_three_numbers_in_range_and_irradiances_go_together(section:
 
 
 def test_colours_are_clipped_and_have_six_digits() -> None:
-    assert clipped_colour(np.array([-1.0, 0.12345678, 2.0]), "ground_color") == (0.0, 0.123457, 1.0)
+    assert clip_color(np.array([-1.0, 0.12345678, 2.0]), "ground_color") == (0.0, 0.123457, 1.0)
 
 
 def test_numbers_of_numpy_become_plain_ones() -> None:

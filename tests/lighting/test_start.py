@@ -15,8 +15,8 @@ from tests.helpers.processes import sub
 
 STARTED = """
 import gc, os, sys
-from lighting.start import prepare
-prepare(sys.argv[1:])
+from lighting.start import prepare_process
+prepare_process(sys.argv[1:])
 print(os.environ.get("OPENBLAS_NUM_THREADS"), gc.get_threshold()[0] > 10_000, "numpy" in sys.modules)
 """
 

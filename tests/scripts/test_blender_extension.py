@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.batch.job import SUFFIXES
+from lighting.batch.job import PHOTO_SUFFIXES
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
@@ -282,7 +282,7 @@ def test_a_key_that_no_request_can_carry_is_a_sentence_without_it(
 
 
 def test_the_photos_that_are_offered_are_those_that_the_command_reads(answers: Any) -> None:
-    assert answers.PHOTOS == SUFFIXES
+    assert answers.PHOTOS == PHOTO_SUFFIXES
     assert len(";".join(f"*{suffix}" for suffix in answers.PHOTOS)) < 256  # as much as Blender keeps
 
 

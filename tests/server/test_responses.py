@@ -10,7 +10,7 @@ from pydantic import ValidationError
 from starlette.requests import Request
 
 from export.evaluation.report import CAMERA_AND_SKY, SUN, write_figures
-from lighting.model import CARD, Model, packaged_model
+from lighting.model import MODEL_CARD, Model, packaged_model
 from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
@@ -113,7 +113,7 @@ def test_the_packaged_network_s_figures_are_those_of_its_card() -> None:
     folder = packaged_model().parent
     stated = accuracy(Model.load().spec, folder)
     assert set(stated) == {"paper", "phone"}
-    card = (folder / CARD).read_text(encoding="utf-8")
+    card = (folder / MODEL_CARD).read_text(encoding="utf-8")
     for protocol, numbers in stated.items():
         assert set(numbers) == set(Accuracy.model_fields)
         section = card[card.index(f"## Protocol `{protocol}`") :]

@@ -19,7 +19,7 @@ from export.networks.outdoor import build_network, network_specs
 from export.networks.weights import average_weights, read_network, read_spec
 from lighting.errors import LightingError
 from lighting.model import Model, weights_path
-from lighting.onnx_session import session_of
+from lighting.onnx_session import create_session
 from lighting.sun_grid import grid_directions
 
 RNG = np.random.default_rng(5)
@@ -125,7 +125,7 @@ def test_weights_lie_beside_the_graph_and_answer_the_same(tmp_path: Path) -> Non
         _save_graph(network, file)
         assert weights_path(file).stat().st_size < 2 * (FIRST.size + SECOND.size) + 8192
     np.testing.assert_array_equal(answer(network, x), before)
-    session = session_of(file, 1)
+    session = create_session(file, 1)
     np.testing.assert_array_equal(session.run(None, {"x": x})[0], before)
 
 

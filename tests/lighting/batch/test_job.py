@@ -9,16 +9,16 @@ import pytest
 
 from lighting.batch.job import (
     BatchJob,
-    Maps,
+    MapOptions,
     PhotoLight,
     Summary,
     _in_words,
     check_settings,
+    count_unread_pictures,
     estimate_or_error,
     find_photos,
+    job_settings,
     load_worker_estimator,
-    other_pictures,
-    settings,
     write_photo_map,
 )
 from lighting.envmap.surroundings import photo_context_for_height, render_view
@@ -29,8 +29,8 @@ from tests.conftest import encode, scene
 
 
 def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_path: Path) -> None:
-    job = BatchJob(str(tmp_path), "out", str(network), Maps(64), given={"vertical_fov": 40.0})
-    found = settings(job)
+    job = BatchJob(str(tmp_path), "out", str(network), MapOptions(64), given={"vertical_fov": 40.0})
+    found = job_settings(job)
     assert found["maps"] == {
         "height": 64,
         "sun": None,
@@ -46,10 +46,10 @@ def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_pat
 
 
 def test_where_results_go_does_not_decide_about_them(network: Path, tmp_path: Path) -> None:
-    here, there = (settings(BatchJob(str(tmp_path), out, str(network))) for out in ("here", "there"))
+    here, there = (job_settings(BatchJob(str(tmp_path), out, str(network))) for out in ("here", "there"))
     assert here == there
     with pytest.raises(ModelError, match="There is no network at"):
-        settings(BatchJob(str(tmp_path), "out", str(tmp_path / "none.onnx")))
+        job_settings(BatchJob(str(tmp_path), "out", str(tmp_path / "none.onnx")))
 
 
 @pytest.mark.parametrize(
@@ -86,7 +86,7 @@ def test_a_map_shows_the_place_as_envmap_does(tmp_path: Path, wanted: bool | Non
     photo = tmp_path / "photo.jpg"
     photo.write_bytes(encode(scene(320, 240)))
     estimator, given = load_worker_estimator(BatchJob(str(tmp_path), "out"))
-    maps = Maps(32, surroundings=wanted)
+    maps = MapOptions(32, surroundings=wanted)
     answer = estimate_or_error(estimator, photo, given, maps)
     assert isinstance(answer, PhotoLight)
     write_photo_map(tmp_path / "map.exr", answer, maps)
@@ -150,15 +150,15 @@ def test_two_stars_within_a_name_are_no_pattern(photos: Path) -> None:
 def test_pictures_that_are_not_read_are_counted_by_kind(photos: Path) -> None:
     for name in ("a.gif", "below/b.GIF", "c.jxl", ".d.gif", "e.dng", "f.tif", "g.avif", "h.heics", "i.SRW"):
         (photos / name).touch()
-    assert other_pictures(str(photos)) == {".gif": 2, ".jxl": 1, ".heics": 1, ".srw": 1}
-    assert other_pictures(f"{photos}/*") == {}
+    assert count_unread_pictures(str(photos)) == {".gif": 2, ".jxl": 1, ".heics": 1, ".srw": 1}
+    assert count_unread_pictures(f"{photos}/*") == {}
     assert {"e.dng", "f.tif", "g.avif"} < set(find_photos(str(photos))[1])
 
 
 def test_maps_beside_their_photos_are_not_told_as_skipped(tmp_path: Path) -> None:
     for name in ("a.JPG", "a.JPG.exr", "sky.exr"):
         (tmp_path / name).touch()
-    assert other_pictures(str(tmp_path)) == {".exr": 1}
+    assert count_unread_pictures(str(tmp_path)) == {".exr": 1}
 
 
 def test_photos_have_less_common_names_too(tmp_path: Path) -> None:

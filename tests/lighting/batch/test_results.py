@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pyarrow.parquet import read_table
 
-from lighting.batch.results import _read_records, open_journal, require_parquet, row, schema, write_parquet
+from lighting.batch.results import _read_records, open_journal, require_parquet, table_row, table_schema, write_parquet
 from lighting.errors import BatchError, MissingExtraError
 from lighting.records import Lighting
 from lighting.validation import RANGES
@@ -190,9 +190,9 @@ def test_a_line_that_cannot_be_is_named(tmp_path: Path, content: dict[str, Any],
 
 
 def test_a_row_has_the_schemas_columns() -> None:
-    columns = schema().names
-    assert list(row("a.jpg", Lighting(10.0, 20.0, 3.0, 1.0))) == columns
-    failed = row("b.jpg", "no photo")
+    columns = table_schema().names
+    assert list(table_row("a.jpg", Lighting(10.0, 20.0, 3.0, 1.0))) == columns
+    failed = table_row("b.jpg", "no photo")
     assert list(failed) == columns
     assert {name for name, value in failed.items() if value is not None} == {"file", "error"}
 
@@ -206,7 +206,7 @@ def test_the_lack_of_pyarrow_is_one_sentence(monkeypatch: pytest.MonkeyPatch) ->
 def test_the_strength_of_the_light_has_columns_of_its_own() -> None:
     pyarrow = pytest.importorskip("pyarrow")
     light = Lighting(0.0, 30.0, 3.0, 1.0, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), suitable=0.9)
-    table = pyarrow.Table.from_pylist([row("a.jpg", light), row("b.jpg", "It is damaged.")], schema())
+    table = pyarrow.Table.from_pylist([table_row("a.jpg", light), table_row("b.jpg", "It is damaged.")], table_schema())
     assert table["sun_irradiance"].to_pylist() == [[3.0, 2.0, 1.0], None]
     assert table["sky_model"].to_pylist() == ["hosek-wilkie", None]
     assert (table["suitable"].to_pylist(), table["sky_cover"].to_pylist()) == ([0.9, None], [None, None])

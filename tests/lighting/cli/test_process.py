@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from lighting.cli.process import silence
+from lighting.cli.process import silence_libraries
 from tests.helpers.processes import LIGHTING, sub
 
 ENDED = """
 import atexit, sys
-from lighting.cli.process import leave
+from lighting.cli.process import exit_now
 class Loud:
     def __del__(self):
         sys.stderr.write("taken apart")
@@ -22,7 +22,7 @@ atexit.register(print, "called")
 print("said", end=" ")
 if sys.argv[1] == "watched":
     sys.setprofile(lambda *_: None)
-leave(3)
+exit_now(3)
 print("still here")
 """
 INTERRUPTED = """
@@ -35,7 +35,7 @@ class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
         sum(range(10))
-console.estimated(open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
+console.estimate_photo(open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
 """
 
 
@@ -110,7 +110,7 @@ def chatter(words: str) -> None:
 
 
 def fail_silently() -> None:
-    with silence():
+    with silence_libraries():
         chatter("early")
         raise ValueError("failed")
 
@@ -124,6 +124,6 @@ def test_nothing_is_printed_until_the_end_even_of_a_failure(capfd: pytest.Captur
 
 def test_a_closed_stderr_stays_closed(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr("sys.stderr", None)
-    with silence():
+    with silence_libraries():
         chatter("to another file")
     assert tuple(capfd.readouterr()) == ("", "to another file")

@@ -56,7 +56,7 @@ def test_it_ends_by_itself_where_nobody_ends_it(monkeypatch: pytest.MonkeyPatch)
     """As where who asked was killed."""
     endless = "import time, lighting.registration.photo_set as a; a.register_views = lambda _: time.sleep(1000); "
     monkeypatch.setattr(photo_set, "CODE", endless + photo_set.CODE)
-    process = runtime.python(photo_set.CODE)
+    process = runtime.start_python(photo_set.CODE)
     process.communicate(photo_set._request(OVERLAPPING, 0.5), timeout=60)
     assert process.returncode != 0
 

@@ -15,7 +15,7 @@ from lighting.envmap.surroundings import PhotoContext
 from lighting.errors import ParameterError
 from lighting.geometry import (
     EYE_HEIGHT,
-    SPOT,
+    OBJECT_POSITION,
     Pinhole,
     angle_between,
     camera_directions,
@@ -83,7 +83,7 @@ def test_the_spot_is_where_the_page_puts_an_object() -> None:
     scene = plain_scene(
         camera_elevation=camera["elevation"], camera_roll=camera["roll"], vertical_fov=camera["vertical_fov"]
     )
-    assert case["shares"] == [0.5, 0.5 + SPOT / 2]
+    assert case["shares"] == [0.5, 0.5 + OBJECT_POSITION / 2]
     assert scene.spot - scene.camera_position == pytest.approx(case["point"], abs=1e-5)
 
 
