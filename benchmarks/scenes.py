@@ -118,7 +118,7 @@ def renders(
 
 def _picture(scene: Scene, pixels: NDArray[np.uint8]) -> Picture:
     placeholder = make_placeholder(scene)
-    ball, foot = scene.spot + placeholder.ball_centre, scene.spot + placeholder.stick_foot
+    ball, foot = scene.spot + placeholder.ball_center, scene.spot + placeholder.stick_foot
     shadow = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     heights = np.arange(0, placeholder.stick_height, placeholder.stick_radius)[:, None]
     stick = np.hstack([foot + heights * [0.0, 1.0, 0.0], np.full_like(heights, 1.5 * placeholder.stick_radius)])

@@ -58,11 +58,11 @@ class Engine:
 
 
 def _run(argv: list[str], text: str = "") -> str:
-    done = subprocess.run(argv, input=text, capture_output=True, text=True)
-    if done.returncode:
-        lines = (done.stdout + done.stderr).strip().splitlines()[-30:]
-        raise RuntimeError("\n".join([f"{argv[0]} ended with {done.returncode}:", *lines]))
-    return done.stdout
+    result = subprocess.run(argv, input=text, capture_output=True, text=True)
+    if result.returncode:
+        lines = (result.stdout + result.stderr).strip().splitlines()[-30:]
+        raise RuntimeError("\n".join([f"{argv[0]} ended with {result.returncode}:", *lines]))
+    return result.stdout
 
 
 def unshare(namespaces: int) -> None:
@@ -71,7 +71,7 @@ def unshare(namespaces: int) -> None:
         raise OSError(ctypes.get_errno(), "unshare")
 
 
-def enter_own_mounts() -> None:
+def enter_mount_namespace() -> None:
     """Keep what this process mounts to itself; UnavailableError where that, or a program, is missing."""
     if os.geteuid():
         raise UnavailableError("it needs root")

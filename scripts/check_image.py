@@ -27,7 +27,15 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from scripts.build_image import NEW_NETWORK, Engine, UnavailableError, build_image, enter_own_mounts, load_base, unshare
+from scripts.build_image import (
+    NEW_NETWORK,
+    Engine,
+    UnavailableError,
+    build_image,
+    enter_mount_namespace,
+    load_base,
+    unshare,
+)
 
 ROOT = Path(__file__).parent.parent
 PHOTO = ROOT / "examples" / "wide_street.jpg"
@@ -73,7 +81,7 @@ def main() -> None:
     cache = Path(sys.argv[1] if len(sys.argv) > 1 else Path.home() / ".cache/outdoor-lighting").resolve()
     space = Path(tempfile.mkdtemp())
     try:
-        enter_own_mounts()
+        enter_mount_namespace()
         mount("-t", "tmpfs", "-o", "mode=755", "tmpfs", space)
         os.environ["TMPDIR"] = str(space)  # for the programs that build
         cache.mkdir(parents=True, exist_ok=True)
@@ -151,8 +159,8 @@ def check_photo(engine: Engine) -> None:
     """Check that one photo becomes a map as docs/docker.md shows, with the engine's own `run`."""
     command = ["run", "--isolation", "chroot", CONTAINER, "--", "lighting", "envmap", "-", "-o", "-"]
     with PHOTO.open("rb") as photo:
-        done = subprocess.run(engine.argv(*command), stdin=photo, capture_output=True, timeout=START)
-    expect(done.stdout.startswith(b"v/1\x01"), f"`lighting envmap - -o -`: an EXR of {len(done.stdout)} bytes")
+        result = subprocess.run(engine.argv(*command), stdin=photo, capture_output=True, timeout=START)
+    expect(result.stdout.startswith(b"v/1\x01"), f"`lighting envmap - -o -`: an EXR of {len(result.stdout)} bytes")
 
 
 def read_image(engine: Engine, files: Path, view: Path) -> Image:
@@ -283,9 +291,9 @@ def check_command_line(image: Image, sun: object) -> None:
     began = time.monotonic()
     with PHOTO.open("rb") as photo:
         command = image.command([image.start[0], "lighting", "estimate", "--json", "-"])
-        done = subprocess.run(command, stdin=photo, capture_output=True, timeout=START, check=True)
+        result = subprocess.run(command, stdin=photo, capture_output=True, timeout=START, check=True)
     seconds = time.monotonic() - began
-    same = json.loads(done.stdout)["lighting"]["sun"] == sun
+    same = json.loads(result.stdout)["lighting"]["sun"] == sun
     expect(same, f"`lighting estimate` in it says the same as the service, in {seconds:.1f} s")
 
 

@@ -126,7 +126,7 @@ def preview_file(service: Service, data: bytes, query: PreviewQuery) -> bytes:
 
 def _scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: PhotoContext | None = None) -> Warned:
     """A scene as a ZIP archive, and its warnings; with a `place`, its map shows it."""
-    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, place=place)
+    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, context=place)
     check_cancelled()
     return zip_scene(scene, query.tool, **query.options()), scene.warnings
 

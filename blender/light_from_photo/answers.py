@@ -45,26 +45,26 @@ def from_command(command: str, photo: Path, folder: Path) -> None:
     environment = {name: value for name, value in os.environ.items() if name not in _OF_THIS_PYTHON}
     arguments = [program, "scene", str(photo), "--for", "blender", "-o", str(folder), "--quiet"]
     try:
-        done = subprocess.run(
+        result = subprocess.run(
             arguments, env=environment, capture_output=True, text=True, errors="replace", timeout=SECONDS, check=False
         )
     except subprocess.TimeoutExpired as error:
         raise AnswerError(f"{command} took more than {SECONDS} seconds.") from error
     except OSError as error:
         raise AnswerError(f"{command} cannot be run: {error.strerror}.") from error
-    if done.returncode:
-        lines = done.stderr.strip().splitlines() or [f"{command} failed with status {done.returncode}."]
+    if result.returncode:
+        lines = result.stderr.strip().splitlines() or [f"{command} failed with status {result.returncode}."]
         raise AnswerError(lines[-1].removeprefix("Error: "))
     _check(folder)
 
 
 def from_service(address: str, key: str, photo: Path, folder: Path) -> None:
     """Send the photo to a service and unpack its answer; raises AnswerError."""
-    place = address.strip().rstrip("/")
+    base_url = address.strip().rstrip("/")
     headers = _headers(photo, key.strip())
-    host = _host(place)
+    host = _host(base_url)
     try:
-        request = urllib.request.Request(f"{place}/v1/scene?tool=blender", photo.read_bytes(), headers)
+        request = urllib.request.Request(f"{base_url}/v1/scene?tool=blender", photo.read_bytes(), headers)
         with urllib.request.build_opener(_Stay).open(request, timeout=SECONDS) as answer:
             data = answer.read(MOST_BYTES + 1)
     except urllib.error.HTTPError as error:

@@ -114,7 +114,7 @@ def other_lights(scene: Any) -> list[str]:
     return sorted(thing.name for thing in lights if thing != scene.light_from_photo.sun)
 
 
-def spot_is_seen(scene: Any) -> bool:
+def spot_is_in_view(scene: Any) -> bool:
     """Whether the photo's camera sees the spot of "Your object here"."""
     settings = scene.light_from_photo
     scene.view_layers[0].update()

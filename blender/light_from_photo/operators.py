@@ -8,7 +8,7 @@ import bpy
 from bpy_extras.io_utils import ImportHelper
 
 from .answers import PHOTOS, AnswerError, from_command, from_service
-from .furnish import furnish, other_lights, spot_is_in_shade, spot_is_seen
+from .furnish import furnish, other_lights, spot_is_in_shade, spot_is_in_view
 from .preferences import preferences
 from .sliders import reset
 
@@ -42,7 +42,7 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
         self.report({"INFO"}, f"Sun {abs(sun['azimuth']):.0f}° {side}, {sun['elevation']:.0f}° high")
         for warning in record.get("warnings", []):
             self.report({"WARNING"}, str(warning))
-        if not spot_is_seen(context.scene):
+        if not spot_is_in_view(context.scene):
             self.report({"WARNING"}, "The picture shows no ground where an object could stand: its spot lies below it.")
         if spot_is_in_shade(context.scene):
             self.report({"WARNING"}, "Your object would stand in the photo's shade: the sun lights the ground alone.")

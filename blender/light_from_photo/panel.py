@@ -20,8 +20,8 @@ class _Panel:
         layout.operator(Estimate.bl_idname, text="Pick a Photo…", icon="FILE_IMAGE")
         image = getattr(context.space_data, "image", None)
         if image is not None and image.source == "FILE" and image.filepath and not image.packed_file:
-            shown = layout.operator(Estimate.bl_idname, text=f"Use {image.name}", icon="IMAGE_DATA")
-            shown.filepath = image.filepath
+            operator = layout.operator(Estimate.bl_idname, text=f"Use {image.name}", icon="IMAGE_DATA")
+            operator.filepath = image.filepath
         settings = context.scene.light_from_photo
         column = layout.column(align=True)
         column.active = settings.world is not None

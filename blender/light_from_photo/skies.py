@@ -17,7 +17,7 @@ from .lighting.validation import RANGES
 HEIGHT = 512  # rows of the map, as in the scenes
 
 
-def moved(record: str, sliders: Mapping[str, float]) -> Lighting:
+def light_of_sliders(record: str, sliders: Mapping[str, float]) -> Lighting:
     """The light of a record (JSON) with sun, turbidity and exposure as the sliders say; its power follows them.
 
     Blender keeps numbers in single precision, which may lie just outside their range.

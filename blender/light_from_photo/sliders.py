@@ -53,12 +53,12 @@ def shine(settings: Any) -> None:
     """Let sun and world show what the sliders say; nothing where no photo was picked or its sun was deleted."""
     if settings.world is None or settings.sun is None:
         return
-    said = [getattr(settings, name) for name in _NAMES]
-    light = skies.moved(settings.record, dict(zip(_NAMES, said, strict=True)))
+    values = [getattr(settings, name) for name in _NAMES]
+    light = skies.light_of_sliders(settings.record, dict(zip(_NAMES, values, strict=True)))
     numbers = skies.sun(light, settings.shines)
     script.aim_sun(settings.sun, numbers)
     node = environment_node(settings.world)
-    node.image = settings.environment if said == list(settings.estimate) else _painted(settings, light)
+    node.image = settings.environment if values == list(settings.estimate) else _painted(settings, light)
     native = sky_node(settings.world)
     native.sun_direction, native.turbidity = numbers["direction"], settings.turbidity
     native.outputs[0].links[0].to_node.inputs["Strength"].default_value = settings.exposure

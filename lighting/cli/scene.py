@@ -117,7 +117,7 @@ def _scene(**options: Any) -> None:
         estimate = None if asked.record else estimate_photo(data, asked.given, asked.model)[1]
         lighting = estimate.lighting if estimate else read_lighting(asked.record or "-")
     place = photo_context(estimate, plate.pixels, surroundings=asked.surroundings) if estimate else None
-    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, place=place)
+    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, context=place)
     write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
     if not asked.quiet:
         click.echo(format_summary(asked.photo, lighting))

@@ -25,7 +25,7 @@ def _main() -> None:
     arguments = {"--save", "--render"} & set(sys.argv)
     if arguments:  # nothing of an open file is at stake
         bpy.ops.wm.read_factory_settings(use_empty=True)
-    folder = own_folder()
+    folder = script_folder()
     scene = build_scene(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
     if arguments:
         for other in [other for other in bpy.data.scenes if other != scene]:
@@ -38,7 +38,7 @@ def _main() -> None:
         bpy.ops.render.render(write_still=True)
 
 
-def own_folder() -> Path:
+def script_folder() -> Path:
     """Where this file lies, also when Blender's text editor runs it."""
     text = bpy.data.texts.get(Path(__file__).name)
     return Path(bpy.path.abspath(text.filepath) if text and text.filepath else __file__).resolve().parent
@@ -66,9 +66,9 @@ def build_scene(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any
     return scene
 
 
-def load_image(path: Path, colour_space: str) -> Any:
+def load_image(path: Path, color_space: str) -> Any:
     image = bpy.data.images.load(str(path), check_existing=True)
-    image.colorspace_settings.name = colour_space
+    image.colorspace_settings.name = color_space
     return image
 
 
@@ -135,17 +135,17 @@ def make_world(numbers: dict[str, Any], environment: Any) -> Any:
     links.new(environment_background(nodes, links, environment, numbers["yaw"]), mix.inputs[1])
     links.new(native_background(nodes, links, numbers["native"]), mix.inputs[2])
     links.new(mix.outputs[0], output.inputs["Surface"])
-    spread(nodes)
+    arrange_nodes(nodes)
     return world
 
 
 def environment_background(nodes: Any, links: Any, environment: Any, yaw: float) -> Any:
-    coordinates, turn = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
-    turn.inputs["Rotation"].default_value[2] = math.radians(yaw)
+    coordinates, mapping = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
+    mapping.inputs["Rotation"].default_value[2] = math.radians(yaw)
     texture, background = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeBackground")
     texture.image = environment
-    links.new(coordinates.outputs["Generated"], turn.inputs["Vector"])
-    links.new(turn.outputs["Vector"], texture.inputs["Vector"])
+    links.new(coordinates.outputs["Generated"], mapping.inputs["Vector"])
+    links.new(mapping.outputs["Vector"], texture.inputs["Vector"])
     links.new(texture.outputs["Color"], background.inputs["Color"])
     return background.outputs[0]
 
@@ -168,7 +168,7 @@ def cleared_nodes(owner: Any) -> tuple[Any, Any]:
     return owner.node_tree.nodes, owner.node_tree.links
 
 
-def spread(nodes: Any) -> None:
+def arrange_nodes(nodes: Any) -> None:
     """Side by side, in the order in which they were made."""
     for index, node in enumerate(nodes):
         node.location = (220.0 * (index % 4), -320.0 * (index // 4))
@@ -180,7 +180,7 @@ def diffuse(name: str, albedo: list[float]) -> Any:
     surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
     surface.inputs["Color"].default_value = (*albedo, 1.0)
     links.new(surface.outputs[0], output.inputs["Surface"])
-    spread(nodes)
+    arrange_nodes(nodes)
     return material
 
 
@@ -210,9 +210,9 @@ def keep_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
     unseen.operation, unseen.use_clamp = "SUBTRACT", True
     tree.links.new(switch.outputs[0], unseen.inputs[0])
     tree.links.new(path.outputs["Is Camera Ray"], unseen.inputs[1])
-    colour = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE").inputs["Color"]
-    tree.links.new(blended(tree, "MULTIPLY", tuple(colour.default_value), (*shade, 1.0), unseen.outputs[0]), colour)
-    spread(tree.nodes)
+    color = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE").inputs["Color"]
+    tree.links.new(blended(tree, "MULTIPLY", tuple(color.default_value), (*shade, 1.0), unseen.outputs[0]), color)
+    arrange_nodes(tree.nodes)
 
 
 def add_placeholder(scene: Any, numbers: dict[str, Any]) -> None:
@@ -221,31 +221,31 @@ def add_placeholder(scene: Any, numbers: dict[str, Any]) -> None:
     spot = add_object(scene, "Your object here", None)
     spot.location = numbers["spot"]
     spot.empty_display_size = numbers["ball_radius"]
-    for name, mesh, place in (
+    for name, mesh, location in (
         ("Ball", ball_mesh(numbers["ball_radius"]), (0.0, 0.0, numbers["ball_radius"])),
         ("Stick", stick_mesh(numbers["stick_radius"], numbers["stick_height"]), numbers["stick_foot"]),
     ):
         mesh.materials.append(material)
-        add_object(scene, name, mesh, spot).location = place
+        add_object(scene, name, mesh, spot).location = location
 
 
 def ball_mesh(radius: float) -> Any:
     profile = [(radius * math.sin(t), -radius * math.cos(t)) for t in steps(math.pi, 48)]
-    return turned_mesh("Ball", profile, 96, smooth=True)
+    return revolved_mesh("Ball", profile, 96, smooth=True)
 
 
 def stick_mesh(radius: float, height: float) -> Any:
-    return turned_mesh("Stick", [(0.0, 0.0), (radius, 0.0), (radius, height), (0.0, height)], 32, smooth=False)
+    return revolved_mesh("Stick", [(0.0, 0.0), (radius, 0.0), (radius, height), (0.0, height)], 32, smooth=False)
 
 
 def steps(end: float, count: int) -> list[float]:
     return [end * index / count for index in range(count + 1)]
 
 
-def turned_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, smooth: bool) -> Any:
+def revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, smooth: bool) -> Any:
     """The surface that a profile of (radius, height) makes when it is turned about the vertical."""
-    turns = [2 * math.pi * spoke / spokes for spoke in range(spokes)]
-    points = [(r * math.cos(turn), r * math.sin(turn), z) for r, z in profile for turn in turns]
+    angles = [2 * math.pi * spoke / spokes for spoke in range(spokes)]
+    points = [(r * math.cos(angle), r * math.sin(angle), z) for r, z in profile for angle in angles]
     faces = [
         (low + a, low + b, low + spokes + b, low + spokes + a)
         for low in range(0, spokes * (len(profile) - 1), spokes)
@@ -274,7 +274,7 @@ def composite_over(scene: Any, plate: Any, lit: Any, shade: list[float]) -> None
     links.new(blended(tree, "MULTIPLY", behind, shadow), below)
     links.new(layers.outputs["Image"], above)
     links.new(over.outputs["Image"], output.inputs["Image"])
-    spread(nodes)
+    arrange_nodes(nodes)
 
 
 def fitted(tree: Any, image: Any) -> Any:

@@ -47,10 +47,10 @@ def move(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
     scene.frame_start, scene.frame_end = 1, max(1, round(frames[-1]))
     before = None
     for frame, rows, length in zip(frames, numbers["matrices"], numbers["focal_lengths"], strict=True):
-        turn = Matrix(rows).to_quaternion()
+        rotation = Matrix(rows).to_quaternion()
         if before is not None:
-            turn.make_compatible(before)
-        camera.rotation_quaternion = before = turn
+            rotation.make_compatible(before)
+        camera.rotation_quaternion = before = rotation
         camera.keyframe_insert("rotation_quaternion", frame=frame)
         camera.data.lens = length
         camera.data.keyframe_insert("lens", frame=frame)

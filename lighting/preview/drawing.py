@@ -46,43 +46,45 @@ def display_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
 
 Point = tuple[float, float]
 
-_FINE = 3  # supersampling
-_SHADE = 0.45  # opacity of the dark background of marks and outlined text
+_SUPERSAMPLING = 3  # supersampling
+_SHADE_OPACITY = 0.45  # opacity of the dark background of marks and outlined text
 
 
-def _ink(picture: Image.Image, colour: Srgb, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]) -> None:
+def _paint_mask(
+    picture: Image.Image, color: Srgb, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]
+) -> None:
     """Colour `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
-    mask = Image.new("L", (picture.width * _FINE, picture.height * _FINE))
-    paint(ImageDraw.Draw(mask), _FINE)
-    small = mask.reduce(_FINE)
-    picture.paste(colour, mask=small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
+    mask = Image.new("L", (picture.width * _SUPERSAMPLING, picture.height * _SUPERSAMPLING))
+    paint(ImageDraw.Draw(mask), _SUPERSAMPLING)
+    small = mask.reduce(_SUPERSAMPLING)
+    picture.paste(color, mask=small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
 
 
-def draw_lines(picture: Image.Image, lines: Sequence[Floats], colour: Srgb, width: float, opacity: float = 1.0) -> None:
+def draw_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width: float, opacity: float = 1.0) -> None:
     """Draw open lines, each (N, 2) pixels; one without a pixel is not drawn."""
 
     def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
         for line in filter(len, lines):
             draw.line(_scaled(line, scale), fill=255, width=round(width * scale), joint="curve")
 
-    _ink(picture, colour, opacity, paint)
+    _paint_mask(picture, color, opacity, paint)
 
 
-def draw_outlined_lines(picture: Image.Image, lines: Sequence[Floats], colour: Srgb, width: float) -> None:
+def draw_outlined_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width: float) -> None:
     """Draw lines with a soft dark rim, visible on any background."""
-    draw_lines(picture, lines, BLACK, width + 2.5, _SHADE)
-    draw_lines(picture, lines, colour, width)
+    draw_lines(picture, lines, BLACK, width + 2.5, _SHADE_OPACITY)
+    draw_lines(picture, lines, color, width)
 
 
-def draw_polygon(picture: Image.Image, corners: ArrayLike, colour: Srgb, opacity: float = 1.0) -> None:
+def draw_polygon(picture: Image.Image, corners: ArrayLike, color: Srgb, opacity: float = 1.0) -> None:
     """Fill the polygon with these corners (N, 2)."""
-    _ink(picture, colour, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
+    _paint_mask(picture, color, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
 
 
-def draw_suns(picture: Image.Image, spots: ArrayLike, colour: Srgb, size: float) -> None:
+def draw_suns(picture: Image.Image, spots: ArrayLike, color: Srgb, size: float) -> None:
     """Draw a small sun at each spot (N, 2): a disc of radius `size` with eight rays, on a soft dark background."""
-    turn = np.arange(8) * np.pi / 4
-    rays = np.stack([np.cos(turn), np.sin(turn)], axis=-1)[:, None] * np.array([[1.6], [2.3]]) * size
+    angle = np.arange(8) * np.pi / 4
+    rays = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None] * np.array([[1.6], [2.3]]) * size
 
     def paint(grow: float) -> Callable[[ImageDraw.ImageDraw, int], None]:
         def suns(draw: ImageDraw.ImageDraw, scale: int) -> None:
@@ -93,26 +95,26 @@ def draw_suns(picture: Image.Image, spots: ArrayLike, colour: Srgb, size: float)
 
         return suns
 
-    _ink(picture, BLACK, _SHADE, paint(2.0))
-    _ink(picture, colour, 1.0, paint(0.0))
+    _paint_mask(picture, BLACK, _SHADE_OPACITY, paint(2.0))
+    _paint_mask(picture, color, 1.0, paint(0.0))
 
 
-def draw_arrow_head(picture: Image.Image, tip: Floats, towards: Floats, colour: Srgb) -> None:
+def draw_arrow_head(picture: Image.Image, tip: Floats, heading: Floats, color: Srgb) -> None:
     """Draw an arrow head 22 pixels long with its tip at `tip` (2,), pointing along the unit vector `towards` (2,)."""
-    side = np.array([-towards[1], towards[0]])
-    for grow, ground, opacity in ((3.0, BLACK, _SHADE), (0.0, colour, 1.0)):
-        back, wing = (22 + grow) * towards, (12 + 1.5 * grow) * side
+    side = np.array([-heading[1], heading[0]])
+    for grow, ground, opacity in ((3.0, BLACK, _SHADE_OPACITY), (0.0, color, 1.0)):
+        back, wing = (22 + grow) * heading, (12 + 1.5 * grow) * side
         draw_polygon(
-            picture, [tip + grow * towards, tip - back + wing, tip - 16 * towards, tip - back - wing], ground, opacity
+            picture, [tip + grow * heading, tip - back + wing, tip - 16 * heading, tip - back - wing], ground, opacity
         )
 
 
 def rounded_mask(size: tuple[int, int], radius: int) -> Image.Image:
     """Mask of a rectangle with rounded corners."""
-    mask = Image.new("L", (size[0] * _FINE, size[1] * _FINE))
+    mask = Image.new("L", (size[0] * _SUPERSAMPLING, size[1] * _SUPERSAMPLING))
     corner = (mask.width - 1, mask.height - 1)
-    ImageDraw.Draw(mask).rounded_rectangle((0, 0, *corner), radius * _FINE, fill=255)
-    return mask.reduce(_FINE)
+    ImageDraw.Draw(mask).rounded_rectangle((0, 0, *corner), radius * _SUPERSAMPLING, fill=255)
+    return mask.reduce(_SUPERSAMPLING)
 
 
 @dataclass(frozen=True)
@@ -120,7 +122,7 @@ class TextStyle:
     """How a text looks."""
 
     size: int  # pixels
-    colour: Srgb
+    color: Srgb
     anchor: str = "la"  # of Pillow: which point of the text lies on its spot
     shaded: bool = False  # with a soft dark rim, readable on any background
 
@@ -132,7 +134,7 @@ def draw_text(picture: Image.Image, spot: Point, text: str, style: TextStyle) ->
         rim = Image.new("L", picture.size)
         ImageDraw.Draw(rim).text(spot, text, font=font, fill=255, anchor=anchor, stroke_width=2)
         picture.paste(BLACK, mask=rim.point([round(value * 0.6) for value in range(256)]))
-    ImageDraw.Draw(picture).text(spot, text, font=font, fill=style.colour, anchor=anchor)
+    ImageDraw.Draw(picture).text(spot, text, font=font, fill=style.color, anchor=anchor)
 
 
 def text_width(text: str, size: int) -> float:
@@ -140,12 +142,12 @@ def text_width(text: str, size: int) -> float:
     return _font(size).getlength(text)
 
 
-def draw_text_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, colour: Srgb) -> None:
+def draw_text_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, color: Srgb) -> None:
     """Write shaded text centred at `spot` (2,), moved as far as needed to lie inside the picture."""
     left, top, right, bottom = _font(size).getbbox(text, anchor="mm")
     x, y = np.asarray(spot, dtype=np.float64)
     inside = (min(max(x, 8 - left), picture.width - 8 - right), min(max(y, 8 - top), picture.height - 8 - bottom))
-    draw_text(picture, inside, text, TextStyle(size, colour, anchor="mm", shaded=True))
+    draw_text(picture, inside, text, TextStyle(size, color, anchor="mm", shaded=True))
 
 
 def _scaled(points: ArrayLike, scale: int) -> list[Point]:
@@ -161,7 +163,7 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
 
 # The photo's horizon and its sun, marked on the photo.
 
-_NEAR = 52  # pixels within which the horizon may cross the words beside an arrow
+_LABEL_REACH = 52  # pixels within which the horizon may cross the words beside an arrow
 
 
 def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
@@ -178,19 +180,19 @@ def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
 
 def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
     """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
-    colour, camera = sun_mark_color(lighting), photo_camera(lighting, *picture.size)
-    seen = _camera_pixels(lighting.sun_direction[None], camera)
-    if len(seen) and 0 <= seen[0, 0] < picture.width and 0 <= seen[0, 1] < picture.height:
-        draw_suns(picture, seen, colour, 9)
+    color, camera = sun_mark_color(lighting), photo_camera(lighting, *picture.size)
+    sun = _camera_pixels(lighting.sun_direction[None], camera)
+    if len(sun) and 0 <= sun[0, 0] < picture.width and 0 <= sun[0, 1] < picture.height:
+        draw_suns(picture, sun, color, 9)
         return
     right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll) @ lighting.sun_direction
-    away = np.array([right, -up] if forward > 0 else [1.0 if right > 0 else -1.0, 0.0])
-    away /= max(float(np.hypot(*away)), 1e-9)
+    outward = np.array([right, -up] if forward > 0 else [1.0 if right > 0 else -1.0, 0.0])
+    outward /= max(float(np.hypot(*outward)), 1e-9)
     middle = np.array([picture.width, picture.height]) / 2
-    tip = middle + away * np.min((middle - 14) / np.maximum(np.abs(away), 1e-9))
-    draw_arrow_head(picture, tip, away, colour)
-    label = tip - away * 16 + [0, 30 if _is_free_below(tip, horizon_pixels(camera), picture.height) else -30]
-    draw_text_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, colour)
+    tip = middle + outward * np.min((middle - 14) / np.maximum(np.abs(outward), 1e-9))
+    draw_arrow_head(picture, tip, outward, color)
+    label = tip - outward * 16 + [0, 30 if _is_free_below(tip, horizon_pixels(camera), picture.height) else -30]
+    draw_text_inside(picture, label, "sun" if forward > 0 else "sun behind", 18, color)
 
 
 def horizon_pixels(camera: Pinhole) -> Floats:
@@ -207,4 +209,4 @@ def _is_free_below(tip: Floats, horizon: Floats, height: int) -> bool:
     """Whether an arrow's words go below its tip (2,): on the side that a horizon (N, 2) near it does not cross."""
     order = np.argsort(horizon[:, 0])
     drop = float(np.interp(tip[0], *horizon[order].T)) - tip[1] if len(horizon) else np.inf
-    return bool(drop < 0 if abs(drop) < _NEAR else tip[1] < height / 2)
+    return bool(drop < 0 if abs(drop) < _LABEL_REACH else tip[1] < height / 2)

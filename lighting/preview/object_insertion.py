@@ -30,80 +30,84 @@ from lighting.records import Lighting
 
 # Where a photo has room for the balls: on plain ground, off people and things.
 
-_ROWS = 150  # of the picture in which unrest is counted: paving and grass are plain in it, people and bollards are not
-_LOWEST = 0.95  # of the picture's height, where a foot may stand
+_COARSE_ROWS = (
+    150  # of the picture whose differences count: paving and grass are plain in it, people and bollards are not
+)
+_MAX_FOOT_ROW = 0.95  # of the picture's height, where a foot may stand
 _ABOVE, _BELOW = 2.0, 0.5  # ball radii that must be free over the feet and under them
-_AWAY = 100.0  # grey levels of unrest that one is ready to bear to stay in the lower middle
+_DISTANCE_PENALTY = 100.0  # grey levels of unrest that one is ready to bear to stay in the lower middle
 
 
 def _has_room(camera: Pinhole, radius: float, row: float) -> bool:
     """Whether the picture of a camera shows ground for balls as `plain_spot` has them."""
-    return bool(_feet(_coarse(camera), row * radius / camera.height, radius / camera.focal_length).any())
+    return bool(_foot_mask(_coarse_camera(camera), row * radius / camera.height, radius / camera.focal_length).any())
 
 
-def _plain_spot(picture: Image.Image, camera: Pinhole, radius: float, row: float) -> tuple[float, float] | None:
+def _find_plain_spot(picture: Image.Image, camera: Pinhole, radius: float, row: float) -> tuple[float, float] | None:
     """The pixel (x, y) where balls side by side disturb a picture least; None where it shows no ground for them.
 
     `radius` [pixels] is a ball's, and they are `row` radii wide to either side; none is as high as the camera. The box
     around them holds the least unrest, which is the mean difference between neighbours; the nearer to the lower middle,
     the better.
     """
-    small = _coarse(camera)
+    small = _coarse_camera(camera)
     tall = radius / camera.height
-    feet = _feet(small, row * tall, radius / camera.focal_length)
+    feet = _foot_mask(small, row * tall, radius / camera.focal_length)
     if not feet.any():
         return None
-    grey = picture.convert("L").resize((small.width, small.height), Image.Resampling.BOX)
+    gray = picture.convert("L").resize((small.width, small.height), Image.Resampling.BOX)
     y, x = np.mgrid[: small.height, : small.width] + 0.5
     away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + OBJECT_POSITION) / 2)
-    aside, above, below = (radii * tall * small.height for radii in (row, _ABOVE, _BELOW))
-    unrest = _boxed(_unrest(np.asarray(grey, dtype=np.float32)), aside, above, below)
-    down, across = np.unravel_index(np.argmin(np.where(feet, unrest + _AWAY * away, np.inf)), feet.shape)
+    lateral, above, below = (radii * tall * small.height for radii in (row, _ABOVE, _BELOW))
+    differences = _box_means(_pixel_differences(np.asarray(gray, dtype=np.float32)), lateral, above, below)
+    down, across = np.unravel_index(
+        np.argmin(np.where(feet, differences + _DISTANCE_PENALTY * away, np.inf)), feet.shape
+    )
     return (float(across) + 0.5) * camera.width / small.width, (float(down) + 0.5) * camera.height / small.height
 
 
-def _coarse(camera: Pinhole) -> Pinhole:
+def _coarse_camera(camera: Pinhole) -> Pinhole:
     """The camera with a picture of at most _ROWS rows."""
-    rows = min(camera.height, _ROWS)
+    rows = min(camera.height, _COARSE_ROWS)
     return replace(camera, width=max(1, round(camera.width * rows / camera.height)), height=rows)
 
 
-def _feet(camera: Pinhole, half: float, radius: float) -> NDArray[np.bool_]:
+def _foot_mask(camera: Pinhole, half: float, radius: float) -> NDArray[np.bool_]:
     """Which pixels (h, w) show ground where balls stand wholly in the picture and lower than the camera.
 
     `half` is the half width of all [picture heights], `radius` a ball's [focal lengths].
     """
     rays = camera_directions(camera)
     below = rays[..., 1] < -2 * radius * (rays @ camera.axes[2])
-    below[int(_LOWEST * camera.height) :] = False
-    aside = np.abs(np.arange(camera.width) + 0.5 - camera.width / 2) / camera.height
-    return np.asarray(below & (aside <= max(camera.width / 2 / camera.height - half, 0.5 / camera.height)))
+    below[int(_MAX_FOOT_ROW * camera.height) :] = False
+    lateral = np.abs(np.arange(camera.width) + 0.5 - camera.width / 2) / camera.height
+    return np.asarray(below & (lateral <= max(camera.width / 2 / camera.height - half, 0.5 / camera.height)))
 
 
-def _unrest(grey: NDArray[np.float32]) -> NDArray[np.float32]:
+def _pixel_differences(gray: NDArray[np.float32]) -> NDArray[np.float32]:
     """Differences (h, w) of a picture's pixels from their neighbours to the right and below."""
-    across, down = (np.abs(np.diff(grey, axis=axis)) for axis in (1, 0))
+    across, down = (np.abs(np.diff(gray, axis=axis)) for axis in (1, 0))
     return np.asarray(np.pad(across, ((0, 0), (0, 1))) + np.pad(down, ((0, 1), (0, 0))))
 
 
-def _boxed(values: NDArray[np.float32], aside: float, above: float, below: float) -> Floats:
+def _box_means(values: NDArray[np.float32], lateral: float, above: float, below: float) -> Floats:
     """The mean (h, w) of values (h, w) within the boxes around each pixel that reach so far [pixels]."""
     rows, columns = values.shape
     sums = np.pad(values.astype(np.float64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     y, x = np.arange(rows) + 0.5, np.arange(columns) + 0.5
     top, bottom = (np.clip(np.round(edge), 0, rows).astype(int) for edge in (y - above, y + below))
-    left, right = (np.clip(np.round(edge), 0, columns).astype(int) for edge in (x - aside, x + aside))
-    held = sums[bottom] - sums[top]
+    left, right = (np.clip(np.round(edge), 0, columns).astype(int) for edge in (x - lateral, x + lateral))
+    sums_of_rows = sums[bottom] - sums[top]
     area = np.maximum(np.outer(bottom - top, right - left), 1)
-    return np.asarray((held[:, right] - held[:, left]) / area)
+    return np.asarray((sums_of_rows[:, right] - sums_of_rows[:, left]) / area)
 
 
 # The three balls on the photo's own ground, in its light, with their shadows and bounced light.
 
-BALL = 0.055  # largest radius of a ball in the picture, in picture heights
+MAX_BALL_RADIUS = 0.055  # largest radius of a ball in the picture, in picture heights
 
 _ROW = SPACING + 1.0  # half the width of the balls side by side, in radii
-_FILLED = 0.95  # of a narrow picture's width, which they fill at most
+_MAX_WIDTH_SHARE = 0.95  # of a narrow picture's width, which they fill at most
 _FINE = 2  # rays per pixel and side on the balls and in their shadows
 _COARSE = 2  # pixels per ray and side on the ground where light changes slowly
 _FAR = 40.0  # radii from the balls to which they change the ground
@@ -115,17 +119,17 @@ def insert_balls(picture: Image.Image, lighting: Lighting, stage: SphereScene) -
     `stage` is lit by the photo's own map; its balls are moved to where the picture shows ground.
     """
     camera = photo_camera(lighting, picture.width, picture.height)
-    spot = _plain_spot(picture, camera, _ball_radius(camera), _ROW)
+    spot = _find_plain_spot(picture, camera, _ball_radius(camera), _ROW)
     if spot is None:
         return picture
-    centres = _ball_centres(camera, spot)
-    there = replace(stage, centres=centres)
+    centers = _ball_centers(camera, spot)
+    moved = replace(stage, centers=centers)
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
     lit = ground_shadow_mask(np.asarray(picture), lighting)
-    share = mean_sunlit(lit, camera, centres - [0.0, 1.0, 0.0], _ball_radius(camera))
-    standing = dim_sun(there, share) if share < 1.0 else there
-    shaded = linear * _left_light(lit, camera, replace(there, exchange=standing.exchange))
-    return Image.fromarray(tone_map(_over(shaded, camera, standing)))
+    share = mean_sunlit(lit, camera, centers - [0.0, 1.0, 0.0], _ball_radius(camera))
+    standing = dim_sun(moved, share) if share < 1.0 else moved
+    shaded = linear * _remaining_light(lit, camera, replace(moved, exchange=standing.exchange))
+    return Image.fromarray(tone_map(_composite_balls(shaded, camera, standing)))
 
 
 def shows_ground(camera: Pinhole) -> bool:
@@ -135,10 +139,10 @@ def shows_ground(camera: Pinhole) -> bool:
 
 def _ball_radius(camera: Pinhole) -> float:
     """Radius [pixels] of the balls in a picture, so small that three side by side fit."""
-    return min(BALL * camera.height, _FILLED * camera.width / (2 * _ROW))
+    return min(MAX_BALL_RADIUS * camera.height, _MAX_WIDTH_SHARE * camera.width / (2 * _ROW))
 
 
-def _ball_centres(camera: Pinhole, spot: tuple[float, float]) -> Floats:
+def _ball_centers(camera: Pinhole, spot: tuple[float, float]) -> Floats:
     """The balls' centres (3, 3) as the camera at the origin has them, in radii; the middle one stands on a pixel."""
     right, up, forward = camera.axes
     x, y = (np.array(spot) - [camera.width / 2, camera.height / 2]) / camera.focal_length
@@ -149,40 +153,40 @@ def _ball_centres(camera: Pinhole, spot: tuple[float, float]) -> Floats:
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
 
 
-def _left_light(lit: NDArray[np.float32], camera: Pinhole, stage: SphereScene) -> NDArray[np.float32]:
+def _remaining_light(lit: NDArray[np.float32], camera: Pinhole, stage: SphereScene) -> NDArray[np.float32]:
     """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground.
 
     `lit` (H, W) says how far the picture's ground lies in sunlight.
     """
-    sun = _enlarged(lit[..., None], camera) * (stage.ground - stage.ground_sky).astype(np.float32)
+    sun = _enlarge(lit[..., None], camera) * (stage.ground - stage.ground_sky).astype(np.float32)
     open_ground = stage.ground_sky.astype(np.float32) + np.float32(1e-6)
-    points, near = _few_points(camera, stage)
+    points, near = _coarse_ground_points(camera, stage)
     added = np.zeros((*near.shape, 3), dtype=np.float32)  # by the balls and all but the sun, less than 0 under them
     added[near] = ground_radiance(points, replace(stage, ground=stage.ground_sky)) - stage.ground_sky
-    shadow = _shadow(camera, stage, _dark(points, near, stage))
-    left = open_ground + _enlarged(added, camera) + shadow[..., None] * sun
+    shadow = _shadow_factors(camera, stage, _shadow_cells(points, near, stage))
+    left = open_ground + _enlarge(added, camera) + shadow[..., None] * sun
     return np.asarray(left / (open_ground + sun))
 
 
-def _few_points(camera: Pinhole, stage: SphereScene) -> tuple[Floats, NDArray[np.bool_]]:
+def _coarse_ground_points(camera: Pinhole, stage: SphereScene) -> tuple[Floats, NDArray[np.bool_]]:
     """Points (N, 3) of the ground that the balls change, in a picture of fewer pixels, and which (H, W) they are."""
     size = max(1, camera.width // _COARSE), max(1, camera.height // _COARSE)
     return _ground_points(camera_directions(replace(camera, width=size[0], height=size[1])), stage)
 
 
-def _dark(points: Floats, near: NDArray[np.bool_], stage: SphereScene) -> NDArray[np.bool_]:
+def _shadow_cells(points: Floats, near: NDArray[np.bool_], stage: SphereScene) -> NDArray[np.bool_]:
     """Which pixels (H, W) the balls' shadows reach, of those `near` at points (N, 3)."""
     dark = near.copy()
     dark[near] = visible_sun_share(points, stage) < 1
     return dark
 
 
-def _shadow(camera: Pinhole, stage: SphereScene, dark: NDArray[np.bool_]) -> NDArray[np.float32]:
+def _shadow_factors(camera: Pinhole, stage: SphereScene, dark: NDArray[np.bool_]) -> NDArray[np.float32]:
     """The share (h, w) of the sun that the balls leave each pixel; shadows lie in and around `dark` cells (H, W)."""
     share = np.ones((camera.height, camera.width), dtype=np.float32)
     window = pixel_window(dark, camera.height, camera.width)
     if window is not None:
-        points, near = _ground_points(_rays(camera, *window), stage)
+        points, near = _ground_points(_window_rays(camera, *window), stage)
         fine = np.ones(near.shape)
         fine[near] = visible_sun_share(points, stage)
         share[window] = fine.reshape(len(near) // _FINE, _FINE, -1, _FINE).mean(axis=(1, 3))
@@ -191,13 +195,13 @@ def _shadow(camera: Pinhole, stage: SphereScene, dark: NDArray[np.bool_]) -> NDA
 
 def _ground_points(rays: Floats, stage: SphereScene) -> tuple[Floats, NDArray[np.bool_]]:
     """Points (N, 3) where rays (h, w, 3) from the camera meet the ground that the balls change, and which (h, w) do."""
-    reach = (stage.centres[0, 1] - 1) / np.minimum(rays[..., 1], -1e-6)
+    reach = (stage.centers[0, 1] - 1) / np.minimum(rays[..., 1], -1e-6)
     points = rays * reach[..., None]
-    near = (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centres[1], axis=-1) < _FAR)
+    near = (rays[..., 1] < 0) & (np.linalg.norm(points - stage.centers[1], axis=-1) < _FAR)
     return points[near], near
 
 
-def _enlarged(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
+def _enlarge(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
     """Values (H, W, C) at the picture's size (h, w, C), linear between them."""
     planes = [
         Image.fromarray(small[..., c]).resize((camera.width, camera.height), Image.Resampling.BILINEAR)
@@ -206,23 +210,23 @@ def _enlarged(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32
     return np.stack([np.asarray(plane) for plane in planes], axis=-1)
 
 
-def _over(linear: NDArray[np.float32], camera: Pinhole, stage: SphereScene) -> NDArray[np.float32]:
+def _composite_balls(linear: NDArray[np.float32], camera: Pinhole, stage: SphereScene) -> NDArray[np.float32]:
     """The picture (h, w, 3) with each ball drawn into its own window."""
     result = linear.copy()
-    for kind, centre in enumerate(stage.centres):
-        depth = float(centre @ camera.axes[2])
+    for kind, center in enumerate(stage.centers):
+        depth = float(center @ camera.axes[2])
         if depth <= 0:  # behind a camera that looks straight down through a very wide lens
             continue
-        x, y = camera_pixel(centre, camera)
+        x, y = camera_pixel(center, camera)
         reach = 1.2 * camera.focal_length / depth
         rows, columns = clip_slice(y, reach, camera.height), clip_slice(x, reach, camera.width)
         window = result[rows, columns]
         if window.size:
-            _draw_ball(window, kind, _rays(camera, rows, columns), stage)
+            _draw_ball(window, kind, _window_rays(camera, rows, columns), stage)
     return result
 
 
-def _rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
+def _window_rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
     """Unit vectors (_FINE h, _FINE w, 3) through a window of the picture."""
     step = (np.arange(_FINE) + 0.5) / _FINE
     x = (np.arange(columns.start, columns.stop)[:, None] + step).ravel() - camera.width / 2
@@ -235,12 +239,12 @@ def _rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
 def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, stage: SphereScene) -> None:
     """Lay a ball over a window (h, w, 3), mixed with it where it covers a pixel in part."""
     flat = rays.reshape(-1, 3)
-    distance = ray_sphere(np.zeros(3), flat, stage.centres[kind])
+    distance = ray_sphere(np.zeros(3), flat, stage.centers[kind])
     hit = np.isfinite(distance)
-    colour = np.zeros_like(flat)
-    colour[hit] = shade_sphere(kind, flat[hit] * distance[hit, None], flat[hit], stage, mirrored=False)
+    color = np.zeros_like(flat)
+    color[hit] = shade_sphere(kind, flat[hit] * distance[hit, None], flat[hit], stage, mirrored=False)
     height, width = window.shape[:2]
     blocks = (height, _FINE, width, _FINE)
     cover = hit.reshape(blocks).mean(axis=(1, 3))[..., None]
     window *= 1 - cover
-    window += np.minimum(colour, 1.0).reshape(*blocks, 3).mean(axis=(1, 3))
+    window += np.minimum(color, 1.0).reshape(*blocks, 3).mean(axis=(1, 3))

@@ -40,25 +40,25 @@ from lighting.sun_grid import grid_directions
 _LETTERS = 15  # pixels, size of a share
 
 
-def _regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
+def _draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
     """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
-    colour = sun_mark_color(lighting)
+    color = sun_mark_color(lighting)
     labels: list[tuple[str, Floats]] = []
     for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
-        rim = _rim(lighting, radius)
+        rim = _circle_around_sun(lighting, radius)
         if radius <= 0 or rim[180, 1] <= 0:
             continue
         line = pixels(rim[rim[:, 1] > -0.02])
-        draw_outlined_lines(picture, list(_pieces(line, picture.width)), colour, width)
-        outwards = pixels(rim[180]) - pixels(_rim(lighting, 0.98 * radius)[180])
+        draw_outlined_lines(picture, list(_split_at_seam(line, picture.width)), color, width)
+        outwards = pixels(rim[180]) - pixels(_circle_around_sun(lighting, 0.98 * radius)[180])
         outwards = outwards / np.hypot(*outwards)
         spot = pixels(rim[180]) + 14 * outwards
-        labels.append((share, _clear_of([other for _, other in labels], spot, outwards)))
+        labels.append((share, _avoid_overlap([other for _, other in labels], spot, outwards)))
     for share, spot in labels:
-        draw_text_inside(picture, spot, share, _LETTERS, colour)
+        draw_text_inside(picture, spot, share, _LETTERS, color)
 
 
-def _clear_of(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
+def _avoid_overlap(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
     """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
     room = np.array([text_width("90 %", _LETTERS) + 6, _LETTERS + 4])
     for other in others:
@@ -68,12 +68,12 @@ def _clear_of(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Float
     return spot
 
 
-def _rim(lighting: Lighting, radius: float) -> Floats:
+def _circle_around_sun(lighting: Lighting, radius: float) -> Floats:
     """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
     right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
-    turn = np.linspace(0.0, 2 * np.pi, 361)[:, None]
+    angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
     return np.asarray(
-        np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * (np.sin(turn) * right - np.cos(turn) * up)
+        np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * (np.sin(angle) * right - np.cos(angle) * up)
     )
 
 
@@ -87,7 +87,7 @@ def _frame_directions(lighting: Lighting, aspect: float) -> Floats:
     return np.asarray(x * border[:, :1] * right + y * border[:, 1:] * up + forward)
 
 
-def _pieces(line: Floats, width: float) -> Iterator[Floats]:
+def _split_at_seam(line: Floats, width: float) -> Iterator[Floats]:
     """A line (N, 2) cut where it jumps by more than half the picture's width, as it does at the seam."""
     jumps = np.flatnonzero(np.abs(np.diff(line[:, 0])) > width / 2) + 1
     yield from (piece for piece in np.split(line, jumps) if len(piece) > 1)
@@ -104,21 +104,21 @@ def draw_compass(estimate: Estimate, aspect: float, size: int) -> Image.Image:
     lighting = estimate.lighting
     panel = Image.new("RGB", (size, size), PANEL)
     radius = size / 2 - 44
-    heat = _heat(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
+    heat = _draw_density(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
     corner = (round(size / 2 - radius),) * 2
     panel.paste(heat, corner, rounded_mask(heat.size, heat.width // 2))
     sideways, _, along = np.abs(lighting.sun_direction)
-    _rings(panel, radius)
+    _draw_rings(panel, radius)
     view = _on_dome(_frame_directions(lighting, aspect), size, radius)
     draw_polygon(panel, view, WHITE, 0.10)
     draw_lines(panel, [view], WHITE, 1.5, 0.6)
-    _regions(panel, lighting, lambda d: _on_dome(d, size, radius))
+    _draw_regions(panel, lighting, lambda d: _on_dome(d, size, radius))
     _write_degrees(panel, radius, across=bool(sideways < along))
     draw_suns(panel, _on_dome(lighting.sun_direction[None], size, radius), sun_mark_color(lighting), 8)
     return panel
 
 
-def _heat(distribution: SunDistribution) -> Image.Image:
+def _draw_density(distribution: SunDistribution) -> Image.Image:
     """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
     side = (np.arange(_HEAT_SIZE) + 0.5) / _HEAT_SIZE * 2 - 1
     x, y = np.meshgrid(side, side)
@@ -135,23 +135,23 @@ def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats
     probability = np.asarray(distribution.probability, dtype=np.float32)
     cells = grid_directions(distribution.grid).astype(np.float32)
     concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
-    likely = probability > 1e-4 * probability.max()
-    kernel = np.exp(concentration * (dome @ cells[likely].T - 1))
-    return np.asarray(kernel @ probability[likely] * concentration / np.float32(2 * np.pi))
+    probable = probability > 1e-4 * probability.max()
+    kernel = np.exp(concentration * (dome @ cells[probable].T - 1))
+    return np.asarray(kernel @ probability[probable] * concentration / np.float32(2 * np.pi))
 
 
-def _rings(panel: Image.Image, radius: float) -> None:
+def _draw_rings(panel: Image.Image, radius: float) -> None:
     """Draw elevation rings and a cross labelled front, right, behind and left, clear of a sun on the horizon."""
-    centre = panel.width / 2
-    spokes = [np.array([[centre - radius, centre], [centre + radius, centre]])]
+    center = panel.width / 2
+    spokes = [np.array([[center - radius, center], [center + radius, center]])]
     spokes.append(spokes[0][:, ::-1])
-    rings = [_circle(centre, radius * (90 - elevation) / 90) for elevation in _RINGS]
+    rings = [_ring_pixels(center, radius * (90 - elevation) / 90) for elevation in _RINGS]
     draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
-    draw_lines(panel, [_circle(centre, radius)], LINE, 2, 1.0)
-    draw_text(panel, (centre, 16), "front", TextStyle(18, TEXT, anchor="mm"))
-    draw_text(panel, (centre, panel.height - 16), "behind", TextStyle(18, MUTED, anchor="mm"))
+    draw_lines(panel, [_ring_pixels(center, radius)], LINE, 2, 1.0)
+    draw_text(panel, (center, 16), "front", TextStyle(18, TEXT, anchor="mm"))
+    draw_text(panel, (center, panel.height - 16), "behind", TextStyle(18, MUTED, anchor="mm"))
     for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
-        draw_text(panel, (x, centre), word, TextStyle(18, MUTED, anchor="mm"))
+        draw_text(panel, (x, center), word, TextStyle(18, MUTED, anchor="mm"))
 
 
 def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
@@ -159,24 +159,24 @@ def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
 
     The regions' shares stand in line with the sun.
     """
-    centre = panel.width / 2
+    center = panel.width / 2
     for elevation in _RINGS:
-        out = centre + radius * (90 - elevation) / 90
-        spot = (out + 6, centre - 3) if across else (centre + 6, out - 3)
+        out = center + radius * (90 - elevation) / 90
+        spot = (out + 6, center - 3) if across else (center + 6, out - 3)
         draw_text(panel, spot, f"{elevation}°", TextStyle(15, TEXT, anchor="ls", shaded=True))
 
 
-def _circle(centre: float, radius: float) -> Floats:
-    turn = np.linspace(0.0, 2 * np.pi, 181)
-    return np.stack([centre + radius * np.cos(turn), centre + radius * np.sin(turn)], axis=-1)
+def _ring_pixels(center: float, radius: float) -> Floats:
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    return np.stack([center + radius * np.cos(angle), center + radius * np.sin(angle)], axis=-1)
 
 
 def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
     """Pixels (N, 2) on a compass of that size; directions below the horizon are drawn on the rim."""
     azimuth, elevation = angles(directions)
     reach = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0
-    turn = np.radians(azimuth)
-    return np.stack([size / 2 + reach * np.sin(turn), size / 2 - reach * np.cos(turn)], axis=-1)
+    angle = np.radians(azimuth)
+    return np.stack([size / 2 + reach * np.sin(angle), size / 2 - reach * np.cos(angle)], axis=-1)
 
 
 # Where the parts of the preview lie, in pixels.
@@ -266,13 +266,13 @@ def format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
     """
     horizon = ["its horizon"] if _shows_horizon(camera) else []
     if not (balls and shows_ground(camera)):
-        return _caption(horizon)
-    long, short = (_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
+        return _join_caption(horizon)
+    long, short = (_join_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
     return long if text_width(long, LETTERS) <= width else short
 
 
-def _caption(shown: list[str]) -> str:
-    return f"Photo, with {' and '.join(shown)}" if shown else "Photo"
+def _join_caption(contents: list[str]) -> str:
+    return f"Photo, with {' and '.join(contents)}" if contents else "Photo"
 
 
 def _shows_horizon(camera: Pinhole) -> bool:
@@ -292,9 +292,9 @@ def draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: floa
     def pixels(directions: Floats) -> Floats:
         return latlong_pixel(directions, box.height)
 
-    frame = list(_pieces(pixels(_frame_directions(lighting, aspect)), box.width))
+    frame = list(_split_at_seam(pixels(_frame_directions(lighting, aspect)), box.width))
     draw_outlined_lines(picture, frame, WHITE, 1.5)
-    _regions(picture, lighting, pixels)
+    _draw_regions(picture, lighting, pixels)
     spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
     draw_suns(picture, spots, sun_mark_color(lighting), 6.5)
     for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):

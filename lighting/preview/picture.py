@@ -50,21 +50,21 @@ _LETTERS = 160  # of a line of warnings
 
 def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
-    visible, hedge = lighting.sun_shines, _hedge(lighting)
+    visible, hedge = lighting.sun_shines, _format_hedge(lighting)
     where = f"{format_azimuth(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     none = "No direct sun" if lighting.sun_visibility < DOUBTED else "Probably no direct sun"
     title = f"Sun {hedge}{where}" if visible else none
     doubtful = lighting.suitable is not None and lighting.suitable < MIN_SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
-    sources = _sources(lighting)
-    size = _fitting(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
+    sources = _format_sources(lighting)
+    size = _fit_text_size(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
     draw_text(canvas, (MARGIN, MARGIN - 6), title, TextStyle(size, TEXT if doubtful or not visible else SUN))
     if visible:
-        half, most = _short(lighting.radius_50), _short(lighting.radius_90)
-        spread = f"half of the probability lies within {half}°, 90 % within {most}°"
+        half, most = _format_short(lighting.radius_50), _format_short(lighting.radius_90)
+        accuracy = f"half of the probability lies within {half}°, 90 % within {most}°"
     else:
-        spread = f"an overcast or shaded scene; if the sun shone, it would {hedge}stand {where}"
-    draw_text(canvas, (MARGIN, MARGIN + 40), spread, TextStyle(20, MUTED))
+        accuracy = f"an overcast or shaded scene; if the sun shone, it would {hedge}stand {where}"
+    draw_text(canvas, (MARGIN, MARGIN + 40), accuracy, TextStyle(20, MUTED))
     model = f"{lighting.model_name} {lighting.model_version}"
     draw_text(canvas, (WIDTH - MARGIN, MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
     draw_text(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
@@ -72,12 +72,12 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
         draw_text(canvas, (MARGIN, MARGIN + 70 + number * WARNING), line, TextStyle(18, TEXT))
 
 
-def _fitting(text: str, size: int, width: float) -> int:
+def _fit_text_size(text: str, size: int, width: float) -> int:
     """The size of a text's letters, smaller where the text would be wider than that."""
     return min(size, int(size * width / text_width(text, size)))
 
 
-def _hedge(lighting: Lighting) -> str:
+def _format_hedge(lighting: Lighting) -> str:
     """What makes the sun's direction sound no surer than it is."""
     return "perhaps " if lighting.radius_90 > ANYWHERE else ""
 
@@ -87,29 +87,29 @@ def _warning_lines(lighting: Lighting) -> list[str]:
     return [line for warning in lighting.warnings for line in wrap(f"Warning: {warning}", _LETTERS)]
 
 
-def _sources(lighting: Lighting) -> str:
+def _format_sources(lighting: Lighting) -> str:
     """The evidence if it is more than the pixels, and the camera's heading if it is known."""
     sources = [f"from {', '.join(lighting.evidence)}"] if len(lighting.evidence) > 1 else []
     heading = [] if lighting.camera_heading is None else [f"camera heading {round(lighting.camera_heading) % 360}°"]
     return "; ".join(sources + heading)
 
 
-def _short(value: float) -> str:
+def _format_short(value: float) -> str:
     """One decimal below 10."""
     return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
 
-def _short_azimuth(azimuth: float) -> str:
+def _format_short_azimuth(azimuth: float) -> str:
     """An azimuth [deg] for a column of numbers: "ahead", "behind" or "41° left"."""
     return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), format_side(azimuth))
 
 
-def _numbers_of(lighting: Lighting) -> list[tuple[str, str]]:
+def _format_numbers(lighting: Lighting) -> list[tuple[str, str]]:
     """Names and values of the record, in words."""
     return [
-        ("Sun azimuth", _short_azimuth(lighting.sun_azimuth)),
+        ("Sun azimuth", _format_short_azimuth(lighting.sun_azimuth)),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
-        ("50 % / 90 % within", f"{_short(lighting.radius_50)}° / {_short(lighting.radius_90)}°"),
+        ("50 % / 90 % within", f"{_format_short(lighting.radius_50)}° / {_format_short(lighting.radius_90)}°"),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
         ("Turbidity", f"{lighting.turbidity:.1f}"),
         ("Exposure", f"{lighting.exposure:.3g}"),
@@ -129,7 +129,7 @@ def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: b
     `surroundings` says whether the map shows the place; by default it does where the network predicted it. Raises
     ParameterError for what is no Estimate, and PhotoError for what is no photo's pixels.
     """
-    return encode_png(_draw_preview(photo, estimate, _map(photo, estimate, surroundings)))
+    return encode_png(_draw_preview(photo, estimate, _render_map(photo, estimate, surroundings)))
 
 
 def _draw_preview(
@@ -143,19 +143,19 @@ def _draw_preview(
     check_estimate(estimate)
     photo = check_pixels(photo)
     lighting = estimate.lighting
-    envmap = _map(photo, estimate, None) if envmap is None else check_envmap(envmap)
-    aspect, numbers = photo.shape[1] / photo.shape[0], _numbers_of(lighting)
+    envmap = _render_map(photo, estimate, None) if envmap is None else check_envmap(envmap)
+    aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
     plan = lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
     compass = draw_compass(estimate, aspect, plan.compass.width)
-    centres = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
-    stage = build_sphere_scene(envmap, lighting.sun_direction, centres.astype(np.float64))
-    placed = stage if lighting.sun_irradiance is not None else None
+    centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
+    stage = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
+    photo_scene = stage if lighting.sun_irradiance is not None else None
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
-    seen = format_photo_caption(camera, plan.photo.width, balls=placed is not None)
+    photo_text = format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
     for box, caption, panel in (
-        (plan.photo, seen, draw_photo_panel(photo, lighting, plan.photo, placed)),
+        (plan.photo, photo_text, draw_photo_panel(photo, lighting, plan.photo, photo_scene)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (
             plan.envmap,
@@ -164,24 +164,24 @@ def _draw_preview(
         ),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(stage, lighting, plan.spheres)),
     ):
-        _place(canvas, box, caption, panel)
+        _paste_panel(canvas, box, caption, panel)
     for corner, (name, value) in zip(plan.cells, numbers, strict=True):
         draw_text(canvas, corner, name, TextStyle(16, MUTED))
         draw_text(canvas, (corner[0], corner[1] + 22), value, TextStyle(25, TEXT))
     return np.asarray(canvas)
 
 
-def _place(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
+def _paste_panel(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
     """Panel with rounded corners, its caption above."""
     draw_text(canvas, (box.x, box.y - CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
     canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
 
 
-def _map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
-    place = photo_context(estimate, photo, surroundings=surroundings)
+def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
+    context = photo_context(estimate, photo, surroundings=surroundings)
     return (
-        render_with_surroundings(estimate.lighting, place, MAP_HEIGHT)
-        if place
+        render_with_surroundings(estimate.lighting, context, MAP_HEIGHT)
+        if context
         else render(estimate.lighting, MAP_HEIGHT)
     )
 

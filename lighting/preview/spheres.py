@@ -49,7 +49,7 @@ _FOOT_SHADE = 0.7  # share of the surrounding light that does not reach a sphere
 class SphereScene:
     """The spheres, the environment map with its sun apart, and the light exchanged between spheres and ground."""
 
-    centres: Floats  # (3, 3) of the spheres, which stand on level ground
+    centers: Floats  # (3, 3) of the spheres, which stand on level ground
     sky: NDArray[np.float32]  # the map (H, 2H, 3) without the sun's disc
     coarse: NDArray[np.float32]  # the same in few pixels
     lobes: NDArray[np.float32]  # the same, blurred by the glossy lobe
@@ -75,10 +75,10 @@ def _trace(
     """
     radiance = _surroundings(origin, rays, stage, disc)
     nearest = np.full(len(rays), np.inf, dtype=rays.dtype)
-    for kind, centre in enumerate(stage.centres):
+    for kind, center in enumerate(stage.centers):
         if kind == leaving:
             continue
-        distance = ray_sphere(origin, rays, centre)
+        distance = ray_sphere(origin, rays, center)
         seen = np.flatnonzero(distance < nearest)
         nearest[seen] = distance[seen]
         start = np.broadcast_to(origin, rays.shape)[seen]
@@ -113,7 +113,7 @@ def _sky(rays: Floats, stage: SphereScene, disc: float | None) -> Floats:
 
 def _ground_along(origins: Floats, rays: Floats, stage: SphereScene) -> Floats:
     """Radiance (N, 3) of the ground that rays (N, 3) from origins (N, 3) go down to."""
-    reach = (stage.centres[0, 1] - 1 - origins[:, 1]) / rays[:, 1]
+    reach = (stage.centers[0, 1] - 1 - origins[:, 1]) / rays[:, 1]
     return ground_radiance(origins + rays * reach[:, None], stage)
 
 
@@ -121,8 +121,8 @@ def ground_radiance(points: Floats, stage: SphereScene) -> Floats:
     """Radiance (N, 3) of the ground at points (N, 3): the spheres hide the sun and part of the sky, and shine on it."""
     sky, albedo = stage.ground_sky.astype(points.dtype), stage.albedo.astype(points.dtype)
     radiance = (stage.ground.astype(points.dtype) - sky) * visible_sun_share(points, stage)[:, None] + sky
-    for centre, exchange in zip(stage.centres, stage.exchange, strict=True):
-        towards = centre - points
+    for center, exchange in zip(stage.centers, stage.exchange, strict=True):
+        towards = center - points
         share = _dot(towards, towards)[:, None] ** -1.5  # of a cosine-weighted hemisphere; the centre is 1 up
         radiance += albedo * share * sample_latlong(exchange, towards).astype(points.dtype)
     return np.maximum(radiance, 0)
@@ -132,10 +132,10 @@ def visible_sun_share(points: Floats, stage: SphereScene, leaving: int | None = 
     """Visible share (N,) of the sun's disc from points (N, 3), with penumbra."""
     share = np.ones(len(points), dtype=points.dtype)
     sun = stage.sun_direction.astype(points.dtype)
-    for kind, centre in enumerate(stage.centres):
+    for kind, center in enumerate(stage.centers):
         if kind == leaving:
             continue
-        towards = centre - points
+        towards = center - points
         along = towards @ sun
         aside = np.sqrt(np.maximum(_dot(towards, towards) - along**2, 0))
         penumbra = 2 * np.tan(np.radians(SUN_RADIUS)) * np.maximum(along, 1e-3)
@@ -145,7 +145,7 @@ def visible_sun_share(points: Floats, stage: SphereScene, leaving: int | None = 
 
 def shade_sphere(kind: int, points: Floats, rays: Floats, stage: SphereScene, *, mirrored: bool) -> Floats:
     """Radiance (N, 3) of a sphere at points (N, 3) seen along rays (N, 3); `mirrored`, it is seen in another sphere."""
-    normals = points - stage.centres[kind]
+    normals = points - stage.centers[kind]
     if kind == DIFFUSE:
         return _diffuse(points, normals, stage)
     reflected = rays - 2 * _dot(rays, normals)[:, None] * normals
@@ -162,10 +162,10 @@ def _around(kind: int, points: Floats, rays: Floats, stage: SphereScene) -> Floa
     radiance = sample_latlong(stage.lobes, rays).astype(rays.dtype)
     down = rays[:, 1] < _LEVEL
     radiance[down] = _ground_along(points[down], rays[down], stage)
-    distance = ray_sphere(points, rays, stage.centres[DIFFUSE])
+    distance = ray_sphere(points, rays, stage.centers[DIFFUSE])
     ball = np.isfinite(distance) & (kind != DIFFUSE)
     hits = points[ball] + rays[ball] * distance[ball, None]
-    radiance[ball] = _diffuse(hits, hits - stage.centres[DIFFUSE], stage)
+    radiance[ball] = _diffuse(hits, hits - stage.centers[DIFFUSE], stage)
     return radiance
 
 
@@ -203,7 +203,7 @@ _BOUNCES = 3  # of light between spheres and ground
 _BOUNCES_MORE = 2  # where that light is nearly right already
 
 
-def build_sphere_scene(envmap: NDArray[np.float32], sun: Floats, centres: Floats) -> SphereScene:
+def build_sphere_scene(envmap: NDArray[np.float32], sun: Floats, centers: Floats) -> SphereScene:
     """The spheres at `centres` (3, 3) under a map (H, 2H, 3) whose sun stands in the direction `sun` (3,)."""
     sky, sun_irradiance = remove_sun(envmap, sun)
     coarse = shrink_envmap(sky, _LOBE_ROWS)
@@ -213,9 +213,9 @@ def build_sphere_scene(envmap: NDArray[np.float32], sun: Floats, centres: Floats
     albedo = np.pi * ground / (overhead + direct)
     ball = envmap_irradiance(_with_ground_times(coarse, 0.0), latlong_directions(_BALL_ROWS))
     lobes = blur_envmap(coarse, GLOSSINESS)
-    none = tuple(np.zeros((2, 4, 3)) for _ in centres)
+    none = tuple(np.zeros((2, 4, 3)) for _ in centers)
     stage = SphereScene(
-        centres, sky, coarse, lobes, sun, sun_irradiance, ground, albedo * overhead / np.pi, albedo, ball, none
+        centers, sky, coarse, lobes, sun, sun_irradiance, ground, albedo * overhead / np.pi, albedo, ball, none
     )
     return _bounced(stage, _BOUNCES)
 
@@ -246,7 +246,7 @@ def _with_ground_times(image: NDArray[np.float32], gain: Floats | float) -> NDAr
 def _bounced(stage: SphereScene, times: int) -> SphereScene:
     """The stage with the light that its spheres and its ground send to each other, so many times."""
     for _ in range(times):
-        stage = replace(stage, exchange=tuple(_exchange(kind, stage) for kind in range(len(stage.centres))))
+        stage = replace(stage, exchange=tuple(_exchange(kind, stage) for kind in range(len(stage.centers))))
         stage = replace(stage, ball=_around_ball(stage))
     return stage
 
@@ -260,9 +260,9 @@ def _exchange(kind: int, stage: SphereScene) -> Floats:
     towards = latlong_directions(_EXCHANGE_ROWS)[: _EXCHANGE_ROWS // 2].reshape(-1, 3)
     rays, weight = _cones(towards)
     shape, rays = rays.shape, rays.reshape(-1, 3)
-    points = np.repeat(stage.centres[kind] - towards / towards[:, 1:2], shape[1], axis=0)
-    distance = ray_sphere(points, rays, stage.centres[kind])
-    first = np.all([distance <= ray_sphere(points, rays, centre) for centre in stage.centres], axis=0)
+    points = np.repeat(stage.centers[kind] - towards / towards[:, 1:2], shape[1], axis=0)
+    distance = ray_sphere(points, rays, stage.centers[kind])
+    first = np.all([distance <= ray_sphere(points, rays, center) for center in stage.centers], axis=0)
     radiance = shade_sphere(kind, points + rays * distance[:, None], rays, stage, mirrored=True)
     radiance = np.where(first[:, None], radiance - sample_latlong(stage.coarse, rays), 0.0).reshape(shape)
     upper = np.einsum("nr,nrc->nc", weight, radiance).reshape(_EXCHANGE_ROWS // 2, -1, 3)
@@ -290,7 +290,7 @@ def _around_ball(stage: SphereScene) -> Floats:
     weight = np.maximum(normals @ rays.T, 0) * np.repeat(latlong_solid_angle(_AROUND_ROWS), 2 * _AROUND_ROWS)
     normal, ray = np.nonzero(weight)
     radiance = np.zeros((*weight.shape, 3))
-    radiance[normal, ray] = _trace(stage.centres[DIFFUSE] + normals[normal], rays[ray], soft, DIFFUSE, disc=None)
+    radiance[normal, ray] = _trace(stage.centers[DIFFUSE] + normals[normal], rays[ray], soft, DIFFUSE, disc=None)
     total = np.einsum("nr,nrc->nc", weight, radiance) * np.pi / weight.sum(axis=1, keepdims=True)
     return np.asarray(total.reshape(_BALL_ROWS, -1, 3))
 
@@ -310,14 +310,14 @@ def render_spheres(
     width: int,
     height: int,
     supersampling: int = 2,
-    centres: NDArray[np.float32] | None = None,
+    centers: NDArray[np.float32] | None = None,
 ) -> NDArray[np.float32]:
     """Linear picture (supersampling x height, supersampling x width, 3) of the spheres under a map (H, 2H, 3).
 
     They stand where `sphere_centres` says, or at `centres` (3, 3) from the camera, on the same ground.
     """
-    centres = sphere_centers(width / height, limit_pitch(lighting)) if centres is None else centres
-    stage = build_sphere_scene(envmap, lighting.sun_direction, centres.astype(np.float64))
+    centers = sphere_centers(width / height, limit_pitch(lighting)) if centers is None else centers
+    stage = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
     return render_sphere_scene(stage, lighting, width, height, supersampling)
 
 
@@ -328,7 +328,7 @@ def render_sphere_scene(
     columns, rows = width * supersampling, height * supersampling
     camera = Pinhole(columns, rows, VERTICAL_FOV, elevation=limit_pitch(lighting))
     rays = camera_directions(camera).astype(np.float32).reshape(-1, 3)
-    picture = _trace(np.zeros(3, np.float32), rays, replace(stage, centres=stage.centres.astype(np.float32)))
+    picture = _trace(np.zeros(3, np.float32), rays, replace(stage, centers=stage.centers.astype(np.float32)))
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
 
 

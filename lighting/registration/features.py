@@ -68,9 +68,9 @@ def has_opencv() -> bool:
 def detect_features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
     """The features of a photo (H, W, 3) sRGB, or (H, W) grey, upright."""
     cv2 = import_opencv()
-    grey = resize_to(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
-    height, width = grey.shape
-    even = cv2.createCLAHE(EQUALIZATION_LIMIT, (8, 8)).apply(grey)  # shade has features too
+    gray = resize_to(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
+    height, width = gray.shape
+    even = cv2.createCLAHE(EQUALIZATION_LIMIT, (8, 8)).apply(gray)  # shade has features too
     found, described = cv2.SIFT_create(max_features, contrastThreshold=MIN_CONTRAST).detectAndCompute(even, None)
     if described is None:
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
@@ -78,14 +78,14 @@ def detect_features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_fea
     return Features(to_centered(corner, width, height), _rooted(described), width, height)
 
 
-def resize_to(grey: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
+def resize_to(gray: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
     """A grey picture (H, W) with `max_side` pixels along its longer side, if it has more."""
     cv2 = import_opencv()
-    height, width = grey.shape
+    height, width = gray.shape
     size = geometry.shrink_size(width, height, max_side)
     if size == (width, height):
-        return np.ascontiguousarray(grey)
-    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA))
+        return np.ascontiguousarray(gray)
+    return np.asarray(cv2.resize(gray, size, interpolation=cv2.INTER_AREA))
 
 
 def to_centered(corner: Floats, width: int, height: int) -> Floats:

@@ -35,15 +35,15 @@ def least_squares(
     """
     at, damping = np.asarray(start, dtype=np.float64), 1e-3
     known = np.zeros(len(at)) if prior is None else prior * scale * scale
-    centre = at.copy() if expected is None else expected
+    center = at.copy() if expected is None else expected
     value = residuals(at)
     for _ in range(STEPS):
         slope, weight = _slope(residuals, at, value), _weights(value, scale)
         normal = (slope * weight[:, None]).T @ slope + np.diag(known)
-        gradient = slope.T @ (weight * value) + known * (at - centre)
+        gradient = slope.T @ (weight * value) + known * (at - center)
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
         there = residuals(at + step)
-        if _cost(there, scale) + known @ (at + step - centre) ** 2 < _cost(value, scale) + known @ (at - centre) ** 2:
+        if _cost(there, scale) + known @ (at + step - center) ** 2 < _cost(value, scale) + known @ (at - center) ** 2:
             at, value, damping = at + step, there, 0.2 * damping
         else:
             damping *= 10.0

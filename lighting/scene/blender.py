@@ -66,9 +66,9 @@ def animate_blender(motion: CameraMotion) -> dict[str, str]:
 def _save(folder: Path) -> None:
     """Run the script in a process of its own, since bpy has one open file per process."""
     command = [sys.executable, SCRIPT, "--save"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-    if done.returncode or not (folder / FILE).is_file():
-        lines = done.stderr.strip().splitlines() or ["no reason given"]
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    if result.returncode or not (folder / FILE).is_file():
+        lines = result.stderr.strip().splitlines() or ["no reason given"]
         raise SceneError(f"Blender could not build {FILE}: {lines[-1]}", code=ErrorCode.FAILED)
 
 
@@ -76,7 +76,7 @@ def _description(scene: Scene) -> dict[str, Any]:
     """The values that data/blender.py reads, in metres, degrees and millimetres; +Z up, the camera looks along +Y."""
     matrix = scene.camera_matrix
     matrix[:3] = to_z_up(matrix[:3].T).T
-    colour, strength = color_and_intensity(scene.sun_irradiance)
+    color, strength = color_and_intensity(scene.sun_irradiance)
     sun = to_z_up(scene.sun_direction).tolist()
     return {
         "plate": PLATE,
@@ -92,7 +92,7 @@ def _description(scene: Scene) -> dict[str, Any]:
             "focal_length": scene.focal_length,
             "clip": [NEAR, FAR],
         },
-        "sun": {"direction": sun, "angle": SUN_ANGLE, "colour": colour.tolist(), "irradiance": strength},
+        "sun": {"direction": sun, "angle": SUN_ANGLE, "colour": color.tolist(), "irradiance": strength},
         "sky": {"yaw": YAW, "native": _native_sky(scene)},
         "ground": {"radius": GROUND_RADIUS, "albedo": scene.ground.tolist()},
         "placeholder": _placeholder(scene),

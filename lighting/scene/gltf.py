@@ -42,19 +42,19 @@ def _ball(radius: float) -> _Mesh:
     """A sphere around the origin."""
     slope = np.linspace(-np.pi / 2, np.pi / 2, _RINGS + 1)
     normals = np.stack([np.cos(slope), np.sin(slope)], axis=-1)
-    return _turned(radius * normals, normals)
+    return _surface_of_revolution(radius * normals, normals)
 
 
 def _stick(radius: float, height: float) -> _Mesh:
     """An upright cylinder that stands on the origin."""
     profile = np.array([[0, 0], [radius, 0], [radius, 0], [radius, height], [radius, height], [0, height]])
     normals = np.array([[0, -1], [0, -1], [1, 0], [1, 0], [0, 1], [0, 1]])
-    return _turned(profile, normals)
+    return _surface_of_revolution(profile, normals)
 
 
 def _disc(radius: float) -> _Mesh:
     """A level disc around the origin, facing up."""
-    return _turned(np.array([[radius, 0.0], [0.0, 0.0]]), np.array([[0.0, 1.0], [0.0, 1.0]]))
+    return _surface_of_revolution(np.array([[radius, 0.0], [0.0, 0.0]]), np.array([[0.0, 1.0], [0.0, 1.0]]))
 
 
 def _picture(width: float, height: float) -> _Mesh:
@@ -67,11 +67,11 @@ def _picture(width: float, height: float) -> _Mesh:
     return _Mesh(positions, normals, triangles, corners)
 
 
-def _turned(profile: Floats, normals: Floats) -> _Mesh:
+def _surface_of_revolution(profile: Floats, normals: Floats) -> _Mesh:
     """The surface of revolution of a profile (P, 2) of (radius, height) around the Y axis; outside is on its right."""
     angle = np.linspace(0.0, 2 * np.pi, _SEGMENTS + 1)
-    around = np.stack([np.cos(angle), np.ones_like(angle), -np.sin(angle)], axis=-1)
-    points, outward = (around * values[:, None, [0, 1, 0]] for values in (profile, normals))
+    ring = np.stack([np.cos(angle), np.ones_like(angle), -np.sin(angle)], axis=-1)
+    points, outward = (ring * values[:, None, [0, 1, 0]] for values in (profile, normals))
     first = np.arange(_SEGMENTS) + (_SEGMENTS + 1) * np.arange(len(profile) - 1)[:, None]
     above = first + _SEGMENTS + 1
     triangles = np.stack([first, first + 1, above + 1, first, above + 1, above], axis=-1).reshape(-1, 3)
@@ -137,7 +137,7 @@ def _nodes(scene: Scene) -> list[dict[str, Any]]:
         },
         {"name": "Ground", "mesh": 2, "translation": scene.spot.tolist()},
         {"name": "YourObject", "translation": scene.spot.tolist(), "children": [5, 6]},
-        {"name": "Ball", "mesh": 0, "translation": placeholder.ball_centre.tolist()},
+        {"name": "Ball", "mesh": 0, "translation": placeholder.ball_center.tolist()},
         {"name": "Stick", "mesh": 1, "translation": placeholder.stick_foot.tolist()},
     ]
 
@@ -153,8 +153,8 @@ def _plate_distance(scene: Scene) -> float:
 
 
 def _sun(scene: Scene) -> dict[str, Any]:
-    colour, intensity = color_and_intensity(scene.sun_irradiance)
-    return {"name": "Sun", "type": "directional", "color": colour.tolist(), "intensity": intensity}
+    color, intensity = color_and_intensity(scene.sun_irradiance)
+    return {"name": "Sun", "type": "directional", "color": color.tolist(), "intensity": intensity}
 
 
 def _camera(scene: Scene) -> dict[str, Any]:

@@ -65,7 +65,7 @@ def _object_values(scene: Scene) -> dict[str, object]:
         "spot": _numbers(scene.spot),
         "spot_lit": f"{scene.spot_lit:.9g}",
         "albedo": PLACEHOLDER_ALBEDO,
-        "ball_centre": _numbers(scene.spot + placeholder.ball_centre),
+        "ball_centre": _numbers(scene.spot + placeholder.ball_center),
         "ball_radius": f"{placeholder.ball_radius:.9g}",
         "stick_foot": _numbers(foot),
         "stick_top": _numbers(foot + np.array([0.0, placeholder.stick_height, 0.0])),

@@ -162,8 +162,8 @@ class Scene:
     def warnings(self) -> tuple[str, ...]:
         """Those of the light, and one each where the spot lies out of the picture and where it lies in shade."""
         x, y = camera_pixel(self._sight, self._camera)
-        seen = 0 <= x <= self.width and 0 <= y <= self.height
-        hidden = () if seen else (_HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))),)
+        in_view = 0 <= x <= self.width and 0 <= y <= self.height
+        hidden = () if in_view else (_HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))),)
         return (*self.lighting.warnings, *hidden, *((_SHADED_SPOT,) if self.spot_in_shade else ()))
 
     @property
@@ -194,7 +194,7 @@ def make_scene(
     *,
     map_height: int = MAP_HEIGHT,
     sun: bool | None = None,
-    place: PhotoContext | None = None,
+    context: PhotoContext | None = None,
 ) -> Scene:
     """The scene of a photo under its lighting.
 
@@ -205,12 +205,12 @@ def make_scene(
     check_lighting(lighting)
     check_photo(photo)
     shines = lighting.sun_painted if sun is None else sun
-    if place is None:
+    if context is None:
         environment = render(lighting, map_height, sun=shines, disc=False)
     else:
-        environment = render_with_surroundings(lighting, place, map_height, sun=shines, disc=False)
+        environment = render_with_surroundings(lighting, context, map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
-    lit = ground_shadow_mask(photo.pixels, place.light_at_exposure(lighting) if place else lighting, sun=shines)
+    lit = ground_shadow_mask(photo.pixels, context.light_at_exposure(lighting) if context else lighting, sun=shines)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)
 
 
@@ -226,7 +226,7 @@ class _Placeholder:
     ball_radius: float
 
     @property
-    def ball_centre(self) -> Floats:
+    def ball_center(self) -> Floats:
         """The ball rests on the spot."""
         return np.array([0.0, self.ball_radius, 0.0])
 

@@ -33,7 +33,7 @@ def write_threejs(scene: Scene, folder: Folder) -> None:
 def _description(scene: Scene) -> dict[str, Any]:
     """The values that viewer.js reads, in metres and degrees; three.js has the frame of geometry.py."""
     placeholder = make_placeholder(scene)
-    colour, intensity = color_and_intensity(scene.sun_irradiance)
+    color, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "width": scene.width,
         "height": scene.height,
@@ -42,7 +42,7 @@ def _description(scene: Scene) -> dict[str, Any]:
         "far": FAR,
         "cameraMatrix": scene.camera_matrix.ravel().tolist(),
         "sunDirection": scene.sun_direction.tolist(),
-        "sunColour": colour.tolist(),
+        "sunColour": color.tolist(),
         "sunIntensity": intensity,
         "shadow": scene.shadow.tolist(),
         "groundRadius": GROUND_RADIUS,

@@ -31,7 +31,7 @@ from lighting.scene.writer import Folder, fill_template, write_shared_files
 
 STAGE, SHOT_STAGE = "scene.usda", "shot.usda"
 
-Placed = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
+ToStage = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
 APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the metre
 _UP = np.array([0.0, 1.0, 0.0])
@@ -93,28 +93,28 @@ def _rows(matrix: Floats) -> str:
 
 def _values(scene: Scene, up_axis: str) -> dict[str, Any]:
     """The values of the placeholders in data/scene.usda; lengths in metres."""
-    placed = partial(_placed, up_axis)
+    to_stage = partial(_to_stage, up_axis)
     return {
         "up_axis": up_axis,
         "environment": ENVIRONMENT,
         "plate": PLATE,
-        **_camera_values(scene, placed),
-        **_light_values(scene, placed),
-        **_ground_values(scene, placed),
-        **_object_values(scene, placed),
+        **_camera_values(scene, to_stage),
+        **_light_values(scene, to_stage),
+        **_ground_values(scene, to_stage),
+        **_object_values(scene, to_stage),
     }
 
 
-def _placed(up_axis: str, vectors: ArrayLike) -> NDArray[np.float64]:
-    turned = to_z_up(np.asarray(vectors)) if up_axis == "Z" else vectors
-    return np.asarray(turned, dtype=np.float64)
+def _to_stage(up_axis: str, vectors: ArrayLike) -> NDArray[np.float64]:
+    rotated = to_z_up(np.asarray(vectors)) if up_axis == "Z" else vectors
+    return np.asarray(rotated, dtype=np.float64)
 
 
-def _camera_values(scene: Scene, placed: Placed) -> dict[str, str]:
+def _camera_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
     picture = _picture_corners(scene)
     return {
         "resolution": f"({scene.width}, {scene.height})",
-        "camera_matrix": _matrix(placed(scene.camera_matrix[:3].T)),
+        "camera_matrix": _matrix(to_stage(scene.camera_matrix[:3].T)),
         "focal_length": _number(scene.focal_length / APERTURE_UNIT),
         "horizontal_aperture": _number(scene.sensor_width / APERTURE_UNIT),
         "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / APERTURE_UNIT),
@@ -124,42 +124,42 @@ def _camera_values(scene: Scene, placed: Placed) -> dict[str, str]:
     }
 
 
-def _light_values(scene: Scene, placed: Placed) -> dict[str, Any]:
-    colour, intensity = color_and_intensity(scene.sun_irradiance)
+def _light_values(scene: Scene, to_stage: ToStage) -> dict[str, Any]:
+    color, intensity = color_and_intensity(scene.sun_irradiance)
     return {
-        "sky_matrix": _matrix(placed([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
-        "sun_matrix": _matrix(placed(scene.sun_matrix[:3].T)),
+        "sky_matrix": _matrix(to_stage([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
+        "sun_matrix": _matrix(to_stage(scene.sun_matrix[:3].T)),
         "sun_angle": _number(SUN_ANGLE),
-        "sun_colour": _vector(colour),
+        "sun_colour": _vector(color),
         "sun_intensity": _number(intensity),
         "sun_on_all": int(not scene.spot_in_shade),
         "sun_on": "</World/Ground>" if scene.spot_in_shade else "[]",
     }
 
 
-def _ground_values(scene: Scene, placed: Placed) -> dict[str, str]:
-    corners = placed(GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]))
+def _ground_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
+    corners = to_stage(GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]))
     return {
         "ground_points": _vectors(corners),
         "ground_extent": _extent(corners),
-        "ground_normal": _vector(placed(_UP)),
+        "ground_normal": _vector(to_stage(_UP)),
         "ground_colour": _vector(scene.ground),
     }
 
 
-def _object_values(scene: Scene, placed: Placed) -> dict[str, str]:
+def _object_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
     placeholder = make_placeholder(scene)
     corner = np.array([placeholder.stick_radius, placeholder.stick_height / 2, placeholder.stick_radius])
     return {
         "object_colour": _vector([PLACEHOLDER_ALBEDO] * 3),
-        "spot": _vector(placed(scene.spot)),
-        "ball_centre": _vector(placed(placeholder.ball_centre)),
+        "spot": _vector(to_stage(scene.spot)),
+        "ball_centre": _vector(to_stage(placeholder.ball_center)),
         "ball_radius": _number(placeholder.ball_radius),
         "ball_extent": _extent(np.array([[-1.0] * 3, [1.0] * 3]) * placeholder.ball_radius),
-        "stick_centre": _vector(placed(placeholder.stick_foot + _UP * placeholder.stick_height / 2)),
+        "stick_centre": _vector(to_stage(placeholder.stick_foot + _UP * placeholder.stick_height / 2)),
         "stick_height": _number(placeholder.stick_height),
         "stick_radius": _number(placeholder.stick_radius),
-        "stick_extent": _extent(placed(np.stack([-corner, corner]))),
+        "stick_extent": _extent(to_stage(np.stack([-corner, corner]))),
     }
 
 

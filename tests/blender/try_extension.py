@@ -60,7 +60,7 @@ def seen(scene: Any, higher: float) -> bool:
     """Whether the camera, turned up by an angle [rad], sees the spot."""
     camera = scene.light_from_photo.camera
     camera.rotation_euler.x += higher
-    answer = bool(sys.modules[f"{NAME}.furnish"].spot_is_seen(scene))
+    answer = bool(sys.modules[f"{NAME}.furnish"].spot_is_in_view(scene))
     camera.rotation_euler.x -= higher
     return answer
 

@@ -18,7 +18,7 @@ from lighting.scene.records import Scene, make_scene
 Bytes = NDArray[np.uint8]
 
 GRID = "fibonacci:256"
-GREY = 110
+GRAY = 110
 
 
 def outdoors(azimuth: float = 150.0, elevation: float = 40.0, **others: Any) -> Lighting:
@@ -26,7 +26,7 @@ def outdoors(azimuth: float = 150.0, elevation: float = 40.0, **others: Any) -> 
 
 
 def photo(width: int, height: int) -> Bytes:
-    return np.full((height, width, 3), GREY, dtype=np.uint8)
+    return np.full((height, width, 3), GRAY, dtype=np.uint8)
 
 
 def distribution(probability: Floats | None = None, grid: str = GRID) -> SunDistribution:

@@ -113,9 +113,11 @@ def test_the_lights_power_follows_the_sliders(unpacked: str) -> None:
     irradiance: dict[str, Any] = {"sun_irradiance": (1.9, 1.5, 0.9), "sky_irradiance": (0.4, 0.5, 0.8)}
     stated = Lighting(-40.0, 35.0, 3.0, 2.0, sky_cover=0.3, ground_color=(0.2, 0.1, 0.1), **irradiance)
     record = json.dumps(stated.to_dict())
-    as_estimated = skies.moved(record, {"sun_azimuth": stated.sun_azimuth, "exposure": stated.exposure})
+    as_estimated = skies.light_of_sliders(record, {"sun_azimuth": stated.sun_azimuth, "exposure": stated.exposure})
     assert as_estimated.sky_irradiance == pytest.approx(stated.sky_irradiance)
-    low = skies.moved(record, {"sun_elevation": 5.0, "turbidity": float(np.float32(10.0000001)), "exposure": 9.9e-7})
+    low = skies.light_of_sliders(
+        record, {"sun_elevation": 5.0, "turbidity": float(np.float32(10.0000001)), "exposure": 9.9e-7}
+    )
     ours = edit_lighting(stated, {"sun_elevation": 5.0, "turbidity": 10.0, "exposure": 1e-6})
     assert Lighting.from_dict(low.to_dict()) == ours
 
@@ -300,9 +302,11 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     program.chmod(0o755)
     arguments = [ROOT / "tests" / "blender" / "try_extension.py", package, program, ROOT / "examples/wide_street.jpg"]
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(tmp_path / "user")}
-    done = subprocess.run([PYTHON, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300)
-    (line,) = [line for line in done.stdout.splitlines() if line.startswith("FOUND ")] or [done.stderr]
-    found, said = json.loads(line.removeprefix("FOUND ")), done.stdout + done.stderr
+    result = subprocess.run(
+        [PYTHON, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300
+    )
+    (line,) = [line for line in result.stdout.splitlines() if line.startswith("FOUND ")] or [result.stderr]
+    found, said = json.loads(line.removeprefix("FOUND ")), result.stdout + result.stderr
     assert found["estimate"] == ["FINISHED"]
     assert found["kept"]
     assert {name.split(".")[0] for name in found["made"]} == {"Camera", "Ground", "Sun", "Your object here"}

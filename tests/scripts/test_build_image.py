@@ -12,7 +12,7 @@ from scripts.build_image import (
     UnavailableError,
     _pip_settings,
     _run,
-    enter_own_mounts,
+    enter_mount_namespace,
     install_node,
     load_base,
     network_environment,
@@ -92,15 +92,15 @@ def test_the_engine_keeps_to_its_storage() -> None:
 def test_a_machine_that_cannot_build_says_why(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "geteuid", lambda: 1000)
     with pytest.raises(UnavailableError, match=r"^it needs root$"):
-        enter_own_mounts()
+        enter_mount_namespace()
     monkeypatch.setattr(os, "geteuid", lambda: 0)
     monkeypatch.setattr("shutil.which", lambda name: "/bin/npm" if name == "npm" else None)
     with pytest.raises(UnavailableError, match=r"^there is no buildah and no mmdebstrap$"):
-        enter_own_mounts()
+        enter_mount_namespace()
     monkeypatch.setattr("shutil.which", lambda name: f"/bin/{name}")
     monkeypatch.setattr(build_image, "unshare", lambda _: (_ for _ in ()).throw(PermissionError(1, "unshare")))
     with pytest.raises(UnavailableError, match=r"^it needs mount namespaces$"):
-        enter_own_mounts()
+        enter_mount_namespace()
 
     def fail(*_: object) -> str:
         raise RuntimeError("mmdebstrap ended with 1:\nI: chroot\nE: no mount\nE: mmdebstrap failed to run")

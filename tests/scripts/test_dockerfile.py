@@ -46,8 +46,8 @@ def test_hadolint_finds_nothing() -> None:
     program = shutil.which("hadolint", path=str(Path(sys.executable).parent)) or shutil.which("hadolint")
     if not program:
         pytest.skip("hadolint is not installed")
-    done = subprocess.run([program, str(ROOT / "Dockerfile")], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout) == (0, "")
+    result = subprocess.run([program, str(ROOT / "Dockerfile")], capture_output=True, text=True, timeout=60)
+    assert (result.returncode, result.stdout) == (0, "")
 
 
 @pytest.mark.parametrize("extra", ["", "server", "heif", "turns"])

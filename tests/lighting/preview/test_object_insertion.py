@@ -11,14 +11,14 @@ from lighting.color import srgb_decode, tone_map
 from lighting.envmap.render import render
 from lighting.geometry import Pinhole, camera_pixel
 from lighting.preview.object_insertion import (
-    BALL,
-    _ball_centres,
+    MAX_BALL_RADIUS,
+    _ball_centers,
     _ball_radius,
-    _dark,
-    _few_points,
+    _shadow_cells,
+    _coarse_ground_points,
     _has_room,
-    _plain_spot,
-    _shadow,
+    _find_plain_spot,
+    _shadow_factors,
     insert_balls,
     shows_ground,
 )
@@ -29,7 +29,7 @@ from tests.helpers.lights import stated_light
 LIGHT = replace(stated_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
 WIDTH, HEIGHT = 160, 120
 CAMERA = Pinhole(WIDTH, HEIGHT, LIGHT.vertical_fov, elevation=-10.0)
-CENTRES = _ball_centres(CAMERA, (WIDTH / 2, 0.8 * HEIGHT))  # where they stand on plain ground
+CENTERS = _ball_centers(CAMERA, (WIDTH / 2, 0.8 * HEIGHT))  # where they stand on plain ground
 SUNLIT = (
     np.array(stated_light(40.0).ground_color)
     / np.pi
@@ -40,8 +40,8 @@ SHADED = np.array([0.12, 0.11, 0.1]) / np.pi * np.array([0.4, 0.5, 0.8])
 
 @lru_cache(maxsize=1)
 def stage() -> SphereScene:
-    centres = sphere_centers(4 / 3, -10.0).astype(np.float64)
-    return build_sphere_scene(render(LIGHT, 64), LIGHT.sun_direction, centres)
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    return build_sphere_scene(render(LIGHT, 64), LIGHT.sun_direction, centers)
 
 
 def drawn(ground: np.ndarray) -> np.ndarray:
@@ -51,14 +51,14 @@ def drawn(ground: np.ndarray) -> np.ndarray:
 
 
 def test_the_balls_stand_side_by_side_on_the_ground_below_the_middle() -> None:
-    centres = CENTRES
-    assert np.ptp(centres[:, 1]) == pytest.approx(0.0, abs=1e-9)
-    assert centres[0, 0] < centres[1, 0] < centres[2, 0]
-    x, y = camera_pixel(centres[1], CAMERA)
+    centers = CENTERS
+    assert np.ptp(centers[:, 1]) == pytest.approx(0.0, abs=1e-9)
+    assert centers[0, 0] < centers[1, 0] < centers[2, 0]
+    x, y = camera_pixel(centers[1], CAMERA)
     assert x == pytest.approx(WIDTH / 2, abs=1)
-    foot = camera_pixel(centres[1] - [0.0, 1.0, 0.0], CAMERA)[1]
+    foot = camera_pixel(centers[1] - [0.0, 1.0, 0.0], CAMERA)[1]
     assert foot == pytest.approx(0.8 * HEIGHT, abs=0.1)
-    assert foot - y == pytest.approx(BALL * HEIGHT, rel=0.15)
+    assert foot - y == pytest.approx(MAX_BALL_RADIUS * HEIGHT, rel=0.15)
 
 
 def test_a_picture_without_ground_stays_as_it_is() -> None:
@@ -93,9 +93,9 @@ def test_a_narrow_picture_shows_the_balls(size: tuple[int, int]) -> None:
 
 def test_a_narrow_picture_has_all_balls_inside() -> None:
     narrow = Pinhole(32, 256, LIGHT.vertical_fov, elevation=-10.0)
-    x = camera_pixel(_ball_centres(narrow, (16.0, 200.0)), narrow)[:, 0]
+    x = camera_pixel(_ball_centers(narrow, (16.0, 200.0)), narrow)[:, 0]
     radius = _ball_radius(narrow)
-    assert radius < BALL * 256
+    assert radius < MAX_BALL_RADIUS * 256
     assert x.min() - radius > 0
     assert x.max() + radius < 32
 
@@ -116,11 +116,11 @@ def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
 
 def test_the_edges_of_shadows_are_smooth() -> None:
     """As with eight times as many rays each way, to a tenth; by a ray for two pixels they would be stairs."""
-    there = replace(stage(), centres=CENTRES)
+    there = replace(stage(), centers=CENTERS)
     fine = replace(CAMERA, width=8 * WIDTH, height=8 * HEIGHT)
-    dark = _dark(*_few_points(CAMERA, there), there)
-    many = _shadow(fine, there, np.ones((1, 1), dtype=bool)).reshape(HEIGHT, 8, WIDTH, 8).mean(axis=(1, 3))
-    share = _shadow(CAMERA, there, dark)
+    dark = _shadow_cells(*_coarse_ground_points(CAMERA, there), there)
+    many = _shadow_factors(fine, there, np.ones((1, 1), dtype=bool)).reshape(HEIGHT, 8, WIDTH, 8).mean(axis=(1, 3))
+    share = _shadow_factors(CAMERA, there, dark)
     edge = (many > 0.01) & (many < 0.99)
     assert edge.sum() > 50
     assert np.abs(share - many)[edge].mean() < 0.12  # one ray a pixel: 0.21
@@ -139,9 +139,9 @@ def test_ground_in_shade_is_not_darkened_by_the_sun_again() -> None:
 def test_balls_on_ground_in_shade_are_in_shade() -> None:
     """Seen from where the sun is, the grey ball of the shaded picture has the sky's light alone."""
     behind = replace(LIGHT, sun_azimuth=180.0)
-    centres = sphere_centers(4 / 3, -10.0).astype(np.float64)
-    lit = build_sphere_scene(render(behind, 64), behind.sun_direction, centres)
-    x, y = (round(float(v)) for v in camera_pixel(CENTRES[2], CAMERA))
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(behind, 64), behind.sun_direction, centers)
+    x, y = (round(float(v)) for v in camera_pixel(CENTERS[2], CAMERA))
     seen = {}
     for name, under in (("sun", SUNLIT), ("shade", SHADED)):
         ground = np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3)).copy()
@@ -156,7 +156,7 @@ def test_balls_on_ground_in_shade_are_in_shade() -> None:
 
 def test_the_balls_are_seen() -> None:
     linear = drawn(SHADED)
-    x, y = (round(float(v)) for v in camera_pixel(CENTRES[2], CAMERA))
+    x, y = (round(float(v)) for v in camera_pixel(CENTERS[2], CAMERA))
     assert linear[y - 2, x].mean() > 2 * SHADED.mean()
 
 
@@ -165,8 +165,8 @@ def test_a_light_of_overcast_skies_throws_no_hard_shadow() -> None:
         0.0, 40.0, 3.0, 1.0, camera_elevation=-10.0, sky_cover=1.0, ground_color=(0.12, 0.12, 0.12),
         sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=(0.8, 0.8, 0.8),
     )  # fmt: skip
-    centres = sphere_centers(4 / 3, -10.0).astype(np.float64)
-    lit = build_sphere_scene(render(dull, 64), dull.sun_direction, centres)
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(dull, 64), dull.sun_direction, centers)
     level = np.full(3, 0.12 / np.pi * 0.8)
     picture = Image.fromarray(tone_map(np.broadcast_to(level, (HEIGHT, WIDTH, 3))))
     share = srgb_decode(np.asarray(insert_balls(picture, dull, lit)) / 255.0) / level
@@ -179,7 +179,7 @@ REACH = ROW * RADIUS
 
 
 def spot_in(pixels: np.ndarray, camera: Pinhole = ROOM_CAMERA) -> tuple[float, float]:
-    found = _plain_spot(Image.fromarray(pixels), camera, RADIUS, ROW)
+    found = _find_plain_spot(Image.fromarray(pixels), camera, RADIUS, ROW)
     assert found is not None
     return found
 
@@ -209,7 +209,7 @@ def test_balls_stand_lower_than_the_camera_and_wholly_in_the_picture() -> None:
 
 def test_a_camera_that_shows_no_ground_has_no_room() -> None:
     up = Pinhole(320, 240, 50.0, elevation=40.0)
-    assert _plain_spot(Image.new("RGB", (320, 240)), up, RADIUS, ROW) is None
+    assert _find_plain_spot(Image.new("RGB", (320, 240)), up, RADIUS, ROW) is None
     assert not _has_room(up, RADIUS, ROW)
     assert _has_room(ROOM_CAMERA, RADIUS, ROW)
 
@@ -217,4 +217,4 @@ def test_a_camera_that_shows_no_ground_has_no_room() -> None:
 @pytest.mark.parametrize("size", [(1, 1), (3, 400), (400, 3)])
 def test_pictures_of_few_pixels_are_taken(size: tuple[int, int]) -> None:
     camera = Pinhole(*size, 50.0, elevation=-30.0)
-    _plain_spot(Image.new("RGB", size), camera, 0.05 * size[1], 3.6)
+    _find_plain_spot(Image.new("RGB", size), camera, 0.05 * size[1], 3.6)

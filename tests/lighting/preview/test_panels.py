@@ -15,11 +15,11 @@ from lighting.preview.panels import (
     WIDTH,
     _density,
     _frame_directions,
-    _heat,
+    _draw_density,
     _on_dome,
-    _pieces,
-    _regions,
-    _rim,
+    _split_at_seam,
+    _draw_regions,
+    _circle_around_sun,
     draw_compass,
     draw_map_panel,
     draw_photo_panel,
@@ -34,7 +34,7 @@ from tests.helpers.scenes import GRID, amber, distribution, estimate, outdoors, 
 @pytest.mark.parametrize(("azimuth", "elevation"), [(60.0, 30.0), (-60.0, 30.0), (135.0, 20.0), (0.0, 60.0)])
 def test_probability_peaks_at_its_place_on_the_compass(azimuth: float, elevation: float) -> None:
     cell = grid_directions(GRID)[np.argmax(grid_directions(GRID) @ direction(azimuth, elevation))]
-    heat = np.asarray(_heat(distribution(soft_label(cell, 60.0, GRID)))).astype(int)
+    heat = np.asarray(_draw_density(distribution(soft_label(cell, 60.0, GRID)))).astype(int)
     row, column = np.unravel_index(np.argmax(heat.sum(axis=-1)), heat.shape[:2])
     x, y = (column + 0.5) / heat.shape[1] * 2 - 1, (row + 0.5) / heat.shape[0] * 2 - 1
     reach = (90 - elevation) / 90
@@ -50,8 +50,8 @@ def test_density_integrates_to_one(layout: str) -> None:
 
 
 def test_even_probability_is_colder_than_a_sure_one() -> None:
-    even = np.asarray(_heat(distribution()))
-    sure = np.asarray(_heat(distribution(soft_label(direction(0.0, 50.0), 300.0, GRID))))
+    even = np.asarray(_draw_density(distribution()))
+    sure = np.asarray(_draw_density(distribution(soft_label(direction(0.0, 50.0), 300.0, GRID))))
     assert even.sum(axis=-1).max() < 0.7 * sure.sum(axis=-1).max()
 
 
@@ -219,7 +219,7 @@ def test_the_caption_is_no_wider_than_the_panel(aspect: float) -> None:
 @pytest.mark.parametrize("radius", [0.5, 30.0, 110.0])
 def test_a_region_has_its_radius_all_around_the_sun(radius: float) -> None:
     lighting = outdoors(40.0, 20.0)
-    rim = _rim(lighting, radius)
+    rim = _circle_around_sun(lighting, radius)
     np.testing.assert_allclose(angle_between(rim, lighting.sun_direction), radius, atol=1e-9)
     assert np.argmin(rim[:, 1]) in (0, 360)
     assert np.argmax(rim[:, 1]) == 180
@@ -236,7 +236,7 @@ def test_the_frame_runs_along_the_photos_border() -> None:
 
 def test_a_line_is_cut_where_it_crosses_the_seam() -> None:
     line = np.array([[90.0, 1], [96, 2], [99, 3], [2, 4], [5, 5], [98, 6]])
-    assert [len(piece) for piece in _pieces(line, 100.0)] == [3, 2]  # a single point is no line
+    assert [len(piece) for piece in _split_at_seam(line, 100.0)] == [3, 2]  # a single point is no line
 
 
 @pytest.mark.parametrize("radii", [(7.0, 10.0), (13.0, 24.0), (20.0, 30.0)])
@@ -248,9 +248,9 @@ def test_the_shares_of_regions_do_not_cover_each_other(
     written: dict[str, NDArray[np.float64]] = {}
     monkeypatch.setattr(
         "lighting.preview.panels.draw_text_inside",
-        lambda picture, spot, share, size, colour: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
+        lambda picture, spot, share, size, color: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
     )
     lighting = replace(outdoors(azimuth, elevation), radius_50=radii[0], radius_90=radii[1])
-    _regions(Image.new("RGB", (480, 480)), lighting, lambda directions: _on_dome(directions, 480, 196))
+    _draw_regions(Image.new("RGB", (480, 480)), lighting, lambda directions: _on_dome(directions, 480, 196))
     across, down = np.abs(written["50 %"] - written["90 %"])
     assert across >= text_width("90 %", 15) or down >= 15

@@ -12,10 +12,17 @@ from lighting.geometry import Floats, direction
 from lighting.preview import picture as module
 from lighting.preview.drawing import BACKGROUND, TextStyle, text_width
 from lighting.preview.panels import CAPTION, GAP, MARGIN, WARNING, WIDTH, lay_out
-from lighting.preview.picture import MAP_HEIGHT, _draw_headline, _draw_preview, _numbers_of, _warning_lines, preview_png
+from lighting.preview.picture import (
+    MAP_HEIGHT,
+    _draw_headline,
+    _draw_preview,
+    _format_numbers,
+    _warning_lines,
+    preview_png,
+)
 from lighting.records import EvidenceKind, Lighting
 from lighting.sun_grid import soft_label
-from tests.helpers.scenes import GREY, GRID, Bytes, amber, estimate, outdoors, photo, small_map
+from tests.helpers.scenes import GRAY, GRID, Bytes, amber, estimate, outdoors, photo, small_map
 
 
 def draw(lighting: Lighting, width: int = 320, height: int = 240, probability: Floats | None = None) -> Bytes:
@@ -46,7 +53,7 @@ def test_any_shape_of_photo_has_its_place(width: int, height: int) -> None:
     assert 1000 < len(picture) < 1600
     panel = part(picture, "photo", width / height)
     scale = min(panel.shape[1] / width, panel.shape[0] / height)
-    shown = (np.abs(panel - GREY).max(axis=-1) < 3).sum()
+    shown = (np.abs(panel - GRAY).max(axis=-1) < 3).sum()
     assert shown > 0.6 * width * height * scale**2
     assert (picture[:, -20:] == np.array(BACKGROUND)).all()
 
@@ -70,7 +77,7 @@ def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
 
 
 def test_numbers_say_which_way_the_camera_looks() -> None:
-    values = dict(_numbers_of(outdoors(camera_elevation=-3.14, camera_roll=-0.04, radius_50=9.5, radius_90=131.0)))
+    values = dict(_format_numbers(outdoors(camera_elevation=-3.14, camera_roll=-0.04, radius_50=9.5, radius_90=131.0)))
     assert values["Camera elevation"] == "3.1° down"
     assert values["Camera roll"] == "0.0°"
     assert values["50 % / 90 % within"] == "9.5° / 131°"
@@ -78,11 +85,11 @@ def test_numbers_say_which_way_the_camera_looks() -> None:
 
 @pytest.mark.parametrize(("azimuth", "words"), [(-0.2, "ahead"), (179.9, "behind"), (-120.0, "120° left")])
 def test_numbers_fit_their_column(azimuth: float, words: str) -> None:
-    assert dict(_numbers_of(outdoors(azimuth)))["Sun azimuth"] == words
+    assert dict(_format_numbers(outdoors(azimuth)))["Sun azimuth"] == words
 
 
 def test_a_level_camera_looks_neither_down_nor_turned() -> None:
-    values = dict(_numbers_of(outdoors(camera_elevation=-0.04, camera_roll=-0.04)))
+    values = dict(_format_numbers(outdoors(camera_elevation=-0.04, camera_roll=-0.04)))
     assert (values["Camera elevation"], values["Camera roll"]) == ("0.0° up", "0.0°")
 
 

@@ -35,31 +35,31 @@ mi: Any = mitsuba_renderer
 
 SIDE = 0.1  # of a patch, in sphere radii
 GLOSSY_ROUGHNESS = (2 * GLOSSINESS) ** -0.5  # of the Beckmann lobe that spreads reflections as the glossy lobe does
-CENTRES = np.array([[-2.6, 1.0, 0.0], [0.0, 1.0, 0.0], [2.6, 1.0, 0.0]])
+CENTERS = np.array([[-2.6, 1.0, 0.0], [0.0, 1.0, 0.0], [2.6, 1.0, 0.0]])
 
 
-def colour(value: Any) -> dict[str, Any]:
+def color(value: Any) -> dict[str, Any]:
     return {"type": "rgb", "value": np.asarray(value, dtype=float).tolist()}
 
 
 def path_tracer(lighting: Lighting) -> Any:
     """The three spheres under sky and sun, which is a direction here: no patch lies in a penumbra."""
-    mirror = {"type": "conductor", "material": "none", "specular_reflectance": colour([MIRROR_REFLECTANCE] * 3)}
-    glossy = {"type": "roughconductor", "material": "none", "specular_reflectance": colour([GLOSSY_REFLECTANCE] * 3)}
-    diffuse = {"type": "diffuse", "reflectance": colour([DIFFUSE_REFLECTANCE] * 3)}
+    mirror = {"type": "conductor", "material": "none", "specular_reflectance": color([MIRROR_REFLECTANCE] * 3)}
+    glossy = {"type": "roughconductor", "material": "none", "specular_reflectance": color([GLOSSY_REFLECTANCE] * 3)}
+    diffuse = {"type": "diffuse", "reflectance": color([DIFFUSE_REFLECTANCE] * 3)}
     surfaces = [mirror, {**glossy, "alpha": GLOSSY_ROUGHNESS}, diffuse]
     turned = mi.ScalarTransform4f().rotate([0, 1, 0], 180)
     level = mi.ScalarTransform4f().rotate([1, 0, 0], -90).scale(500)
-    ground = {"type": "diffuse", "reflectance": colour([lighting.ground_albedo] * 3)}
+    ground = {"type": "diffuse", "reflectance": color([lighting.ground_albedo] * 3)}
     sky = mi.Bitmap(render(lighting, 256, disc=False))
-    sun = {"direction": (-lighting.sun_direction).tolist(), "irradiance": colour(sun_irradiance(lighting))}
-    balls = zip(CENTRES.tolist(), surfaces, strict=True)
+    sun = {"direction": (-lighting.sun_direction).tolist(), "irradiance": color(sun_irradiance(lighting))}
+    balls = zip(CENTERS.tolist(), surfaces, strict=True)
     return mi.load_dict({
         "type": "scene",
         "sky": {"type": "envmap", "bitmap": sky, "to_world": turned},
         "sun": {"type": "directional", **sun},
         "ground": {"type": "disk", "to_world": level, "bsdf": ground},
-        **{f"ball {i}": {"type": "sphere", "center": centre, "bsdf": bsdf} for i, (centre, bsdf) in enumerate(balls)},
+        **{f"ball {i}": {"type": "sphere", "center": center, "bsdf": bsdf} for i, (center, bsdf) in enumerate(balls)},
     })  # fmt: skip
 
 
@@ -79,7 +79,7 @@ def traced(scene: Any, point: Floats) -> Floats:
 
 def ours(lighting: Lighting, points: Floats) -> Floats:
     """Radiance (N, 3) of the patches around points (N, 3)."""
-    stage = build_sphere_scene(render(lighting, 512), lighting.sun_direction, CENTRES)
+    stage = build_sphere_scene(render(lighting, 512), lighting.sun_direction, CENTERS)
     step = (np.arange(4) + 0.5) / 4 * SIDE - SIDE / 2
     offsets = np.stack([*np.meshgrid(step, [0.0], step)], axis=-1).reshape(-1, 3)
     patches = (points[:, None] + offsets).reshape(-1, 3)
@@ -91,9 +91,9 @@ def patches(lighting: Lighting) -> Floats:
     away = -direction(lighting.sun_azimuth, 0.0)
     elevation = np.radians(lighting.sun_elevation)
     tip = (1 + np.cos(elevation)) / np.sin(elevation)
-    shaded = [CENTRES[ball] * [1, 0, 1] + part * tip * away for ball in (DIFFUSE, GLOSSY) for part in (0.3, 0.6, 0.9)]
+    shaded = [CENTERS[ball] * [1, 0, 1] + part * tip * away for ball in (DIFFUSE, GLOSSY) for part in (0.3, 0.6, 0.9)]
     across = np.array([away[2], 0, -away[0]])
-    foot = CENTRES[DIFFUSE] * [1, 0, 1]
+    foot = CENTERS[DIFFUSE] * [1, 0, 1]
     return np.array([foot + 0.15 * away, *shaded, foot - 1.2 * away, foot - away + 1.5 * across, [1.3, 0.0, 1.5]])
 
 
@@ -134,7 +134,7 @@ def pixel(point: Floats) -> tuple[int, int]:
     return int(y), int(x)
 
 
-def centres() -> Floats:
+def centers() -> Floats:
     return spheres.sphere_centers(WIDTH / HEIGHT, PITCH).astype(np.float64)
 
 
@@ -147,7 +147,7 @@ def brightness(image: Floats, point: Floats) -> float:
 @pytest.mark.parametrize("side", [-1.0, 1.0])
 def test_diffuse_sphere_is_brighter_on_the_suns_side(side: float) -> None:
     image = picture(side * 110.0, 40.0)
-    middle = centres()[DIFFUSE]
+    middle = centers()[DIFFUSE]
     lit, dark = (brightness(image, middle + np.array([s * 0.6, 0.3, 0.5])) for s in (side, -side))
     assert lit > 1.5 * dark
 
@@ -155,13 +155,13 @@ def test_diffuse_sphere_is_brighter_on_the_suns_side(side: float) -> None:
 @pytest.mark.parametrize("azimuth", [-60.0, 60.0, 140.0, -140.0])
 def test_shadow_falls_opposite_the_sun(azimuth: float) -> None:
     image = picture(azimuth, 40.0)
-    foot = centres()[GLOSSY] - np.array([0.0, 1.0, 0.0])
+    foot = centers()[GLOSSY] - np.array([0.0, 1.0, 0.0])
     away = 1.8 * direction(azimuth, 0.0)
     assert brightness(image, foot - away) < 0.6 * brightness(image, foot + away)
 
 
 def test_overcast_casts_no_hard_shadow() -> None:
-    foot = centres()[DIFFUSE] - np.array([0.0, 1.0, 0.0])
+    foot = centers()[DIFFUSE] - np.array([0.0, 1.0, 0.0])
     row = pixel(foot + np.array([0.0, 0.0, 0.2]))[0]
     steps = [np.abs(np.diff(luminance(picture(100.0, 50.0, v)[row]) / luminance(picture(100.0, 50.0, v)[-1, 0])))
              for v in (1.0, 0.1)]  # fmt: skip
@@ -171,7 +171,7 @@ def test_overcast_casts_no_hard_shadow() -> None:
 
 def test_ground_is_darkest_under_a_sphere_without_sun() -> None:
     image = picture(100.0, 50.0, 0.1)
-    foot = centres()[DIFFUSE] - np.array([0.0, 1.0, 0.0])
+    foot = centers()[DIFFUSE] - np.array([0.0, 1.0, 0.0])
     near, far = brightness(image, foot + np.array([0, 0, 0.7])), brightness(image, foot + np.array([0, 0, 2.2]))
     assert near < 0.75 * far
 
@@ -200,7 +200,7 @@ def test_mirror_shows_what_is_behind_the_camera_on_the_same_side(azimuth: float)
     image = render_spheres(
         np.repeat(envmap, 3, axis=-1).astype(np.float32), render_outdoors(0.0, 80.0), WIDTH, HEIGHT, 1
     )
-    row, column = pixel(centres()[MIRROR])
+    row, column = pixel(centers()[MIRROR])
     reach = 14
     face = luminance(image[row - reach : row + reach, column - reach : column + reach])
     spot = np.argwhere(face > 5).mean(axis=0) - reach
@@ -218,11 +218,11 @@ def test_extreme_suns_give_finite_pictures(azimuth: float, elevation: float) -> 
 @pytest.fixture(scope="module")
 def stage() -> SphereScene:
     lighting = outdoors(90.0, 45.0)
-    return build_sphere_scene(render(lighting, 128), lighting.sun_direction, CENTRES)
+    return build_sphere_scene(render(lighting, 128), lighting.sun_direction, CENTERS)
 
 
 def test_the_suns_disc_is_seen_in_full_beside_a_shadow_and_not_at_all_inside(stage: SphereScene) -> None:
-    points = CENTRES[MIRROR] + np.array([[0.0, -1.0, 5.0], [-1.0, -1.0, 0.0]])
+    points = CENTERS[MIRROR] + np.array([[0.0, -1.0, 5.0], [-1.0, -1.0, 0.0]])
     assert visible_sun_share(points, stage).tolist() == [1.0, 0.0]
 
 
@@ -241,7 +241,7 @@ def test_open_ground_far_away_has_the_radiance_of_the_map(stage: SphereScene) ->
 def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
     normal = np.array([[0.0, 1.0, 0.0]])
     ray = -direction(0.0, 60.0)[None]  # down onto the top, which throws it up and away from the camera
-    seen = shade_sphere(MIRROR, CENTRES[MIRROR] + normal, ray, stage, mirrored=False)
+    seen = shade_sphere(MIRROR, CENTERS[MIRROR] + normal, ray, stage, mirrored=False)
     reflected = ray - 2 * (ray @ normal.T) * normal
     expected: Floats = MIRROR_REFLECTANCE * _sky(reflected, stage, None)
     np.testing.assert_allclose(seen, expected, rtol=1e-9)
@@ -249,5 +249,5 @@ def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
 
 def test_the_diffuse_sphere_is_lit_on_the_suns_side(stage: SphereScene) -> None:
     sides = np.array([[0.7, 0.7, 0.0], [-0.7, 0.7, 0.0]])
-    lit, dark = shade_sphere(DIFFUSE, CENTRES[DIFFUSE] + sides, np.zeros((2, 3)), stage, mirrored=False).mean(axis=1)
+    lit, dark = shade_sphere(DIFFUSE, CENTERS[DIFFUSE] + sides, np.zeros((2, 3)), stage, mirrored=False).mean(axis=1)
     assert lit > 1.5 * dark

@@ -39,8 +39,8 @@ def test_z_up_keeps_right_handedness() -> None:
 
 
 def test_colour_and_strength_multiply_to_the_irradiance() -> None:
-    colour, strength = color_and_intensity(np.array([2.0, 8.0, 4.0]))
-    assert colour.tolist() == [0.25, 1.0, 0.5]
+    color, strength = color_and_intensity(np.array([2.0, 8.0, 4.0]))
+    assert color.tolist() == [0.25, 1.0, 0.5]
     assert strength == 8.0
     assert color_and_intensity(np.zeros(3))[1] == 0.0
     assert color_and_intensity(np.zeros(3))[0].tolist() == [1.0, 1.0, 1.0]
@@ -138,7 +138,7 @@ def test_the_sun_lies_where_the_record_says() -> None:
 def test_the_place_is_in_the_map_with_the_same_light() -> None:
     cells = np.random.default_rng(2).uniform(0.1, 1.0, (12, 24, 3)).astype(np.float32)
     plain = plain_scene()
-    placed = make_scene(Photo(PLAIN, 40, 30, "PNG"), plain.lighting, map_height=32, place=PhotoContext(PLAIN, cells))
+    placed = make_scene(Photo(PLAIN, 40, 30, "PNG"), plain.lighting, map_height=32, context=PhotoContext(PLAIN, cells))
     assert not np.allclose(placed.environment, plain.environment)
     weight = (latlong_solid_angle(32) * np.sin(np.radians(latlong_angles(32)[1])))[:16, None, None]
     level = [(scene.environment[:16] * weight).sum(axis=(0, 1)) for scene in (placed, plain)]
@@ -183,7 +183,7 @@ def test_shade_is_where_the_photo_has_it_whatever_the_exposure_of_the_scene(stop
     photo, shown = Photo(scene.plate, scene.width, scene.height, "PNG"), scene.lighting.exposure
     light = edit_lighting(scene.lighting, {"exposure": shown * 2.0**stops})
     place = PhotoContext(scene.plate, exposure=shown)
-    assert np.array_equal(make_scene(photo, light, map_height=32, place=place).lit_ground, scene.lit_ground)
+    assert np.array_equal(make_scene(photo, light, map_height=32, context=place).lit_ground, scene.lit_ground)
 
 
 def test_a_scene_without_sun_has_no_spot_in_shade() -> None:
@@ -203,7 +203,7 @@ def test_the_ball_always_has_the_same_size_in_the_picture() -> None:
 def test_both_stand_on_the_ground_apart_from_each_other(elevation: float) -> None:
     placeholder = make_placeholder(plain_scene(camera_elevation=elevation))
     assert placeholder.ball_radius > 0.05
-    assert placeholder.ball_centre[1] == placeholder.ball_radius
+    assert placeholder.ball_center[1] == placeholder.ball_radius
     assert placeholder.stick_foot[1] == 0.0
     assert placeholder.stick_foot[0] - placeholder.stick_radius > placeholder.ball_radius
     assert placeholder.stick_height > 2 * placeholder.ball_radius

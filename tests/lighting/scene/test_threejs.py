@@ -167,13 +167,13 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
         (tmp_path / name).mkdir()
         threejs.write_threejs(of, tmp_path / name)
         seen[name] = drawings(tmp_path / name / threejs.PAGE, CLICKED, scene.width, scene.height)
-    centre, radius = scene.spot + make_placeholder(scene).ball_centre, make_placeholder(scene).ball_radius
-    to_camera = scene.camera_position - centre
+    center, radius = scene.spot + make_placeholder(scene).ball_center, make_placeholder(scene).ball_radius
+    to_camera = scene.camera_position - center
     normal = to_camera / np.linalg.norm(to_camera)
     dark = scene.environment.copy()
     dark[len(dark) // 2 :] *= scene.shadow
     light = sky_irradiance(replace(scene, environment=dark), normal)
-    found = seen_at(seen["shade"]["page"], scene, centre + radius * normal)
+    found = seen_at(seen["shade"]["page"], scene, center + radius * normal)
     assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
     for name, window in (("page", np.s_[290:, 280:]), ("moved", np.s_[:, 330:])):  # shadows on lit ground; all
         change = np.abs(seen["shade"][name][window].astype(int) - seen["sun"][name][window])
@@ -215,13 +215,13 @@ def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, vie
     """Where the camera sees it in the sun, and where it faces away from the sun."""
     scene = known_scene()
     placeholder = make_placeholder(scene)
-    centre = scene.spot + placeholder.ball_centre
-    to_camera = scene.camera_position - centre
+    center = scene.spot + placeholder.ball_center
+    to_camera = scene.camera_position - center
     to_camera /= np.linalg.norm(to_camera)
     for normal in (scene.sun_direction + to_camera, 2 * to_camera - scene.sun_direction):
         normal = normal / np.linalg.norm(normal)
         light = sky_irradiance(scene, normal) + max(float(normal @ scene.sun_direction), 0.0) * scene.sun_irradiance
-        found = seen_at(pictures[view], scene, centre + placeholder.ball_radius * normal)
+        found = seen_at(pictures[view], scene, center + placeholder.ball_radius * normal)
         assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
 
 

@@ -125,7 +125,7 @@ def test_ground_and_placeholder_lie_where_the_scene_has_them(tmp_path: Path, up_
     placeholder = make_placeholder(scene)
     stage = opened(tmp_path, up_axis)
     ball = to_world(stage, "/World/YourObject/Ball").ExtractTranslation()
-    assert ours(ball, up_axis) == pytest.approx(scene.spot + placeholder.ball_centre, abs=1e-6)
+    assert ours(ball, up_axis) == pytest.approx(scene.spot + placeholder.ball_center, abs=1e-6)
     ground = np.array(UsdGeom.Mesh(stage.GetPrimAtPath("/World/Ground")).GetPointsAttr().Get())
     assert ours(ground.T, up_axis)[1] == pytest.approx(0, abs=1e-9)
     a, b, c = (ours(point, up_axis) for point in ground[:3])
