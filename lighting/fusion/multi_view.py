@@ -255,7 +255,7 @@ def _mean_light(lights: Sequence[Light | None]) -> Light | None:
 
 def _keep_photo_light(common: Light, light: Light | None) -> Light:
     """The common light with what one photo alone tells: whether it is suitable, and its surroundings."""
-    return common if light is None else replace(common, suitable=light.suitable, around=light.around)
+    return common if light is None else replace(common, suitable=light.suitable, surroundings=light.surroundings)
 
 
 def _share_time(observations: Sequence[Observations]) -> list[Observations]:

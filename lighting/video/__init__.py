@@ -3,9 +3,9 @@
 It needs the extra `video` (PyAV and OpenCV), which is imported when it is used.
 """
 
-from lighting.deprecation import replacement
-
 
 def __getattr__(name: str) -> object:
     """What an old public name of this package means now; AttributeError for others."""
+    from lighting.deprecation import replacement
+
     return replacement(__name__, name)
