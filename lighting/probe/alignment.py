@@ -52,21 +52,40 @@ class Alignment:
 
 
 def yaw_rotation(yaw: float) -> Floats:
-    """The rotation (3, 3) that adds `yaw` [deg] to every azimuth."""
+    """Return the rotation (3, 3) that adds a yaw to every azimuth.
+
+    Args:
+        yaw: deg, clockwise seen from above.
+    """
     c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
     return np.array([[c, 0.0, -s], [0.0, 1.0, 0.0], [s, 0.0, c]])
 
 
 def align_by_sun(lens: Lens, observed: tuple[float, float], expected: tuple[float, float]) -> Alignment:
-    """Yaw alone, from azimuth and elevation [deg] of one sun in the camera's frame and by the ephemeris."""
+    """Align one camera by one sun: its yaw alone.
+
+    Args:
+        lens: the camera's projection.
+        observed: deg, azimuth and elevation of the sun in the camera's frame.
+        expected: deg, azimuth and elevation by the ephemeris.
+    """
     rotation = yaw_rotation(float(wrap_azimuth(expected[0] - observed[0])))
     return Alignment(rotation, lens, np.array([abs(expected[1] - observed[1])]), np.array([True]))
 
 
 def align_series(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
-    """Rotation, mirror sense and, where the suns allow it, field of view, of pixels (N, 2) and true directions (N, 3).
+    """Align one camera by the suns of several hours: rotation, mirror sense and, with enough of them, field of view.
 
-    Raises ProbeError for fewer than three suns or suns too near each other.
+    Args:
+        lens: the projection as the user states it.
+        pixels: (N, 2) x and y of the suns in the pictures.
+        suns: (N, 3) unit vectors to the suns in the world, by the ephemeris.
+
+    Raises:
+        ProbeError: fewer than MIN_SUNS suns, or suns too near each other.
+
+    References:
+        [1] Kabsch, A solution for the best rotation to relate two sets of vectors, Acta Cryst. A32, 1976.
     """
     arc = float(max(angle_between(suns[:, None], suns[None]).max(), 0.0))
     if len(suns) < MIN_SUNS or arc < MIN_ARC:
@@ -141,7 +160,12 @@ class Scan:
     sun: tuple[float, float]  # azimuth clockwise from true north, elevation, deg
 
     def directions(self, sense: int, offset: float) -> Floats:
-        """Unit vectors (N, 3) in the world."""
+        """Return the directions as unit vectors (N, 3) in the world.
+
+        Args:
+            sense: 1 where filed azimuths run clockwise, -1 counter-clockwise.
+            offset: deg, the true azimuth of the filed azimuth 0.
+        """
         return direction(sense * self.azimuth + offset, self.elevation)
 
 
@@ -157,11 +181,19 @@ class ProbeOrientation:
 
     @property
     def is_sure(self) -> bool:
+        """Whether the other sense fits clearly worse."""
         return self.other > _MIN_ERROR_RATIO * self.error
 
 
 def fit_orientation(scans: Sequence[Scan]) -> ProbeOrientation:
-    """Sense and offset of scans by one instrument that stood still; ProbeError for none or with the sun down."""
+    """Fit sense and offset of the azimuths of an instrument that did not move, all scans together.
+
+    Args:
+        scans: one or more, of clear skies.
+
+    Raises:
+        ProbeError: there is no scan, or the sun of one is below the horizon.
+    """
     if not scans:
         raise ProbeError("There is no scan to orient.")
     if any(scan.sun[1] < 0 for scan in scans):
@@ -176,7 +208,12 @@ def fit_orientation(scans: Sequence[Scan]) -> ProbeOrientation:
 
 
 def log_errors(measured: Floats, model: Floats) -> Floats:
-    """log(measured / model) (N,) less its median: what is left when the model has the best scale."""
+    """Return log(measured / model) less its median: what is left when the model has the best scale.
+
+    Args:
+        measured: (N,) radiances, at least 0.
+        model: (N,) radiances in any unit, at least 0.
+    """
     error = np.log(np.maximum(measured, 1e-12)) - np.log(np.maximum(model, 1e-12))
     return np.asarray(error - np.median(error))
 

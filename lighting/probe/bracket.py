@@ -44,10 +44,16 @@ class Bracket:
 
 
 def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bracket:
-    """The exposures in files, in any order.
+    """Read the exposures in files, in any order.
 
-    Raises ProbeError for fewer than two, one given twice and sizes that differ, PhotoError and OSError for unreadable
-    files.
+    Args:
+        paths: two files or more, all of one size.
+        curve: how values are coded; None believes the files.
+
+    Raises:
+        ProbeError: fewer than two files, one of them twice, or sizes that differ.
+        PhotoError: a file cannot be read.
+        OSError: a file is missing or forbidden.
     """
     if len(paths) < 2:
         raise ProbeError(f"A probe needs two exposures or more; there {'is only one' if paths else 'are none'}.")
@@ -61,9 +67,14 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
 
 
 def make_bracket(photos: Sequence[LinearPhoto], names: Sequence[str] | None = None) -> Bracket:
-    """The exposures in order: by EXIF where all have it, else by how bright they are.
+    """Put exposures in order: by EXIF where all have it, else by how bright they are.
 
-    Raises ProbeError where there is none, and for sizes that differ.
+    Args:
+        photos: one or more of one size, linear.
+        names: what messages call them; None numbers them.
+
+    Raises:
+        ProbeError: there is no exposure, or sizes differ.
     """
     if not photos:
         raise ProbeError("A bracket needs at least one exposure.")
@@ -119,7 +130,14 @@ class BracketFiles:
     longitude: float | None
 
     def aware_time(self, utc_offset: float | None) -> datetime:
-        """The time with its zone, which `utc_offset` [h] tells if the files do not; ProbeError without either."""
+        """Return the time with its zone.
+
+        Args:
+            utc_offset: h, of the clock where the files do not say it; None is unknown.
+
+        Raises:
+            ProbeError: the time or its zone is not known.
+        """
         if self.time is None:
             raise ProbeError(
                 f"{self.files[0]} does not say when it was taken; tell the time.", "time", ErrorCode.MISSING
@@ -134,7 +152,11 @@ class BracketFiles:
 
 
 def read_bracket_files(files: Sequence[Path]) -> BracketFiles:
-    """A bracket's files, with the first time and place that one of them or their folder's name says."""
+    """Read the first time and location that a bracket's files or their folder's name say.
+
+    Args:
+        files: one or more, all in one folder.
+    """
     metadata = [read_metadata_and_exposure(file)[0] for file in files]
     times = [time for m in metadata if (time := _capture_time(m)) is not None]
     folder_time = _time_in_names(files[0].parent)
@@ -143,9 +165,13 @@ def read_bracket_files(files: Sequence[Path]) -> BracketFiles:
 
 
 def group_brackets(inputs: Sequence[Path]) -> list[BracketFiles]:
-    """The brackets of a series: each folder given is one, and files are split where their EXIF times leave a gap.
+    """Group a series into brackets: a folder is one, files are divided where their EXIF times leave a gap.
 
-    Raises ProbeError for a folder without pictures and for files without times.
+    Args:
+        inputs: folders and files, in any order.
+
+    Raises:
+        ProbeError: a folder has no pictures, or a file no time.
     """
     folders, files = ([path for path in inputs if path.is_dir() is is_folder] for is_folder in (True, False))
     brackets = [read_bracket_files(list_pictures(folder)) for folder in folders]
@@ -153,7 +179,14 @@ def group_brackets(inputs: Sequence[Path]) -> list[BracketFiles]:
 
 
 def list_pictures(folder: Path) -> list[Path]:
-    """The pictures directly in a folder, by name; ProbeError where there is none."""
+    """List the pictures directly in a folder, by name.
+
+    Args:
+        folder: one that exists.
+
+    Raises:
+        ProbeError: it holds no pictures.
+    """
     files = sorted(path for path in folder.iterdir() if path.suffix.lower() in (*PICTURE_SUFFIXES, *RAW_SUFFIXES))
     if not files:
         raise ProbeError(f"{folder} holds no pictures.")
@@ -206,15 +239,24 @@ class _ProbeFile:
 
 
 def probe_path(folder: str | Path, time: datetime) -> Path:
-    """Where a probe of an aware time belongs: folders are named by UTC."""
+    """Return the path of a probe in the layout of the SkyDB, whose folders are named by UTC.
+
+    Args:
+        folder: the root of the layout.
+        time: aware.
+    """
     return Path(folder) / time.astimezone(UTC).strftime("%Y%m%d/%H%M%S") / PROBE_FILE
 
 
 def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
-    """All probes below a folder, by time.
+    """List all probes below a folder, by time.
 
-    The time is that in a file's header; without one, that of the folders' names, which are in `zone`. Raises ProbeError
-    where there is no such folder or no probe in it.
+    Args:
+        folder: the root of the layout `YYYYMMDD/HHMMSS/envmap.exr`.
+        zone: of the folders' names, which count where a file's header has no time.
+
+    Raises:
+        ProbeError: there is no such folder, or no probe in it.
     """
     root = Path(folder)
     if not root.is_dir():

@@ -186,12 +186,21 @@ class Probe:
 
     @property
     def sun_error(self) -> float | None:
-        """Angle [deg] between the sun in the map and the ephemeris; None where none is seen."""
+        """Angle [deg] between the sun in the map and the ephemeris; None without a sun in the map."""
         return None if self.spot is None else float(angle_between(self.spot.direction, direction(*self.moment.sun)))
 
 
 def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> Probe:
-    """One probe, aligned by the yaw of its sun. Raises ProbeError by night, without a sun, and for bad exposures."""
+    """Make one probe, aligned by its sun or by the yaw in the settings.
+
+    Args:
+        bracket: its exposures.
+        moment: when and where they were taken, by day.
+        settings: lens, filter and map.
+
+    Raises:
+        ProbeError: it is night, no sun is found, or the exposures cannot be merged.
+    """
     _check_day(moment)
     bracket_hdr = _merge_bracket(bracket, settings)
     if settings.yaw is not None:
@@ -210,9 +219,15 @@ def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> P
 def make_series(
     brackets: Sequence[Callable[[], Bracket]], moments: Sequence[Moment], settings: BracketSettings
 ) -> Iterator[Probe]:
-    """The probes of one camera that stood still, one after the other, all aligned by all their suns.
+    """Make the probes of one camera that did not move, one after the other, all aligned by all their suns.
 
-    `brackets` are read when they are needed, twice each. Raises ProbeError by night and where too few suns are found.
+    Args:
+        brackets: functions that read the brackets; each is called twice.
+        moments: when and where each was taken, by day.
+        settings: lens, filter and maps.
+
+    Raises:
+        ProbeError: it is night at one of them, or too few suns are found.
     """
     for moment in moments:
         _check_day(moment)
@@ -320,15 +335,26 @@ def _clipped_sky_share(probe: Probe) -> float:
 
 
 def probe_output_path(output: str | Path, time: datetime) -> Path:
-    """Where a probe of an aware time goes: the file that ends in .exr, or below a folder in the SkyDB's layout."""
+    """Return where a probe is written.
+
+    Args:
+        output: a file that ends in .exr, or a folder to fill in the SkyDB's layout.
+        time: aware, of the probe.
+    """
     path = Path(output)
     return path if path.suffix.lower() == ".exr" and not path.is_dir() else probe_path(path, time)
 
 
 def write_probe(probe: Probe, output: str | Path) -> Path:
-    """Write to a file that ends in .exr, or below a folder in the SkyDB's layout; the path that was written.
+    """Write a probe as OpenEXR and return its path.
 
-    Raises EnvironmentMapError or ProbeError where it cannot be written.
+    Args:
+        probe: with what its header is to say.
+        output: a file that ends in .exr, or a folder to fill in the SkyDB's layout.
+
+    Raises:
+        EnvironmentMapError: the map cannot be written.
+        ProbeError: the folder cannot be made.
     """
     path = probe_output_path(output, probe.moment.time)
     if path != Path(output):

@@ -46,9 +46,16 @@ class Lens:
 
 
 def make_lens(kind: LensKind, width: int, height: int, **options: Any) -> Lens:
-    """The lens of a picture; what is not told (None) is usual: the largest circle in the middle, a fisheye looks up.
+    """Make the lens of a picture; by default it fills the largest circle in the middle, and a fisheye looks up.
 
-    Raises ProbeError for a field of view or a circle that no picture has, and for a panorama not twice as wide as high.
+    Args:
+        kind: its projection.
+        width: pixels of the picture.
+        height: pixels of the picture.
+        **options: fields of `Lens` by name: centre, radius, fov, pitch, mirrored. None is the default.
+
+    Raises:
+        ProbeError: no picture has such a field of view or circle, or a panorama is not twice as wide as high.
     """
     stated = {name: value for name, value in options.items() if value is not None}
     defaults = {
@@ -67,7 +74,16 @@ def make_lens(kind: LensKind, width: int, height: int, **options: Any) -> Lens:
 
 
 def check_lens(kind: LensKind, fov: float | None, radius: float | None) -> None:
-    """Raise ProbeError for a field of view [deg] or a circle's radius [pixels] that no lens of the kind has."""
+    """Check a field of view and a circle, which may be unknown.
+
+    Args:
+        kind: the lens's projection.
+        fov: deg across the circle, over 0 up to 360; None is unknown.
+        radius: pixels of the circle, over 0; None is unknown.
+
+    Raises:
+        ProbeError: no lens of the kind has them.
+    """
     if fov is not None and not 0 < fov <= 360:
         raise ProbeError(
             f"The lens's field of view is {fov:g} deg; it must be over 0 and up to 360.", "fov", ErrorCode.OUT_OF_RANGE
@@ -83,7 +99,15 @@ def check_lens(kind: LensKind, fov: float | None, radius: float | None) -> None:
 
 
 def project_to_lens(lens: Lens, directions: ArrayLike) -> Floats:
-    """Continuous pixel coordinates (..., 2) as (x, y) of directions (..., 3); NaN where the lens shows nothing."""
+    """Project directions into a picture.
+
+    Args:
+        lens: the picture's projection.
+        directions: (..., 3) vectors in the camera's frame.
+
+    Returns:
+        Continuous pixel coordinates (..., 2), x and y; NaN where the lens shows nothing.
+    """
     unit = np.asarray(directions, dtype=np.float64)
     if lens.kind == "latlong":
         pixel = latlong_pixel(_to_axis(lens, unit), lens.height)
@@ -98,7 +122,15 @@ def project_to_lens(lens: Lens, directions: ArrayLike) -> Floats:
 
 
 def unproject_from_lens(lens: Lens, pixels: ArrayLike) -> Floats:
-    """Unit vectors (..., 3) of continuous pixel coordinates (..., 2); NaN outside the lens's circle."""
+    """Return the directions that pixels show.
+
+    Args:
+        lens: the picture's projection.
+        pixels: (..., 2) continuous coordinates, x and y.
+
+    Returns:
+        Unit vectors (..., 3) in the camera's frame; NaN outside the lens's circle.
+    """
     x, y = np.moveaxis(np.asarray(pixels, dtype=np.float64), -1, 0)
     if lens.kind == "latlong":
         column = lens.width - x if lens.mirrored else x
@@ -112,7 +144,11 @@ def unproject_from_lens(lens: Lens, pixels: ArrayLike) -> Floats:
 
 
 def pixels_per_degree(lens: Lens) -> float:
-    """How fine the picture is, at its axis or along its horizon."""
+    """Return how fine a picture is, at its axis or along its horizon [pixels/deg].
+
+    Args:
+        lens: the picture's projection.
+    """
     if lens.kind == "latlong":
         return lens.height / 180.0
     step = 1e-4
@@ -163,9 +199,17 @@ _ROWS_AT_ONCE = 16  # mapped at once
 def resample_to_latlong(
     radiance: NDArray[np.float32], clipped: Mask, lens: Lens, rotation: Floats, height: int
 ) -> tuple[NDArray[np.float32], Mask]:
-    """Map (H, 2H, 3) and its clipped pixels (H, 2H) of a picture (h, w, 3) and its clipped pixels (h, w).
+    """Resample a picture to a lat-long map that has as much light in every direction.
 
-    `rotation` (3, 3) takes directions of the camera to directions of the world. What the lens does not show is 0.
+    Args:
+        radiance: (h, w, 3) linear.
+        clipped: (h, w), pixels whose radiance is a lower bound.
+        lens: the picture's projection.
+        rotation: (3, 3), takes directions of the camera to directions of the world.
+        height: H, rows of the map.
+
+    Returns:
+        The map (H, 2H, 3), 0 where the lens shows nothing, and its clipped pixels (H, 2H).
     """
     picture = np.concatenate([radiance, clipped[..., None].astype(np.float32)], axis=-1)
     picture, lens = _reduce_picture(picture, lens, height)

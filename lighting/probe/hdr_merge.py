@@ -95,9 +95,13 @@ class ExposureRatios:
 
 
 def measure_ratios(bracket: Bracket) -> ExposureRatios:
-    """Relative exposures by EXIF where all files have it, else from the pixels.
+    """Find relative exposures: by EXIF where all files have it, else from the pixels.
 
-    Raises ProbeError where neither can say, and where EXIF shows that the pixels are coded by a curve.
+    Args:
+        bracket: exposures, the shortest first.
+
+    Raises:
+        ProbeError: neither can say, or EXIF shows that the pixels are coded by a curve.
     """
     ratios = tuple(_measure_ratio(short, long) for short, long in pairwise(bracket.photos))
     exposures = [photo.exposure for photo in bracket.photos]
@@ -138,7 +142,11 @@ def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> _ExposureRatio | No
 
 
 def clipped_mask(photo: LinearPhoto) -> Mask:
-    """Pixels (H, W) of which a channel is clipped."""
+    """Mark the pixels (H, W) of which a channel is clipped.
+
+    Args:
+        photo: linear, with the value of its white.
+    """
     return np.asarray((photo.pixels >= photo.white).any(axis=-1))
 
 
@@ -215,9 +223,17 @@ class MergedHdr:
 
 
 def merge_exposures(bracket: Bracket, relative: Floats) -> MergedHdr:
-    """One picture of a bracket's exposures of these relative lengths (N,).
+    """Merge a bracket to one picture of radiance, each value weighted by the inverse of its variance.
 
-    Raises ProbeError where every pixel is clipped in every exposure, and where all are black.
+    Args:
+        bracket: exposures, the shortest first.
+        relative: (N,) relative lengths of the exposures, over 0.
+
+    Raises:
+        ProbeError: every pixel is clipped in every exposure, or all are black.
+
+    References:
+        [1] Hasinoff, Durand and Freeman, Noise-optimal capture for high dynamic range photography, CVPR 2010.
     """
     masks = [
         _dilate(clipped_mask(photo)) if index else clipped_mask(photo) for index, photo in enumerate(bracket.photos)
@@ -263,10 +279,19 @@ _MAX_LINKED_STEPS = 1.5  # steps, up to which neighbours belong to one surface
 
 
 def dequantize(merged: MergedHdr, bracket: Bracket, relative: Floats, reach: float) -> MergedHdr:
-    """The merged picture of exposures of these relative lengths (N,) with its coarsely rounded values smoothed.
+    """Smooth the coarsely rounded values of a merged picture within what rounding leaves open.
 
-    `reach` [pixels] is that of the smoothing. A value changes to one that rounds to what the longest exposure that does
-    not clip it recorded, and only where that one's noise is less than half a step; black, bright and clipped ones stay.
+    A value changes to one that rounds to what the longest exposure that does not clip it recorded, and only where that
+    one's noise is less than half a step. Black, bright and clipped values stay.
+
+    Args:
+        merged: the picture of `merge_exposures`.
+        bracket: its exposures.
+        relative: (N,) relative lengths of the exposures, over 0.
+        reach: pixels, standard deviation of the smoothing.
+
+    References:
+        [1] Gastal and Oliveira, Domain transform for edge-aware image and video processing, SIGGRAPH 2011.
     """
     if all(_max_terraced_value(photo.step) <= photo.step / 2 for photo in bracket.photos):
         return merged

@@ -70,12 +70,19 @@ class _Sky:
 
 
 def fit_sky(linear: NDArray[np.float32], sun_direction: Floats) -> SkyFit | None:
-    """The sky of a panorama (H, 2H, 3) whose sun is known and up; None where too little clear sky can be seen.
+    """Fit the Hosek-Wilkie sky to a panorama whose sun is known and up.
 
     The picture's white balance is unknown, so each channel has its own gain, pulled weakly towards a common one. Errors
     are differences of logarithms; pixels far from the model (clouds, masts) lose their weight. Turbidity is searched
     over its whole range, and the gains at each turbidity follow in closed form: no start value is needed, and no local
     minimum can hold the fit.
+
+    Args:
+        linear: (H, 2H, 3) linear Rec.709.
+        sun_direction: (3,) unit vector.
+
+    Returns:
+        The fit; None where too little clear sky is visible.
     """
     sky = _sample_sky(shrink_envmap(linear, ANALYSIS_HEIGHT), sun_direction)
     if sky.solid_angle < MIN_SKY:
@@ -178,10 +185,15 @@ class SkyState:
 
 
 def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = None) -> SkyState:
-    """The state of a map's (H, 2H, 3) sky, its sun found or given as azimuth and elevation [deg].
+    """Describe a map's sky: sun, turbidity, exposure and cloud cover.
 
-    Raises ProbeError for a map that is too small, black or negative, where no sun is found, where it is given below the
-    horizon, and where no clear sky is seen.
+    Args:
+        image: (H, 2H, 3) linear Rec.709, row 0 is the zenith.
+        sun: deg, azimuth from the centre column and elevation; None finds it in the map.
+
+    Raises:
+        ProbeError: the map is too small, black or negative, its sun is not found or below the horizon, or no clear sky
+            is visible.
     """
     _check_sky(image)
     azimuth, elevation = sun or _find_sun_direction(image)

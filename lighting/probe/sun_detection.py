@@ -28,17 +28,28 @@ ANALYSIS_HEIGHT = 128  # rows of the picture in which the sun is sought and to w
 
 
 def is_clipped(linear: NDArray[np.float32]) -> bool:
-    """Whether a linear picture was clipped at white: it has no value above 1."""
+    """Tell whether a linear picture was clipped at white: it has no value above 1.
+
+    Args:
+        linear: (H, W, 3), at least 0.
+    """
     return float(linear.max()) <= 1.0
 
 
 def import_ndimage() -> Any:
-    """scipy's image filters; MissingExtraError where scipy is not installed."""
+    """Import scipy's image filters; MissingExtraError where scipy is not installed."""
     return require_extra("scipy.ndimage", "Measured skies need scipy", "stereo")
 
 
 def label_regions(mask: Mask) -> NDArray[np.intp]:
-    """The number of the connected region of each pixel (H, 2H) of a mask; 0 outside. Regions cross the seam."""
+    """Number the connected regions of a mask, which cross the seam.
+
+    Args:
+        mask: (H, 2H).
+
+    Returns:
+        The number of each pixel's region (H, 2H); 0 outside the mask.
+    """
     labels, count = import_ndimage().label(mask, np.ones((3, 3)))
     same = np.arange(count + 1)
     for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
@@ -48,7 +59,11 @@ def label_regions(mask: Mask) -> NDArray[np.intp]:
 
 
 def pixel_solid_angles(height: int) -> Floats:
-    """Solid angle [sr] of each pixel (H, 2H)."""
+    """Return the solid angle [sr] of each pixel (H, 2H).
+
+    Args:
+        height: H, rows of the map.
+    """
     return np.repeat(latlong_solid_angle(height)[:, None], 2 * height, axis=1)
 
 
@@ -72,15 +87,22 @@ class DetectedSun:
 
     @property
     def direction(self) -> Floats:
+        """Unit vector (3,)."""
         return direction(self.azimuth, self.elevation)
 
 
 def find_sun(linear: NDArray[np.float32]) -> DetectedSun | None:
-    """The sun in a panorama (H, 2H, 3), None where it is hidden or behind clouds.
+    """Find the sun in a panorama.
 
     In an unclipped (HDR) picture it is the centroid of the radiance around the peak. In a clipped one it is the
     centroid of the largest blown-out region, where a pixel counts by its solid angle and by its excess over the median
     of its row: bright haze along the horizon then counts for little.
+
+    Args:
+        linear: (H, 2H, 3) linear Rec.709.
+
+    Returns:
+        The sun; None where it is hidden or behind clouds.
     """
     small = shrink_envmap(linear, ANALYSIS_HEIGHT)
     above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
@@ -149,11 +171,20 @@ class SunBlob:
 
     @property
     def direction(self) -> Floats:
+        """Unit vector (3,)."""
         return direction(self.azimuth, self.elevation)
 
 
 def find_sun_blob(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
-    """The sun in a map (H, 2H, 3) whose clipped pixels (H, 2H) are marked; None where none is above the horizon."""
+    """Find the sun in a map whose clipped pixels are marked.
+
+    Args:
+        image: (H, 2H, 3) linear Rec.709.
+        clipped: (H, 2H), pixels whose radiance is a lower bound.
+
+    Returns:
+        The sun; None where none is above the horizon.
+    """
     directions = latlong_directions(len(image))
     value = np.where(directions[..., 1] > 0, luminance(image), 0.0)
     region = _bright_region(value, clipped & (directions[..., 1] > 0))

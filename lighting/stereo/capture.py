@@ -227,9 +227,15 @@ def _measure_shift(a: NDArray[Any], b: NDArray[Any]) -> float:
 
 
 def read_nearest_skies(folder: Path, times: NDArray[np.datetime64], utc_offset: float) -> Skies:
-    """The probes nearest to times (T,) in UTC; folders without a time in their maps are named `utc_offset` [h] from it.
+    """Read the probes nearest to the moments of photos.
 
-    Raises EnvironmentMapError where a photo has none within half of LONGEST_GAP.
+    Args:
+        folder: of probes, in the SkyDB's layout.
+        times: (T,) UTC.
+        utc_offset: h, of the folders' names where the maps have no time.
+
+    Raises:
+        EnvironmentMapError: a photo has no probe within half of MAX_PROBE_GAP.
     """
     local = times + np.timedelta64(round(3600 * utc_offset), "s")
     return read_skies([_nearest_probe(folder, time, utc_offset) for time in local])
@@ -329,11 +335,19 @@ def read_day_photos(
     size: int | None = MAX_SIZE,
     progress: Callable[[Sequence[Path]], Any] = iter,
 ) -> DayPhotos:
-    """The photos of a folder in the order of their times, reduced by a whole factor to `size` pixels.
+    """Read the photos of a folder in the order of their times.
 
-    `utc_offset` [h] is of a camera's clock that does not say it. Raises PhotoError for fewer than LEAST photos, times
-    that are missing or do not differ, sizes, lenses or exposures that do, a camera that moved, and photos that are
-    clipped or too small.
+    Args:
+        folder: of photos, with `times.csv` and `mask.png` where they are needed.
+        mask: a picture, white where the thing is; None is the folder's, or all.
+        utc_offset: h, of a camera's clock that does not say it; None is unknown.
+        curve: how values are coded; None believes the files.
+        size: pixels of the longer side, reached by a whole factor; None keeps all.
+        progress: passes the files on as they are read.
+
+    Raises:
+        PhotoError: there are fewer than MIN_PHOTOS photos, times are missing or do not differ, sizes, lenses or
+            exposures do, the camera moved, or photos are clipped or too small.
     """
     photos = [_reduce_photo(_read_day_photo(path, curve), size) for path in progress(_list_photos(folder))]
     if len(photos) < MIN_PHOTOS:

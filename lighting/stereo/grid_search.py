@@ -46,17 +46,31 @@ def _axes(pose: Pose) -> Floats:
 
 
 def camera_to_world(vectors: ArrayLike, pose: Pose) -> Floats:
-    """Vectors (..., 3) of the camera frame in world axes."""
+    """Rotate vectors of the camera frame to world axes.
+
+    Args:
+        vectors: (..., 3) in the camera frame.
+        pose: of the camera.
+    """
     return np.asarray(np.asarray(vectors) @ _axes(pose))
 
 
 def world_to_camera(vectors: ArrayLike, pose: Pose) -> Floats:
-    """Vectors (..., 3) in world axes in the camera frame."""
+    """Rotate vectors in world axes to the camera frame.
+
+    Args:
+        vectors: (..., 3) in world axes.
+        pose: of the camera.
+    """
     return np.asarray(np.asarray(vectors) @ _axes(pose).T)
 
 
 def sample_visible_normals(count: int) -> NDArray[np.float32]:
-    """Unit vectors (N, 3) spread evenly over the camera frame's half with Z > 0, on a Fibonacci spiral."""
+    """Spread unit vectors (N, 3) evenly over the camera frame's half with Z > 0, on a Fibonacci spiral.
+
+    Args:
+        count: N.
+    """
     index = np.arange(count) + 0.5
     z = index / count
     angle = np.pi * (1 + 5**0.5) * index
@@ -106,7 +120,13 @@ SearchProgress = Callable[[Iterable[SearchResult], int], Iterable[SearchResult]]
 
 
 def make_candidates(skies: Skies, pose: Pose, count: int = GRID_SIZE) -> Candidates:
-    """The normals that a camera can see, under skies of T moments and C channels."""
+    """Make the normals that a camera can see, and how a day lights them.
+
+    Args:
+        skies: of T moments and C channels.
+        pose: of the camera.
+        count: K, of the normals.
+    """
     normals = sample_visible_normals(count)
     vectors = illumination_matrices(skies, camera_to_world(normals, pose))  # (K, T, 3, C)
     light = np.moveaxis(world_to_camera(np.moveaxis(vectors, -2, -1), pose), -1, -2)
@@ -116,16 +136,26 @@ def make_candidates(skies: Skies, pose: Pose, count: int = GRID_SIZE) -> Candida
 
 
 def ignore_progress(parts: Iterable[SearchResult], count: int) -> Iterable[SearchResult]:  # noqa: ARG001
-    """Progress that nobody watches."""
+    """Pass results on and report nothing.
+
+    Args:
+        parts: results of blocks.
+        count: of all blocks.
+    """
     return parts
 
 
 def search_normals(
     images: Image, table: Candidates, noise: float, progress: SearchProgress = ignore_progress, threads: int = 1
 ) -> SearchResult:
-    """The normals of P pixels from brightnesses (P, T, C); `noise` is their standard deviation, in their unit.
+    """Search the normals of pixels among candidates, block by block.
 
-    Pixels are searched in blocks, which `progress` sees pass and which so many threads share.
+    Args:
+        images: (P, T, C) brightnesses.
+        table: the candidates.
+        noise: standard deviation of the brightnesses, in their unit.
+        progress: passes the results of blocks on as they come.
+        threads: that share the blocks.
     """
     units, size = _normalize_brightness(table), max(1, _BLOCK_RESIDUALS // len(table.normals))
     blocks = [images[start : start + size] for start in range(0, len(images), size)] or [images]
@@ -245,7 +275,15 @@ _MAX_PATTERNS = 16  # at most
 
 
 def make_shadow_candidates(skies: Skies, pose: Pose) -> Candidates | None:
-    """Normals of a grid in every pattern of shadow, without one first; None where too few photos are left for any."""
+    """Make the normals of a grid in every pattern of shadow, the one without shadow first.
+
+    Args:
+        skies: of T moments and C channels.
+        pose: of the camera.
+
+    Returns:
+        The candidates; None where too few photos are left for any.
+    """
     is_lit = _shadow_patterns(len(skies))
     if len(is_lit) < 2:
         return None
@@ -282,7 +320,15 @@ def search_with_shadows(
     noise: float,
     progress: SearchProgress = ignore_progress,
 ) -> SearchResult:
-    """The search of pixels (P, T, C), repeated with shadows where it leaves POOR times the noise."""
+    """Search normals, and again with shadows where MAX_RESIDUAL_RATIO times the noise is left.
+
+    Args:
+        images: (P, T, C) brightnesses.
+        table: candidates under the open sun.
+        shaded: candidates with shadows; None searches once.
+        noise: standard deviation of the brightnesses, in their unit.
+        progress: passes the results of blocks on as they come.
+    """
     first = search_normals(images, table, noise, progress, available_cpus())
     poor = np.flatnonzero(first.residual > MAX_RESIDUAL_RATIO * noise)
     if shaded is None or not len(poor):

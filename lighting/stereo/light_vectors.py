@@ -49,15 +49,26 @@ class Skies:
         return len(self.radiance)
 
     def at(self, moments: NDArray[np.intp]) -> "Skies":
-        """The skies of some moments (M,) alone, in that order."""
+        """Return the skies of some moments alone.
+
+        Args:
+            moments: (M,) indices, in the order that is wanted.
+        """
         return Skies(self.radiance[moments], self.sun_direction[moments], self.sun_irradiance[moments])
 
 
 def skies_from_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
-    """Skies of maps (T, H, 2H, 3) that show the sun at directions (T, 3), the disc taken out of each.
+    """Take the sun's disc out of maps that show it.
 
     What stands above the sky around the sun counts as the disc, for the disc is smaller than a pixel of most maps. A
-    sun that the map does not show has irradiance 0. Raises EnvironmentMapError for another shape.
+    sun that the map does not show has irradiance 0.
+
+    Args:
+        maps: (T, H, 2H, 3), row 0 is the zenith, the centre column north.
+        sun_direction: (T, 3) unit vectors.
+
+    Raises:
+        EnvironmentMapError: the shapes are others.
     """
     images, directions = np.asarray(maps, dtype=np.float32), np.asarray(sun_direction, dtype=np.float64)
     if images.ndim != 4 or images.shape[-1] != 3 or len(images) != len(directions):
@@ -67,11 +78,21 @@ def skies_from_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:
 
 
 def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:
-    """Illumination matrices (..., T, 3, C) of patches with unit normals (..., 3): mean light vectors as rows.
+    """Return the illumination matrices of patches, their rows mean light vectors.
 
-    A patch's brightness at each moment is `illumination(...)[..., t, :, c] @ (albedo * normal)`, in the unit of the
-    skies' radiance. It is the brightness's derivative by x = albedo x normal too, for what the hemisphere's edge lets
-    in or out adds nothing: covariances of estimates follow from it at any normal.
+    A patch's brightness at each moment is `illumination_matrices(...)[..., t, :, c] @ (albedo * normal)`, in the unit
+    of the skies' radiance. It is the brightness's derivative by x = albedo x normal too, for what the hemisphere's
+    edge lets in or out adds nothing: covariances of estimates follow from it at any normal.
+
+    Args:
+        skies: of T moments and C channels.
+        normals: (..., 3) unit vectors.
+
+    Returns:
+        Matrices (..., T, 3, C).
+
+    References:
+        [1] Hold-Geoffroy et al., What Is a Good Day for Outdoor Photometric Stereo?, ICCP 2015.
     """
     directions = np.asarray(normals, dtype=np.float64)
     flat = directions.reshape(-1, 3)
@@ -98,9 +119,13 @@ def _mean_light(
 
 
 def sky_light_vectors(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
-    """Mean light vectors (N, T, 3, C) of maps (T, H, 2H, C), for normals (N, 3), summed over pixels.
+    """Return the mean light vectors (N, T, 3, C) of maps, summed over pixels.
 
     A pixel that a patch's plane cuts counts by about the part of it above the plane.
+
+    Args:
+        radiance: (T, H, 2H, C) lat-long maps without the sun's disc.
+        normals: (N, 3) unit vectors.
     """
     moments, height, width, channels = radiance.shape
     d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
@@ -117,10 +142,15 @@ def sky_light_vectors(radiance: NDArray[np.floating[Any]], normals: Floats) -> F
 
 
 def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Floats) -> Floats:
-    """Mean light vectors (N, T, 3, C) of suns' discs alone, at directions (T, 3) with irradiances (T, C).
+    """Return the mean light vectors (N, T, 3, C) of suns' discs alone.
 
     The integral over a uniform disc of SUN_RADIUS of which the patch's plane cuts off a segment: the share of
     the disc above the plane times the disc's direction, and the segment's first moment along the normal.
+
+    Args:
+        sun_direction: (T, 3) unit vectors.
+        sun_irradiance: (T, C) on planes that face the suns.
+        normals: (N, 3) unit vectors.
     """
     radius = np.radians(SUN_RADIUS)
     cosine = np.clip(normals @ sun_direction.T, -1, 1)
@@ -146,7 +176,13 @@ CLOUD_SPELL = 15.0  # min that a cloud or a gap between clouds stands before the
 
 
 def sun_directions(times: ArrayLike, latitude: float, longitude: float) -> Floats:
-    """Unit vectors (T, 3) to the sun at UTC times (T,) as numpy's datetime64; below the horizon too."""
+    """Return unit vectors (T, 3) to the sun, also below the horizon.
+
+    Args:
+        times: (T,) UTC, as numpy's datetime64.
+        latitude: deg, positive north.
+        longitude: deg, positive east.
+    """
     azimuth, elevation = sun_position(np.asarray(times, dtype="datetime64[us]"), latitude, longitude)
     return direction(azimuth, elevation)
 
@@ -154,9 +190,16 @@ def sun_directions(times: ArrayLike, latitude: float, longitude: float) -> Float
 def clear_skies(
     suns: ArrayLike, turbidity: float = TURBIDITY, ground_albedo: float = GROUND_ALBEDO, height: int = SKY_HEIGHT
 ) -> Skies:
-    """Hosek-Wilkie skies of three channels with the sun at unit vectors (T, 3), over ground that they light.
+    """Model Hosek-Wilkie skies of three channels over ground that they light.
 
-    Raises ParameterError where a sun is below the horizon and for a turbidity outside 1 to 10.
+    Args:
+        suns: (T, 3) unit vectors, above the horizon.
+        turbidity: 1 to 10.
+        ground_albedo: 0 to 1.
+        height: H, rows of the maps, even.
+
+    Raises:
+        ParameterError: a sun is below the horizon, or the turbidity out of range.
     """
     directions = np.asarray(suns, dtype=np.float64)
     if (directions[:, 1] < 0).any():
@@ -168,9 +211,13 @@ def clear_skies(
 
 
 def overcast_skies(clear: Skies) -> Skies:
-    """CIE standard overcast skies at the moments of clear ones, in their channels.
+    """Model CIE standard overcast skies at the moments of clear ones, in their channels.
 
-    Their irradiance of level ground is OVERCAST_SHARE of the clear skies'.
+    Args:
+        clear: skies whose irradiance of level ground is reduced to OVERCAST_SHARE.
+
+    References:
+        [1] Kasten and Czeplak, Solar Energy 24, 1980.
     """
     level = OVERCAST_SHARE * _ground_irradiance(clear)
     height = clear.radiance.shape[1]
@@ -180,10 +227,13 @@ def overcast_skies(clear: Skies) -> Skies:
 
 
 def broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
-    """Skies with broken cloud at the moments of clear ones, in their channels: a simple model, not a measured one.
+    """Model broken cloud at the moments of clear skies; a simple model, not a measured one.
 
-    The sky is the mean of the clear and the overcast one, weighted by COVER. The disc is whole where
-    `shines` (T,), see `draw_sunshine`, and hidden elsewhere; the ground is lit by both.
+    The sky is the mean of the clear and the overcast one, weighted by BROKEN_COVER; the ground is lit by sky and disc.
+
+    Args:
+        clear: skies of T moments.
+        shines: (T,), whether the disc is whole (see `draw_sunshine`) or hidden.
     """
     half = clear.radiance.shape[1] // 2
     sky = (1 - BROKEN_COVER) * clear.radiance[:, :half] + BROKEN_COVER * overcast_skies(clear).radiance[:, :half]
@@ -193,9 +243,16 @@ def broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
 
 
 def draw_sunshine(draws: int, spells: int, seed: int, cover: float = BROKEN_COVER) -> NDArray[np.bool_]:
-    """Whether the sun shines (draws, spells) in spells of broken cloud, each SPELL minutes long and drawn by itself.
+    """Draw whether the sun shines in spells of broken cloud, each CLOUD_SPELL minutes long and independent.
 
-    In a share `cover` of the spells a cloud hides it.
+    Args:
+        draws: D.
+        spells: S.
+        seed: of the random numbers.
+        cover: share of the spells, 0 to 1, in which a cloud hides the sun.
+
+    Returns:
+        (D, S), True where it shines.
     """
     return np.asarray(np.random.default_rng(seed).random((draws, spells)) >= cover)
 

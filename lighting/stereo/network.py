@@ -38,9 +38,14 @@ class NormalFeatures:
 def normal_features(
     images: Image, mask: NDArray[np.bool_], suns: NDArray[Any], search: SearchResult, noise: float
 ) -> NormalFeatures:
-    """The planes of pixels (P, T, C) that fill a mask (H, W), all 0 outside it.
+    """Make the planes that the network sees; 0 outside the mask.
 
-    `suns` (T, 3) are unit vectors in the camera frame; `noise` is in the unit of the images.
+    Args:
+        images: (P, T, C) brightnesses of the mask's pixels.
+        mask: (H, W).
+        suns: (T, 3) unit vectors in the camera frame.
+        search: what the search says of the pixels.
+        noise: standard deviation of the brightnesses, in their unit.
     """
     brightness = images.mean(axis=2)
     size = np.sqrt(np.mean(brightness**2, axis=1)) + np.float32(1e-9)
@@ -82,7 +87,15 @@ class Network:
 
     @classmethod
     def load(cls, path: Path | None = None, threads: int = 0) -> "Network":
-        """The network in an ONNX file, by default the one in this package; ModelError for another kind of file."""
+        """Load a network.
+
+        Args:
+            path: an ONNX file; None is the one in this package.
+            threads: of onnxruntime; 0 lets it choose.
+
+        Raises:
+            ModelError: the file is not a network of normals of this version.
+        """
         file = _packaged_network() if path is None else path
         session = create_session(file, threads)
         planes = {port.name: port.shape[-3] for port in session.get_inputs()}
@@ -91,7 +104,14 @@ class Network:
         return cls(session)
 
     def predict(self, features: NormalFeatures) -> tuple[Image, Image]:
-        """Normals (H, W, 3) and expected errors (H, W) [deg], tile by tile."""
+        """Predict normals (H, W, 3) and expected errors (H, W) [deg], tile by tile.
+
+        Args:
+            features: of one day.
+
+        Raises:
+            ModelError: the network fails.
+        """
         height, width = features.shared.shape[1:]
         normal, error = np.zeros((height, width, 3), np.float32), np.zeros((height, width), np.float32)
         for tile in _iter_tiles(height, width):

@@ -22,13 +22,21 @@ _MIN_DETERMINANT = 1e-12  # least determinant of M^T M, of matrices scaled to un
 
 
 def gram_matrix(matrix: ArrayLike) -> Floats:
-    """M^T M (..., 3, 3) of illumination matrices (..., T, 3)."""
+    """Return M^T M (..., 3, 3).
+
+    Args:
+        matrix: (..., T, 3) illumination matrices M.
+    """
     m = np.asarray(matrix, dtype=np.float64)
     return np.asarray(np.swapaxes(m, -1, -2) @ m)
 
 
 def invert_symmetric(grams: ArrayLike) -> Floats:
-    """Inverses (..., 3, 3) of symmetric positive matrices (..., 3, 3); infinite on the diagonal where singular."""
+    """Invert symmetric positive matrices; infinite on the diagonal where singular.
+
+    Args:
+        grams: (..., 3, 3).
+    """
     g = np.asarray(grams, dtype=np.float64)
     return _inverse(np.stack([g[..., row, column] for row, column in _UPPER_TRIANGLE], axis=-1))
 
@@ -54,17 +62,29 @@ def _covariance(matrix: ArrayLike, noise: float = 1.0) -> Floats:
 
 
 def noise_gain(matrix: ArrayLike) -> Floats:
-    """Noise gain lambda_k (..., 3) of each axis of illumination matrices (..., T, 3)."""
+    """Return the noise gain lambda_k (..., 3) of each axis.
+
+    Args:
+        matrix: (..., T, 3) illumination matrices.
+    """
     return gain_from_inverse(invert_symmetric(gram_matrix(matrix)))
 
 
 def largest_gain(matrix: ArrayLike) -> Floats:
-    """lambda_max (...), the largest noise gain of the three axes."""
+    """Return the largest noise gain of the three axes, lambda_max (...).
+
+    Args:
+        matrix: (..., T, 3) illumination matrices.
+    """
     return np.asarray(noise_gain(matrix).max(axis=-1))
 
 
 def rotation_free_gain(matrix: ArrayLike) -> Floats:
-    """1 / sigma_min (...) of illumination matrices (..., T, 3): the gain along the worst direction, not axis."""
+    """Return the gain along the worst direction, whatever the axes: 1 / sigma_min (...).
+
+    Args:
+        matrix: (..., T, 3) illumination matrices.
+    """
     m = np.asarray(matrix, dtype=np.float64)
     if m.shape[-2] < 3:
         return np.full(m.shape[:-2], np.inf)
@@ -74,19 +94,33 @@ def rotation_free_gain(matrix: ArrayLike) -> Floats:
 
 
 def gain_from_inverse(inverses: Floats) -> Floats:
-    """Noise gain (..., 3) of each axis from (M^T M)^-1 (..., 3, 3)."""
+    """Return the noise gain (..., 3) of each axis.
+
+    Args:
+        inverses: (..., 3, 3), (M^T M)^-1.
+    """
     return np.asarray(np.sqrt(np.diagonal(inverses, axis1=-2, axis2=-1)))
 
 
 def interval_95(gain: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
-    """Half width (...) of the 95 % interval of a normal's component, from its noise gain (...)."""
+    """Return half the width (...) of the 95 % interval of a normal's component.
+
+    Args:
+        gain: (...) noise gains.
+        noise: standard deviation of a pixel.
+        albedo: of the surface, over 0.
+    """
     return np.asarray(Z_95 * noise * np.asarray(gain, dtype=np.float64) / albedo)
 
 
 def angular_std(inverses: Floats, normals: ArrayLike) -> Floats:
-    """Root mean square turn [rad] (...) of unit normals (..., 3) per noise / albedo, from (M^T M)^-1 (..., 3, 3).
+    """Return the root mean square rotation [rad] (...) of normals per noise / albedo.
 
-    To first order in the noise, where only what moves x across the normal turns it.
+    To first order in the noise, where only what moves x across the normal rotates it.
+
+    Args:
+        inverses: (..., 3, 3), (M^T M)^-1.
+        normals: (..., 3) unit vectors.
     """
     n = np.asarray(normals, dtype=np.float64)
     tangent = np.eye(3) - n[..., :, None] * n[..., None, :]
@@ -96,14 +130,22 @@ def angular_std(inverses: Floats, normals: ArrayLike) -> Floats:
 
 
 def angular_error(std: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
-    """Expected error [deg] (...) of normals from their `angular_std` (...): at most WORST_ERROR."""
+    """Return the expected error [deg] (...) of normals, at most MAX_ERROR.
+
+    Args:
+        std: (...), as `angular_std` returns it.
+        noise: standard deviation of a pixel.
+        albedo: of the surface, over 0.
+    """
     return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(std, dtype=np.float64)), MAX_ERROR))
 
 
 def window_gram_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
-    """(M^T M)^-1 (N, ..., 3, 3) of windows, of illumination matrices (N, T, 3) over a day.
+    """Return (M^T M)^-1 (N, ..., 3, 3) of windows of a day.
 
-    `moments` (..., shots) are the indices of each window's photos; each holds the same number, so that gains compare.
+    Args:
+        matrix: (N, T, 3) illumination matrices of the day.
+        moments: (..., shots) indices of each window's photos, as many in each, so that gains compare.
     """
     m = np.asarray(matrix, dtype=np.float64)
     products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER_TRIANGLE], axis=-1)
@@ -134,8 +176,11 @@ _COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
 
 
 def normals_of_interest(facing: float | None) -> Floats:
-    """Unit normals (N, 3) by which windows are judged: within VISIBLE of a level direction [deg], or all that do not
-    look down."""
+    """Return the unit normals (N, 3) by which windows are judged.
+
+    Args:
+        facing: deg clockwise from north; normals lie within MAX_VISIBLE_ANGLE of it. None is all that do not look down.
+    """
     normals = _sphere_normals(NORMAL_COUNT)
     if facing is None:
         return np.asarray(normals[normals[:, 1] >= 0])
@@ -143,7 +188,11 @@ def normals_of_interest(facing: float | None) -> Floats:
 
 
 def named_normals(facing: float | None) -> tuple[list[NamedNormal], Floats]:
-    """The orientations that a plan speaks of, and their unit normals (N, 3)."""
+    """Return the orientations that a plan speaks of, and their unit normals (N, 3).
+
+    Args:
+        facing: deg clockwise from north, where the surface faces; None is all directions and up.
+    """
     if facing is None:
         slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
         orientations = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
@@ -157,9 +206,15 @@ def named_normals(facing: float | None) -> tuple[list[NamedNormal], Floats]:
 
 
 def half_sphere_normals(facing: float | None, size: int) -> Floats:
-    """Unit normals (size, size, 3) of a sphere's pixels as a distant camera sees it; around it those of its rim.
+    """Return the unit normals (S, S, 3) of a sphere's pixels as a distant camera sees it.
+
+    Beyond the rim they are those of the rim.
 
     The camera stands before the surface, upright; or, without a facing direction, above with north at the top.
+
+    Args:
+        facing: deg clockwise from north, where the surface faces; None is up.
+        size: S, pixels.
     """
     side = (np.arange(size) + 0.5) / size * 2 - 1
     x, y = np.meshgrid(side, -side)

@@ -46,7 +46,15 @@ _HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
 
 
 def check_normals_folder(folder: Path, *, overwrite: bool) -> None:
-    """Raise a one-sentence ParameterError where the results cannot or must not be written."""
+    """Check that results can be written.
+
+    Args:
+        folder: where they go.
+        overwrite: whether earlier ones may be replaced.
+
+    Raises:
+        ParameterError: they cannot or must not be written.
+    """
     if objection := output_folder_error(folder, overwrite=overwrite):
         raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
 
@@ -144,11 +152,23 @@ _ANCHOR_WEIGHT = 1e-9  # weight that holds each piece of the surface near 0
 
 
 def integrate_normals(normal: Image, mask: NDArray[np.bool_], focal: float | None = None) -> Floats:
-    """Heights (H, W) towards the camera, whose mean is 0, in pixels; NaN outside the mask.
+    """Integrate normals to the surface whose slopes agree best with them, by weighted least squares.
 
-    `normal` (H, W, 3) is in the camera frame. With a focal length [pixels] the result is the distance from the camera
-    in place of the height, of mean logarithm 0. Pieces of the mask that do not touch each have that mean.
-    Raises ParameterError where scipy is missing.
+    Pieces of the mask that do not touch each have the mean 0, or the mean logarithm 0.
+
+    Args:
+        normal: (H, W, 3) unit vectors in the camera frame.
+        mask: (H, W).
+        focal: pixels, focal length; None is an orthographic camera.
+
+    Returns:
+        Heights (H, W) towards the camera in pixels, or with `focal` distances from it; NaN outside the mask.
+
+    Raises:
+        MissingExtraError: scipy is not installed.
+
+    References:
+        [1] Durou et al., Normal Integration: A Survey, JMIV 2018.
     """
     slopes = _slopes(normal, focal)
     value = np.full(mask.shape, np.nan)
@@ -206,7 +226,13 @@ def _neighbor_pairs(
 
 
 def depth_error(estimated: Floats, truth: Floats, mask: NDArray[np.bool_]) -> float:
-    """Mean absolute difference of two heights (H, W) in a mask, after the offset that makes it least."""
+    """Return the mean absolute difference of two heights, after the offset that makes it least.
+
+    Args:
+        estimated: (H, W).
+        truth: (H, W), in the same unit.
+        mask: (H, W).
+    """
     difference = (estimated - truth)[mask]
     return float(np.mean(np.abs(difference - np.median(difference))))
 
@@ -260,9 +286,17 @@ def estimate_normals(
     network: Network | None = None,
     progress: NormalsProgress | None = None,
 ) -> NormalsResult:
-    """The normals of the thing that a folder's photos show.
+    """Estimate the normals of the thing that a folder's photos show.
 
-    Raises PhotoError for photos that cannot be used and ParameterError where place or heading are not known.
+    Args:
+        folder: of photos of one day.
+        options: what is known beside the photos.
+        network: improves what the search finds; None searches alone.
+        progress: watches the work; None is nobody.
+
+    Raises:
+        PhotoError: the photos cannot be used.
+        ParameterError: location or heading are not known.
     """
     folder, progress = Path(folder), progress or NormalsProgress()
     photos = read_day_photos(
@@ -285,7 +319,12 @@ def estimate_normals(
 
 
 def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None:
-    """Write the pictures, the mesh and the record of a solved day into a folder, which is made where its parent is."""
+    """Write the pictures, the mesh and the record of a day.
+
+    Args:
+        folder: made where its parent is.
+        result: of `estimate_normals`.
+    """
     folder, vertices = Path(folder), _surface_points(result)
     folder.mkdir(exist_ok=True)
     _write_map(folder, result.map, result.pose)

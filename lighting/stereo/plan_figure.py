@@ -33,7 +33,13 @@ _ROW = 42  # pixels from one row of it to the next
 
 
 def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
-    """The picture (900, 1600, 3) of a plan under a title and a line that says for whom and when it holds."""
+    """Draw a plan as a picture (900, 1600, 3), sRGB.
+
+    Args:
+        plan: of one day or the best of several.
+        title: its headline.
+        subtitle: for whom and when it holds.
+    """
     canvas = Image.new("RGB", (WIDTH, HEIGHT), BACKGROUND)
     draw_text(canvas, (40, 34), title, TextStyle(30, TEXT))
     draw_text(canvas, (40, 76), subtitle, TextStyle(18, MUTED))
@@ -167,7 +173,11 @@ def _draw_orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None
 
 
 def format_angle_error(error: float) -> str:
-    """An error [deg] in words."""
+    """Format an error for people.
+
+    Args:
+        error: deg, at least 0.
+    """
     return f">{MAX_USEFUL_ERROR:g}°" if error > MAX_USEFUL_ERROR else f"{error:.1f}°"
 
 

@@ -40,6 +40,7 @@ class SurfaceOrientation:
     interval_95: tuple[float, float, float]  # +- of the normal's components east, up, south
 
     def to_dict(self) -> dict[str, Any]:
+        """As JSON, null for what the light does not resolve."""
         return {
             "name": self.name,
             "azimuth": self.azimuth,
@@ -62,6 +63,7 @@ class Window:
     sphere: Floats  # (S, S), lambda_max over the half sphere seen, see `half_sphere`
 
     def to_dict(self) -> dict[str, Any]:
+        """As JSON, times by the clock of the place."""
         return {
             "hours": self.hours,
             "start": format_clock(self.start),
@@ -89,6 +91,7 @@ class DayScore:
     errors: tuple[float, ...]  # deg, least of each length of HOURS, 90 where none fits
 
     def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
         return {"date": self.day.isoformat(), "errors": [_round_finite(error) for error in self.errors]}
 
 
@@ -114,7 +117,11 @@ class Plan:
 
 
 def format_clock(minutes: float) -> str:
-    """Minutes since midnight as "10:45"."""
+    """Format a time of day, such as "10:45".
+
+    Args:
+        minutes: since midnight.
+    """
     whole = round(minutes)
     return f"{whole // 60:02d}:{whole % 60:02d}"
 

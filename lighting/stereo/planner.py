@@ -49,7 +49,13 @@ def _probe_days(folder: Path, utc_offset: float = 0.0) -> dict[date, dict[float,
 
 
 def day_maps(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Path]:
-    """The maps of one day, see `probe_days`; none where the folder has none of that day."""
+    """List the maps of one day by minutes since midnight; none where the folder has none of that day.
+
+    Args:
+        folder: of probes, in the SkyDB's layout.
+        day: by the clock at `utc_offset`.
+        utc_offset: h, of that clock and of the folders' names where the maps have no time.
+    """
     return _probe_days(folder, utc_offset).get(day, {})
 
 
@@ -66,7 +72,14 @@ def _read_day(day: date, files: Mapping[float, Path]) -> SkyDay:
 
 
 def read_skies(files: list[Path]) -> Skies:
-    """Skies of maps in EXR files, at most HEIGHT rows, the sun taken out of where a map is brightest."""
+    """Read maps as skies of at most SKY_HEIGHT rows, the sun taken out of where a map is brightest.
+
+    Args:
+        files: OpenEXR maps of one size.
+
+    Raises:
+        EnvironmentMapError: a map cannot be read, or sizes differ.
+    """
     parts = [_read_sky(file) for file in files]
     if len({sky.radiance.shape for sky in parts}) > 1:
         raise EnvironmentMapError("The probes differ in size; all must have the same number of rows.")
@@ -122,6 +135,7 @@ class ModelledSkies:
 
     @property
     def location(self) -> ClockLocation:
+        """Where, with the clock of the plan."""
         offset = round(self.longitude / 15) if self.utc_offset is None else self.utc_offset
         return ClockLocation(self.latitude, self.longitude, float(offset))
 
@@ -136,7 +150,12 @@ class MeasuredSkies:
     utc_offset: float = 0.0  # h, of the clock that days and times are told by
 
     def days(self) -> dict[date, dict[float, Path]]:
-        """The maps of each day that counts; ProbeError for an empty folder, ParameterError for days without probes."""
+        """List the maps of each day that counts.
+
+        Raises:
+            ProbeError: the folder has no probe.
+            ParameterError: it has none of these days.
+        """
         days = _probe_days(self.folder, self.utc_offset)
         first, last = self.first or min(days), self.last or self.first or max(days)
         days_between(first, last)
@@ -155,7 +174,16 @@ PlanSkies = ModelledSkies | MeasuredSkies
 
 
 def plan_photos(skies: PlanSkies, question: PlanRequest, progress: DayProgress = iter) -> Plan:
-    """The plan of the best day; raises ParameterError where no window of any day has light."""
+    """Plan the best day.
+
+    Args:
+        skies: of the days to compare.
+        question: what is to be photographed.
+        progress: passes the days on as they are read.
+
+    Raises:
+        ParameterError: no window of any day has light.
+    """
     if isinstance(skies, MeasuredSkies):
         files = skies.days()
         return make_plan(list(files), lambda day, _: _read_day(day, files[day]), question, progress=progress)
@@ -167,7 +195,12 @@ def plan_photos(skies: PlanSkies, question: PlanRequest, progress: DayProgress =
 
 
 def plan_record(skies: PlanSkies, plan: Plan) -> dict[str, Any]:
-    """The question and its answer as JSON."""
+    """Return the question and its answer as JSON.
+
+    Args:
+        skies: what was planned for.
+        plan: its answer.
+    """
     if isinstance(skies, MeasuredSkies):
         return {"sky": "probes", "utc_offset": skies.utc_offset, **plan.to_dict()}
     location = skies.location
@@ -176,7 +209,12 @@ def plan_record(skies: PlanSkies, plan: Plan) -> dict[str, Any]:
 
 
 def plan_title(skies: PlanSkies, plan: Plan) -> str:
-    """A headline: where and when, under which sky."""
+    """Format a headline: when and where, under which sky.
+
+    Args:
+        skies: what was planned for.
+        plan: its answer.
+    """
     if isinstance(skies, MeasuredSkies):
         return f"{plan.day}, measured skies of {skies.folder.name}"
     location = skies.location
@@ -186,7 +224,12 @@ def plan_title(skies: PlanSkies, plan: Plan) -> str:
 
 
 def plan_conditions(skies: PlanSkies, question: PlanRequest) -> str:
-    """What the plan holds for, in words."""
+    """Format what a plan holds for.
+
+    Args:
+        skies: what was planned for.
+        question: what is to be photographed.
+    """
     offset = skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.location.utc_offset
     facing = "surface all around and up" if question.facing is None else f"surface facing {question.facing:g}°"
     return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, times UTC{_format_offset(offset)}"

@@ -71,14 +71,25 @@ class SkyDay:
     clouds: NDArray[np.intp]  # (K, spells of a day), which variant each draw of the clouds shows in each spell
 
     def light(self, normals: Floats) -> Floats:
-        """Mean light vectors (N, V x T, 3) of unit normals (N, 3)."""
+        """Return the mean light vectors (N, V x T, 3) of normals.
+
+        Args:
+            normals: (N, 3) unit vectors.
+        """
         return np.asarray(illumination_matrices(self.skies, normals)[..., 0])
 
     def moments(self, start: Floats, end: Floats, shots: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Indices (K, W, shots) of the moments of photos spread evenly from start (W,) to end (W,) [min], both ends in;
-        and whether (W,) every photo finds light within the day's tolerance.
+        """Find the moments of photos spread evenly over windows, both ends in.
 
         Spells of clouds are counted from the start of each window, so that all windows meet the same clouds.
+
+        Args:
+            start: (W,) min since midnight.
+            end: (W,) min since midnight.
+            shots: photos of each window.
+
+        Returns:
+            Indices (K, W, shots), and whether (W,) every photo finds light within the day's tolerance.
         """
         times = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, shots)
         next_index = np.clip(np.searchsorted(self.minutes, times), 1, len(self.minutes) - 1)
@@ -90,9 +101,16 @@ class SkyDay:
 
 
 def modelled_day(location: ClockLocation, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
-    """The moments of the day, midnight to midnight, that the sun is up: all of a polar day.
+    """Model the moments of a day, midnight to midnight, that the sun is up: all of a polar day.
 
-    Coarse has half as many moments, in maps of half the size. Raises ParameterError where the sun does not rise.
+    Args:
+        location: where, and by which clock.
+        day: by that clock.
+        weather: the kind of sky.
+        coarse: half as many moments, in maps of half the size.
+
+    Raises:
+        ParameterError: the sun does not rise.
     """
     step, height = (COARSE_STEP, SKY_HEIGHT // 2) if coarse else (FINE_STEP, SKY_HEIGHT)
     minutes = np.arange(0.0, DAY_MINUTES, step)
@@ -128,10 +146,14 @@ def _utc_times(location: ClockLocation, day: date, minutes: Floats) -> NDArray[n
 
 
 def clear_brightness(location: ClockLocation, days: Sequence[date]) -> float:
-    """The length of the brightest mean light vector under clear skies of these days: of a patch that faces
-    the sun at its highest.
+    """Return the length of the brightest mean light vector under clear skies: of a patch that faces the highest sun.
 
-    Raises ParameterError where the sun does not rise on any.
+    Args:
+        location: where, and by which clock.
+        days: that are compared.
+
+    Raises:
+        ParameterError: the sun does not rise on any.
     """
     minutes = np.arange(0.0, DAY_MINUTES, 15.0)
     times = np.stack([_utc_times(location, day, minutes) for day in days]).ravel()
@@ -150,7 +172,11 @@ def _night_sentence(location: ClockLocation, first: date, last: date) -> str:
 
 
 def gray_skies(skies: Skies) -> Skies:
-    """The same in one channel, luminance."""
+    """Return skies in one channel, luminance.
+
+    Args:
+        skies: in linear Rec.709.
+    """
     radiance = (skies.radiance @ LUMINANCE_WEIGHTS)[..., None]
     return Skies(radiance, skies.sun_direction, (skies.sun_irradiance @ LUMINANCE_WEIGHTS)[:, None])
 
@@ -183,7 +209,13 @@ class _WindowScores:
 
 
 def list_windows(day: SkyDay, hours: float, shots: int) -> _Windows:
-    """The windows of one length that start on quarters of an hour and lie in light."""
+    """List the windows of one length that start on quarters of an hour and lie in light.
+
+    Args:
+        day: its skies.
+        hours: the windows' length.
+        shots: photos of each.
+    """
     start = np.arange(0.0, DAY_MINUTES - 60 * hours + 1e-6, START_STEP)
     return _windows_in_light(day, start, start + 60 * hours, shots)
 
@@ -197,7 +229,13 @@ def _all_windows(day: SkyDay, shots: int, step: float) -> _Windows:
 
 
 def score_windows(windows: _Windows, light: Floats, normals: Floats) -> _WindowScores:
-    """What windows are worth for normals (N, 3) with a day's mean light vectors (N, moments, 3)."""
+    """Score windows by what they are worth for normals.
+
+    Args:
+        windows: of one day.
+        light: (N, V x T, 3) mean light vectors of that day.
+        normals: (N, 3) unit vectors.
+    """
     draws, count = len(windows.moments), len(normals)
     step = max(1, _CHUNK // (draws * count))
     parts = [_score_chunk(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
@@ -228,7 +266,15 @@ SPHERE_SIZE = 31  # normals across a drawn half sphere
 
 
 def days_between(first: date, last: date) -> list[date]:
-    """All days from first to last; ParameterError where they are reversed or too many."""
+    """List all days of a range.
+
+    Args:
+        first: the first day.
+        last: the last day, included.
+
+    Raises:
+        ParameterError: they are reversed or more than MAX_DAYS.
+    """
     count = (last - first).days + 1
     if count < 1:
         raise ParameterError(f"The last day, {last}, is before the first, {first}.", "last", ErrorCode.CONTRADICTION)
@@ -248,12 +294,19 @@ def make_plan(
     reference: float | None = None,
     progress: DayProgress = iter,
 ) -> Plan:
-    """The plan of the best of several days.
+    """Plan the best of several days: the one with the least product of its least errors of each length of HOURS.
 
-    `reference` is the length of mean light vector that the exposure brings to 1; None takes the brightest of the days
-    read, over the orientations of interest. The best day has the least product of its least errors of each length of
-    HOURS. A day without light is passed over if there are others. Raises ParameterError where no window fits
-    any.
+    A day without light is passed over if there are others.
+
+    Args:
+        days: one or more.
+        read: reads a day's light.
+        question: what is to be photographed.
+        reference: length of the mean light vector that the exposure brings to 1; None is the brightest of the days.
+        progress: passes the days on as they are read.
+
+    Raises:
+        ParameterError: no window fits any day.
     """
     summaries = [_summarize_day(day, read, question, coarse=len(days) > 1) for day in progress(days)]
     if not any(summary.has_window for summary in summaries):

@@ -70,10 +70,17 @@ def solve_normals(
     network: Network | None = None,
     progress: SearchProgress = ignore_progress,
 ) -> NormalMap:
-    """The normals of a session's pixels.
+    """Find the normals of a session's pixels.
 
-    `noise` is the least standard deviation of the images as a share of the brightest pixel; where the model fits worse
-    than that, what is left counts. Raises PhotoError for an empty mask and images without light.
+    Args:
+        session: photos and their light.
+        noise: least standard deviation of the images, as a share of the brightest pixel; what the model misses counts
+            where it is more.
+        network: improves what the search finds; None searches alone.
+        progress: passes the results of blocks on as they come.
+
+    Raises:
+        PhotoError: the mask is empty, or the images have no light.
     """
     normals, features = solve_with_planes(session, noise, progress)
     return normals if network is None else apply_network(normals, network, features)
@@ -82,7 +89,13 @@ def solve_normals(
 def solve_with_planes(
     session: Session, noise: float = MIN_NOISE, progress: SearchProgress = ignore_progress
 ) -> tuple[NormalMap, NormalFeatures]:
-    """What `solve` finds by search alone, and the planes that the network improves it from."""
+    """Find normals by search alone, and the planes that the network improves them from.
+
+    Args:
+        session: photos and their light.
+        noise: least standard deviation of the images, as a share of the brightest pixel.
+        progress: passes the results of blocks on as they come.
+    """
     mask, skies, pose = session.mask, session.skies, session.pose
     pixels = _relative_pixels(session)
     table = make_candidates(skies, pose)
@@ -143,10 +156,16 @@ def _fill_mask(mask: NDArray[np.bool_], values: Image) -> Image:
 
 
 def apply_network(normals: NormalMap, network: Network, features: NormalFeatures) -> NormalMap:
-    """The network's normals where it expects to err clearly less than the search.
+    """Take the network's normals where it expects to err clearly less than the search.
 
-    It is at times too sure of itself. _BETTER is the largest of 0.4, 0.5 ... 1 at which the median rose by more than
-    0.2 deg on fewer than 5 % of 159 scenes like those that it was trained on (on 10 % with 1, on 4 % with 0.7).
+    It is at times too sure of itself. _MAX_ERROR_RATIO is the largest of 0.4, 0.5 ... 1 at which the median rose by
+    more than 0.2 deg on fewer than 5 % of 159 scenes like those that it was trained on (on 10 % with 1, on 4 % with
+    0.7).
+
+    Args:
+        normals: of the search.
+        network: the network of normals.
+        features: planes of the search.
     """
     normal, error = network.predict(features)
     better = normals.mask & (error < _MAX_ERROR_RATIO * normals.error)
@@ -159,7 +178,14 @@ def apply_network(normals: NormalMap, network: Network, features: NormalFeatures
 
 
 def check_sun_moves(skies: Skies) -> None:
-    """PhotoError where the light of all moments is the same."""
+    """Check that the light of the moments differs.
+
+    Args:
+        skies: of all photos.
+
+    Raises:
+        PhotoError: the sun does not move.
+    """
     suns = skies.sun_direction
     if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _MIN_SUN_MOTION:
         raise PhotoError("The sun stands in the same place in all photos; take them over hours.")
@@ -171,7 +197,11 @@ TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear
 
 
 def fit_turbidity(session_at: Callable[[float], Session]) -> float:
-    """The turbidity whose session leaves least of the photos unexplained; between those tried by a parabola."""
+    """Fit the turbidity whose skies leave least of the photos unexplained; between those tried by a parabola.
+
+    Args:
+        session_at: makes the session of a turbidity, 1 to 10.
+    """
     residual = np.array([_session_noise(session_at(turbidity)) for turbidity in TURBIDITIES])
     best = int(np.clip(residual.argmin(), 1, len(residual) - 2))
     nearby = slice(best - 1, best + 2)

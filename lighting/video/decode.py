@@ -182,7 +182,17 @@ class Clip:
     """An open clip; a context manager. `damage` tells, once the frames are read, what of it was lost."""
 
     def __init__(self, path: str | os.PathLike[str], side: int = FRAME_SIDE) -> None:
-        """Raises VideoError for what is not a clip that can be read, MissingExtraError without PyAV, OSError."""
+        """Open a clip and read its first frame.
+
+        Args:
+            path: a file that PyAV can read.
+            side: pixels of a frame's longer side, at most.
+
+        Raises:
+            VideoError: it is no clip that can be read.
+            MissingExtraError: PyAV is not installed.
+            OSError: the file is missing or forbidden.
+        """
         self.path, self.side, self.damage = Path(path), side, ""
         self._container = _open_container(self.path)
         try:
@@ -203,7 +213,11 @@ class Clip:
         self._container.close()
 
     def frames(self, only: Container[int] | None = None) -> Iterator[Frame]:
-        """The frames in the order in which they are shown, or only those of some indices; may be read once."""
+        """Read the frames in the order in which they are shown; may be read once.
+
+        Args:
+            only: indices of the frames that are wanted; None is all.
+        """
         start, last, lost, end = float(self._first.time or 0.0), -1.0, 0, 0.0
         shift = 0.0  # seconds by which times that begin again are shifted
         for index, picture in enumerate(self._decoded()):

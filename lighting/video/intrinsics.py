@@ -32,7 +32,15 @@ MIN_FOV_STD = 0.4  # deg, below which a pair's own error is not believed
 
 
 def fit_fov(tracked: ShotObservations, clip_metadata: ClipMetadata) -> tuple[float, float]:
-    """Vertical field of view and its standard deviation [deg]: given, or what turning pictures and the network say."""
+    """Fit a shot's vertical field of view: the user's, or what rotations, metadata and the network agree upon.
+
+    Args:
+        tracked: a shot that is not zoomed.
+        clip_metadata: what is known of the clip.
+
+    Returns:
+        The field of view and its standard deviation, deg.
+    """
     prior = prior_fov(tracked, clip_metadata)[0]
     turns = (turn for turn in _lens_rotations(tracked) if turn is not None and constrains_fov(turn, prior))
     return _combine_fovs(tracked, clip_metadata, ((turn.vertical_fov[0], turn.fov_std) for turn in turns))
@@ -49,7 +57,12 @@ def _combine_fovs(
 
 
 def prior_fov(tracked: ShotObservations, clip_metadata: ClipMetadata) -> tuple[float, float]:
-    """The field of view, and its standard deviation, that metadata or else the network say."""
+    """Return the vertical field of view that metadata or else the network say, and its standard deviation, deg.
+
+    Args:
+        tracked: a shot with one estimate or more.
+        clip_metadata: what is known of the clip.
+    """
     if clip_metadata.user_input.use_exif and (metadata_fov := clip_metadata.metadata.vertical_fov):
         return metadata_fov, METADATA_FOV_STD
     return math.exp(
@@ -84,10 +97,14 @@ def _distant_frames(tracked: ShotObservations) -> list[TrackedFrame]:
 
 
 def constrains_fov(turn: RelativeRotation, prior: float) -> bool:
-    """Whether a turn by an unknown lens tells it, where metadata or the network `prior` a field of view [deg].
+    """Tell whether a rotation by an unknown lens says what the lens is.
 
     A camera that walks ahead tells next to nothing of its lens, and now and then something far off. One that is zoomed
     has no lens of the whole shot.
+
+    Args:
+        turn: between two pictures of one unknown lens.
+        prior: deg, vertical field of view by metadata or the network.
     """
     if turn.zoomed:
         return False
@@ -138,7 +155,12 @@ class UnzoomedShot:
 
 
 def remove_zoom(tracked: ShotObservations, clip_metadata: ClipMetadata) -> UnzoomedShot | None:
-    """A shot whose lens is zoomed, as through one lens; None where one lens does."""
+    """Return a zoomed shot as if one lens had seen all of it; None where it is not zoomed.
+
+    Args:
+        tracked: a shot with one estimate or more.
+        clip_metadata: what is known of the clip.
+    """
     turns = _zoomed_rotations(tracked, _combine_fovs(tracked, clip_metadata, ())[0])
     first = _combine_fovs(_first_looks(tracked), clip_metadata, ())[0]
     best: UnzoomedShot | None = None
@@ -240,13 +262,24 @@ def _divide_by_zoom(tracked: ShotObservations, zoom: Floats) -> ShotObservations
 
 
 def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> bool:
-    """Whether the lens was zoomed between a keyframe with `vertical_fov` [deg] and a frame, by their points alone."""
+    """Tell by points alone whether the lens was zoomed between a keyframe and a frame.
+
+    Args:
+        matches: of the keyframe's points to the frame's.
+        vertical_fov: deg, of the keyframe.
+        size: width and height of the frames, pixels.
+    """
     fit = _fit_rotation_and_zoom(matches, focal_from_fov(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
     return fit is not None and abs(np.log(fit[1])) > ONE_LENS
 
 
 def zoomed_fov(vertical_fov: float, zoom: float) -> float:
-    """The vertical field of view [deg] where a focal length is `zoom` times that of one with `vertical_fov` [deg]."""
+    """Return the vertical field of view [deg] of a zoomed lens.
+
+    Args:
+        vertical_fov: deg, before the zoom.
+        zoom: the new focal length by the old one, over 0.
+    """
     return degrees(2.0 * atan(tan(radians(vertical_fov) / 2.0) / zoom))
 
 

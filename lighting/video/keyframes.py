@@ -54,9 +54,13 @@ class _Link:
 def match_keyframes(
     a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_std: float = 0.0
 ) -> RelativeRotation | None:
-    """The turn from a to b by their features, None where they have too little in common.
+    """Estimate the rotation from one keyframe to another by their features; None where too little is common.
 
-    The lens is given [deg], exactly or with a standard deviation of both pictures' lenses, or unknown.
+    Args:
+        a: the first keyframe.
+        b: the second one.
+        vertical_fov: deg, of both; None is unknown.
+        fov_std: deg, of that; 0 is exact.
     """
     if a.picture.shape != b.picture.shape:
         return None
@@ -154,9 +158,18 @@ GIMBAL_INTERVAL = 0.5  # s between the gimbal's angles that count
 def estimate_orientations(
     tracked: ShotObservations, rotations: Sequence[FrameRotation], fov: float
 ) -> tuple[Floats, NDArray[np.bool_]]:
-    """Orientations (N, 3, 3) of the frames against the shot's first camera, and which of them are believed (N,).
+    """Estimate the frames' orientations from all rotations between keyframes and frames.
 
-    `rotations` are those of `turnings_of`, `fov` the vertical field of view [deg].
+    Args:
+        tracked: a shot.
+        rotations: those of `estimate_frame_rotations`, one a frame.
+        fov: deg, vertical field of view.
+
+    Returns:
+        Orientations (N, 3, 3) against the shot's first camera, and which of them are to be used (N,).
+
+    References:
+        [1] Chatterjee and Govindu, Efficient and robust large-scale rotation averaging, ICCV 2013.
     """
     lowest = tracked.steps[0].key
     numbers = [n for s in tracked.steps for n in (s.key, s.next_key) if n is not None]
@@ -184,7 +197,12 @@ def estimate_orientations(
 
 
 def estimate_frame_rotations(tracked: ShotObservations, fov: float) -> list[FrameRotation]:
-    """Each frame's turn against its keyframe, through a lens of a vertical field of view [deg]."""
+    """Estimate each frame's rotation against its keyframe.
+
+    Args:
+        tracked: a shot.
+        fov: deg, vertical field of view.
+    """
     focal = focal_from_fov(fov, *tracked.size)
     result: list[FrameRotation] = []
     guess: Floats = np.eye(3)
@@ -213,7 +231,14 @@ def _bridge_gaps(tracked: ShotObservations, lowest: int, fov: float) -> list[_Li
 
 
 def estimate_up(tracked: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
-    """Up (3,) in the shot's first camera: the gimbal's if there is one, or what most looks agree upon."""
+    """Estimate up (3,) in the shot's first camera: by the gimbal if there is one, else what most estimates agree upon.
+
+    Args:
+        tracked: a shot with one estimate or more.
+        orientation: (N, 3, 3) of the frames against the first camera.
+        time: (N,) s, of the frames, rising.
+        gimbal: may be empty.
+    """
     if samples := sample_gimbal(gimbal, time):
         return consensus_up(
             orientation[[i for i, _ in samples]],
@@ -226,7 +251,15 @@ def estimate_up(tracked: ShotObservations, orientation: Floats, time: Floats, gi
 
 
 def sample_gimbal(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, float, float]]]:
-    """What a gimbal says at some of the times (N,) [s]: their indices, each with heading, elevation and roll [deg]."""
+    """Read a gimbal every GIMBAL_INTERVAL.
+
+    Args:
+        gimbal: may be empty.
+        time: (N,) s, of the frames, rising.
+
+    Returns:
+        Indices into `time`, each with heading, elevation and roll, deg.
+    """
     first = np.unique((time - time[0]) // GIMBAL_INTERVAL, return_index=True)[1]
     return [(int(i), at) for i in first if (at := gimbal.at(float(time[i]))) is not None]
 
@@ -250,7 +283,14 @@ class CameraPath:
 
 
 def make_camera_path(time: Floats, orientations: Floats, is_used: NDArray[np.bool_], leveling: Floats) -> CameraPath:
-    """The path of cameras (N, 3, 3) of which those `is_used` (N,), at least one, are believed."""
+    """Make a camera's path: gaps bridged, trembling smoothed.
+
+    Args:
+        time: (N,) s, rising.
+        orientations: (N, 3, 3) against the shot's first camera.
+        is_used: (N,), which of them are reliable; at least one.
+        leveling: (3, 3) rotation that levels the first camera.
+    """
     heading, elevation, roll = heading_elevation_roll(orientations, leveling)
     unwrapped_heading = np.empty_like(heading)
     unwrapped_heading[is_used] = np.degrees(np.unwrap(np.radians(heading[is_used])))
@@ -262,7 +302,13 @@ def make_camera_path(time: Floats, orientations: Floats, is_used: NDArray[np.boo
 
 
 def smooth_parabolic(time: Floats, values: Floats, window: int = SMOOTHING_WINDOW) -> Floats:
-    """Values (N,) at rising times (N,), each replaced by the parabola through its `window` neighbours."""
+    """Replace each value by the parabola through its neighbours.
+
+    Args:
+        time: (N,) s, rising.
+        values: (N,).
+        window: neighbours that a parabola is fitted to, odd.
+    """
     count = len(time)
     if count < window:
         return values

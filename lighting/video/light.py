@@ -90,7 +90,11 @@ class ShotLight:
         return self._last is not None
 
     def add(self, observation: FrameObservation) -> None:
-        """Count a look, in parts for the two sectors between whose middles it lies."""
+        """Count an estimate, in parts for the two sectors between whose middles it lies.
+
+        Args:
+            observation: what one frame shows, and its place in the shot.
+        """
         self._looks += 1
         self._last, self._vertical_fov = observation.estimate.prediction, observation.vertical_fov
         parts = (
@@ -105,11 +109,15 @@ class ShotLight:
             if share > 0.0:
                 self._sectors.setdefault(number % round(360.0 / SECTOR_WIDTH), _Sector()).add(share, *parts)
 
-    def answer(self, evidence: Observations) -> Posterior:
-        """What all looks say, as a camera at azimuth 0 would see it.
+    def answer(self, observations: Observations) -> Posterior:
+        """Combine all estimates, as a camera at azimuth 0 would see the light.
 
-        `evidence` is that of the moment asked for, its heading that of azimuth 0. ValueError before the first look;
-        ParameterError where the sun is below the horizon.
+        Args:
+            observations: of the moment that is asked for; the heading is that of azimuth 0.
+
+        Raises:
+            ValueError: there is no estimate yet.
+            ParameterError: the sun is below the horizon.
         """
         if self._last is None:
             raise ValueError("There was no look yet.")
@@ -118,9 +126,9 @@ class ShotLight:
             cells, self._weights(SUN_CORRELATION), SUN_CORRELATION, grid_solid_angle(self._last.spec.sun_grid)
         )
         by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
-        posterior = fuse(by_pixels, evidence)
-        if evidence.candidates and (rings := self._rings(evidence)) is not None:
-            posterior = replace(posterior_on_rings(by_pixels, evidence, rings), warnings=posterior.warnings)
+        posterior = fuse(by_pixels, observations)
+        if observations.candidates and (rings := self._rings(observations)) is not None:
+            posterior = replace(posterior_on_rings(by_pixels, observations, rings), warnings=posterior.warnings)
         return replace(
             posterior,
             used=posterior.used
@@ -137,14 +145,14 @@ class ShotLight:
         log_ground = np.average([s.log_ground for s in self._sectors.values()], axis=0, weights=weight)
         return np.asarray(np.exp(log_ground))
 
-    def _rings(self, evidence: Observations) -> Floats | None:
+    def _rings(self, observations: Observations) -> Floats | None:
         """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
-        up = [elevation >= 0.0 for elevation, _ in evidence.candidates]
+        up = [elevation >= 0.0 for elevation, _ in observations.candidates]
         rings = [sector.log_rings for sector in self._sectors.values()]
         if any(len(ring) != len(up) for ring in rings):
             return None
         weight = pool_log_likelihoods(np.stack(rings)[:, up], self._weights(AZIMUTH_CORRELATION), AZIMUTH_CORRELATION)
-        return np.asarray(weight * compass_prior(evidence))
+        return np.asarray(weight * compass_prior(observations))
 
     def _present(self) -> Floats:
         """How far (S,) each sector is there at all, 0 to 1: one that was only brushed counts for little."""

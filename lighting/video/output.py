@@ -77,7 +77,11 @@ class VideoResult:
         return bool(self.damage) or any(isinstance(shot, VideoError) for shot in self.shots)
 
     def warnings(self, number: int) -> tuple[str, ...]:
-        """Those of a shot, counted from 1, and of its scene."""
+        """Return the warnings of a shot and of its scene.
+
+        Args:
+            number: the shot, counted from 1.
+        """
         shot = self.shots[number - 1]
         of_light = () if isinstance(shot, VideoError) else shot_lighting(shot).warnings
         return self.scene_warnings.get(number, of_light)
@@ -100,15 +104,35 @@ def _shot_map(number: int) -> str:
 
 
 def check_video_folder(folder: Path, *, overwrite: bool) -> None:
-    """Raise a one-sentence VideoError where the results cannot or must not be written."""
+    """Check that results can be written.
+
+    Args:
+        folder: where they go.
+        overwrite: whether earlier ones may be replaced.
+
+    Raises:
+        VideoError: they cannot or must not be written.
+    """
     if objection := output_folder_error(folder, overwrite=overwrite):
         raise VideoError(objection)
 
 
 def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] | None = None) -> VideoResult:
-    """Write all that is wanted of a clip.
+    """Process a clip and write all that the job asks for.
 
-    Raises VideoError, MissingExtraError, ModelError, SceneError, EnvironmentMapError, ParameterError or OSError.
+    Args:
+        job: the clip, its folder, what is known and what to write.
+        model: the network.
+        progress: called with the time [s] of each frame; None is not called.
+
+    Raises:
+        VideoError: the clip cannot be read.
+        MissingExtraError: PyAV or OpenCV is not installed.
+        ModelError: the network fails.
+        SceneError: a scene cannot be written.
+        EnvironmentMapError: a map cannot be written.
+        ParameterError: the user's time and place are of night.
+        OSError: a file cannot be read or written.
     """
     result, lights = VideoResult(), list[FrameLight]()
     with Clip(job.source) as clip:

@@ -75,9 +75,16 @@ def _gain(light: FrameLight) -> float:
 
 
 def write_film(source: Path, lights: Mapping[int, FrameLight], target: Path) -> None:
-    """Write the film as H.264 in MP4; frames without a light are shown as they are.
+    """Write a clip with its light drawn in, as H.264 in MP4; frames without a light stay as they are.
 
-    `lights` are those of frames by their index. Raises VideoError for the clip, OSError for the target.
+    Args:
+        source: the clip.
+        lights: of frames by their index.
+        target: the film, replaced at the end.
+
+    Raises:
+        VideoError: the clip cannot be read.
+        OSError: the film cannot be written.
     """
     with Clip(source, FILM_SIDE) as clip, atomic_write(target) as temporary:
         _encode(_film_frames(clip, lights), clip.info.frame_rate, temporary)
@@ -96,7 +103,13 @@ def _film_frames(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple
 
 
 def draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """One frame (h, w, 3) with its light drawn in; `balls` (H, W, 3) are linear, as the first frame exposes them."""
+    """Draw one frame's light into it.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        light: the frame's.
+        balls: (H, W, 3) linear, as the shot's first frame exposes them.
+    """
     picture = Image.fromarray(pixels)
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)

@@ -152,11 +152,16 @@ def observe_shots(
     progress: Callable[[float], Any] | None = None,
     vertical_fov: float | None = None,
 ) -> Iterator[ShotObservations]:
-    """What each shot of a clip shows, as soon as it is over; `progress` is told the time [s] of each frame.
-
-    `vertical_fov` [deg] is that of the lens, if it is known.
+    """Track a clip and hand out what each shot shows, as soon as it is over.
 
     An interruption by the user ends the last shot where the clip had been read to, and is raised after that.
+
+    Args:
+        frames: of one clip, in order.
+        model: the network.
+        every: s between the frames that the network sees; it sees the first of each shot.
+        progress: called with the time [s] of each frame; None is not called.
+        vertical_fov: deg, of the lens; None is unknown.
     """
     analyzer, interruption = _ShotAnalyzer(model, every, vertical_fov), None
     try:
@@ -172,9 +177,12 @@ def observe_shots(
 
 
 def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = None) -> FrameEstimate:
-    """What the network says of a frame (h, w, 3), upright sRGB, with the colours of sky and ground that it shows.
+    """Estimate a frame by itself, sky and ground in the colors that it shows.
 
-    Beside it the same by a lens of `vertical_fov` [deg], if it is known.
+    Args:
+        model: the network.
+        pixels: (h, w, 3) sRGB, upright.
+        vertical_fov: deg, of the lens, for a second estimate by that lens; None is unknown.
     """
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
     prediction = model.predict(preprocess(photo, model.spec))[0]
@@ -196,7 +204,11 @@ def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
 
 
 def is_dark(pixels: Pixels) -> bool:
-    """Whether a frame is too dark for daylight, black frames and nights among them."""
+    """Tell whether a frame is too dark for daylight, such as black frames and nights.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+    """
     brightness = np.percentile(luminance(srgb_decode(pixels[::8, ::8] / 255.0)), 95)
     return bool(brightness < MIN_BRIGHTNESS)
 
@@ -238,9 +250,15 @@ class Shot:
 
 
 def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
-    """The shot's lens, path and light; VideoError where the network saw none of its frames.
+    """Find a shot's lens, path and light.
 
-    Raises ParameterError where the user's own time and place are of night at the clip's first frame.
+    Args:
+        tracked: what was observed of it.
+        clip_metadata: what is known of the clip.
+
+    Raises:
+        VideoError: the network saw none of its frames.
+        ParameterError: the user's time and place are of night at the clip's first frame.
     """
     if not tracked.estimates:
         raise VideoError("No frame of the shot is bright enough for daylight.")
@@ -326,7 +344,15 @@ def _compass_heading(path: CameraPath, gimbal: Gimbal) -> float | None:
 
 
 def estimate_north(posterior: Posterior, prior: MetadataPrior) -> float | None:
-    """Where azimuth 0 points from true north [deg], by sun and compass together or by the compass alone."""
+    """Return where azimuth 0 points: by sun and compass together, or by the compass alone.
+
+    Args:
+        posterior: of the light, azimuth 0 being the shot's or chain's.
+        prior: what metadata say of that moment.
+
+    Returns:
+        deg clockwise from true north; None where it is unknown.
+    """
     if posterior.camera_heading is not None:
         return posterior.camera_heading.best
     return prior.observations.heading
@@ -347,7 +373,11 @@ class FrameLight:
     bridged: bool  # whether the camera's angles follow from its neighbours, because nothing could be followed
 
     def to_line(self, name: str) -> str:
-        """One line of JSON about the frame of the clip `name`."""
+        """Return one line of JSON about the frame.
+
+        Args:
+            name: of the clip.
+        """
         record = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
         record |= {
             "gain": list(self.gain),
@@ -358,7 +388,11 @@ class FrameLight:
 
 
 def shot_lighting(shot: Shot) -> Lighting:
-    """The shot's light as its first camera sees it."""
+    """Return a shot's light as its first camera sees it.
+
+    Args:
+        shot: a solved one.
+    """
     light = with_ground_color(build_estimate(shot.posterior, shot.prior).lighting, shot.ground)
     return replace(
         light,
@@ -369,7 +403,12 @@ def shot_lighting(shot: Shot) -> Lighting:
 
 
 def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
-    """One answer a frame."""
+    """Return one record a frame.
+
+    Args:
+        shot: a solved one.
+        number: the shot's, counted from 1.
+    """
     base = shot_lighting(shot)
     for i, frame in enumerate(shot.frames.tolist()):
         red, green, blue = (round(float(g), 5) for g in shot.gains[i])
@@ -393,9 +432,13 @@ def _lighting_of_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
 def lighting_in_camera(
     light: Lighting, angles: tuple[float, float, float], fov: float, north: float | None
 ) -> Lighting:
-    """A light as a camera sees it that is turned by heading, elevation and roll [deg] and has a field of view [deg].
+    """Return a light as another camera sees it.
 
-    `north` is where azimuth 0 of the light points, deg clockwise from true north; None where that is not known.
+    Args:
+        light: as a level camera at azimuth 0 sees it.
+        angles: deg, heading from azimuth 0 (clockwise), elevation and roll of the other camera.
+        fov: deg, vertical field of view of the other camera.
+        north: deg clockwise from true north, where azimuth 0 points; None is unknown.
     """
     heading, elevation, roll = angles
     return replace(
@@ -411,7 +454,16 @@ def lighting_in_camera(
 
 
 def render_world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, Lighting]:
-    """The shot's map with true north at its centre, or, where that is unknown, where its first frame points."""
+    """Render a shot's map with true north at its centre, or else its first frame's heading.
+
+    Args:
+        shot: a solved one.
+        height: H, rows of the map.
+        sun: whether the disc is painted; None where the sun likely shines.
+
+    Returns:
+        The map (H, 2H, 3), linear Rec.709, and the light that it shows.
+    """
     light = shot_lighting(shot)
     return render_view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
 
@@ -430,7 +482,12 @@ def _round_heading(degrees: float) -> float:
 
 
 def metadata_of_clip(clip: Clip, user_input: UserInput) -> ClipMetadata:
-    """What is known of an open clip beside its pixels."""
+    """Collect what is known of an open clip beside its pixels.
+
+    Args:
+        clip: an open one.
+        user_input: of its first frame; may forbid the clip's own metadata.
+    """
     if not user_input.use_exif:
         return ClipMetadata(user_input=user_input)
     return ClipMetadata(clip.info.metadata, clip.info.gimbal, user_input)
@@ -443,10 +500,22 @@ def analyze_shots(
     every: float = NETWORK_INTERVAL,
     progress: Callable[[float], Any] | None = None,
 ) -> Iterator[Shot | VideoError]:
-    """Each shot of an open clip, or, where there was no light to tell, the reason in its place.
+    """Solve each shot of an open clip as soon as it is over.
 
-    Raises MissingExtraError, ModelError, and ParameterError where the user's own time and place are of night at the
-    clip's first frame.
+    Args:
+        clip: an open one, not yet read.
+        model: the network.
+        user_input: of the clip's first frame.
+        every: s between the frames that the network sees.
+        progress: called with the time [s] of each frame; None is not called.
+
+    Returns:
+        The shots; in place of one without light the reason, a VideoError.
+
+    Raises:
+        MissingExtraError: OpenCV is not installed.
+        ModelError: the network fails.
+        ParameterError: the user's time and place are of night at the clip's first frame.
     """
     clip_metadata = metadata_of_clip(clip, user_input)
     for tracked in observe_shots(clip.frames(), model, every, progress, clip_metadata.vertical_fov):

@@ -61,7 +61,7 @@ class DissolveDetector:
     """Takes a clip's frames one by one; tells a dissolve somewhat later than it is over."""
 
     def __init__(self) -> None:
-        """Raises MissingExtraError without OpenCV."""
+        """Begin a clip; MissingExtraError without OpenCV."""
         self._cv2 = import_opencv()
         self._flow = self._cv2.DISOpticalFlow_create(self._cv2.DISOPTICAL_FLOW_PRESET_ULTRAFAST)
         self._flow.setFinestScale(0)
@@ -73,11 +73,15 @@ class DissolveDetector:
 
     @property
     def is_pending(self) -> bool:
-        """Whether a dissolve has begun and was not yet told."""
+        """Whether a dissolve has begun and was not yet returned."""
         return bool(self._mixed)
 
     def take(self, frame: Frame) -> Dissolve | None:
-        """The dissolve that this frame shows to be over."""
+        """Take the next frame and return the dissolve that it shows to be over; None without one.
+
+        Args:
+            frame: later than those before.
+        """
         last = self._kept[-1] if self._kept else None
         if last is not None and frame.time < last.time + COMPARISON_INTERVAL - 1e-3:
             return None
@@ -94,7 +98,7 @@ class DissolveDetector:
         return self.finish() if is_over else None
 
     def finish(self) -> Dissolve | None:
-        """The dissolve that was not yet told, once no frame comes any more."""
+        """Return the dissolve that was not yet returned, once no frame comes any more; None without one."""
         if not self._mixed:
             return None
         first, last = min(self._mixed), max(self._mixed)
@@ -177,7 +181,11 @@ MIN_SHOT_FRAMES = 5  # frames, fewer than which are no shot but a gap in one
 
 
 def split_shots(tracked: ShotObservations) -> list[ShotObservations]:
-    """The shots of a clip, in order; frames in which nothing can be followed belong to the shot before them."""
+    """Divide what was tracked into shots; frames in which nothing can be followed belong to the shot before them.
+
+    Args:
+        tracked: one frame or more.
+    """
     long = _long_stretches(tracked.steps)
     keys = {s: sorted((k for k in tracked.keys.values() if k.stretch == s), key=lambda k: k.number) for s in long}
     shot_of, number = {}, 0
@@ -193,9 +201,13 @@ def split_shots(tracked: ShotObservations) -> list[ShotObservations]:
 
 
 def split_at_dissolve(tracked: ShotObservations, dissolve: Dissolve) -> list[ShotObservations]:
-    """What is before the middle of a dissolve, if that is a shot, and what is after it.
+    """Divide what was tracked at the middle of a dissolve, if a shot is before it.
 
     Nothing counts as followed or seen while it lasts; nor does what is followed from before it later on.
+
+    Args:
+        tracked: frames before, in and after the dissolve.
+        dissolve: when it begins and ends.
     """
     steps = tracked.steps
     before = [step for step in steps if step.time < dissolve.first]

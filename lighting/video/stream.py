@@ -264,12 +264,17 @@ class Tracker:
         self._prior = MetadataPrior()  # of the last moment that is not of night
 
     def __call__(self, pixels: NDArray[np.uint8], time: float) -> _StreamFrame | None:
-        """The answer after a frame taken `time` [s] after the first; None while all frames were too dark.
+        """Take a frame and return the light as its camera sees it; None while all frames were too dark.
 
-        When night falls by the time and place given, the sun stays where the last frame before that had it.
+        When night falls by the time and place of the user, the sun stays where the last frame before that had it.
 
-        Raises PhotoError for pixels of another shape or type, ParameterError for a time that is not finite or beyond
-        LONGEST and where the time and place given are of night.
+        Args:
+            pixels: (h, w, 3) upright sRGB, uint8, of one size throughout.
+            time: s after the first frame, finite.
+
+        Raises:
+            PhotoError: the pixels have another shape or type.
+            ParameterError: the time is not finite or beyond MAX_TIME, or it is night at the first frame.
         """
         if not math.isfinite(time):
             sentence = f"The time of a frame must be a finite number of seconds, not {time}."

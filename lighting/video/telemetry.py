@@ -44,7 +44,11 @@ class Gimbal:
     roll: Floats = field(default_factory=lambda: np.empty(0))  # deg
 
     def at(self, time: float) -> tuple[float, float, float] | None:
-        """Heading, elevation and roll [deg] at a time [s] between the first and the last."""
+        """Return heading, elevation and roll [deg] at a time; None where the gimbal says nothing.
+
+        Args:
+            time: s from the clip's start.
+        """
         if not len(self.time) or not self.time[0] - 1.0 <= time <= self.time[-1] + 1.0:
             return None
         headings, rolls = (np.degrees(np.unwrap(np.radians(angle))) for angle in (self.heading, self.roll))
@@ -53,7 +57,13 @@ class Gimbal:
 
 
 def container_metadata(tags: Mapping[str, str], width: int, height: int) -> PhotoMetadata:
-    """The facts in a container's metadata; `width` and `height` are those of the upright picture. Never raises."""
+    """Read the metadata of a container; what cannot be read or be true counts as absent.
+
+    Args:
+        tags: by name, as PyAV has them.
+        width: pixels of the upright picture.
+        height: pixels of the upright picture.
+    """
     location = _first_value(tags, LOCATION_TAGS, _parse_iso6709)
     focal_length = _first_value(tags, LENS_TAGS, _positive)
     heading = _first_value(tags, HEADING_TAGS, _degrees)
@@ -124,7 +134,11 @@ def _parse_moment(text: str) -> datetime | None:
 
 
 def read_subtitles(clip: Path) -> str:
-    """What DJI's subtitle file of the same name holds, empty without one."""
+    """Read DJI's subtitle file of the same name as a clip; empty without one.
+
+    Args:
+        clip: the clip's file.
+    """
     for suffix in (".SRT", ".srt"):
         file = clip.with_suffix(suffix)
         try:
@@ -136,7 +150,13 @@ def read_subtitles(clip: Path) -> str:
 
 
 def subtitle_metadata(text: str, width: int, height: int) -> tuple[PhotoMetadata, Gimbal]:
-    """The facts of the first entry and the gimbal's angles of all; other programs' subtitles say nothing."""
+    """Read the metadata of DJI's first entry and the gimbal's angles of all; other subtitles say nothing.
+
+    Args:
+        text: of the subtitle file.
+        width: pixels of the upright picture.
+        height: pixels of the upright picture.
+    """
     entries = [entry for block in re.split(r"\r?\n\s*\r?\n", text) if (entry := _parse_entry(block))]
     if not entries:
         return PhotoMetadata(), Gimbal()
@@ -219,7 +239,12 @@ def _make_gimbal(entries: list[_Entry]) -> Gimbal:
 
 
 def merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata:
-    """`first`, with `second` where it says nothing; a time or a place is taken whole."""
+    """Merge two sources of metadata; a time or a location is taken whole.
+
+    Args:
+        first: what counts.
+        second: what counts where `first` says nothing.
+    """
     merged = second
     if first.local_time is not None or first.utc_time is not None:
         merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset, utc_time=first.utc_time)

@@ -67,7 +67,7 @@ class Keyframe:
 
     @cached_property
     def features(self) -> Features:
-        """What it can be found again by; sought when it is first asked for, since that takes a tenth of a second."""
+        """SIFT features by which it is recognised; detected at the first use, which takes a tenth of a second."""
         features = detect_features(self.picture, FEATURE_SIDE, MAX_FEATURES)
         width, height = (round(self.zoom * side) for side in (features.width, features.height))
         return Features(features.points / self.zoom, features.descriptors, width, height)
@@ -91,7 +91,7 @@ class PointTracker:
     """Takes frames one by one and remembers one keyframe."""
 
     def __init__(self) -> None:
-        """Raises MissingExtraError without OpenCV."""
+        """Begin a clip; MissingExtraError without OpenCV."""
         self._cv2 = import_opencv()
         self._stretch = self._number = -1
         self._grey = self._key_grey = np.empty((0, 0), np.uint8)
@@ -102,7 +102,11 @@ class PointTracker:
         self.new_key: Keyframe | None = None  # from which the last frame was the first to be followed
 
     def follow(self, frame: Frame) -> TrackedFrame:
-        """What the frame shares with the last keyframe; it may be the next one itself."""
+        """Track the last keyframe's points into a frame, which may become the next keyframe.
+
+        Args:
+            frame: the next one of the clip.
+        """
         grey, self.new_key = self._even(frame.pixels), None
         is_kept = self._track_points(grey) if grey.shape == self._grey.shape else np.zeros(0, bool)
         is_lost = bool(np.count_nonzero(is_kept) < MIN_POINTS)
@@ -204,7 +208,14 @@ class PointTracker:
 
 
 def chain_gains(steps: Sequence[TrackedFrame]) -> Floats:
-    """Gains (N, 3) of linear values against the first frame's, by way of the keyframes."""
+    """Chain gains by way of the keyframes.
+
+    Args:
+        steps: of all frames, in order.
+
+    Returns:
+        Gains (N, 3) of linear values against the first frame's.
+    """
     gains: list[Floats] = []
     of_key: dict[int, Floats] = {}
     last: Floats = np.ones(3)
@@ -246,9 +257,14 @@ class FrameRotation:
 
 
 def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> FrameRotation:
-    """The turn that most `matches` obey, by re-weighted least squares from a `guess` (3, 3).
+    """Estimate the rotation that most matches obey, by re-weighted least squares.
 
-    Weights are those of Geman and McClure; the rotation of a round is Kabsch's. `focal` is in half diagonals.
+    Weights are those of Geman and McClure; the rotation of a round is Kabsch's.
+
+    Args:
+        matches: of the keyframe's points to the frame's.
+        focal: half diagonals, focal length of both.
+        guess: (3, 3) rotation to begin with.
     """
     a, b = rays_through(matches.a, focal), rays_through(matches.b, focal)
     reach = TOLERANCE * matches.pixel / focal
@@ -264,7 +280,12 @@ def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> Fr
 
 
 def is_reliable(rotation: FrameRotation, *, is_start: bool) -> bool:
-    """Whether a frame's turn is to be used."""
+    """Tell whether a frame's rotation is to be used.
+
+    Args:
+        rotation: the frame's against its keyframe.
+        is_start: whether the frame is the keyframe that begins a stretch.
+    """
     return is_start or (rotation.share >= MIN_RELIABLE_SHARE and rotation.agreeing >= MIN_RELIABLE_POINTS)
 
 
@@ -321,7 +342,7 @@ class ShotObservations:
     estimates: dict[int, FrameEstimate]  # by the frame's index
 
     def with_fixed_lens(self) -> "ShotObservations":
-        """The same where the lens that is known is that of all frames: it was not zoomed."""
+        """The same with the estimates by the clip's known lens, for a shot that is not zoomed."""
         return replace(
             self, estimates={frame: estimate.by_lens or estimate for frame, estimate in self.estimates.items()}
         )
@@ -338,13 +359,18 @@ class ClipMetadata:
 
     @property
     def vertical_fov(self) -> float | None:
-        """Of the lens [deg] by the user or the metadata."""
+        """Of the lens [deg] by the user or the metadata; None is unknown."""
         return camera_observations(self.metadata, self.user_input).vertical_fov
 
     def prior_at(self, seconds: float, heading: float | None = None) -> MetadataPrior:
-        """What is known of a frame at a time [s]; `heading` is where the gimbal points it, deg clockwise from north.
+        """Return what metadata and the user say of a frame.
 
-        Raises ParameterError where the user's own time and place are of night at 0 s; later they are not used then.
+        Args:
+            seconds: s from the clip's first frame.
+            heading: deg clockwise from north, where the gimbal points it; None without a gimbal.
+
+        Raises:
+            ParameterError: the user's time and place are of night at 0 s. Later they are not used then.
         """
         later = timedelta(seconds=seconds)
         moved = {
