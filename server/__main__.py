@@ -1,4 +1,4 @@
-"""Lighting-server: settings, sockets, signals."""
+"""Start the service, `python -m server` or `lighting-server`: settings, socket, signals, logging."""
 
 import errno
 import os
@@ -20,8 +20,6 @@ if TYPE_CHECKING:
 
     from server.dependencies import Service
 
-# What signals do to the service: the first lets it finish, a second SIGINT does not.
-
 
 def _run_until_signal(config: "Config") -> None:
     """Serve; running requests finish after a signal, but a SIGINT meanwhile ends the process at once."""
@@ -30,70 +28,64 @@ def _run_until_signal(config: "Config") -> None:
     class InterruptibleServer(Server):
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
             if self.should_exit and sig == signal.SIGINT:
-                _end(sig, frame)
+                _end_process(sig, frame)
             super().handle_exit(sig, frame)
 
     InterruptibleServer(config).run()
 
 
 def _end_at_signals() -> None:
-    """End the process by SIGINT, SIGTERM and SIGHUP; while a Server runs, it finishes first.
+    """End the process by SIGINT, SIGTERM and SIGHUP; a running server finishes first.
 
-    The Server raises its signal again when it is done, whatever steps still run in threads. A SIGHUP that whoever
-    started the process ignores, as nohup does, stays ignored.
+    uvicorn raises its signal again when it has finished, whatever still runs in threads. A SIGHUP that is ignored,
+    as by nohup, stays ignored.
     """
-    signal.signal(signal.SIGINT, _end)
-    signal.signal(signal.SIGTERM, _end)
+    signal.signal(signal.SIGINT, _end_process)
+    signal.signal(signal.SIGTERM, _end_process)
     if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         signal.signal(signal.SIGHUP, lambda *_: signal.raise_signal(signal.SIGTERM))
 
 
-def _end(sig: int, _: FrameType | None) -> None:
-    """End the process by a signal's default; the first process of a container has none, and exits with its status."""
+def _end_process(sig: int, _: FrameType | None) -> None:
+    """End the process by a signal's default action; a container's first process has none and exits with its status."""
     signal.signal(sig, signal.SIG_DFL)
     signal.raise_signal(sig)
     os._exit(128 + sig)
 
 
-# Threads and memory of the server's process.
-
-
-def _prepare() -> None:
+def _prepare_process() -> None:
     """Use one thread per photo and reuse memory; call this before numpy is imported.
 
-    OpenBLAS's own threads would compete with those that process other photos. And glibc would return each photo's
-    buffers to the system and request them again for the next photo, in one heap per thread.
+    OpenBLAS's threads would compete with those that process other photos. And glibc would return each photo's buffers
+    to the system and request them again for the next photo.
     """
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     keep_memory()
 
 
-# Start the service: `python -m server`, or `lighting-server`.
-
-
 def run_server() -> None:
     """Serve until SIGTERM, SIGINT or SIGHUP, after which running requests have `shutdown_seconds` to finish."""
-    _prepare()
+    _prepare_process()
     try:
         if sys.argv[1:]:
-            _refuse(sys.argv[1:])
+            _refuse_arguments(sys.argv[1:])
         _serve()
     except ModuleNotFoundError as error:
         sys.exit(str(MissingExtraError.of(f"The service needs {error.name}", "server")))
 
 
-def _refuse(arguments: Sequence[str]) -> NoReturn:
-    """Print help or the version if asked for; any other argument is wrong usage, status 2."""
+def _refuse_arguments(arguments: Sequence[str]) -> NoReturn:
+    """Print the help or the version; any other argument is wrong usage, status 2."""
     from server.settings import PREFIX, Settings
 
     fields = Settings.model_fields.items()
-    listed = "\n".join(
-        f"  {PREFIX + name.upper():29}{field.description}{_default(field.default)}" for name, field in fields
+    epilog = "\n".join(
+        f"  {PREFIX + name.upper():29}{field.description}{_format_default(field.default)}" for name, field in fields
     )
     parser = ArgumentParser(
         prog="lighting-server",
         description="Estimate the light of outdoor photos over HTTP. Settings are read from environment variables:",
-        epilog=listed,
+        epilog=epilog,
         formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=__version__)
@@ -101,7 +93,7 @@ def _refuse(arguments: Sequence[str]) -> NoReturn:
     parser.error("there are no other arguments; settings are read from the environment")
 
 
-def _default(value: object) -> str:
+def _format_default(value: object) -> str:
     """A setting's default, in the help."""
     return "" if value in (None, "", ()) else f" [{value}]"
 
@@ -118,12 +110,12 @@ def _serve() -> None:
     _end_at_signals()
     try:
         settings = read_settings()
-        _refuse_taken(settings.host, settings.port)
+        _refuse_taken_address(settings.host, settings.port)
         app = create_app(settings)
         app.state.service.load()
-        set_compression_threads(settings.places)
+        set_compression_threads(settings.workers)
     except ValidationError as error:
-        sys.exit("\n".join(f"{PREFIX}{_fault_of_setting(found)}" for found in error.errors()))
+        sys.exit("\n".join(f"{PREFIX}{_format_setting_error(details)}" for details in error.errors()))
     except (LightingError, OSError) as error:
         sys.exit(str(error))
     config = Config(
@@ -131,7 +123,7 @@ def _serve() -> None:
         host=settings.host,
         port=settings.port,
         workers=1,  # whatever WEB_CONCURRENCY says, which many hosts set: one process works on several photos
-        log_config=_logging(settings.log_level.upper()),
+        log_config=_logging_config(settings.log_level.upper()),
         access_log=False,
         server_header=False,
         proxy_headers=bool(settings.trusted_proxies),
@@ -139,33 +131,33 @@ def _serve() -> None:
         root_path=settings.root_path,
         timeout_graceful_shutdown=settings.shutdown_seconds,
         ws="none",
-        http=_protocol(app.state.service),
+        http=_protocol_class(app.state.service),
     )
     _run_until_signal(config)
 
 
-def _fault_of_setting(found: Mapping[str, Any]) -> str:
-    """The name of a setting, and what pydantic or the setting's own check says of it."""
-    said = found["ctx"]["error"] if found["type"] == "value_error" else found["msg"]
-    return f"{'.'.join(map(str, found['loc'])).upper()}: {said}"
+def _format_setting_error(details: Mapping[str, Any]) -> str:
+    """The name of a setting, and the sentence of pydantic or of the setting's own check."""
+    reason = details["ctx"]["error"] if details["type"] == "value_error" else details["msg"]
+    return f"{'.'.join(map(str, details['loc'])).upper()}: {reason}"
 
 
-def _refuse_taken(host: str, port: int) -> None:
-    """Raise SettingsError where the service could not listen, before the network is loaded."""
+def _refuse_taken_address(host: str, port: int) -> None:
+    """Raise SettingsError if the service cannot listen on an address, before the network is loaded."""
     from server.settings import PREFIX, SettingsError
 
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        infos = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
     except OSError as error:
         raise SettingsError(f"{PREFIX}HOST: {host} is no address to listen on: {error.strerror}.") from error
-    errors = [_error_of_binding(family, address) for family, _, _, _, address in found]
+    errors = [_binding_error(family, address) for family, _, _, _, address in infos]
     if all(errors) and (first := errors[0]):
-        at_fault = "HOST" if first.errno == errno.EADDRNOTAVAIL else "PORT"
-        raise SettingsError(f"{PREFIX}{at_fault}: {host}:{port} cannot be listened on: {first.strerror or first}.")
+        setting = "HOST" if first.errno == errno.EADDRNOTAVAIL else "PORT"
+        raise SettingsError(f"{PREFIX}{setting}: {host}:{port} cannot be listened on: {first.strerror or first}.")
 
 
-def _error_of_binding(family: int, address: Any) -> OSError | None:
-    """Why a socket cannot have the address; None if it can."""
+def _binding_error(family: int, address: Any) -> OSError | None:
+    """Why a socket cannot be bound to the address; None if it can."""
     with socket.socket(family, socket.SOCK_STREAM) as probe:
         if os.name == "posix":  # as asyncio does, so that connections that just ended do not count
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -176,8 +168,8 @@ def _error_of_binding(family: int, address: Any) -> OSError | None:
     return None
 
 
-def _protocol(service: "Service") -> Any:
-    """The class of a connection, with what its limits are."""
+def _protocol_class(service: "Service") -> Any:
+    """The class of a connection, with its limits."""
     from server.h11_protocol import BoundedProtocol
 
     limits = service.settings
@@ -185,11 +177,11 @@ def _protocol(service: "Service") -> Any:
         BoundedProtocol,
         head_seconds=limits.header_seconds,
         answer_rate=limits.answer_rate,
-        unsent=service.unsent,
+        pending=service.pending,
     )
 
 
-def _logging(level: str) -> dict[str, Any]:
+def _logging_config(level: str) -> dict[str, Any]:
     """Log to stderr, one line per event."""
     return {
         "version": 1,

@@ -13,12 +13,13 @@ from starlette.middleware.cors import CORSMiddleware
 from lighting.estimator import Estimator
 from lighting.version import __version__
 from server import middleware, problems, routes, static_page
-from server.auth import SecurityHeaders, enforce_rate_limit, require_api_key
+from server.auth import SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
-from server.query_params import refuse_repeats
-from server.request_body import FORM, PHOTO_FIELD
-from server.responses import WARNINGS
+from server.problems import Json
+from server.query_params import refuse_duplicates
+from server.request_body import FORM_TYPE, PHOTO_FIELD
+from server.responses import WARNINGS_HEADER
 from server.schemas import LightingRecord, Problem
 from server.settings import Settings, read_settings
 
@@ -26,17 +27,20 @@ TAGS = [
     {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
     {"name": "operations", "description": "For operators."},
 ]
-EXPOSED = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS)
+EXPOSED_HEADERS = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
 
 log = logging.getLogger(__name__)
 
 
 def create_app(settings: Settings | None = None, estimator: Estimator | None = None) -> FastAPI:
-    """The service as an ASGI app, which loads the network when it starts unless an estimator is passed.
+    """The service as an ASGI app.
 
-    Without settings, those of the environment count.
-    Raises SettingsError for a variable of the environment that is no setting, and for a file of API keys that cannot be
-    read or is empty; starting raises ModelError.
+    Args:
+        settings: None reads them from the environment.
+        estimator: None loads the network when the app starts, which may raise ModelError.
+
+    Raises:
+        SettingsError: a variable of the environment is no setting, or the file of API keys is unusable.
     """
     service = Service(settings or read_settings(), estimator)
     app = FastAPI(
@@ -52,41 +56,41 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
         generate_unique_id_function=_operation_id,
     )
     app.state.service = service
-    problems.install(app)
-    _include(app, service)
-    _wrap(app, service)
-    _document(app, service.settings)
+    problems.install_handlers(app)
+    _add_routes(app, service)
+    _add_middleware(app, service)
+    _complete_openapi(app, service.settings)
     return app
 
 
-def _include(app: FastAPI, service: Service) -> None:
+def _add_routes(app: FastAPI, service: Service) -> None:
     guards: list[tuple[object, Callable[..., Any], tuple[int, ...]]] = [
-        (service.rate, enforce_rate_limit, (429,)),  # first, so that keys cannot be guessed quickly
+        (service.rate_limiter, enforce_rate_limit, (429,)),  # first, so that keys cannot be guessed quickly
         (service.keys, require_api_key, (401, 403)),
     ]
-    active = [(guard, statuses) for wanted, guard, statuses in guards if wanted]
+    active = [(guard, statuses) for enabled, guard, statuses in guards if enabled]
     app.include_router(
         routes.router,
-        dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_repeats)],
-        responses=problems.documented(400, 422, *(status for _, statuses in active for status in statuses)),
+        dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_duplicates)],
+        responses=problems.problem_responses(400, 422, *(status for _, statuses in active for status in statuses)),
     )
     app.include_router(middleware.router)
-    app.include_router(static_page.page_router())
+    app.include_router(static_page.make_page_router())
 
 
-def _wrap(app: FastAPI, service: Service) -> None:
+def _add_middleware(app: FastAPI, service: Service) -> None:
     """Middleware, from the inside out."""
     app.add_middleware(middleware.ExceptionMiddleware)
-    app.add_middleware(middleware.HeadAsGet)
+    app.add_middleware(middleware.HeadAsGetMiddleware)
     if service.settings.cors_origins:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=service.settings.cors_origins,
             allow_methods=["GET", "POST"],
             allow_headers=["Authorization", "Content-Type", "If-None-Match", "X-Request-ID"],
-            expose_headers=EXPOSED,
+            expose_headers=EXPOSED_HEADERS,
         )
-    app.add_middleware(SecurityHeaders)
+    app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(middleware.AccessLogMiddleware, service=service)
     app.add_middleware(DrainBodyMiddleware)
 
@@ -103,7 +107,7 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
 async def _warm_up(service: Service) -> None:
     """Run the network once; until then /readyz answers 503."""
     try:
-        await to_thread.run_sync(service.answer_once)
+        await to_thread.run_sync(service.warm_up)
     except Exception:
         log.exception("The network cannot answer.")
 
@@ -112,11 +116,11 @@ def _operation_id(route: APIRoute) -> str:
     return route.name
 
 
-def _document(app: FastAPI, settings: Settings) -> None:
-    """Add to the OpenAPI document the schemas to which only bodies and errors refer, and the most photos of a form."""
+def _complete_openapi(app: FastAPI, settings: Settings) -> None:
+    """Add to the OpenAPI document the schemas of bodies and errors, and the maximum number of photos."""
     generate = app.openapi
 
-    def openapi() -> dict[str, Any]:
+    def openapi() -> Json:
         document = generate()
         schemas = document["components"]["schemas"]
         for model in (Problem, LightingRecord):
@@ -124,7 +128,7 @@ def _document(app: FastAPI, settings: Settings) -> None:
                 continue
             schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
             schemas.update({**schema.pop("$defs", {}), model.__name__: schema, **schemas})
-        form = document["paths"]["/v1/lighting"]["post"]["requestBody"]["content"][FORM]["schema"]
+        form = document["paths"]["/v1/lighting"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
         form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
         return document
 

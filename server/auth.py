@@ -18,13 +18,13 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from server import problems
 from server.problems import ProblemError
 
-CONTENT_POLICY = (
+CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self' blob: data:; worker-src 'self' blob:; font-src 'self'; manifest-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
-HEADERS = {
-    "Content-Security-Policy": CONTENT_POLICY,
+SECURITY_HEADERS = {
+    "Content-Security-Policy": CONTENT_SECURITY_POLICY,
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "DENY",
     "Referrer-Policy": "no-referrer",
@@ -32,8 +32,8 @@ HEADERS = {
 }
 
 
-class SecurityHeaders:
-    """Adds HEADERS to every answer."""
+class SecurityHeadersMiddleware:
+    """Adds SECURITY_HEADERS to every response."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
@@ -41,13 +41,13 @@ class SecurityHeaders:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(HEADERS)
+                MutableHeaders(scope=message).update(SECURITY_HEADERS)
             await send(message)
 
         await self.app(scope, receive, with_headers)
 
 
-class Keys:
+class ApiKeys:
     """API keys, stored as digests; without keys everybody may call."""
 
     def __init__(self, keys: Iterable[str]) -> None:
@@ -56,13 +56,13 @@ class Keys:
     def __bool__(self) -> bool:
         return bool(self._digests)
 
-    def hold(self, key: str) -> bool:
-        """Whether the key is valid, in a time that does not depend on the key."""
+    def is_valid(self, key: str) -> bool:
+        """Whether the key is one of them, in a time that does not depend on the key."""
         digest = sha256(key.encode()).digest()
-        return sum(hmac.compare_digest(digest, known) for known in self._digests) > 0
+        return sum(hmac.compare_digest(digest, valid) for valid in self._digests) > 0
 
 
-class Rate:
+class RateLimiter:
     """Rate limits for each client."""
 
     def __init__(self, limits: list[RateLimitItem]) -> None:
@@ -73,14 +73,14 @@ class Rate:
         return bool(self.limits)
 
     def seconds_to_wait(self, client: str) -> int:
-        """0, and the request is counted; or the number of seconds until the client may send another request."""
-        waits = [self._wait(limit, client) for limit in self.limits if not self._windows.test(limit, client)]
+        """Seconds until the client may send another request; if 0, this request is counted."""
+        waits = [self._reset_seconds(limit, client) for limit in self.limits if not self._windows.test(limit, client)]
         if not waits:
             for limit in self.limits:
                 self._windows.hit(limit, client)
         return max(waits, default=0)
 
-    def _wait(self, limit: RateLimitItem, client: str) -> int:
+    def _reset_seconds(self, limit: RateLimitItem, client: str) -> int:
         return max(1, round(self._windows.get_window_stats(limit, client).reset_time - time.time()))
 
 
@@ -89,25 +89,47 @@ Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
 
 
 async def require_api_key(request: Request, credentials: Credentials) -> None:
-    """Refuse a request without a key, or with a wrong one."""
+    """Refuse a request without a valid API key.
+
+    Args:
+        request: its app holds the service with the valid keys.
+        credentials: the bearer token; None if there is none.
+
+    Raises:
+        ProblemError: 401 without a key, 403 with a wrong one.
+    """
     challenge = {"WWW-Authenticate": "Bearer"}
     if credentials is None or not credentials.credentials:
         detail = "Send one of the service's API keys: Authorization: Bearer KEY."
-        raise ProblemError(problems.UNAUTHORISED, detail, challenge)
-    if not request.app.state.service.keys.hold(credentials.credentials):
+        raise ProblemError(problems.UNAUTHORIZED, detail, challenge)
+    if not request.app.state.service.keys.is_valid(credentials.credentials):
         raise ProblemError(problems.FORBIDDEN, "The API key that was sent is none of the service's.", challenge)
 
 
 async def enforce_rate_limit(request: Request) -> None:
-    """Refuse a request that exceeds its client's rate limit."""
-    wait = request.app.state.service.rate.seconds_to_wait(client_name(request))
+    """Refuse a request that exceeds its client's rate limit.
+
+    Args:
+        request: its app holds the service with the limits.
+
+    Raises:
+        ProblemError: 429, with the seconds to wait.
+    """
+    wait = request.app.state.service.rate_limiter.seconds_to_wait(client_address(request))
     if wait:
         detail = f"The rate limit is reached; wait {wait} s."
         raise ProblemError(problems.TOO_MANY_REQUESTS, detail, {"Retry-After": str(wait)})
 
 
-def client_name(request: Request) -> str:
-    """The address by which a client is identified: an IPv4 address, or the /64 network of an IPv6 address."""
+def client_address(request: Request) -> str:
+    """The address by which a client is identified: an IPv4 address, or the /64 network of an IPv6 address.
+
+    Args:
+        request: its client is the one that a trusted proxy names.
+
+    Returns:
+        "unknown" for what is no IP address.
+    """
     host = request.client.host if request.client else ""
     if host.count(":") == 1:  # some proxies append the port
         host = host.partition(":")[0]

@@ -21,219 +21,226 @@ from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.records import CodedWarning, Estimate, WarningCode
 from lighting.registration import features, photo_set
 from server import problems
-from server.auth import Keys, Rate, client_name
-from server.limits import BusyError, Limiter, PendingResponses, UploadLimiter
+from server.auth import ApiKeys, RateLimiter, client_address
+from server.limits import BusyError, PendingResponses, UploadLimiter, WorkLimiter
 from server.metrics import Metrics
 from server.problems import ProblemError
-from server.request_body import Body, Limits, Upload
+from server.request_body import BodyLimits, RequestBody, Upload
 from server.settings import Settings
-
-# Several photos of a request matched with each other, in a process of their own; or why they were not.
-
-NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
-INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
-
-
-@dataclass
-class Matching:
-    """Finds where a request's photos look, as `Estimator.together` asks for it; `failure` says why it did not."""
-
-    seconds: float  # that it may take
-    failure: str = ""
-
-    @property
-    def target(self) -> int:
-        """Pixels along the longer side in which it wants its photos."""
-        return features.MAX_SIDE if features.has_opencv() else TARGET
-
-    def __call__(self, views: Sequence[photo_set.View]) -> Sequence[photo_set.RegisteredView] | None:
-        """Where they look; None where that was not found. It ends with the request if the client goes away."""
-        if not features.has_opencv():
-            self.failure = NO_OPENCV
-            return None
-        try:
-            return photo_set.register_views_isolated(views, self.seconds, check_cancelled)
-        except MissingExtraError:
-            self.failure = NO_OPENCV
-            return None
-        except LightingError as error:
-            self.failure = str(error)
-            return None
-
-    def explained(self, estimates: list[Estimate]) -> list[Estimate]:
-        """The estimates, with a warning each where the photos were not matched."""
-        if not self.failure:
-            return estimates
-        warning = CodedWarning(f"{self.failure} {INFERRED}", WarningCode.TURN_INFERRED)
-        return [_warned(estimate, warning) for estimate in estimates]
-
-
-def _warned(estimate: Estimate, warning: CodedWarning) -> Estimate:
-    lighting = estimate.lighting
-    return replace(estimate, lighting=replace(lighting, warnings=(*lighting.warnings, warning)))
-
-
-# What the requests of one app share, and the admission of one of them.
 
 T = TypeVar("T")
 
 NO_HEIC = "The service does not read HEIC; send the photo as JPEG."  # the one kind that needs more than Pillow
+NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
+ROTATION_INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
 
 log = logging.getLogger(__name__)
 
 
+@dataclass
+class PhotoMatcher:
+    """Registers the photos of one request with each other, in a process of their own."""
+
+    seconds: float  # time limit
+    failure: str = ""  # why they were not registered
+
+    @property
+    def target(self) -> int:
+        """Pixels along the longer side that the photos should have."""
+        return features.MAX_SIDE if features.has_opencv() else TARGET
+
+    def __call__(self, views: Sequence[photo_set.View]) -> Sequence[photo_set.RegisteredView] | None:
+        """The registered views; None if that failed. Stops with its request when the client disconnects."""
+        try:
+            if features.has_opencv():
+                return photo_set.register_views_isolated(views, self.seconds, check_cancelled)
+            self.failure = NO_OPENCV
+        except MissingExtraError:
+            self.failure = NO_OPENCV
+        except LightingError as error:
+            self.failure = str(error)
+        return None
+
+    def add_warnings(self, estimates: list[Estimate]) -> list[Estimate]:
+        """The estimates, each with a warning if the photos were not registered."""
+        if not self.failure:
+            return estimates
+        warning = CodedWarning(f"{self.failure} {ROTATION_INFERRED}", WarningCode.TURN_INFERRED)
+        return [_with_warning(estimate, warning) for estimate in estimates]
+
+
+def _with_warning(estimate: Estimate, warning: CodedWarning) -> Estimate:
+    lighting = estimate.lighting
+    return replace(estimate, lighting=replace(lighting, warnings=(*lighting.warnings, warning)))
+
+
 @dataclass(frozen=True, eq=False)
 class PhotoAnswer:
-    """An estimate, and what the place makes of the cells (R, 2R, 3) of its bare map where that was asked for."""
+    """An estimate, and how its surroundings change the map of its sky if the client asks for that."""
 
     estimate: Estimate
-    factors: Image | None = None
+    gain: Image | None = None  # (R, 2R, 3), a factor on the sky's map
 
 
 class Service:
-    """Settings, the network, the limit on CPU work, keys and counters."""
+    """The state of one app: settings, network, limits, keys and metrics."""
 
     def __init__(self, settings: Settings, estimator: Estimator | None = None) -> None:
         self.settings = settings
-        self.limiter = Limiter(settings.places, settings.queue)
-        self.arrivals = UploadLimiter(settings.uploads, settings.uploads_per_client)
-        self.unsent = PendingResponses(settings.unsent_bytes)
-        self.metrics = Metrics(self.limiter, self.arrivals, self.unsent)
-        self.keys = Keys(settings.all_keys())
-        self.rate = Rate(settings.rate_limits)
+        self.limiter = WorkLimiter(settings.workers, settings.queue)
+        self.uploads = UploadLimiter(settings.uploads, settings.uploads_per_client)
+        self.pending = PendingResponses(settings.unsent_bytes)
+        self.metrics = Metrics(self.limiter, self.uploads, self.pending)
+        self.keys = ApiKeys(settings.all_keys())
+        self.rate_limiter = RateLimiter(settings.rate_limits)
         self.ready = False
-        self.loaded = estimator
+        self.loaded_estimator = estimator
 
     def load(self) -> None:
-        """Load the network and start a decoder per place, unless the app was given a network.
+        """Load the network and start a decoder per worker, unless the app got an estimator.
 
-        Raises ModelError, and PhotoError where no decoder starts.
+        Raises:
+            ModelError: the network cannot be loaded.
+            PhotoError: no decoder starts.
         """
-        if self.loaded is None:
-            self.loaded = Estimator(Model.load(self.settings.model, self.settings.threads))
-            start_decoder_pool(self.settings.places)
+        if self.loaded_estimator is None:
+            self.loaded_estimator = Estimator(Model.load(self.settings.model, self.settings.threads))
+            start_decoder_pool(self.settings.workers)
 
-    def answer_once(self) -> None:
-        """Estimate the light of a grey picture; from then on the service is ready."""
+    def warm_up(self) -> None:
+        """Estimate the light of a gray image; the service is ready afterwards."""
         grey = np.full((64, 96, 3), 128, dtype=np.uint8)
         self.estimator(Photo(grey, 96, 64, "JPEG"))
         self.metrics.model.labels(self.estimator.model.spec.name, self.estimator.model.spec.version).set(1)
         self.ready = True
-        log.info("ready: network %s, %d at once", self.model_name, self.settings.places)
+        log.info("ready: network %s, %d at once", self.model_name, self.settings.workers)
 
     @property
     def estimator(self) -> Estimator:
-        if self.loaded is None:
+        """The loaded estimator; raises ProblemError (503) before it is loaded."""
+        if self.loaded_estimator is None:
             raise ProblemError(
                 problems.NOT_READY, "The network is not loaded yet.", {"Retry-After": problems.RETRY_SECONDS}
             )
-        return self.loaded
+        return self.loaded_estimator
 
     @property
     def model_name(self) -> str:
-        """Name and version, as answers carry them; empty while there is none."""
-        spec = self.loaded.model.spec if self.loaded else None
+        """Name and version of the network, for the header; empty before it is loaded."""
+        spec = self.loaded_estimator.model.spec if self.loaded_estimator else None
         return f"{spec.name} {spec.version}" if spec else ""
 
     @property
     def model_folder(self) -> Path:
+        """The folder of the network and its figures."""
         return (self.settings.model or packaged_model()).parent
 
     @property
     def full(self) -> bool:
-        """Whether the next photo would be refused."""
-        return self.limiter.full or self.arrivals.full or self.unsent.full
+        """Whether the next photo would be refused with 503."""
+        return self.limiter.full or self.uploads.full or self.pending.full
 
-    def read(self, data: bytes, seconds: float | None = None, target: int = TARGET) -> Photo:
-        """The photo in an upload, by default within the time that a request has; raises PhotoError."""
-        photo = self._decoded(data, target, seconds)
+    def read_photo(self, data: bytes, seconds: float | None = None, target: int = TARGET) -> Photo:
+        """Decode an upload and count it; raises PhotoError.
+
+        Args:
+            data: the bytes of an image file.
+            seconds: time limit; None is that of a request.
+            target: pixels along the longer side, at least, if the photo has them.
+        """
+        photo = self.reread_photo(data, target, seconds)
         self.metrics.photo_bytes.inc(len(data))
         self.metrics.photo_pixels.inc(photo.width * photo.height)
         return photo
 
-    def read_finer(self, data: bytes, target: int) -> Photo:
-        """The same photo in more pixels, `target` along its longer side if it has them, for people to look at."""
-        return self._decoded(data, target)
-
-    def _decoded(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
+    def reread_photo(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
+        """The same without counting: the photo again, in more pixels for people to look at."""
         limits = self.settings
         seconds = limits.decode_seconds if seconds is None else seconds
-        size = {"max_bytes": limits.max_bytes, "max_pixels": limits.max_pixels}
         try:
-            return read_photo_isolated(data, **size, target=target, seconds=seconds)
+            return read_photo_isolated(
+                data, max_bytes=limits.max_bytes, max_pixels=limits.max_pixels, target=target, seconds=seconds
+            )
         except PhotoExtraError as error:
             raise PhotoError(NO_HEIC) from error
 
     def estimate(
         self,
         photos: Sequence[Photo],
-        given: UserInput,
+        user_input: UserInput,
         headings: Sequence[float] | None = None,
-        matching: Matching | None = None,
+        matcher: PhotoMatcher | None = None,
     ) -> list[Estimate]:
-        """What pixels, metadata and client say about photos of one place and light; raises ParameterError."""
+        """Estimate the light of photos of one place and light; raises ParameterError.
+
+        Args:
+            photos: one or more.
+            user_input: what the client states.
+            headings: deg clockwise from any common direction, one a photo; None if unknown.
+            matcher: registers the photos; None leaves that out.
+        """
         with self.metrics.inference.time():
-            found = self.estimator.estimate_views(photos, given, headings, register=matching or False)
-        return matching.explained(found) if matching else found
-
-
-def _service_of(request: Request) -> Service:
-    service: Service = request.app.state.service
-    return service
+            estimates = self.estimator.estimate_views(photos, user_input, headings, register=matcher or False)
+        return matcher.add_warnings(estimates) if matcher else estimates
 
 
 class _Admission:
-    """A request that there is room for: it takes a place when its body has arrived and its work is asked for."""
+    """A request that there is room for; it occupies a worker only once its body has arrived."""
 
     def __init__(self, request: Request, service: Service) -> None:
         limits = service.settings
         self.request = request
         self.service = service
-        self.body = Body(
+        self.body = RequestBody(
             request,
-            Limits(limits.max_bytes, limits.upload_seconds, limits.upload_rate),
-            lambda: service.arrivals.one_of(client_name(request)),
+            BodyLimits(limits.max_bytes, limits.upload_seconds, limits.upload_rate),
+            lambda: service.uploads.count_upload(client_address(request)),
         )
 
     async def run(self, work: Callable[..., T], *arguments: Any) -> T:
-        """What the work returns, done in a thread when its turn comes; dropped when the client goes away.
+        """The result of work in a thread, as soon as one is free; it is dropped when the client disconnects.
 
-        Raises BusyError where the queue has filled while the body arrived, or too much waits for clients by then.
+        Raises BusyError if the queue has filled meanwhile, or too many bytes wait for clients.
         """
 
         def checked() -> T:
-            from_thread.run_sync(self.service.unsent.check)
+            from_thread.run_sync(self.service.pending.check)
             return work(*arguments)
 
         with self.service.limiter.admission():
             return await self.service.limiter.run(self.request.receive, checked)
 
 
-Services = Annotated[Service, Depends(_service_of)]
+def _get_service(request: Request) -> Service:
+    service: Service = request.app.state.service
+    return service
 
 
-async def _admitted(request: Request, service: Services) -> _Admission:
-    """Admit a request; raises BusyError at once where the queue is full or too much waits, before the body is read."""
+ServiceDep = Annotated[Service, Depends(_get_service)]
+
+
+async def _admit(request: Request, service: ServiceDep) -> _Admission:
+    """Admit a request before its body is read; raises BusyError if there is no room."""
     if service.limiter.full:
         raise BusyError
-    service.unsent.check()
+    service.pending.check()
     return _Admission(request, service)
 
 
-Admitted = Annotated[_Admission, Depends(_admitted)]
+AdmissionDep = Annotated[_Admission, Depends(_admit)]
 
 
-async def _photo_bytes(request: Admitted) -> bytes:
+async def _read_photo_bytes(request: AdmissionDep) -> bytes:
     """The photo that a request brings; raises ProblemError."""
     return await request.body.photo()
 
 
-PhotoBytes = Annotated[bytes, Depends(_photo_bytes)]
+PhotoDep = Annotated[bytes, Depends(_read_photo_bytes)]
 
 
-async def _uploads(request: Admitted) -> list[Upload]:
+async def _read_uploads(request: AdmissionDep) -> list[Upload]:
     """The photos of one place that a request brings; raises ProblemError."""
     return await request.body.photos(request.service.settings.max_photos)
 
 
-Uploads = Annotated[list[Upload], Depends(_uploads)]
+UploadsDep = Annotated[list[Upload], Depends(_read_uploads)]

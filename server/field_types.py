@@ -1,4 +1,4 @@
-"""Annotated types with unit, range, example."""
+"""The types of parameters and of record fields, each with unit, range and example in the OpenAPI document."""
 
 import re
 from collections.abc import Callable, Collection
@@ -24,13 +24,11 @@ from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
 from lighting.sky import SKY_MODELS
 from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
 
-# The values of parameters and of records: each with its unit, its range and an example in the OpenAPI document.
-
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 
 
 class NotNull:
-    """A parameter that may be left out is never null, whatever its type in Python says."""
+    """A parameter that may be left out is never null, even where its type in Python is optional."""
 
     def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
         plain = handler(schema)
@@ -38,7 +36,7 @@ class NotNull:
 
 
 class RegistryName:
-    """A name in a registry, which is read when it is needed: what was added to it meanwhile counts."""
+    """A name in a registry, which is read late, so that entries added after import count."""
 
     def __init__(self, registry: Collection[str]) -> None:
         self.registry = registry
@@ -56,8 +54,8 @@ class RegistryName:
         raise PydanticKnownError("literal_error", {"expected": f"{', '.join(others)} or {last}"})
 
 
-class Between(NotNull):
-    """A number must lie in [low, high]; the error for any other value states that range."""
+class InRange(NotNull):
+    """A number in [low, high]; the error for any other value states that range."""
 
     def __init__(self, low: float, high: float, **documented: Any) -> None:
         self.limits = {"minimum": low, "maximum": high}  # also members of the error
@@ -80,18 +78,24 @@ class Between(NotNull):
         raise PydanticCustomError("range", f"must be a number from {low:g} to {high:g}", self.limits)
 
 
-def named(name: str, meaning: str, example: float) -> Between:
-    """The range of a parameter in RANGES or OPTIONAL_RANGES, with its documentation."""
-    return Between(*(RANGES | OPTIONAL_RANGES)[name], description=meaning, examples=[example])
+def parameter_range(name: str, meaning: str, example: float) -> InRange:
+    """The range of a parameter, with its documentation.
+
+    Args:
+        name: a key of RANGES or OPTIONAL_RANGES.
+        meaning: the description, with the unit.
+        example: a value in the range.
+    """
+    return InRange(*(RANGES | OPTIONAL_RANGES)[name], description=meaning, examples=[example])
 
 
-def _even(number: int) -> int:
+def _check_even(number: int) -> int:
     if number % 2:
         raise PydanticCustomError("even", "must be an even number")
     return number
 
 
-def _flag(value: object) -> object:
+def _parse_flag(value: object) -> object:
     """Accept only `true` and `false`, as the OpenAPI document says."""
     if isinstance(value, str):
         if value not in ("true", "false"):
@@ -100,20 +104,20 @@ def _flag(value: object) -> object:
     return value
 
 
-Flag = Annotated[bool, BeforeValidator(_flag)]
-FlagOrAuto = Annotated[bool | None, BeforeValidator(_flag), NotNull()]
+Flag = Annotated[bool, BeforeValidator(_parse_flag)]
+FlagOrAuto = Annotated[bool | None, BeforeValidator(_parse_flag), NotNull()]
 Height = Annotated[
     int,
-    Between(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),
-    AfterValidator(_even),
+    InRange(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),
+    AfterValidator(_check_even),
 ]
 
-SUN_AZIMUTH = named("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
-SUN_ELEVATION = named("sun_elevation", "deg above the horizon", 33.0)
-TURBIDITY = named("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)
-EXPOSURE = named("exposure", "factor from sky radiance to the photo's linear values", 5.0)
-CAMERA_ELEVATION = named("camera_elevation", "deg, positive looks up", 4.1)
-CAMERA_ROLL = named("camera_roll", "deg, positive turns the camera clockwise", -0.6)
+SUN_AZIMUTH = parameter_range("sun_azimuth", "deg, 0 = where the camera points, positive to the right", -41.2)
+SUN_ELEVATION = parameter_range("sun_elevation", "deg above the horizon", 33.0)
+TURBIDITY = parameter_range("turbidity", "Linke turbidity: 2 is very clear, 10 is hazy", 3.4)
+EXPOSURE = parameter_range("exposure", "factor from sky radiance to the photo's linear values", 5.0)
+CAMERA_ELEVATION = parameter_range("camera_elevation", "deg, positive looks up", 4.1)
+CAMERA_ROLL = parameter_range("camera_roll", "deg, positive turns the camera clockwise", -0.6)
 
 SunAzimuth = Annotated[float, SUN_AZIMUTH]
 SunElevation = Annotated[float, SUN_ELEVATION]
@@ -121,78 +125,86 @@ Turbidity = Annotated[float, TURBIDITY]
 Exposure = Annotated[float, EXPOSURE]
 CameraElevation = Annotated[float, CAMERA_ELEVATION]
 CameraRoll = Annotated[float, CAMERA_ROLL]
-GroundAlbedo = Annotated[float, named("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
-VerticalFov = Annotated[float, named("vertical_fov", "deg, vertical field of view", 48.7)]
+GroundAlbedo = Annotated[float, parameter_range("ground_albedo", "of the ground that the sky lights", GROUND_ALBEDO)]
+VerticalFov = Annotated[float, parameter_range("vertical_fov", "deg, vertical field of view", 48.7)]
 FormatName = Annotated[str, RegistryName(MAP_FORMATS)]
 SkyName = Annotated[str, RegistryName(SKY_MODELS)]
-SkyCover = Annotated[float, named("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
-Irradiance = Annotated[float, Between(*COLOR_RANGES["sky_irradiance"])]
-Reflectance = Annotated[float, Between(*COLOR_RANGES["ground_color"])]
+SkyCover = Annotated[float, parameter_range("sky_cover", "0 clear, 1 overcast; needs both irradiances", 0.2)]
+Irradiance = Annotated[float, InRange(*COLOR_RANGES["sky_irradiance"])]
+Reflectance = Annotated[float, InRange(*COLOR_RANGES["ground_color"])]
 SUN_IRRADIANCE = "red, green, blue of a surface that faces the sun, in the photo's linear units"
 SKY_IRRADIANCE = "red, green, blue of open level ground by the sky without the sun, in the photo's linear units"
 GROUND_COLOR = "red, green, blue: the ground's reflectance; unknown, `ground_albedo` counts, or 0.12 with irradiances"
 
-# Parameters that come as texts: how each is read, and its pattern in the OpenAPI document.
+# Parameters that come as text: how each is read, and its pattern in the OpenAPI document.
 
-_DATE, _CLOCK, _OFFSET = (
-    r"[0-9]{4}-[01][0-9]-[0-3][0-9]",
-    r"[0-2][0-9]:[0-5][0-9](:[0-5][0-9])?",
-    r"[0-1][0-9]:[0-5][0-9]",
-)
+_DATE = r"[0-9]{4}-[01][0-9]-[0-3][0-9]"
+_CLOCK = r"[0-2][0-9]:[0-5][0-9](:[0-5][0-9])?"
+_OFFSET = r"[0-1][0-9]:[0-5][0-9]"
 
 
 def field_error(field: str | None, reason: str, code: ErrorCode = ErrorCode.CONTRADICTION) -> PydanticCustomError:
-    """An error that names the field at fault itself, as a check of several fields together must."""
+    """An error that names its field, as a check of several fields together must.
+
+    Args:
+        field: the parameter at fault; None lets pydantic name it.
+        reason: a sentence for people.
+        code: the same for programs.
+    """
     context = {"reason": reason, "code": code.value} | ({"field": field} if field else {})
     return PydanticCustomError("parameter", "{reason}", context)
 
 
-def in_words(read: Callable[[str], Any]) -> Callable[[str], Any]:
-    """The reader, with its ParameterError turned into the error of a field."""
+def with_field_errors(read: Callable[[str], Any]) -> Callable[[str], Any]:
+    """Wrap a reader so that its ParameterError becomes the error of a field.
+
+    Args:
+        read: parses a text.
+    """
 
     def parsed(text: str) -> Any:
         try:
             return read(text)
         except ParameterError as error:
-            named = error.renamed(parameter_name)
-            raise field_error(named.field, str(named), named.code) from error
+            renamed = error.renamed(parameter_name)
+            raise field_error(renamed.field, str(renamed), renamed.code) from error
 
     return parsed
 
 
-def _time(text: str) -> datetime:
+def _parse_time(text: str) -> datetime:
     """Read a time; the plus sign of its offset may have become a space in the URL."""
     return parse_time(re.sub(r"(T\S+) (\d\d:?\d\d)$", r"\1+\2", text.strip()))
 
 
-def _headings(text: str) -> str:
+def _check_headings(text: str) -> str:
     """Check the text and return it: pydantic would read a list from repeated parameters."""
     read_headings(text)
     return text
 
 
-def _text(pattern: str, example: str) -> WithJsonSchema:
+def _text_schema(pattern: str, example: str) -> WithJsonSchema:
     return WithJsonSchema({"type": "string", "pattern": f"^{pattern}$", "examples": [example]})
 
 
 Time = Annotated[
     datetime | None,
-    BeforeValidator(in_words(_time)),
-    _text(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T08:53"),
+    BeforeValidator(with_field_errors(_parse_time)),
+    _text_schema(rf"{_DATE}T{_CLOCK}(Z|[+-]{_OFFSET})?", "2024-06-01T08:53"),
 ]
 Offset = Annotated[
     float | None,
-    BeforeValidator(in_words(parse_utc_offset)),
-    _text(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
+    BeforeValidator(with_field_errors(parse_utc_offset)),
+    _text_schema(rf"([+-]?{_OFFSET}|[+-]?1?[0-9]([.][0-9]+)?|Z)", "+02:00"),
 ]
 Headings = Annotated[
     str | None,
-    BeforeValidator(in_words(_headings)),
-    _text(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
+    BeforeValidator(with_field_errors(_check_headings)),
+    _text_schema(r"-?[0-9]{1,3}([.][0-9]+)?(,-?[0-9]{1,3}([.][0-9]+)?)*", "0,45,90"),
 ]
 
 
-def _triple(text: Any) -> list[str] | None:
+def _split_triple(text: Any) -> list[str] | None:
     """Split "0.9,0.8,0.7", which comes as a list of one text, or of three."""
     if text is None:
         return None
@@ -204,6 +216,9 @@ def _triple(text: Any) -> list[str] | None:
 
 
 _NUMBER = r"[0-9]+([.][0-9]+)?(e[+-]?[0-9]+)?"
-_AS_TEXT = (BeforeValidator(in_words(_triple)), _text(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"))
+_AS_TEXT = (
+    BeforeValidator(with_field_errors(_split_triple)),
+    _text_schema(f"{_NUMBER},{_NUMBER},{_NUMBER}", "0.9,0.8,0.7"),
+)
 Irradiances = Annotated[tuple[Irradiance, Irradiance, Irradiance] | None, *_AS_TEXT]
 Reflectances = Annotated[tuple[Reflectance, Reflectance, Reflectance] | None, *_AS_TEXT]

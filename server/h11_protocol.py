@@ -1,10 +1,9 @@
-"""Hardened HTTP/1.1 (optional behind a proxy).
+"""Hardened HTTP/1.1: limits on the size and the time of heads, chunks and responses.
 
-uvicorn's own class knows no time for a head or an answer, answers 400 to a head that is too large, and hands h11 as
-much at once as the socket held: of a head sixteen times what h11 is told to take, of a body forty thousand chunks.
-
-A chunk of a byte costs as much time as one of a thousand; and who reads the one of two ends that h11 drops takes what
-lies between them for another request.
+uvicorn's own class has no time limit for a head or a response and answers 400 to a head that is too large. It passes
+everything that a socket held to h11 at once: sixteen times the limit of a head, or forty thousand chunks of a body.
+A chunk of one byte costs as much time as one of a thousand. And a request with two lengths of its body can be read as
+two different requests (request smuggling).
 """
 
 import asyncio
@@ -17,21 +16,29 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server import problems
 from server.limits import PendingResponses
-from server.problems import Kind
+from server.problems import ProblemKind
 
-# h11's connection, which refuses a body in crumbs, and one that says twice where it ends.
+MAX_CHUNKS = 4096  # of a body, unless they hold MIN_MEAN_CHUNK bytes in the mean
+MIN_MEAN_CHUNK = 64  # bytes
+AMBIGUOUS_LENGTH = "Content-Length and Transfer-Encoding both say where the body ends; send one of them"
 
-MOST_CHUNKS = 4096  # of a body, unless they hold LEAST_CHUNK bytes in the mean
-LEAST_CHUNK = 64
-TWO_ENDS = "Content-Length and Transfer-Encoding both say where the body ends; send one of them"
+MAX_HEADER_BYTES = 16384  # of a request line and its headers
+RESPONSE_GRACE = 30.0  # seconds in which a response may be taken more slowly than at its minimum rate
+
+_READ_BYTES = 4096  # of heads and of chunks that h11 gets in one iteration of the event loop
+_BODY_READ_BYTES = 65536  # of a body of a known length, which costs little
+_LINGER_BYTES = 262_144  # that are read and dropped, for so many seconds, after a refusal: a connection that is closed
+_LINGER_SECONDS = 1.0  # with bytes unread takes its last response with it
+
+access_log = logging.getLogger("server.access")
 
 
-class _CrumbsError(h11.RemoteProtocolError):
+class _TinyChunksError(h11.RemoteProtocolError):
     """A body comes in very many tiny chunks."""
 
 
 class _Connection(h11.Connection):
-    """Counts a body's chunks; next_event raises CrumbsError, too, and RemoteProtocolError for two ends of a body."""
+    """Counts a body's chunks; next_event also raises _TinyChunksError, and RemoteProtocolError for two lengths."""
 
     chunked = False  # whether the last request's body is
     _chunks = 0
@@ -44,7 +51,7 @@ class _Connection(h11.Connection):
             self.chunked = b"transfer-encoding" in names
             self._chunks = self._size = 0
             if self.chunked and b"content-length" in names:
-                raise h11.RemoteProtocolError(TWO_ENDS)
+                raise h11.RemoteProtocolError(AMBIGUOUS_LENGTH)
         elif isinstance(event, h11.Data):
             self._count(event)
         return event
@@ -52,147 +59,142 @@ class _Connection(h11.Connection):
     def _count(self, data: h11.Data) -> None:
         self._chunks += data.chunk_start
         self._size += len(data.data)
-        if self._chunks > MOST_CHUNKS and self._size < LEAST_CHUNK * self._chunks:
-            raise _CrumbsError(f"The body has over {MOST_CHUNKS} chunks of fewer than {LEAST_CHUNK} bytes in the mean.")
-
-
-HEADER_BYTES = 16384  # of a request line and its headers
-ANSWER_GRACE = 30.0  # seconds in which an answer may be taken more slowly than at its least rate
-
-access = logging.getLogger("server.access")
-
-_PIECE = 4096  # bytes of heads and of chunks that h11 sees in one turn of the event loop
-_LARGE_PIECE = 65536  # of a body of a known length, which costs little
-_LINGER_BYTES = 262_144  # that are read and dropped, for so many seconds, after a refusal: a connection that is closed
-_LINGER_SECONDS = 1.0  # with bytes unread takes its last answer with it
+        if self._chunks > MAX_CHUNKS and self._size < MIN_MEAN_CHUNK * self._chunks:
+            raise _TinyChunksError(
+                f"The body has over {MAX_CHUNKS} chunks of fewer than {MIN_MEAN_CHUNK} bytes in the mean."
+            )
 
 
 class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
-    """One connection, which says itself how much it reads at once.
+    """One connection, which limits how much it reads at once.
 
-    `head_seconds` is what a request's head may take, from its first byte or from connecting; `answer_rate`, in bytes
-    per second after ANSWER_GRACE, how fast at least an answer must be taken; `unsent` counts what has not been.
+    Args:
+        head_seconds: time limit for a request's head, from its first byte or from connecting.
+        answer_rate: bytes per second at which a response must be taken, at least, after RESPONSE_GRACE.
+        pending: counts the bytes that wait for clients.
     """
 
     def __init__(
-        self, *arguments: Any, head_seconds: float, answer_rate: int, unsent: PendingResponses, **more: Any
+        self, *arguments: Any, head_seconds: float, answer_rate: int, pending: PendingResponses, **more: Any
     ) -> None:
         super().__init__(*arguments, **more)
-        self.conn: _Connection = _Connection(h11.SERVER, HEADER_BYTES)
+        self.conn: _Connection = _Connection(h11.SERVER, MAX_HEADER_BYTES)
         self._head_seconds = head_seconds
         self._answer_rate = answer_rate
-        self._unsent = unsent
+        self._pending = pending
         self._deadline: asyncio.TimerHandle | None = None  # of a head
-        self._patience: asyncio.TimerHandle | None = None  # with a client that does not take its answer
+        self._send_deadline: asyncio.TimerHandle | None = None  # of a response that its client does not take
         self._buffer = bytearray()
-        self._dropped: int | None = None  # bytes after a refusal
+        self._dropped_bytes: int | None = None  # after a refusal; None before
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
         transport.set_write_buffer_limits(high=0)  # so that writing pauses as soon as a byte is left
-        self._watch()
+        self._set_deadline()
 
     def connection_lost(self, exc: Exception | None) -> None:
         self.resume_writing()
         super().connection_lost(exc)
-        self._relax()
+        self._cancel_deadline()
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002
-        """Room for what is read next; other connections have their turn before what comes after it."""
-        self._buffer = bytearray(self._piece())
+        """A buffer for the next read, small enough that other connections run between two reads."""
+        self._buffer = bytearray(self._read_size())
         return self._buffer
 
     def buffer_updated(self, nbytes: int) -> None:
         self.data_received(bytes(self._buffer[:nbytes]))
 
     def data_received(self, data: bytes) -> None:
-        if self._dropped is None:
+        if self._dropped_bytes is None:
             super().data_received(data)
-            self._watch()
+            self._set_deadline()
         else:
             self._drop(data)
 
-    def _piece(self) -> int:
-        """The number of bytes that h11 sees next; it measures a head only where it is not yet whole."""
+    def _read_size(self) -> int:
+        """The number of bytes that h11 gets next; it checks the size of a head only while it is incomplete."""
         if self.conn.their_state is h11.SEND_BODY:
-            return _PIECE if self.conn.chunked else _LARGE_PIECE
+            return _READ_BYTES if self.conn.chunked else _BODY_READ_BYTES
         waiting = len(self.conn.trailing_data[0])
-        return max(1, min(_PIECE, HEADER_BYTES - waiting))
+        return max(1, min(_READ_BYTES, MAX_HEADER_BYTES - waiting))
 
     def send_400_response(self, msg: str) -> None:
-        """Answer what h11 could not read; the exception that is handled just now says why."""
+        """Answer what h11 could not read, by the exception that is being handled."""
         error = sys.exception()
-        if isinstance(error, _CrumbsError):
+        if isinstance(error, _TinyChunksError):
             self._refuse(problems.UNREADABLE_BODY, str(error))
         elif getattr(error, "error_status_hint", 400) == problems.HEADERS_TOO_LARGE.status:
-            self._refuse(problems.HEADERS_TOO_LARGE, f"The request line and the headers exceed {HEADER_BYTES} bytes.")
+            self._refuse(
+                problems.HEADERS_TOO_LARGE, f"The request line and the headers exceed {MAX_HEADER_BYTES} bytes."
+            )
         else:
             reason = str(error or msg).partition(": bytearray")[0]  # without the bytes, which may hold a key
             self._refuse(problems.MALFORMED, f"The request cannot be read: {reason}.")
 
     def _unsupported_upgrade_warning(self) -> None:
-        """Say nothing: an upgrade may be ignored, and some clients ask for HTTP/2 on every connection."""
+        """No warning: an upgrade may be ignored, and some clients request HTTP/2 on every connection."""
 
     def pause_writing(self) -> None:
         super().pause_writing()
-        self._unsent.add(self.transport)
+        self._pending.add(self.transport)
         size = self.transport.get_write_buffer_size()
-        self._await_client(size, self.loop.time())
+        self._set_send_deadline(size, self.loop.time())
 
     def resume_writing(self) -> None:
         super().resume_writing()
-        self._unsent.discard(self.transport)
-        if self._patience is not None:
-            self._patience.cancel()
-            self._patience = None
+        self._pending.discard(self.transport)
+        if self._send_deadline is not None:
+            self._send_deadline.cancel()
+            self._send_deadline = None
 
-    def _await_client(self, size: int, began: float) -> None:
-        """Set the time until which more of an answer of `size` bytes must be taken; end a connection that is late."""
+    def _set_send_deadline(self, size: int, began: float) -> None:
+        """Set the time until which more of a response of `size` bytes must be taken; abort a late connection."""
         taken = size - self.transport.get_write_buffer_size()
-        until = began + ANSWER_GRACE + taken / self._answer_rate
+        until = began + RESPONSE_GRACE + taken / self._answer_rate
         if until <= self.loop.time():
-            access.info("dropped an answer that its client took too slowly")
+            access_log.info("dropped an answer that its client took too slowly")
             self.transport.abort()
         else:
-            self._patience = self.loop.call_at(until, self._await_client, size, began)
+            self._send_deadline = self.loop.call_at(until, self._set_send_deadline, size, began)
 
-    def _watch(self) -> None:
-        """Start the time of a head unless a request is in work."""
-        if self._dropped is not None:
+    def _set_deadline(self) -> None:
+        """Start the time limit of a head unless a request is running."""
+        if self._dropped_bytes is not None:
             return
-        if self._working() or self.transport.is_closing():
-            self._relax()
+        if self._is_working() or self.transport.is_closing():
+            self._cancel_deadline()
         elif self._deadline is None:
-            self._deadline = self.loop.call_later(self._head_seconds, self._expire)
+            self._deadline = self.loop.call_later(self._head_seconds, self._on_deadline)
 
-    def _working(self) -> bool:
+    def _is_working(self) -> bool:
         return self.cycle is not None and not self.cycle.response_complete
 
-    def _relax(self) -> None:
+    def _cancel_deadline(self) -> None:
         if self._deadline is not None:
             self._deadline.cancel()
             self._deadline = None
 
-    def _expire(self) -> None:
-        """End the connection, with an answer where one is due: not to the silence after an earlier answer."""
+    def _on_deadline(self) -> None:
+        """End the connection; answer 408 only if a head has begun or none came yet."""
         if self.conn.our_state is h11.IDLE and (self.cycle is None or self.conn.trailing_data[0]):
             self._refuse(problems.TOO_SLOW, f"The headers did not arrive within {self._head_seconds:g} seconds.")
         else:
             self.transport.close()
 
-    def _refuse(self, kind: Kind, detail: str) -> None:
-        """End the connection, and with it its request, with a problem unless an answer has already begun."""
+    def _refuse(self, kind: ProblemKind, detail: str) -> None:
+        """End the connection and its request, with a problem unless a response has already begun."""
         if self.conn.our_state in (h11.IDLE, h11.SEND_RESPONSE):
             self._send(kind, detail)
-        if self._working():
+        if self._is_working():
             self.cycle.waiting_for_100_continue = False
             self.cycle.disconnected = True
             self.cycle.message_event.set()
         self._linger()
 
-    def _send(self, kind: Kind, detail: str) -> None:
-        access.info("refused %d %s", kind.status, kind.name)
-        body = problems.plain(kind, detail)
+    def _send(self, kind: ProblemKind, detail: str) -> None:
+        access_log.info("refused %d %s", kind.status, kind.name)
+        body = problems.problem_json(kind, detail)
         headers = [
             (b"content-type", problems.MEDIA_TYPE.encode()),
             (b"content-length", b"%d" % len(body)),
@@ -202,14 +204,14 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
             self.transport.write(self.conn.send(event) or b"")
 
     def _linger(self) -> None:
-        """Close the connection when the client has, or has had the time to read the answer."""
-        self._dropped = 0
-        self._relax()
+        """Close the connection when the client has, or has had time to read the response."""
+        self._dropped_bytes = 0
+        self._cancel_deadline()
         self._deadline = self.loop.call_later(_LINGER_SECONDS, self.transport.close)
         self.transport.write_eof()
         self.flow.resume_reading()
 
     def _drop(self, data: bytes) -> None:
-        self._dropped = (self._dropped or 0) + len(data)
-        if self._dropped > _LINGER_BYTES:
+        self._dropped_bytes = (self._dropped_bytes or 0) + len(data)
+        if self._dropped_bytes > _LINGER_BYTES:
             self.transport.close()

@@ -1,4 +1,4 @@
-"""Concurrency, uploads and pending answers."""
+"""Limits on concurrent work, on uploads and on responses that wait for their clients."""
 
 from collections import Counter
 from collections.abc import Awaitable, Callable, Iterator
@@ -9,42 +9,43 @@ from anyio import CancelScope, CapacityLimiter, create_task_group, to_thread
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
-# The limit on CPU work: a fixed number of requests run, a fixed number wait, and any further one is refused.
-
 T = TypeVar("T")
 
 
 class BusyError(Exception):
-    """There is no room for a request now; the message says of what."""
+    """There is no room for a request now; the message names the limit."""
 
     def __init__(self, message: str = "All workers are busy and the queue is full.") -> None:
         super().__init__(message)
 
 
-class Limiter:
-    """Runs requests in a fixed number of threads; they are admitted when their bodies have arrived."""
+class WorkLimiter:
+    """Runs a fixed number of requests in threads; a fixed number waits, and further ones are refused."""
 
-    def __init__(self, places: int, queue: int) -> None:
-        self.places = places
-        self.capacity = places + queue
+    def __init__(self, workers: int, queue: int) -> None:
+        self.workers = workers
+        self.capacity = workers + queue
         self.admitted = 0
-        self._threads = CapacityLimiter(places)
+        self._threads = CapacityLimiter(workers)
 
     @property
     def running(self) -> int:
+        """Requests that occupy a thread."""
         return self._threads.borrowed_tokens
 
     @property
     def waiting(self) -> int:
+        """Admitted requests that wait for a thread."""
         return self.admitted - self.running
 
     @property
     def full(self) -> bool:
+        """Whether the next request would be refused."""
         return self.admitted >= self.capacity
 
     @contextmanager
     def admission(self) -> Iterator[None]:
-        """Count as running or waiting until the end of the block; raises BusyError if the queue is full."""
+        """Count a request until the end of the block; raises BusyError if the queue is full."""
         if self.full:
             raise BusyError
         self.admitted += 1
@@ -54,17 +55,23 @@ class Limiter:
             self.admitted -= 1
 
     async def run(self, receive: Receive, work: Callable[[], T]) -> T:
-        """Run `work` in a thread as soon as one is free; raises ClientDisconnect if the client disconnects.
+        """Run work in a thread as soon as one is free.
 
-        Waiting work is then dropped; running work stops at its next call of anyio.from_thread.check_cancelled.
+        Args:
+            receive: ASGI's channel, which tells that the client disconnects.
+            work: on a disconnect it is dropped while it waits; while it runs, it stops at its next
+                call of anyio.from_thread.check_cancelled.
+
+        Raises:
+            ClientDisconnect: the client disconnected.
         """
-        return await _unless_gone(receive, lambda: to_thread.run_sync(work, limiter=self._threads))
+        return await _run_unless_disconnected(receive, lambda: to_thread.run_sync(work, limiter=self._threads))
 
 
-async def _unless_gone(receive: Receive, work: Callable[[], Awaitable[T]]) -> T:
+async def _run_unless_disconnected(receive: Receive, work: Callable[[], Awaitable[T]]) -> T:
     try:
         async with create_task_group() as tasks:
-            tasks.start_soon(_cancel_when_gone, receive, tasks.cancel_scope)
+            tasks.start_soon(_cancel_on_disconnect, receive, tasks.cancel_scope)
             result = await work()
             tasks.cancel_scope.cancel()
             return result
@@ -73,82 +80,81 @@ async def _unless_gone(receive: Receive, work: Callable[[], Awaitable[T]]) -> T:
     raise ClientDisconnect
 
 
-async def _cancel_when_gone(receive: Receive, scope: CancelScope) -> None:
+async def _cancel_on_disconnect(receive: Receive, scope: CancelScope) -> None:
     while (await receive())["type"] != "http.disconnect":
         pass
     scope.cancel()
 
 
-# The bodies that are arriving: they take none of the places for work, and are limited in all and by client.
-
-
 class TooManyUploadsError(Exception):
-    """One client sends as many bodies at once as it may."""
+    """One client sends more bodies at once than it may."""
 
 
 class UploadLimiter:
-    """Counts the bodies under way, in all and from each client's address."""
+    """Limits the bodies that are arriving, in all and from each client; they occupy no worker."""
 
-    def __init__(self, most: int, most_of_a_client: int) -> None:
-        self.most = most
-        self.most_of_a_client = most_of_a_client
-        self._of: Counter[str] = Counter()
+    def __init__(self, max_uploads: int, max_per_client: int) -> None:
+        self.max_uploads = max_uploads
+        self.max_per_client = max_per_client
+        self._by_client: Counter[str] = Counter()
 
     @property
     def count(self) -> int:
-        return self._of.total()
+        """Bodies that are arriving."""
+        return self._by_client.total()
 
     @property
     def full(self) -> bool:
-        return self.count >= self.most
+        """Whether the next body would be refused."""
+        return self.count >= self.max_uploads
 
     @contextmanager
-    def one_of(self, client: str) -> Iterator[None]:
-        """Count a body until the end of the block; raises CrowdedError or BusyError where there are too many."""
-        if self._of[client] >= self.most_of_a_client:
+    def count_upload(self, client: str) -> Iterator[None]:
+        """Count a body until the end of the block; raises TooManyUploadsError or BusyError if there are too many."""
+        if self._by_client[client] >= self.max_per_client:
             raise TooManyUploadsError
         if self.full:
             raise BusyError("As many bodies are arriving as the service takes at once.")
-        self._of[client] += 1
+        self._by_client[client] += 1
         try:
             yield
         finally:
-            self._of[client] -= 1
-            self._of += Counter()  # forgets who sends nothing
+            self._by_client[client] -= 1
+            self._by_client += Counter()  # drops clients without uploads
 
 
-# The answers that their clients have not taken yet: they take no place for work, and are limited in bytes.
-
-
-class _Sender(Protocol):
-    """What is counted of a connection's transport."""
+class _Transport(Protocol):
+    """The part of a connection's transport that is counted."""
 
     def get_write_buffer_size(self) -> int: ...
 
 
 class PendingResponses:
-    """Counts the bytes that wait in connections; to be used in the event loop's thread alone."""
+    """Limits the bytes of responses that wait for their clients; used in the event loop's thread alone."""
 
-    def __init__(self, most: int) -> None:
-        self.most = most
-        self._waiting: set[_Sender] = set()
+    def __init__(self, max_bytes: int) -> None:
+        self.max_bytes = max_bytes
+        self._waiting: set[_Transport] = set()
 
-    def add(self, transport: _Sender) -> None:
-        """Count what this connection holds until it is discarded."""
+    def add(self, transport: _Transport) -> None:
+        """Count this connection's bytes until it is discarded."""
         self._waiting.add(transport)
 
-    def discard(self, transport: _Sender) -> None:
+    def discard(self, transport: _Transport) -> None:
+        """Count this connection no more."""
         self._waiting.discard(transport)
 
     @property
     def size(self) -> int:
+        """Bytes that wait."""
         return sum(transport.get_write_buffer_size() for transport in self._waiting)
 
     @property
     def full(self) -> bool:
-        return self.size >= self.most
+        """Whether no further response may be made."""
+        return self.size >= self.max_bytes
 
     def check(self) -> None:
-        """Raise BusyError where no further answer may be made."""
+        """Raise BusyError if no further response may be made."""
         if self.full:
             raise BusyError("As many bytes of answers as the service keeps wait for clients to take them.")

@@ -1,4 +1,4 @@
-"""Request id, access log, metrics, HEAD, errors, body drain; health routes."""
+"""Middleware (request id, access log, metrics, HEAD, errors, rest of a body), and the routes for operators."""
 
 import asyncio
 import logging
@@ -13,20 +13,19 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
-from server.dependencies import Service, Services
+from server.dependencies import Service, ServiceDep
 from server.limits import BusyError
 from server.problems import ProblemError, route_path
 from server.schemas import Status
 
-# For operators: health, metrics, one log line per request, and a handler for unexpected errors.
-
-UNCOUNTED = ("/livez", "/readyz", "/metrics")
-SHUT_DOWN = "The service shut down before this request was finished; send it again."
-UNMATCHED = "unmatched"  # label of requests that match no route
-METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
+UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics")
+SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
+UNMATCHED_ROUTE = "unmatched"  # label of requests that match no route
+LABELED_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
+DRAIN_SECONDS = 5.0  # for the rest of a body, as long as a connection that stays open is kept
 _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
 
-access = logging.getLogger("server.access")
+access_log = logging.getLogger("server.access")
 router = APIRouter(tags=["operations"])
 
 
@@ -38,9 +37,9 @@ async def livez() -> Status:
 @router.get(
     "/readyz",
     summary="Whether the network has answered once and a photo would be taken now",
-    responses=problems.documented(503),
+    responses=problems.problem_responses(503),
 )
-async def readyz(service: Services) -> Status:
+async def readyz(service: ServiceDep) -> Status:
     if not service.ready:
         retry = {"Retry-After": problems.RETRY_SECONDS}
         raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
@@ -55,7 +54,7 @@ async def readyz(service: Services) -> Status:
     response_class=Response,
     responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
-async def metrics(service: Services) -> Response:
+async def metrics(service: ServiceDep) -> Response:
     return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
@@ -76,7 +75,7 @@ class AccessLogMiddleware:
         request_id = scope["request_id"] = _request_id(Headers(scope=scope))
         status = 0
 
-        async def named(message: Message) -> None:
+        async def send_named(message: Message) -> None:
             nonlocal status
             if message["type"] == "http.response.start":
                 status = message["status"]
@@ -87,37 +86,37 @@ class AccessLogMiddleware:
             await send(message)
 
         try:
-            await self.app(scope, receive, named)
+            await self.app(scope, receive, send_named)
         finally:
             self._count(scope, status, time.perf_counter() - start)
 
     def _count(self, scope: Scope, status: int, seconds: float) -> None:
-        route = _route(scope)
-        if route in UNCOUNTED:
+        route = _route_template(scope)
+        if route in UNMEASURED_ROUTES:
             return
-        method = scope["method"] if scope["method"] in METHODS else "other"
-        counted = "any" if route == UNMATCHED else method
-        self.service.metrics.requests.labels(counted, route, status).inc()
+        method = scope["method"] if scope["method"] in LABELED_METHODS else "other"
+        label = "any" if route == UNMATCHED_ROUTE else method
+        self.service.metrics.requests.labels(label, route, status).inc()
         self.service.metrics.latency.labels(route).observe(seconds)
-        end = f"{status} {scope['problem']}" if scope.get("problem") else status
-        access.info("%s %s %s %.0f ms id=%s", method, route, end, 1000 * seconds, scope["request_id"])
+        outcome = f"{status} {scope['problem']}" if scope.get("problem") else status
+        access_log.info("%s %s %s %.0f ms id=%s", method, route, outcome, 1000 * seconds, scope["request_id"])
 
 
-def _route(scope: Scope) -> str:
+def _route_template(scope: Scope) -> str:
     """The template of a request's path; FastAPI's own route of the OpenAPI document names none, but an endpoint."""
-    return str(getattr(scope.get("route"), "path", route_path(scope) if scope.get("endpoint") else UNMATCHED))
+    return str(getattr(scope.get("route"), "path", route_path(scope) if scope.get("endpoint") else UNMATCHED_ROUTE))
 
 
 def _request_id(headers: Headers) -> str:
-    """The client's own id if it is short and plain, else a new one."""
-    given = headers.get("x-request-id", "")
-    return given if _REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
+    """The client's id if it is short and plain, else a new one."""
+    client_id = headers.get("x-request-id", "")
+    return client_id if _REQUEST_ID.fullmatch(client_id) else secrets.token_hex(8)
 
 
 class ExceptionMiddleware:
     """Answers 500 without internal details for errors that nothing else handled, and logs them.
 
-    A request that a shutdown ends, because its time is over, is answered 503.
+    A request that outlasts the time of a shutdown is answered 503.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -126,50 +125,38 @@ class ExceptionMiddleware:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         started = False
 
-        async def watched(message: Message) -> None:
+        async def send_noting_start(message: Message) -> None:
             nonlocal started
             started = started or message["type"] == "http.response.start"
             await send(message)
 
         try:
-            await self.app(scope, receive, watched)
-        except asyncio.CancelledError:
+            await self.app(scope, receive, send_noting_start)
+        except (Exception, asyncio.CancelledError) as error:
             if scope["type"] != "http" or started:
                 raise
-            await _tell(BusyError(SHUT_DOWN), scope, receive, send)
-        except Exception as error:
-            if scope["type"] != "http" or started:
-                raise
-            await _tell(error, scope, receive, send)
+            problem = BusyError(SHUTDOWN_DETAIL) if isinstance(error, asyncio.CancelledError) else error
+            response = await problems.problem_response(Request(scope), problem)
+            await response(scope, receive, send)
 
 
-async def _tell(error: Exception, scope: Scope, receive: Receive, send: Send) -> None:
-    answer = await problems.answer(Request(scope), error)
-    await answer(scope, receive, send)
-
-
-class HeadAsGet:
+class HeadAsGetMiddleware:
     """Answers HEAD like GET, without the body."""
 
     def __init__(self, app: ASGIApp) -> None:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        async def without_body(message: Message) -> None:
+        async def send_without_body(message: Message) -> None:
             await send({**message, "body": b""} if message["type"] == "http.response.body" else message)
 
         if scope["type"] != "http" or scope["method"] != "HEAD":
             return await self.app(scope, receive, send)
         inner = {**scope, "method": "GET"}
         try:
-            await self.app(inner, receive, without_body)
+            await self.app(inner, receive, send_without_body)
         finally:
             scope.update({name: inner.get(name) for name in ("route", "endpoint", "problem")})
-
-
-# What a client still sends of a body that is answered before it was read.
-
-SECONDS = 5.0  # for the rest of a body, as long as a connection that stays open is kept
 
 
 class DrainBodyMiddleware:
@@ -182,35 +169,35 @@ class DrainBodyMiddleware:
         self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] == "http" and _closes(scope):
-            await self._with_all_read(scope, receive, send)
+        if scope["type"] == "http" and _closes_connection(scope):
+            await self._drain(scope, receive, send)
         else:
             await self.app(scope, receive, send)
 
-    async def _with_all_read(self, scope: Scope, receive: Receive, send: Send) -> None:
-        left = True
+    async def _drain(self, scope: Scope, receive: Receive, send: Send) -> None:
+        unread = True
 
-        async def reading() -> Message:
-            nonlocal left
+        async def receive_noting_end() -> Message:
+            nonlocal unread
             message = await receive()
-            left = message.get("more_body", False)
+            unread = message.get("more_body", False)
             return message
 
-        async def answering(message: Message) -> None:
+        async def send_after_draining(message: Message) -> None:
             last = message["type"] == "http.response.body" and not message.get("more_body")
-            if last and left:
+            if last and unread:
                 await send({**message, "more_body": True})
-                with move_on_after(SECONDS):
-                    while left:
-                        await reading()
+                with move_on_after(DRAIN_SECONDS):
+                    while unread:
+                        await receive_noting_end()
                 message = {"type": "http.response.body"}
             await send(message)
 
-        await self.app(scope, reading, answering)
+        await self.app(scope, receive_noting_end, send_after_draining)
 
 
-def _closes(scope: Scope) -> bool:
+def _closes_connection(scope: Scope) -> bool:
     """Whether the client wants its connection closed, and sends its body unasked."""
     headers = Headers(scope=scope)
-    wanted = scope["http_version"] == "1.0" or "close" in headers.get("connection", "").lower()
-    return wanted and "expect" not in headers
+    closes = scope["http_version"] == "1.0" or "close" in headers.get("connection", "").lower()
+    return closes and "expect" not in headers

@@ -1,6 +1,7 @@
-"""Query models of every route and cross-field checks."""
+"""The parameters in the URLs of requests, with units and ranges, and what they must fit together."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any, Self
 
@@ -27,7 +28,6 @@ from server.field_types import (
     SUN_ELEVATION,
     SUN_IRRADIANCE,
     TURBIDITY,
-    Between,
     CameraElevation,
     CameraRoll,
     Exposure,
@@ -37,6 +37,7 @@ from server.field_types import (
     GroundAlbedo,
     Headings,
     Height,
+    InRange,
     Irradiances,
     NotNull,
     Offset,
@@ -50,14 +51,12 @@ from server.field_types import (
     Turbidity,
     VerticalFov,
     field_error,
-    in_words,
-    named,
+    parameter_range,
+    with_field_errors,
 )
-from server.problems import InvalidField, all_invalid, invalid
+from server.problems import InvalidField, Json, invalid_field_error, invalid_fields_error
 
-# The parameters in the URLs of requests, with units and ranges.
-
-BY_DEFAULT = "by default where the light states its power, or where it likely shines"
+SUN_BY_DEFAULT = "by default where the light states its power, or where it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
 
 
@@ -66,38 +65,40 @@ class Query(BaseModel):
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
-    def stated(self) -> set[str]:
-        """The parameters that were given another value than their default; clients may send the defaults themselves."""
+    def explicit_fields(self) -> set[str]:
+        """The parameters with another value than their default, which clients may send, too."""
         fields = type(self).model_fields
         return {name for name in self.model_fields_set if getattr(self, name) != fields[name].default}
 
 
-class GivenQuery(Query):
+class UserInputQuery(Query):
     """What the client states about a photo; it overrides the photo's metadata."""
 
     exif: Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
     time: Time = Field(None, description="when the photo was taken, ISO 8601, with the offset from UTC if known")
     utc_offset: Offset = Field(None, description="offset of a local time from UTC in hours, -12 to 14")
-    lat: Annotated[float | None, named("latitude", "deg, positive north; needs `lon`", 48.14)] = None
-    lon: Annotated[float | None, named("longitude", "deg, positive east; needs `lat`", 11.58)] = None
+    lat: Annotated[float | None, parameter_range("latitude", "deg, positive north; needs `lon`", 48.14)] = None
+    lon: Annotated[float | None, parameter_range("longitude", "deg, positive east; needs `lat`", 11.58)] = None
     heading: Annotated[
         float | None,
-        Between(-360, 360, description="deg from true north, clockwise: where the camera points", examples=[134.2]),
+        InRange(-360, 360, description="deg from true north, clockwise: where the camera points", examples=[134.2]),
     ] = None
-    fov: Annotated[float | None, named("vertical_fov", "deg, vertical field of view of the upright photo", 48.7)] = None
+    fov: Annotated[
+        float | None, parameter_range("vertical_fov", "deg, vertical field of view of the upright photo", 48.7)
+    ] = None
     keep_location: Flag = Field(False, description="put latitude and longitude into the answer")
 
     @model_validator(mode="after")
-    def _without_contradiction(self) -> Self:
-        in_words(lambda _: self.given())("")
+    def _check_consistency(self) -> Self:
+        with_field_errors(lambda _: self.user_input())("")
         return self
 
-    def given(self) -> UserInput:
-        """The same as the library takes it; raises ParameterError for what contradicts itself."""
+    def user_input(self) -> UserInput:
+        """The same for the library; raises ParameterError for values that contradict each other."""
         return UserInput(**{field.name: getattr(self, parameter_name(field.name)) for field in fields(UserInput)})
 
 
-class LightingQuery(GivenQuery):
+class LightingQuery(UserInputQuery):
     probability: Flag = Field(False, description="add the sun's probability on its grid")
     surroundings: Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
     headings: Headings = Field(
@@ -107,21 +108,21 @@ class LightingQuery(GivenQuery):
         True, description="find by what several photos show in common how they are turned, unless `headings` say it"
     )
 
-    def turns(self) -> list[float] | None:
-        """The headings as numbers."""
+    def heading_values(self) -> list[float] | None:
+        """The headings in deg; None if the client states none."""
         return None if self.headings is None else read_headings(self.headings)
 
-    def matched(self, photos: int) -> bool:
-        """Whether so many photos are to be matched with each other."""
+    def needs_matching(self, photos: int) -> bool:
+        """Whether this number of photos must be matched with each other."""
         return self.match and self.headings is None and photos > 1
 
 
 class MapQuery(Query):
-    """How a map is rendered."""
+    """How a map is rendered and written."""
 
-    sun: FlagOrAuto = Field(None, description=f"paint the sun's disc; {BY_DEFAULT}")
+    sun: FlagOrAuto = Field(None, description=f"paint the sun's disc; {SUN_BY_DEFAULT}")
     height: Height = 512
-    yaw: Annotated[float, Between(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
+    yaw: Annotated[float, InRange(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
     format: FormatName = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
     sky: Annotated[SkyName | None, NotNull()] = Field(None, description="another shape of the sky than the record's")
     compression: Annotated[str, RegistryName(COMPRESSIONS)] = Field(
@@ -129,15 +130,15 @@ class MapQuery(Query):
     )
 
     @model_validator(mode="after")
-    def _of_this_format(self) -> Self:
-        if "compression" in self.stated() and not MAP_FORMATS[self.format].takes_compression:
-            packed = [name for name, entry in MAP_FORMATS.items() if entry.takes_compression]
-            raise field_error("compression", f"compression goes with format={' or '.join(packed)}")
+    def _check_format_options(self) -> Self:
+        if "compression" in self.explicit_fields() and not MAP_FORMATS[self.format].takes_compression:
+            formats = [name for name, entry in MAP_FORMATS.items() if entry.takes_compression]
+            raise field_error("compression", f"compression goes with format={' or '.join(formats)}")
         return self
 
 
-class StatedQuery(Query):
-    """The strength and the colours of a light, which otherwise follow from the sky model or from the photo."""
+class IrradianceQuery(Query):
+    """Irradiances and colors, which otherwise follow from the sky model or from the photo."""
 
     sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
     sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
@@ -146,21 +147,21 @@ class StatedQuery(Query):
 
     @field_validator("sky_irradiance")
     @classmethod
-    def _with_the_suns(cls, sky: Any, others: ValidationInfo) -> Any:
+    def _check_pair(cls, sky: Any, others: ValidationInfo) -> Any:
         if "sun_irradiance" in others.data and (others.data["sun_irradiance"] is None) != (sky is None):
             raise PydanticCustomError("pair", "sun_irradiance and sky_irradiance go together; one is missing")
         return sky
 
     @field_validator("sky_cover")
     @classmethod
-    def _of_a_known_sky(cls, cover: float | None, others: ValidationInfo) -> float | None:
+    def _check_irradiances(cls, cover: float | None, others: ValidationInfo) -> float | None:
         if cover is not None and others.data.get("sky_irradiance", True) is None:
             raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance beside it")
         return cover
 
 
-class ChangeQuery(StatedQuery):
-    """Parameters of a sky and its camera that replace what is estimated; power that is not stated follows the sky."""
+class EditQuery(IrradianceQuery):
+    """Parameters of sky and camera that replace the estimate; irradiances that are not among them follow the sky."""
 
     sun_azimuth: Annotated[float | None, SUN_AZIMUTH] = None
     sun_elevation: Annotated[float | None, SUN_ELEVATION] = None
@@ -169,34 +170,36 @@ class ChangeQuery(StatedQuery):
     camera_elevation: Annotated[float | None, CAMERA_ELEVATION] = None
     camera_roll: Annotated[float | None, CAMERA_ROLL] = None
     vertical_fov: Annotated[
-        float | None, named("vertical_fov", "deg; unlike `fov` it leaves the estimate of the sun as it is", 48.7)
+        float | None,
+        parameter_range("vertical_fov", "deg; unlike `fov` it leaves the estimate of the sun as it is", 48.7),
     ] = None
     photo_exposure: Annotated[
-        float | None, named("exposure", "the exposure at which the photo is as it is; by default its estimate's", 5.0)
+        float | None,
+        parameter_range("exposure", "the exposure at which the photo is as it is; by default its estimate's", 5.0),
     ] = None
 
     def changes(self) -> dict[str, float | Color]:
-        """The fields of Lighting that the client replaces."""
-        return self.model_dump(include=set(ChangeQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
+        """The fields of Lighting that the client replaces, by name."""
+        return self.model_dump(include=set(EditQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
 
 
-class PlaceQuery(Query):
-    """Whether a photo's map shows the place."""
+class SurroundingsQuery(Query):
+    """Whether a photo's map shows its surroundings."""
 
     surroundings: FlagOrAuto = Field(
         None, description="show the place, not the sky alone; by default where the network predicts it"
     )
 
 
-class PreviewQuery(GivenQuery, PlaceQuery):
+class PreviewQuery(UserInputQuery, SurroundingsQuery):
     """The preview of a photo."""
 
 
-class EnvmapQuery(MapQuery, GivenQuery, ChangeQuery, PlaceQuery):
+class EnvmapQuery(MapQuery, UserInputQuery, EditQuery, SurroundingsQuery):
     """The map of a photo."""
 
 
-class SkyParameters(StatedQuery):
+class SkyParameters(IrradianceQuery):
     """The parameters of a sky."""
 
     sun_azimuth: SunAzimuth
@@ -205,8 +208,8 @@ class SkyParameters(StatedQuery):
     exposure: Exposure = DAYLIGHT_EXPOSURE
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
 
-    def lighting(self) -> Lighting:
-        """The light with these parameters; raises ParameterError for what contradicts itself."""
+    def to_lighting(self) -> Lighting:
+        """The lighting with these parameters; raises ParameterError for values that contradict each other."""
         return Lighting(**self.model_dump(include={field.name for field in fields(Lighting)}))
 
 
@@ -220,42 +223,41 @@ class _ToolQuery(Query):
     tool: Annotated[str, RegistryName(EXPORTERS)] = Field(description="the tool that opens it")
 
 
-def _options_of_tools() -> Any:
+def _create_tool_options_query() -> Any:
     """_ToolQuery with a field for each option of EXPORTERS."""
-    options: dict[str, Any] = {
+    fields: Json = {
         name: (Annotated[str, RegistryName(option.choices)], Field(option.default, description=f"with `tool={tool}`"))
         for tool, entry in EXPORTERS.items()
         for name, option in entry.options.items()
     }
-    return create_model("_ToolOptionsQuery", __base__=_ToolQuery, **options)
+    return create_model("_ToolOptionsQuery", __base__=_ToolQuery, **fields)
 
 
 if TYPE_CHECKING:
     _ToolOptionsQuery = _ToolQuery
 else:
-    _ToolOptionsQuery = _options_of_tools()
+    _ToolOptionsQuery = _create_tool_options_query()
 
 
 class SceneQuery(_ToolOptionsQuery):
     """The tool that a scene is for, and its options."""
 
-    sun: FlagOrAuto = Field(None, description=f"include direct sunlight; {BY_DEFAULT}")
+    sun: FlagOrAuto = Field(None, description=f"include direct sunlight; {SUN_BY_DEFAULT}")
     height: Height = 512
 
     @model_validator(mode="after")
-    def _of_this_tool(self) -> Self:
-        others = unsupported_options(self.stated(), self.tool)
-        if others:
-            wanted = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
-            raise field_error(min(others), wanted)
+    def _check_tool_options(self) -> Self:
+        if others := unsupported_options(self.explicit_fields(), self.tool):
+            reason = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
+            raise field_error(min(others), reason)
         return self
 
-    def options(self) -> dict[str, Any]:
+    def options(self) -> Mapping[str, str]:
         """The options of the tool's writer."""
         return self.model_dump(include=set(EXPORTERS[self.tool].options))
 
 
-class PhotoSceneQuery(SceneQuery, GivenQuery, ChangeQuery, PlaceQuery):
+class PhotoSceneQuery(SceneQuery, UserInputQuery, EditQuery, SurroundingsQuery):
     """The scene of a photo."""
 
 
@@ -266,38 +268,54 @@ class SkySceneQuery(SceneQuery, SkyParameters):
     camera_elevation: CameraElevation = 0.0
     camera_roll: CameraRoll = 0.0
     vertical_fov: VerticalFov = 50.0
-    plate_width: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1440
-    plate_height: Annotated[int, Between(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1080
+    plate_width: Annotated[int, InRange(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1440
+    plate_height: Annotated[int, InRange(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1080
 
 
-# What the parameters of one request must fit: its photos, its body, each other.
+async def refuse_duplicates(request: Request) -> None:
+    """Raise ProblemError for a URL with a parameter twice.
 
-
-async def refuse_repeats(request: Request) -> None:
-    """Raise ProblemError for a request that gives a parameter twice."""
-    times = Counter(name for name, _ in request.query_params.multi_items())
+    Args:
+        request: any request.
+    """
+    counts = Counter(name for name, _ in request.query_params.multi_items())
     detail = "is given more than once"
-    if often := [name for name, count in times.items() if count > 1]:
-        raise all_invalid([InvalidField(name, "query", detail, ErrorCode.DUPLICATE) for name in often])
+    if repeated := [name for name, count in counts.items() if count > 1]:
+        raise invalid_fields_error([InvalidField(name, "query", detail, ErrorCode.DUPLICATE) for name in repeated])
 
 
 async def refuse_parameters(request: Request) -> None:
-    """Raise ProblemError for any parameter: the route takes none."""
+    """Raise ProblemError for any parameter in the URL.
+
+    Args:
+        request: one of a route that takes none.
+    """
     if names := list(request.query_params):
-        raise all_invalid([InvalidField(name, "query", "is not known here", ErrorCode.UNKNOWN) for name in names])
+        raise invalid_fields_error(
+            [InvalidField(name, "query", "is not known here", ErrorCode.UNKNOWN) for name in names]
+        )
 
 
-def check_photos(photos: int, query: LightingQuery) -> None:
-    """Raise ProblemError where what is said of headings does not fit the number of photos."""
+def check_photo_headings(photos: int, query: LightingQuery) -> None:
+    """Raise ProblemError if the headings do not fit the number of photos.
+
+    Args:
+        photos: the number of photos.
+        query: has `headings` of all photos or `heading` of one.
+    """
     try:
-        check_headings(photos, query.turns())
+        check_headings(photos, query.heading_values())
         check_heading(photos, query.heading)
     except ParameterError as error:
-        raise invalid(error.field or "headings", str(error), code=error.code) from error
+        raise invalid_field_error(error.field or "headings", str(error), code=error.code) from error
 
 
-def refuse_given(query: EnvmapQuery) -> None:
-    """Raise ProblemError where a lighting record comes with parameters that describe or need a photo."""
-    for name in (*GivenQuery.model_fields, *ChangeQuery.model_fields, "surroundings"):
-        if name in query.stated():
-            raise invalid(name, "It goes with a photo; a lighting record is rendered as it is.")
+def refuse_photo_parameters(query: EnvmapQuery) -> None:
+    """Raise ProblemError for parameters that describe or need a photo.
+
+    Args:
+        query: the parameters of a request with a lighting record instead of a photo.
+    """
+    for name in (*UserInputQuery.model_fields, *EditQuery.model_fields, "surroundings"):
+        if name in query.explicit_fields():
+            raise invalid_field_error(name, "It goes with a photo; a lighting record is rendered as it is.")

@@ -1,10 +1,9 @@
-"""Answers, cache headers, links."""
+"""Responses: lighting records with links, files with their headers, cache validation, accuracy figures."""
 
 import json
 from collections.abc import Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
 from urllib.parse import urlencode
 
 import numpy as np
@@ -27,51 +26,56 @@ from lighting.sun_grid import grid_directions
 from lighting.validation import COLOR_RANGES
 from lighting.version import __version__
 from server.dependencies import PhotoAnswer, Service
+from server.problems import Json
 from server.query_params import LightingQuery, Query
 
-# What answers hold beside a lighting record: links, the sun's probability, files with their headers.
-
-WARNINGS = "Lighting-Warnings"
-ZIP = "application/zip"
+WARNINGS_HEADER = "Lighting-Warnings"
+ZIP_TYPE = "application/zip"
 
 
-def estimates_json(found: Sequence[PhotoAnswer], query: LightingQuery, root: str) -> dict[str, Any]:
-    """The JSON of one estimate, or of several in a list; with the sun's probability where the query asks for it."""
-    records = [_answer_record(answer, root, query.probability) for answer in found]
+def estimates_to_json(answers: Sequence[PhotoAnswer], query: LightingQuery, root: str) -> Json:
+    """The JSON of one estimate, or of several in a list.
+
+    Args:
+        answers: one a photo.
+        query: whether to include the sun's probability.
+        root: the path under which the service lives; empty at the host's root.
+    """
+    records = [_answer_record(answer, root, query.probability) for answer in answers]
     return records[0] if len(records) == 1 else {"lightings": records}
 
 
-def _answer_record(answer: PhotoAnswer, root: str, probability: bool) -> dict[str, Any]:
-    """The JSON of an answer, with a link to its environment map."""
+def _answer_record(answer: PhotoAnswer, root: str, probability: bool) -> Json:
     lighting = answer.estimate.lighting
     record = {**record_with_coefficients(lighting), "links": {"envmap": _envmap_link(lighting, root)}}
     if lighting.warnings:
         record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
     if probability:
         record["probability"] = _sun_probability(answer.estimate.distribution)
-    if answer.factors is not None:
-        record["surroundings"] = _surroundings(answer.factors)
+    if answer.gain is not None:
+        record["surroundings"] = _surroundings(answer.gain)
     return record
 
 
-def _surroundings(factors: Image) -> dict[str, Any]:
-    """Factors (R, 2R, 3) on the cells of a map, cell by cell."""
-    rows, columns = factors.shape[:2]
-    cells = [[float(f"{value:.3g}") for value in cell] for cell in factors.reshape(-1, 3)]
+def _surroundings(gain: Image) -> Json:
+    """The gain (R, 2R, 3) of the surroundings, cell by cell."""
+    rows, columns = gain.shape[:2]
+    cells = [[float(f"{value:.3g}") for value in cell] for cell in gain.reshape(-1, 3)]
     return {"rows": rows, "columns": columns, "factors": cells}
 
 
 def _envmap_link(lighting: Lighting, root: str) -> str:
-    """Where the environment map of a light is on this host; the service lives under the path `root`."""
+    """The path and query of the environment map of a lighting."""
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure", "ground_albedo")
     values = {name: getattr(lighting, name) for name in names}
-    values |= {name: ",".join(f"{v:g}" for v in c) for name in COLOR_RANGES if (c := getattr(lighting, name))}
+    colors = {name: color for name in COLOR_RANGES if (color := getattr(lighting, name))}
+    values |= {name: ",".join(f"{value:g}" for value in color) for name, color in colors.items()}
     values |= {} if lighting.sky_cover is None else {"sky_cover": lighting.sky_cover}
     values |= {} if lighting.sky_model == SKY_MODEL else {"sky": lighting.sky_model}
     return f"{root}/v1/envmap?{urlencode({**values, 'sun': str(lighting.sun_painted).lower()}, safe=',')}"
 
 
-def _sun_probability(sun: SunDistribution) -> dict[str, Any]:
+def _sun_probability(sun: SunDistribution) -> Json:
     """The probability of each cell of the sun grid with the cell's angles [deg]."""
     azimuth, elevation = angles(grid_directions(sun.grid))
     return {
@@ -83,14 +87,26 @@ def _sun_probability(sun: SunDistribution) -> dict[str, Any]:
 
 
 def map_response(data: bytes, format: str, headers: dict[str, str] | None = None) -> Response:
-    """An environment map as a file."""
+    """An environment map as a file.
+
+    Args:
+        data: the file.
+        format: a key of MAP_FORMATS.
+        headers: further headers.
+    """
     return Response(data, media_type=MAP_FORMATS[format].media_type, headers=headers)
 
 
 def scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str] | None = None) -> Response:
-    """A scene as an archive, and in a header what `lighting scene` says of it on stderr."""
-    told = {WARNINGS: json.dumps(warnings)} if warnings else {}  # JSON has no letters that a header cannot carry
-    return Response(data, media_type=ZIP, headers={**(headers or {}), **told})
+    """A scene as a ZIP archive, with its warnings in a header.
+
+    Args:
+        data: the archive.
+        warnings: sentences, as `lighting scene` prints them on stderr.
+        headers: further headers.
+    """
+    warned = {WARNINGS_HEADER: json.dumps(warnings)} if warnings else {}  # JSON in ASCII, as a header must be
+    return Response(data, media_type=ZIP_TYPE, headers={**(headers or {}), **warned})
 
 
 def _cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:
@@ -100,23 +116,31 @@ def _cache_headers(query: Query, seconds: int, public: bool) -> dict[str, str]:
     return {"ETag": f'W/"{digest}"', "Cache-Control": f"{scope}, max-age={seconds}"}
 
 
-def caching(request: Request, service: Service, query: Query) -> tuple[dict[str, str], Response | None]:
-    """The headers that let caches keep an answer, and the 304 for a client whose copy is still good."""
+def check_cache(request: Request, service: Service, query: Query) -> tuple[dict[str, str], Response | None]:
+    """The headers for caches, and the 304 for a client whose copy is still good.
+
+    Args:
+        request: may have If-None-Match.
+        service: says how long caches may keep the response, and whether it is public.
+        query: determines the response.
+    """
     headers = _cache_headers(query, service.settings.cache_seconds, public=not service.keys)
     return headers, Response(status_code=304, headers=headers) if _is_fresh(request, headers["ETag"]) else None
 
 
 def _is_fresh(request: Request, etag: str) -> bool:
     """Whether the client's copy has this tag."""
-    known = request.headers.get("if-none-match", "")
-    tags = {tag.strip().removeprefix("W/") for tag in known.split(",")}
-    return known.strip() == "*" or etag.removeprefix("W/") in tags
+    if_none_match = request.headers.get("if-none-match", "")
+    tags = {tag.strip().removeprefix("W/") for tag in if_none_match.split(",")}
+    return if_none_match.strip() == "*" or etag.removeprefix("W/") in tags
 
 
-# The accuracy that was measured for a network, as the service returns it.
+def read_accuracy(spec: ModelSpec, folder: Path) -> Json:
+    """The accuracy of a network by evaluation protocol; empty if it has no published figures.
 
-
-def accuracy(spec: ModelSpec, folder: Path) -> dict[str, Any]:
-    """Figures by protocol and name, from the JSON file in a network's folder; empty if there is none."""
+    Args:
+        spec: names the network.
+        folder: the network's folder.
+    """
     path = figures_path(spec, folder)
     return dict(json.loads(path.read_text(encoding="utf-8"))["accuracy"]) if path.is_file() else {}

@@ -1,6 +1,6 @@
-"""The API, version 1: each route reads its parameters, asks for work and words the answer."""
+"""The API, version 1: each route reads its parameters, has the work done and makes the response."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -10,8 +10,8 @@ from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import tasks
-from server.dependencies import Admitted, PhotoBytes, Services, Uploads
-from server.problems import documented
+from server.dependencies import AdmissionDep, PhotoDep, ServiceDep, UploadsDep
+from server.problems import Json, problem_responses
 from server.query_params import (
     EnvmapQuery,
     LightingQuery,
@@ -19,44 +19,55 @@ from server.query_params import (
     PreviewQuery,
     SkyQuery,
     SkySceneQuery,
-    check_photos,
-    refuse_given,
+    check_photo_headings,
     refuse_parameters,
+    refuse_photo_parameters,
 )
-from server.request_body import FORM, JSON, PHOTO_FIELD, PHOTO_TYPES, media_type, parse_record
-from server.responses import WARNINGS, ZIP, accuracy, caching, estimates_json, map_response, scene_response
+from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, media_type, parse_record
+from server.responses import (
+    WARNINGS_HEADER,
+    ZIP_TYPE,
+    check_cache,
+    estimates_to_json,
+    map_response,
+    read_accuracy,
+    scene_response,
+)
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 
-BINARY = {"type": "string", "format": "binary"}
+BINARY_SCHEMA = {"type": "string", "format": "binary"}
 FORM_SCHEMA = {
-    "type": "object", "required": [PHOTO_FIELD], "properties": {PHOTO_FIELD: BINARY}, "additionalProperties": False,
-}  # fmt: skip
-PHOTO_BODY: dict[str, Any] = {
-    FORM: {"schema": FORM_SCHEMA},
-    **{photo_type: {"schema": BINARY} for photo_type in PHOTO_TYPES},
+    "type": "object",
+    "required": [PHOTO_FIELD],
+    "properties": {PHOTO_FIELD: BINARY_SCHEMA},
+    "additionalProperties": False,
 }
-MANY = {"type": "array", "items": BINARY, "minItems": 1}  # the app adds how many at most
-PHOTOS_FORM: dict[str, Any] = {FORM: {"schema": {**FORM_SCHEMA, "properties": {PHOTO_FIELD: MANY}}}}
-RECORD_BODY: dict[str, Any] = {JSON: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
-MAPS: dict[str, Any] = {"content": {entry.media_type: {"schema": BINARY} for entry in MAP_FORMATS.values()}}
-PNG: dict[str, Any] = {"content": {"image/png": {"schema": BINARY}}}
-JPEG: dict[str, Any] = {"content": {"image/jpeg": {"schema": BINARY}}}
-SCENES: dict[str, Any] = {
-    "content": {ZIP: {"schema": BINARY}},
+PHOTO_BODY: Json = {
+    FORM_TYPE: {"schema": FORM_SCHEMA},
+    **{photo_type: {"schema": BINARY_SCHEMA} for photo_type in PHOTO_TYPES},
+}
+PHOTOS_SCHEMA = {"type": "array", "items": BINARY_SCHEMA, "minItems": 1}  # the app adds how many at most
+PHOTOS_FORM: Json = {FORM_TYPE: {"schema": {**FORM_SCHEMA, "properties": {PHOTO_FIELD: PHOTOS_SCHEMA}}}}
+RECORD_BODY: Json = {JSON_TYPE: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
+MAP_RESPONSE: Json = {"content": {entry.media_type: {"schema": BINARY_SCHEMA} for entry in MAP_FORMATS.values()}}
+PNG_RESPONSE: Json = {"content": {"image/png": {"schema": BINARY_SCHEMA}}}
+JPEG_RESPONSE: Json = {"content": {"image/jpeg": {"schema": BINARY_SCHEMA}}}
+SCENE_RESPONSE: Json = {
+    "content": {ZIP_TYPE: {"schema": BINARY_SCHEMA}},
     "headers": {
-        WARNINGS: {
+        WARNINGS_HEADER: {
             "description": "Where there is any, a JSON array of sentences about the scene and its light",
-            "schema": {"type": "string", "contentMediaType": JSON},
+            "schema": {"type": "string", "contentMediaType": JSON_TYPE},
         }
     },
 }
-FRESH: dict[str, Any] = {"description": "The client's copy is still good"}
-PHOTO_PROBLEMS = documented(400, 408, 413, 415, 422, 429, 500, 503)
+NOT_MODIFIED_RESPONSE: Json = {"description": "The client's copy is still good"}
+PHOTO_PROBLEMS = problem_responses(400, 408, 413, 415, 422, 429, 500, 503)
 
 router = APIRouter(prefix="/v1", tags=["lighting"])
 
 
-def _body(content: dict[str, Any]) -> dict[str, Any]:
+def _body(content: Json) -> Json:
     """A request body for the OpenAPI document."""
     return {"requestBody": {"required": True, "content": content}}
 
@@ -69,29 +80,29 @@ def _body(content: dict[str, Any]) -> dict[str, Any]:
     openapi_extra=_body(PHOTO_BODY | PHOTOS_FORM),
 )
 async def estimate_lighting(
-    request: Request, admission: Admitted, photos: Uploads, query: Annotated[LightingQuery, Query()]
+    request: Request, admission: AdmissionDep, photos: UploadsDep, query: Annotated[LightingQuery, Query()]
 ) -> JSONResponse:
     """Where the sun is, what the sky is like and how the camera stood, by pixels, metadata and what is given.
 
     Several files `photo` in one form are taken together: a burst, a panorama sweep or a drive.
     """
-    check_photos(len(photos), query)
-    found = await admission.run(tasks.estimated_together, admission.service, photos, query)
-    return JSONResponse(estimates_json(found, query, request.scope.get("root_path", "")))
+    check_photo_headings(len(photos), query)
+    estimates = await admission.run(tasks.estimate_photos, admission.service, photos, query)
+    return JSONResponse(estimates_to_json(estimates, query, request.scope.get("root_path", "")))
 
 
 @router.get(
     "/envmap",
     summary="The environment map of a sky",
     response_class=Response,
-    responses={200: MAPS, 304: FRESH, **documented(422, 500, 503)},
+    responses={200: MAP_RESPONSE, 304: NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
 )
-async def render_envmap(request: Request, admission: Admitted, query: Annotated[SkyQuery, Query()]) -> Response:
+async def render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
-    headers, unchanged = caching(request, admission.service, query)
+    headers, unchanged = check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
-    data = await admission.run(tasks.envmap_file, query.lighting(), query)
+    data = await admission.run(tasks.encode_envmap_of_lighting, query.to_lighting(), query)
     return map_response(data, query.format, headers)
 
 
@@ -99,18 +110,20 @@ async def render_envmap(request: Request, admission: Admitted, query: Annotated[
     "/envmap",
     summary="The environment map of a photo or of a lighting record",
     response_class=Response,
-    responses={200: MAPS, **PHOTO_PROBLEMS},
+    responses={200: MAP_RESPONSE, **PHOTO_PROBLEMS},
     openapi_extra=_body(PHOTO_BODY | RECORD_BODY),
 )
-async def estimate_envmap(request: Request, admission: Admitted, query: Annotated[EnvmapQuery, Query()]) -> Response:
+async def estimate_envmap(
+    request: Request, admission: AdmissionDep, query: Annotated[EnvmapQuery, Query()]
+) -> Response:
     """From a record nothing is estimated: edit it and render again."""
-    if media_type(request) == JSON:
-        refuse_given(query)
+    if media_type(request) == JSON_TYPE:
+        refuse_photo_parameters(query)
         lighting = parse_record(await admission.body.record())
-        data = await admission.run(tasks.envmap_file, lighting, query)
+        data = await admission.run(tasks.encode_envmap_of_lighting, lighting, query)
     else:
-        photo = await admission.body.photo(JSON)
-        data = await admission.run(tasks.envmap_file_of_photo, admission.service, photo, query)
+        photo = await admission.body.photo(JSON_TYPE)
+        data = await admission.run(tasks.encode_envmap_of_photo, admission.service, photo, query)
     return map_response(data, query.format)
 
 
@@ -118,39 +131,39 @@ async def estimate_envmap(request: Request, admission: Admitted, query: Annotate
     "/photo",
     summary="A photo upright, as JPEG",
     response_class=Response,
-    responses={200: JPEG, **PHOTO_PROBLEMS},
+    responses={200: JPEG_RESPONSE, **PHOTO_PROBLEMS},
     dependencies=[Depends(refuse_parameters)],
     openapi_extra=_body(PHOTO_BODY),
 )
-async def show_photo(admission: Admitted, photo: PhotoBytes) -> Response:
+async def show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
-    return Response(await admission.run(tasks.upright_file, admission.service, photo), media_type="image/jpeg")
+    return Response(await admission.run(tasks.encode_upright_jpeg, admission.service, photo), media_type="image/jpeg")
 
 
 @router.post(
     "/preview",
     summary="A picture of a photo's light",
     response_class=Response,
-    responses={200: PNG, **PHOTO_PROBLEMS},
+    responses={200: PNG_RESPONSE, **PHOTO_PROBLEMS},
     openapi_extra=_body(PHOTO_BODY),
 )
-async def draw_preview(admission: Admitted, photo: PhotoBytes, query: Annotated[PreviewQuery, Query()]) -> Response:
+async def draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotated[PreviewQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
-    return Response(await admission.run(tasks.preview_file, admission.service, photo, query), media_type="image/png")
+    return Response(await admission.run(tasks.encode_preview, admission.service, photo, query), media_type="image/png")
 
 
 @router.get(
     "/scene",
     summary="A scene for another tool, of a sky",
     response_class=Response,
-    responses={200: SCENES, 304: FRESH, **documented(422, 500, 503)},
+    responses={200: SCENE_RESPONSE, 304: NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
 )
-async def render_scene(request: Request, admission: Admitted, query: Annotated[SkySceneQuery, Query()]) -> Response:
+async def render_scene(request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
-    headers, unchanged = caching(request, admission.service, query)
+    headers, unchanged = check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
-    data, warnings = await admission.run(tasks.scene_file_of_sky, query)
+    data, warnings = await admission.run(tasks.zip_scene_of_sky, query)
     return scene_response(data, warnings, headers)
 
 
@@ -158,26 +171,26 @@ async def render_scene(request: Request, admission: Admitted, query: Annotated[S
     "/scene",
     summary="A scene for another tool, of a photo",
     response_class=Response,
-    responses={200: SCENES, **PHOTO_PROBLEMS},
+    responses={200: SCENE_RESPONSE, **PHOTO_PROBLEMS},
     openapi_extra=_body(PHOTO_BODY),
 )
 async def estimate_scene(
-    admission: Admitted, photo: PhotoBytes, query: Annotated[PhotoSceneQuery, Query()]
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[PhotoSceneQuery, Query()]
 ) -> Response:
     """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP.
 
     The parameters of a light replace what is estimated.
     """
-    return scene_response(*await admission.run(tasks.scene_file_of_photo, admission.service, photo, query))
+    return scene_response(*await admission.run(tasks.zip_scene_of_photo, admission.service, photo, query))
 
 
 @router.get(
     "/model",
     summary="The network that answers",
-    responses=documented(500, 503),
+    responses=problem_responses(500, 503),
     dependencies=[Depends(refuse_parameters)],
 )
-async def describe_model(service: Services) -> ModelCard:
+async def describe_model(service: ServiceDep) -> ModelCard:
     """Its name, licence, grid and accuracy, whether photos are matched, and what this service can make."""
     spec = service.estimator.model.spec
     return ModelCard(
@@ -185,7 +198,7 @@ async def describe_model(service: Services) -> ModelCard:
         version=spec.version,
         licence=spec.licence,
         grid=spec.sun_grid,
-        accuracy=accuracy(spec, service.model_folder),
+        accuracy=read_accuracy(spec, service.model_folder),
         matching=features.has_opencv(),
         scene_tools=list(EXPORTERS),
         sky_models=list(SKY_MODELS),

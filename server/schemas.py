@@ -14,11 +14,11 @@ from server.field_types import (
     GROUND_COLOR,
     SKY_IRRADIANCE,
     SUN_IRRADIANCE,
-    Between,
     CameraElevation,
     CameraRoll,
     Exposure,
     GroundAlbedo,
+    InRange,
     Irradiance,
     Reflectance,
     SkyCover,
@@ -27,16 +27,16 @@ from server.field_types import (
     SunElevation,
     Turbidity,
     VerticalFov,
-    named,
+    parameter_range,
 )
 
 
-def three(meaning: str, example: list[float]) -> Any:
-    """The default of a field of three numbers that may be absent, with its documentation."""
+def _rgb_field(meaning: str, example: list[float]) -> Any:
+    """The default of an optional field of three numbers, with its documentation."""
     return Field(None, min_length=3, max_length=3, description=meaning, examples=[example])
 
 
-# Of a list of any length the first wrong item is enough: half a million take a second to name.
+# Of a list of any length only the first wrong item is named: half a million would take a second.
 Numbers = Annotated[list[float], FailFast()]
 Texts = Annotated[list[str], FailFast()]
 
@@ -58,13 +58,15 @@ class SunPart(Part):
     azimuth: SunAzimuth
     elevation: SunElevation
     direction: Numbers = Field([], description="unit vector towards the sun; computed from the angles")
-    visibility: Annotated[float, named("sun_visibility", "probability of direct sunlight on the scene", 0.93)] = 1.0
-    irradiance: list[Irradiance] | None = three(SUN_IRRADIANCE, [1.9, 1.7, 1.4])
+    visibility: Annotated[
+        float, parameter_range("sun_visibility", "probability of direct sunlight on the scene", 0.93)
+    ] = 1.0
+    irradiance: list[Irradiance] | None = _rgb_field(SUN_IRRADIANCE, [1.9, 1.7, 1.4])
     radius_50: Annotated[
-        float, named("radius_50", "deg, radius around the sun that holds 50 % of the probability", 9.5)
+        float, parameter_range("radius_50", "deg, radius around the sun that holds 50 % of the probability", 9.5)
     ] = 0.0
     radius_90: Annotated[
-        float, named("radius_90", "deg, radius around the sun that holds 90 % of the probability", 31.0)
+        float, parameter_range("radius_90", "deg, radius around the sun that holds 90 % of the probability", 31.0)
     ] = 0.0
 
 
@@ -80,7 +82,7 @@ class CoefficientsPart(Part):
 class SkyPart(Part):
     model: SkyName = SKY_MODEL
     turbidity: Turbidity
-    irradiance: list[Irradiance] | None = three(SKY_IRRADIANCE, [0.5, 0.6, 0.9])
+    irradiance: list[Irradiance] | None = _rgb_field(SKY_IRRADIANCE, [0.5, 0.6, 0.9])
     cover: SkyCover | None = None
     ground_albedo: GroundAlbedo = GROUND_ALBEDO
     exposure: Exposure
@@ -88,28 +90,32 @@ class SkyPart(Part):
 
 
 class GroundPart(Part):
-    color: list[Reflectance] | None = three(GROUND_COLOR, [0.14, 0.13, 0.11])
+    color: list[Reflectance] | None = _rgb_field(GROUND_COLOR, [0.14, 0.13, 0.11])
 
 
 class CameraPart(Part):
     elevation: CameraElevation = 0.0
     roll: CameraRoll = 0.0
     vertical_fov: VerticalFov = 50.0
-    heading: Annotated[float, named("camera_heading", "deg from true north, clockwise", 134.2)] | None = Field(
-        None, description="only where time and place are known"
+    heading: Annotated[float, parameter_range("camera_heading", "deg from true north, clockwise", 134.2)] | None = (
+        Field(None, description="only where time and place are known")
     )
     heading_radius_50: (
-        Annotated[float, named("camera_heading_radius_50", "deg, half the width of the range that holds 50 %", 8.0)]
+        Annotated[
+            float, parameter_range("camera_heading_radius_50", "deg, half the width of the range that holds 50 %", 8.0)
+        ]
         | None
     ) = None
     heading_radius_90: (
-        Annotated[float, named("camera_heading_radius_90", "deg, half the width of the range that holds 90 %", 21.0)]
+        Annotated[
+            float, parameter_range("camera_heading_radius_90", "deg, half the width of the range that holds 90 %", 21.0)
+        ]
         | None
     ) = None
-    heading_probability: list[Annotated[float, Between(0.0, 1.0)]] | None = Field(
+    heading_probability: list[Annotated[float, InRange(0.0, 1.0)]] | None = Field(
         None, min_length=360, max_length=360, description="of each whole degree from true north"
     )
-    relative_heading: Annotated[float, Between(*OPTIONAL_RANGES["relative_heading"])] | None = Field(
+    relative_heading: Annotated[float, InRange(*OPTIONAL_RANGES["relative_heading"])] | None = Field(
         None, description="clockwise from the first of several photos whose headings are unknown"
     )
 
@@ -117,8 +123,8 @@ class CameraPart(Part):
 class PlacePart(Part):
     """Where the photo was taken; present only if the client set `keep_location`."""
 
-    latitude: Annotated[float, named("latitude", "deg, positive north", 48.14)] | None = None
-    longitude: Annotated[float, named("longitude", "deg, positive east", 11.58)] | None = None
+    latitude: Annotated[float, parameter_range("latitude", "deg, positive north", 48.14)] | None = None
+    longitude: Annotated[float, parameter_range("longitude", "deg, positive east", 11.58)] | None = None
 
 
 class LightingRecord(Part):
@@ -129,7 +135,8 @@ class LightingRecord(Part):
     sky: SkyPart
     ground: GroundPart | None = None
     suitable: (
-        Annotated[float, named("suitable", "probability that it is a photo of outdoors by daylight", 0.99)] | None
+        Annotated[float, parameter_range("suitable", "probability that it is a photo of outdoors by daylight", 0.99)]
+        | None
     ) = None
     camera: CameraPart = CameraPart()
     evidence: Texts = Field(
@@ -140,7 +147,7 @@ class LightingRecord(Part):
     warnings: Texts = Field([], description="sentences, mostly about metadata that contradict the pixels")
     place: PlacePart | None = None
 
-    def lighting(self) -> Lighting:
+    def to_lighting(self) -> Lighting:
         """The record as the library's Lighting; raises ParameterError."""
         return Lighting.from_dict(self.model_dump(exclude={"sun": {"direction"}, "sky": {"coefficients"}}))
 

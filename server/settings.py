@@ -19,8 +19,8 @@ from lighting.runtime import available_cpus
 
 PREFIX = "LIGHTING_"
 
-_DAY = 86_400.0  # seconds; timers take no infinite ones
-
+_DAY_SECONDS = 86_400.0  # the longest time limit; timers do not accept infinity
+_UNSENDABLE = "holds a character outside ASCII or a control character, which no client could send"
 _ROOT_PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s]+")  # as browsers send it
 
@@ -29,35 +29,34 @@ class SettingsError(LightingError):
     """A setting that is invalid."""
 
 
-_UNSENDABLE = "holds a character outside ASCII or a control character, which no client could send"
-
-
-def _can_be_sent(key: str) -> bool:
-    """Whether a key can stand in an Authorization header."""
+def _is_sendable(key: str) -> bool:
+    """Whether an Authorization header can carry the key."""
     return all(" " <= letter <= "~" for letter in key)
 
 
-def _words(value: object) -> object:
+def _split_words(value: object) -> object:
     """Split a text at commas and white space."""
     return tuple(value.replace(",", " ").split()) if isinstance(value, str) else value
 
 
-def _keys(value: object) -> object:
+def _split_keys(value: object) -> object:
     """Split a text of keys; ValueError if it holds none, which would leave the service open."""
-    words = _words(value)
+    words = _split_words(value)
     if value and not words:
         raise ValueError("It holds no key; leave it unset to let everybody call.")
     return words
 
 
-def _small(value: object) -> object:
-    """A text in small letters."""
+def _to_lowercase(value: object) -> object:
+    """A text in lower case."""
     return value.lower() if isinstance(value, str) else value
 
 
-Origins = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_words), BeforeValidator(_small)]  # the last comes first
-Keys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_keys)]
-Level = Annotated[Literal["debug", "info", "warning", "error"], BeforeValidator(_small)]
+Origins = Annotated[
+    tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)
+]  # the last comes first
+SecretKeys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_keys)]
+Level = Annotated[Literal["debug", "info", "warning", "error"], BeforeValidator(_to_lowercase)]
 
 
 class Settings(BaseSettings):
@@ -81,7 +80,9 @@ class Settings(BaseSettings):
     max_photos: int = Field(8, ge=1, le=64, description="maximum number of photos in one request")
     uploads: int = Field(32, ge=1, description="bodies that may arrive at the same time; 503 for further ones")
     uploads_per_client: int = Field(8, ge=1, description="the same for one client's address; 429 for further ones")
-    upload_seconds: float = Field(60.0, gt=0, le=_DAY, description="time limit for receiving a body, in seconds")
+    upload_seconds: float = Field(
+        60.0, gt=0, le=_DAY_SECONDS, description="time limit for receiving a body, in seconds"
+    )
     upload_rate: int = Field(
         10_000, ge=1, description="least speed of a body in bytes per second, after its first five seconds"
     )
@@ -92,22 +93,28 @@ class Settings(BaseSettings):
         500_000_000, ge=1, description="bytes of answers that may wait for their clients; 503 for further requests"
     )
     header_seconds: float = Field(
-        10.0, gt=0, le=_DAY, description="time limit for receiving a request's headers, in seconds"
+        10.0, gt=0, le=_DAY_SECONDS, description="time limit for receiving a request's headers, in seconds"
     )
     decode_seconds: float = Field(
-        decoding.MAX_DECODE_SECONDS, gt=0, le=_DAY, description="time limit for decoding a request's photos, in seconds"
+        decoding.MAX_DECODE_SECONDS,
+        gt=0,
+        le=_DAY_SECONDS,
+        description="time limit for decoding a request's photos, in seconds",
     )
     match_seconds: float = Field(
         matching.SECONDS,
         gt=0,
-        le=_DAY,
+        le=_DAY_SECONDS,
         description="time limit for matching a request's photos with each other, in seconds",
     )
     shutdown_seconds: int = Field(
-        30, ge=1, le=_DAY, description="time that running requests have after SIGTERM, SIGINT or SIGHUP, in seconds"
+        30,
+        ge=1,
+        le=_DAY_SECONDS,
+        description="time that running requests have after SIGTERM, SIGINT or SIGHUP, in seconds",
     )
     cache_seconds: int = Field(86400, ge=0, description="`max-age` of rendered maps and scenes, in seconds")
-    api_keys: Keys = Field(
+    api_keys: SecretKeys = Field(
         (),
         description="API keys (`Authorization: Bearer KEY`) between commas or spaces; without keys everybody may call",
     )
@@ -124,7 +131,7 @@ class Settings(BaseSettings):
 
     @field_validator("rate_limit")
     @classmethod
-    def _limit_can_be_read(cls, text: str) -> str:
+    def _check_rate_limit(cls, text: str) -> str:
         try:
             limits = parse_many(text) if text else []
         except ValueError as error:
@@ -136,15 +143,15 @@ class Settings(BaseSettings):
 
     @field_validator("api_keys")
     @classmethod
-    def _keys_can_be_sent(cls, keys: tuple[SecretStr, ...]) -> tuple[SecretStr, ...]:
+    def _check_api_keys(cls, keys: tuple[SecretStr, ...]) -> tuple[SecretStr, ...]:
         for number, key in enumerate(keys, 1):
-            if not _can_be_sent(key.get_secret_value()):
+            if not _is_sendable(key.get_secret_value()):
                 raise ValueError(f"Key {number} {_UNSENDABLE}.")
         return keys
 
     @field_validator("cors_origins")
     @classmethod
-    def _origins_can_be_met(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_cors_origins(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
         for origin in origins:
             if origin != "*" and not _ORIGIN.fullmatch(origin):
                 raise ValueError(f"{origin} is not an origin such as https://example.org, without a slash at its end.")
@@ -152,7 +159,7 @@ class Settings(BaseSettings):
 
     @field_validator("trusted_proxies")
     @classmethod
-    def _proxies_are_addresses(cls, text: str) -> str:
+    def _check_trusted_proxies(cls, text: str) -> str:
         for address in filter(None, (part.strip() for part in text.split(","))):
             try:
                 ip_network(address if address != "*" else "0.0.0.0/0")
@@ -162,43 +169,45 @@ class Settings(BaseSettings):
 
     @field_validator("root_path")
     @classmethod
-    def _root_can_be_met(cls, path: str) -> str:
+    def _check_root_path(cls, path: str) -> str:
         if not _ROOT_PATH.fullmatch(path):
             raise ValueError(f"{path} is not a path such as /light, without a slash at its end.")
         return path
 
     @property
-    def places(self) -> int:
+    def workers(self) -> int:
         """Requests processed at the same time."""
         return self.concurrency or available_cpus()
 
     @property
     def rate_limits(self) -> list[RateLimitItem]:
+        """The parsed `rate_limit`; empty without one."""
         return parse_many(self.rate_limit) if self.rate_limit else []
 
     def all_keys(self) -> tuple[str, ...]:
-        """The keys of the environment and of the file; SettingsError where the file holds none."""
-        in_file = _keys_in(self.api_keys_file) if self.api_keys_file else []
+        """The keys of the environment and of the file; raises SettingsError for a file without keys."""
+        in_file = _read_key_file(self.api_keys_file) if self.api_keys_file else []
         return (*(key.get_secret_value() for key in self.api_keys), *in_file)
 
 
 def read_settings() -> Settings:
     """The settings of the environment.
 
-    Raises SettingsError for a variable LIGHTING_... that is none: misspelt, it would leave a limit or keys unset.
-    pydantic raises ValidationError for a value that makes no sense.
+    Raises:
+        SettingsError: a variable LIGHTING_... is no setting; misspelt, it would leave a limit or keys unset.
+        ValidationError: a value is invalid.
     """
-    known = [name.upper() for name in Settings.model_fields]
-    for name, value in os.environ.items():
-        meant = name.upper().removeprefix(PREFIX)
-        if value and name.upper() != meant and meant not in known:
-            near = get_close_matches(meant, known, n=1)
+    names = [name.upper() for name in Settings.model_fields]
+    for variable, value in os.environ.items():
+        setting = variable.upper().removeprefix(PREFIX)
+        if value and variable.upper() != setting and setting not in names:
+            near = get_close_matches(setting, names, n=1)
             hint = f"did you mean {PREFIX}{near[0]}?" if near else "unset it."
-            raise SettingsError(f"{name} is no setting; {hint}")
+            raise SettingsError(f"{variable} is no setting; {hint}")
     return Settings()
 
 
-def _keys_in(path: Path) -> list[str]:
+def _read_key_file(path: Path) -> list[str]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except OSError as error:
@@ -206,8 +215,8 @@ def _keys_in(path: Path) -> list[str]:
     except UnicodeDecodeError as error:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} is not a text file.") from error
     keys = [key for line in lines if (key := line.partition("#")[0].strip())]
-    if strange := [number for number, key in enumerate(keys, 1) if not _can_be_sent(key)]:
-        raise SettingsError(f"{PREFIX}API_KEYS_FILE: key {strange[0]} of {path} {_UNSENDABLE}.")
+    if unsendable := [number for number, key in enumerate(keys, 1) if not _is_sendable(key)]:
+        raise SettingsError(f"{PREFIX}API_KEYS_FILE: key {unsendable[0]} of {path} {_UNSENDABLE}.")
     if not keys:
         raise SettingsError(f"{PREFIX}API_KEYS_FILE: {path} holds no key; leave it unset to let everybody call.")
     return keys

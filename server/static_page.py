@@ -9,11 +9,11 @@ from starlette.staticfiles import StaticFiles
 
 FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
-PACKED = ".gz"  # the end of the name of a file's gzipped copy, which server/web/pack.mjs makes
-A_DAY = "public, max-age=86400"
-FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
+GZIP_SUFFIX = ".gz"  # the end of the name of a file's gzipped copy, which server/web/pack.mjs makes
+CACHE_A_DAY = "public, max-age=86400"
+CACHE_FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
-NOT_BUILT = """<!doctype html>
+NOT_BUILT_HTML = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Outdoor lighting</title></head><body>
 <h1>Outdoor lighting</h1>
 <p>The service runs. Its page is not built: run <code>npm ci &amp;&amp; npm run build</code> in
@@ -23,49 +23,54 @@ NOT_BUILT = """<!doctype html>
 """
 
 
-def page_router(bundle: Path = BUNDLE) -> APIRouter:
-    """Routes of the page in the folder `bundle`, which may be built after the service has started."""
+def make_page_router(bundle: Path = BUNDLE) -> APIRouter:
+    """The routes of the page.
+
+    Args:
+        bundle: the folder that vite writes; it may be built after the service has started.
+    """
     router = APIRouter(include_in_schema=False)
     icon = FAVICON.read_bytes()
-    whole = StaticFiles(directory=bundle, check_dir=False)
-    files = StaticFiles(directory=bundle / "assets", check_dir=False)
+    root = StaticFiles(directory=bundle, check_dir=False)
+    assets = StaticFiles(directory=bundle / "assets", check_dir=False)
 
     @router.get("/")
     async def page(request: Request) -> Response:
         if not (bundle / "index.html").is_file():
-            return HTMLResponse(NOT_BUILT)
-        return await _served(whole, "index.html", request, "no-cache")
+            return HTMLResponse(NOT_BUILT_HTML)
+        return await _serve_file(root, "index.html", request, "no-cache")
 
     @router.get("/favicon.ico")
     async def favicon() -> Response:
         """A sun over a horizon, as PNG, which browsers take under this name."""
-        return Response(icon, media_type="image/png", headers={"Cache-Control": A_DAY})
+        return Response(icon, media_type="image/png", headers={"Cache-Control": CACHE_A_DAY})
 
     @router.get("/assets/{path:path}")
     async def asset(request: Request, path: str) -> Response:
-        return await _served(files, path, request, FOREVER)
+        return await _serve_file(assets, path, request, CACHE_FOREVER)
 
     return router
 
 
-async def _served(files: StaticFiles, path: str, request: Request, kept: str) -> Response:
-    """A whole file, which caches keep as `kept` says; its gzipped copy, where there is one and the client takes it.
+async def _serve_file(files: StaticFiles, path: str, request: Request, cache_control: str) -> Response:
+    """A whole file, or its gzipped copy if there is one and the client accepts it.
 
-    A `Range` is ignored, as the other routes ignore it: one that cannot be given would be answered in plain text.
+    A `Range` is ignored, as by the other routes: starlette answers an impossible one in plain text.
     """
     request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
-    response, told = await files.get_response(path, request.scope), {"Accept-Ranges": "none", "Cache-Control": kept}
-    if files.lookup_path(path + PACKED)[1]:
-        told["Vary"] = "Accept-Encoding"
-        if _takes_gzip(request):
-            response = await files.get_response(path + PACKED, request.scope)
-            told |= {"Content-Encoding": "gzip"} if response.status_code == 200 else {}
-    response.headers.update(told)
+    response = await files.get_response(path, request.scope)
+    headers = {"Accept-Ranges": "none", "Cache-Control": cache_control}
+    if files.lookup_path(path + GZIP_SUFFIX)[1]:
+        headers["Vary"] = "Accept-Encoding"
+        if _accepts_gzip(request):
+            response = await files.get_response(path + GZIP_SUFFIX, request.scope)
+            headers |= {"Content-Encoding": "gzip"} if response.status_code == 200 else {}
+    response.headers.update(headers)
     return response
 
 
-def _takes_gzip(request: Request) -> bool:
+def _accepts_gzip(request: Request) -> bool:
     """Whether the client accepts gzip, by name or by `*`, and with a weight that is not 0 (RFC 9110, 12.5.3)."""
-    listed = ",".join(request.headers.getlist("accept-encoding")).lower().replace(" ", "").split(",")
-    weights = {coding: weight or "1" for coding, _, weight in (item.partition(";q=") for item in listed)}
+    codings = ",".join(request.headers.getlist("accept-encoding")).lower().replace(" ", "").split(",")
+    weights = {coding: weight or "1" for coding, _, weight in (item.partition(";q=") for item in codings)}
     return weights.get("gzip", weights.get("*", "0")).strip("0.") != ""

@@ -23,125 +23,165 @@ from lighting.preview.picture import PHOTO_SIDE, preview_png
 from lighting.records import Estimate, Lighting
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
-from server.dependencies import Matching, PhotoAnswer, Service
+from server.dependencies import PhotoAnswer, PhotoMatcher, Service
 from server.query_params import (
     EnvmapQuery,
-    GivenQuery,
     LightingQuery,
     MapQuery,
     PhotoSceneQuery,
     PreviewQuery,
     SceneQuery,
     SkySceneQuery,
+    UserInputQuery,
 )
 from server.request_body import Upload
 
 Pixels = NDArray[np.uint8]
-Warned = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it
+FileWithWarnings = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it
 
-MID_GREY = 128  # sRGB
-LEAST_SECONDS = 0.1  # for a photo after others that took long
-NAME_LETTERS = 100  # of a file's name that an answer repeats
-SHOWN_SIDE = 2048  # pixels, the longer side of a photo for the page
-SHOWN_QUALITY = 88  # of its JPEG, 1 to 100
+MID_GRAY = 128  # sRGB
+MIN_DECODE_SECONDS = 0.1  # for a photo after others that took long
+MAX_NAME_LENGTH = 100  # of a file's name that an error repeats
+UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
+UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def estimated_together(service: Service, files: Sequence[Upload], query: LightingQuery) -> list[PhotoAnswer]:
-    """The light of photos of one place; raises PhotoError, which names one of several.
+def estimate_photos(service: Service, files: Sequence[Upload], query: LightingQuery) -> list[PhotoAnswer]:
+    """Estimate the light of photos of one place.
 
-    Where the query asks for it and the network says what lies around, each comes with `place_factors`.
+    Args:
+        service: reads the photos and estimates.
+        files: one or more photos.
+        query: with `surroundings`, each answer has its gain if the network predicts surroundings.
+
+    Raises:
+        PhotoError: a photo cannot be read; of several it names the one.
     """
-    matching = Matching(service.settings.match_seconds) if query.matched(len(files)) else None
-    photos = _read_together(service, files, matching.target if matching else TARGET)
-    found = service.estimate(photos, query.given(), query.turns(), matching)
+    matcher = PhotoMatcher(service.settings.match_seconds) if query.needs_matching(len(files)) else None
+    photos = _read_photos(service, files, matcher.target if matcher else TARGET)
+    estimates = service.estimate(photos, query.user_input(), query.heading_values(), matcher)
     if not query.surroundings:
-        return [PhotoAnswer(estimate) for estimate in found]
+        return [PhotoAnswer(estimate) for estimate in estimates]
     answers = []
-    for photo, estimate in zip(photos, found, strict=True):
+    for photo, estimate in zip(photos, estimates, strict=True):
         check_cancelled()
-        place = photo_context(estimate, photo.pixels)
-        answers.append(PhotoAnswer(estimate, surroundings_gain(estimate.lighting, place) if place else None))
+        context = photo_context(estimate, photo.pixels)
+        answers.append(PhotoAnswer(estimate, surroundings_gain(estimate.lighting, context) if context else None))
     return answers
 
 
-def _read_together(service: Service, files: Sequence[Upload], target: int) -> list[Photo]:
-    """The photos of a request; the time that it has for decoding is that of all of them together."""
+def _read_photos(service: Service, files: Sequence[Upload], target: int) -> list[Photo]:
+    """The photos of a request, which share its time limit for decoding."""
     photos = []
     until = monotonic() + service.settings.decode_seconds
     for number, file in enumerate(files, 1):
         try:
-            photos.append(service.read(file.data, max(until - monotonic(), LEAST_SECONDS), target))
+            photos.append(service.read_photo(file.data, max(until - monotonic(), MIN_DECODE_SECONDS), target))
         except PhotoError as error:
-            raise error if len(files) == 1 else type(error)(f"{_which(number, files)}: {error}") from error
+            raise error if len(files) == 1 else type(error)(f"{_photo_label(number, files)}: {error}") from error
         check_cancelled()
     return photos
 
 
-def _which(number: int, files: Sequence[Upload]) -> str:
-    """Which of several files is meant, by its place and its name."""
-    place = f"Photo {number} of {len(files)}"
-    return f"{place}, {name}" if (name := files[number - 1].name[:NAME_LETTERS]) else place
+def _photo_label(number: int, files: Sequence[Upload]) -> str:
+    """One of several files, by its number and its name."""
+    label = f"Photo {number} of {len(files)}"
+    return f"{label}, {name}" if (name := files[number - 1].name[:MAX_NAME_LENGTH]) else label
 
 
-def envmap_file(lighting: Lighting, query: MapQuery, place: PhotoContext | None = None) -> bytes:
-    """The environment map of a light as a file."""
-    image, turned = render_view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, context=place)
+def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: PhotoContext | None = None) -> bytes:
+    """Render an environment map and encode it as a file.
+
+    Args:
+        lighting: the light.
+        query: height, yaw, format and compression.
+        context: the photo's surroundings, which the map then shows; None renders the sky alone.
+    """
+    image, rotated = render_view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, context=context)
     check_cancelled()
-    return encode_envmap(image, turned, query.format, compression=query.compression)
+    return encode_envmap(image, rotated, query.format, compression=query.compression)
 
 
-def envmap_file_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> bytes:
-    """The same from a photo's bytes."""
-    photo, estimate = _estimated(service, data, query)
+def encode_envmap_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> bytes:
+    """Estimate the light of a photo and encode its environment map.
 
-    def finer(side: int) -> Pixels:
-        return service.read_finer(data, side).pixels
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: what the client states, replaces and requests.
+    """
+    photo, estimate = _estimate_photo(service, data, query)
+
+    def reread(side: int) -> Pixels:
+        return service.reread_photo(data, side).pixels
 
     context = photo_context_for_height(
-        estimate, photo.pixels, query.height, finer, surroundings=query.surroundings, exposure=query.photo_exposure
+        estimate, photo.pixels, query.height, reread, surroundings=query.surroundings, exposure=query.photo_exposure
     )
-    return envmap_file(edit_lighting(estimate.lighting, query.changes()), query, context)
+    return encode_envmap_of_lighting(edit_lighting(estimate.lighting, query.changes()), query, context)
 
 
-def _estimated(service: Service, data: bytes, query: GivenQuery) -> tuple[Photo, Estimate]:
-    """A photo's bytes as a photo, and its light."""
-    photo = service.read(data)
+def _estimate_photo(service: Service, data: bytes, query: UserInputQuery) -> tuple[Photo, Estimate]:
+    """Read a photo and estimate its light."""
+    photo = service.read_photo(data)
     check_cancelled()
-    (estimate,) = service.estimate([photo], query.given())
+    (estimate,) = service.estimate([photo], query.user_input())
     check_cancelled()
     return photo, estimate
 
 
-def upright_file(service: Service, data: bytes) -> bytes:
-    """A photo's bytes, of any type that is read, as an upright JPEG."""
-    return encode_jpeg(service.read_finer(data, SHOWN_SIDE).pixels, SHOWN_QUALITY)
+def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
+    """Convert a photo of any type to an upright JPEG.
+
+    Args:
+        service: reads the photo.
+        data: the bytes of a photo.
+    """
+    return encode_jpeg(service.reread_photo(data, UPRIGHT_SIDE).pixels, UPRIGHT_QUALITY)
 
 
-def preview_file(service: Service, data: bytes, query: PreviewQuery) -> bytes:
-    """The preview of a photo's bytes, as PNG."""
-    _, estimate = _estimated(service, data, query)
-    pixels = service.read_finer(data, PHOTO_SIDE).pixels
+def encode_preview(service: Service, data: bytes, query: PreviewQuery) -> bytes:
+    """Estimate the light of a photo and draw its preview as PNG.
+
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: what the client states, and whether the map shows the surroundings.
+    """
+    _, estimate = _estimate_photo(service, data, query)
+    pixels = service.reread_photo(data, PHOTO_SIDE).pixels
     return preview_png(pixels, estimate, surroundings=query.surroundings)
 
 
-def _scene_file(plate: Photo, lighting: Lighting, query: SceneQuery, place: PhotoContext | None = None) -> Warned:
-    """A scene as a ZIP archive, and its warnings; with a `place`, its map shows it."""
-    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, context=place)
+def _zip_scene_of_plate(
+    plate: Photo, lighting: Lighting, query: SceneQuery, context: PhotoContext | None = None
+) -> FileWithWarnings:
+    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, context=context)
     check_cancelled()
     return zip_scene(scene, query.tool, **query.options()), scene.warnings
 
 
-def scene_file_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> Warned:
-    """The same from a photo's bytes."""
-    _, estimate = _estimated(service, data, query)
+def zip_scene_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> FileWithWarnings:
+    """Estimate the light of a photo and make a scene as a ZIP archive.
+
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: the tool, its options, and what the client states and replaces.
+    """
+    _, estimate = _estimate_photo(service, data, query)
     lighting = edit_lighting(estimate.lighting, query.changes())
-    plate = service.read_finer(data, PLATE_SIDE)
-    place = photo_context(estimate, plate.pixels, surroundings=query.surroundings, exposure=query.photo_exposure)
-    return _scene_file(plate, lighting, query, place)
+    plate = service.reread_photo(data, PLATE_SIDE)
+    context = photo_context(estimate, plate.pixels, surroundings=query.surroundings, exposure=query.photo_exposure)
+    return _zip_scene_of_plate(plate, lighting, query, context)
 
 
-def scene_file_of_sky(query: SkySceneQuery) -> Warned:
-    """The same from parameters alone; a grey plate stands where one's own picture of that size goes."""
+def zip_scene_of_sky(query: SkySceneQuery) -> FileWithWarnings:
+    """Make a scene as a ZIP archive, with a gray image in the place of a photo.
+
+    Args:
+        query: the tool, its options, the sky and the size of the gray image.
+    """
     width, height = query.plate_width, query.plate_height
-    grey = np.full((height, width, 3), MID_GREY, dtype=np.uint8)
-    return _scene_file(Photo(grey, width, height, "PNG"), query.lighting(), query)
+    gray = np.full((height, width, 3), MID_GRAY, dtype=np.uint8)
+    return _zip_scene_of_plate(Photo(gray, width, height, "PNG"), query.to_lighting(), query)

@@ -9,7 +9,7 @@ from lighting.photo.reader import memory_budget
 from lighting.registration import photo_set
 from lighting.registration.features import MAX_SIDE
 from lighting.scene.records import PLATE_SIDE
-from server.h11_protocol import HEADER_BYTES
+from server.h11_protocol import MAX_HEADER_BYTES
 from server.settings import PREFIX, Settings
 from tests.helpers.pages import ROOT
 
@@ -38,7 +38,7 @@ def test_every_setting_is_one_and_the_images_are_pinned(services: Any) -> None:
     assert re.fullmatch(r"caddy:[\d.]+-alpine@sha256:[0-9a-f]{64}", services["proxy"]["image"])
 
 
-def test_one_address_cannot_take_all_places_for_uploads(services: Any) -> None:
+def test_one_address_cannot_take_all_uploads(services: Any) -> None:
     settings = settings_of(services)
     assert 2 * settings.uploads_per_client <= settings.uploads
 
@@ -55,7 +55,7 @@ def test_the_proxy_s_limits_are_the_service_s(services: Any) -> None:
         "max_size {$MAX_BYTES}",
         "read_body {$UPLOAD_SECONDS}s",
         "read_header {$HEADER_SECONDS}s",
-        f"max_header_size {HEADER_BYTES}",
+        f"max_header_size {MAX_HEADER_BYTES}",
     ):
         assert line in caddy
 
@@ -63,12 +63,12 @@ def test_the_proxy_s_limits_are_the_service_s(services: Any) -> None:
 def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     """The sum that docs/service.md states."""
     s = settings_of(services)
-    bodies = (s.places + s.queue + s.uploads) * s.max_bytes
+    bodies = (s.workers + s.queue + s.uploads) * s.max_bytes
     decoding = memory_budget(s.max_bytes, s.max_pixels, PLATE_SIDE)
     kept = s.max_photos * 3 * (2 * MAX_SIDE - 1) ** 2  # photos to be matched, and once more on their way
     matching = MATCHER + photo_set.MEMORY + s.max_photos * photo_set.PER_PHOTO + 2 * kept
     assert kept + memory_budget(s.max_bytes, s.max_pixels, MAX_SIDE) < decoding
-    places = s.places * (DECODER + max(decoding, matching))
-    answers = s.unsent_bytes + 2 * s.places * LARGEST
+    workers = s.workers * (DECODER + max(decoding, matching))
+    answers = s.unsent_bytes + 2 * s.workers * LARGEST
     limit = services["lighting"]["deploy"]["resources"]["limits"]["memory"]
-    assert IDLE + places + bodies + answers < int(limit.removesuffix("g")) * 2**30
+    assert IDLE + workers + bodies + answers < int(limit.removesuffix("g")) * 2**30

@@ -17,7 +17,7 @@ from lighting.estimator import Estimator
 from lighting.model import Model
 from server import query_params
 from server.app import create_app
-from server.dependencies import Admitted
+from server.dependencies import AdmissionDep
 from server.routes import router
 from server.settings import Settings
 
@@ -35,7 +35,7 @@ def speak(count: int) -> str:
     return "toy " * count
 
 
-async def run_toy(admission: Admitted, query: Annotated[ToyQuery, Query()]) -> Response:
+async def run_toy(admission: AdmissionDep, query: Annotated[ToyQuery, Query()]) -> Response:
     """What a contributor writes in server/routes.py."""
     return Response(await admission.run(speak, query.count), media_type="text/plain")
 

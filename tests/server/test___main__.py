@@ -487,9 +487,9 @@ def test_a_port_that_is_taken_is_told_in_a_sentence() -> None:
 KEPT = """
 import sys
 from pathlib import Path
-from server.__main__ import _prepare
+from server.__main__ import _prepare_process
 if sys.argv[1] == "prepared":
-    _prepare()
+    _prepare_process()
 import numpy as np
 def resident():
     return int(Path("/proc/self/statm").read_text().split()[1]) * 4096
@@ -510,7 +510,7 @@ def run(code: str, *arguments: str, **environment: str) -> str:
 @pytest.mark.slow
 @pytest.mark.parametrize(("given", "threads"), [({}, "1"), ({"OMP_NUM_THREADS": "3"}, "3")])
 def test_one_thread_unless_the_operator_says_otherwise(given: dict[str, str], threads: str) -> None:
-    code = "import os; from server.__main__ import _prepare; _prepare(); print(os.environ['OMP_NUM_THREADS'])"
+    code = "import os, server.__main__ as main; main._prepare_process(); print(os.environ['OMP_NUM_THREADS'])"
     assert run(code, **given) == threads
 
 

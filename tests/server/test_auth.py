@@ -8,7 +8,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
-from server.auth import HEADERS, Keys, Rate, client_name
+from server.auth import SECURITY_HEADERS, ApiKeys, RateLimiter, client_address
 from server.settings import Settings, SettingsError
 from tests.server.conftest import SKY, client_of
 from tests.server.test_problems import problem
@@ -22,7 +22,7 @@ def guarded(estimator: Estimator, tmp_path: Path) -> TestClient:
     file = tmp_path / "keys"
     file.write_text("# who: the robot\nfrom-file  # until May\n\n  also-from-file\n", encoding="utf-8")
     client = client_of(estimator, api_keys="first, second", api_keys_file=file)
-    client.app.state.service.answer_once()  # type: ignore[attr-defined]
+    client.app.state.service.warm_up()  # type: ignore[attr-defined]
     return client
 
 
@@ -79,7 +79,7 @@ def test_keys_are_compared_in_constant_time_and_all_of_them(monkeypatch: pytest.
         return bool(original(a, b))
 
     monkeypatch.setattr(hmac, "compare_digest", compare)
-    assert Keys(["a", "b", "c"]).hold("a")
+    assert ApiKeys(["a", "b", "c"]).is_valid("a")
     assert len(compared) == 3
     assert {len(part) for pair in compared for part in pair} == {32}
 
@@ -110,7 +110,7 @@ def test_keys_cannot_be_guessed_faster_than_the_rate(estimator: Estimator) -> No
 
 
 def test_several_limits_apply_together() -> None:
-    rate = Rate(Settings(rate_limit="5/second; 2/hour").rate_limits)
+    rate = RateLimiter(Settings(rate_limit="5/second; 2/hour").rate_limits)
     waits = [rate.seconds_to_wait("me") for _ in range(3)]
     assert waits[:2] == [0, 0]
     assert 3000 < waits[2] <= 3600
@@ -118,7 +118,7 @@ def test_several_limits_apply_together() -> None:
 
 
 def test_a_refused_request_counts_for_no_limit() -> None:
-    rate = Rate(Settings(rate_limit="1/minute; 3/hour").rate_limits)
+    rate = RateLimiter(Settings(rate_limit="1/minute; 3/hour").rate_limits)
     waits = [rate.seconds_to_wait("me") for _ in range(9)]
     assert waits[0] == 0
     assert all(0 < wait <= 60 for wait in waits[1:])
@@ -155,18 +155,18 @@ def test_an_empty_list_of_keys_does_not_open_the_service(monkeypatch: pytest.Mon
 def test_clients_are_known_by_address(host: str, name: str) -> None:
     from starlette.requests import Request
 
-    assert client_name(Request({"type": "http", "client": (host, 1)})) == name
-    assert client_name(Request({"type": "http", "client": None})) == "unknown"
+    assert client_address(Request({"type": "http", "client": (host, 1)})) == name
+    assert client_address(Request({"type": "http", "client": None})) == "unknown"
 
 
 @pytest.mark.parametrize("path", [*OPEN, "/v1/model", "/nothing", "/v1/envmap"])
 def test_security_headers_are_on_every_answer(client: TestClient, path: str) -> None:
     headers = client.get(path).headers
-    assert {name: headers[name] for name in HEADERS} == HEADERS
+    assert {name: headers[name] for name in SECURITY_HEADERS} == SECURITY_HEADERS
 
 
 def test_the_policy_names_no_other_host() -> None:
-    policy = HEADERS["Content-Security-Policy"]
+    policy = SECURITY_HEADERS["Content-Security-Policy"]
     assert policy.startswith("default-src 'none'")
     assert "http" not in policy
     assert "'unsafe-inline'" not in policy

@@ -18,7 +18,7 @@ from lighting.photo.reader import TARGET
 from lighting.records import WarningCode
 from lighting.registration import features, photo_set
 from server.app import create_app
-from server.dependencies import INFERRED, NO_OPENCV, Matching, Service
+from server.dependencies import NO_OPENCV, ROTATION_INFERRED, PhotoMatcher, Service
 from server.problems import ProblemError
 from server.query_params import LightingQuery
 from server.settings import Settings
@@ -106,10 +106,10 @@ def test_without_opencv_the_answer_is_as_before_and_says_so(
     expected = records(client, FIRST, SECOND, match="false")
     monkeypatch.setattr(features, "has_opencv", lambda: False)
     for record, before in zip(records(client, FIRST, SECOND), expected, strict=True):
-        assert record["warnings"].pop() == f"{NO_OPENCV} {INFERRED}"
+        assert record["warnings"].pop() == f"{NO_OPENCV} {ROTATION_INFERRED}"
         assert record.pop("warning_codes") == ["turn-inferred"]
         assert record == before
-    assert Matching(1.0).target == TARGET
+    assert PhotoMatcher(1.0).target == TARGET
 
 
 def test_opencv_that_cannot_be_imported_is_told_in_words_for_clients(
@@ -120,14 +120,14 @@ def test_opencv_that_cannot_be_imported_is_told_in_words_for_clients(
 
     monkeypatch.setattr(photo_set, "register_views_isolated", without_opencv)
     for record in records(client, FIRST, SECOND):
-        assert record["warnings"][-1] == f"{NO_OPENCV} {INFERRED}"
+        assert record["warnings"][-1] == f"{NO_OPENCV} {ROTATION_INFERRED}"
 
 
 def test_what_takes_too_long_is_answered_without(estimator: Estimator) -> None:
     hurried = client_of(estimator, match_seconds=0.001)
     for record in records(hurried, *[encode(noise(seed), "PNG") for seed in range(3)]):
         assert record["warnings"] == [
-            f"Matching the photos with each other takes longer than 0.001 seconds. {INFERRED}"
+            f"Matching the photos with each other takes longer than 0.001 seconds. {ROTATION_INFERRED}"
         ]
         assert "turns" not in record["evidence"]
 
@@ -176,10 +176,10 @@ def test_the_page_knows_the_code_of_an_inferred_rotation(client: TestClient) -> 
 
 
 def test_several_photos_are_matched_unless_their_headings_are_given() -> None:
-    assert LightingQuery.model_validate({}).matched(2)
-    assert not LightingQuery.model_validate({}).matched(1)
-    assert not LightingQuery.model_validate({"match": "false"}).matched(2)
-    assert not LightingQuery.model_validate({"headings": "0,45"}).matched(2)
+    assert LightingQuery.model_validate({}).needs_matching(2)
+    assert not LightingQuery.model_validate({}).needs_matching(1)
+    assert not LightingQuery.model_validate({"match": "false"}).needs_matching(2)
+    assert not LightingQuery.model_validate({"headings": "0,45"}).needs_matching(2)
 
 
 def test_it_stops_when_the_client_goes_away(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -223,7 +223,7 @@ def test_a_service_without_a_network_is_not_ready_and_says_so() -> None:
 def test_a_service_is_ready_once_its_network_has_answered(estimator: Estimator) -> None:
     service = Service(Settings(), estimator)
     assert not service.ready
-    service.answer_once()
+    service.warm_up()
     assert service.ready
     spec = estimator.model.spec
     assert service.model_name == f"{spec.name} {spec.version}"
@@ -238,9 +238,9 @@ def test_a_missing_network_is_a_model_error(tmp_path_factory: pytest.TempPathFac
 def test_photos_are_read_within_the_settings_limits_and_counted(estimator: Estimator) -> None:
     service = Service(Settings(max_pixels=10_000), estimator)
     with pytest.raises(PhotoTooLargeError, match="million pixels"):
-        service.read(encode(scene(640, 480)))
+        service.read_photo(encode(scene(640, 480)))
     data = encode(scene(96, 64))
-    assert service.read(data).pixels.shape == (64, 96, 3)
+    assert service.read_photo(data).pixels.shape == (64, 96, 3)
     counted = service.metrics.registry.get_sample_value
     assert counted("lighting_photo_bytes_total") == len(data)
     assert counted("lighting_photo_pixels_total") == 96 * 64

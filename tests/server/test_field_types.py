@@ -5,7 +5,7 @@ from typing import Annotated
 import pytest
 from pydantic import TypeAdapter, ValidationError
 
-from server.field_types import Between, Flag, Height, SunElevation
+from server.field_types import Flag, Height, InRange, SunElevation
 
 
 @pytest.mark.parametrize("value", [-1, 91, "nan", "high", None])
@@ -18,7 +18,7 @@ def test_a_number_out_of_its_range_is_refused_with_the_range(value: object) -> N
 
 
 def test_the_range_is_in_the_document() -> None:
-    schema = TypeAdapter(Annotated[float | None, Between(1, 2, description="any")]).json_schema()
+    schema = TypeAdapter(Annotated[float | None, InRange(1, 2, description="any")]).json_schema()
     assert schema == {"type": "number", "minimum": 1, "maximum": 2, "description": "any"}
 
 

@@ -13,7 +13,7 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from server import h11_protocol
-from server.h11_protocol import _PIECE, HEADER_BYTES, LEAST_CHUNK, MOST_CHUNKS, BoundedProtocol
+from server.h11_protocol import _READ_BYTES, MAX_CHUNKS, MAX_HEADER_BYTES, MIN_MEAN_CHUNK, BoundedProtocol
 from server.limits import PendingResponses
 from server.schemas import Problem
 from tests.helpers.processes import running
@@ -39,13 +39,13 @@ async def app(scope: Scope, receive: Receive, send: Send) -> None:
 
 
 @pytest.fixture(scope="module")
-def unsent() -> PendingResponses:
+def pending() -> PendingResponses:
     return PendingResponses(LARGE)
 
 
 @pytest.fixture(scope="module")
-def port(unsent: PendingResponses) -> Iterator[int]:
-    http: Any = partial(BoundedProtocol, head_seconds=SECONDS, answer_rate=10_000_000, unsent=unsent)
+def port(pending: PendingResponses) -> Iterator[int]:
+    http: Any = partial(BoundedProtocol, head_seconds=SECONDS, answer_rate=10_000_000, pending=pending)
     with running(app, http) as number:
         yield number
 
@@ -85,23 +85,23 @@ def refused(answer: bytes, status: int, name: str) -> None:
 
 
 def test_headers_that_are_too_large_are_431(port: int) -> None:
-    for headers in (b"X-A: " + b"a" * HEADER_BYTES + b"\r\n", b"X-A: a\r\n" * 2500):
+    for headers in (b"X-A: " + b"a" * MAX_HEADER_BYTES + b"\r\n", b"X-A: a\r\n" * 2500):
         connection = connected(port)
         connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\n" + headers)
         refused(rest(connection), 431, "headers-too-large")
 
 
-@pytest.mark.parametrize("over", [2, 1000, _PIECE, 2 * _PIECE])
+@pytest.mark.parametrize("over", [2, 1000, _READ_BYTES, 2 * _READ_BYTES])
 def test_whole_headers_a_little_too_large_are_431_too(port: int, over: int) -> None:
     connection = connected(port)
     frame = b"GET / HTTP/1.1\r\nHost: x\r\nX-A: %s\r\n\r\n"
-    connection.sendall(frame % (b"a" * (HEADER_BYTES + over - len(frame % b""))))
+    connection.sendall(frame % (b"a" * (MAX_HEADER_BYTES + over - len(frame % b""))))
     refused(rest(connection), 431, "headers-too-large")
 
 
 def test_headers_that_come_at_once_have_no_larger_limit(port: int) -> None:
     connection = connected(port)
-    connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-A: " + b"a" * 3 * HEADER_BYTES + b"\r\n\r\n")
+    connection.sendall(b"GET / HTTP/1.1\r\nHost: x\r\nX-A: " + b"a" * 3 * MAX_HEADER_BYTES + b"\r\n\r\n")
     refused(rest(connection), 431, "headers-too-large")
 
 
@@ -213,7 +213,7 @@ def test_a_body_has_one_end(port: int, method: bytes) -> None:
 
 def test_a_body_in_crumbs_is_400(port: int) -> None:
     connection = connected(port)
-    connection.sendall(CHUNKED % b"/" + b"1\r\nx\r\n" * (MOST_CHUNKS + 1))
+    connection.sendall(CHUNKED % b"/" + b"1\r\nx\r\n" * (MAX_CHUNKS + 1))
     refused(rest(connection), 400, "unreadable-body")
 
 
@@ -222,14 +222,14 @@ def test_crumbs_after_an_answer_end_the_connection(port: int, caplog: pytest.Log
     connection.sendall(CHUNKED % b"/early")
     time.sleep(0.2)
     began = time.monotonic()
-    connection.sendall(b"1\r\nx\r\n" * (MOST_CHUNKS + 1))
+    connection.sendall(b"1\r\nx\r\n" * (MAX_CHUNKS + 1))
     assert rest(connection).count(b"HTTP/1.1") == 1
     assert time.monotonic() - began < SECONDS / 2
     assert not [record for record in caplog.records if record.exc_info]
 
 
 def test_many_chunks_that_are_no_crumbs_and_few_that_are_are_taken(port: int) -> None:
-    for size, count in ((LEAST_CHUNK, 3 * MOST_CHUNKS), (1, MOST_CHUNKS)):
+    for size, count in ((MIN_MEAN_CHUNK, 3 * MAX_CHUNKS), (1, MAX_CHUNKS)):
         with connected(port) as connection:
             connection.sendall(CHUNKED % b"/" + (b"%x\r\n%s\r\n" % (size, bytes(size))) * count + b"0\r\n\r\n")
             assert answered(connection) == b"%d" % (size * count)
@@ -254,7 +254,7 @@ def test_chunks_are_read_in_small_pieces_so_that_others_have_their_turn(
         with connected(port) as connection:
             connection.sendall(head + bytes(1_000_000) + (b"\r\n0\r\n\r\n" if b"chunked" in head else b""))
             assert answered(connection) == b"1000000"
-        assert (max(pieces) <= _PIECE) == (b"chunked" in head)
+        assert (max(pieces) <= _READ_BYTES) == (b"chunked" in head)
 
 
 def large(port: int) -> socket.socket:
@@ -271,26 +271,26 @@ def until(condition: Callable[[], bool]) -> None:
 
 
 def test_an_answer_that_is_not_taken_is_dropped(
-    port: int, unsent: PendingResponses, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    port: int, pending: PendingResponses, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", "server.access")
-    monkeypatch.setattr(h11_protocol, "ANSWER_GRACE", 3.0)
+    monkeypatch.setattr(h11_protocol, "RESPONSE_GRACE", 3.0)
     with large(port) as connection:
-        until(lambda: unsent.size > 0)
-        assert unsent.size > LARGE // 2
-        until(lambda: unsent.size == 0)
+        until(lambda: pending.size > 0)
+        assert pending.size > LARGE // 2
+        until(lambda: pending.size == 0)
         assert len(rest(connection)) < LARGE
     assert "dropped an answer" in caplog.text
 
 
 def test_an_answer_that_is_taken_slowly_but_fast_enough_comes_whole(
-    port: int, unsent: PendingResponses, monkeypatch: pytest.MonkeyPatch
+    port: int, pending: PendingResponses, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(h11_protocol, "ANSWER_GRACE", 0.5)
+    monkeypatch.setattr(h11_protocol, "RESPONSE_GRACE", 0.5)
     taken = 0
     with large(port) as connection:
-        until(lambda: unsent.size > 0)
+        until(lambda: pending.size > 0)
         while taken < LARGE:
             taken += len(connection.recv(1 << 20))
             time.sleep(0.02)
-    until(lambda: unsent.size == 0)
+    until(lambda: pending.size == 0)

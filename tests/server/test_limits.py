@@ -17,24 +17,24 @@ from lighting.records import Estimate
 from server import request_body
 from server.app import create_app
 from server.dependencies import Service
-from server.limits import BusyError, Limiter, PendingResponses, TooManyUploadsError, UploadLimiter
+from server.limits import BusyError, PendingResponses, TooManyUploadsError, UploadLimiter, WorkLimiter
 from server.settings import Settings
 from tests.server.conftest import SKY, client_of, jpeg_headers, service_of
 from tests.server.test_problems import problem
 
 
 def test_places_run_out_and_come_back() -> None:
-    arrivals = UploadLimiter(3, 2)
-    with arrivals.one_of("a"), arrivals.one_of("a"):
-        with pytest.raises(TooManyUploadsError), arrivals.one_of("a"):
+    uploads = UploadLimiter(3, 2)
+    with uploads.count_upload("a"), uploads.count_upload("a"):
+        with pytest.raises(TooManyUploadsError), uploads.count_upload("a"):
             raise AssertionError("there was no place")
-        with arrivals.one_of("b"):
-            assert arrivals.full
-            with pytest.raises(BusyError), arrivals.one_of("c"):
+        with uploads.count_upload("b"):
+            assert uploads.full
+            with pytest.raises(BusyError), uploads.count_upload("c"):
                 raise AssertionError("there was no place")
-        with arrivals.one_of("c"):
-            assert arrivals.count == 3
-    assert (arrivals.count, arrivals.full) == (0, False)
+        with uploads.count_upload("c"):
+            assert uploads.count == 3
+    assert (uploads.count, uploads.full) == (0, False)
 
 
 @pytest.fixture
@@ -43,27 +43,27 @@ def client(estimator: Estimator) -> TestClient:
 
 
 def test_too_many_from_one_address_are_429_and_from_all_503(client: TestClient, jpeg: bytes) -> None:
-    arrivals = service_of(client).arrivals
+    uploads = service_of(client).uploads
 
     def post() -> Any:
         return client.post("/v1/lighting", content=jpeg, headers=jpeg_headers())
 
-    with arrivals.one_of("unknown"):
+    with uploads.count_upload("unknown"):
         assert post().status_code == 200
-        with arrivals.one_of("unknown"):
+        with uploads.count_upload("unknown"):
             answer = post()
             assert "from this address" in problem(answer, 429, "too-many-uploads")["detail"]
             assert answer.headers["retry-after"] == "1"
             assert client.get("/v1/model").status_code == 200
-    with arrivals.one_of("a"), arrivals.one_of("b"), arrivals.one_of("c"):
+    with uploads.count_upload("a"), uploads.count_upload("b"), uploads.count_upload("c"):
         problem(post(), 503, "busy")
     assert post().status_code == 200
-    assert arrivals.count == 0
+    assert uploads.count == 0
 
 
 def test_the_sentence_says_what_there_is_no_room_for() -> None:
-    arrivals = UploadLimiter(1, 1)
-    with arrivals.one_of("a"), pytest.raises(BusyError, match="bodies are arriving"), arrivals.one_of("b"):
+    uploads = UploadLimiter(1, 1)
+    with uploads.count_upload("a"), pytest.raises(BusyError, match="bodies are arriving"), uploads.count_upload("b"):
         pass
 
 
@@ -75,7 +75,7 @@ class Held:
         self.service: Service = self.app.state.service
         self.release = threading.Event()
         self.estimates = 0
-        read, estimate = self.service.read, self.service.estimate
+        read, estimate = self.service.read_photo, self.service.estimate
 
         def held_read(*arguments: Any) -> Photo:
             assert self.release.wait(30)
@@ -87,7 +87,7 @@ class Held:
             answer: list[Estimate] = estimate(*arguments)
             return answer
 
-        monkeypatch.setattr(self.service, "read", held_read)
+        monkeypatch.setattr(self.service, "read_photo", held_read)
         monkeypatch.setattr(self.service, "estimate", counted_estimate)
 
 
@@ -137,7 +137,7 @@ async def until(condition: Callable[[], Any]) -> None:
 
 
 def test_limiter_places_run_out_and_come_back() -> None:
-    limiter = Limiter(1, 1)
+    limiter = WorkLimiter(1, 1)
     with limiter.admission():
         with limiter.admission():
             assert (limiter.admitted, limiter.waiting) == (2, 2)
@@ -194,11 +194,11 @@ def test_an_upload_that_breaks_off_frees_its_place(held: Held, jpeg: bytes) -> N
         client = Client(held.app, jpeg, sent=100)
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(client.ask)
-            await until(lambda: held.service.arrivals.count == 1)
+            await until(lambda: held.service.uploads.count == 1)
             assert held.service.limiter.admitted == 0
             client.gone.set()
         assert client.status == 499
-        assert held.service.arrivals.count == 0
+        assert held.service.uploads.count == 0
 
     anyio.run(scenario)
 
@@ -210,7 +210,7 @@ def test_an_upload_that_takes_too_long_is_408_and_frees_its_place(estimator: Est
         await client.ask()
         assert client.status == 408
         assert client.headers[b"connection"] == b"close"
-        assert app.state.service.arrivals.count == 0
+        assert app.state.service.uploads.count == 0
 
     anyio.run(scenario)
 
@@ -218,7 +218,7 @@ def test_an_upload_that_takes_too_long_is_408_and_frees_its_place(estimator: Est
 def test_an_upload_that_is_slower_than_the_least_rate_is_408(
     estimator: Estimator, jpeg: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(request_body, "GRACE", 0.05)
+    monkeypatch.setattr(request_body, "UPLOAD_GRACE", 0.05)
 
     async def scenario(sent: int) -> int:
         client = Client(create_app(Settings(upload_rate=1000), estimator), jpeg, sent=sent)
@@ -238,7 +238,7 @@ def test_slow_uploads_take_no_place_from_others(held: Held, jpeg: bytes) -> None
         async with anyio.create_task_group() as tasks:
             for client in slow:
                 tasks.start_soon(client.ask)
-            await until(lambda: held.service.arrivals.count == len(slow))
+            await until(lambda: held.service.uploads.count == len(slow))
             assert not held.service.full
             await quick.ask()
             for client in slow:
@@ -284,7 +284,7 @@ def test_what_work_raises_comes_out_as_it_is() -> None:
 
     async def scenario() -> None:
         with pytest.raises(KeyError, match="work"):
-            await Limiter(1, 0).run(never, fail)
+            await WorkLimiter(1, 0).run(never, fail)
 
     anyio.run(scenario)
 
@@ -299,23 +299,23 @@ class UnsentHeld:
         return self.size
 
 
-def unsent_held(unsent: PendingResponses, size: int) -> UnsentHeld:
+def unsent_held(pending: PendingResponses, size: int) -> UnsentHeld:
     transport = UnsentHeld(size)
-    unsent.add(transport)
+    pending.add(transport)
     return transport
 
 
 def test_what_waits_is_counted_until_it_has_gone() -> None:
-    unsent = PendingResponses(100)
-    one, other = unsent_held(unsent, 60), unsent_held(unsent, 40)
-    assert unsent.size == 100
+    pending = PendingResponses(100)
+    one, other = unsent_held(pending, 60), unsent_held(pending, 40)
+    assert pending.size == 100
     with pytest.raises(BusyError, match="clients to take them"):
-        unsent.check()
+        pending.check()
     one.size = 59
-    unsent.check()
-    unsent.discard(other)
-    unsent.discard(other)
-    assert unsent.size == 59
+    pending.check()
+    pending.discard(other)
+    pending.discard(other)
+    assert pending.size == 59
 
 
 @pytest.fixture
@@ -326,12 +326,12 @@ def unsent_client(estimator: Estimator) -> TestClient:
 def test_requests_are_503_while_too_much_waits(unsent_client: TestClient, jpeg: bytes) -> None:
     service = service_of(unsent_client)
     service.ready = True
-    waiting = unsent_held(service.unsent, 1000)
+    waiting = unsent_held(service.pending, 1000)
     problem(unsent_client.get("/v1/envmap", params={**SKY, "height": 16}), 503, "busy")
     problem(unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()), 503, "busy")
     problem(unsent_client.get("/readyz"), 503, "busy")
     assert unsent_client.get("/livez").status_code == 200
-    service.unsent.discard(waiting)
+    service.pending.discard(waiting)
     assert unsent_client.get("/readyz").status_code == 200
     assert unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()).status_code == 200
 
@@ -343,9 +343,9 @@ def test_one_that_was_admitted_before_is_503_too_when_its_turn_comes(
     run = service.limiter.run
 
     async def late(*arguments: object) -> object:
-        unsent_held(service.unsent, 1000)
+        unsent_held(service.pending, 1000)
         return await run(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(service.limiter, "run", late)
-    monkeypatch.setattr(Service, "read", lambda *_: pytest.fail("work has begun"))
+    monkeypatch.setattr(Service, "read_photo", lambda *_: pytest.fail("work has begun"))
     problem(unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()), 503, "busy")

@@ -4,7 +4,7 @@ from prometheus_client import generate_latest
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
-from server.limits import Limiter, PendingResponses, UploadLimiter
+from server.limits import PendingResponses, UploadLimiter, WorkLimiter
 from server.metrics import Metrics
 from tests.server.conftest import client_of, jpeg_headers, sample
 
@@ -52,10 +52,10 @@ class Waiting:
 
 
 def test_the_gauges_follow_the_limits() -> None:
-    limiter, arrivals, unsent = Limiter(1, 2), UploadLimiter(3, 2), PendingResponses(1000)
-    metrics = Metrics(limiter, arrivals, unsent)
-    unsent.add(Waiting())
-    with limiter.admission(), limiter.admission(), arrivals.one_of("me"):
+    limiter, uploads, pending = WorkLimiter(1, 2), UploadLimiter(3, 2), PendingResponses(1000)
+    metrics = Metrics(limiter, uploads, pending)
+    pending.add(Waiting())
+    with limiter.admission(), limiter.admission(), uploads.count_upload("me"):
         text = generate_latest(metrics.registry).decode()
     assert "lighting_queue_depth 2.0" in text
     assert "lighting_running 0.0" in text

@@ -29,7 +29,7 @@ def test_it_is_ready_once_the_network_has_answered(app: FastAPI, estimator: Esti
     before = client_of(estimator)
     assert (before.get("/livez").status_code, before.get("/readyz").status_code) == (200, 503)
     with TestClient(app) as client:
-        app.state.service.answer_once()
+        app.state.service.warm_up()
         assert client.get("/readyz").json() == {"status": "ok"}
         assert sample(client, 'lighting_model_info{name="tiny",version="0.0.1"}') == 1
 
@@ -37,7 +37,7 @@ def test_it_is_ready_once_the_network_has_answered(app: FastAPI, estimator: Esti
 def test_readiness_tells_when_the_next_photo_would_be_refused(app: FastAPI) -> None:
     service = app.state.service
     with TestClient(app) as client, ExitStack() as taken:
-        service.answer_once()
+        service.warm_up()
         for number in range(service.limiter.capacity):
             assert client.get("/readyz").status_code == 200, number
             taken.enter_context(service.limiter.admission())
@@ -48,7 +48,7 @@ def test_readiness_tells_when_the_next_photo_would_be_refused(app: FastAPI) -> N
         taken.close()
         assert client.get("/readyz").status_code == 200
         for number in range(service.settings.uploads):
-            taken.enter_context(service.arrivals.one_of(f"client {number}"))
+            taken.enter_context(service.uploads.count_upload(f"client {number}"))
         problem(client.get("/readyz"), 503, "busy")
 
 
@@ -59,7 +59,7 @@ def test_a_network_that_cannot_answer_is_never_ready(
         raise ModelError("The network failed.")
 
     app = create_app(Settings(), estimator)
-    monkeypatch.setattr(app.state.service, "answer_once", fail)
+    monkeypatch.setattr(app.state.service, "warm_up", fail)
     with caplog.at_level(logging.ERROR), TestClient(app) as client:
         assert client.get("/readyz").status_code == 503
         assert client.get("/livez").status_code == 200
@@ -162,7 +162,7 @@ def test_only_a_body_on_its_way_over_a_closing_connection_is_read(
 
 
 def test_a_body_that_does_not_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(middleware, "SECONDS", 0.05)
+    monkeypatch.setattr(middleware, "DRAIN_SECONDS", 0.05)
 
     async def receive() -> Message:
         await anyio.sleep(0.01)

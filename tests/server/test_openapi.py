@@ -20,7 +20,7 @@ from lighting.envmap.surroundings import render_view
 from lighting.estimator import Estimator
 from server import tasks
 from server.app import create_app
-from server.request_body import FORM, PHOTO_TYPES
+from server.request_body import FORM_TYPE, PHOTO_TYPES
 from server.schemas import Problem
 from server.settings import Settings
 from tests.conftest import encode, scene
@@ -125,7 +125,7 @@ def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: SimpleNamespace(warnings=("It was dark.",)))
     app = create_app(Settings(), estimator)
-    app.state.service.answer_once()
+    app.state.service.warm_up()
     return app
 
 
@@ -154,7 +154,7 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
 
 def is_sent_whole(_: HookContext, case: Case[Any]) -> bool:
     """Whether every field of a form reaches the service: an empty list sends nothing, whatever its name is."""
-    return case.media_type != FORM or not isinstance(case.body, dict) or [] not in case.body.values()
+    return case.media_type != FORM_TYPE or not isinstance(case.body, dict) or [] not in case.body.values()
 
 
 def failed_checks(recorder: ScenarioRecorder) -> dict[str, str]:

@@ -12,7 +12,7 @@ from lighting.errors import LightingError, ModelError, ParameterError, PhotoErro
 from lighting.estimator import Estimator
 from lighting.validation import RANGES
 from server import problems
-from server.problems import MOST_ERRORS
+from server.problems import MAX_ERRORS
 from server.schemas import Problem
 from tests.server.conftest import SKY, client_of
 
@@ -121,8 +121,8 @@ def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, st
 def test_of_very_many_errors_the_first_are_named(client: TestClient) -> None:
     answer = client.get("/v1/envmap", params=dict.fromkeys(map(str, range(500)), "1"))
     body = problem(answer, 422, "invalid")
-    assert len(body["errors"]) == MOST_ERRORS
-    assert body["detail"].endswith(f"; and {3 + 500 - MOST_ERRORS} more")  # three are missing
+    assert len(body["errors"]) == MAX_ERRORS
+    assert body["detail"].endswith(f"; and {3 + 500 - MAX_ERRORS} more")  # three are missing
 
 
 def test_every_missing_parameter_is_named(client: TestClient) -> None:
@@ -247,7 +247,7 @@ def test_kinds_have_different_names() -> None:
 
 def test_a_service_without_its_network_is_503(estimator: Estimator, jpeg: bytes) -> None:
     client = client_of(estimator)
-    client.app.state.service.loaded = None  # type: ignore[attr-defined]
+    client.app.state.service.loaded_estimator = None  # type: ignore[attr-defined]
     for answer in (
         client.post("/v1/lighting", content=jpeg, headers=JPEG),
         client.get("/v1/model"),

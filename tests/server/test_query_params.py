@@ -23,14 +23,14 @@ from lighting.registration.features import has_opencv
 from lighting.validation import OPTIONAL_RANGES, RANGES
 from server.problems import ProblemError
 from server.query_params import (
-    BY_DEFAULT,
+    SUN_BY_DEFAULT,
     EnvmapQuery,
-    GivenQuery,
     LightingQuery,
     MapQuery,
     PhotoSceneQuery,
-    check_photos,
-    refuse_given,
+    UserInputQuery,
+    check_photo_headings,
+    refuse_photo_parameters,
 )
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import client_of, jpeg_headers, together
@@ -52,21 +52,21 @@ def error_of(error: ProblemError) -> tuple[str, int]:
 )
 def test_headings_must_fit_the_number_of_photos(photos: int, query: LightingQuery, field: str) -> None:
     with pytest.raises(ProblemError) as caught:
-        check_photos(photos, query)
+        check_photo_headings(photos, query)
     assert error_of(caught.value) == (field, 422)
 
 
 def test_headings_that_fit_are_taken() -> None:
-    check_photos(1, LightingQuery(heading=90.0))
-    check_photos(2, LightingQuery(headings="0,90"))
-    check_photos(4, LightingQuery())
+    check_photo_headings(1, LightingQuery(heading=90.0))
+    check_photo_headings(2, LightingQuery(headings="0,90"))
+    check_photo_headings(4, LightingQuery())
 
 
 def test_a_record_takes_nothing_that_describes_a_photo() -> None:
-    refuse_given(EnvmapQuery(sky="perez"))
+    refuse_photo_parameters(EnvmapQuery(sky="perez"))
     for query, field in ((EnvmapQuery(fov=50.0), "fov"), (EnvmapQuery(surroundings=True), "surroundings")):
         with pytest.raises(ProblemError) as caught:
-            refuse_given(query)
+            refuse_photo_parameters(query)
         assert error_of(caught.value) == (field, 422)
 
 
@@ -145,8 +145,8 @@ def test_the_probability_is_that_of_all_that_is_known(client: TestClient, estima
 
 def test_when_the_sun_is_painted_is_told_as_on_the_command_line() -> None:
     command: Any = sun_option(lambda: None)
-    assert BY_DEFAULT in command.__click_params__[0].help
-    assert all(BY_DEFAULT in str(query.model_fields["sun"].description) for query in (MapQuery, PhotoSceneQuery))
+    assert SUN_BY_DEFAULT in command.__click_params__[0].help
+    assert all(SUN_BY_DEFAULT in str(query.model_fields["sun"].description) for query in (MapQuery, PhotoSceneQuery))
 
 
 def test_names_are_those_of_the_command_line() -> None:
@@ -154,7 +154,7 @@ def test_names_are_those_of_the_command_line() -> None:
     for option in _OPTIONS.values():
         command: Any = option(lambda: None)
         options |= {name.removeprefix("--") for name in command.__click_params__[0].opts}
-    assert {name.replace("_", "-") for name in GivenQuery.model_fields} == options - {"no-exif"} | {"exif"}
+    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-exif"} | {"exif"}
 
 
 @pytest.mark.parametrize(

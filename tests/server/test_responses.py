@@ -15,7 +15,7 @@ from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
-from server.responses import _envmap_link, _is_fresh, _sun_probability, accuracy, estimates_json
+from server.responses import _envmap_link, _is_fresh, _sun_probability, estimates_to_json, read_accuracy
 from server.schemas import Accuracy
 from tests.conftest import TINY
 
@@ -34,7 +34,7 @@ def test_the_link_has_the_parameters_of_the_light_under_the_services_root() -> N
     assert link.path == "/light/v1/envmap"
     said = {name: values[0] for name, values in parse_qs(link.query).items()}
     assert said.pop("sun") == "false"
-    assert SkyQuery.model_validate(said).lighting() == Lighting(
+    assert SkyQuery.model_validate(said).to_lighting() == Lighting(
         sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02
     )
 
@@ -52,7 +52,7 @@ def test_the_link_has_the_strength_of_the_light_where_it_is_known() -> None:
     assert said["sun"] == "true"
     query = SkyQuery.model_validate(said)
     assert query.sky == "preetham"
-    assert replace(query.lighting(), sky_model="preetham", sun_visibility=0.1) == strong
+    assert replace(query.to_lighting(), sky_model="preetham", sun_visibility=0.1) == strong
 
 
 @pytest.mark.parametrize(
@@ -74,21 +74,24 @@ def test_a_light_that_contradicts_itself_is_refused(wrong: dict[str, str]) -> No
 
 def test_one_estimate_is_a_record_and_several_are_a_list() -> None:
     query = LightingQuery.model_validate({})
-    assert estimates_json([ESTIMATE], query, "")["sun"]["azimuth"] == -41.2
-    assert [light["sky"]["turbidity"] for light in estimates_json([ESTIMATE] * 2, query, "")["lightings"]] == [3.4, 3.4]
-    assert "probability" not in estimates_json([ESTIMATE], query, "")
+    assert estimates_to_json([ESTIMATE], query, "")["sun"]["azimuth"] == -41.2
+    assert [light["sky"]["turbidity"] for light in estimates_to_json([ESTIMATE] * 2, query, "")["lightings"]] == [
+        3.4,
+        3.4,
+    ]
+    assert "probability" not in estimates_to_json([ESTIMATE], query, "")
 
 
 def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
     factors = np.random.default_rng(0).uniform(0.05, 4, (2, 4, 3)).astype(np.float32)
-    told = estimates_json([replace(ESTIMATE, factors=factors)], LightingQuery.model_validate({}), "")["surroundings"]
+    told = estimates_to_json([replace(ESTIMATE, gain=factors)], LightingQuery.model_validate({}), "")["surroundings"]
     assert (told["rows"], told["columns"]) == (2, 4)
     assert told["factors"] == pytest.approx(factors.reshape(8, 3), rel=5e-3)
-    assert "surroundings" not in estimates_json([ESTIMATE], LightingQuery.model_validate({}), "")
+    assert "surroundings" not in estimates_to_json([ESTIMATE], LightingQuery.model_validate({}), "")
 
 
 def test_the_probability_comes_with_the_angles_of_its_cells() -> None:
-    told = estimates_json([ESTIMATE], LightingQuery.model_validate({"probability": "true"}), "")["probability"]
+    told = estimates_to_json([ESTIMATE], LightingQuery.model_validate({"probability": "true"}), "")["probability"]
     assert told == _sun_probability(ANSWERS_SUN)
     assert sum(told["probability"]) == pytest.approx(1.0, abs=1e-4)
     assert np.sin(np.radians(told["elevation"])) == pytest.approx(grid_directions(GRID)[:, 1], abs=1e-4)
@@ -104,14 +107,14 @@ def test_a_clients_copy_is_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> No
 def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path) -> None:
     measured = {name: float(i) for i, name in enumerate([*SUN.values(), *CAMERA_AND_SKY.values()])}
     write_figures(TINY, {"phone": {**measured}, "paper": {**measured, "sun_median": None}}, tmp_path)
-    assert accuracy(TINY, tmp_path) == {"phone": measured}  # nothing is stated of a protocol without suns to score
+    assert read_accuracy(TINY, tmp_path) == {"phone": measured}  # nothing is stated of a protocol without suns to score
     assert set(measured) == set(Accuracy.model_fields)
 
 
 def test_the_packaged_network_s_figures_are_those_of_its_card() -> None:
     """The row of the network in the card's table of the sun, which the same evaluation wrote."""
     folder = packaged_model().parent
-    stated = accuracy(Model.load().spec, folder)
+    stated = read_accuracy(Model.load().spec, folder)
     assert set(stated) == {"paper", "phone"}
     card = (folder / MODEL_CARD).read_text(encoding="utf-8")
     for protocol, numbers in stated.items():
@@ -125,5 +128,5 @@ def test_the_packaged_network_s_figures_are_those_of_its_card() -> None:
 
 
 def test_nothing_is_stated_for_a_network_without_figures(tmp_path: Path) -> None:
-    assert accuracy(TINY, packaged_model().parent) == {}
-    assert accuracy(TINY, tmp_path) == {}
+    assert read_accuracy(TINY, packaged_model().parent) == {}
+    assert read_accuracy(TINY, tmp_path) == {}

@@ -17,7 +17,7 @@ RECORD: dict[str, Any] = {
 
 
 def test_a_record_becomes_the_librarys() -> None:
-    lighting = LightingRecord.model_validate(RECORD).lighting()
+    lighting = LightingRecord.model_validate(RECORD).to_lighting()
     assert lighting == Lighting(
         -41.2, 33.0, 3.4, 0.021, sun_visibility=0.9, camera_elevation=4.0, camera_heading=90.0,
         latitude=48.0, longitude=11.5,
@@ -32,11 +32,11 @@ def test_the_strength_of_the_light_becomes_the_librarys() -> None:
         "ground": {"color": [0.12, 0.11, 0.1]},
         "suitable": 0.9,
     }
-    lighting = LightingRecord.model_validate(strong).lighting()
+    lighting = LightingRecord.model_validate(strong).to_lighting()
     assert lighting.sun_irradiance == (1.9, 1.5, 0.9)
     assert (lighting.sky_model, lighting.sky_cover, lighting.suitable) == ("cie-3", 0.2, 0.9)
     assert lighting.ground_color == (0.12, 0.11, 0.1)
-    assert LightingRecord.model_validate(lighting.to_dict()).lighting() == lighting
+    assert LightingRecord.model_validate(lighting.to_dict()).to_lighting() == lighting
 
 
 @pytest.mark.parametrize("irradiance", [[1.0, 2.0], [1.0, 2.0, -1.0], "white"])
@@ -47,4 +47,4 @@ def test_an_irradiance_is_three_numbers(irradiance: object) -> None:
 
 def test_computed_and_unknown_fields_of_a_record_are_ignored() -> None:
     derived = {**RECORD, "sun": {**RECORD["sun"], "direction": [9.0, 9.0, 9.0]}, "unknown": 1}
-    assert LightingRecord.model_validate(derived).lighting() == LightingRecord.model_validate(RECORD).lighting()
+    assert LightingRecord.model_validate(derived).to_lighting() == LightingRecord.model_validate(RECORD).to_lighting()

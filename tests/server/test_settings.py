@@ -63,8 +63,8 @@ def test_a_variable_that_is_no_setting_stops_the_start(monkeypatch: pytest.Monke
 
 def test_places_are_the_cpus_unless_set(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("server.settings.available_cpus", lambda: 7)
-    assert Settings().places == 7
-    assert Settings(concurrency=3).places == 3
+    assert Settings().workers == 7
+    assert Settings(concurrency=3).workers == 3
 
 
 @pytest.mark.parametrize(

@@ -9,12 +9,12 @@ from fastapi import FastAPI
 from PIL import Image
 from starlette.testclient import TestClient
 
-from server.static_page import BUNDLE, page_router
+from server.static_page import BUNDLE, make_page_router
 
 
 def site(bundle: Path) -> TestClient:
     app = FastAPI()
-    app.include_router(page_router(bundle))
+    app.include_router(make_page_router(bundle))
     return TestClient(app)
 
 

@@ -43,19 +43,19 @@ def in_a_thread(work: Callable[..., T], *arguments: Any) -> T:
 
 def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: Service) -> None:
     query = LightingQuery.model_validate({"headings": "0,45"})
-    first, second = in_a_thread(tasks.estimated_together, service, [Upload(PHOTO), Upload(PHOTO)], query)
+    first, second = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query)
     assert "other photos" in first.estimate.evidence
-    assert first.factors is None
+    assert first.gain is None
     turn = (first.estimate.lighting.sun_azimuth - second.estimate.lighting.sun_azimuth) % 360.0
     assert min(turn, 360.0 - turn) > 0.0
     with pytest.raises(PhotoError, match=r"^Photo 2 of 2: "):
-        in_a_thread(tasks.estimated_together, service, [Upload(PHOTO), Upload(b"no photo")], query)
+        in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(b"no photo")], query)
 
 
 def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service) -> None:
     query = EnvmapQuery.model_validate({"height": 32})
-    image, lighting = read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))
-    (answer,) = in_a_thread(tasks.estimated_together, service, [Upload(PHOTO)], LightingQuery.model_validate({}))
+    image, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, query)))
+    (answer,) = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO)], LightingQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
     assert lighting == answer.estimate.lighting
 
@@ -63,15 +63,15 @@ def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service
 def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(lit_network: Path) -> None:
     query = LightingQuery.model_validate({"surroundings": "true"})
     service = Service(Settings(), Estimator(Model.load(lit_network)))
-    for answer in in_a_thread(tasks.estimated_together, service, [Upload(PHOTO), Upload(PHOTO)], query):
-        assert answer.factors is not None
-        assert answer.factors.shape == (24, 48, 3)
-        assert 0 < answer.factors.min() < 1 < answer.factors.max()
+    for answer in in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query):
+        assert answer.gain is not None
+        assert answer.gain.shape == (24, 48, 3)
+        assert 0 < answer.gain.min() < 1 < answer.gain.max()
 
 
 def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Service) -> None:
     query = PhotoSceneQuery.model_validate({"tool": "mitsuba", "height": 32, "sun_azimuth": 77.5, "turbidity": 2.5})
-    data, _ = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, query)
+    data, _ = in_a_thread(tasks.zip_scene_of_photo, service, PHOTO, query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         record = json.loads(archive.read(next(name for name in archive.namelist() if name.endswith(".json"))))
     lighting = record.get("lighting", record)
@@ -82,12 +82,12 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
     stated = {"sun_irradiance": "3.9,4.3,3.4", "sky_irradiance": "0.3,0.6,1.1", "ground_color": "0.1,0.2,0.3"}
     asked = {**stated, "height": 32, "exposure": 2.0, "sky_cover": 0.5}
     query = EnvmapQuery.model_validate(asked)
-    _, lighting = read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))
+    _, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, query)))
     assert lighting
     assert (lighting.sun_irradiance, lighting.sky_irradiance) == ((3.9, 4.3, 3.4), (0.3, 0.6, 1.1))
     assert (lighting.ground_color, lighting.sky_cover, lighting.exposure) == ((0.1, 0.2, 0.3), 0.5, 2.0)
     scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
-    data, _ = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
+    data, _ = in_a_thread(tasks.zip_scene_of_photo, service, PHOTO, scene_query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         record = json.loads(archive.read("lighting.json"))
     assert record["sun"]["irradiance"] == [3.9, 4.3, 3.4]
@@ -96,14 +96,14 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
 
 def test_the_camera_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:
     asked = {"height": 32, "camera_elevation": -12.5, "camera_roll": 3.25, "vertical_fov": 33.0}
-    data = in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, EnvmapQuery.model_validate({"height": 32}))
+    data = in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, EnvmapQuery.model_validate({"height": 32}))
     _, before = read_exr(BytesIO(data))
-    data = in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, EnvmapQuery.model_validate(asked))
+    data = in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, EnvmapQuery.model_validate(asked))
     _, lighting = read_exr(BytesIO(data))
     assert before
     assert lighting == replace(before, camera_elevation=-12.5, camera_roll=3.25, vertical_fov=33.0)
     scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
-    data, _ = in_a_thread(tasks.scene_file_of_photo, service, PHOTO, scene_query)
+    data, _ = in_a_thread(tasks.zip_scene_of_photo, service, PHOTO, scene_query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         camera = json.loads(archive.read("lighting.json"))["camera"]
     assert (camera["elevation"], camera["roll"], camera["vertical_fov"]) == (-12.5, 3.25, 33.0)
@@ -115,22 +115,22 @@ def test_a_photo_is_as_bright_as_it_is_at_the_exposure_that_is_said_of_it(lit_ne
 
     def maps(**exposures: float) -> Any:
         query = EnvmapQuery.model_validate({**power, "height": 32, "surroundings": "true", **exposures})
-        return read_exr(BytesIO(in_a_thread(tasks.envmap_file_of_photo, service, PHOTO, query)))[0]
+        return read_exr(BytesIO(in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, query)))[0]
 
     np.testing.assert_allclose(maps(exposure=2.0, photo_exposure=2.0), maps(), rtol=1e-3)
     assert not np.allclose(maps(exposure=2.0), maps(), rtol=0.1)
 
 
 def test_a_photo_becomes_a_preview(service: Service) -> None:
-    data = in_a_thread(tasks.preview_file, service, PHOTO, PreviewQuery.model_validate({}))
+    data = in_a_thread(tasks.encode_preview, service, PHOTO, PreviewQuery.model_validate({}))
     with Image.open(BytesIO(data)) as drawn:
         assert drawn.format == "PNG"
 
 
 def test_a_sky_alone_becomes_a_scene_with_a_grey_plate() -> None:
     query = SkySceneQuery.model_validate({**SKY, "tool": "usd", "plate_width": 64, "plate_height": 48, "height": 16})
-    data, _ = in_a_thread(tasks.scene_file_of_sky, query)
+    data, _ = in_a_thread(tasks.zip_scene_of_sky, query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         plate = Image.open(archive.open("plate.png"))
         assert plate.size == (64, 48)
-        assert np.unique(np.asarray(plate)).tolist() == [tasks.MID_GREY]
+        assert np.unique(np.asarray(plate)).tolist() == [tasks.MID_GRAY]

@@ -233,7 +233,7 @@ describe("the light on show as text", () => {
     expect(writePython(subject)).not.toContain("edit_lighting");
     expect(writePython(movedInput)).toContain("photo_context_for_height(estimate, photo.pixels, 512, finer)");
     expect(writePython(movedInput)).toContain('    "sun_azimuth": -41.2,\n');
-    expect(writePython(movedInput)).toContain("sun=False, place=place");
+    expect(writePython(movedInput)).toContain("sun=False, context=context");
     expect(writePython(movedInput)).not.toContain("irradiance");
   });
 

@@ -51,8 +51,8 @@ export function writePython({ photo, userInput, overrides, height }: SnippetInpu
     `estimate = Estimator()(photo${input && `, UserInput(${input})`})`,
     ...(overrides ? ["changes = {", ...overrideEntries(overrides), "}"] : []),
     `lighting = ${overrides ? "edit_lighting(estimate.lighting, changes)" : "estimate.lighting"}`,
-    `place = photo_context_for_height(estimate, photo.pixels, ${height}, finer${exposure})`,
-    `image, lighting = render_view(lighting, ${height}, ${overrides ? `sun=${overrides.sun ? "True" : "False"}, ` : ""}place=place)`,
+    `context = photo_context_for_height(estimate, photo.pixels, ${height}, finer${exposure})`,
+    `image, lighting = render_view(lighting, ${height}, ${overrides ? `sun=${overrides.sun ? "True" : "False"}, ` : ""}context=context)`,
     `write_exr(${quotePython(`${fileStem(photo)}.exr`)}, image, lighting)`,
   ];
   return `${lines.join("\n")}\n`;
