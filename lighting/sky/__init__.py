@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 class Weather:
     """What shapes a sky; each model takes what it knows."""
 
-    turbidity: float
-    ground_albedo: float
-    beam: float  # irradiance of a surface that faces the sun / that of level ground by the sky
+    turbidity: float  # Linke, 1 to 10
+    ground_albedo: float  # 0 to 1
+    beam: float  # irradiance of a surface that faces the sun / that of level ground by the sky, 0 or more
     diffuse: float  # W m^-2, irradiance of level ground by the sky
 
 
@@ -96,9 +96,13 @@ SKY_MODELS: dict[str, SkyModel] = {
 
 
 def sky_shape(model: str, direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
-    """Radiance (..., 3) of one of SKY_MODELS at any scale along unit vectors (..., 3); 0 below the horizon.
+    """Radiance (..., 3) of one of SKY_MODELS at any scale; 0 below the horizon, gray by models of luminance alone.
 
-    Models of luminance alone are grey. Raises ParameterError for another model and for a sun below the horizon.
+    Args:
+        model: a key of SKY_MODELS, else ParameterError.
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
+        weather: of which each model takes what it knows.
     """
     import numpy as np
 
@@ -115,7 +119,11 @@ def sky_shape(model: str, direction: "ArrayLike", sun_direction: "ArrayLike", we
 
 
 def format_sky_models(last: str = ", ") -> str:
-    """The names as a list for people: the advanced ones as a range, with `last` before it."""
+    """The names as a list for people: the advanced ones as a range.
+
+    Args:
+        last: what stands before the range.
+    """
     advanced = [name for name, model in SKY_MODELS.items() if model.advanced]
     plain = [name for name in SKY_MODELS if name not in advanced]
     return f"{', '.join(plain)}{last}{advanced[0]} to {advanced[-1]}"

@@ -1,9 +1,12 @@
 """The skies of the CIE: the standard overcast sky and the fifteen types of the general sky.
 
-Source: ISO 15469:2004 / CIE S 011/E:2003, Spatial distribution of daylight - CIE standard general sky; the table is
-also in Darula and Kittler, CIE general sky standard defining luminance distributions, eSim 2002. The overcast sky is
-that of Moon and Spencer (1942). Luminance is relative to the zenith's; a scale and a colour are the caller's.
-Directions are unit vectors in the frame of geometry.py (+Y up).
+Luminance is relative to the zenith's; a scale and a color are the caller's. Directions are unit vectors in the frame of
+geometry.py (+Y up).
+
+References:
+    [1] ISO 15469:2004 / CIE S 011/E:2003, Spatial distribution of daylight - CIE standard general sky.
+    [2] Darula and Kittler, CIE general sky standard defining luminance distributions, eSim 2002, has the table too.
+    [3] Moon and Spencer, Illumination from a non-uniform sky, 1942: the overcast sky.
 """
 
 import numpy as np
@@ -32,49 +35,54 @@ _TYPES = (  # groups of gradation and indicatrix of the types 1 to 15
     *(("I", 1), ("I", 2), ("II", 1), ("II", 2), ("III", 1), ("III", 2), ("III", 3), ("III", 4)),
     *(("IV", 2), ("IV", 3), ("IV", 4), ("V", 4), ("V", 5), ("VI", 5), ("VI", 6)),
 )
-_LOWEST = 1e-6  # cosine of the zenith angle that stands for the horizon, where the exponent ends at minus infinity
+_MIN_COSINE = 1e-6  # of the zenith angle: at the horizon the exponent ends at minus infinity
 
 
 def overcast_luminance(direction: ArrayLike) -> Floats:
-    """Luminance / zenith's (...) of the standard overcast sky along unit vectors (..., 3); 0 below the horizon.
+    """Luminance / zenith's (...) of the standard overcast sky; 0 below the horizon.
 
-    It is (1 + 2 sin elevation) / 3, whose horizontal illuminance is 7 pi / 9.
+    It is (1 + 2 sin elevation) / 3, whose horizontal illuminance is 7 pi / 9 [3].
+
+    Args:
+        direction: (..., 3) unit vectors.
     """
     up = np.asarray(direction, dtype=np.float64)[..., 1]
     return np.where(up >= 0, (1 + 2 * up) / 3, 0.0)
 
 
 def general_luminance(direction: ArrayLike, sun_direction: ArrayLike, kind: int) -> Floats:
-    """Luminance / zenith's (...) of the general sky of type `kind`, 1 to 15, along unit vectors (..., 3).
+    """Luminance / zenith's (...) of the general sky [1]; 0 below the horizon, the sun's disc not included.
 
-    0 below the horizon; the sun's disc is not part of it. Types 1 to 5 are overcast, 6 to 10 partly cloudy, 11 to 15
-    clear. Raises ParameterError for another type and for a sun below the horizon.
+    Args:
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
+        kind: type 1 to 5 overcast, 6 to 10 partly cloudy, 11 to 15 clear; else ParameterError.
     """
     d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
     if sun[1] < 0:
         raise ParameterError(
             "The sun is below the horizon; the general sky needs it above.", "sun_direction", ErrorCode.NIGHT
         )
-    away, from_zenith = np.radians(angle_between(d, sun)), np.radians(angle_between(sun, [0.0, 1.0, 0.0]))
-    value = _indicatrix(away, kind) * _gradation(d[..., 1], kind)
-    zenith = _indicatrix(from_zenith, kind) * _gradation(np.asarray(1.0), kind)
+    sun_angle, sun_zenith = np.radians(angle_between(d, sun)), np.radians(angle_between(sun, [0.0, 1.0, 0.0]))
+    value = _indicatrix(sun_angle, kind) * _gradation(d[..., 1], kind)
+    zenith = _indicatrix(sun_zenith, kind) * _gradation(np.asarray(1.0), kind)
     return np.asarray(np.where(d[..., 1] >= 0, value / zenith, 0.0))
 
 
 def _gradation(up: ArrayLike, kind: int) -> Floats:
     """1 + a exp(b / up) (...), which depends on the cosine from the zenith (...) alone; 1 at and below the horizon."""
     a, b = _GRADATION[_type(kind)[0]]
-    cosine = np.maximum(np.asarray(up, dtype=np.float64), _LOWEST)
+    cosine = np.maximum(np.asarray(up, dtype=np.float64), _MIN_COSINE)
     return np.asarray(1 + a * np.exp(b / cosine))
 
 
-def _indicatrix(away: ArrayLike, kind: int) -> Floats:
-    """1 + c (exp(d away) - exp(d pi / 2)) + e cos^2 away (...), of the angle from the sun (...) [rad].
+def _indicatrix(sun_angle: ArrayLike, kind: int) -> Floats:
+    """1 + c (exp(d x) - exp(d pi / 2)) + e cos^2 x (...), with x the angle from the sun (...) [rad].
 
     It is 1 at a right angle to the sun.
     """
     c, d, e = _INDICATRIX[_type(kind)[1]]
-    angle = np.asarray(away, dtype=np.float64)
+    angle = np.asarray(sun_angle, dtype=np.float64)
     return np.asarray(1 + c * (np.exp(d * angle) - np.exp(d * np.pi / 2)) + e * np.cos(angle) ** 2)
 
 

@@ -1,8 +1,12 @@
-"""The sky of Hosek and Wilkie (SIGGRAPH 2012, RGB) and their solar radiance function (CG&A 2013).
+"""The sky of Hosek and Wilkie [1] in RGB and their solar radiance function [2].
 
-Directions are unit vectors in the frame of geometry.py (+Y up), colours are linear Rec.709. Radiance is the model's
+Directions are unit vectors in the frame of geometry.py (+Y up), colors are linear Rec.709. Radiance is the model's
 W m^-2 sr^-1 nm^-1 seen through RGB and divided by CIE_Y_INTEGRAL, which makes the numbers those of Mitsuba 3's
 `sunsky`. A radiance is never negative, though the published fits dip slightly below zero in the blue of a setting sun.
+
+References:
+    [1] Hosek and Wilkie, An Analytic Model for Full Spectral Sky-Dome Radiance, SIGGRAPH 2012.
+    [2] Hosek and Wilkie, Adding a Solar-Radiance Function to the Hosek-Wilkie Skylight Model, IEEE CG&A 2013.
 """
 
 import math
@@ -31,17 +35,20 @@ _BINOMIAL = np.array([1.0, 5.0, 10.0, 10.0, 5.0, 1.0])
 
 
 def sky_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float, albedo: float) -> Floats:
-    """Sky radiance (..., 3) without the sun's disc along unit vectors (..., 3); 0 below the horizon.
+    """Sky radiance (..., 3) without the sun's disc [1]; 0 below the horizon. ParameterError out of range.
 
-    float32 directions give float32, all others float64. Raises ParameterError outside turbidity 1 to 10,
-    albedo 0 to 1 or with the sun below the horizon.
+    Args:
+        direction: (..., 3) unit vectors; float32 gives float32, all others float64.
+        sun_direction: (3,) vector, not below the horizon.
+        turbidity: 1 to 10.
+        albedo: of the ground, 0 to 1.
     """
     d = np.asarray(direction)
     d = d if d.dtype == np.float32 else d.astype(np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
     coefficients, radiance = sky_parameters(_elevation(sun), turbidity, albedo)
-    towards = (sun / np.linalg.norm(sun)).astype(d.dtype)
-    up, chord = d[..., 1], np.sum((d - towards) ** 2, axis=-1)
+    unit_sun = (sun / np.linalg.norm(sun)).astype(d.dtype)
+    up, chord = d[..., 1], np.sum((d - unit_sun) ** 2, axis=-1)
     result = np.empty_like(d)
     for channel in range(3):
         gradation, offset = sky_gradation(coefficients[channel], up)
@@ -51,12 +58,16 @@ def sky_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: floa
 
 
 def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tuple[Floats, Floats]:
-    """Coefficients (3, 9) and mean radiance (3,) of a sky, rows r, g, b; sun elevation in deg.
+    """Coefficients (3, 9) and mean radiance (3,) of a sky, rows r, g, b. ParameterError out of range.
 
     With theta the angle from the zenith and gamma that from the sun [rad], a channel's radiance is the product of
     its mean radiance, 1 + c0 exp(c1 / (cos theta + 0.01)) and c2 + c3 exp(c4 gamma) + c5 cos^2 gamma + c6 chi +
     c7 sqrt(cos theta) with chi = (1 + cos^2 gamma) / (1 + c8^2 - 2 c8 cos gamma)^1.5.
-    Raises ParameterError out of range.
+
+    Args:
+        sun_elevation: deg above the horizon, 0 to 90.
+        turbidity: 1 to 10.
+        albedo: of the ground, 0 to 1.
     """
     elevation = _checked("sun elevation", sun_elevation)
     weight = _bezier((elevation / 90.0) ** (1 / 3))
@@ -71,7 +82,13 @@ def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tup
 
 
 def sky_coefficients(sun_elevation: float, turbidity: float, ground_albedo: float) -> dict[str, list[float]]:
-    """`sky_parameters` as plain numbers for JSON: r, g, b with nine coefficients each, and radiance with three."""
+    """`sky_parameters` as plain numbers for JSON: r, g, b with nine coefficients each, and radiance with three.
+
+    Args:
+        sun_elevation: deg above the horizon, 0 to 90.
+        turbidity: 1 to 10.
+        ground_albedo: 0 to 1.
+    """
     coefficients, radiance = sky_parameters(sun_elevation, turbidity, ground_albedo)
     rows = {"r": coefficients[0], "g": coefficients[1], "b": coefficients[2], "radiance": radiance}
     return {name: [float(f"{value:.7g}") for value in row] for name, row in rows.items()}
@@ -81,6 +98,10 @@ def sky_gradation(coefficients: Floats, up: Floats) -> tuple[Floats, Floats]:
     """The two terms (...) that depend on the cosine from the zenith (...) alone: a factor and, inside it, an offset.
 
     One channel's radiance is its mean radiance x factor x (`sky_lobe` + offset).
+
+    Args:
+        coefficients: (9,) of a channel.
+        up: (...) cosine of the angle from the zenith, -1 to 1.
     """
     a, b, i = (up.dtype.type(coefficients[index]) for index in (0, 1, 7))
     cosine = np.maximum(up, 0)
@@ -88,10 +109,14 @@ def sky_gradation(coefficients: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def sky_lobe(coefficients: Floats, chord: Floats, angle: Floats | None = None) -> Floats:
-    """The terms (...) that depend on the angle to the sun alone, given as its squared chord |a - b|^2 (...).
+    """The terms (...) that depend on the angle to the sun alone.
 
-    The chord keeps full precision next to the sun, where the cosine has none left. Where the angle [rad] (...) is known
-    as well, it is not computed from the chord.
+    The chord keeps full precision next to the sun, where the cosine has none left.
+
+    Args:
+        coefficients: (9,) of a channel.
+        chord: (...) squared distance |a - b|^2 of the unit vectors, 0 to 4.
+        angle: (...) rad, 0 to pi; None: computed from the chord.
     """
     c, d, e, f, g, h = (chord.dtype.type(coefficients[index]) for index in (2, 3, 4, 5, 6, 8))
     gamma = 2 * np.arcsin(np.minimum(np.sqrt(chord) / 2, 1)) if angle is None else angle
@@ -101,10 +126,14 @@ def sky_lobe(coefficients: Floats, chord: Floats, angle: Floats | None = None) -
 
 
 def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
-    """Radiance (..., 3) of the sun's disc alone, limb darkening included, along unit vectors (..., 3).
+    """Radiance (..., 3) of the sun's disc alone, limb darkening included [2]; 0 outside it and below the horizon.
 
-    0 outside the disc and below the horizon. The air mass is that of each direction, so a low sun is redder at its
-    lower edge. Raises ParameterError outside turbidity 1 to 10 or with the sun's centre below the horizon.
+    The air mass is that of each direction, so a low sun is redder at its lower edge. ParameterError out of range.
+
+    Args:
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) vector to the disc's centre, not below the horizon.
+        turbidity: 1 to 10.
     """
     d = np.asarray(direction, dtype=np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
@@ -118,20 +147,31 @@ def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
 
 
 def sun_radiance(sun_direction: ArrayLike, turbidity: float) -> Floats:
-    """Mean radiance (3,) over the part of the sun's disc that is above the horizon."""
+    """Mean radiance (3,) over the part of the sun's disc that is above the horizon.
+
+    Args:
+        sun_direction: (3,) vector, not below the horizon.
+        turbidity: 1 to 10.
+    """
     points, weight = sun_disc_points(sun_direction)
     return np.asarray(weight @ sun_disc_radiance(points, sun_direction, turbidity) / weight.sum())
 
 
 def sun_disc_points(sun_direction: ArrayLike, rings: int = 24, spokes: int = 96) -> tuple[Floats, Floats]:
-    """Unit vectors (N, 3) spread evenly over the disc, and the solid angle [sr] (N,) of each; 0 below the horizon."""
+    """Unit vectors (N, 3) evenly over the sun's disc, and the solid angle [sr] (N,) of each; 0 below the horizon.
+
+    Args:
+        sun_direction: (3,) vector to the disc's centre.
+        rings: of points around the centre.
+        spokes: points of a ring.
+    """
     sun = np.asarray(sun_direction, dtype=np.float64)
     azimuth, elevation = (float(angle) for angle in angles(sun))
     axes = np.stack([direction(azimuth + 90, 0), direction(azimuth, elevation + 90), direction(azimuth, elevation)])
     cosine = 1 - (1 - np.cos(np.radians(SUN_RADIUS))) * (np.arange(rings) + 0.5) / rings
-    turn = 2 * np.pi * (np.arange(spokes) + 0.5) / spokes
+    angle = 2 * np.pi * (np.arange(spokes) + 0.5) / spokes
     sine, depth = np.sqrt(1 - cosine**2)[:, None], np.repeat(cosine[:, None], spokes, axis=1)
-    points = np.stack([sine * np.cos(turn), sine * np.sin(turn), depth], axis=-1).reshape(-1, 3) @ axes
+    points = np.stack([sine * np.cos(angle), sine * np.sin(angle), depth], axis=-1).reshape(-1, 3) @ axes
     return points, np.where(points[:, 1] >= 0, SUN_SOLID_ANGLE / len(points), 0.0)
 
 

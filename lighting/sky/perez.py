@@ -1,9 +1,12 @@
 """The all-weather sky of Perez, Seals and Michalsky: luminance from what an irradiance meter says of the sky.
 
-Source: R. Perez, R. Seals, J. Michalsky, All-weather model for sky luminance distribution - preliminary configuration
-and validation, Solar Energy 50(3), 1993, table 1 (with the erratum of volume 51, page 423). The circumsolar and horizon
-coefficients of the 1990 paper, which tilted-plane irradiance programs use, are another table. Luminance is relative to
-the zenith's; directions are unit vectors in the frame of geometry.py (+Y up).
+Luminance is relative to the zenith's; directions are unit vectors in the frame of geometry.py (+Y up). The circumsolar
+and horizon coefficients of the 1990 paper, which tilted-plane irradiance programs use, are another table.
+
+References:
+    [1] Perez, Seals, Michalsky, All-weather model for sky luminance distribution - preliminary configuration and
+        validation, Solar Energy 50(3), 1993, table 1, with the erratum of volume 51, page 423.
+    [2] Kasten and Young, Revised optical air mass tables and approximation formula, Applied Optics 28, 1989.
 """
 
 import numpy as np
@@ -13,12 +16,12 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, angles
 from lighting.sky import Weather
 
-CLEARNESS_BINS = (1.0, 1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)  # where each row of the table begins
-BRIGHTNESS_RANGE = (0.01, 0.6)  # that the model covers
-SOLAR_CONSTANT = 1361.0  # W m^-2 at 1 astronomical unit, outside the atmosphere
+_CLEARNESS_BINS = (1.0, 1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)  # where each row of the table begins
+_BRIGHTNESS_RANGE = (0.01, 0.6)  # that the model covers
+_SOLAR_CONSTANT = 1361.0  # W m^-2 at 1 astronomical unit, outside the atmosphere
 
-_DARK_BROKEN = 0.2  # the least brightness where 1.065 < clearness < 2.8; as Radiance's gendaylit has it
-_LOWEST = 0.01  # cosine of the zenith angle that stands for the horizon: some rows grow without bound there
+_MIN_BROKEN_BRIGHTNESS = 0.2  # where 1.065 < clearness < 2.8; as Radiance's gendaylit has it
+_MIN_COSINE = 0.01  # of the zenith angle: towards the horizon some rows grow without bound
 # Rows by clearness; four numbers x1 to x4 for each of a, b, c, d, e.
 _TABLE = np.array(
     [
@@ -43,10 +46,13 @@ _TABLE = np.array(
 
 
 def perez_luminance(direction: ArrayLike, sun_direction: ArrayLike, clearness: float, brightness: float) -> Floats:
-    """Luminance / zenith's (...) along unit vectors (..., 3); 0 below the horizon, the sun's disc not included.
+    """Luminance / zenith's (...) [1]; 0 below the horizon, the sun's disc not included. ParameterError out of range.
 
-    `clearness` is 1 under an overcast sky and above 6.2 under a clear one, `brightness` 0.01 to 0.6. Raises
-    ParameterError out of range and for a sun below the horizon.
+    Args:
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) unit vector, not below the horizon.
+        clearness: 1 under an overcast sky, above 6.2 under a clear one.
+        brightness: 0.01 to 0.6.
     """
     d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
     zenith_angle = float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
@@ -56,6 +62,19 @@ def perez_luminance(direction: ArrayLike, sun_direction: ArrayLike, clearness: f
     return np.asarray(np.where(d[..., 1] >= 0, np.maximum(value / zenith, 0), 0.0))
 
 
+def perez_weather(weather: Weather, sun_direction: ArrayLike) -> tuple[float, float]:
+    """The clearness and brightness that the all-weather model takes, within its range.
+
+    Args:
+        weather: of which `beam` and `diffuse` count.
+        sun_direction: (3,) unit vector.
+    """
+    zenith = np.radians(90.0 - max(float(angles(sun_direction)[1]), 0.0))
+    clearness = float(_sky_clearness(1.0, weather.beam, zenith))
+    brightness = float(np.clip(_sky_brightness(weather.diffuse, zenith), *_BRIGHTNESS_RANGE))
+    return clearness, brightness
+
+
 def _perez_coefficients(clearness: float, brightness: float, sun_zenith: float) -> Floats:
     """a, b, c, d, e (5,) of luminance = (1 + a exp(b / cos theta)) (1 + c exp(d gamma) + e cos^2 gamma).
 
@@ -63,8 +82,8 @@ def _perez_coefficients(clearness: float, brightness: float, sun_zenith: float) 
     Raises ParameterError out of range.
     """
     _check(clearness, brightness, sun_zenith)
-    row = int(np.searchsorted(CLEARNESS_BINS, clearness, side="right")) - 1
-    delta = max(brightness, _DARK_BROKEN) if 1.065 < clearness < 2.8 else brightness
+    row = int(np.searchsorted(_CLEARNESS_BINS, clearness, side="right")) - 1
+    delta = max(brightness, _MIN_BROKEN_BRIGHTNESS) if 1.065 < clearness < 2.8 else brightness
     x = _TABLE[row]
     coefficients = x[:, 0] + x[:, 1] * sun_zenith + delta * (x[:, 2] + x[:, 3] * sun_zenith)
     if row == 0:
@@ -81,24 +100,24 @@ def _sky_clearness(diffuse: ArrayLike, direct: ArrayLike, sun_zenith: ArrayLike)
     return np.asarray(((diffuse + direct) / diffuse + cubed) / (1 + cubed))
 
 
-def _sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike, extraterrestrial: float = SOLAR_CONSTANT) -> Floats:
+def _sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike, extraterrestrial: float = _SOLAR_CONSTANT) -> Floats:
     """Brightness (...): diffuse horizontal irradiance (...) [W m^-2] x relative air mass / that outside the atmosphere.
 
-    The air mass is Kasten and Young's (1989).
+    The air mass is Kasten and Young's [2].
     """
     zenith = np.degrees(np.asarray(sun_zenith, dtype=np.float64))
     air_mass = 1 / (np.cos(np.radians(zenith)) + 0.50572 * (96.07995 - zenith) ** -1.6364)
     return np.asarray(np.asarray(diffuse, dtype=np.float64) * air_mass / extraterrestrial)
 
 
-def _luminance(coefficients: Floats, up: Floats, away: Floats) -> Floats:
+def _luminance(coefficients: Floats, up: Floats, sun_angle: Floats) -> Floats:
     a, b, c, d, e = coefficients
-    gradation = 1 + a * np.exp(b / np.maximum(up, _LOWEST))
-    return np.asarray(gradation * (1 + c * np.exp(d * away) + e * np.cos(away) ** 2))
+    gradation = 1 + a * np.exp(b / np.maximum(up, _MIN_COSINE))
+    return np.asarray(gradation * (1 + c * np.exp(d * sun_angle) + e * np.cos(sun_angle) ** 2))
 
 
 def _check(clearness: float, brightness: float, sun_zenith: float) -> None:
-    low, high = BRIGHTNESS_RANGE
+    low, high = _BRIGHTNESS_RANGE
     if not clearness >= 1:
         raise ParameterError(
             f"The sky's clearness is {clearness:g}; it is 1 or more.", "clearness", ErrorCode.OUT_OF_RANGE
@@ -113,11 +132,3 @@ def _check(clearness: float, brightness: float, sun_zenith: float) -> None:
         raise ParameterError(
             "The sun is below the horizon; the all-weather sky needs it above.", "sun_zenith", ErrorCode.NIGHT
         )
-
-
-def perez_weather(weather: Weather, sun_direction: ArrayLike) -> tuple[float, float]:
-    """The clearness and brightness that the all-weather model takes, within its range."""
-    zenith = np.radians(90.0 - max(float(angles(sun_direction)[1]), 0.0))
-    clearness = float(_sky_clearness(1.0, weather.beam, zenith))
-    brightness = float(np.clip(_sky_brightness(weather.diffuse, zenith), *BRIGHTNESS_RANGE))
-    return clearness, brightness

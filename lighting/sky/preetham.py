@@ -1,13 +1,13 @@
-"""Preetham sky; Lalonde-Matthews built on it.
+"""The clear sky of Preetham [1], and the sky and sun of Lalonde and Matthews [2] built on it.
 
-Source: A. J. Preetham, P. Shirley, B. Smits, A Practical Analytic Model for Daylight, SIGGRAPH 1999, appendix A.2.
-Luminance is absolute, in kcd m^-2. Directions are unit vectors in the frame of geometry.py (+Y up), colours are linear
-Rec.709 whose luminance is that of the model.
+Preetham's luminance is absolute, in kcd m^-2; colors are linear Rec.709 of that luminance. Directions are unit vectors
+in the frame of geometry.py (+Y up). The sky of Lalonde and Matthews is Preetham's luminance times one color, in any
+unit. Their sun is w exp(-beta exp(-kappa / gamma)) with gamma the angle from it; colors and widths cover the weather.
 
-Source: J.-F. Lalonde, I. Matthews, Lighting Estimation in Outdoor Image Collections, 3DV 2014, section 3: the sky is
-the luminance of Preetham's model times one colour, the sun w exp(-beta exp(-kappa / gamma)) with gamma the angle from
-it. The ranges of beta, kappa and turbidity are those of their later learning papers (Zhang et al., CVPR 2019). Colours
-are linear Rec.709 in any unit; directions are unit vectors in the frame of geometry.py (+Y up).
+References:
+    [1] Preetham, Shirley, Smits, A Practical Analytic Model for Daylight, SIGGRAPH 1999, appendix A.2.
+    [2] Lalonde and Matthews, Lighting Estimation in Outdoor Image Collections, 3DV 2014, section 3.
+    [3] Zhang et al., All-Weather Deep Outdoor Lighting Estimation, CVPR 2019: ranges of beta, kappa and turbidity.
 """
 
 import numpy as np
@@ -16,11 +16,11 @@ from numpy.typing import ArrayLike
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between
 
-# The clear sky of Preetham, Shirley and Smits: luminance and chromaticity by turbidity.
-
 TURBIDITY = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
 
-_LOWEST = 0.01  # cosine of the zenith angle that stands for the horizon, where some exponents end at infinity
+_BETA, _KAPPA = 20.0, 0.1  # of a clear sun: half of its light lies within about two degrees
+_GLOW_RANGES = {"beta": (1.0, 50.0), "kappa": (0.0, 1.0)}
+_MIN_COSINE = 0.01  # of the zenith angle: at the horizon some exponents end at infinity
 _DISTRIBUTION = np.array(  # for luminance, x and y: slope and offset in turbidity of each of A to E
     [
         [[0.1787, -1.4630], [-0.3554, 0.4275], [-0.0227, 5.3251], [0.1206, -2.5771], [-0.0670, 0.3703]],
@@ -48,14 +48,15 @@ _TO_REC709 = np.array(  # from XYZ (IEC 61966-2-1)
 
 
 def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
-    """Linear Rec.709 (..., 3) in kcd m^-2 along unit vectors (..., 3), without the sun's disc; 0 below the horizon.
+    """Linear Rec.709 (..., 3) in kcd m^-2, without the sun's disc [1]; 0 below the horizon.
 
-    Raises ParameterError for a turbidity outside 1.7 to 10 and for a sun below the horizon.
+    Args:
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
+        turbidity: 1.7 to 10, else ParameterError.
     """
-    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
-    away, from_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    parts = _preetham_distribution(d[..., 1], away, from_zenith, turbidity)
-    zenith = _preetham_zenith(from_zenith, turbidity)
+    d, sun_zenith, parts = _relative_to_zenith(direction, sun_direction, turbidity)
+    zenith = _preetham_zenith(sun_zenith, turbidity)
     luminance, x, y = (parts[i] * zenith[i] for i in range(3))
     xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
     return np.asarray(np.where(d[..., 1:2] >= 0, np.maximum(xyz @ _TO_REC709.T, 0.0), 0.0))
@@ -63,13 +64,20 @@ def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
 
 def _preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
     """Luminance / zenith's (...) along unit vectors (..., 3); 0 below the horizon. Raises as `preetham_radiance`."""
-    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
-    away, from_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    parts = _preetham_distribution(d[..., 1], away, from_zenith, turbidity)
+    d, _, parts = _relative_to_zenith(direction, sun_direction, turbidity)
     return np.where(d[..., 1] >= 0, np.maximum(parts[0], 0.0), 0.0)
 
 
-def _preetham_distribution(up: Floats, away: Floats, sun_zenith: float, turbidity: float) -> Floats:
+def _relative_to_zenith(
+    direction: ArrayLike, sun_direction: ArrayLike, turbidity: float
+) -> tuple[Floats, float, Floats]:
+    """Directions (..., 3), the sun's angle from the zenith [rad], and luminance, x and y (3, ...) by the zenith's."""
+    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
+    sun_angle, sun_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
+    return d, sun_zenith, _preetham_distribution(d[..., 1], sun_angle, sun_zenith, turbidity)
+
+
+def _preetham_distribution(up: Floats, sun_angle: Floats, sun_zenith: float, turbidity: float) -> Floats:
     """Luminance, x and y (3, ...) by the zenith's, of the cosine from the zenith and the angle from the sun [rad]."""
     _check(turbidity, sun_zenith)
     table = _DISTRIBUTION @ [turbidity, 1.0]
@@ -78,8 +86,8 @@ def _preetham_distribution(up: Floats, away: Floats, sun_zenith: float, turbidit
         a, b, c, d, e = row
         return np.asarray((1 + a * np.exp(b / cosine)) * (1 + c * np.exp(d * angle) + e * np.cos(angle) ** 2))
 
-    there, one, from_sun = np.maximum(up, _LOWEST), np.asarray(1.0), np.asarray(sun_zenith)
-    return np.stack([part(row, there, away) / part(row, one, from_sun) for row in table])
+    cosine, zenith_cosine, zenith_angle = np.maximum(up, _MIN_COSINE), np.asarray(1.0), np.asarray(sun_zenith)
+    return np.stack([part(row, cosine, sun_angle) / part(row, zenith_cosine, zenith_angle) for row in table])
 
 
 def _preetham_zenith(sun_zenith: float, turbidity: float) -> Floats:
@@ -105,34 +113,33 @@ def _check(turbidity: float, sun_zenith: float) -> None:
         )
 
 
-# The sky and sun of Lalonde and Matthews, which covers weather by the colours and widths of two terms.
-
-BETA, KAPPA = 20.0, 0.1  # of a clear sun: half of its light lies within about two degrees
-_RANGES = {"beta": (1.0, 50.0), "kappa": (0.0, 1.0)}
-
-
 def lalonde_matthews_sky(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
-    """Radiance / the zenith's (...) along unit vectors (..., 3), to be multiplied with the sky's colour.
+    """Radiance / the zenith's (...) [2], to be multiplied with the sky's color; 0 below the horizon.
 
-    0 below the horizon. Turbidities outside the range of Preetham's model count as its ends. Raises ParameterError for
-    a sun below the horizon.
+    Args:
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
+        turbidity: values outside 1.7 to 10 count as these ends.
     """
     return _preetham_luminance(direction, sun_direction, float(np.clip(turbidity, *TURBIDITY)))
 
 
 def lalonde_matthews_sun(
-    direction: ArrayLike, sun_direction: ArrayLike, beta: float = BETA, kappa: float = KAPPA
+    direction: ArrayLike, sun_direction: ArrayLike, beta: float = _BETA, kappa: float = _KAPPA
 ) -> Floats:
-    """Radiance / the sun's own (...) along unit vectors (..., 3), times its colour; 0 below the horizon.
+    """Radiance of the sun (...) [2], to be multiplied with its color; 0 below the horizon. ParameterError out of range.
 
-    `beta` (1 to 50) narrows the glow around the sun, `kappa` (0 to 1) widens the sun itself. Raises ParameterError out
-    of range.
+    Args:
+        direction: (..., 3) unit vectors.
+        sun_direction: (3,) unit vector.
+        beta: narrows the glow around the sun, 1 to 50.
+        kappa: widens the sun itself, 0 to 1.
     """
     for name, value in (("beta", beta), ("kappa", kappa)):
-        low, high = _RANGES[name]
+        low, high = _GLOW_RANGES[name]
         if not low <= value <= high:
             sentence = f"The sun's {name} is {value:g}; it must lie in {low:g} to {high:g}."
             raise ParameterError(sentence, name, ErrorCode.OUT_OF_RANGE)
     d = np.asarray(direction, dtype=np.float64)
-    away = np.maximum(np.radians(angle_between(d, sun_direction)), 1e-9)
-    return np.where(d[..., 1] >= 0, np.exp(-beta * np.exp(-kappa / away)), 0.0)
+    sun_angle = np.maximum(np.radians(angle_between(d, sun_direction)), 1e-9)
+    return np.where(d[..., 1] >= 0, np.exp(-beta * np.exp(-kappa / sun_angle)), 0.0)
