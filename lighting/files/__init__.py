@@ -80,10 +80,15 @@ def write_envmap(
     *,
     compression: str = "zip",
 ) -> None:
-    """Write a map (H, 2H, 3) to a path in the format of its suffix, one of MAP_FORMATS.
+    """Write a map to a path in the format of its suffix. The path appears only when the file is whole.
 
-    `compression` is how an EXR is packed; the others know none. The path appears only when the file is whole.
     Raises EnvironmentMapError for another suffix or shape and for a path that cannot be written.
+
+    Args:
+        target: path whose suffix is one of MAP_FORMATS.
+        image: (H, 2H, 3) linear Rec.709.
+        lighting: for the header of an EXR; None: without.
+        compression: of an EXR, one of COMPRESSIONS; the others have none.
     """
     _writer(_format_of(target), compression)(target, image, lighting)
 
@@ -91,7 +96,14 @@ def write_envmap(
 def encode_envmap(
     image: "Floats", lighting: "Lighting | None" = None, format: str = "exr", *, compression: str = "zip"
 ) -> bytes:
-    """The bytes of such a file; `format` is one of MAP_FORMATS."""
+    """The bytes of a file that holds a map; raises as `write_envmap`.
+
+    Args:
+        image: (H, 2H, 3) linear Rec.709.
+        lighting: for the header of an EXR; None: without.
+        format: one of MAP_FORMATS.
+        compression: of an EXR, one of COMPRESSIONS; the others have none.
+    """
     buffer = io.BytesIO()
     _writer(format, compression)(buffer, image, lighting)
     return buffer.getvalue()
@@ -103,8 +115,8 @@ def _format_of(path: str | os.PathLike[str]) -> str:
         raise EnvironmentMapError(f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.")
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in MAP_FORMATS:
-        known = _either([f".{name}" for name in MAP_FORMATS])
-        raise EnvironmentMapError(f"The name {os.fspath(path)!r} must end in {known}.")
+        suffixes = _either([f".{name}" for name in MAP_FORMATS])
+        raise EnvironmentMapError(f"The name {os.fspath(path)!r} must end in {suffixes}.")
     return suffix
 
 

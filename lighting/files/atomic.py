@@ -12,23 +12,24 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-# Files that appear under their final name only when they are whole.
-
-_RANDOM = 8  # bytes in a temporary name
+_RANDOM_BYTES = 8  # in a temporary name
 
 
 @contextmanager
 def atomic_write(target: str | os.PathLike[str]) -> Iterator[Path]:
-    """A temporary path beside `target` that takes its place if the block ends well and vanishes if it does not.
+    """A temporary path that replaces the target if the block ends well, and vanishes if it does not.
 
-    The suffix is kept, since writers read the format from it. A link stays, and what it leads to is replaced; a file
+    The suffix is kept, since writers read the format from it. A link stays, and what it leads to is replaced. A file
     that is replaced passes its permissions on. Raises OSError where the folder cannot be written, and for a pipe or a
     device, which a file would take away from others: /dev/null from the whole system.
+
+    Args:
+        target: path under which the file appears when it is whole.
     """
     final = Path(os.path.realpath(target))
     if final.exists() and not final.is_file() and not final.is_dir():
         raise OSError(errno.EEXIST, "it is a pipe or a device, not a file", str(target))
-    temporary = _empty(final, Path(target).suffix)
+    temporary = _create_beside(final, Path(target).suffix)
     try:
         yield temporary
         if final.is_file():
@@ -43,18 +44,19 @@ def atomic_write(target: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def stale_temporaries(target: str | os.PathLike[str]) -> list[Path]:
-    """Temporary files of `replacing` with the suffix of `target` in its folder.
+    """Temporary files of `atomic_write` in a folder: while nobody writes in it, what killed processes left.
 
-    While nobody writes there, they are what killed processes left.
+    Args:
+        target: path whose folder and suffix count.
     """
     final = Path(os.path.realpath(target))
-    name = re.compile(rf"\.[0-9a-f]{{{2 * _RANDOM}}}{re.escape(Path(target).suffix)}")
+    name = re.compile(rf"\.[0-9a-f]{{{2 * _RANDOM_BYTES}}}{re.escape(Path(target).suffix)}")
     return [path for path in final.parent.iterdir() if name.fullmatch(path.name)] if final.parent.is_dir() else []
 
 
-def _empty(final: Path, suffix: str) -> Path:
+def _create_beside(final: Path, suffix: str) -> Path:
     """A new file beside another, with the permissions of any file that the process makes."""
-    path = final.parent / f".{os.urandom(_RANDOM).hex()}{suffix}"
+    path = final.parent / f".{os.urandom(_RANDOM_BYTES).hex()}{suffix}"
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except OSError as error:
@@ -62,11 +64,13 @@ def _empty(final: Path, suffix: str) -> Path:
     return path
 
 
-# Pixels as the bytes of pictures that everybody opens.
-
-
 def encode_png(pixels: NDArray[np.uint8], compress_level: int = 6) -> bytes:
-    """The bytes of a PNG of pixels (H, W, 3 or 4), or of one channel (H, W)."""
+    """The bytes of a PNG.
+
+    Args:
+        pixels: (H, W, 3 or 4) sRGB, or (H, W) of one channel.
+        compress_level: 0 fast to 9 small.
+    """
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -75,7 +79,12 @@ def encode_png(pixels: NDArray[np.uint8], compress_level: int = 6) -> bytes:
 
 
 def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
-    """The bytes of a JPEG of pixels (H, W, 3), without metadata."""
+    """The bytes of a JPEG without metadata.
+
+    Args:
+        pixels: (H, W, 3) sRGB.
+        quality: 1 to 95.
+    """
     from PIL import Image
 
     buffer = io.BytesIO()
@@ -83,17 +92,16 @@ def encode_jpeg(pixels: NDArray[np.uint8], quality: int) -> bytes:
     return buffer.getvalue()
 
 
-# Folders that results go to.
-
-_NEEDS_FOLDER = "the results need a folder"
-
-
 def output_folder_error(
-    folder: Path, *, overwrite: bool, what: str = "the results", need: str = _NEEDS_FOLDER
+    folder: Path, *, overwrite: bool, what: str = "the results", need: str = "the results need a folder"
 ) -> str | None:
-    """Why something cannot or must not be written to a folder, in a sentence; None where nothing is in the way.
+    """Why results cannot or must not be written to a folder, in a sentence; None where nothing is in the way.
 
-    `what` is its name in the sentence, `need` says that it takes a folder.
+    Args:
+        folder: that may exist or not.
+        overwrite: whether files in it may be replaced.
+        what: name of the results in the sentence.
+        need: says that they take a folder.
     """
     parent = folder.absolute().parent
     if folder.exists() and not folder.is_dir():
@@ -102,5 +110,5 @@ def output_folder_error(
         return f"{folder} is not empty; --overwrite replaces {what} in it."
     if not parent.is_dir():
         return f"There is no folder {parent}."
-    closed = (place for place in (parent, folder) if place.exists() and not os.access(place, os.W_OK | os.X_OK))
-    return next((f"The folder {place} cannot be written to." for place in closed), None)
+    closed = (path for path in (parent, folder) if path.exists() and not os.access(path, os.W_OK | os.X_OK))
+    return next((f"The folder {path} cannot be written to." for path in closed), None)

@@ -1,10 +1,10 @@
 """OpenEXR read and write, attributes, compression.
 
-Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is known, with
-the names and units of ranges.py; `lighting.sky_model`, `lighting.sun_direction`, `lighting.evidence`; `lighting.json`,
-the whole record.
+Environment maps are 32-bit float R, G, B with the lighting that made them in the header. Attributes: `envmap`,
+`chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is not None, with the names and units
+of validation.py; `lighting.sky_model`, `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the record.
 
-docs/performance.md says which programs opened which of them, how long they take and how large the files are.
+docs/performance.md says which programs opened which files, how long they take and how large they are.
 """
 
 import ctypes
@@ -29,7 +29,12 @@ from lighting.runtime import available_cpus
 from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.version import __version__
 
-# How the pixels of an EXR are packed: which ways there are, and what each costs.
+Image = NDArray[np.float32]
+WriteTarget = str | os.PathLike[str] | BinaryIO
+_Attributes = dict[str, Any]  # of a header, of the types that OpenEXR knows
+
+SOFTWARE = f"outdoor-lighting {__version__}"
+EXR_MAGIC = b"v/1\x01"
 
 COMPRESSIONS = {"zip": "ZIP_COMPRESSION", "pxr24": "PXR24_COMPRESSION", "none": "NO_COMPRESSION"}  # OpenEXR's names
 _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
@@ -40,11 +45,18 @@ _HALF, _MASK = np.uint32(1 << (_DROPPED - 1)), np.uint32(0xFFFFFFFF << _DROPPED 
 _ROWS = 32  # that are rounded at once
 _THREADS = 4  # beyond which packing gets no faster
 _EFFORT = 1  # of ZIP, 1 to 9: a third less work than OpenEXR's own 4, for a seventh more bytes
+_BUFFER_BYTES = 1 << 20  # written at once; OpenEXR writes each 16 rows, with their offset and size, by themselves
+_NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
+_MAX_CHUNKS = 1 << 16  # of a file, each of a row or more: a map of more rows would hold 100 GB
 _SET_EFFORT = "_ZN7Imf_3_529setDefaultZipCompressionLevelEi"  # Imf::setDefaultZipCompressionLevel(int) of OpenEXR 3.5
 
 
 def check_compression(compression: str) -> None:
-    """Raise EnvironmentMapError for what is not among COMPRESSIONS; of one that was, it says what to use instead."""
+    """Raise EnvironmentMapError for what is not among COMPRESSIONS; of one that was, it says what to use instead.
+
+    Args:
+        compression: name to check.
+    """
     if compression in _REMOVED:
         raise EnvironmentMapError(f"The compression {compression!r} was removed; none changes no value either.")
     if compression not in COMPRESSIONS:
@@ -54,9 +66,11 @@ def check_compression(compression: str) -> None:
 
 
 def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.float32]]:
-    """OpenEXR's name of the compression, and the pixels as it is to pack them.
+    """OpenEXR's constant of the compression, and the pixels as it is to pack them: rounded by `zip`.
 
-    Raises EnvironmentMapError for one that is not among COMPRESSIONS.
+    Args:
+        image: (H, W, 3).
+        compression: one of COMPRESSIONS, else EnvironmentMapError.
     """
     check_compression(compression)
     library = _library()
@@ -64,8 +78,8 @@ def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[A
 
 
 def _rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The values as `round_in_place` leaves them, in an array of their own unless they are so already."""
-    if _is_rounded(image):
+    """The values as `round_in_place` leaves them, in another array unless they are so already."""
+    if not any((rows.view(np.uint32) & ~_MASK).any() for rows in _bands(image)):
         return image
     values = np.empty_like(image)
     _round(image, values)
@@ -73,26 +87,24 @@ def _rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def round_in_place(image: NDArray[np.float32]) -> None:
-    """Round the values to MANTISSA bits, half away from zero; what would become infinite stays as it is.
+    """Round the values to 13 bits of mantissa, half away from zero; what would become infinite stays as it is.
 
     The zeros that this leaves at the end of every number are what ZIP packs fast and small.
+
+    Args:
+        image: (H, W, 3), changed in place.
     """
     _round(image, image)
 
 
 def _round(image: NDArray[np.float32], target: NDArray[np.float32]) -> None:
     """Fill `target`, which may be the image itself, with its values rounded."""
-    for rows, there in zip(_bands(image), _bands(target), strict=True):
+    for rows, out in zip(_bands(image), _bands(target), strict=True):
         bits = rows.view(np.uint32) + _HALF
         bits &= _MASK
         values = bits.view(np.float32)
-        kept = np.isfinite(values)
-        there[:] = values if kept.all() else np.where(kept, values, rows)
-
-
-def _is_rounded(image: NDArray[np.float32]) -> bool:
-    """Whether rounding changes nothing."""
-    return not any((rows.view(np.uint32) & ~_MASK).any() for rows in _bands(image))
+        finite = np.isfinite(values)
+        out[:] = values if finite.all() else np.where(finite, values, rows)
 
 
 def _bands(image: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
@@ -102,7 +114,11 @@ def _bands(image: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
 
 
 def set_compression_threads(count: int) -> None:
-    """Pack in this many threads from now on; one packs in the thread that asks, since a pool of one is slower."""
+    """Pack in this many threads from now on; one packs in the caller's thread, since a pool of one is slower.
+
+    Args:
+        count: of threads, 1 or more.
+    """
     _library().set_global_thread_count(count if count > 1 else 0)
 
 
@@ -116,35 +132,22 @@ def _library() -> Any:
     if OpenEXR.global_thread_count() == 0:
         OpenEXR.set_global_thread_count(min(_THREADS, available_cpus()))
         if hasattr(os, "register_at_fork"):
-            _rest_over_forks(OpenEXR)
+            _stop_threads_over_forks(OpenEXR)
     return OpenEXR
 
 
-def _rest_over_forks(library: Any) -> None:
+def _stop_threads_over_forks(library: Any) -> None:
     """End the threads before a fork and start them again in the parent; the child packs in its own thread.
 
     A forked process has none of them, and would wait for them for ever.
     """
     counts: list[int] = []
 
-    def rest() -> None:
+    def stop() -> None:
         counts.append(library.global_thread_count())
         library.set_global_thread_count(0)
 
-    os.register_at_fork(before=rest, after_in_parent=lambda: library.set_global_thread_count(counts.pop()))
-
-
-# Environment maps as OpenEXR: 32-bit float R, G, B with the lighting that made them in the header.
-
-Image = NDArray[np.float32]
-WriteTarget = str | os.PathLike[str] | BinaryIO
-
-SOFTWARE = f"outdoor-lighting {__version__}"
-
-EXR_MAGIC = b"v/1\x01"
-_BUFFER = 1 << 20  # bytes written at once; OpenEXR writes each 16 rows, with their place and size, by themselves
-_NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
-_MOST_CHUNKS = 1 << 16  # of a file, each of a row or more: a map of more rows would hold 100 GB
+    os.register_at_fork(before=stop, after_in_parent=lambda: library.set_global_thread_count(counts.pop()))
 
 
 def write_exr(
@@ -155,13 +158,18 @@ def write_exr(
     *,
     compression: str = "zip",
 ) -> None:
-    """Write a map (H, 2H, 3) to a path or a binary stream, as 32-bit float.
+    """Write a map to a path or a binary stream, as 32-bit float.
 
-    `attributes` go into the header beside those of the lighting: texts, floats and what else OpenEXR knows. Every
-    program opens `zip`, which changes values by up to 6e-5 of each; `pxr24` changes up to 1.6e-5, `none` nothing.
-    A path appears only when the file is whole. Raises EnvironmentMapError for an array of another shape, another
-    compression, attributes that no EXR can have, a path that cannot be written and what is neither a path nor a stream,
-    ParameterError for what is no Lighting; what a stream raises is passed on.
+    Every program opens `zip`, which changes values by up to 6e-5 of each; `pxr24` changes up to 1.6e-5, `none` nothing.
+    Raises EnvironmentMapError for another shape or compression, attributes that OpenEXR does not know, and a target
+    that cannot be written.
+
+    Args:
+        target: path, which appears when the file is whole, or binary stream.
+        image: (H, 2H, 3) linear Rec.709.
+        lighting: for the header, else ParameterError; None: without.
+        attributes: beside those of the lighting: texts, floats and what else OpenEXR knows; None: no others.
+        compression: one of COMPRESSIONS.
     """
     import OpenEXR
 
@@ -192,9 +200,10 @@ def write_exr(
 
 
 def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
-    """The pixels (H, W, 3) of an EXR file, half or float, in Rec.709, and the lighting in its header if there is one.
+    """The pixels (H, W, 3) of an EXR file in linear Rec.709, and the lighting in its header or None.
 
-    `source` is a path or a binary stream. Raises EnvironmentMapError for what is not a whole EXR file with R, G and B.
+    Args:
+        source: path or binary stream of a whole file with R, G and B, half or float, else EnvironmentMapError.
     """
     data = _read(source)
     if not _is_whole(data):
@@ -219,9 +228,10 @@ def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
 
 
 def read_envmap(file: str | os.PathLike[str]) -> Image:
-    """The map (H, 2H, 3) in an EXR file.
+    """The map (H, 2H, 3) in an EXR file; EnvironmentMapError, which names the file, for what is no finite map.
 
-    Raises EnvironmentMapError, which names the file, for what is no whole map, and for values that are not finite.
+    Args:
+        file: path of the map.
     """
     data = _read(file)
     try:
@@ -233,8 +243,12 @@ def read_envmap(file: str | os.PathLike[str]) -> Image:
     return image
 
 
-def read_exr_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
-    """The header of an EXR file, without its pixels. Raises EnvironmentMapError for what is not one."""
+def read_exr_attributes(source: str | os.PathLike[str]) -> _Attributes:
+    """The header of an EXR file, without its pixels.
+
+    Args:
+        source: path of an EXR file, else EnvironmentMapError.
+    """
     import OpenEXR
 
     try:
@@ -249,7 +263,11 @@ def read_exr_attributes(source: str | os.PathLike[str]) -> dict[str, Any]:
 
 
 def check_envmap(image: NDArray[np.floating[Any]]) -> Image:
-    """The map as contiguous float32; EnvironmentMapError unless it has the shape (H, 2H, 3)."""
+    """The map as contiguous float32.
+
+    Args:
+        image: (H, 2H, 3), else EnvironmentMapError.
+    """
     shape = np.shape(image)
     if len(shape) != 3 or shape != (shape[0], 2 * shape[0], 3) or shape[0] == 0:
         raise EnvironmentMapError(f"An environment map has the shape (H, 2H, 3), not {shape}.")
@@ -258,15 +276,16 @@ def check_envmap(image: NDArray[np.floating[Any]]) -> Image:
 
 @contextmanager
 def open_target(target: WriteTarget) -> Iterator[BinaryIO]:
-    """A binary stream to fill: the one given, or a file that takes the path's place when the block ends well.
+    """A binary stream to fill. A file appears under its path when the block ends well.
 
-    Raises EnvironmentMapError where the path cannot be written.
+    Args:
+        target: a stream, which is returned, or a path that can be written, else EnvironmentMapError.
     """
     if not isinstance(target, str | os.PathLike):
         yield target
         return
     try:
-        with atomic_write(target) as temporary, temporary.open("wb", _BUFFER) as stream:
+        with atomic_write(target) as temporary, temporary.open("wb", _BUFFER_BYTES) as stream:
             yield stream
     except OSError as error:
         raise EnvironmentMapError(f"{os.fspath(target)} cannot be written: {error.strerror or error}.") from error
@@ -282,7 +301,7 @@ def _try_attributes(header: Mapping[str, Any]) -> None:
         raise EnvironmentMapError(f"The attributes cannot be those of an EXR: {str(error).rstrip('.')}.") from error
 
 
-def _attributes(lighting: Lighting | None) -> dict[str, Any]:
+def _attributes(lighting: Lighting | None) -> _Attributes:
     if lighting is None:
         return {}
     check_lighting(lighting)
@@ -297,7 +316,7 @@ def _attributes(lighting: Lighting | None) -> dict[str, Any]:
     }
 
 
-def _lighting_in(header: dict[str, Any]) -> Lighting | None:
+def _lighting_in(header: Mapping[str, Any]) -> Lighting | None:
     text = header.get("lighting.json")
     if text is None:
         return None
@@ -326,7 +345,8 @@ def _read(source: WriteTarget) -> bytes:
         raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
 
 
-def _decode(data: bytes) -> tuple[dict[str, Any], dict[str, Any]]:
+def _decode(data: bytes) -> tuple[_Attributes, _Attributes]:
+    """The header, and the channels by their names."""
     import OpenEXR
 
     try:
@@ -361,7 +381,7 @@ def _chunks(data: bytes, table: int) -> NDArray[np.uint64]:
     The table ends where the chunk begins that is stored first: that of the top rows, or of the lowest ones where the
     rows are stored from the bottom up.
     """
-    offsets = np.frombuffer(data, "<u8", min(_MOST_CHUNKS, (len(data) - table) // 8), table)
+    offsets = np.frombuffer(data, "<u8", min(_MAX_CHUNKS, (len(data) - table) // 8), table)
     ends = table + 8 * np.arange(1, len(offsets) + 1, dtype=np.uint64)
     lowest = np.minimum.accumulate(offsets)
     count = int(np.argmax(lowest <= ends)) + 1

@@ -1,13 +1,14 @@
 """Radiance HDR pictures, written and read.
 
-Source: the manual of Radiance's file formats (G. Ward). A header may say by what all values were multiplied, EXPOSURE,
-more than once, and that the pixels hold X, Y and Z in place of red, green and blue.
+A header may say by what all values were multiplied, EXPOSURE, more than once, and that the pixels hold X, Y and Z in
+place of red, green and blue.
+
+References:
+    [1] Ward, Radiance File Formats.
 """
 
 import math
-import os
 import re
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,40 +19,46 @@ from lighting.geometry import Floats
 from lighting.records import Lighting
 
 HDR_MAGIC = b"#?"
-_DARKEST = 1e-38  # what RGBE cannot hold becomes black
-_RUN = 127  # the longest run of the run-length code
+_MIN_VALUE = 1e-38  # what RGBE cannot hold becomes black
+_MAX_RUN = 127  # of the run-length code
 _SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
 _XYZ = re.compile(rb"^FORMAT=\s*32-bit_rle_xyze\s*$", re.MULTILINE)
 _EXPOSURE = re.compile(rb"^EXPOSURE=\s*([0-9.eE+-]+)\s*$", re.MULTILINE)
 
 
 def write_hdr(target: WriteTarget, image: Floats, _: Lighting | None = None) -> None:
-    """Write a map (H, 2H, 3) as Radiance RGBE with run-length coded rows, top row first, left to right."""
-    pixels = _rgbe(check_envmap(image))
+    """Write a map as Radiance RGBE with run-length coded rows, top row first, left to right [1].
+
+    Args:
+        target: path or binary stream.
+        image: (H, 2H, 3) linear Rec.709, else EnvironmentMapError.
+        _: a lighting, which the format does not hold.
+    """
+    pixels = _encode_rgbe(check_envmap(image))
     height, width = pixels.shape[:2]
     start = _row_start(width)
     with open_target(target) as stream:
         stream.write(f"#?RADIANCE\nSOFTWARE={SOFTWARE}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode())
         for row in pixels:
-            stream.write(start + b"".join(_packed(row[:, channel].tobytes()) for channel in range(4)))
+            stream.write(start + b"".join(_encode_runs(row[:, channel].tobytes()) for channel in range(4)))
 
 
-def _rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _encode_rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Three mantissas and the exponent they share (H, W, 4); a value is mantissa x 2^(exponent - 136)."""
     brightest = image.max(axis=-1)
     exponent = np.maximum(np.frexp(brightest)[1], -127)
     pixels = np.empty((*image.shape[:2], 4), dtype=np.uint8)
     pixels[..., :3] = np.clip(np.rint(np.ldexp(np.maximum(image, 0), 8 - exponent[..., None])), 0, 255)
     pixels[..., 3] = np.clip(exponent + 128, 0, 255)
-    pixels[brightest < _DARKEST] = 0
+    pixels[brightest < _MIN_VALUE] = 0
     return pixels
 
 
-def _packed(line: bytes) -> bytes:
+def _encode_runs(line: bytes) -> bytes:
     """Run-length code of one channel of a scanline: a block of equal values as a run, any other as it is."""
     parts = []
-    for start in range(0, len(line), _RUN):
-        block = line[start : start + _RUN]
+    for start in range(0, len(line), _MAX_RUN):
+        block = line[start : start + _MAX_RUN]
         equal = block.count(block[0]) == len(block)
         parts.append(bytes((128 + len(block), block[0])) if equal else bytes((len(block),)) + block)
     return b"".join(parts)
@@ -62,20 +69,13 @@ def _row_start(width: int) -> bytes:
     return bytes((2, 2, width >> 8, width & 255))
 
 
-def _read_hdr(source: str | os.PathLike[str]) -> NDArray[np.float32]:
-    """The pixels (H, W, 3) of a Radiance RGBE file, see `decode_hdr`; EnvironmentMapError, which names the file."""
-    try:
-        return decode_hdr(Path(source).read_bytes())
-    except OSError as error:
-        raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
-    except EnvironmentMapError as error:
-        raise EnvironmentMapError(f"{os.fspath(source)}: {error}") from error
-
-
 def decode_hdr(data: bytes) -> NDArray[np.float32]:
-    """The pixels (H, W, 3) of a Radiance RGBE picture, top row first, run-length coded or plain, without its EXPOSURE.
+    """The pixels (H, W, 3) of a Radiance RGBE picture, run-length coded or plain, without its EXPOSURE [1].
 
     Raises EnvironmentMapError for another kind of file, a damaged one and one whose rows run another way.
+
+    Args:
+        data: of the file, top row first.
     """
     size = _SIZE.search(data)
     if not data.startswith(HDR_MAGIC) or size is None:
@@ -85,7 +85,7 @@ def decode_hdr(data: bytes) -> NDArray[np.float32]:
     height, width = int(size[1]), int(size[2])
     try:
         exposure = _exposure(data[: size.start()])
-        pixels = _decoded(data, size.end(), height, width)
+        pixels = _decode_rgbe(data, size.end(), height, width)
     except (IndexError, ValueError) as error:
         raise EnvironmentMapError("The HDR picture is cut short or damaged.") from error
     scale = np.ldexp(np.float32(1), pixels[..., 3:].astype(np.int32) - 136)
@@ -94,13 +94,13 @@ def decode_hdr(data: bytes) -> NDArray[np.float32]:
 
 def _exposure(header: bytes) -> float:
     """By what the values were multiplied; ValueError where that cannot be."""
-    exposure = math.prod(float(said) for said in _EXPOSURE.findall(header))
+    exposure = math.prod(float(factor) for factor in _EXPOSURE.findall(header))
     if not 1e-30 < exposure < 1e30:
         raise ValueError("no exposure")
     return exposure
 
 
-def _decoded(data: bytes, start: int, height: int, width: int) -> NDArray[np.uint8]:
+def _decode_rgbe(data: bytes, start: int, height: int, width: int) -> NDArray[np.uint8]:
     """Mantissas and exponent (H, W, 4)."""
     if not height * width:
         raise ValueError("no pixels")
@@ -110,12 +110,12 @@ def _decoded(data: bytes, start: int, height: int, width: int) -> NDArray[np.uin
     for _ in range(height):
         if data[position : position + 4] != _row_start(width):
             raise ValueError("a row does not start as one")
-        row, position = _row(data, position + 4, 4 * width)
+        row, position = _decode_runs(data, position + 4, 4 * width)
         rows.append(np.frombuffer(row, np.uint8).reshape(4, width).T)
     return np.stack(rows)
 
 
-def _row(data: bytes, position: int, length: int) -> tuple[bytes, int]:
+def _decode_runs(data: bytes, position: int, length: int) -> tuple[bytes, int]:
     """The four channels of a row, one behind the other, and where the next one starts."""
     row = bytearray()
     while len(row) < length:

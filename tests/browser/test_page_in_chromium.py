@@ -27,7 +27,7 @@ from PIL import ExifTags, Image
 from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
-from lighting.files.radiance_hdr import _read_hdr
+from lighting.files.radiance_hdr import decode_hdr
 from lighting.geometry import camera_axes
 from lighting.photo.reader import TARGET, read_photo
 from lighting.records import Lighting, record_with_coefficients
@@ -491,7 +491,7 @@ class TestDownloads:
         assert image.shape == (512, 1024, 3)
         _, column, _ = np.unravel_index(int(image.argmax()), image.shape)
         assert min(column, 1023 - column) <= 2
-        assert _read_hdr(folder / "map.hdr").shape == (256, 512, 3)
+        assert decode_hdr((folder / "map.hdr").read_bytes()).shape == (256, 512, 3)
         with Image.open(folder / "map.png") as image_file:
             assert image_file.size == (512, 256)
 
