@@ -18,11 +18,11 @@ from lighting.records import (
     Prediction,
     SunEstimate,
     clip_color,
+    clip_to_range,
     round_significant,
 )
 from lighting.sky.hosek_wilkie import sun_radiance
 from lighting.sun_grid import credible_radii, grid_directions
-from lighting.validation import RANGES
 
 # The strength and the colour of the light that the network states, set right where it is known to err.
 
@@ -163,16 +163,16 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
     where = sun or sun_from_prediction(prediction)
     strength = _irradiance_from_network(prediction.light, prediction.sun_visibility) if prediction.light else None
     return Lighting(
-        sun_azimuth=_clipped("sun_azimuth", where.azimuth),
-        sun_elevation=_clipped("sun_elevation", where.elevation),
-        sun_visibility=_clipped("sun_visibility", prediction.sun_visibility),
-        radius_50=_clipped("radius_50", where.radius_50),
-        radius_90=_clipped("radius_90", where.radius_90),
-        turbidity=_clipped("turbidity", prediction.turbidity),
-        exposure=_clipped("exposure", prediction.exposure),
-        camera_elevation=_clipped("camera_elevation", prediction.camera_elevation),
-        camera_roll=_clipped("camera_roll", prediction.camera_roll),
-        vertical_fov=_clipped("vertical_fov", prediction.vertical_fov),
+        sun_azimuth=clip_to_range("sun_azimuth", where.azimuth),
+        sun_elevation=clip_to_range("sun_elevation", where.elevation),
+        sun_visibility=clip_to_range("sun_visibility", prediction.sun_visibility),
+        radius_50=clip_to_range("radius_50", where.radius_50),
+        radius_90=clip_to_range("radius_90", where.radius_90),
+        turbidity=clip_to_range("turbidity", prediction.turbidity),
+        exposure=clip_to_range("exposure", prediction.exposure),
+        camera_elevation=clip_to_range("camera_elevation", prediction.camera_elevation),
+        camera_roll=clip_to_range("camera_roll", prediction.camera_roll),
+        vertical_fov=clip_to_range("vertical_fov", prediction.vertical_fov),
         sun_irradiance=strength.sun_irradiance if strength else None,
         sky_irradiance=strength.sky_irradiance if strength else None,
         sky_cover=strength.sky_cover if strength else None,
@@ -181,11 +181,6 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
         model_version=prediction.spec.version,
         evidence=(EvidenceKind.PIXELS,),
     )
-
-
-def _clipped(name: str, value: float) -> float:
-    """The value as records hold it, clipped to its range in RANGES."""
-    return round_significant(float(np.clip(value, *RANGES[name])))
 
 
 def bayes_direction(probability: ArrayLike, layout: str) -> Floats:

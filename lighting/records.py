@@ -1,4 +1,4 @@
-"""ModelSpec, Prediction, Lighting, Estimate; JSON in and out."""
+"""The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate; JSON in and out."""
 
 import json
 import reprlib
@@ -6,6 +6,7 @@ from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from enum import StrEnum
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -20,103 +21,21 @@ from lighting.validation import (
     OPTIONAL_RANGES,
     RANGES,
     RECORD_PATHS,
+    check_color,
     check_range,
     convert_numpy_numbers,
     is_finite,
     record_path,
 )
 
-# How the JSON record of a light groups its fields.
-
-
-def _sections() -> dict[str, dict[str, str]]:
-    """The groups of the JSON record that hold plain numbers: each name in it, and the attribute that it holds."""
-    groups: dict[str, dict[str, str]] = {}
-    for attribute, path in RECORD_PATHS.items():
-        if attribute in RANGES or attribute in OPTIONAL_RANGES:
-            group, name = path.split(".")
-            groups.setdefault(group, {})[name] = attribute
-    return groups
-
-
-_SECTIONS = _sections()
-_COLOURS = {RECORD_PATHS[attribute]: attribute for attribute in COLOR_RANGES}
-
-
-def _record_of(values: Mapping[str, Any], sun_direction: Floats) -> dict[str, Any]:
-    """The JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown."""
-    record: dict[str, Any] = {"model": {"name": values["model_name"], "version": values["model_version"]}}
-    for section, names in _SECTIONS.items():
-        found = {name: values[attribute] for name, attribute in names.items()}
-        record[section] = {name: value for name, value in found.items() if value is not None}
-    record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
-    for path, attribute in _COLOURS.items():
-        if (colour := values[attribute]) is not None:
-            section, name = path.split(".")
-            record.setdefault(section, {})[name] = list(colour)
-    record["sky"]["model"] = values["sky_model"]
-    if values["suitable"] is not None:
-        record["suitable"] = values["suitable"]
-    if values["camera_heading_probability"]:
-        record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
-    if not record["place"]:
-        del record["place"]
-    return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
-
-
-def _values_in(record: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type.
-
-    The error's field is the path in the record.
-    """
-    if not isinstance(record, Mapping):
-        raise ParameterError(
-            f"A lighting record must be an object, not {reprlib.repr(record)}.", code=ErrorCode.WRONG_TYPE
-        )
-    names = (*_SECTIONS, "model", "ground")
-    found = {name: _section(record, name, required=name in ("sun", "sky")) for name in names}
-    values = {
-        attribute: found[section].get(name) for section, names in _SECTIONS.items() for name, attribute in names.items()
-    }
-    for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
-        if values[name] is None:
-            path = RECORD_PATHS[name]
-            raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
-    values |= {f"model_{name}": found["model"].get(name) for name in ("name", "version")}
-    values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
-    values["camera_heading_probability"] = _numbers(
-        found["camera"], "heading_probability", "camera.heading_probability"
-    )
-    for path, attribute in _COLOURS.items():
-        section, name = path.split(".")
-        values[attribute] = _numbers(found[section], name, path) or None
-    values["sky_model"] = found["sky"].get("model")
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
-    numbers = () if section.get(name) is None else section[name]
-    if not isinstance(numbers, list | tuple):
-        predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
-        raise ParameterError.about(path, predicate, ErrorCode.WRONG_TYPE)
-    return tuple(numbers)
-
-
-def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
-    section = record.get(name)
-    if section is None and not required:
-        return {}
-    if not isinstance(section, Mapping):
-        code = ErrorCode.MISSING if section is None else ErrorCode.WRONG_TYPE
-        raise ParameterError(f"The lighting record needs an object {name!r}.", name, code)
-    return section
-
-
-# The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate.
+Json = dict[str, Any]  # an object of JSON, as it is read or written
+Color = tuple[float, float, float]  # linear Rec.709
 
 MIN_HEIGHT, MAX_HEIGHT = 16, 4096  # rows of an environment map
 GROUND_ALBEDO = 0.3  # the sky fits of the training data assume it too
 MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
+MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
+SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
 
 
@@ -157,12 +76,12 @@ class CodedWarning(str):
 
 
 def warning_code(warning: str) -> WarningCode:
-    """The code of a warning; OTHER for a plain text, as one in a record that was read."""
+    """Return the code of a warning.
+
+    Args:
+        warning: a sentence; a plain text, as one in a record that was read, has the code OTHER.
+    """
     return warning.code if isinstance(warning, CodedWarning) else WarningCode.OTHER
-
-
-Color = tuple[float, float, float]  # linear Rec.709
-SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 
 
 @dataclass(frozen=True)
@@ -185,16 +104,23 @@ class ModelSpec:
         for name in ("width", "height"):
             _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
         for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and all(is_finite(v) for v in getattr(self, name)))
+            _check_spec(name, len(getattr(self, name)) == 3 and all(map(is_finite, getattr(self, name))))
         _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
-        """One line of JSON."""
+        """Write the spec as one line of JSON."""
         return json.dumps({f.name: getattr(self, f.name) for f in fields(self)})
 
     @classmethod
     def from_json(cls, text: str) -> "ModelSpec":
-        """The spec that `to_json` wrote; ModelError if it is of another layout."""
+        """Read the spec that `to_json` wrote.
+
+        Args:
+            text: JSON.
+
+        Raises:
+            ModelError: it is of another layout.
+        """
         try:
             values = json.loads(text)
             spec = cls(**{**values, "mean": tuple(values["mean"]), "std": tuple(values["std"])})
@@ -245,34 +171,34 @@ class SunEstimate:
 class Lighting:
     """The light of one photo and the camera that took it; units and ranges in RANGES. ParameterError for any other."""
 
-    sun_azimuth: float
-    sun_elevation: float
-    turbidity: float
-    exposure: float
-    ground_albedo: float = GROUND_ALBEDO
-    sun_visibility: float = 1.0
-    radius_50: float = 0.0
-    radius_90: float = 0.0
-    camera_elevation: float = 0.0
-    camera_roll: float = 0.0
-    vertical_fov: float = 50.0
+    sun_azimuth: float  # deg, 0 = where the camera points, positive to the right, in (-180, 180]
+    sun_elevation: float  # deg above the horizon, 0 to 90
+    turbidity: float  # 1 to 10
+    exposure: float  # photo's linear values / sky radiance
+    ground_albedo: float = GROUND_ALBEDO  # 0 to 1
+    sun_visibility: float = 1.0  # probability, 0 to 1, that direct sunlight reaches the scene
+    radius_50: float = 0.0  # deg around the sun's direction that hold 50 % of the probability
+    radius_90: float = 0.0  # deg, the same for 90 %
+    camera_elevation: float = 0.0  # deg, -90 to 90, positive looks up
+    camera_roll: float = 0.0  # deg, -180 to 180, positive turns the camera clockwise
+    vertical_fov: float = 50.0  # deg, 1 to 170
     model_name: str = "none"
     model_version: str = "0"
     evidence: tuple[str, ...] = ()  # each the value of an EvidenceKind
     warnings: tuple[str, ...] = ()  # sentences, above all about evidence that contradicts the pixels
-    camera_heading: float | None = None
-    camera_heading_radius_50: float | None = None
-    camera_heading_radius_90: float | None = None
+    camera_heading: float | None = None  # deg clockwise from true north
+    camera_heading_radius_50: float | None = None  # deg to either side that hold 50 % of its probability
+    camera_heading_radius_90: float | None = None  # deg, the same for 90 %
     camera_heading_probability: tuple[float, ...] = ()  # of each of 360 whole degrees, if the heading is known
-    relative_heading: float | None = None
+    relative_heading: float | None = None  # deg clockwise from the first of several photos
     latitude: float | None = field(default=None, repr=False)
     longitude: float | None = field(default=None, repr=False)
     sky_model: str = SKY_MODEL  # of SKY_MODELS: the shape of the sky
     sun_irradiance: Color | None = None  # with sky_irradiance: maps then have these irradiances
     sky_irradiance: Color | None = None
-    sky_cover: float | None = None
-    ground_color: Color | None = None
-    suitable: float | None = None
+    sky_cover: float | None = None  # 0 clear to 1 overcast; goes with sky_irradiance
+    ground_color: Color | None = None  # reflectance, 0 to 1
+    suitable: float | None = None  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
 
     def __post_init__(self) -> None:
         convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
@@ -282,7 +208,8 @@ class Lighting:
             if getattr(self, name) is not None:
                 check_range(name, getattr(self, name), low, high)
         for name, limits in COLOR_RANGES.items():
-            _check_colour(name, getattr(self, name), limits)
+            if getattr(self, name) is not None:
+                check_color(name, getattr(self, name), *limits)
         _check_headings(self.camera_heading_probability)
         for name in ("model_name", "model_version"):
             _check_text(name, getattr(self, name))
@@ -309,23 +236,28 @@ class Lighting:
         """Whether direct sunlight has a probability of at least one half."""
         return self.sun_visibility >= 0.5
 
-    @property
+    @cached_property
     def sun_direction(self) -> Floats:
-        """Unit vector (3,) towards the sun, in the frame of geometry.py."""
-        return direction(self.sun_azimuth, self.sun_elevation)
+        """Unit vector (3,) towards the sun, in the frame of geometry.py; read-only."""
+        vector = direction(self.sun_azimuth, self.sun_elevation)
+        vector.flags.writeable = False
+        return vector
 
-    def to_dict(self) -> dict[str, Any]:
-        """The JSON record. It adds `sun.direction` and omits what is unknown."""
-        return _record_of(vars(self), self.sun_direction)
+    def to_dict(self) -> Json:
+        """Return the JSON record; it adds `sun.direction` and omits what is unknown."""
+        return _record_from_values(vars(self), self.sun_direction)
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
-        """The Lighting in a record of `to_dict`; absent optional fields take defaults, derived values are ignored.
+        """Read a record of `to_dict`; absent optional fields take defaults, derived values are ignored.
 
-        Raises ParameterError, which names the field that is missing, of the wrong type or out of range, as the record
-        does: sun.azimuth.
+        Args:
+            record: an object of JSON.
+
+        Raises:
+            ParameterError: a field is missing, of the wrong type or out of range; named as in the record, sun.azimuth.
         """
-        values = _values_in(record)
+        values = _values_from_record(record)
         try:
             return cls(**values)
         except ParameterError as error:
@@ -333,7 +265,11 @@ class Lighting:
 
 
 def check_lighting(thing: object) -> None:
-    """Raise ParameterError for what is no Lighting."""
+    """Raise ParameterError for what is no Lighting.
+
+    Args:
+        thing: what a caller passed as one.
+    """
     if not isinstance(thing, Lighting):
         sentence = f"A Lighting is needed, not {type(thing).__name__}; an estimate has one as `lighting`."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
@@ -369,19 +305,42 @@ class Estimate:
 
 
 def check_estimate(thing: object) -> None:
-    """Raise ParameterError for what is no Estimate."""
+    """Raise ParameterError for what is no Estimate.
+
+    Args:
+        thing: what a caller passed as one.
+    """
     if not isinstance(thing, Estimate):
         sentence = f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
 def round_significant(value: float) -> float:
-    """The value to six digits, as records hold it."""
+    """Round a value to six significant digits, as records hold it.
+
+    Args:
+        value: finite.
+    """
     return float(f"{value:.6g}")
 
 
+def clip_to_range(name: str, value: float) -> float:
+    """Clip a value to the range that RANGES has for a field, and round it as records hold it.
+
+    Args:
+        name: field of a Lighting in RANGES.
+        value: in the field's unit.
+    """
+    return round_significant(float(np.clip(value, *RANGES[name])))
+
+
 def clip_color(values: Floats, name: str) -> Color:
-    """Red, green and blue (3,) as records hold them, clipped to the range that COLOR_RANGES has for `name`."""
+    """Clip a color to the range that COLOR_RANGES has for a field, and round it as records hold it.
+
+    Args:
+        values: (3,) red, green and blue.
+        name: field of a Lighting in COLOR_RANGES.
+    """
     red, green, blue = (round_significant(float(v)) for v in np.clip(values, *COLOR_RANGES[name]))
     return red, green, blue
 
@@ -396,15 +355,6 @@ def _check_headings(probability: object) -> None:
         raise ParameterError.about(name, predicate, ErrorCode.OUT_OF_RANGE)
     for value in probability:
         check_range(name, value, 0.0, 1.0)
-
-
-def _check_colour(name: str, colour: object, limits: tuple[float, float]) -> None:
-    if colour is None:
-        return
-    if not isinstance(colour, tuple) or len(colour) != 3:
-        raise ParameterError.about(name, "must be three numbers: red, green and blue.", ErrorCode.WRONG_TYPE)
-    for value in colour:
-        check_range(name, value, *limits)
 
 
 def _check_text(name: str, value: object) -> None:
@@ -423,26 +373,127 @@ def _check_spec(name: str, fits: bool) -> None:
         raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
 
 
-# The JSON of a lighting, the same in every file, line and HTTP answer.
-
-MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
+# JSON in and out: sections hold plain numbers under short names, as RECORD_PATHS has them.
 
 
-def record_with_coefficients(lighting: Lighting) -> dict[str, Any]:
-    """The JSON record with `sky.coefficients`, for programs that draw the sky themselves."""
+def _sections() -> dict[str, dict[str, str]]:
+    """The groups of the JSON record that hold plain numbers: each name in it, and the attribute that it holds."""
+    groups: dict[str, dict[str, str]] = {}
+    for attribute, path in RECORD_PATHS.items():
+        if attribute in RANGES or attribute in OPTIONAL_RANGES:
+            group, name = path.split(".")
+            groups.setdefault(group, {})[name] = attribute
+    return groups
+
+
+_SECTIONS = _sections()
+_COLOR_FIELDS = {RECORD_PATHS[attribute]: attribute for attribute in COLOR_RANGES}
+
+
+def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Json:
+    """The JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown."""
+    record: Json = {"model": {"name": values["model_name"], "version": values["model_version"]}}
+    for section, names in _SECTIONS.items():
+        record[section] = {
+            name: values[attribute] for name, attribute in names.items() if values[attribute] is not None
+        }
+    record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
+    for path, attribute in _COLOR_FIELDS.items():
+        if (color := values[attribute]) is not None:
+            section, name = path.split(".")
+            record.setdefault(section, {})[name] = list(color)
+    record["sky"]["model"] = values["sky_model"]
+    if values["suitable"] is not None:
+        record["suitable"] = values["suitable"]
+    if values["camera_heading_probability"]:
+        record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
+    if not record["place"]:
+        del record["place"]
+    return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
+
+
+def _values_from_record(record: Mapping[str, Any]) -> Json:
+    """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type.
+
+    The error's field is the path in the record.
+    """
+    if not isinstance(record, Mapping):
+        raise ParameterError(
+            f"A lighting record must be an object, not {reprlib.repr(record)}.", code=ErrorCode.WRONG_TYPE
+        )
+    sections = {
+        name: _section(record, name, required=name in ("sun", "sky")) for name in (*_SECTIONS, "model", "ground")
+    }
+    values: Json = {
+        attribute: sections[section].get(name)
+        for section, names in _SECTIONS.items()
+        for name, attribute in names.items()
+    }
+    for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
+        if values[name] is None:
+            path = RECORD_PATHS[name]
+            raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
+    values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
+    values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
+    values["camera_heading_probability"] = _numbers(
+        sections["camera"], "heading_probability", "camera.heading_probability"
+    )
+    for path, attribute in _COLOR_FIELDS.items():
+        section, name = path.split(".")
+        values[attribute] = _numbers(sections[section], name, path) or None
+    values["sky_model"] = sections["sky"].get("model")
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
+    numbers = () if section.get(name) is None else section[name]
+    if not isinstance(numbers, list | tuple):
+        predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
+        raise ParameterError.about(path, predicate, ErrorCode.WRONG_TYPE)
+    return tuple(numbers)
+
+
+def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
+    section = record.get(name)
+    if section is None and not required:
+        return {}
+    if not isinstance(section, Mapping):
+        code = ErrorCode.MISSING if section is None else ErrorCode.WRONG_TYPE
+        raise ParameterError(f"The lighting record needs an object {name!r}.", name, code)
+    return section
+
+
+def record_with_coefficients(lighting: Lighting) -> Json:
+    """Return the JSON record with `sky.coefficients`, for programs that draw the sky themselves.
+
+    Args:
+        lighting: any.
+    """
     record = lighting.to_dict()
     coefficients = sky_coefficients(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
     return record | {"sky": record["sky"] | {"coefficients": coefficients}}
 
 
 def json_line(name: str, answer: Lighting | str) -> str:
-    """One line of JSON about the photo `name`: its `lighting` record, or the `error` in place of one."""
+    """Return one line of JSON about a photo: its `lighting` record, or the `error` in place of one.
+
+    Args:
+        name: of the photo's file.
+        answer: the photo's light, or the sentence that says why it has none.
+    """
     content = {"error": answer} if isinstance(answer, str) else {"lighting": record_with_coefficients(answer)}
     return json.dumps({"file": name, **content}, allow_nan=False)
 
 
-def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """The object of JSON with these keys and values, for `json.loads`; ParameterError where a key stands twice."""
+def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> Json:
+    """Make an object of JSON, as `object_pairs_hook` of `json.loads`.
+
+    Args:
+        pairs: keys and values.
+
+    Raises:
+        ParameterError: a key stands twice.
+    """
     content = dict(pairs)
     if len(content) < len(pairs):
         often = Counter(key for key, _ in pairs).most_common(1)[0][0]
@@ -451,9 +502,13 @@ def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def unwrap_record(content: Any) -> Any:
-    """The record in JSON that was read, bare or in a line that `json_line` made; other JSON stays as it is.
+    """Take the record out of JSON that was read, bare or in a line that `json_line` made; other JSON stays as it is.
 
-    Raises ParameterError where it holds an error, or the records of several photos.
+    Args:
+        content: what `json.loads` returned.
+
+    Raises:
+        ParameterError: it holds an error, or the records of several photos.
     """
     if not isinstance(content, dict):
         return content

@@ -82,22 +82,38 @@ SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call othe
 
 
 def record_path(field: str) -> str:
-    """Where the JSON record of a light has a field: sun.azimuth."""
+    """Return where the JSON record of a light has a field: sun.azimuth.
+
+    Args:
+        field: as Python names it.
+    """
     return RECORD_PATHS.get(field, field)
 
 
 def parameter_name(field: str) -> str:
-    """What a URL calls a field: lat."""
+    """Return what a URL calls a field: lat.
+
+    Args:
+        field: as Python names it.
+    """
     return SHORT_NAMES.get(field, field)
 
 
 def option_name(field: str) -> str:
-    """What the command line calls a field: --utc-offset."""
+    """Return what the command line calls a field: --utc-offset.
+
+    Args:
+        field: as Python names it.
+    """
     return "--" + parameter_name(field).replace("_", "-")
 
 
 def is_finite(value: object) -> TypeGuard[int | float]:
-    """Whether the value is a finite number that a float can hold; a bool is not a number."""
+    """Tell whether a value is a finite number that a float can hold; a bool is not a number.
+
+    Args:
+        value: any.
+    """
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # an integer of hundreds of digits
@@ -105,9 +121,14 @@ def is_finite(value: object) -> TypeGuard[int | float]:
 
 
 def check_range(field: str, value: object, low: float, high: float, subject: str | None = None) -> None:
-    """Raise a one-sentence ParameterError about a field unless its value is a finite number in [low, high].
+    """Raise a one-sentence ParameterError unless a field's value is a finite number in [low, high].
 
-    The sentence begins with the field's name, or with `subject` where a name would not do.
+    Args:
+        field: as Python names it.
+        value: of the field.
+        low: least allowed value, in the field's unit.
+        high: largest allowed value, in the field's unit.
+        subject: how the sentence begins; None is with the field's name.
     """
     if not is_finite(value):
         predicate, code = f"must be a finite number, not {reprlib.repr(value)}.", ErrorCode.WRONG_TYPE
@@ -120,15 +141,40 @@ def check_range(field: str, value: object, low: float, high: float, subject: str
     raise ParameterError.about(field, predicate, code)
 
 
+def check_color(field: str, color: object, low: float, high: float) -> None:
+    """Raise a one-sentence ParameterError unless a field holds three numbers in [low, high].
+
+    Args:
+        field: as Python names it.
+        color: what should be a tuple of red, green and blue.
+        low: least allowed value.
+        high: largest allowed value.
+    """
+    if not isinstance(color, tuple) or len(color) != 3:
+        raise ParameterError.about(field, "must be three numbers: red, green and blue.", ErrorCode.WRONG_TYPE)
+    for value in color:
+        check_range(field, value, low, high)
+
+
 def check_location(latitude: float | None, longitude: float | None) -> None:
-    """Raise a one-sentence ParameterError where only one of them is known."""
+    """Raise a one-sentence ParameterError where only one of the two is known.
+
+    Args:
+        latitude: deg, positive north; None where unknown.
+        longitude: deg, positive east; None where unknown.
+    """
     if (latitude is None) != (longitude is None):
         missing = "latitude" if latitude is None else "longitude"
         raise ParameterError("A latitude needs a longitude and the other way round.", missing, ErrorCode.MISSING)
 
 
 def convert_numpy_numbers(record: object, *names: str) -> None:
-    """Turn numpy's numbers in these fields of a frozen record into Python's, in tuples and arrays without axes too."""
+    """Turn numpy's numbers in fields of a frozen record into Python's, in tuples and arrays without axes too.
+
+    Args:
+        record: an instance of a frozen dataclass.
+        names: its fields.
+    """
     for name in names:
         value = getattr(record, name)
         if isinstance(value, np.generic | np.ndarray) and value.ndim == 0:
