@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.decoding import with_ground_color
-from lighting.deprecation import warn_of_old_name
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
 from lighting.envmap.render import sky_irradiance
 from lighting.errors import ErrorCode, ParameterError, PhotoError
@@ -127,6 +126,8 @@ class Estimator:
         match: bool | RegisterFn = False,
     ) -> list[Estimate]:
         """Call `estimate_views`, of which this is the old name."""
+        from lighting.deprecation import warn_of_old_name
+
         warn_of_old_name("lighting.Estimator.together")
         return self.estimate_views(photos, given, headings, register=match)
 

@@ -30,7 +30,7 @@ def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
         rows: (R, W, 3) linear radiance.
     """
     count, width = rows.shape[:2]
-    columns = np.einsum("r,rx->x", to_float32(levels), rows.reshape(count, 3 * width))
+    columns = np.einsum("r,rx->x", np.asarray(levels, dtype=np.float32), rows.reshape(count, 3 * width))
     return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
 
 
@@ -119,7 +119,7 @@ def scale_colors(image: Image, gain: Floats) -> None:
         gain: (3,).
     """
     rows = image.reshape(len(image), -1)
-    rows *= np.tile(to_float32(gain), image.shape[1])
+    rows *= np.tile(np.asarray(gain, dtype=np.float32), image.shape[1])
 
 
 def max_channel(image: Image) -> Image:
@@ -129,12 +129,3 @@ def max_channel(image: Image) -> Image:
         image: (..., 3).
     """
     return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
-
-
-def to_float32(values: Floats) -> Image:
-    """The values as float32.
-
-    Args:
-        values: of any shape.
-    """
-    return np.asarray(values, dtype=np.float32)

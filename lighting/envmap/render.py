@@ -21,7 +21,6 @@ from lighting.envmap.latlong import (
     irradiance_from_rows,
     row_irradiance,
     scale_colors,
-    to_float32,
 )
 from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
@@ -167,7 +166,7 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> N
     """
     cover = lighting.sky_cover or 0.0
     if cover >= 1:
-        upper[:] = _overcast_rows(len(upper)) * to_float32(irradiance)
+        upper[:] = _overcast_rows(len(upper)) * np.asarray(irradiance, dtype=np.float32)
         return
     _render_sky_shape(upper, lighting)
     level = irradiance_from_rows(row_irradiance(2 * len(upper))[: len(upper)], upper)
@@ -180,20 +179,20 @@ def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
     """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,)."""
     weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
     total = max(float(weight @ glow.sum(axis=1)), EPSILON_IRRADIANCE)
-    upper += to_float32(glow[..., None] * (power / total))
+    upper += np.asarray(glow[..., None] * (power / total), dtype=np.float32)
 
 
 def _overcast_rows(rows: int) -> Image:
     """Radiance (rows, 1, 1) of the overcast sky of irradiance 1, row by row from the zenith."""
     up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
     radiance = (1 + 2 * up) / 3
-    return to_float32(radiance / (row_irradiance(2 * rows)[:rows] @ radiance))[:, None, None]
+    return np.asarray(radiance / (row_irradiance(2 * rows)[:rows] @ radiance), dtype=np.float32)[:, None, None]
 
 
 def _add_color_rows(upper: Image, rows: Image, color: Floats) -> None:
     """Add rows (rows, 1, 1) of a color (3,) to a map, by whole rows as `scale_colors` multiplies."""
     flat = upper.reshape(len(upper), -1)
-    flat += rows[:, 0] * np.tile(to_float32(color), upper.shape[1])
+    flat += rows[:, 0] * np.tile(np.asarray(color, dtype=np.float32), upper.shape[1])
 
 
 def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
@@ -229,7 +228,7 @@ def _lobe_table(sun_elevation: float, turbidity: float, ground_albedo: float) ->
 def _lobe_angles() -> tuple[Image, Image]:
     """The table's angles to the sun [rad] (steps + 1,), and their squared chords."""
     share = np.linspace(0.0, 1.0, _LOBE_STEPS + 1)
-    angle = to_float32(2 * np.arctan2(share, 1 - share))
+    angle = np.asarray(2 * np.arctan2(share, 1 - share), dtype=np.float32)
     return angle, np.square(2 * np.sin(angle / 2))
 
 
@@ -244,9 +243,9 @@ def _render_clear_sky(image: Image, lighting: Lighting) -> None:
     factor, offset = _row_terms(lighting, 2 * len(image))
     azimuth, elevation = latlong_angles(2 * len(image))
     sun = math.radians(lighting.sun_elevation)
-    vertical = to_float32(np.sin((np.radians(elevation) - sun) / 2) ** 2)
-    horizontal = to_float32(np.cos(np.radians(elevation)) * math.cos(sun))
-    column = to_float32(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2)
+    vertical = np.asarray(np.sin((np.radians(elevation) - sun) / 2) ** 2, dtype=np.float32)
+    horizontal = np.asarray(np.cos(np.radians(elevation)) * math.cos(sun), dtype=np.float32)
+    column = np.asarray(np.sin(np.radians(azimuth - lighting.sun_azimuth) / 2) ** 2, dtype=np.float32)
     rows = max(1, _CHUNK_PIXELS // image.shape[1])
     for start in range(0, len(image), rows):
         part = slice(start, min(start + rows, len(image)))
@@ -267,7 +266,7 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
     coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
     terms = [sky_gradation(row, up) for row in coefficients]
     factor = np.stack([factor for factor, _ in terms]) * radiance[:, None] * lighting.exposure
-    return to_float32(factor), to_float32(np.stack([offset for _, offset in terms]))
+    return np.asarray(factor, dtype=np.float32), np.asarray(np.stack([offset for _, offset in terms]), dtype=np.float32)
 
 
 def clear_irradiance(lighting: Lighting) -> Floats:

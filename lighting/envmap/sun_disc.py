@@ -5,7 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.latlong import Image, to_float32
+from lighting.envmap.latlong import Image
 from lighting.geometry import SUN_RADIUS, Floats, angles, direction, latlong_solid_angle
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sun_disc_points, sun_disc_radiance
@@ -31,7 +31,9 @@ def splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
     pixels, inverse = np.unique((row[:, None] * width + column % width)[lit], return_inverse=True)
     sums = np.stack([np.bincount(inverse, share[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
     scale = power / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
-    image.reshape(-1, 3)[pixels] += to_float32(sums * scale / latlong_solid_angle(height)[pixels // width, None])
+    image.reshape(-1, 3)[pixels] += np.asarray(
+        sums * scale / latlong_solid_angle(height)[pixels // width, None], dtype=np.float32
+    )
 
 
 def _gray_disc(directions: Floats, lighting: Lighting) -> Floats:

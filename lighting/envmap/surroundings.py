@@ -23,7 +23,6 @@ from lighting.envmap.latlong import (
     max_channel,
     row_irradiance,
     scale_colors,
-    to_float32,
 )
 from lighting.envmap.projection import CLIPPED, ProjectedPhoto, project_photo, sample_photo, size_in_envmap
 from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting
@@ -233,7 +232,7 @@ def _move_glow(factors: Image, before: Lighting, now: Lighting) -> Image:
     rest = np.log(sky)
     row = ((1 - near) * rest).sum(axis=1, keepdims=True) / (1 - near).sum(axis=1, keepdims=True)
     share = moved * near
-    return np.concatenate([to_float32(np.exp((1 - share) * rest + share * row)), factors[len(sky) :]])
+    return np.concatenate([np.asarray(np.exp((1 - share) * rest + share * row), dtype=np.float32), factors[len(sky) :]])
 
 
 def _surroundings_factors(bare: Image, lighting: Lighting, context: PhotoContext) -> Image:
@@ -311,10 +310,12 @@ def _photo_ratios(
 
 def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: slice) -> Image:
     """Values (P, 2R, 3) of a part of a map's rows, spread from the cells (P, 2R) that the photo shows to all others."""
-    azimuth, elevation = (to_float32(angle) for angle in latlong_angles(rows))
+    azimuth, elevation = (np.asarray(angle, dtype=np.float32) for angle in latlong_angles(rows))
     row, column = np.nonzero(visible)
     level = np.cos(np.radians(elevation[part]))[:, None, None]
-    beside2 = (level * to_float32(wrap_azimuth(azimuth[:, None] - azimuth[column]))) ** 2  # (P, 2R, K)
+    beside2 = (
+        level * np.asarray(wrap_azimuth(azimuth[:, None] - azimuth[column]), dtype=np.float32)
+    ) ** 2  # (P, 2R, K)
     above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
     distance2 = np.float32(_NEAR_DEG**2) + beside2 + np.float32(_VERTICAL_STRETCH**2) * above2
     weight = distance2 ** np.float32(-_DISTANCE_POWER)
@@ -354,7 +355,7 @@ def _interpolation_weights(
     low = np.floor(position).astype(np.intp)
     shares = np.zeros((pixels, cells), np.float32)
     for cell, share in ((low, 1 - (position - low)), (low + 1, position - low)):
-        shares[np.arange(pixels), bound(cell)] += to_float32(share)
+        shares[np.arange(pixels), bound(cell)] += np.asarray(share, dtype=np.float32)
     return shares
 
 

@@ -23,7 +23,6 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, UnidentifiedImageError
 
 from lighting.color import check_pixels
-from lighting.deprecation import warn_of_old_name
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
 from lighting.photo.containers import (
     RAW_FORMAT,
@@ -117,6 +116,8 @@ class Photo:
     @property
     def facts(self) -> PhotoMetadata:
         """The old name of `metadata`; warns of it."""
+        from lighting.deprecation import warn_of_old_name
+
         warn_of_old_name("lighting.photo.reader.Photo.facts")
         return self.metadata
 

@@ -11,7 +11,6 @@ from lighting.envmap.latlong import (
     row_irradiance,
     scale_colors,
     shrink_envmap,
-    to_float32,
 )
 from lighting.envmap.render import render
 from lighting.geometry import direction, latlong_directions, latlong_solid_angle
@@ -36,7 +35,6 @@ def test_a_map_is_multiplied_by_a_colour_in_place() -> None:
     scale_colors(image[1:3], np.array([0.5, 2.0, 3.0]))
     assert np.array_equal(image[1:3], expected[1:3])
     assert not np.array_equal(image, expected)
-    assert to_float32(np.ones(2)).dtype == np.float32
 
 
 SUNNY = Lighting(35.0, 40.0, 3.0, 5.0)
