@@ -23,6 +23,7 @@ RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_o
     "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.3.0"),
     "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.3.0"),
     "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.3.0"),
+    "lighting.video.stream.Tracker.given": _RenamedName("lighting.video.stream", "Tracker.user_input", "0.3.0"),
 }
 
 

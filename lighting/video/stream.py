@@ -1,13 +1,12 @@
-"""One light for a live stream of frames.
+"""One light for a live stream of frames: where the camera points, and the sun as it sees it; memory is constant.
 
-Orientations are chained from keyframe to keyframe. Earlier keyframes (bank.py) are recognised by their features, which
-takes back the drift; the sun does so too where time and place are known. Where the thread is lost, another chain
-begins, with looks of its own, until it is recognised how it lies to the first. A lens that is zoomed loses the thread:
-what comes then is seen through another lens.
+Orientations are chained from keyframe to keyframe. Keyframes that are linked without a gap form a chain; their
+orientations are against that chain's first camera. Earlier keyframes are recognised by their features, which takes
+back the drift; the sun does so too where time and place are known.
 
-Keyframes that are linked without a gap form a chain, and their orientations are against that chain's first camera.
-Nothing is known of how two chains lie to each other until a keyframe of one is recognised in the other; then the later
-chain is turned into the earlier one. That of the first frame is FIRST.
+Where the thread is lost, another chain begins, with estimates of its own. How two chains lie to each other is unknown
+until a keyframe of one is recognised in the other; then the later chain is rotated into the earlier one. A lens that is
+zoomed loses the thread: what comes then is seen through another lens.
 """
 
 import math
@@ -19,6 +18,7 @@ from numpy.typing import NDArray
 
 from lighting.color import check_pixels, luminance
 from lighting.decoding import with_ground_color
+from lighting.deprecation import warn_of_old_name
 from lighting.envmap.relighting import scale_exposure
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.estimate import build_estimate
@@ -53,7 +53,11 @@ from lighting.video.tracking import (
     is_reliable,
 )
 
-# Keyframes of a stream that are remembered, to be recognised: a few for each direction, at most BANK of them.
+MAX_TIME = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
+STREAM_NETWORK_INTERVAL = 2.0  # s between the frames that the network sees
+MAX_LOOKS = 64  # estimates whose gravity and lens count; older ones fade
+CORRECTION_SHARE = 0.5  # share of the correction by a recognised keyframe that is taken at once
+ZOOM_CHECK_FRAMES = 4  # frames, of which one is asked whether the lens was zoomed
 
 MAX_KEYFRAMES = 32  # keyframes that are remembered
 MIN_KEYFRAME_ANGLE = 12.0  # deg between two of a chain
@@ -93,17 +97,13 @@ class _KeyframeBank:
         order = sorted(angles, key=angles.__getitem__)
         rest = order[MAX_OTHER_CHAINS:]
         start = key.number * MAX_OTHER_CHAINS % max(len(rest), 1)
-        return [
-            self.keyframes[i]
-            for i in [*order[:MAX_OTHER_CHAINS], *(rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]]
-        ]
+        turns = (rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]
+        return [self.keyframes[i] for i in [*order[:MAX_OTHER_CHAINS], *turns]]
 
     def add(self, new: _BankKeyframe) -> None:
         """Remember a keyframe, unless its chain has one of nearly the same direction."""
-        if any(
-            angle < MIN_KEYFRAME_ANGLE and self.keyframes[i].chain == new.chain
-            for i, angle in self._angles(new.orientation).items()
-        ):
+        angles = self._angles(new.orientation)
+        if any(angles[i] < MIN_KEYFRAME_ANGLE for i, k in enumerate(self.keyframes) if k.chain == new.chain):
             return
         self.keyframes.append(new)
         if len(self.keyframes) > MAX_KEYFRAMES:
@@ -134,25 +134,20 @@ def _is_old(old: Keyframe, new: Keyframe) -> bool:
     return new.number - old.number > RECENT_KEYFRAMES or new.stretch != old.stretch
 
 
-# What a stream teaches as its frames come: which way is up, the light, and the lens; memory constant.
-
-MAX_LOOKS = 64  # looks whose gravity and lens count; older ones fade
-
-
 class _ChainLight:
-    """What looks tell in the frame of one chain: which way is up, and the light."""
+    """What estimates say in the frame of one chain: which way is up, and the light."""
 
     def __init__(self, chain: int) -> None:
         self.chain = chain
         self.light = ShotLight()
-        self.posterior: Posterior | None = None  # the light's last answer; None before the first look
+        self.posterior: Posterior | None = None  # the light's last answer; None before the first estimate
         self._up: Floats | None = None
         self._count = 0
 
     def add(
         self, estimate: FrameEstimate, orientation: Floats, vertical_fov: float, gain: float, prior: MetadataPrior
     ) -> None:
-        """Count a look by a camera of that orientation (3, 3)."""
+        """Count an estimate by a camera of that orientation (3, 3)."""
         prediction = estimate.prediction
         up = orientation.T @ camera_up(prediction.camera_elevation, prediction.camera_roll)
         self._count = min(self._count + 1, MAX_LOOKS)
@@ -163,18 +158,18 @@ class _ChainLight:
         self.posterior = self.light.answer(prior.observations)
 
     def angles(self, orientation: Floats) -> tuple[float, float, float]:
-        """Heading, elevation and roll [deg] of a camera, once there was a look."""
+        """Heading, elevation and roll [deg] of a camera, once there was an estimate."""
         assert self._up is not None
         heading, elevation, roll = heading_elevation_roll(orientation[None], leveling_rotation(self._up))
         return float(heading[0]), float(elevation[0]), float(roll[0])
 
 
 class _LensEstimator:
-    """A field of view learnt as frames come: given, or by the network, or by turns between keyframes."""
+    """The field of view, learnt as frames come: fixed, or by the network and by rotations between keyframes."""
 
     def __init__(self, fixed: float | None) -> None:
         self.fixed = fixed  # deg; None where it is not known
-        self._sum, self._weight = 0.0, 0.0  # of what turns say
+        self._sum, self._weight = 0.0, 0.0  # of what rotations say
         self._network_fov, self._count = 50.0, 0
 
     @property
@@ -186,34 +181,28 @@ class _LensEstimator:
         return (self._sum + network_weight * self._network_fov) / (self._weight + network_weight)
 
     def add_prediction(self, fov: float) -> None:
-        """Count what the network says of a look."""
+        """Count the network's field of view [deg] of a frame."""
         self._count = min(self._count + 1, MAX_LOOKS)
         self._network_fov += (fov - self._network_fov) / self._count
 
     def add_keyframes(self, a: Keyframe, b: Keyframe) -> None:
-        """From the turn between two keyframes, while the lens is not known well."""
+        """Learn from the rotation between two keyframes, while the lens is not known well."""
         if self.fixed is not None or self._weight > 1.0 / MIN_FOV_STD**2 * 4:
             return
-        turn = match_keyframes(a, b, None)
-        if turn is not None and not turn.zoomed:
-            self.add_rotation(turn)
+        rotation = match_keyframes(a, b, None)
+        if rotation is not None and not rotation.zoomed:
+            self.add_rotation(rotation)
 
-    def add_rotation(self, turn: RelativeRotation) -> None:
-        """Learn from a turn to a picture that was seen through this lens."""
-        if turn.zoomed or constrains_fov(turn, self._network_fov):
-            weight = 1.0 / (turn.fov_std**2 + MIN_FOV_STD**2)
-            self._sum, self._weight = self._sum + weight * turn.vertical_fov[1], self._weight + weight
-
-
-MAX_TIME = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow
-STREAM_NETWORK_INTERVAL = 2.0  # s between the frames that the network sees
-CORRECTION_SHARE = 0.5  # share of the correction by a recognised keyframe that is taken at once
-ZOOM_CHECK_FRAMES = 4  # frames, of which one is asked whether the lens was zoomed
+    def add_rotation(self, rotation: RelativeRotation) -> None:
+        """Learn from a rotation to a picture that was seen through this lens."""
+        if rotation.zoomed or constrains_fov(rotation, self._network_fov):
+            weight = 1.0 / (rotation.fov_std**2 + MIN_FOV_STD**2)
+            self._sum, self._weight = self._sum + weight * rotation.vertical_fov[1], self._weight + weight
 
 
 @dataclass(frozen=True)
-class _StreamFrame:
-    """The answer after a frame."""
+class StreamFrame:
+    """What is known after a frame."""
 
     lighting: Lighting  # as this frame's camera sees it; `camera_heading` is absolute, where time and place are known
     heading: float  # deg clockwise from the first frame, -180 to 180
@@ -223,7 +212,7 @@ class _StreamFrame:
 
 
 class Tracker:
-    """Takes frames (h, w, 3), upright sRGB, of one size; not for several threads."""
+    """Follows the light through a stream of frames of one size; not for several threads."""
 
     def __init__(
         self,
@@ -231,39 +220,45 @@ class Tracker:
         user_input: UserInput | None = None,
         *,
         look_every: float = STREAM_NETWORK_INTERVAL,
+        given: UserInput | None = None,
     ) -> None:
-        """`user_input` is of the first frame: its time, place, heading and field of view, as far as they are known.
+        """Begin a stream.
 
-        `look_every` [s], at least 0, is the time between frames that the network sees.
+        Args:
+            model: the network; None is the one in this package.
+            user_input: time, location, heading and field of view of the first frame, as far as they are known.
+            look_every: s between the frames that the network sees, at least 0.
+            given: old name of `user_input`.
 
-        Raises ParameterError for another `look_every` and for what is no Model or no Given, ModelError,
-        MissingExtraError.
+        Raises:
+            ParameterError: an argument is of another type or out of range.
+            ModelError: the network cannot be read.
+            MissingExtraError: OpenCV is not installed.
         """
         if not 0.0 <= look_every < math.inf:
             predicate = f"must be a finite number of seconds, at least 0, not {look_every}."
             raise ParameterError.about("look_every", predicate, ErrorCode.OUT_OF_RANGE)
+        if given is not None:
+            warn_of_old_name("lighting.video.stream.Tracker.given")
+            user_input = given
+        user_input = UserInput(use_exif=False) if user_input is None else user_input
+        check_user_input(user_input)
         self._model = model_or_packaged(model)
-        prior = UserInput(use_exif=False) if user_input is None else user_input
-        check_user_input(prior)
-        self._clip_metadata = ClipMetadata(user_input=prior, subject="stream")
+        self._clip_metadata = ClipMetadata(user_input=user_input, subject="stream")
         self._look_every, self._due = look_every, -math.inf
-        self._point_tracker, self._lens = PointTracker(), _LensEstimator(self._clip_metadata.user_input.vertical_fov)
+        self._point_tracker, self._lens = PointTracker(), _LensEstimator(user_input.vertical_fov)
         self._lens_std = 0.0  # deg, of the lens that keyframes are compared by: of its own once it was zoomed
         self._zoomed_key = -1  # the keyframe against which it was found to be zoomed
         self._bank = _KeyframeBank()
         self._chain = self._last_chain = FIRST_CHAIN  # the one in use, and the last that was begun
         self._previous_key: Keyframe | None = None  # the keyframe before, where the thread was not lost since
-        self._key_poses: dict[
-            int, tuple[Floats, Floats]
-        ] = {}  # orientation and gain of the keyframe in use and the next
+        self._key_poses: dict[int, tuple[Floats, Floats]] = {}  # orientation and gain of the keyframes in use
         self._orientation, self._gain = np.eye(3), np.ones(3)
-        self._first_light = self._light = _ChainLight(
-            FIRST_CHAIN
-        )  # what looks tell in the first chain, and in the one last looked from
+        self._first_light = self._light = _ChainLight(FIRST_CHAIN)  # of the first chain, and of the one last estimated
         self._count = 0
         self._prior = MetadataPrior()  # of the last moment that is not of night
 
-    def __call__(self, pixels: NDArray[np.uint8], time: float) -> _StreamFrame | None:
+    def __call__(self, pixels: NDArray[np.uint8], time: float) -> StreamFrame | None:
         """Take a frame and return the light as its camera sees it; None while all frames were too dark.
 
         When night falls by the time and place of the user, the sun stays where the last frame before that had it.
@@ -296,7 +291,7 @@ class Tracker:
         return self._answer(followed)
 
     def _update_orientation(self, step: TrackedFrame, size: tuple[int, int]) -> bool:
-        """Follow the camera's turn; whether the frame's own points told it."""
+        """Update the camera's orientation; whether the frame's points said it."""
         if step.is_start:
             self._begin_chain()
             self._key_poses = {step.key: (self._orientation, self._gain)}
@@ -340,10 +335,8 @@ class Tracker:
         nearest = self._bank.nearest_of_chain(key, self._key_poses[key.number][0], self._chain, 0.5 * self._lens.fov)
         if match := self._match_bank(key, nearest):
             self._correct(rotation_about(CORRECTION_SHARE * rotation_vector(match[1])))
-        other_match = self._match_bank(
-            key, self._bank.of_other_chains(key, self._key_poses[key.number][0], self._chain)
-        )
-        if other_match:
+        others = self._bank.of_other_chains(key, self._key_poses[key.number][0], self._chain)
+        if other_match := self._match_bank(key, others):
             self._join(*other_match)
         if match or other_match:
             return
@@ -389,11 +382,9 @@ class Tracker:
 
     def _in_chain(self, prior: MetadataPrior) -> MetadataPrior:
         """What is known in the frame of the present chain: a heading is that of the first frame."""
-        return (
-            prior
-            if self._chain == FIRST_CHAIN
-            else replace(prior, observations=replace(prior.observations, heading=None))
-        )
+        if self._chain == FIRST_CHAIN:
+            return prior
+        return replace(prior, observations=replace(prior.observations, heading=None))
 
     def _prior_at(self, time: float) -> MetadataPrior:
         """What is known of a moment, the heading being that of the first frame."""
@@ -401,7 +392,7 @@ class Tracker:
         compass = replace(prior.observations, heading=first.heading, heading_std=first.heading_std)
         return replace(prior, observations=compass)
 
-    def _answer(self, followed: bool) -> _StreamFrame | None:
+    def _answer(self, followed: bool) -> StreamFrame | None:
         if (posterior := self._light.posterior) is None:
             return None
         angles = self._light.angles(self._orientation)
@@ -411,11 +402,11 @@ class Tracker:
             scale_exposure(base, self._gain), angles, self._lens.fov, estimate_north(posterior, prior)
         )
         red, green, blue = map(float, self._gain)
-        return _StreamFrame(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST_CHAIN)
+        return StreamFrame(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST_CHAIN)
 
 
 def _shrink_frame(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The frame with its longer side at most SIDE pixels."""
+    """The frame with its longer side at most FRAME_SIDE pixels."""
     from PIL import Image
 
     height, width = pixels.shape[:2]

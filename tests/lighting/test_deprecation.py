@@ -12,7 +12,11 @@ from lighting.estimator import Estimator
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 
-ATTRIBUTES = {"lighting.Estimator.together", "lighting.photo.reader.Photo.facts"}  # of classes
+ATTRIBUTES = {  # of classes, and parameters
+    "lighting.Estimator.together",
+    "lighting.photo.reader.Photo.facts",
+    "lighting.video.stream.Tracker.given",
+}
 
 
 def release(text: str) -> tuple[int, ...]:

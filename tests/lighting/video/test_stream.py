@@ -107,12 +107,18 @@ def test_headings_come_back_after_a_round(model: Model) -> None:
     ("wrong", "said"),
     [
         ({"model": "network.onnx"}, "A Model is needed, not str"),
-        ({"given": {"latitude": 3.0}}, "is a UserInput, not dict"),
+        ({"user_input": {"latitude": 3.0}}, "is a UserInput, not dict"),
     ],
 )
 def test_a_tracker_says_what_it_takes(wrong: dict[str, Any], said: str, model: Model) -> None:
     with pytest.raises(ParameterError, match=said):
         Tracker(**{"model": model, **wrong})
+
+
+def test_given_is_the_old_name_of_user_input(model: Model) -> None:
+    with pytest.warns(DeprecationWarning, match=r"Tracker\.given is now .*Tracker\.user_input"):
+        tracker = Tracker(model, given=THERE)
+    assert tracker._clip_metadata.user_input is THERE
 
 
 def test_angles_of_a_light_have_four_digits_behind_the_point(model: Model) -> None:
