@@ -1,9 +1,12 @@
-"""The sun's position at a time and place.
+"""The sun's azimuth and elevation at a time and location.
 
-The steps are those of Reda and Andreas, Solar Position Algorithm for Solar Radiation Applications (NREL/TP-560-34302,
-2004): the Earth's heliocentric longitude by VSOP87, nutation, aberration, sidereal time, parallax, refraction. The
-series keep their terms over 2.5e-6 rad, and nutation its four largest (Meeus, Astronomical Algorithms, chapter 22);
-the error is below 0.002 deg from 1950 to 2050. The Earth's latitude of at most 1.2 arc seconds is neglected.
+The steps are those of [1]: the Earth's heliocentric longitude by VSOP87, nutation, aberration, sidereal time, parallax,
+refraction. The series keep their terms over 2.5e-6 rad, and nutation its four largest [2]; the error is below 0.002 deg
+from 1950 to 2050. The Earth's latitude of at most 1.2 arc seconds is neglected.
+
+References:
+    [1] Reda and Andreas, Solar Position Algorithm for Solar Radiation Applications, NREL/TP-560-34302, 2004.
+    [2] Meeus, Astronomical Algorithms, 1991, chapter 22.
 """
 
 from datetime import UTC, datetime
@@ -13,13 +16,13 @@ from numpy.typing import ArrayLike
 
 from lighting.geometry import SUN_RADIUS, Floats
 
-SUNSET = -SUN_RADIUS - 0.5667  # deg: true elevation of the centre when the upper edge appears on the horizon
+SUNSET = -SUN_RADIUS - 0.5667  # deg: true elevation of the center when the upper edge appears on the horizon
 CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, ASTRONOMICAL_TWILIGHT = -6.0, -12.0, -18.0  # deg, where each ends
 
 _J2000 = np.datetime64("2000-01-01T12:00:00")
 _DELTA_T = 67.0  # s, terrestrial minus universal time; it was 29 in 1950, and 40 s move the sun by 0.0005 deg
 _ABERRATION = 20.4898 / 3600  # deg at 1 astronomical unit
-_PARALLAX = 8.794 / 3600  # deg at 1 astronomical unit, seen on the horizon
+_PARALLAX = 8.794 / 3600  # deg at 1 astronomical unit, of a sun on the horizon
 
 # Amplitude [1e-8 rad or astronomical units], phase [rad], frequency [rad per Julian millennium]; one table per power of
 # the time.
@@ -58,17 +61,21 @@ _DISTANCE = (
 
 
 def sun_position(time_utc: ArrayLike | datetime, latitude: ArrayLike, longitude: ArrayLike) -> tuple[Floats, Floats]:
-    """Azimuth [deg clockwise from true north, 0 to 360] and elevation [deg], as seen at sea level.
+    """Azimuth [deg clockwise from true north, 0 to 360] and apparent elevation [deg] at sea level.
 
-    Times are UTC, as numpy's datetime64 or one aware datetime; latitude is positive north and longitude positive east
-    [deg]; all broadcast. Refraction is that of 1010 hPa and 10 degrees Celsius, and none below SUNSET.
+    All arguments broadcast. Refraction is that of 1010 hPa and 10 degrees Celsius, and none below SUNSET.
+
+    Args:
+        time_utc: (...) numpy's datetime64, in UTC; or one aware datetime.
+        latitude: (...) deg, positive north.
+        longitude: (...) deg, positive east.
     """
     days = _days(time_utc)
     right_ascension, declination, sidereal_time, distance = _geocentric(days)
     hour_angle = np.radians(sidereal_time + np.asarray(longitude, dtype=np.float64)) - right_ascension
     azimuth, elevation = _horizontal(hour_angle, declination, np.radians(latitude))
-    seen = elevation - _PARALLAX / distance * np.cos(np.radians(elevation))
-    return azimuth, seen + _refraction(seen)
+    topocentric = elevation - _PARALLAX / distance * np.cos(np.radians(elevation))
+    return azimuth, topocentric + _refraction(topocentric)
 
 
 def _days(time: ArrayLike | datetime) -> Floats:
@@ -91,6 +98,7 @@ def _geocentric(days: Floats) -> tuple[Floats, Floats, Floats, Floats]:
 
 
 def _series(tables: tuple[tuple[tuple[float, float, float], ...], ...], millennia: Floats) -> Floats:
+    """The sum of the tables' cosines, each table times its power of the time [Julian millennia]."""
     total = np.zeros_like(millennia)
     for power, terms in enumerate(tables):
         for amplitude, phase, frequency in terms:
@@ -111,15 +119,15 @@ def _nutation(centuries: Floats) -> tuple[Floats, Floats]:
 def _horizontal(hour_angle: Floats, declination: Floats, latitude: Floats) -> tuple[Floats, Floats]:
     """Azimuth in [0, 360) and elevation [deg] from angles in rad."""
     east = -np.cos(declination) * np.sin(hour_angle)
-    across = np.cos(declination) * np.cos(hour_angle)
-    north = np.sin(declination) * np.cos(latitude) - across * np.sin(latitude)
-    up = np.sin(declination) * np.sin(latitude) + across * np.cos(latitude)
+    equatorial = np.cos(declination) * np.cos(hour_angle)
+    north = np.sin(declination) * np.cos(latitude) - equatorial * np.sin(latitude)
+    up = np.sin(declination) * np.sin(latitude) + equatorial * np.cos(latitude)
     azimuth = np.mod(np.degrees(np.arctan2(east, north)), 360.0)
     return azimuth, np.degrees(np.arctan2(up, np.hypot(east, north)))
 
 
 def _refraction(elevation: Floats) -> Floats:
     """How much higher [deg] the sun appears (Saemundsson's inverse of Bennett's formula)."""
-    above = np.maximum(elevation, SUNSET)
-    lift = 1.02 / (60.0 * np.tan(np.radians(above + 10.3 / (above + 5.11))))
-    return np.where(elevation >= SUNSET, lift, 0.0)
+    bounded = np.maximum(elevation, SUNSET)
+    refraction = 1.02 / (60.0 * np.tan(np.radians(bounded + 10.3 / (bounded + 5.11))))
+    return np.where(elevation >= SUNSET, refraction, 0.0)

@@ -1,4 +1,4 @@
-"""Tests of calibration."""
+"""Camera from straight lines: edges of pictures, and the cameras that they choose."""
 
 from dataclasses import replace
 

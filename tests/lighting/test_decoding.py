@@ -1,4 +1,4 @@
-"""Tests of decoding."""
+"""From the network's distribution to a direction, radii, irradiances and the sun's color."""
 
 import json
 import math
@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from lighting.circular import HEADINGS, von_mises
 from lighting.color import luminance
 from lighting.decoding import (
-    _irradiance_from_network,
     _visibility_attenuation,
+    _with_light,
     bayes_direction,
     blend_to_clear_sun,
     correct_sun_color,
@@ -24,20 +24,16 @@ from lighting.decoding import (
     sun_from_rings,
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
-from lighting.records import Light, Prediction
+from lighting.records import Light, Lighting, Prediction
 from lighting.sun_grid import grid_directions, soft_label
 from lighting.validation import RANGES
 from tests.conftest import TINY
 
 FINE = "fibonacci:1024"
-
-
 CONCENTRATION = 80.0
-
+BARE = Lighting(0.0, 30.0, 3.0, 1.0)  # without irradiances
 
 azimuths = st.floats(-180.0, 180.0)
-
-
 elevations = st.floats(0.0, 90.0)
 
 
@@ -177,7 +173,7 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert 0.05 < _visibility_attenuation(0.5) < 0.15
     assert _visibility_attenuation(0.1) < 1e-3
     light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
-    doubtful, sure = (_irradiance_from_network(light, visibility) for visibility in (0.4, 0.9))
+    doubtful, sure = (_with_light(BARE, light, visibility) for visibility in (0.4, 0.9))
     assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.18, rel=1e-5)
     assert np.array(doubtful.sun_irradiance) == pytest.approx(0.125 * 2**0.18, rel=1e-5)
     assert doubtful.sky_irradiance == sure.sky_irradiance
@@ -214,6 +210,6 @@ def test_a_sun_s_colour_goes_to_that_of_a_clear_one_as_high() -> None:
 
 def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:
     clear, overcast = (Light(np.ones(3), np.ones(3), cover, 1.0) for cover in (0.0, 1.0))
-    skies = [_irradiance_from_network(light, 1.0).sky_irradiance for light in (clear, overcast)]
+    skies = [_with_light(BARE, light, 1.0).sky_irradiance for light in (clear, overcast)]
     assert skies[0] == (1.0, 1.0, 1.0)
     assert skies[1] == pytest.approx((2**0.7,) * 3, rel=1e-5)
