@@ -73,7 +73,7 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
     The map's row (R,) and column (C,) of each of its rows and columns, and its directions (R, C, 3); columns may run
     over the seam.
     """
-    azimuth, elevation = (float(angle) for angle in angles(lighting.sun_direction))
+    azimuth, elevation = map(float, angles(lighting.sun_direction))
     widest = math.cos(math.radians(max(elevation - SUN_RADIUS, 0.0)))
     split = max(_FINE_PER_PIXEL, -(-_FINE_HEIGHT // height))
     across = math.ceil(split * widest)

@@ -166,7 +166,7 @@ def sun_disc_points(sun_direction: ArrayLike, rings: int = 24, spokes: int = 96)
         spokes: points of a ring.
     """
     sun = np.asarray(sun_direction, dtype=np.float64)
-    azimuth, elevation = (float(angle) for angle in angles(sun))
+    azimuth, elevation = map(float, angles(sun))
     axes = np.stack([direction(azimuth + 90, 0), direction(azimuth, elevation + 90), direction(azimuth, elevation)])
     cosine = 1 - (1 - np.cos(np.radians(SUN_RADIUS))) * (np.arange(rings) + 0.5) / rings
     angle = 2 * np.pi * (np.arange(spokes) + 0.5) / spokes
