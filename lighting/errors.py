@@ -13,15 +13,15 @@ from typing import ClassVar, Self
 class ErrorCode(StrEnum):
     """What is wrong, for programs: stable, unlike the sentences."""
 
-    MISSING = "missing"  # a value is needed and not there
+    MISSING = "missing"  # a needed value is missing
     WRONG_TYPE = "wrong-type"  # or a number that is not finite
     OUT_OF_RANGE = "out-of-range"
     MALFORMED = "malformed"  # a text that does not read as what it should
     UNKNOWN = "unknown"  # not one of the known names
-    DUPLICATE = "duplicate"  # given twice
+    DUPLICATE = "duplicate"  # stated twice
     CONTRADICTION = "contradiction"  # right by itself, and not beside the others
     NIGHT = "night"  # the sun is below the horizon
-    INSUFFICIENT = "insufficient"  # too little to find what was asked for
+    INSUFFICIENT = "insufficient"  # too little for an answer
     UNREADABLE = "unreadable"  # a file that is not what it should be
     UNWRITABLE = "unwritable"  # a file or folder that cannot be written
     TOO_LARGE = "too-large"
@@ -49,13 +49,23 @@ class LightingError(Exception):
 
     @classmethod
     def about(cls, field: str, predicate: str, code: ErrorCode) -> Self:
-        """The error whose sentence is the field's name and the predicate, which a surface can spell its own way."""
+        """Make the error whose sentence is a field's name and a predicate; a surface can spell the name its own way.
+
+        Args:
+            field: the parameter at fault, as Python names it.
+            predicate: the rest of the sentence.
+            code: what is wrong.
+        """
         error = cls(f"{field} {predicate}", field, code)
         error._predicate = predicate
         return error
 
     def renamed(self, name_of: Callable[[str], str]) -> Self:
-        """The same error with the field under the name that a surface has for it, in the sentence too."""
+        """Return the same error with the field under the name that a surface has for it, in the sentence too.
+
+        Args:
+            name_of: from a field's name in Python to the surface's.
+        """
         if self.field is None:
             return self
         name = name_of(self.field)
@@ -64,7 +74,11 @@ class LightingError(Exception):
         return type(self)(str(self), name, self.code)
 
     def prefixed(self, subject: str) -> Self:
-        """The same error with a sentence that begins with what it is about, such as a file's name."""
+        """Return the same error with a sentence that begins with what it is about.
+
+        Args:
+            subject: such as a file's name.
+        """
         return type(self)(f"{subject}: {self}", self.field, self.code)
 
 
@@ -123,7 +137,12 @@ class MissingExtraError(LightingError):
 
     @classmethod
     def of(cls, need: str, extra: str) -> Self:
-        """The error of a need such as "Parquet needs pyarrow"."""
+        """Make the error of a need.
+
+        Args:
+            need: such as "Parquet needs pyarrow".
+            extra: the extra of this package that installs it.
+        """
         error = cls(f"{need}: {install_command(extra)}.")
         error.extra = extra
         return error
@@ -146,10 +165,10 @@ class VideoError(LightingError):
 
 
 def require_extra(module: str, need: str, extra: str, error: type[MissingExtraError] = MissingExtraError) -> ModuleType:
-    """The module of an optional package.
+    """Import a module of an optional package.
 
     Args:
-        module: what to import.
+        module: its full name.
         need: how the error's sentence begins, such as "Parquet needs pyarrow".
         extra: the extra of this package that installs it.
         error: the class to raise where it is not installed.
@@ -161,10 +180,18 @@ def require_extra(module: str, need: str, extra: str, error: type[MissingExtraEr
 
 
 def install_command(extra: str) -> str:
-    """What installs an extra of this package."""
+    """Return the command that installs an extra of this package.
+
+    Args:
+        extra: its name.
+    """
     return f"pip install 'outdoor-lighting[{extra}]'"
 
 
 def describe_error(error: Exception) -> str:
-    """An error as one sentence, without the name of the file that an OSError carries."""
+    """Return an error as one sentence, without the name of the file that an OSError carries.
+
+    Args:
+        error: any.
+    """
     return f"{error.strerror or error}." if isinstance(error, OSError) else str(error)

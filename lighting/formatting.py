@@ -2,7 +2,12 @@
 
 
 def format_azimuth(azimuth: float, digits: int = 0) -> str:
-    """Where an azimuth [deg] lies for the camera: "straight ahead", "41° left" or "120° right (behind)"."""
+    """Say where an azimuth lies for the camera: "straight ahead", "41° left" or "120° right (behind)".
+
+    Args:
+        azimuth: deg, positive to the right, in (-180, 180].
+        digits: behind the point.
+    """
     size = round(abs(azimuth), digits)
     if size == 0:
         return "straight ahead"
@@ -12,11 +17,21 @@ def format_azimuth(azimuth: float, digits: int = 0) -> str:
 
 
 def format_side(azimuth: float, digits: int = 0) -> str:
-    """An azimuth [deg] as an angle to one side of anything: "41° left"."""
+    """Say an azimuth as an angle to one side of anything: "41° left".
+
+    Args:
+        azimuth: deg, positive to the right, in (-180, 180].
+        digits: behind the point.
+    """
     return f"{abs(azimuth):.{digits}f}° {'left' if azimuth < 0 else 'right'}"
 
 
 def format_tilt(elevation: float, digits: int = 0) -> str:
-    """A camera's elevation [deg]: "3° down"; a level one looks "0° up"."""
+    """Say a camera's elevation: "3° down"; a level one looks "0° up".
+
+    Args:
+        elevation: deg, positive looks up, -90 to 90.
+        digits: behind the point.
+    """
     tilt = round(elevation, digits)
     return f"{abs(tilt):.{digits}f}° {'up' if tilt >= 0 else 'down'}"

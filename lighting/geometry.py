@@ -4,8 +4,8 @@ Frame: right-handed, +Y up, gravity-aligned. The camera looks along -Z at azimut
 right. Azimuth is 0 where the camera points and grows to the right (clockwise seen from above), in
 (-180, 180] degrees; elevation is degrees above the horizon.
 
-Lat-long image: width = 2 x height, row 0 is the zenith, the centre column is azimuth 0, the right half is
-right of the camera. Pixel coordinates are continuous with centres at (i + 0.5), and the seam wraps.
+Lat-long image: width = 2 x height, row 0 is the zenith, the center column is azimuth 0, the right half is
+right of the camera. Pixel coordinates are continuous with centers at (i + 0.5), and the seam wraps.
 
 Camera: elevation positive looks up; roll positive turns the camera clockwise about its viewing axis as its
 holder sees it, so that the horizon in the picture turns counter-clockwise. Field of view is vertical.
@@ -17,8 +17,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-# Axes, angles, lat-long pixels and pinhole rays: the only place where signs are decided.
-
 Floats = NDArray[np.floating[Any]]
 
 SUN_RADIUS = 0.2679  # deg, angular radius of the disc: half of 0.5358, as the Hosek-Wilkie sun has it
@@ -28,14 +26,23 @@ OBJECT_POSITION = 0.6  # how far below the picture's middle things are put on th
 
 
 def direction(azimuth: ArrayLike, elevation: ArrayLike) -> Floats:
-    """Unit vectors (..., 3) of azimuth and elevation [deg], which broadcast."""
+    """Return unit vectors (..., 3) of azimuth and elevation, which broadcast.
+
+    Args:
+        azimuth: deg from where the camera points, positive to the right.
+        elevation: deg above the horizon, -90 to 90.
+    """
     az, el = np.radians(azimuth), np.radians(elevation)
     level = np.cos(el)
     return np.stack(np.broadcast_arrays(np.sin(az) * level, np.sin(el), -np.cos(az) * level), axis=-1)
 
 
 def angles(direction: ArrayLike) -> tuple[Floats, Floats]:
-    """Azimuth in (-180, 180] and elevation in [-90, 90] [deg] of vectors (..., 3) of any length."""
+    """Return azimuth in (-180, 180] and elevation in [-90, 90] [deg] of vectors.
+
+    Args:
+        direction: (..., 3), of any length.
+    """
     x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
     azimuth = np.degrees(np.arctan2(x, -z))
     elevation = np.degrees(np.arctan2(y, np.hypot(x, z)))
@@ -43,12 +50,24 @@ def angles(direction: ArrayLike) -> tuple[Floats, Floats]:
 
 
 def wrap_azimuth(azimuth: ArrayLike) -> Floats:
-    """The same azimuth [deg] in (-180, 180]."""
+    """Return the same azimuth [deg] in (-180, 180].
+
+    Args:
+        azimuth: deg, of any size.
+    """
     return -np.mod(180.0 - np.asarray(azimuth, dtype=np.float64), 360.0) + 180.0
 
 
 def angle_between(a: ArrayLike, b: ArrayLike) -> Floats:
-    """Angle [deg] between vectors (..., 3), exact for tiny and for opposite angles (Kahan's formula)."""
+    """Return the angle [deg] between vectors, exact for tiny and for opposite ones.
+
+    Args:
+        a: (..., 3), of any length.
+        b: (..., 3), of any length; broadcasts against `a`.
+
+    References:
+        W. Kahan, "How Futile are Mindless Assessments of Roundoff in Floating-Point Computation?", 2006, section 12.
+    """
     u, v = _unit(a), _unit(b)
     half = np.arctan2(np.linalg.norm(u - v, axis=-1), np.linalg.norm(u + v, axis=-1))
     return np.asarray(np.degrees(2.0 * half))
@@ -60,33 +79,56 @@ def _unit(vector: ArrayLike) -> Floats:
 
 
 def latlong_angles(height: int) -> tuple[Floats, Floats]:
-    """Azimuth of the columns (2H,) and elevation of the rows (H,) [deg], at pixel centres."""
+    """Return azimuth of the columns (2H,) and elevation of the rows (H,) [deg], at pixel centers.
+
+    Args:
+        height: rows of the lat-long image.
+    """
     azimuth = ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 360.0
     elevation = (0.5 - (np.arange(height) + 0.5) / height) * 180.0
     return azimuth, elevation
 
 
 def latlong_directions(height: int) -> Floats:
-    """Unit vectors (H, 2H, 3) of a lat-long image's pixel centres."""
+    """Return unit vectors (H, 2H, 3) of a lat-long image's pixel centers.
+
+    Args:
+        height: rows of the lat-long image.
+    """
     azimuth, elevation = latlong_angles(height)
     return direction(azimuth[None, :], elevation[:, None])
 
 
 def latlong_pixel(direction: ArrayLike, height: int) -> Floats:
-    """Continuous pixel coordinates (..., 2) as (x, y); x in [0, 2H), y in [0, H]."""
+    """Return continuous pixel coordinates (..., 2) as (x, y); x in [0, 2H), y in [0, H].
+
+    Args:
+        direction: (..., 3), of any length.
+        height: rows of the lat-long image.
+    """
     azimuth, elevation = angles(direction)
     x = np.mod((azimuth / 360.0 + 0.5) * 2 * height, 2 * height)
     return np.stack([x, (0.5 - elevation / 180.0) * height], axis=-1)
 
 
 def latlong_solid_angle(height: int) -> Floats:
-    """Solid angle [sr] of one pixel in each row (H,); the whole image sums to 4 pi."""
+    """Return the solid angle [sr] of one pixel in each row (H,); the whole image sums to 4 pi.
+
+    Args:
+        height: rows of the lat-long image.
+    """
     edges = np.cos(np.linspace(0.0, np.pi, height + 1))
     return (edges[:-1] - edges[1:]) * (np.pi / height)
 
 
 def camera_axes(azimuth: float, elevation: float, roll: float) -> Floats:
-    """The camera's right, up and forward unit vectors as rows (3, 3); angles in deg."""
+    """Return the camera's right, up and forward unit vectors as rows (3, 3).
+
+    Args:
+        azimuth: deg, where the camera looks.
+        elevation: deg, positive looks up.
+        roll: deg, positive turns the camera clockwise.
+    """
     forward = direction(azimuth, elevation)
     right = direction(azimuth + 90.0, 0.0)
     up = direction(azimuth, elevation + 90.0)
@@ -95,32 +137,45 @@ def camera_axes(azimuth: float, elevation: float, roll: float) -> Floats:
 
 
 def up_in_camera(elevation: ArrayLike, roll: ArrayLike) -> Floats:
-    """The world's up (3, ...) along the right, up and forward of cameras with these angles (...) [deg]."""
+    """Return the world's up (3, ...) along the right, up and forward of cameras.
+
+    Args:
+        elevation: deg (...), positive looks up.
+        roll: deg (...), positive turns the camera clockwise.
+    """
     el, ro = np.radians(elevation), np.radians(roll)
     level = np.cos(el)
     return np.stack(np.broadcast_arrays(-np.sin(ro) * level, np.cos(ro) * level, np.sin(el)))
 
 
 def level_in_camera(heading: ArrayLike, elevation: ArrayLike, roll: ArrayLike) -> Floats:
-    """Level directions (3, ...) along the right, up and forward of cameras with these angles (...) [deg].
+    """Return level directions (3, ...) along the right, up and forward of cameras.
 
-    Headings are clockwise from where each camera points.
+    Args:
+        heading: deg (...) clockwise from where each camera points.
+        elevation: deg (...), positive looks up.
+        roll: deg (...), positive turns the camera clockwise.
     """
     he, el, ro = np.radians(heading), np.radians(elevation), np.radians(roll)
-    aside, ahead = np.sin(he), np.cos(he)
+    lateral, ahead = np.sin(he), np.cos(he)
     above = -np.sin(el) * ahead
     c, s = np.cos(ro), np.sin(ro)
-    return np.stack(np.broadcast_arrays(c * aside - s * above, s * aside + c * above, np.cos(el) * ahead))
+    return np.stack(np.broadcast_arrays(c * lateral - s * above, s * lateral + c * above, np.cos(el) * ahead))
 
 
 def focal_length(height: float, vertical_fov: float) -> float:
-    """Focal length [pixels] of a pinhole camera whose picture is `height` pixels tall."""
+    """Return the focal length [pixels] of a pinhole camera.
+
+    Args:
+        height: of its picture, pixels.
+        vertical_fov: deg, in (0, 180).
+    """
     return float(0.5 * height / np.tan(np.radians(vertical_fov) / 2.0))
 
 
 @dataclass(frozen=True)
 class Pinhole:
-    """A pinhole camera and the size of its picture; the picture's centre is the principal point."""
+    """A pinhole camera and the size of its picture; the picture's center is the principal point."""
 
     width: int  # pixels
     height: int  # pixels
@@ -141,7 +196,11 @@ class Pinhole:
 
 
 def camera_directions(camera: Pinhole) -> Floats:
-    """Unit vectors (H, W, 3) through the camera's pixel centres."""
+    """Return unit vectors (H, W, 3) through a camera's pixel centers.
+
+    Args:
+        camera: whose picture is H x W.
+    """
     x = (np.arange(camera.width) + 0.5 - 0.5 * camera.width) / camera.focal_length
     y = (0.5 * camera.height - np.arange(camera.height) - 0.5) / camera.focal_length
     forward = 1 / np.sqrt(1 + x**2 + (y**2)[:, None])
@@ -149,7 +208,12 @@ def camera_directions(camera: Pinhole) -> Floats:
 
 
 def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:
-    """Continuous pixel coordinates (..., 2) as (x, y) of directions (..., 3); NaN behind the camera."""
+    """Return continuous pixel coordinates (..., 2) as (x, y); NaN behind the camera.
+
+    Args:
+        direction: (..., 3), of any length.
+        camera: whose picture it is.
+    """
     x, y, z = np.moveaxis(np.asarray(direction) @ camera.axes.T, -1, 0)
     z = np.where(z > 1e-9, z, np.nan)
     focal = camera.focal_length
@@ -157,9 +221,13 @@ def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:
 
 
 def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:
-    """Bilinear samples (..., C) of a lat-long image (H, 2H, C) along directions (..., 3).
+    """Sample a lat-long image bilinearly (..., C).
 
-    Wraps at the seam; across a pole it continues on the opposite side.
+    It wraps at the seam; across a pole it continues on the opposite side.
+
+    Args:
+        image: (H, 2H, C).
+        direction: (..., 3), of any length.
     """
     height, width = image.shape[:2]
     pixel = latlong_pixel(direction, height) - 0.5
@@ -182,35 +250,55 @@ def _texels(image: NDArray[Any], column: NDArray[np.intp], row: NDArray[np.intp]
     return np.asarray(image.reshape(height * width, -1).take(index, axis=0))
 
 
-def ray_sphere(origin: Floats, direction: Floats, centre: Floats, radius: float = 1.0) -> Floats:
-    """Distance (...) along rays to where they enter a sphere; inf where they miss it or start inside or beyond it.
+def ray_sphere(origin: Floats, direction: Floats, center: Floats, radius: float = 1.0) -> Floats:
+    """Return the distance (...) along rays to where they enter a sphere.
 
-    Origins, unit directions and centres (..., 3) broadcast against each other and share one unit of length.
+    It is inf where they miss it, or start inside or beyond it. All arrays broadcast and share one unit of length.
+
+    Args:
+        origin: (..., 3), where the rays start.
+        direction: (..., 3), unit vectors.
+        center: (..., 3), of the sphere.
+        radius: of the sphere.
     """
-    towards = centre - origin
-    along = np.einsum("...i,...i->...", towards, direction)
-    discriminant = along**2 - np.einsum("...i,...i->...", towards, towards) + radius**2
+    offset = center - origin
+    along = np.einsum("...i,...i->...", offset, direction)
+    discriminant = along**2 - np.einsum("...i,...i->...", offset, offset) + radius**2
     distance = along - np.sqrt(np.maximum(discriminant, 0))
     return np.asarray(np.where((discriminant > 0) & (distance > 0), distance, np.inf))
 
 
 def pixel_window(cells: NDArray[np.bool_], height: int, width: int) -> tuple[slice, slice] | None:
-    """Rows and columns of a picture that hold the true cells (H, W) of a coarse one, and a cell around them, if any."""
+    """Return the rows and columns of a picture that hold the true cells of a coarse one, and a cell on every side.
+
+    It is None where no cell is true.
+
+    Args:
+        cells: (h, w).
+        height: of the picture, pixels.
+        width: of the picture, pixels.
+    """
     if not cells.any():
         return None
     return _span(cells, 0, height), _span(cells, 1, width)
 
 
 def clip_slice(middle: float, reach: float, count: int) -> slice:
-    """Which of `count` rows or columns lie within `reach` of the middle; an empty slice where none does."""
+    """Return which rows or columns lie within reach of a middle; an empty slice where none does.
+
+    Args:
+        middle: pixels.
+        reach: pixels to either side.
+        count: of all rows or columns.
+    """
     first = max(0, int(middle - reach))
     return slice(first, max(first, min(count, int(middle + reach) + 1)))
 
 
 def _span(cells: NDArray[np.bool_], axis: int, count: int) -> slice:
     """Of `count` pixels along an axis those from the first true cell to the last, and a cell on either side."""
-    found, step = np.flatnonzero(cells.any(axis=1 - axis)), count / cells.shape[axis]
-    return slice(max(0, int((found[0] - 1) * step)), min(count, int(np.ceil((found[-1] + 2) * step))))
+    true, step = np.flatnonzero(cells.any(axis=1 - axis)), count / cells.shape[axis]
+    return slice(max(0, int((true[0] - 1) * step)), min(count, int(np.ceil((true[-1] + 2) * step))))
 
 
 def to_z_up(vector: Floats) -> Floats:
@@ -223,19 +311,35 @@ def to_z_up(vector: Floats) -> Floats:
     return np.stack([x, -z, y], axis=-1)
 
 
-# Sizes of pictures that are made smaller or larger: width and height in whole pixels, at least 1 x 1.
-
-
 def scale_size(width: int, height: int, scale: float) -> tuple[int, int]:
-    """Width and height of a picture that is made `scale` times as large."""
+    """Return width and height of a scaled picture, in whole pixels, at least 1 x 1.
+
+    Args:
+        width: pixels.
+        height: pixels.
+        scale: factor of both.
+    """
     return max(1, round(width * scale)), max(1, round(height * scale))
 
 
-def fit_in_box(width: int, height: int, most_width: int, most_height: int) -> tuple[int, int]:
-    """The largest width and height of the picture's aspect ratio in a box."""
-    return scale_size(width, height, min(most_width / width, most_height / height))
+def fit_in_box(width: int, height: int, max_width: int, max_height: int) -> tuple[int, int]:
+    """Return the largest width and height of a picture's aspect ratio in a box, at least 1 x 1.
+
+    Args:
+        width: pixels.
+        height: pixels.
+        max_width: of the box, pixels.
+        max_height: of the box, pixels.
+    """
+    return scale_size(width, height, min(max_width / width, max_height / height))
 
 
 def shrink_size(width: int, height: int, side: int) -> tuple[int, int]:
-    """Width and height of a picture whose longer side is made `side` pixels long, if it is longer."""
+    """Return width and height of a picture whose longer side is reduced to a length, if it is longer.
+
+    Args:
+        width: pixels.
+        height: pixels.
+        side: longest that may stay, pixels.
+    """
     return (width, height) if max(width, height) <= side else fit_in_box(width, height, side, side)

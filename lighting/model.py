@@ -1,9 +1,9 @@
 """The network: an ONNX file that carries its own description, run by onnxruntime.
 
-Input `photo`, float32 (N, 3, H, W), is the canvas of photo.place. Output `sun_probability`, float32 (N, G), sums to 1
+Input `photo`, float32 (N, 3, H, W), is what photo.preprocess makes. Output `sun_probability`, float32 (N, G), sums to 1
 over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. Two more outputs
-are optional: `light`, float32 (N, 8), holds LIGHT in final units, and `around`, float32 (N, 12, 24, 3), the radiance of
-the place all around without the sun. The metadata key `spec` holds a ModelSpec as JSON.
+are optional: `light`, float32 (N, 8), holds LIGHT_OUTPUT in final units, and `around`, float32 (N, 12, 24, 3), the
+radiance of the surroundings without the sun. The metadata key `spec` holds a ModelSpec as JSON.
 """
 
 import os
@@ -24,10 +24,10 @@ LIGHT_OUTPUT = (  # of output `light`: irradiances in the photo's linear units, 
     *("cover", "suitable"),
 )
 OUTPUTS = ("sun_probability", "parameters")
-OPTIONAL_OUTPUTS = {
+OPTIONAL_OUTPUTS = {  # of which `around` needs `light`
     "light": (len(LIGHT_OUTPUT),),
     "around": SURROUNDINGS_SHAPE,
-}  # that a network may have; `around` needs `light`
+}
 MODEL_CARD = "MODEL_CARD.md"  # beside a network's file
 
 
@@ -37,19 +37,26 @@ class Model:
     def __init__(self, session: Any, spec: ModelSpec) -> None:
         self.session = session
         self.spec = spec
-        there = {port.name for port in session.get_outputs()}
-        self.outputs = (*OUTPUTS, *(name for name in OPTIONAL_OUTPUTS if name in there))
+        names = {port.name for port in session.get_outputs()}
+        self.outputs = (*OUTPUTS, *(name for name in OPTIONAL_OUTPUTS if name in names))
 
     @classmethod
     def load(
         cls, path: str | os.PathLike[str] | None = None, threads: int = 0, *, for_one_photo: bool = False
     ) -> "Model":
-        """The network in an ONNX file, by default the one in this package.
+        """Read the network in an ONNX file.
 
-        `threads` work on one photo; 0 means one for each CPU that this process may use. A model for one photo skips
-        the rewriting of its graph, which takes longer than it saves on the first photo. Its sums have another order:
-        the sixth digit of an answer may differ, and a map may show the photo's next pixel in a few places.
-        Raises ModelError for a file that is missing, damaged, or of another layout than this module's.
+        A model for one photo skips the rewriting of its graph, which takes longer than it saves on the first photo. Its
+        sums have another order: the sixth digit of an answer may differ, and a map may show the photo's next pixel in a
+        few places.
+
+        Args:
+            path: the file; None is the network in this package.
+            threads: that work on one photo; 0 is one for each CPU that this process may use.
+            for_one_photo: whether it is to run once.
+
+        Raises:
+            ModelError: the file is missing, damaged, or of another layout than this module's.
         """
         if not isinstance(path, str | os.PathLike | None):
             raise ModelError(f"A network is read from a path, not {type(path).__name__}.")
@@ -58,7 +65,15 @@ class Model:
 
     @classmethod
     def from_session(cls, session: Any, file: Path) -> "Model":
-        """The network of an onnxruntime session of `file`; ModelError unless its layout is this module's."""
+        """Make the network of an open session.
+
+        Args:
+            session: an onnxruntime.InferenceSession.
+            file: that it was opened from, for errors.
+
+        Raises:
+            ModelError: the file's layout is not this module's.
+        """
         metadata = session.get_modelmeta().custom_metadata_map
         if "spec" not in metadata:
             raise ModelError(f"{file} is not a lighting network: its metadata has no 'spec'.")
@@ -67,9 +82,14 @@ class Model:
         return cls(session, spec)
 
     def predict(self, batch: NDArray[np.float32]) -> list[Prediction]:
-        """The network's prediction for each photo of a batch (N, 3, H, W); N may be 0.
+        """Run the network on a batch of photos, and return its prediction for each.
 
-        Raises ValueError for a batch of another shape, ModelError where the network fails or its answer is none.
+        Args:
+            batch: (N, 3, H, W), as photo.preprocess returns it; N may be 0.
+
+        Raises:
+            ValueError: the batch has another shape.
+            ModelError: the network fails, or its answer is none.
         """
         expected = (3, self.spec.height, self.spec.width)
         if batch.ndim != 4 or batch.shape[1:] != expected:
@@ -87,16 +107,24 @@ class Model:
         except Exception as error:  # onnxruntime's errors share no public base class
             raise ModelError(f"The network failed: {describe_onnx_error(error)}") from error
         shapes = _shapes(self.spec)
-        found, expected = [o.shape for o in outputs], [(len(batch), *shapes[name]) for name in self.outputs]
-        if found != expected:
-            raise ModelError(f"The network answered in shapes {found}, not {expected}.")
+        actual, expected = [o.shape for o in outputs], [(len(batch), *shapes[name]) for name in self.outputs]
+        if actual != expected:
+            raise ModelError(f"The network answered in shapes {actual}, not {expected}.")
         if not all(np.isfinite(o).all() for o in outputs):
             raise ModelError("The network's answer is not finite.")
         return outputs
 
 
 def model_or_packaged(model: object) -> Model:
-    """The Model given, or for None the one in this package; ModelError, and ParameterError for what is neither."""
+    """Return a Model, or for None the one in this package.
+
+    Args:
+        model: what a caller passed.
+
+    Raises:
+        ModelError: the network in this package cannot be read.
+        ParameterError: it is neither.
+    """
     if model is None:
         return Model.load()
     if not isinstance(model, Model):
@@ -108,22 +136,39 @@ def model_or_packaged(model: object) -> Model:
 
 
 def figures_path(spec: ModelSpec, folder: Path) -> Path:
-    """Where the measured accuracy of a network lies in its folder, as JSON; a network of one's own may have none."""
+    """Return where the measured accuracy of a network lies, as JSON; a network of the user's may have none.
+
+    Args:
+        spec: the network's.
+        folder: the network's.
+    """
     return folder / f"{spec.name}-{spec.version}.json"
 
 
 def packaged_model() -> Path:
-    """The network in this package; raises ModelError unless there is exactly one."""
+    """Return the network in this package.
+
+    Raises:
+        ModelError: there is not exactly one.
+    """
     return packaged_network(Path(__file__).parent / "data", "outdoor")
 
 
 def weights_path(network: Path) -> Path:
-    """Where a network's weights lie unless its own file holds them; its graph names this file."""
+    """Return where a network's weights lie unless its own file holds them; its graph names this file.
+
+    Args:
+        network: the ONNX file.
+    """
     return network.with_name(f"{network.name}.data")
 
 
 def network_sha256(network: Path) -> str:
-    """SHA-256, in hex, of a network's file and of the weights beside it, if they lie there."""
+    """Return the SHA-256, in hex, of a network's file and of the weights beside it, if they lie there.
+
+    Args:
+        network: the ONNX file.
+    """
     import hashlib  # 2 ms, which a command for one photo is spared
 
     weights = weights_path(network)
@@ -135,31 +180,28 @@ def network_sha256(network: Path) -> str:
 
 def _shapes(spec: ModelSpec) -> dict[str, tuple[int, ...]]:
     """The shape of each output for one photo."""
-    plain: dict[str, tuple[int, ...]] = {
-        "sun_probability": (len(grid_directions(spec.sun_grid)),),
-        "parameters": (len(PARAMETERS),),
-    }
-    return {**plain, **OPTIONAL_OUTPUTS}
+    cells = len(grid_directions(spec.sun_grid))
+    return {"sun_probability": (cells,), "parameters": (len(PARAMETERS),), **OPTIONAL_OUTPUTS}
 
 
 def _check_layout(session: Any, spec: ModelSpec, file: Path) -> None:
-    found = {port.name: port.shape[1:] for port in [*session.get_inputs(), *session.get_outputs()]}
-    more = [name for name in OPTIONAL_OUTPUTS if name in found]
+    actual = {port.name: port.shape[1:] for port in [*session.get_inputs(), *session.get_outputs()]}
+    optional = [name for name in OPTIONAL_OUTPUTS if name in actual]
     shapes = _shapes(spec)
-    expected = {"photo": [3, spec.height, spec.width], **{name: list(shapes[name]) for name in (*OUTPUTS, *more)}}
-    if found != expected or more == ["around"]:
-        raise ModelError(f"{file} is a network of another layout: {found} where {expected} is expected.")
+    expected = {"photo": [3, spec.height, spec.width], **{name: list(shapes[name]) for name in (*OUTPUTS, *optional)}}
+    if actual != expected or optional == ["around"]:
+        raise ModelError(f"{file} is a network of another layout: {actual} where {expected} is expected.")
 
 
-def _prediction(spec: ModelSpec, said: dict[str, NDArray[np.float32]]) -> Prediction:
-    named = dict(zip(PARAMETERS, map(float, said["parameters"]), strict=True))
-    light = _light(said["light"], said.get("around")) if "light" in said else None
-    return Prediction(spec=spec, sun_probability=said["sun_probability"], **named, light=light)
+def _prediction(spec: ModelSpec, outputs: dict[str, NDArray[np.float32]]) -> Prediction:
+    parameters = dict(zip(PARAMETERS, map(float, outputs["parameters"]), strict=True))
+    light = _light(outputs["light"], outputs.get("around")) if "light" in outputs else None
+    return Prediction(spec=spec, sun_probability=outputs["sun_probability"], **parameters, light=light)
 
 
-def _light(said: NDArray[np.float32], around: NDArray[np.float32] | None) -> Light:
+def _light(row: NDArray[np.float32], panorama: NDArray[np.float32] | None) -> Light:
     """The Light in a row of the outputs, with every value in its range."""
-    positive = np.maximum(said.astype(np.float64), 0.0)
+    positive = np.maximum(row.astype(np.float64), 0.0)
     cover, suitable = np.minimum(positive[6:], 1.0)
-    here = None if around is None else np.maximum(around, np.float32(0))
-    return Light(positive[:3], positive[3:6], float(cover), float(suitable), here)
+    surroundings = None if panorama is None else np.maximum(panorama, np.float32(0))
+    return Light(positive[:3], positive[3:6], float(cover), float(suitable), surroundings)

@@ -11,10 +11,15 @@ _ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 
 
 def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
-    """The onnxruntime session of a file; `threads` work on one run, 0 means one for each CPU that is available.
+    """Open an ONNX file in a session of onnxruntime on the CPU.
 
-    One run alone skips the rewriting of the graph, which takes longer than it saves there. Raises ModelError for a file
-    that is missing or no network.
+    Args:
+        file: the network.
+        threads: that work on one run; 0 is one for each CPU that this process may use.
+        for_one_run: skip the rewriting of the graph, which takes longer than it saves in one run.
+
+    Raises:
+        ModelError: the file is missing or no network.
     """
     onnxruntime = import_onnxruntime()
     options = onnxruntime.SessionOptions()
@@ -36,7 +41,7 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> An
 
 
 def import_onnxruntime() -> Any:
-    """The module onnxruntime, which does not report its use."""
+    """Import onnxruntime so that it does not report its use."""
     os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read at import; its wheels report usage otherwise
     import onnxruntime
 
@@ -44,14 +49,26 @@ def import_onnxruntime() -> Any:
 
 
 def describe_onnx_error(error: Exception) -> str:
-    """The last clause of onnxruntime's message; codes and the path come before it."""
+    """Return the last clause of onnxruntime's message; codes and the path come before it.
+
+    Args:
+        error: that onnxruntime raised.
+    """
     lines = str(error).strip().splitlines() or [type(error).__name__]
     return lines[0].rsplit("failed:", 1)[-1].strip().rstrip(".") + "."
 
 
 def packaged_network(folder: Path, name: str) -> Path:
-    """The one `name`-<version>.onnx in a folder of this package; ModelError if there is none or a choice."""
-    found = sorted(folder.glob(f"{name}-*.onnx"))
-    if len(found) != 1:
-        raise ModelError(f"{folder} must hold exactly one {name}-<version>.onnx; it holds {len(found)}.")
-    return found[0]
+    """Return the one `name`-<version>.onnx in a folder.
+
+    Args:
+        folder: of this package.
+        name: of the network.
+
+    Raises:
+        ModelError: there is none, or a choice.
+    """
+    files = sorted(folder.glob(f"{name}-*.onnx"))
+    if len(files) != 1:
+        raise ModelError(f"{folder} must hold exactly one {name}-<version>.onnx; it holds {len(files)}.")
+    return files[0]

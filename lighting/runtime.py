@@ -1,4 +1,4 @@
-"""CPU count, malloc tuning, helper processes."""
+"""CPU count, malloc tuning, helper processes for work that may have to be stopped: nothing interrupts C code."""
 
 import ctypes
 import os
@@ -12,26 +12,32 @@ from typing import TYPE_CHECKING, BinaryIO
 if TYPE_CHECKING:
     from subprocess import Popen
 
-# Processes of this package's own for work that may have to be stopped: nothing in Python interrupts C code.
-
 # The variables by which libraries of arrays use one thread, in a process that starts with them.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
-_LONGEST = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
+_MAX_SECONDS = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
+_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
+_KEPT = 1 << 28  # bytes of free memory that the process keeps
+_BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
 
 
 def start_python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
-    """Start Python on `code`, with this package, one thread for arrays, and pipes to its stdin and from its stdout."""
+    """Start Python with this package, one thread for arrays, and pipes to its stdin and from its stdout.
+
+    Args:
+        code: what it runs.
+        environment: variables to add to this process's; None adds none.
+    """
     from subprocess import PIPE, Popen
 
     root = str(Path(__file__).parents[1])
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-    own = {**os.environ, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
-    return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=own)
+    variables = {**os.environ, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
+    return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=variables)
 
 
 def ignore_signals() -> None:
-    """Ignore what ends a terminal's or a service's processes together: this one ends with the process that asks it."""
+    """Ignore what ends a terminal's or a service's processes together: this one ends with the process that uses it."""
     for name in ("SIGINT", "SIGTERM", "SIGHUP"):
         if number := getattr(signal, name, None):  # Windows has no SIGHUP
             signal.signal(number, signal.SIG_IGN)
@@ -39,11 +45,15 @@ def ignore_signals() -> None:
 
 @contextmanager
 def exit_after(seconds: float) -> Iterator[None]:
-    """End this process a second after the block took its time, should nobody be left to do so; not on Windows."""
+    """End this process a second after the block took its time, should nobody be left to do so; not on Windows.
+
+    Args:
+        seconds: that the block may take.
+    """
     if sys.platform == "win32":
         yield
         return
-    signal.setitimer(signal.ITIMER_REAL, min(seconds, _LONGEST) + 1)
+    signal.setitimer(signal.ITIMER_REAL, min(seconds, _MAX_SECONDS) + 1)
     try:
         yield
     finally:
@@ -51,7 +61,7 @@ def exit_after(seconds: float) -> Iterator[None]:
 
 
 def claim_stdout() -> BinaryIO:
-    """The stream of answers; what libraries print on the usual one, and on stderr, goes nowhere from now on."""
+    """Return the stream of answers; what libraries print on stdout and stderr goes nowhere from now on."""
     answers = os.fdopen(os.dup(1), "wb")
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)
@@ -60,29 +70,26 @@ def claim_stdout() -> BinaryIO:
 
 
 def address_space_used() -> int:
-    """Bytes of address space that this process has taken; 0 where that cannot be told."""
+    """Return the bytes of address space that this process has taken; 0 where the system does not say."""
     if sys.platform != "linux":
         return 0
     return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def limit_address_space(size: int) -> None:
-    """Let this process take no more address space than `size` bytes; the bound is Linux's."""
+    """Let this process take no more address space; the limit is Linux's.
+
+    Args:
+        size: bytes.
+    """
     if sys.platform == "linux":
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (size, resource.getrlimit(resource.RLIMIT_AS)[1]))
 
 
-# glibc's heap, told to keep what it has; on other systems nothing happens.
-
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
-_KEPT = 1 << 28  # bytes of free memory that the process keeps
-_BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
-
-
 def keep_memory() -> None:
-    """Reuse freed memory, in one heap for all threads.
+    """Reuse freed memory, in one heap for all threads; only where the C library is glibc.
 
     By itself glibc takes each large buffer from the system and gives it back, in one heap per thread; taking fresh
     pages costs as much as filling them.
@@ -93,11 +100,8 @@ def keep_memory() -> None:
             keep(option, value)
 
 
-# How many CPUs there are to work with.
-
-
 def available_cpus() -> int:
-    """The number of CPUs that this process may use; in a container it can be smaller than the machine's."""
+    """Return the number of CPUs that this process may use; in a container it can be smaller than the machine's."""
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1

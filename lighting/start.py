@@ -23,6 +23,9 @@ def prepare_process(arguments: Sequence[str]) -> None:
     """Save a brief command what pays in long ones alone; call this before numpy is imported.
 
     OpenBLAS's threads would spin while they wait for products of matrices that are too small to share.
+
+    Args:
+        arguments: of the command line, without the program's name.
     """
     if _BRIEF.isdisjoint(arguments):
         return
@@ -62,7 +65,11 @@ _started: list[_EarlySession] = []
 
 
 def start_network(arguments: Sequence[str]) -> None:
-    """Begin to load the packaged network if a command of these arguments runs it on one photo."""
+    """Begin to load the packaged network if a command runs it on one photo.
+
+    Args:
+        arguments: of the command line, without the program's name.
+    """
     if not arguments or arguments[0] not in _OF_ONE_PHOTO:
         return
     command, *others = arguments
