@@ -21,7 +21,7 @@ from lighting.preview.spheres import (
     MIRROR,
     MIRROR_REFLECTANCE,
     SphereScene,
-    _sky,
+    _sky_radiance,
     build_sphere_scene,
     ground_radiance,
     render_spheres,
@@ -229,7 +229,7 @@ def test_the_suns_disc_is_seen_in_full_beside_a_shadow_and_not_at_all_inside(sta
 def test_the_disc_carries_the_suns_power_whatever_its_size(stage: SphereScene) -> None:
     towards = stage.sun_direction[None]
     for radius in (0.3, 1.0):
-        disc = _sky(towards, stage, radius) - _sky(towards, stage, None)
+        disc = _sky_radiance(towards, stage, radius) - _sky_radiance(towards, stage, None)
         solid_angle = 2 * np.pi * (1 - np.cos(np.radians(radius)))
         np.testing.assert_allclose(disc[0] * solid_angle, stage.sun_irradiance, rtol=1e-9)
 
@@ -243,7 +243,7 @@ def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
     ray = -direction(0.0, 60.0)[None]  # down onto the top, which throws it up and away from the camera
     seen = shade_sphere(MIRROR, CENTERS[MIRROR] + normal, ray, stage, mirrored=False)
     reflected = ray - 2 * (ray @ normal.T) * normal
-    expected: Floats = MIRROR_REFLECTANCE * _sky(reflected, stage, None)
+    expected: Floats = MIRROR_REFLECTANCE * _sky_radiance(reflected, stage, None)
     np.testing.assert_allclose(seen, expected, rtol=1e-9)
 
 
