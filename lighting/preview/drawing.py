@@ -1,4 +1,7 @@
-"""Lines, text, palette, horizon and sun markers."""
+"""Lines, text and marks on pictures for people: the palette, the photo's horizon and its sun.
+
+Pillow draws antialiased ink as an enlarged mask, which is then reduced.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,8 +16,6 @@ from lighting.envmap.projection import photo_camera
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
 from lighting.records import Lighting
 
-# Colours of pictures for people, and how linear light is shown in them.
-
 Srgb = tuple[int, int, int]  # 8-bit sRGB
 
 BLACK: Srgb = (0, 0, 0)
@@ -28,32 +29,37 @@ SUN: Srgb = (255, 196, 70)
 PALE: Srgb = (208, 213, 221)  # the sun where it does not shine
 HEAT = np.array([[30, 34, 42], [54, 56, 92], [132, 70, 104], [222, 116, 72], [255, 212, 116]])  # low to high density
 
+Point = tuple[float, float]
+
+_SUPERSAMPLING = 3
+_SHADE_OPACITY = 0.45  # of the dark background of marks and outlined text
+_LABEL_REACH = 52  # pixels within which the horizon may cross the words beside an arrow
 _SHOULDER = 0.6  # linear value above which the display curve bends instead of clipping
 
 
 def sun_mark_color(lighting: Lighting) -> Srgb:
-    """The colour of the sun's marks."""
+    """The color of the sun's marks.
+
+    Args:
+        lighting: tells whether the sun shines.
+    """
     return SUN if lighting.sun_shines else PALE
 
 
 def display_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """8-bit sRGB of the photo's linear values, with a shoulder in place of a hard clip."""
+    """8-bit sRGB of linear values, with a shoulder in place of a hard clip.
+
+    Args:
+        linear: (H, W, 3) linear Rec.709, 1 is white.
+    """
     over = np.maximum(linear - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
     return tone_map(np.minimum(linear, _SHOULDER) + (1 - _SHOULDER) * (1 - np.exp(-over)))
-
-
-# Antialiased lines, marks and text: Pillow draws them as an enlarged mask, which is then reduced.
-
-Point = tuple[float, float]
-
-_SUPERSAMPLING = 3  # supersampling
-_SHADE_OPACITY = 0.45  # opacity of the dark background of marks and outlined text
 
 
 def _paint_mask(
     picture: Image.Image, color: Srgb, opacity: float, paint: Callable[[ImageDraw.ImageDraw, int], None]
 ) -> None:
-    """Colour `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
+    """Color `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
     mask = Image.new("L", (picture.width * _SUPERSAMPLING, picture.height * _SUPERSAMPLING))
     paint(ImageDraw.Draw(mask), _SUPERSAMPLING)
     small = mask.reduce(_SUPERSAMPLING)
@@ -61,7 +67,15 @@ def _paint_mask(
 
 
 def draw_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width: float, opacity: float = 1.0) -> None:
-    """Draw open lines, each (N, 2) pixels; one without a pixel is not drawn."""
+    """Draw open lines; one without a pixel is not drawn.
+
+    Args:
+        picture: drawn on in place.
+        lines: (N, 2) pixels each.
+        color: 8-bit sRGB.
+        width: pixels.
+        opacity: 0 to 1.
+    """
 
     def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
         for line in filter(len, lines):
@@ -71,18 +85,39 @@ def draw_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width
 
 
 def draw_outlined_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width: float) -> None:
-    """Draw lines with a soft dark rim, visible on any background."""
+    """Draw lines with a soft dark rim, visible on any background.
+
+    Args:
+        picture: drawn on in place.
+        lines: (N, 2) pixels each.
+        color: 8-bit sRGB.
+        width: pixels, without the rim.
+    """
     draw_lines(picture, lines, BLACK, width + 2.5, _SHADE_OPACITY)
     draw_lines(picture, lines, color, width)
 
 
 def draw_polygon(picture: Image.Image, corners: ArrayLike, color: Srgb, opacity: float = 1.0) -> None:
-    """Fill the polygon with these corners (N, 2)."""
+    """Fill a polygon.
+
+    Args:
+        picture: drawn on in place.
+        corners: (N, 2) pixels.
+        color: 8-bit sRGB.
+        opacity: 0 to 1.
+    """
     _paint_mask(picture, color, opacity, lambda draw, scale: draw.polygon(_scaled(corners, scale), fill=255))
 
 
 def draw_suns(picture: Image.Image, spots: ArrayLike, color: Srgb, size: float) -> None:
-    """Draw a small sun at each spot (N, 2): a disc of radius `size` with eight rays, on a soft dark background."""
+    """Draw small suns: a disc with eight rays each, on a soft dark background.
+
+    Args:
+        picture: drawn on in place.
+        spots: (N, 2) pixels of their centers.
+        color: 8-bit sRGB.
+        size: radius of the disc in pixels.
+    """
     angle = np.arange(8) * np.pi / 4
     rays = np.stack([np.cos(angle), np.sin(angle)], axis=-1)[:, None] * np.array([[1.6], [2.3]]) * size
 
@@ -100,7 +135,14 @@ def draw_suns(picture: Image.Image, spots: ArrayLike, color: Srgb, size: float) 
 
 
 def draw_arrow_head(picture: Image.Image, tip: Floats, heading: Floats, color: Srgb) -> None:
-    """Draw an arrow head 22 pixels long with its tip at `tip` (2,), pointing along the unit vector `towards` (2,)."""
+    """Draw an arrow head 22 pixels long.
+
+    Args:
+        picture: drawn on in place.
+        tip: (2,) pixels.
+        heading: (2,) unit vector, where it points.
+        color: 8-bit sRGB.
+    """
     side = np.array([-heading[1], heading[0]])
     for grow, ground, opacity in ((3.0, BLACK, _SHADE_OPACITY), (0.0, color, 1.0)):
         back, wing = (22 + grow) * heading, (12 + 1.5 * grow) * side
@@ -110,7 +152,12 @@ def draw_arrow_head(picture: Image.Image, tip: Floats, heading: Floats, color: S
 
 
 def rounded_mask(size: tuple[int, int], radius: int) -> Image.Image:
-    """Mask of a rectangle with rounded corners."""
+    """A mask of a rectangle with rounded corners.
+
+    Args:
+        size: width and height in pixels.
+        radius: of the corners, in pixels.
+    """
     mask = Image.new("L", (size[0] * _SUPERSAMPLING, size[1] * _SUPERSAMPLING))
     corner = (mask.width - 1, mask.height - 1)
     ImageDraw.Draw(mask).rounded_rectangle((0, 0, *corner), radius * _SUPERSAMPLING, fill=255)
@@ -128,7 +175,14 @@ class TextStyle:
 
 
 def draw_text(picture: Image.Image, spot: Point, text: str, style: TextStyle) -> None:
-    """Write text at `spot`."""
+    """Write a text.
+
+    Args:
+        picture: drawn on in place.
+        spot: (x, y) pixels, where the style's anchor lies.
+        text: one line.
+        style: size, color and anchor.
+    """
     font, anchor = _font(style.size), style.anchor
     if style.shaded:
         rim = Image.new("L", picture.size)
@@ -138,12 +192,25 @@ def draw_text(picture: Image.Image, spot: Point, text: str, style: TextStyle) ->
 
 
 def text_width(text: str, size: int) -> float:
-    """Pixels from a text's left end to its right one."""
+    """Pixels from a text's left end to its right one.
+
+    Args:
+        text: one line.
+        size: of its letters, in pixels.
+    """
     return _font(size).getlength(text)
 
 
 def draw_text_inside(picture: Image.Image, spot: ArrayLike, text: str, size: int, color: Srgb) -> None:
-    """Write shaded text centred at `spot` (2,), moved as far as needed to lie inside the picture."""
+    """Write a shaded text, moved as far as needed to lie inside the picture.
+
+    Args:
+        picture: drawn on in place.
+        spot: (2,) pixels of its center.
+        text: one line.
+        size: of its letters, in pixels.
+        color: 8-bit sRGB.
+    """
     left, top, right, bottom = _font(size).getbbox(text, anchor="mm")
     x, y = np.asarray(spot, dtype=np.float64)
     inside = (min(max(x, 8 - left), picture.width - 8 - right), min(max(y, 8 - top), picture.height - 8 - bottom))
@@ -161,13 +228,13 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return font
 
 
-# The photo's horizon and its sun, marked on the photo.
-
-_LABEL_REACH = 52  # pixels within which the horizon may cross the words beside an arrow
-
-
 def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
-    """Draw the horizon as a thin line with a soft shadow, if it is in view; its name is on the side without the sun."""
+    """Draw the horizon as a thin line, if it is in view; its name is on the side without the sun.
+
+    Args:
+        picture: the photo, drawn on in place.
+        lighting: the camera, and where the sun is.
+    """
     line = horizon_pixels(photo_camera(lighting, *picture.size))
     draw_outlined_lines(picture, [line], WHITE, 2)
     inside = line[(line[:, 0] > 0) & (line[:, 0] < picture.width)]
@@ -179,7 +246,12 @@ def draw_horizon(picture: Image.Image, lighting: Lighting) -> None:
 
 
 def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
-    """Mark the sun if it is in the picture, else draw an arrow at the edge that points towards it."""
+    """Mark the sun if it is in the picture, else draw an arrow at the edge that points to it.
+
+    Args:
+        picture: the photo, drawn on in place.
+        lighting: the camera, and where the sun is.
+    """
     color, camera = sun_mark_color(lighting), photo_camera(lighting, *picture.size)
     sun = _camera_pixels(lighting.sun_direction[None], camera)
     if len(sun) and 0 <= sun[0, 0] < picture.width and 0 <= sun[0, 1] < picture.height:
@@ -196,7 +268,11 @@ def draw_sun(picture: Image.Image, lighting: Lighting) -> None:
 
 
 def horizon_pixels(camera: Pinhole) -> Floats:
-    """Pixels (N, 2) of the horizon, from left to right where the camera does not stand on its head."""
+    """Pixels (N, 2) of the horizon, from left to right unless the camera is upside down.
+
+    Args:
+        camera: of the picture.
+    """
     return _camera_pixels(direction(np.linspace(-80.0, 80.0, 65), 0.0), camera)
 
 

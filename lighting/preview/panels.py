@@ -1,4 +1,4 @@
-"""Sky compass, map and photo panels, layout."""
+"""The panels of the preview, photo, map and compass, and where they lie in the picture."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -35,72 +35,166 @@ from lighting.preview.spheres import SphereScene
 from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 
-# Lines on the sphere of directions: the sun's regions and the photo's frame.
+WIDTH = 1600  # of the whole picture
+MARGIN = 40  # around all
+GAP = 24  # between panels
+_HEADER = 78  # height of the headline above the panels
+WARNING_LINE = 26  # height of a line of warnings, which stand below the headline
+CAPTION = 32  # height of the line above each panel
+LETTERS = 18  # size of a caption's letters
+_CELL = 76  # height of one number with its name
+_UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
+_UPRIGHT_MAP_HEIGHT = 440  # of the map below it
 
-_LETTERS = 15  # pixels, size of a share
-
-
-def _draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
-    """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
-    color = sun_mark_color(lighting)
-    labels: list[tuple[str, Floats]] = []
-    for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
-        rim = _circle_around_sun(lighting, radius)
-        if radius <= 0 or rim[180, 1] <= 0:
-            continue
-        line = pixels(rim[rim[:, 1] > -0.02])
-        draw_outlined_lines(picture, list(_split_at_seam(line, picture.width)), color, width)
-        outwards = pixels(rim[180]) - pixels(_circle_around_sun(lighting, 0.98 * radius)[180])
-        outwards = outwards / np.hypot(*outwards)
-        spot = pixels(rim[180]) + 14 * outwards
-        labels.append((share, _avoid_overlap([other for _, other in labels], spot, outwards)))
-    for share, spot in labels:
-        draw_text_inside(picture, spot, share, _LETTERS, color)
+_SHARE_LETTERS = 15  # pixels, size of a region's share
+_RINGS = (30, 60)  # deg of elevation, the compass's rings
+_DENSITY_SIZE = 112  # pixels of the density before enlargement
 
 
-def _avoid_overlap(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
-    """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
-    room = np.array([text_width("90 %", _LETTERS) + 6, _LETTERS + 4])
-    for other in others:
-        lacking = room - (spot - other) * np.sign(outwards)
-        if np.all(np.abs(spot - other) < room):
-            spot = spot + outwards * float(np.min(lacking / np.maximum(np.abs(outwards), 1e-6)))
-    return spot
+@dataclass(frozen=True)
+class Box:
+    """A rectangle by its upper left corner and its size."""
+
+    x: int
+    y: int
+    width: int
+    height: int
 
 
-def _circle_around_sun(lighting: Lighting, radius: float) -> Floats:
-    """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
-    right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
-    angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
-    return np.asarray(
-        np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * (np.sin(angle) * right - np.cos(angle) * up)
-    )
+@dataclass(frozen=True)
+class _Layout:
+    """Where everything goes."""
+
+    height: int  # of the whole picture
+    photo: Box
+    compass: Box
+    envmap: Box
+    spheres: Box
+    cells: list[tuple[int, int]]  # upper left corners of the numbers
 
 
-def _frame_directions(lighting: Lighting, aspect: float) -> Floats:
-    """Directions (N, 3) through the photo's border, a closed loop."""
-    y = np.tan(np.radians(lighting.vertical_fov) / 2)
-    x, side = aspect * y, np.linspace(-1.0, 1.0, 48)
-    one = np.ones_like(side)
-    border = np.concatenate([np.stack(p, axis=-1) for p in ((side, one), (one, -side), (-side, -one), (-one, side))])
-    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll)
-    return np.asarray(x * border[:, :1] * right + y * border[:, 1:] * up + forward)
+def lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
+    """The layout: photo and compass above, map and spheres below; numbers beside an upright photo, else at the foot.
+
+    Args:
+        aspect: the photo's width / height.
+        count: of the numbers.
+        warnings: lines of them.
+    """
+    inner, top = WIDTH - 2 * MARGIN, MARGIN + _HEADER + warnings * WARNING_LINE + CAPTION
+    aspect = min(max(aspect, 0.5), 2.0)
+    upright = aspect < 0.9
+    upper = _UPRIGHT_HEIGHT if upright else int((inner - GAP) / (1 + aspect))
+    photo = Box(MARGIN, top, round(upper * aspect), upper)
+    compass = Box(MARGIN + photo.width + GAP if upright else WIDTH - MARGIN - upper, top, upper, upper)
+    below = top + upper + GAP + CAPTION
+    lower = _UPRIGHT_MAP_HEIGHT if upright else photo.width // 2
+    envmap = Box(MARGIN, below, 2 * lower, lower)
+    left = MARGIN + envmap.width + GAP if upright else compass.x
+    spheres = Box(left, below, WIDTH - MARGIN - left, lower)
+    foot = below + lower + GAP
+    if upright:
+        column = compass.x + compass.width + GAP + 8
+        return _Layout(
+            foot - GAP + MARGIN, photo, compass, envmap, spheres, [(column, top + _CELL * i) for i in range(count)]
+        )
+    cells = [(MARGIN + i * inner // count, foot) for i in range(count)]
+    return _Layout(foot + _CELL - 10 + MARGIN // 2, photo, compass, envmap, spheres, cells)
 
 
-def _split_at_seam(line: Floats, width: float) -> Iterator[Floats]:
-    """A line (N, 2) cut where it jumps by more than half the picture's width, as it does at the seam."""
-    jumps = np.flatnonzero(np.abs(np.diff(line[:, 0])) > width / 2) + 1
-    yield from (piece for piece in np.split(line, jumps) if len(piece) > 1)
+# The photo, with its horizon and the sun.
 
 
-# The panel that shows the sky from above, with the sun's probability.
+def draw_photo_panel(
+    photo: NDArray[np.uint8], lighting: Lighting, box: Box, scene: SphereScene | None = None
+) -> Image.Image:
+    """The photo with its horizon and its sun.
 
-_RINGS = (30, 60)  # degrees of elevation
-_HEAT_SIZE = 112  # pixels of the density before enlargement
+    Args:
+        photo: (H, W, 3) sRGB, upright.
+        lighting: the photo's light and camera.
+        box: the panel's size.
+        scene: balls to put on the photo's ground; None for none.
+    """
+    panel = Image.new("RGB", (box.width, box.height), PANEL)
+    height, width = photo.shape[:2]
+    size = fit_in_box(width, height, box.width, box.height)
+    picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
+    picture = picture if scene is None else insert_balls(picture, lighting, scene)
+    draw_horizon(picture, lighting)
+    draw_sun(picture, lighting)
+    panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
+    return panel
+
+
+def format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
+    """What the panel shows in a photo, in words that fit its width.
+
+    Args:
+        camera: the photo's.
+        width: of the panel, in pixels.
+        balls: whether it draws them where there is ground.
+    """
+    horizon = ["its horizon"] if _shows_horizon(camera) else []
+    if not (balls and shows_ground(camera)):
+        return _join_caption(horizon)
+    long, short = (_join_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
+    return long if text_width(long, LETTERS) <= width else short
+
+
+def _join_caption(contents: list[str]) -> str:
+    return f"Photo, with {' and '.join(contents)}" if contents else "Photo"
+
+
+def _shows_horizon(camera: Pinhole) -> bool:
+    x, y = horizon_pixels(camera).T
+    order = np.argsort(x)
+    edges = np.interp([0.0, camera.width], x[order], y[order]) if len(x) else np.array([np.inf])
+    return bool(edges.min() < camera.height and edges.max() > 0)
+
+
+# The environment map.
+
+
+def draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: Box) -> Image.Image:
+    """The environment map with the sun, its regions and the photo's outline.
+
+    Args:
+        envmap: (H, 2H, 3) linear Rec.709, row 0 is the zenith.
+        lighting: the sun, and the camera.
+        aspect: the photo's width / height.
+        box: the panel's size.
+    """
+    picture = Image.fromarray(display_srgb(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
+
+    def pixels(directions: Floats) -> Floats:
+        return latlong_pixel(directions, box.height)
+
+    frame = list(_split_at_seam(pixels(_frame_directions(lighting, aspect)), box.width))
+    draw_outlined_lines(picture, frame, WHITE, 1.5)
+    _draw_regions(picture, lighting, pixels)
+    spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
+    draw_suns(picture, spots, sun_mark_color(lighting), 6.5)
+    for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
+        draw_text(picture, (box.width * share, box.height - 12), word, TextStyle(16, WHITE, anchor="ms", shaded=True))
+    for share, anchor in ((0.008, "ls"), (0.992, "rs")):
+        draw_text(
+            picture, (box.width * share, box.height - 12), "behind", TextStyle(16, WHITE, anchor=anchor, shaded=True)
+        )
+    return picture
+
+
+# The compass: the sky from above, with the sun's probability.
 
 
 def draw_compass(estimate: Estimate, aspect: float, size: int) -> Image.Image:
-    """The sky seen from above: zenith at the centre, the camera's heading at the top, its right on the right."""
+    """The sky from above: zenith at the center, the camera's heading at the top, its right on the right.
+
+    Args:
+        estimate: the light and the sun's distribution.
+        aspect: the photo's width / height.
+        size: of the square panel, in pixels.
+    """
     lighting = estimate.lighting
     panel = Image.new("RGB", (size, size), PANEL)
     radius = size / 2 - 44
@@ -120,12 +214,12 @@ def draw_compass(estimate: Estimate, aspect: float, size: int) -> Image.Image:
 
 def _draw_density(distribution: SunDistribution) -> Image.Image:
     """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
-    side = (np.arange(_HEAT_SIZE) + 0.5) / _HEAT_SIZE * 2 - 1
+    side = (np.arange(_DENSITY_SIZE) + 0.5) / _DENSITY_SIZE * 2 - 1
     x, y = np.meshgrid(side, side)
     elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
     dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
     density = _density(dome, distribution)
-    level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_HEAT_SIZE, _HEAT_SIZE)
+    level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_DENSITY_SIZE, _DENSITY_SIZE)
     steps = np.linspace(0.0, 1.0, len(HEAT))
     return Image.fromarray(np.stack([np.interp(level, steps, HEAT[:, c]) for c in range(3)], axis=-1).astype(np.uint8))
 
@@ -179,128 +273,57 @@ def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
     return np.stack([size / 2 + reach * np.sin(angle), size / 2 - reach * np.cos(angle)], axis=-1)
 
 
-# Where the parts of the preview lie, in pixels.
-
-WIDTH = 1600  # of the whole picture
-MARGIN = 40  # around all
-GAP = 24  # between panels
-HEADER = 78  # height of the headline above the panels
-WARNING = 26  # height of a line of warnings, which stand below the headline
-CAPTION = 32  # height of the line above each panel
-LETTERS = 18  # size of a caption's letters
-CELL = 76  # height of one number with its name
-UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
-UPRIGHT_MAP_HEIGHT = 440  # of the map below it
+# Lines on the sphere of directions: the sun's regions and the photo's frame.
 
 
-@dataclass(frozen=True)
-class Box:
-    """A rectangle by its upper left corner and its size."""
-
-    x: int
-    y: int
-    width: int
-    height: int
-
-
-@dataclass(frozen=True)
-class _Layout:
-    """Where everything goes."""
-
-    height: int  # of the whole picture
-    photo: Box
-    compass: Box
-    envmap: Box
-    spheres: Box
-    cells: list[tuple[int, int]]  # upper left corners of the numbers
+def _draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
+    """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
+    color = sun_mark_color(lighting)
+    labels: list[tuple[str, Floats]] = []
+    for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
+        rim = _circle_around_sun(lighting, radius)
+        if radius <= 0 or rim[180, 1] <= 0:
+            continue
+        line = pixels(rim[rim[:, 1] > -0.02])
+        draw_outlined_lines(picture, list(_split_at_seam(line, picture.width)), color, width)
+        outwards = pixels(rim[180]) - pixels(_circle_around_sun(lighting, 0.98 * radius)[180])
+        outwards = outwards / np.hypot(*outwards)
+        spot = pixels(rim[180]) + 14 * outwards
+        labels.append((share, _avoid_overlap([other for _, other in labels], spot, outwards)))
+    for share, spot in labels:
+        draw_text_inside(picture, spot, share, _SHARE_LETTERS, color)
 
 
-def lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
-    """The layout for a photo's width / height, `count` numbers and so many lines of warnings.
-
-    Photo and compass above, map and spheres below; the numbers beside an upright photo, else at the foot.
-    """
-    inner, top = WIDTH - 2 * MARGIN, MARGIN + HEADER + warnings * WARNING + CAPTION
-    aspect = min(max(aspect, 0.5), 2.0)
-    upright = aspect < 0.9
-    upper = UPRIGHT_HEIGHT if upright else int((inner - GAP) / (1 + aspect))
-    photo = Box(MARGIN, top, round(upper * aspect), upper)
-    compass = Box(MARGIN + photo.width + GAP if upright else WIDTH - MARGIN - upper, top, upper, upper)
-    below = top + upper + GAP + CAPTION
-    lower = UPRIGHT_MAP_HEIGHT if upright else photo.width // 2
-    envmap = Box(MARGIN, below, 2 * lower, lower)
-    left = MARGIN + envmap.width + GAP if upright else compass.x
-    spheres = Box(left, below, WIDTH - MARGIN - left, lower)
-    foot = below + lower + GAP
-    if upright:
-        column = compass.x + compass.width + GAP + 8
-        return _Layout(
-            foot - GAP + MARGIN, photo, compass, envmap, spheres, [(column, top + CELL * i) for i in range(count)]
-        )
-    cells = [(MARGIN + i * inner // count, foot) for i in range(count)]
-    return _Layout(foot + CELL - 10 + MARGIN // 2, photo, compass, envmap, spheres, cells)
+def _avoid_overlap(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
+    """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
+    room = np.array([text_width("90 %", _SHARE_LETTERS) + 6, _SHARE_LETTERS + 4])
+    for other in others:
+        lacking = room - (spot - other) * np.sign(outwards)
+        if np.all(np.abs(spot - other) < room):
+            spot = spot + outwards * float(np.min(lacking / np.maximum(np.abs(outwards), 1e-6)))
+    return spot
 
 
-# The panel that shows the photo, with its horizon and the sun.
+def _circle_around_sun(lighting: Lighting, radius: float) -> Floats:
+    """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
+    right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
+    angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
+    return np.asarray(
+        np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * (np.sin(angle) * right - np.cos(angle) * up)
+    )
 
 
-def draw_photo_panel(
-    photo: NDArray[np.uint8], lighting: Lighting, box: Box, stage: SphereScene | None = None
-) -> Image.Image:
-    """The photo with its horizon and the sun, and with the balls of a stage on its ground if one is given."""
-    panel = Image.new("RGB", (box.width, box.height), PANEL)
-    height, width = photo.shape[:2]
-    size = fit_in_box(width, height, box.width, box.height)
-    picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
-    picture = picture if stage is None else insert_balls(picture, lighting, stage)
-    draw_horizon(picture, lighting)
-    draw_sun(picture, lighting)
-    panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
-    return panel
+def _frame_directions(lighting: Lighting, aspect: float) -> Floats:
+    """Directions (N, 3) through the photo's border, a closed loop."""
+    y = np.tan(np.radians(lighting.vertical_fov) / 2)
+    x, side = aspect * y, np.linspace(-1.0, 1.0, 48)
+    one = np.ones_like(side)
+    border = np.concatenate([np.stack(p, axis=-1) for p in ((side, one), (one, -side), (-side, -one), (-one, side))])
+    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll)
+    return np.asarray(x * border[:, :1] * right + y * border[:, 1:] * up + forward)
 
 
-def format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
-    """What the panel shows in a photo of this camera, in words that fit its width.
-
-    `balls` says whether it draws them where there is ground.
-    """
-    horizon = ["its horizon"] if _shows_horizon(camera) else []
-    if not (balls and shows_ground(camera)):
-        return _join_caption(horizon)
-    long, short = (_join_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
-    return long if text_width(long, LETTERS) <= width else short
-
-
-def _join_caption(contents: list[str]) -> str:
-    return f"Photo, with {' and '.join(contents)}" if contents else "Photo"
-
-
-def _shows_horizon(camera: Pinhole) -> bool:
-    x, y = horizon_pixels(camera).T
-    order = np.argsort(x)
-    edges = np.interp([0.0, camera.width], x[order], y[order]) if len(x) else np.array([np.inf])
-    return bool(edges.min() < camera.height and edges.max() > 0)
-
-
-# The panel that shows the environment map.
-
-
-def draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: Box) -> Image.Image:
-    """A map (H, 2H, 3) with the sun, its regions and the outline of a photo of this aspect (width / height)."""
-    picture = Image.fromarray(display_srgb(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
-
-    def pixels(directions: Floats) -> Floats:
-        return latlong_pixel(directions, box.height)
-
-    frame = list(_split_at_seam(pixels(_frame_directions(lighting, aspect)), box.width))
-    draw_outlined_lines(picture, frame, WHITE, 1.5)
-    _draw_regions(picture, lighting, pixels)
-    spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
-    draw_suns(picture, spots, sun_mark_color(lighting), 6.5)
-    for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
-        draw_text(picture, (box.width * share, box.height - 12), word, TextStyle(16, WHITE, anchor="ms", shaded=True))
-    for share, anchor in ((0.008, "ls"), (0.992, "rs")):
-        draw_text(
-            picture, (box.width * share, box.height - 12), "behind", TextStyle(16, WHITE, anchor=anchor, shaded=True)
-        )
-    return picture
+def _split_at_seam(line: Floats, width: float) -> Iterator[Floats]:
+    """A line (N, 2) cut where it jumps by more than half the picture's width, as it does at the seam."""
+    jumps = np.flatnonzero(np.abs(np.diff(line[:, 0])) > width / 2) + 1
+    yield from (piece for piece in np.split(line, jumps) if len(piece) > 1)

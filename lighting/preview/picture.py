@@ -1,4 +1,4 @@
-"""The preview picture."""
+"""The preview: a picture of a photo's light, with the photo, the sky, the map, three spheres, and all in words."""
 
 from textwrap import wrap
 
@@ -29,7 +29,7 @@ from lighting.preview.panels import (
     GAP,
     LETTERS,
     MARGIN,
-    WARNING,
+    WARNING_LINE,
     WIDTH,
     Box,
     draw_compass,
@@ -41,18 +41,95 @@ from lighting.preview.panels import (
 from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
 from lighting.records import MIN_SUITABLE, Estimate, Lighting, check_estimate
 
-# The preview's headline, warnings and numbers.
+MAP_HEIGHT = 512  # rows of the environment map
+PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
-ANYWHERE = 90.0  # deg: where a tenth of the probability lies farther off than this, the sun may as well be opposite
-DOUBTED = 0.25  # probability of direct sunlight from which on its absence is not certain
-_LETTERS = 160  # of a line of warnings
+_MAX_RADIUS = 90.0  # deg: where a tenth of the probability lies farther off, the sun may as well be opposite
+_MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence is not certain
+_WARNING_LETTERS = 160  # of a line of warnings
+
+
+def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: bool | None = None) -> bytes:
+    """The picture of a photo and its light, as PNG.
+
+    Args:
+        photo: (H, W, 3) sRGB, upright.
+        estimate: the photo's light.
+        surroundings: whether the map shows the place; None where the network predicted it.
+
+    Raises:
+        ParameterError for what is no Estimate, and PhotoError for what is no photo's pixels.
+    """
+    return encode_png(_draw_preview(photo, estimate, _render_map(photo, estimate, surroundings)))
+
+
+def _draw_preview(
+    photo: NDArray[np.uint8], estimate: Estimate, envmap: NDArray[np.float32] | None = None
+) -> NDArray[np.uint8]:
+    """The same as sRGB pixels (H, 1600, 3).
+
+    `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
+    it is rendered here. The errors are those of `preview_png`, and EnvironmentMapError for what is no map.
+    """
+    check_estimate(estimate)
+    photo = check_pixels(photo)
+    lighting = estimate.lighting
+    envmap = _render_map(photo, estimate, None) if envmap is None else check_envmap(envmap)
+    aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
+    plan = lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
+    compass = draw_compass(estimate, aspect, plan.compass.width)
+    centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
+    scene = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
+    photo_scene = scene if lighting.sun_irradiance is not None else None
+    camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
+    photo_text = format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
+    canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
+    _draw_headline(canvas, lighting)
+    for box, caption, panel in (
+        (plan.photo, photo_text, draw_photo_panel(photo, lighting, plan.photo, photo_scene)),
+        (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
+        (
+            plan.envmap,
+            "Environment map, the photo's view outlined",
+            draw_map_panel(envmap, lighting, aspect, plan.envmap),
+        ),
+        (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(scene, lighting, plan.spheres)),
+    ):
+        _paste_panel(canvas, box, caption, panel)
+    for corner, (name, value) in zip(plan.cells, numbers, strict=True):
+        draw_text(canvas, corner, name, TextStyle(16, MUTED))
+        draw_text(canvas, (corner[0], corner[1] + 22), value, TextStyle(25, TEXT))
+    return np.asarray(canvas)
+
+
+def _paste_panel(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
+    """Panel with rounded corners, its caption above."""
+    draw_text(canvas, (box.x, box.y - CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
+    canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
+
+
+def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
+    context = photo_context(estimate, photo, surroundings=surroundings)
+    return (
+        render_with_surroundings(estimate.lighting, context, MAP_HEIGHT)
+        if context
+        else render(estimate.lighting, MAP_HEIGHT)
+    )
+
+
+def _spheres_panel(scene: SphereScene, lighting: Lighting, box: Box) -> Image.Image:
+    linear = render_sphere_scene(scene, lighting, box.width, box.height, supersampling=2)
+    return Image.fromarray(display_srgb(linear)).reduce(2)
+
+
+# Headline, warnings and numbers.
 
 
 def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
     visible, hedge = lighting.sun_shines, _format_hedge(lighting)
     where = f"{format_azimuth(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
-    none = "No direct sun" if lighting.sun_visibility < DOUBTED else "Probably no direct sun"
+    none = "No direct sun" if lighting.sun_visibility < _MIN_DOUBTFUL else "Probably no direct sun"
     title = f"Sun {hedge}{where}" if visible else none
     doubtful = lighting.suitable is not None and lighting.suitable < MIN_SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
@@ -69,7 +146,7 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     draw_text(canvas, (WIDTH - MARGIN, MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
     draw_text(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
     for number, line in enumerate(_warning_lines(lighting)):
-        draw_text(canvas, (MARGIN, MARGIN + 70 + number * WARNING), line, TextStyle(18, TEXT))
+        draw_text(canvas, (MARGIN, MARGIN + 70 + number * WARNING_LINE), line, TextStyle(18, TEXT))
 
 
 def _fit_text_size(text: str, size: int, width: float) -> int:
@@ -79,12 +156,12 @@ def _fit_text_size(text: str, size: int, width: float) -> int:
 
 def _format_hedge(lighting: Lighting) -> str:
     """What makes the sun's direction sound no surer than it is."""
-    return "perhaps " if lighting.radius_90 > ANYWHERE else ""
+    return "perhaps " if lighting.radius_90 > _MAX_RADIUS else ""
 
 
 def _warning_lines(lighting: Lighting) -> list[str]:
     """The record's warnings, in lines as wide as the picture."""
-    return [line for warning in lighting.warnings for line in wrap(f"Warning: {warning}", _LETTERS)]
+    return [line for warning in lighting.warnings for line in wrap(f"Warning: {warning}", _WARNING_LETTERS)]
 
 
 def _format_sources(lighting: Lighting) -> str:
@@ -117,75 +194,3 @@ def _format_numbers(lighting: Lighting) -> list[tuple[str, str]]:
         ("Camera roll", f"{round(lighting.camera_roll, 1) + 0.0:.1f}°"),
         ("Vertical field of view", f"{lighting.vertical_fov:.1f}°"),
     ]
-
-
-MAP_HEIGHT = 512  # rows of the environment map
-PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
-
-
-def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: bool | None = None) -> bytes:
-    """The picture of an upright photo (h, w, 3, sRGB) and its light, as PNG.
-
-    `surroundings` says whether the map shows the place; by default it does where the network predicted it. Raises
-    ParameterError for what is no Estimate, and PhotoError for what is no photo's pixels.
-    """
-    return encode_png(_draw_preview(photo, estimate, _render_map(photo, estimate, surroundings)))
-
-
-def _draw_preview(
-    photo: NDArray[np.uint8], estimate: Estimate, envmap: NDArray[np.float32] | None = None
-) -> NDArray[np.uint8]:
-    """The same as sRGB pixels (H, 1600, 3).
-
-    `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
-    it is rendered here. The errors are those of `preview_png`, and EnvironmentMapError for what is no map.
-    """
-    check_estimate(estimate)
-    photo = check_pixels(photo)
-    lighting = estimate.lighting
-    envmap = _render_map(photo, estimate, None) if envmap is None else check_envmap(envmap)
-    aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
-    plan = lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
-    compass = draw_compass(estimate, aspect, plan.compass.width)
-    centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
-    stage = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
-    photo_scene = stage if lighting.sun_irradiance is not None else None
-    camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
-    photo_text = format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
-    canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
-    _draw_headline(canvas, lighting)
-    for box, caption, panel in (
-        (plan.photo, photo_text, draw_photo_panel(photo, lighting, plan.photo, photo_scene)),
-        (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
-        (
-            plan.envmap,
-            "Environment map, the photo's view outlined",
-            draw_map_panel(envmap, lighting, aspect, plan.envmap),
-        ),
-        (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(stage, lighting, plan.spheres)),
-    ):
-        _paste_panel(canvas, box, caption, panel)
-    for corner, (name, value) in zip(plan.cells, numbers, strict=True):
-        draw_text(canvas, corner, name, TextStyle(16, MUTED))
-        draw_text(canvas, (corner[0], corner[1] + 22), value, TextStyle(25, TEXT))
-    return np.asarray(canvas)
-
-
-def _paste_panel(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
-    """Panel with rounded corners, its caption above."""
-    draw_text(canvas, (box.x, box.y - CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
-    canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
-
-
-def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
-    context = photo_context(estimate, photo, surroundings=surroundings)
-    return (
-        render_with_surroundings(estimate.lighting, context, MAP_HEIGHT)
-        if context
-        else render(estimate.lighting, MAP_HEIGHT)
-    )
-
-
-def _spheres_panel(stage: SphereScene, lighting: Lighting, box: Box) -> Image.Image:
-    linear = render_sphere_scene(stage, lighting, box.width, box.height, supersampling=2)
-    return Image.fromarray(display_srgb(linear)).reduce(2)

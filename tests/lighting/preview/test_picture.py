@@ -11,7 +11,7 @@ from lighting.envmap.render import render
 from lighting.geometry import Floats, direction
 from lighting.preview import picture as module
 from lighting.preview.drawing import BACKGROUND, TextStyle, text_width
-from lighting.preview.panels import CAPTION, GAP, MARGIN, WARNING, WIDTH, lay_out
+from lighting.preview.panels import CAPTION, GAP, MARGIN, WARNING_LINE, WIDTH, lay_out
 from lighting.preview.picture import (
     MAP_HEIGHT,
     _draw_headline,
@@ -63,9 +63,9 @@ def test_warnings_move_the_panels_down_and_change_nothing_else(width: int, heigh
     plain = draw(outdoors(100.0, 30.0), width, height)
     warned = draw(outdoors(100.0, 30.0, warnings=("The photo may be cropped.",)), width, height)
     top = lay_out(width / height, 9).photo.y - CAPTION
-    assert np.array_equal(warned[top + WARNING :], plain[top:])
-    assert np.array_equal(warned[: top - WARNING], plain[: top - WARNING])
-    assert (warned[top - WARNING : top + WARNING] != np.array(BACKGROUND)).any()
+    assert np.array_equal(warned[top + WARNING_LINE :], plain[top:])
+    assert np.array_equal(warned[: top - WARNING_LINE], plain[: top - WARNING_LINE])
+    assert (warned[top - WARNING_LINE : top + WARNING_LINE] != np.array(BACKGROUND)).any()
 
 
 def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
