@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
+from lighting.geometry import Floats, Pinhole, angles, camera_directions, sample_latlong
 from lighting.registration.features import Matches
 from lighting.registration.rotations import camera_from_world, focal_from_fov, project_points
 
@@ -61,3 +61,16 @@ def picture(sphere: NDArray[np.float32], camera: Camera, fov: float, gain: float
     """What a camera sees of the sphere: (480, 640, 3)."""
     rays = camera_directions(Pinhole(*SIZE, fov, *camera)).astype(np.float32)
     return np.asarray(np.clip(gain * sample_latlong(sphere, rays), 0, 255), dtype=np.uint8)
+
+
+FINER = 3  # pixels drawn for each one along an axis
+
+
+def poles(elevation: float, roll: float, fov: float, size: tuple[int, int] = (400, 300)) -> NDArray[np.uint8]:
+    """What a camera sees among poles all around it, each 3 deg wide, in fog that thickens by the pole."""
+    width, height = size
+    camera = Pinhole(FINER * width, FINER * height, fov, 0.0, elevation, roll)
+    azimuth, _ = angles(camera_directions(camera))
+    shade = np.where(np.floor(azimuth / 3.0) % 2 == 0, 70.0, 160.0)
+    grey = shade.reshape(height, FINER, width, FINER).mean(axis=(1, 3))
+    return np.repeat(grey[..., None], 3, axis=2).round().astype(np.uint8)

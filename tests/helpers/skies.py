@@ -1,9 +1,13 @@
-"""Skies for tests."""
+"""Skies for tests, and photos of things under them."""
 
+from datetime import datetime
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import ExifTags
+from PIL import Image as Picture
 
 from export.data.rendered_panoramas import _SyntheticPanorama
 from lighting.geometry import direction
@@ -49,3 +53,22 @@ def photos(normals: Image, mask: NDArray[np.bool_], skies: Skies, pose: Pose, no
 def angles(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
     """Angles [deg] between unit vectors."""
     return np.asarray(np.degrees(2 * np.arcsin(np.minimum(np.linalg.norm(a - b, axis=-1) / 2, 1))))
+
+
+def gray_blocks(seed: int = 0, side: int = 64) -> NDArray[Any]:
+    """Blocks of several greys, which have edges whatever the light."""
+    return np.asarray(np.kron(np.random.default_rng(seed).uniform(0.1, 0.7, (side // 8, side // 8)), np.ones((8, 8))))
+
+
+def write_photo(path: Path, picture: NDArray[Any], time: datetime | None, seconds: float = 0.01, **tags: Any) -> None:
+    """A JPEG of grey values (H, W) from 0 to 1 with EXIF of its time and exposure."""
+    exif = Picture.Exif()
+    camera = exif.get_ifd(ExifTags.IFD.Exif)
+    if time is not None:
+        camera[ExifTags.Base.DateTimeOriginal] = f"{time:%Y:%m:%d %H:%M:%S}"
+    camera[ExifTags.Base.ExposureTime] = seconds
+    camera[ExifTags.Base.FocalLengthIn35mmFilm] = 50
+    for name, value in tags.items():
+        camera[ExifTags.Base[name]] = value
+    pixels = np.repeat((picture * 255).astype(np.uint8)[..., None], 3, axis=-1)
+    Picture.fromarray(pixels).save(path, exif=exif, quality=95)

@@ -7,21 +7,10 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.calibration import MAX_LEAN, MAX_SIDE, _edges_of, _Lines, calibrate_from_lines, lens_ratio
-from lighting.geometry import Floats, Pinhole, angles, camera_directions, up_in_camera
+from lighting.geometry import Floats, Pinhole, camera_directions, up_in_camera
 from lighting.records import Prediction
+from tests.helpers.cameras import FINER, poles
 from tests.helpers.predictions import prediction
-
-FINER = 3  # pixels drawn for each one along an axis
-
-
-def poles(elevation: float, roll: float, fov: float, size: tuple[int, int] = (400, 300)) -> NDArray[np.uint8]:
-    """What a camera sees among poles all around it, each 3 deg wide, in fog that thickens by the pole."""
-    width, height = size
-    camera = Pinhole(FINER * width, FINER * height, fov, 0.0, elevation, roll)
-    azimuth, _ = angles(camera_directions(camera))
-    shade = np.where(np.floor(azimuth / 3.0) % 2 == 0, 70.0, 160.0)
-    grey = shade.reshape(height, FINER, width, FINER).mean(axis=(1, 3))
-    return np.repeat(grey[..., None], 3, axis=2).round().astype(np.uint8)
 
 
 def said(elevation: float, roll: float, fov: float = 50.0) -> Prediction:

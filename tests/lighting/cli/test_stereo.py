@@ -12,7 +12,7 @@ from PIL import Image
 from lighting.cli import cli
 from lighting.files.exr import write_exr
 from tests.helpers.processes import error_of, runners_run, terminal
-from tests.lighting.stereo.test_capture import jpeg, scene
+from tests.helpers.skies import gray_blocks, write_photo
 
 
 @pytest.fixture
@@ -20,7 +20,7 @@ def day(tmp_path: Path) -> Path:
     folder = tmp_path / "day"
     folder.mkdir()
     for hour in range(3):
-        jpeg(folder / f"{hour}.jpg", scene(), datetime(2024, 6, 21, 10) + timedelta(hours=hour))
+        write_photo(folder / f"{hour}.jpg", gray_blocks(), datetime(2024, 6, 21, 10) + timedelta(hours=hour))
     return folder
 
 
@@ -87,7 +87,7 @@ def test_a_bad_probe_is_named(day: Path, tmp_path: Path) -> None:
         write_exr(other, np.ones((16, 32, 3), np.float32))
     options = ("--probes", tmp_path / "probes", "--heading", "0", "--utc-offset", "0")
     for hour in range(3):
-        jpeg(day / f"{hour}.jpg", scene(), datetime(2024, 6, 21, 8) + timedelta(hours=hour))
+        write_photo(day / f"{hour}.jpg", gray_blocks(), datetime(2024, 6, 21, 8) + timedelta(hours=hour))
     said = error_of(runners_run("stereo", "normals", day, *options, "-o", tmp_path / "out"))
     assert said == f"{file}: The map holds values that are not finite numbers."
 

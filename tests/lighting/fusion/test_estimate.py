@@ -24,9 +24,9 @@ from lighting.photo.reader import photo_from_array
 from lighting.records import Light, Lighting, Prediction
 from lighting.sun_grid import soft_label
 from tests.conftest import TINY
+from tests.helpers.cameras import poles
 from tests.helpers.predictions import FACTS, answer, prediction
 from tests.lighting.fusion.test_single_view import fusion_lobe
-from tests.lighting.test_calibration import poles
 
 TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": datetime(2024, 12, 21, 11, 0, tzinfo=UTC)}
 

@@ -1,4 +1,4 @@
-"""Tests of capture."""
+"""A day of photos: times, masks, exposure and motion checks."""
 
 from collections.abc import Callable
 from datetime import datetime, timedelta
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from PIL import ExifTags, Image
+from PIL import Image
 
 from lighting.color import srgb_decode
 from lighting.errors import EnvironmentMapError, ParameterError, PhotoError
@@ -25,32 +25,14 @@ from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, overcast_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
-from tests.helpers.skies import JUNE, LATITUDE, ball, photos
+from tests.helpers.skies import JUNE, LATITUDE, ball, gray_blocks, photos, write_photo
 
 NOON = datetime(2024, 6, 21, 10)
 
 
-def scene(seed: int = 0, side: int = 64) -> NDArray[Any]:
-    """Blocks of several greys, which have edges whatever the light."""
-    return np.asarray(np.kron(np.random.default_rng(seed).uniform(0.1, 0.7, (side // 8, side // 8)), np.ones((8, 8))))
-
-
-def jpeg(path: Path, picture: NDArray[Any], time: datetime | None, seconds: float = 0.01, **tags: Any) -> None:
-    exif = Image.Exif()
-    camera = exif.get_ifd(ExifTags.IFD.Exif)
-    if time is not None:
-        camera[ExifTags.Base.DateTimeOriginal] = f"{time:%Y:%m:%d %H:%M:%S}"
-    camera[ExifTags.Base.ExposureTime] = seconds
-    camera[ExifTags.Base.FocalLengthIn35mmFilm] = 50
-    for name, value in tags.items():
-        camera[ExifTags.Base[name]] = value
-    pixels = np.repeat((picture * 255).astype(np.uint8)[..., None], 3, axis=-1)
-    Image.fromarray(pixels).save(path, exif=exif, quality=95)
-
-
 def fill(folder: Path, count: int = 4, gap: float = 60.0, **tags: Any) -> None:
     for index in range(count):
-        jpeg(folder / f"{index}.jpg", scene(), NOON + timedelta(minutes=gap * index), **tags)
+        write_photo(folder / f"{index}.jpg", gray_blocks(), NOON + timedelta(minutes=gap * index), **tags)
 
 
 def test_a_day_of_jpegs(tmp_path: Path) -> None:
@@ -71,7 +53,7 @@ def test_cropped_photos_tell_no_lens(tmp_path: Path) -> None:
 
 def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
     for index in range(3):
-        _write_png16(tmp_path / f"{index}.png", 60000 * scene()[..., None])
+        _write_png16(tmp_path / f"{index}.png", 60000 * gray_blocks()[..., None])
     (tmp_path / "times.csv").write_text(
         "file,time\n" + "".join(f"{i}.png,2024-06-21T1{3 - i}:00+00:00\n" for i in range(3))
     )
@@ -86,13 +68,13 @@ def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
 
 def test_a_day_of_one_light_and_photos_that_are_only_listed_are_told(tmp_path: Path) -> None:
     for index, strength in enumerate((0.5, 1.0, 0.7)):
-        _write_png16(tmp_path / f"{index}.png", strength * 60000 * scene()[..., None])
+        _write_png16(tmp_path / f"{index}.png", strength * 60000 * gray_blocks()[..., None])
     rows = "".join(f"{i}.png,2024-06-21T1{i}:00+00:00\n" for i in range(4))
     (tmp_path / "times.csv").write_text("file,time\n" + rows)
     warnings = read_day_photos(tmp_path).warnings
     assert "times.csv lists 3.png, which is not there." in warnings
     assert any("brightens and darkens alike" in warning for warning in warnings)
-    _write_png16(tmp_path / "3.png", 60000 * scene(1)[..., None])
+    _write_png16(tmp_path / "3.png", 60000 * gray_blocks(1)[..., None])
     assert len(read_day_photos(tmp_path).warnings) == 1
 
 
@@ -103,31 +85,31 @@ def test_one_photo_is_no_day(tmp_path: Path) -> None:
 
 
 def _one_brighter(folder: Path) -> None:
-    jpeg(folder / "3.jpg", scene(), NOON + timedelta(hours=3), seconds=0.02)
+    write_photo(folder / "3.jpg", gray_blocks(), NOON + timedelta(hours=3), seconds=0.02)
 
 
 def _one_larger(folder: Path) -> None:
-    jpeg(folder / "3.jpg", scene(side=128), NOON + timedelta(hours=3))
+    write_photo(folder / "3.jpg", gray_blocks(side=128), NOON + timedelta(hours=3))
 
 
 def _one_moved(folder: Path) -> None:
-    jpeg(folder / "3.jpg", np.roll(scene(), 5, axis=1), NOON + timedelta(hours=3))
+    write_photo(folder / "3.jpg", np.roll(gray_blocks(), 5, axis=1), NOON + timedelta(hours=3))
 
 
 def _one_clipped(folder: Path) -> None:
-    jpeg(folder / "3.jpg", np.minimum(2 * scene(), 1), NOON + timedelta(hours=3))
+    write_photo(folder / "3.jpg", np.minimum(2 * gray_blocks(), 1), NOON + timedelta(hours=3))
 
 
 def _one_undated(folder: Path) -> None:
-    jpeg(folder / "3.jpg", scene(), None)
+    write_photo(folder / "3.jpg", gray_blocks(), None)
 
 
 def _one_same(folder: Path) -> None:
-    jpeg(folder / "3.jpg", scene(), NOON)
+    write_photo(folder / "3.jpg", gray_blocks(), NOON)
 
 
 def _one_grey(folder: Path) -> None:
-    jpeg(folder / "3.jpg", scene(), NOON + timedelta(hours=3))
+    write_photo(folder / "3.jpg", gray_blocks(), NOON + timedelta(hours=3))
     with Image.open(folder / "3.jpg") as photo:
         photo.convert("L").save(folder / "3.jpg", exif=photo.getexif())
 
@@ -198,7 +180,7 @@ def test_photos_of_two_sizes_are_refused_also_where_they_are_reduced_to_one(tmp_
 
 def test_a_photo_that_nothing_is_left_of_is_refused(tmp_path: Path) -> None:
     fill(tmp_path, 3)
-    jpeg(tmp_path / "thin.jpg", np.full((300, 1), 0.5), NOON)
+    write_photo(tmp_path / "thin.jpg", np.full((300, 1), 0.5), NOON)
     with pytest.raises(
         PhotoError, match=r"^thin\.jpg is reduced to 0 x 100 pixels; normals need 2 or more each way\.$"
     ):

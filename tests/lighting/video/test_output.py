@@ -20,8 +20,8 @@ from lighting.records import Lighting
 from lighting.video import output
 from lighting.video.shot import estimate_frame
 from tests.conftest import LIT, write_network
+from tests.helpers.cameras import poles
 from tests.helpers.clips import Pixels, pan, write_clip
-from tests.lighting.test_calibration import poles
 
 
 @pytest.fixture(scope="module")

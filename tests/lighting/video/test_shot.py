@@ -16,8 +16,8 @@ from lighting.video.shot import Shot, estimate_frame, observe_shots, solve_shot
 from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import ClipMetadata
 from tests.conftest import scene
+from tests.helpers.cameras import poles
 from tests.helpers.clips import FOV, Pixels, frames, look, pan, panorama
-from tests.lighting.test_calibration import poles
 
 BLACK = np.zeros((180, 320, 3), np.uint8)
 

@@ -22,8 +22,8 @@ from lighting.video.intrinsics import zoomed_fov
 from lighting.video.shot import estimate_frame
 from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, Tracker, _BankKeyframe, _KeyframeBank
 from lighting.video.tracking import FrameRotation, Keyframe
+from tests.helpers.cameras import poles
 from tests.helpers.clips import FOV, look, orientation, panorama, seen
-from tests.lighting.test_calibration import poles
 
 
 def key(number: int, stretch: int = 0) -> Keyframe:
