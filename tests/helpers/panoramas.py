@@ -20,7 +20,7 @@ from lighting.envmap.render import render
 from lighting.geometry import angle_between, angles, direction, latlong_directions
 from lighting.records import Lighting, Prediction
 from lighting.sun_grid import grid_directions
-from tests.lighting.fusion.test_single_view import GRID, SPEC, fusion_lobe, fusion_prediction
+from tests.helpers.predictions import GRID, SPEC, grid_prediction, lobe_prediction
 
 EXAMPLES_SPEC = network_specs("0")["outdoor"]
 
@@ -102,7 +102,7 @@ def erring(truth: Truth, shared: bool) -> list[Prediction]:
     azimuth, elevation = angles(truth.sun)
     stretch = np.cos(np.radians(elevation))
     return [
-        fusion_lobe(a + da / c, e + de, 30.0)
+        lobe_prediction(a + da / c, e + de, 30.0)
         for a, e, c, (da, de) in zip(azimuth, elevation, stretch, noise, strict=True)
     ]
 
@@ -143,13 +143,13 @@ def off_by(truth: Truth, azimuth: np.ndarray) -> Answers:
 def rings(*probability: float) -> Prediction:
     """Four cells of unequal size: two low ones, two high ones that are 0.41 times as large."""
     spec = replace(SPEC, sun_grid="rings:2x2")
-    return replace(fusion_prediction(np.array(probability)), spec=spec)
+    return replace(grid_prediction(np.array(probability)), spec=spec)
 
 
 def drawn(count: int, concentration: float, seed: int = 0) -> tuple[list[Prediction], np.ndarray]:
     """Distributions, and suns drawn from each."""
     rng = np.random.default_rng(seed)
-    said = [fusion_lobe(rng.uniform(-180, 180), rng.uniform(20, 70), concentration) for _ in range(count)]
+    said = [lobe_prediction(rng.uniform(-180, 180), rng.uniform(20, 70), concentration) for _ in range(count)]
     cells = grid_directions(GRID)
     return said, np.array([cells[rng.choice(len(cells), p=p.sun_probability / p.sun_probability.sum())] for p in said])
 

@@ -1,4 +1,4 @@
-"""Tests of circular."""
+"""Von Mises curves, circular means and modes, the weighted median."""
 
 import numpy as np
 import pytest

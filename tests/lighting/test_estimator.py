@@ -23,7 +23,7 @@ from lighting.model import Model
 from lighting.photo.reader import Photo, photo_from_array, read_photo
 from lighting.records import Lighting
 from tests.conftest import AROUND, encode, scene, write_network
-from tests.lighting.fusion.test_single_view import FUSION_UNIFORM, fusion_prediction
+from tests.helpers.predictions import UNIFORM, grid_prediction
 
 
 @pytest.fixture
@@ -231,7 +231,7 @@ def test_photos_together_share_the_strength_of_the_light(lit_network: Path) -> N
 def test_a_photo_that_is_matched_is_levelled_by_its_gravity(elevation: float | None, sigma: float) -> None:
     """Unless the pixels contradict it."""
     pytest.importorskip("cv2")
-    photo, said = Photo(scene(320, 240), 320, 240, "JPEG"), fusion_prediction(FUSION_UNIFORM)
+    photo, said = Photo(scene(320, 240), 320, 240, "JPEG"), grid_prediction(UNIFORM)
     gravity = None if elevation is None else Gravity(elevation, 5.0, 1.0)
     shot = _view(photo, said, Observations(vertical_fov=53.0, gravity=gravity)).shot()
     assert shot.up_std == pytest.approx(sigma, abs=0.01)

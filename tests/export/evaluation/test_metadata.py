@@ -21,13 +21,13 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Prediction
 from lighting.solar_position import sun_position
 from tests.helpers.panoramas import EACH, truth_of
-from tests.lighting.fusion.test_single_view import fusion_lobe
+from tests.helpers.predictions import lobe_prediction
 
 
 def seeing(truth: Truth, off: float = 0.0, concentration: float = 60.0) -> list[Prediction]:
     """Networks that put each sun `off` [deg] too high."""
     azimuth, elevation = angles(truth.sun)
-    return [fusion_lobe(float(a), float(e) + off, concentration) for a, e in zip(azimuth, elevation, strict=True)]
+    return [lobe_prediction(float(a), float(e) + off, concentration) for a, e in zip(azimuth, elevation, strict=True)]
 
 
 def twice(said: list[Prediction]) -> list[tuple[Prediction, Prediction]]:
@@ -69,7 +69,7 @@ def test_a_seen_sun_moves_with_the_lens_only_where_the_picture_is_white() -> Non
     truth = truth_of(2, 15.0)
     truth.sun[:] = direction(20.0, 15.0)
     truth.camera[:] = (2.0, 0.0, 65.0)
-    said = twice([fusion_lobe(20.0, 15.0, 300.0)] * len(truth.sun))
+    said = twice([lobe_prediction(20.0, 15.0, 300.0)] * len(truth.sun))
     rows = {}
     for name, level in (("grey", 120), ("white", 255)):
         pictures = [np.full((300, 400, 3), level, np.uint8)] * len(said)
@@ -82,7 +82,7 @@ def test_gravity_tells_the_camera_of_crops_that_show_the_sun() -> None:
     truth = truth_of(2, 15.0)
     truth.camera[:] = (9.0, 0.0, 50.0)  # the networks say 2 deg
     white = [np.full((300, 400, 3), 255, np.uint8)] * len(truth.sun)
-    table = in_view_evidence(truth, twice([fusion_lobe(20.0, 15.0, 300.0)] * len(truth.sun)), white)
+    table = in_view_evidence(truth, twice([lobe_prediction(20.0, 15.0, 300.0)] * len(truth.sun)), white)
     tilt = {cells[1].strip(): float(cells[3]) for line in table.splitlines()[2:] if (cells := line.split("|"))}
     assert tilt["pixels"] > 4.0
     assert tilt["pixels + gravity"] < 2.0

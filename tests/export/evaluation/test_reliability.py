@@ -23,7 +23,7 @@ from lighting.decoding import sun_from_prediction
 from lighting.geometry import angle_between, direction
 from lighting.sun_grid import grid_directions
 from tests.helpers.panoramas import EACH, drawn, erring, rings, truth_of
-from tests.lighting.fusion.test_single_view import FUSION_UNIFORM, fusion_lobe, fusion_prediction
+from tests.helpers.predictions import UNIFORM, grid_prediction, lobe_prediction
 
 
 def test_the_densest_cells_come_first_whatever_their_size() -> None:
@@ -32,7 +32,7 @@ def test_the_densest_cells_come_first_whatever_their_size() -> None:
 
 
 def test_a_uniform_sky_says_the_same_of_every_sun() -> None:
-    found = _density_levels([fusion_prediction(FUSION_UNIFORM)] * 3, direction([0.0, 90.0, -50.0], [5.0, 40.0, 80.0]))
+    found = _density_levels([grid_prediction(UNIFORM)] * 3, direction([0.0, 90.0, -50.0], [5.0, 40.0, 80.0]))
     np.testing.assert_allclose(found, 0.5, atol=1e-6)
 
 
@@ -65,7 +65,7 @@ def test_crops_that_are_not_scored_count_nowhere() -> None:
     truth = truth_of(2)
     truth.scored[:EACH] = False
     truth.in_view[EACH:] = ["no sky"] * 2 + ["sky in view"] * 6
-    found = reliability_curves(truth, [fusion_lobe(0.0, 40.0)] * (2 * EACH))
+    found = reliability_curves(truth, [lobe_prediction(0.0, 40.0)] * (2 * EACH))
     assert {name: len(levels) for name, levels in found.items()} == {
         DENSEST: 8,
         "sun 20 to 45°": 8,
@@ -89,7 +89,7 @@ def test_the_table_sets_found_beside_expected(tmp_path: Path) -> None:
 
 
 def test_tempering_is_a_power_that_sums_to_one() -> None:
-    said = fusion_prediction(np.array([0.64, 0.16, 0.16, 0.04]))
+    said = grid_prediction(np.array([0.64, 0.16, 0.16, 0.04]))
     np.testing.assert_allclose(_tempered(said, 2.0).sun_probability, [0.8 / 1.8, 0.4 / 1.8, 0.4 / 1.8, 0.2 / 1.8], 1e-6)
     np.testing.assert_allclose(_tempered(said, 1.0).sun_probability, said.sun_probability, 1e-6)
 
@@ -101,7 +101,7 @@ def test_the_temperature_that_was_taken_away_is_found_again(temperature: float) 
 
 
 def test_an_impossible_sun_costs_much_but_not_everything() -> None:
-    said = [fusion_prediction(np.r_[1.0, np.zeros(1023)])]
+    said = [grid_prediction(np.r_[1.0, np.zeros(1023)])]
     assert np.isfinite(_fitted(said, np.array([[0.0, -1.0, 0.0]])))
 
 
@@ -124,6 +124,6 @@ def test_each_half_is_fitted_on_its_own_places_and_measured_on_the_others() -> N
 
 def test_one_place_alone_has_no_other_half() -> None:
     truth = truth_of(2)
-    text = temperature_report("paper", truth, [fusion_lobe(0.0, 40.0)] * len(truth.sun))
+    text = temperature_report("paper", truth, [lobe_prediction(0.0, 40.0)] * len(truth.sun))
     assert "half A" not in text
     assert "| all | 16 |" in text

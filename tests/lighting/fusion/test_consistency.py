@@ -6,11 +6,11 @@ import pytest
 from lighting.fusion.consistency import _elevation_p_value, _heading_p_value, consistency_warnings
 from lighting.fusion.single_view import Observations, fuse, likelihood_by_heading
 from lighting.sun_grid import grid_directions
-from tests.lighting.fusion.test_single_view import FUSION_UNIFORM, GRID, fusion_lobe, fusion_prediction
+from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 
 
 def test_the_tail_of_an_elevation_is_that_of_the_lobe() -> None:
-    said = fusion_lobe(0.0, 45.0, 80.0)  # 6.4 deg of standard deviation an axis, and 4 deg of smoothing
+    said = lobe_prediction(0.0, 45.0, 80.0)  # 6.4 deg of standard deviation an axis, and 4 deg of smoothing
     assert _elevation_p_value(said, np.array([45.0])) == pytest.approx(1.0, abs=0.1)
     assert _elevation_p_value(said, np.array([45.0 + 7.6])) == pytest.approx(0.317, abs=0.06)
     assert _elevation_p_value(said, np.array([5.0])) < 1e-3
@@ -18,15 +18,15 @@ def test_the_tail_of_an_elevation_is_that_of_the_lobe() -> None:
 
 
 def test_one_fitting_zone_is_enough() -> None:
-    said = fusion_lobe(0.0, 45.0, 80.0)
+    said = lobe_prediction(0.0, 45.0, 80.0)
     alone = _elevation_p_value(said, np.array([45.0]))
     assert _elevation_p_value(said, np.array([2.0, 45.0, 88.0])) == pytest.approx(alone)
 
 
 def test_tails_of_suns_drawn_from_the_prediction_are_uniform() -> None:
     random = np.random.default_rng(0)
-    said = fusion_lobe(30.0, 50.0, 15.0)
-    drawn = random.choice(len(FUSION_UNIFORM), 400, p=said.sun_probability / said.sun_probability.sum())
+    said = lobe_prediction(30.0, 50.0, 15.0)
+    drawn = random.choice(len(UNIFORM), 400, p=said.sun_probability / said.sun_probability.sum())
     elevation = np.degrees(np.arcsin(grid_directions(GRID)[drawn, 1]))
     tails = np.array([_elevation_p_value(said, np.array([el])) for el in elevation])
     for level in (0.1, 0.3, 0.5, 0.7, 0.9):
@@ -34,7 +34,7 @@ def test_tails_of_suns_drawn_from_the_prediction_are_uniform() -> None:
 
 
 def test_a_heading_where_the_pixels_see_it_is_no_surprise() -> None:
-    density = likelihood_by_heading(fusion_lobe(0.0, 40.0, 80.0), np.array([[40.0, 100.0]]))
+    density = likelihood_by_heading(lobe_prediction(0.0, 40.0, 80.0), np.array([[40.0, 100.0]]))
     assert _heading_p_value(density, 100.0, 10.0) > 0.9
     assert _heading_p_value(density, 280.0, 10.0) < 1e-3
     assert _heading_p_value(density, 280.0 + 360.0, 10.0) == pytest.approx(_heading_p_value(density, 280.0, 10.0))
@@ -42,14 +42,16 @@ def test_a_heading_where_the_pixels_see_it_is_no_surprise() -> None:
 
 def test_a_flat_sky_contradicts_nothing() -> None:
     evidence = Observations(((30.0, 120.0),), heading=77.0, vertical_fov=50.0)
-    assert fuse(fusion_prediction(FUSION_UNIFORM), evidence).warnings == ()
+    assert fuse(grid_prediction(UNIFORM), evidence).warnings == ()
 
 
 def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
-    said = fusion_lobe(0.0, 60.0, 150.0)
+    said = lobe_prediction(0.0, 60.0, 150.0)
     suns = np.array([[5.0, 100.0]])
     warnings = list(
-        consistency_warnings(said, suns, likelihood_by_heading(fusion_lobe(0.0, 5.0, 150.0), suns), (280.0, 10.0), 12.0)
+        consistency_warnings(
+            said, suns, likelihood_by_heading(lobe_prediction(0.0, 5.0, 150.0), suns), (280.0, 10.0), 12.0
+        )
     )
     assert [w.split(" ")[0] for w in warnings] == ["The", "The", "The"]
     assert "elevation at this time and place, 5°" in warnings[0]
@@ -60,14 +62,14 @@ def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
 
 def test_only_a_lens_that_sees_more_than_the_picture_makes_it_a_crop() -> None:
     (warning,) = consistency_warnings(
-        fusion_lobe(0.0, 60.0, 150.0), np.empty((0, 2)), np.empty((0, 360)), None, 120.0, "clip"
+        lobe_prediction(0.0, 60.0, 150.0), np.empty((0, 2)), np.empty((0, 360)), None, 120.0, "clip"
     )
     assert warning.endswith("by the pixels: the clip may be cropped.")
     assert warning.code == "lens-contradicted"
 
 
 def test_each_contradiction_has_its_code() -> None:
-    said = fusion_lobe(0.0, 60.0, 150.0)
+    said = lobe_prediction(0.0, 60.0, 150.0)
     suns = np.array([[5.0, 100.0]])
     found = consistency_warnings(said, suns, likelihood_by_heading(said, suns), None, None)
     assert [warning.code for warning in found] == ["elevation-contradicted"]
@@ -77,7 +79,7 @@ def test_each_contradiction_has_its_code() -> None:
 
 
 def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:
-    said = fusion_lobe(0.0, 60.0, 150.0)
+    said = lobe_prediction(0.0, 60.0, 150.0)
     suns = np.array([[0.0, 100.0]])
     (warning,) = consistency_warnings(said, suns, likelihood_by_heading(said, suns), None, None)
     assert warning.startswith(
@@ -87,13 +89,13 @@ def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:
 
 @pytest.mark.parametrize("seen", [0.0, 3.0, 8.0, 15.0])
 def test_a_sun_of_twilight_agrees_with_pixels_that_see_it_low(seen: float) -> None:
-    assert fuse(fusion_lobe(0.0, seen, 80.0), Observations(((0.0, 100.0),))).warnings == ()
+    assert fuse(lobe_prediction(0.0, seen, 80.0), Observations(((0.0, 100.0),))).warnings == ()
 
 
 def test_what_smoothing_puts_below_the_horizon_counts_as_above_it() -> None:
-    assert _elevation_p_value(fusion_lobe(0.0, 0.0, 80.0), np.array([5.0])) == pytest.approx(0.98, abs=0.02)
+    assert _elevation_p_value(lobe_prediction(0.0, 0.0, 80.0), np.array([5.0])) == pytest.approx(0.98, abs=0.02)
 
 
 def test_several_zones_are_named_as_a_range() -> None:
-    said = fusion_lobe(0.0, 80.0, 150.0)
+    said = lobe_prediction(0.0, 80.0, 150.0)
     assert "3 to 12°" in fuse(said, Observations(((3.0, 80.0), (12.0, 95.0)))).warnings[0]

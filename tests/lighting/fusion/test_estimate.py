@@ -1,4 +1,4 @@
-"""Tests of estimate."""
+"""From pixels to a prediction, and from a posterior to an Estimate."""
 
 import math
 from dataclasses import replace
@@ -25,8 +25,7 @@ from lighting.records import Light, Lighting, Prediction
 from lighting.sun_grid import soft_label
 from tests.conftest import TINY
 from tests.helpers.cameras import poles
-from tests.helpers.predictions import FACTS, answer, prediction
-from tests.lighting.fusion.test_single_view import fusion_lobe
+from tests.helpers.predictions import METADATA, answer, lobe_prediction, prediction
 
 TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": datetime(2024, 12, 21, 11, 0, tzinfo=UTC)}
 
@@ -34,7 +33,7 @@ TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": da
 def test_the_answer_says_what_it_rests_on() -> None:
     assert answer().evidence == ("pixels", "time+place", "heading", "focal length")
     assert answer(use_exif=False).evidence == ("pixels",)
-    assert answer(replace(FACTS, vertical_fov=None, heading=None)).evidence == ("pixels", "time+place")
+    assert answer(replace(METADATA, vertical_fov=None, heading=None)).evidence == ("pixels", "time+place")
 
 
 def test_the_answer_holds_sun_lens_and_heading() -> None:
@@ -51,7 +50,7 @@ def test_the_answer_holds_sun_lens_and_heading() -> None:
 
 def test_the_sun_is_a_compass() -> None:
     """With a sun seen 30 deg to the right, the camera points 30 deg left of the sun's compass azimuth."""
-    found = observations_from_metadata(replace(FACTS, heading=None), UserInput())
+    found = observations_from_metadata(replace(METADATA, heading=None), UserInput())
     elevation, azimuth = found.observations.candidates[0]
     ahead = soft_label([math.sin(math.radians(30)), 0.6, -math.cos(math.radians(30))], 80.0, TINY.sun_grid)
     light = build_estimate(fuse(prediction(ahead), found.observations), found).lighting
@@ -64,7 +63,9 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
     """Pixels that have it at 37 deg, a record of the hour in which it sets."""
     ahead = soft_label([0.0, 0.6, -0.8], 80.0, TINY.sun_grid)
     said = replace(prediction(ahead), light=Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0))
-    evening = observations_from_metadata(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput())
+    evening = observations_from_metadata(
+        replace(METADATA, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput()
+    )
     alone, told = (
         build_estimate(fuse(said, k.observations), k).lighting
         for k in (observations_from_metadata(PhotoMetadata(), UserInput()), evening)
@@ -82,7 +83,9 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
 
 def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
     """One has it at 37 deg, the other at 8: both get the colour that the time asks of their common light."""
-    evening = observations_from_metadata(replace(FACTS, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput())
+    evening = observations_from_metadata(
+        replace(METADATA, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput()
+    )
     suns = [soft_label([0.0, math.sin(e), -math.cos(e)], 80.0, TINY.sun_grid) for e in np.radians([37.0, 8.0])]
     light = Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0)
     said = [replace(prediction(sun), light=light) for sun in suns]
@@ -96,7 +99,7 @@ def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
 def test_the_place_is_told_only_if_asked_for() -> None:
     assert answer().latitude is None
     assert "place" not in answer().to_dict()
-    assert "48.1" not in repr(observations_from_metadata(FACTS, UserInput(keep_location=True)))
+    assert "48.1" not in repr(observations_from_metadata(METADATA, UserInput(keep_location=True)))
     kept = answer(keep_location=True)
     assert (kept.latitude, kept.longitude) == (48.14, 11.575)
     assert kept.to_dict()["place"] == {"latitude": 48.14, "longitude": 11.575}
@@ -116,7 +119,7 @@ SIZE = (400, 300)
 def sunny(elevation: float, azimuth: float, sun: float) -> Prediction:
     """A camera that is said to look 4 deg too high, with a sure sun."""
     return replace(
-        fusion_lobe(azimuth, sun, 300.0), camera_elevation=elevation + 4.0, camera_roll=0.0, vertical_fov=50.0
+        lobe_prediction(azimuth, sun, 300.0), camera_elevation=elevation + 4.0, camera_roll=0.0, vertical_fov=50.0
     )
 
 

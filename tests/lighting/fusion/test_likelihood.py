@@ -1,4 +1,4 @@
-"""Tests of likelihood."""
+"""Distributions rotated, blurred and pooled."""
 
 import numpy as np
 import pytest
@@ -15,19 +15,19 @@ from lighting.fusion.likelihood import (
 )
 from lighting.fusion.multi_view import ELEVATION_CORRELATION
 from lighting.geometry import Floats, direction
-from tests.lighting.fusion.test_single_view import FUSION_UNIFORM, GRID, fusion_lobe, fusion_prediction
+from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 
 
 def test_a_turned_camera_sees_the_sun_turned_the_other_way() -> None:
-    turned = rotate_density(fusion_lobe(50.0, 40.0).sun_probability, 30.0, GRID)
-    there = fusion_lobe(20.0, 40.0).sun_probability
+    turned = rotate_density(lobe_prediction(50.0, 40.0).sun_probability, 30.0, GRID)
+    there = lobe_prediction(20.0, 40.0).sun_probability
     assert np.corrcoef(turned, there)[0, 1] > 0.98
 
 
 def test_the_elevations_density_is_flat_for_a_flat_sky_and_peaks_at_the_sun() -> None:
     elevation = np.arange(0.0, 91.0, 5.0)
-    assert elevation_density(fusion_prediction(FUSION_UNIFORM), elevation) == pytest.approx(1 / (2 * np.pi), rel=1e-5)
-    assert elevation[elevation_density(fusion_lobe(10.0, 35.0, 100.0), elevation).argmax()] == 35.0
+    assert elevation_density(grid_prediction(UNIFORM), elevation) == pytest.approx(1 / (2 * np.pi), rel=1e-5)
+    assert elevation[elevation_density(lobe_prediction(10.0, 35.0, 100.0), elevation).argmax()] == 35.0
 
 
 FOV = np.array([50.0, 50.0, 50.0])

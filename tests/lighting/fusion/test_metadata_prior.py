@@ -1,4 +1,4 @@
-"""Tests of metadata prior."""
+"""What a photo's metadata tell: suns, heading, declination, daylight."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
@@ -26,7 +26,7 @@ from lighting.fusion.timezones import share_location
 from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Light, Lighting
-from tests.helpers.predictions import FACTS, MORNING, ZONELESS, evidence_of, prediction
+from tests.helpers.predictions import METADATA, MORNING, ZONELESS, observations_of, prediction
 
 
 @pytest.mark.parametrize(
@@ -118,7 +118,7 @@ def test_an_exposure_is_not_used_where_the_network_does_not_say_what_suits() -> 
 
 def test_in_twilight_no_photo_suits() -> None:
     """The sun sets at 19:07 UTC."""
-    light = answered(replace(FACTS, utc_time=datetime(2024, 6, 1, 19, 25, tzinfo=UTC)))
+    light = answered(replace(METADATA, utc_time=datetime(2024, 6, 1, 19, 25, tzinfo=UTC)))
     assert light.suitable == 0.1
     assert "civil twilight" in light.warnings[0]
 
@@ -139,27 +139,27 @@ TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": da
 
 
 def test_nothing_known_is_no_evidence() -> None:
-    assert evidence_of(PhotoMetadata()) == Observations()
-    assert observations_from_metadata(FACTS, UserInput(use_exif=False)).observations == Observations()
+    assert observations_of(PhotoMetadata()) == Observations()
+    assert observations_from_metadata(METADATA, UserInput(use_exif=False)).observations == Observations()
 
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": None, "local_time": None}])
 def test_a_time_without_place_gives_no_sun_nor_the_other_way_round(lost: dict[str, None]) -> None:
-    facts = replace(FACTS, **lost)
-    assert evidence_of(facts).candidates == ()
+    facts = replace(METADATA, **lost)
+    assert observations_of(facts).candidates == ()
     assert observations_from_metadata(facts, UserInput()).warnings == ()
 
 
 def test_the_offset_of_the_user_ends_the_doubt() -> None:
-    assert evidence_of(ZONELESS, utc_offset=2.0).candidates == evidence_of().candidates
+    assert observations_of(ZONELESS, utc_offset=2.0).candidates == observations_of().candidates
 
 
 def test_a_true_heading_stays() -> None:
-    assert (evidence_of().heading, evidence_of().heading_std) == (60.0, COMPASS_STD)
+    assert (observations_of().heading, observations_of().heading_std) == (60.0, COMPASS_STD)
 
 
 def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
-    found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC))
+    found = observations_of(replace(METADATA, heading_reference=HeadingReference.MAGNETIC))
     off = _magnetic_declination(48.14, 11.575, MORNING)
     assert off is not None
     assert found.heading == pytest.approx(60.0 + off)
@@ -168,20 +168,20 @@ def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": MORNING.replace(year=2005)}])
 def test_an_unknown_declination_widens_the_heading(lost: dict[str, Any]) -> None:
-    found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC, **lost))
+    found = observations_of(replace(METADATA, heading_reference=HeadingReference.MAGNETIC, **lost))
     assert found.heading == 60.0
     assert found.heading_std == pytest.approx(math.hypot(COMPASS_STD, 17.0))
 
 
 def test_an_unknown_reference_widens_the_heading_by_the_declination() -> None:
-    facts = replace(FACTS, heading_reference=None, latitude=47.6, longitude=-122.3)  # Seattle
-    found = evidence_of(facts)
+    facts = replace(METADATA, heading_reference=None, latitude=47.6, longitude=-122.3)  # Seattle
+    found = observations_of(facts)
     assert found.heading == 60.0
     assert found.heading_std == pytest.approx(math.hypot(COMPASS_STD, 15.3), abs=0.2)
 
 
 def test_a_heading_that_is_said_counts_for_more() -> None:
-    found = evidence_of(replace(FACTS, heading_reference=HeadingReference.MAGNETIC), heading=-30.0)
+    found = observations_of(replace(METADATA, heading_reference=HeadingReference.MAGNETIC), heading=-30.0)
     assert (found.heading, found.heading_std) == (330.0, USER_HEADING_STD)
 
 
@@ -190,7 +190,7 @@ def test_a_heading_that_is_said_counts_for_more() -> None:
     [
         (PhotoMetadata(), {"time": MORNING}, "time"),
         (PhotoMetadata(), {"latitude": 1.0, "longitude": 2.0}, "place"),
-        (replace(FACTS, local_time=None), {"utc_offset": 1.0}, "offset"),
+        (replace(METADATA, local_time=None), {"utc_offset": 1.0}, "offset"),
     ],
 )
 def test_what_is_said_in_vain_is_told(facts: PhotoMetadata, said: dict[str, Any], part: str) -> None:
@@ -205,14 +205,14 @@ def test_a_heading_without_time_and_place_is_told_of_a_photo_alone() -> None:
     of_time, of_heading = observations_single(PhotoMetadata(), UserInput(heading=10.0, time=MORNING)).warnings
     assert "The time was not used" in of_time
     assert of_heading == warning
-    at_night = observations_single(replace(FACTS, utc_time=NIGHT), UserInput(heading=10.0))
+    at_night = observations_single(replace(METADATA, utc_time=NIGHT), UserInput(heading=10.0))
     assert len(at_night.warnings) == 1
-    assert observations_single(FACTS, UserInput(heading=10.0)).warnings == ()
+    assert observations_single(METADATA, UserInput(heading=10.0)).warnings == ()
     assert observations_single(PhotoMetadata(heading=10.0), UserInput()).warnings == ()
 
 
 def test_night_in_the_photo_is_told_and_not_used() -> None:
-    found = observations_from_metadata(replace(FACTS, utc_time=NIGHT), UserInput())
+    found = observations_from_metadata(replace(METADATA, utc_time=NIGHT), UserInput())
     assert found.observations.candidates == ()
     assert found.sun_is_up
     (warning,) = found.warnings
@@ -223,7 +223,7 @@ def test_night_in_the_photo_is_told_and_not_used() -> None:
 
 @pytest.mark.parametrize("said", [{"time": NIGHT}, {"latitude": -48.0, "longitude": -170.0}])
 def test_night_by_what_the_user_says_is_refused(said: dict[str, Any]) -> None:
-    facts = FACTS if "time" in said else replace(FACTS, utc_time=MORNING.replace(hour=11))
+    facts = METADATA if "time" in said else replace(METADATA, utc_time=MORNING.replace(hour=11))
     with pytest.raises(ParameterError, match=r"below the horizon \(.*night; civil twilight ends at 6°.*\.$"):
         observations_from_metadata(facts, UserInput(**said))
 
@@ -249,11 +249,11 @@ def test_half_a_sun_still_shines() -> None:
 
 
 def test_a_photo_of_night_leaves_no_time_to_the_others() -> None:
-    day, night = observations_multi([FACTS, replace(FACTS, utc_time=NIGHT)], UserInput())
+    day, night = observations_multi([METADATA, replace(METADATA, utc_time=NIGHT)], UserInput())
     assert day.observations.candidates == night.observations.candidates == ()
     assert "says that it was night" in day.warnings[-1]
     assert "below the horizon" in night.warnings[-1]
-    assert [k.is_night for k in observations_multi([FACTS, FACTS], UserInput())] == [False, False]
+    assert [k.is_night for k in observations_multi([METADATA, METADATA], UserInput())] == [False, False]
 
 
 def test_clocks_by_which_one_photo_is_of_night_in_every_zone_are_not_used() -> None:
@@ -269,15 +269,15 @@ def test_clocks_by_which_one_photo_is_of_night_in_every_zone_are_not_used() -> N
 
 
 def test_photos_of_different_places_are_told() -> None:
-    assert FACTS.latitude is not None
-    near, far = replace(FACTS, latitude=FACTS.latitude + 0.5), replace(FACTS, latitude=-FACTS.latitude)
-    found = observations_multi([FACTS, near, far], UserInput())
+    assert METADATA.latitude is not None
+    near, far = replace(METADATA, latitude=METADATA.latitude + 0.5), replace(METADATA, latitude=-METADATA.latitude)
+    found = observations_multi([METADATA, near, far], UserInput())
     assert [bool(k.warnings) for k in found] == [False, False, True]
     assert "km from that of the first photo" in found[2].warnings[-1]
-    assert not any(k.warnings for k in observations_multi([FACTS, far], UserInput(use_exif=False)))
-    timeless = [replace(f, local_time=None, utc_time=None) for f in (FACTS, far)]
+    assert not any(k.warnings for k in observations_multi([METADATA, far], UserInput(use_exif=False)))
+    timeless = [replace(f, local_time=None, utc_time=None) for f in (METADATA, far)]
     assert not any(k.warnings for k in observations_multi(timeless, UserInput()))
-    assert not any(k.warnings for k in observations_multi([FACTS, far], UserInput(latitude=48.0, longitude=11.0)))
+    assert not any(k.warnings for k in observations_multi([METADATA, far], UserInput(latitude=48.0, longitude=11.0)))
 
 
 def test_photos_that_know_nothing_stay_as_they_are() -> None:

@@ -13,7 +13,7 @@ from lighting.fusion.user_input import check_headings
 from lighting.geometry import wrap_azimuth
 from lighting.records import Prediction
 from lighting.registration.photo_set import RegisteredView
-from tests.lighting.fusion.test_single_view import FUSION_UNIFORM, fusion_lobe, fusion_prediction
+from tests.helpers.predictions import UNIFORM, grid_prediction, lobe_prediction
 
 NOTHING = [Observations()] * 3
 COMPASS = [Observations(heading=h) for h in (350.0, 20.0, 90.0)]
@@ -74,7 +74,7 @@ TURNS = (0.0, 90.0, 200.0)
 
 def views(sun: float, turns: tuple[float, ...], concentration: float = 20.0) -> list[Prediction]:
     """What cameras at headings `turns` see of a sun 40 deg high at compass azimuth `sun`."""
-    return [fusion_lobe(sun - turn, 40.0, concentration) for turn in turns]
+    return [lobe_prediction(sun - turn, 40.0, concentration) for turn in turns]
 
 
 def azimuth_errors(answers: tuple[Posterior, ...], sun: float, turns: tuple[float, ...]) -> list[float]:
@@ -86,7 +86,7 @@ def azimuth_errors(answers: tuple[Posterior, ...], sun: float, turns: tuple[floa
 def test_the_order_of_the_photos_does_not_matter(
     suns: tuple[tuple[float, float], ...], headings: tuple[float, ...] | None
 ) -> None:
-    said = [fusion_lobe(50.0, 35.0, 10.0), fusion_lobe(-60.0, 45.0, 30.0), fusion_lobe(-120.0, 40.0, 5.0)]
+    said = [lobe_prediction(50.0, 35.0, 10.0), lobe_prediction(-60.0, 45.0, 30.0), lobe_prediction(-120.0, 40.0, 5.0)]
     evidence = [Observations(suns)] * 3
     order = [2, 0, 1]
     there = fuse_views(said, evidence, headings)
@@ -143,9 +143,7 @@ def together_placed(groups: tuple[int, ...]) -> list[RegisteredView]:
 
 
 def test_a_photo_that_sees_nothing_leaves_the_others_their_answer() -> None:
-    answers = fuse_views(
-        [fusion_lobe(30.0, 40.0), fusion_prediction(FUSION_UNIFORM)], [TOGETHER_NOTHING] * 2, [0.0, 100.0]
-    )
+    answers = fuse_views([lobe_prediction(30.0, 40.0), grid_prediction(UNIFORM)], [TOGETHER_NOTHING] * 2, [0.0, 100.0])
     assert azimuth_errors(answers, 30.0, (0.0, 100.0)) == pytest.approx([0.0, 0.0], abs=1.0)
 
 
@@ -173,7 +171,7 @@ def test_one_gross_compass_error_is_outvoted(suns: tuple[tuple[float, float], ..
 
 
 def test_unknown_headings_share_the_elevation_and_are_inferred() -> None:
-    said = [fusion_lobe(-100.0, 50.0, 60.0), fusion_lobe(20.0, 30.0, 60.0)]
+    said = [lobe_prediction(-100.0, 50.0, 60.0), lobe_prediction(20.0, 30.0, 60.0)]
     answers = fuse_views(said, [TOGETHER_NOTHING] * 2)
     assert [a.sun.elevation for a in answers] == pytest.approx([40.0, 40.0], abs=2.5)
     assert [a.sun.azimuth for a in answers] == pytest.approx([-100.0, 20.0], abs=2.0)
@@ -184,8 +182,8 @@ def test_unknown_headings_share_the_elevation_and_are_inferred() -> None:
 
 def test_turbidity_and_exposure_are_shared() -> None:
     first, second = (
-        replace(fusion_lobe(0.0, 40.0), turbidity=2.0),
-        replace(fusion_lobe(0.0, 40.0), turbidity=8.0, exposure=0.4),
+        replace(lobe_prediction(0.0, 40.0), turbidity=2.0),
+        replace(lobe_prediction(0.0, 40.0), turbidity=8.0, exposure=0.4),
     )
     for answer in fuse_views([first, second], [TOGETHER_NOTHING] * 2):
         assert answer.prediction.turbidity == pytest.approx(4.0)
@@ -194,7 +192,7 @@ def test_turbidity_and_exposure_are_shared() -> None:
 
 def test_the_fields_of_view_and_warnings_stay_each_photos_own() -> None:
     evidence = [Observations(vertical_fov=20.0), TOGETHER_NOTHING]
-    answers = fuse_views([fusion_lobe(0.0, 40.0)] * 2, evidence, [0.0, 0.0])
+    answers = fuse_views([lobe_prediction(0.0, 40.0)] * 2, evidence, [0.0, 0.0])
     assert [a.prediction.vertical_fov for a in answers] == [20.0, 50.0]
     assert [len(a.warnings) for a in answers] == [1, 0]
 
@@ -216,10 +214,10 @@ def test_a_time_lapse_follows_the_suns_motion() -> None:
     said = []
     for elevation, compass in suns:
         both = (
-            fusion_lobe(compass - 30.0, elevation, 60.0).sun_probability
-            + fusion_lobe(-75.0, elevation, 60.0).sun_probability
+            lobe_prediction(compass - 30.0, elevation, 60.0).sun_probability
+            + lobe_prediction(-75.0, elevation, 60.0).sun_probability
         )
-        said.append(fusion_prediction(both / 2))
+        said.append(grid_prediction(both / 2))
     answers = fuse_views(said, [Observations((sun,)) for sun in suns], [0.0] * 4)
     for answer in answers:
         assert answer.camera_heading is not None
@@ -233,22 +231,22 @@ def test_a_zone_must_fit_all_photos() -> None:
     """Both zones fit the first photo, and only the second zone fits the other."""
     first, second = ((20.0, 100.0), (60.0, 180.0)), ((85.0, 110.0), (45.0, 200.0))
     between = replace(
-        fusion_lobe(0.0, 20.0, 60.0),
-        sun_probability=0.5 * (fusion_lobe(0, 20, 60).sun_probability + fusion_lobe(0, 60, 60).sun_probability),
+        lobe_prediction(0.0, 20.0, 60.0),
+        sun_probability=0.5 * (lobe_prediction(0, 20, 60).sun_probability + lobe_prediction(0, 60, 60).sun_probability),
     )
-    answers = fuse_views([between, fusion_lobe(0.0, 45.0, 60.0)], [Observations(first), Observations(second)])
+    answers = fuse_views([between, lobe_prediction(0.0, 45.0, 60.0)], [Observations(first), Observations(second)])
     assert answers[0].sun.elevation == pytest.approx(60.0, abs=3.0)
     assert answers[1].sun.elevation == pytest.approx(45.0, abs=2.0)
 
 
 def test_a_photo_without_time_takes_that_of_the_others() -> None:
-    answers = fuse_views([fusion_lobe(0.0, 40.0)] * 2, [TOGETHER_NOTHING, Observations(((33.0, 90.0),))])
+    answers = fuse_views([lobe_prediction(0.0, 40.0)] * 2, [TOGETHER_NOTHING, Observations(((33.0, 90.0),))])
     assert [a.sun.elevation for a in answers] == pytest.approx([33.0, 33.0])
 
 
 def test_a_zone_at_night_in_one_photo_is_out_in_all() -> None:
     evidence = [Observations(((-5.0, 80.0), (30.0, 120.0))), Observations(((10.0, 90.0), (45.0, 150.0)))]
-    answers = fuse_views([fusion_lobe(0.0, 10.0, 60.0)] * 2, evidence)
+    answers = fuse_views([lobe_prediction(0.0, 10.0, 60.0)] * 2, evidence)
     assert [a.sun.elevation for a in answers] == pytest.approx([30.0, 45.0])
 
 
@@ -268,5 +266,5 @@ def test_what_contradicts_itself_is_refused(
     evidence: list[Observations], headings: list[float] | None, sentence: str
 ) -> None:
     with pytest.raises(ParameterError, match=sentence) as refused:
-        fuse_views([fusion_lobe(0.0, 40.0)] * 2, evidence, headings)
+        fuse_views([lobe_prediction(0.0, 40.0)] * 2, evidence, headings)
     assert refused.value.field == (None if headings is None else "headings")  # no single option says the others

@@ -1,4 +1,4 @@
-"""Tests of single view."""
+"""Posterior of one photo: gravity, compass, ephemeris, visible sun."""
 
 from dataclasses import replace
 from typing import Any
@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from lighting.circular import HEADINGS, von_mises
 from lighting.decoding import lighting_from_prediction
@@ -31,26 +30,15 @@ from lighting.fusion.single_view import (
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Pinhole, angle_between, angles, camera_pixel, direction, wrap_azimuth
 from lighting.photo.metadata import PhotoMetadata
-from lighting.records import ModelSpec, Prediction, warning_code
-from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density, soft_label
-
-GRID = "fibonacci:1024"
-SPEC = ModelSpec("test", "0", 32, 32, (0.5, 0.5, 0.5), (0.2, 0.2, 0.2), GRID)
-FUSION_UNIFORM = grid_solid_angle(GRID) / (2 * np.pi)
+from lighting.records import Prediction, warning_code
+from lighting.sun_grid import grid_directions, smooth_density, soft_label
+from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 
 azimuths = st.floats(-180.0, 180.0)
 
 
-def fusion_prediction(probability: NDArray[np.floating]) -> Prediction:
-    return Prediction(SPEC, probability.astype(np.float32), 0.9, 3.0, 0.1, 2.0, 0.5, 50.0)
-
-
-def fusion_lobe(azimuth: float, elevation: float, concentration: float = 40.0) -> Prediction:
-    return fusion_prediction(soft_label(direction(azimuth, elevation), concentration, GRID))
-
-
 def test_without_evidence_the_answer_is_that_of_the_pixels() -> None:
-    said = fusion_lobe(40.0, 30.0)
+    said = lobe_prediction(40.0, 30.0)
     fused = fuse(said, Observations())
     assert lighting_from_prediction(fused.prediction, fused.sun) == lighting_from_prediction(said)
     assert fused.probability is said.sun_probability
@@ -60,15 +48,15 @@ def test_without_evidence_the_answer_is_that_of_the_pixels() -> None:
 
 
 def test_a_heading_alone_says_nothing_of_the_sun() -> None:
-    fused = fuse(fusion_lobe(40.0, 30.0), Observations(heading=10.0))
+    fused = fuse(lobe_prediction(40.0, 30.0), Observations(heading=10.0))
     assert fused.used == ("pixels",)
-    assert fused.sun == fuse(fusion_lobe(40.0, 30.0), Observations()).sun
+    assert fused.sun == fuse(lobe_prediction(40.0, 30.0), Observations()).sun
 
 
 @given(st.floats(0.0, 85.0), st.floats(0.0, 360.0), st.floats(0.0, 360.0))
 def test_pixels_that_say_nothing_give_the_compass_back(elevation: float, compass: float, heading: float) -> None:
     evidence = Observations(((elevation, compass),), heading, 12.0)
-    fused = fuse(fusion_prediction(FUSION_UNIFORM), evidence)
+    fused = fuse(grid_prediction(UNIFORM), evidence)
     bell = von_mises(HEADINGS - heading, 12.0)
     expected = (1 - COMPASS_OUTLIER_RATE) * bell / bell.sum() + COMPASS_OUTLIER_RATE / 360
     assert fused.camera_heading is not None
@@ -79,13 +67,13 @@ def test_pixels_that_say_nothing_give_the_compass_back(elevation: float, compass
 
 
 def test_a_uniform_sky_without_compass_is_even_along_the_ring() -> None:
-    fused = fuse(fusion_prediction(FUSION_UNIFORM), Observations(((35.0, 200.0),)))
+    fused = fuse(grid_prediction(UNIFORM), Observations(((35.0, 200.0),)))
     assert fused.probability == pytest.approx(np.full(360, 1 / 360), rel=1e-5)
 
 
 @given(azimuths, st.floats(10.0, 70.0), st.floats(0.0, 360.0))
 def test_time_and_place_fix_the_elevation_and_the_pixels_the_azimuth(az: float, el: float, compass: float) -> None:
-    fused = fuse(fusion_lobe(az, el), Observations(((el + 5.0, compass),)))
+    fused = fuse(lobe_prediction(az, el), Observations(((el + 5.0, compass),)))
     assert fused.sun.elevation == pytest.approx(el + 5.0, abs=1e-9)
     assert abs(float(wrap_azimuth(fused.sun.azimuth - az))) < 1.5
     assert fused.camera_heading is not None
@@ -95,7 +83,7 @@ def test_time_and_place_fix_the_elevation_and_the_pixels_the_azimuth(az: float, 
 
 @pytest.mark.parametrize("candidates", [((20.0, 80.0),), ((20.0, 80.0), (50.0, 130.0), (65.0, 200.0))])
 def test_probability_sums_to_one_over_directions_of_the_candidates(candidates: tuple[tuple[float, float], ...]) -> None:
-    fused = fuse(fusion_lobe(-100.0, 45.0), Observations(candidates, 150.0))
+    fused = fuse(lobe_prediction(-100.0, 45.0), Observations(candidates, 150.0))
     assert fused.probability.sum() == pytest.approx(1.0)
     assert fused.directions.shape == (360 * len(candidates), 3)
     assert np.unique(np.round(angles(fused.directions)[1], 6)) == pytest.approx([el for el, _ in candidates])
@@ -104,7 +92,7 @@ def test_probability_sums_to_one_over_directions_of_the_candidates(candidates: t
 
 
 def test_pixels_choose_among_equally_likely_zones() -> None:
-    fused = fuse(fusion_lobe(0.0, 50.0), Observations(((10.0, 80.0), (50.0, 180.0), (25.0, 260.0))))
+    fused = fuse(lobe_prediction(0.0, 50.0), Observations(((10.0, 80.0), (50.0, 180.0), (25.0, 260.0))))
     assert fused.sun.elevation == pytest.approx(50.0, abs=2.0)
     assert fused.camera_heading is not None
     assert abs(float(wrap_azimuth(fused.camera_heading.best - 180.0))) < 3.0
@@ -112,32 +100,32 @@ def test_pixels_choose_among_equally_likely_zones() -> None:
 
 def test_a_candidate_at_night_is_left_out() -> None:
     day, both = (Observations(c) for c in (((30.0, 90.0),), ((-12.0, 20.0), (30.0, 90.0))))
-    assert fuse(fusion_lobe(0.0, 30.0), both).probability == pytest.approx(
-        fuse(fusion_lobe(0.0, 30.0), day).probability
+    assert fuse(lobe_prediction(0.0, 30.0), both).probability == pytest.approx(
+        fuse(lobe_prediction(0.0, 30.0), day).probability
     )
 
 
 def test_night_alone_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"the sun is 3\.5° below the horizon"):
-        fuse(fusion_lobe(0.0, 30.0), Observations(((-3.5, 20.0), (-20.0, 300.0))))
+        fuse(lobe_prediction(0.0, 30.0), Observations(((-3.5, 20.0), (-20.0, 300.0))))
 
 
 def test_a_gross_compass_error_loses_against_sharp_pixels() -> None:
     sun = (40.0, 170.0)
-    fused = fuse(fusion_lobe(0.0, 40.0, 150.0), Observations((sun,), heading=350.0))
+    fused = fuse(lobe_prediction(0.0, 40.0, 150.0), Observations((sun,), heading=350.0))
     assert abs(fused.sun.azimuth) < 3.0
     assert any("compass" in w for w in fused.warnings)
 
 
 def test_the_compass_settles_which_of_two_modes_is_right() -> None:
     two = 0.6 * soft_label(direction(20.0, 40.0), 80.0, GRID) + 0.4 * soft_label(direction(160.0, 40.0), 80.0, GRID)
-    fused = fuse(fusion_prediction(two), Observations(((40.0, 180.0),), heading=10.0))
+    fused = fuse(grid_prediction(two), Observations(((40.0, 180.0),), heading=10.0))
     assert abs(fused.sun.azimuth - 160.0) < 6.0
     assert fused.used == ("pixels", "time+place", "heading")
 
 
 def test_the_focal_length_replaces_the_field_of_view_and_nothing_else() -> None:
-    said = fusion_lobe(40.0, 30.0)
+    said = lobe_prediction(40.0, 30.0)
     fused = fuse(said, Observations(vertical_fov=62.0))
     assert replace(fused.prediction, vertical_fov=50.0) == said
     assert fused.prediction.vertical_fov == 62.0
@@ -146,7 +134,7 @@ def test_the_focal_length_replaces_the_field_of_view_and_nothing_else() -> None:
 
 @given(azimuths, st.floats(10.0, 80.0), st.floats(5.0, 60.0))
 def test_radii_hold_their_share_of_the_ring(az: float, el: float, spread: float) -> None:
-    fused = fuse(fusion_prediction(FUSION_UNIFORM), Observations(((el, 0.0),), -az, spread))
+    fused = fuse(grid_prediction(UNIFORM), Observations(((el, 0.0),), -az, spread))
     distance = angle_between(fused.directions, direction(fused.sun.azimuth, fused.sun.elevation))
     for share, radius in ((0.5, fused.sun.radius_50), (0.9, fused.sun.radius_90)):
         assert fused.probability[distance <= radius].sum() == pytest.approx(share, abs=0.04)
@@ -154,7 +142,7 @@ def test_radii_hold_their_share_of_the_ring(az: float, el: float, spread: float)
 
 def test_smooth_density_of_a_uniform_sky_is_one_over_two_pi_down_to_the_horizon() -> None:
     everywhere = direction(np.arange(0, 360, 7.0), np.linspace(0, 90, 52))
-    assert smooth_density(FUSION_UNIFORM, everywhere, GRID) == pytest.approx(np.full(52, 1 / (2 * np.pi)), rel=1e-5)
+    assert smooth_density(UNIFORM, everywhere, GRID) == pytest.approx(np.full(52, 1 / (2 * np.pi)), rel=1e-5)
 
 
 def test_smooth_density_integrates_to_one() -> None:
@@ -178,7 +166,7 @@ PHONE = PhotoMetadata(
 
 
 def said(elevation: float = 4.0, roll: float = -1.0) -> Prediction:
-    return replace(fusion_prediction(FUSION_UNIFORM), camera_elevation=elevation, camera_roll=roll)
+    return replace(grid_prediction(UNIFORM), camera_elevation=elevation, camera_roll=roll)
 
 
 def apart(above: float, aside: float = 0.0) -> str | None:
@@ -251,7 +239,7 @@ def test_the_pixels_alone_where_metadata_are_not_to_be_used() -> None:
 
 
 def test_a_sun_outside_the_picture_stays_where_it_is() -> None:
-    behind = fusion_lobe(150.0, 30.0, 300.0)
+    behind = lobe_prediction(150.0, 30.0, 300.0)
     fused = fuse_single_view(behind, Observations(gravity=Gravity(-10.0, 5.0, 1.0)))
     assert fused.sun == fuse(behind, Observations()).sun
     assert fused.prediction.camera_elevation < -8.0
@@ -260,7 +248,7 @@ def test_a_sun_outside_the_picture_stays_where_it_is() -> None:
 @pytest.mark.parametrize("sun", [(20.0, 15.0), (-15.0, 20.0), (0.0, 8.0)])
 @pytest.mark.parametrize("gravity", [Gravity(-7.0, 9.0, 0.5), Gravity(14.0, None, 1.0)])
 def test_a_sun_in_the_picture_keeps_its_pixel(sun: tuple[float, float], gravity: Gravity) -> None:
-    shows = fusion_lobe(*sun, 300.0)
+    shows = lobe_prediction(*sun, 300.0)
 
     def pixel(camera: Prediction, azimuth: float, elevation: float) -> Any:
         seen_by = Pinhole(400, 300, 50.0, 0.0, camera.camera_elevation, camera.camera_roll)
@@ -276,7 +264,7 @@ def test_a_sun_in_the_picture_keeps_its_pixel(sun: tuple[float, float], gravity:
 
 
 def test_gravity_leaves_the_ephemeris_little_to_tilt() -> None:
-    shows = fusion_lobe(0.0, 15.0, 300.0)
+    shows = lobe_prediction(0.0, 15.0, 300.0)
     free, stated = (
         fuse_single_view(shows, Observations(((9.0, 200.0),), gravity=gravity))
         for gravity in (None, Gravity(shows.camera_elevation, shows.camera_roll, 1.0))
@@ -303,7 +291,7 @@ SHARP = 300.0  # concentration of a lobe of 3.3 deg
 
 def seen(azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> Prediction:
     """A photo with the sun in it, by a camera 2 deg up with a field of view of 50 deg."""
-    return fusion_lobe(azimuth, elevation, SHARP)
+    return lobe_prediction(azimuth, elevation, SHARP)
 
 
 def pixel(said: Prediction, sun: tuple[float, float], vertical_fov: float) -> np.ndarray:
@@ -313,7 +301,7 @@ def pixel(said: Prediction, sun: tuple[float, float], vertical_fov: float) -> np
 
 def test_only_a_sharp_sun_inside_the_picture_is_seen() -> None:
     assert visible_sun(seen()) is not None
-    assert visible_sun(fusion_lobe(AZIMUTH, ELEVATION, 20.0)) is None  # too wide
+    assert visible_sun(lobe_prediction(AZIMUTH, ELEVATION, 20.0)) is None  # too wide
     assert visible_sun(seen(elevation=45.0)) is None  # above the picture
     assert visible_sun(seen(azimuth=170.0)) is None  # behind the camera
     assert visible_sun(replace(seen(), sun_visibility=0.3)) is None
@@ -364,9 +352,9 @@ def test_a_sun_of_another_place_does_not_tilt_the_camera(elevation: float) -> No
 def test_without_a_seen_sun_nothing_changes() -> None:
     evidence = Observations(((30.0, 200.0),), vertical_fov=65.0)
     for said in (
-        fusion_prediction(FUSION_UNIFORM),
-        fusion_lobe(AZIMUTH, ELEVATION, 20.0),
-        fusion_lobe(150.0, 30.0, SHARP),
+        grid_prediction(UNIFORM),
+        lobe_prediction(AZIMUTH, ELEVATION, 20.0),
+        lobe_prediction(150.0, 30.0, SHARP),
     ):
         one, other = fuse_single_view(said, evidence), fuse(said, evidence)
         assert one.prediction == other.prediction

@@ -1,4 +1,4 @@
-"""Tests of timezones."""
+"""Local times, offsets from UTC and the zones that a location allows."""
 
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
@@ -12,7 +12,7 @@ from lighting.fusion.metadata_prior import observations_from_metadata, observati
 from lighting.fusion.timezones import OFFSET_RULES, candidate_utc_offsets, share_location
 from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import PhotoMetadata
-from tests.helpers.predictions import FACTS, MORNING, ZONELESS, evidence_of, sun_at
+from tests.helpers.predictions import METADATA, MORNING, ZONELESS, observations_of, sun_at
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_a_zone_of_the_past_counts_where_clocks_followed_it(latitude: float, lon
     assert hours not in candidate_utc_offsets(latitude + 20.0, longitude)
     facts = replace(ZONELESS, latitude=latitude, longitude=longitude, local_time=datetime(2010, 2, 1, 12, 0))
     sun = sun_at(datetime(2010, 2, 1, 12, 0, tzinfo=timezone(timedelta(hours=hours))), latitude, longitude)
-    assert any(sun == candidate for candidate in evidence_of(facts).candidates)
+    assert any(sun == candidate for candidate in observations_of(facts).candidates)
 
 
 @given(st.floats(-90, 90), st.floats(-180, 180))
@@ -58,7 +58,7 @@ def test_every_place_has_its_own_zone(latitude: float, longitude: float) -> None
 def test_what_is_said_takes_the_place_of_the_facts() -> None:
     there = timezone(timedelta(hours=-4))
     said = UserInput(time=datetime(2023, 3, 3, 15, 0, tzinfo=there), latitude=40.7, longitude=-74.0, vertical_fov=33.0)
-    found = observations_from_metadata(FACTS, said)
+    found = observations_from_metadata(METADATA, said)
     (sun,) = found.observations.candidates
     assert sun == sun_at(datetime(2023, 3, 3, 19, 0, tzinfo=UTC), 40.7, -74.0)
     assert found.observations.vertical_fov == 33.0
@@ -66,18 +66,18 @@ def test_what_is_said_takes_the_place_of_the_facts() -> None:
 
 
 def test_a_local_time_that_is_said_does_not_borrow_the_photos_zone() -> None:
-    assert len(evidence_of(time=datetime(2024, 6, 1, 12, 0)).candidates) == 6
-    assert len(evidence_of(time=datetime(2024, 6, 1, 12, 0), utc_offset=2.0).candidates) == 1
+    assert len(observations_of(time=datetime(2024, 6, 1, 12, 0)).candidates) == 6
+    assert len(observations_of(time=datetime(2024, 6, 1, 12, 0), utc_offset=2.0).candidates) == 1
 
 
 def test_photos_together_share_place_and_zone() -> None:
-    facts = [replace(ZONELESS, latitude=None, longitude=None), FACTS, replace(ZONELESS, latitude=1.0)]
+    facts = [replace(ZONELESS, latitude=None, longitude=None), METADATA, replace(ZONELESS, latitude=1.0)]
     for fact in share_location(facts):
-        assert (fact.latitude, fact.longitude, fact.utc_time) == (FACTS.latitude, FACTS.longitude, MORNING)
+        assert (fact.latitude, fact.longitude, fact.utc_time) == (METADATA.latitude, METADATA.longitude, MORNING)
 
 
 def test_a_clock_beside_the_satellites_time_tells_the_zone() -> None:
-    by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(seconds=40))
+    by_satellite = replace(METADATA, utc_offset=None, utc_time=MORNING + timedelta(seconds=40))
     later = replace(ZONELESS, local_time=datetime(2024, 6, 1, 10, 10))
     assert [fact.utc_time for fact in share_location([by_satellite, later])] == [
         MORNING + timedelta(seconds=40),
@@ -89,13 +89,13 @@ def test_a_clock_beside_the_satellites_time_tells_the_zone() -> None:
 def test_a_clock_of_a_former_zone_tells_it(hours: float) -> None:
     """Venezuela's to 2016, North Korea's to 2018, Norfolk Island's to 2015: the other photos were left without time."""
     local = MORNING.replace(tzinfo=None) + timedelta(hours=hours)
-    by_satellite = replace(FACTS, local_time=local, utc_offset=None, utc_time=MORNING)
+    by_satellite = replace(METADATA, local_time=local, utc_offset=None, utc_time=MORNING)
     later = replace(ZONELESS, local_time=local + timedelta(hours=1))
     assert share_location([by_satellite, later])[1].utc_time == MORNING + timedelta(hours=1)
 
 
 def test_a_clock_that_runs_wrong_tells_no_zone_and_refuses_nothing() -> None:
-    by_satellite = replace(FACTS, utc_offset=None, utc_time=MORNING + timedelta(minutes=23))
+    by_satellite = replace(METADATA, utc_offset=None, utc_time=MORNING + timedelta(minutes=23))
     sure, unsure = (k.observations for k in observations_multi([by_satellite, ZONELESS], UserInput()))
     assert len(sure.candidates) == 1
     assert unsure.candidates == ()  # takes the other's
@@ -104,15 +104,15 @@ def test_a_clock_that_runs_wrong_tells_no_zone_and_refuses_nothing() -> None:
 
 
 def test_time_and_place_give_one_sun() -> None:
-    (sun,) = evidence_of().candidates
+    (sun,) = observations_of().candidates
     assert sun == sun_at(MORNING)
     assert sun == pytest.approx((35.9, 96.3), abs=0.2)
 
 
 def test_a_local_time_gives_one_sun_a_zone() -> None:
-    suns = evidence_of(ZONELESS).candidates
+    suns = observations_of(ZONELESS).candidates
     assert len(suns) == len(candidate_utc_offsets(48.14, 11.575)) == 6
-    assert evidence_of().candidates[0] in [pytest.approx(sun) for sun in suns]
+    assert observations_of().candidates[0] in [pytest.approx(sun) for sun in suns]
     elevations = [elevation for elevation, _ in suns]
     assert max(elevations) - min(elevations) > 30
 
@@ -130,7 +130,7 @@ def test_how_dark_it_is(latitude: float, hour: int, words: str) -> None:
 
 def test_zones_in_the_night_keep_their_turn() -> None:
     """Photos taken together share the zone by its place in the list."""
-    suns = evidence_of(replace(ZONELESS, local_time=datetime(2024, 12, 21, 9, 0))).candidates
+    suns = observations_of(replace(ZONELESS, local_time=datetime(2024, 12, 21, 9, 0))).candidates
     assert len(suns) == 6
     assert min(elevation for elevation, _ in suns) < -6.0
     assert not any(-6.0 <= elevation < 0.0 for elevation, _ in suns)
@@ -150,5 +150,5 @@ def test_a_rule_for_the_offset_is_one_function_and_one_entry(monkeypatch: pytest
     assert ZONELESS.local_time is not None
     assert sun in before
     assert sun == sun_at((ZONELESS.local_time - timedelta(hours=1)).replace(tzinfo=UTC))
-    stated = observations_from_metadata(FACTS, UserInput()).observations.candidates
+    stated = observations_from_metadata(METADATA, UserInput()).observations.candidates
     assert stated == (sun_at(MORNING),)  # what the file states goes first
