@@ -1,10 +1,8 @@
-"""Paths and shared option types."""
+"""From panoramas to networks: what the commands share. Importing it loads no other module of export."""
 
 from pathlib import Path
 
 import click
-
-# What the commands of `python -m export` take: paths, and parts of reports.
 
 PATH = click.Path(path_type=Path)  # a folder, or a file to read
 FILE = click.Path(path_type=Path, dir_okay=False)  # to write

@@ -20,7 +20,7 @@ def _option(
     name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any
 ) -> Callable[[Command], Command]:
     """An option with its meaning; the default is shown if there is one."""
-    if default is not None:  # an explicit None would count as given, also where the option is required
+    if default is not None:  # an explicit None would count as user input, also where the option is required
         more |= {"default": default, "show_default": True}
     return click.option(name, type=kind, help=meaning, **more)
 
@@ -31,13 +31,13 @@ def _share(name: str, default: float, meaning: str) -> Callable[[Command], Comma
 
 
 def _flag(name: str, meaning: str) -> Callable[[Command], Command]:
-    """An option that is off unless given."""
+    """An option that is off by default."""
     return click.option(name, is_flag=True, help=meaning)
 
 
-data = _option("--data", "Folder with panoramas.csv and the pictures.", required=True)
-network = _option("--model", "Network to ask. [default: the one in the package]")
-labels = _option("--labels", "CSV file of `label`.", default="runs/labels.csv")
+_data = _option("--data", "Folder with panoramas.csv and the pictures.", required=True)
+_network = _option("--model", "Network to ask. [default: the one in the package]")
+_labels = _option("--labels", "CSV file of `label`.", default="runs/labels.csv")
 
 
 @click.group(context_settings={"help_option_names": ["-h", "--help"]})
@@ -49,7 +49,7 @@ export_cli.add_command(stereo_group)
 
 
 @export_cli.command("label")
-@data
+@_data
 @_option("--out", "CSV file to write.", FILE, "runs/labels.csv")
 @_option("--workers", "Processes.", click.IntRange(1), 2)
 def _label(data: Path, out: Path, workers: int) -> None:
@@ -76,8 +76,8 @@ def _synthesize(out: Path, count: int, height: int, samples: Path | None) -> Non
 
 
 @export_cli.command("train")
-@data
-@labels
+@_data
+@_labels
 @_option("--out", "Folder of the run; a run with a checkpoint is resumed. [default: runs/NETWORK]")
 @_option("--network", "Network to train.", click.Choice(["outdoor", "cvpr2017"]), "outdoor")
 @_option("--crops", "Crops drawn in all.", click.IntRange(1), 100_000)
@@ -99,44 +99,46 @@ def _synthesize(out: Path, count: int, height: int, samples: Path | None) -> Non
 @_flag("--only-camera", "Train for the camera's elevation, roll and field of view alone.")
 @_share("--tune-share", 0.08, "Share of the places that are held out for the log.")
 @_option("--workers", "Processes that cut crops.", click.IntRange(0), 2)
-def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ...], **given: Any) -> None:
+def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ...], **settings: Any) -> None:
     """Train a network, or resume a run that was stopped. Uses a GPU if there is one."""
     from export.networks.outdoor import TARGET_WIDTH
     from export.training.config import TrainConfig
     from export.training.loop import train_network as run
 
-    if network != "outdoor" and (given["only_seen"] or given["only_camera"] or given["surroundings"] or teacher):
+    if network != "outdoor" and (
+        settings["only_seen"] or settings["only_camera"] or settings["surroundings"] or teacher
+    ):
         options = "--only-seen, --only-camera, --surroundings and --teacher"
         raise click.UsageError(f"{options} are for the network outdoor, not for {network}.")
-    if given["start"] and scratch:
+    if settings["start"] and scratch:
         raise click.UsageError("Choose one of --start and --scratch.")
-    if given["only_seen"] and given["only_camera"]:
+    if settings["only_seen"] and settings["only_camera"]:
         raise click.UsageError("Choose one of --only-seen and --only-camera.")
-    if teacher and (given["only_seen"] or given["only_camera"]):
+    if teacher and (settings["only_seen"] or settings["only_camera"]):
         raise click.UsageError("--teacher answers for all heads; leave out --only-seen and --only-camera.")
-    given |= {"out": out or Path("runs") / network, "teachers": tuple(map(str, teacher))}
-    given |= {name: str(given[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}
-    run(TrainConfig(**given, network=network, target_width=TARGET_WIDTH[network], pretrained=not scratch))
+    settings |= {"out": out or Path("runs") / network, "teachers": tuple(map(str, teacher))}
+    settings |= {name: str(settings[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}
+    run(TrainConfig(**settings, network=network, target_width=TARGET_WIDTH[network], pretrained=not scratch))
 
 
 @export_cli.command("unpack")
 @click.argument("file", type=PATH)
 @click.argument("number", type=click.IntRange(0))
-@data
-@labels
+@_data
+@_labels
 @_option("--out", "Folder to write; `train --start` continues from it.", required=True)
 def _unpack(file: Path, number: int, data: Path, labels: Path, out: Path) -> None:
     """Read network NUMBER (from 0) of the ONNX file FILE back, so that its training can go on."""
     from export.training.config import TrainConfig
-    from export.training.unpack import unpack_network as run
+    from export.training.onnx_import import unpack_network as run
 
     run(file, number, TrainConfig(str(data), str(labels), str(out), aimed=0.2))
 
 
 @export_cli.command("suitable")
 @click.argument("runs", type=PATH, nargs=-1, required=True)
-@data
-@labels
+@_data
+@_labels
 def _suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
     """Fit the head that says whether a photo suits, on the features of finished runs that will answer together.
 
@@ -148,13 +150,13 @@ def _suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
 
 
 @export_cli.command("prior")
-@data
-@labels
+@_data
+@_labels
 def _prior(data: Path, labels: Path) -> None:
     """Fit how much lower the sun stands in the photos of photos_train.csv than in training crops."""
-    from export.training.photo_prior import describe_prior
+    from export.crops.photos import fit_elevation_prior
 
-    click.echo(describe_prior(data, labels))
+    click.echo(fit_elevation_prior(data, labels))
 
 
 @export_cli.command("merge")
@@ -195,8 +197,8 @@ def _onnx(
 
 
 @export_cli.command("evaluate")
-@data
-@labels
+@_data
+@_labels
 @_option("--model", "Network to score. [default: the one in the package]")
 @_option("--compare", "Further networks, such as the CVPR 2017 one.", multiple=True)
 @_option("--out", "Folder for the report and the crops' errors.", default="runs/evaluation")
@@ -204,14 +206,14 @@ def _onnx(
 @_flag("--relight", "Also relight objects with the estimated environment maps, and judge their light by weather.")
 @_flag("--failures", "Also write the worst crops; they show pictures of the data, so do not publish them.")
 @_flag("--card", "Also write the model card and figures beside the network, the reliability diagram into docs.")
-def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **given: Any) -> None:
+def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **settings: Any) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.evaluation.evaluate import Options
     from export.evaluation.evaluate import evaluate_networks as run
     from export.evaluation.model_card import write_card
     from lighting.model import packaged_model
 
-    options = Options(**given, models=(model or packaged_model(), *compare))
+    options = Options(**settings, models=(model or packaged_model(), *compare))
     evaluation = run(options)
     click.echo(evaluation.report)
     if card:
@@ -220,9 +222,9 @@ def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **given
 
 @export_cli.command("fit")
 @click.argument("name", type=click.Choice(FITS))
-@data
-@labels
-@network
+@_data
+@_labels
+@_network
 @_option(
     "--seen", "Folder of panoramas that the network learnt from; `ground` leaves their places out. [default: none]"
 )
@@ -257,7 +259,7 @@ def _probe() -> None:
 
 @_report.command("shadow-mask")
 @_option("--count", "Photos of rendered places.", click.IntRange(1), 24)
-@network
+@_network
 def _shadow_mask(count: int, model: Path | None) -> None:
     """How well the shade on the ground is found, and what shadows that are put there then look like."""
     from export.reports.shadow_mask import report_shadow_mask
@@ -267,10 +269,10 @@ def _shadow_mask(count: int, model: Path | None) -> None:
 
 
 @_report.command("video")
-@data
+@_data
 @_option("--count", "Clips of each kind.", click.IntRange(1), 8)
 @click.option("--kind", "kinds", type=click.Choice(CLIP_KINDS), multiple=True, help="Only clips of these kinds. [all]")
-@network
+@_network
 def _video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -> None:
     """How well clips are followed, by cameras moved in `val` panoramas."""
     from export.reports.video import report_video
@@ -280,9 +282,9 @@ def _video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -
 
 
 @_report.command("photo-sets")
-@data
+@_data
 @_option("--count", "At most so many places. [all]", click.IntRange(1))
-@network
+@_network
 @click.argument("parts", nargs=-1, type=click.Choice(PHOTO_SET_PARTS))
 def _photo_sets(data: Path, count: int | None, model: Path | None, parts: tuple[str, ...]) -> None:
     """How well turns between photos are found, and what they are worth."""

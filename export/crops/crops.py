@@ -1,10 +1,10 @@
-"""Crop a panorama with its targets, sources, seeds, anisotropic scaling.
+"""Crops of panoramas: the picture that a camera at the panorama's center takes, with its targets.
 
 A crop depends on its panorama's name, its index and its protocol alone: adding panoramas changes no other crop.
 
 A stretch of the world upwards or along the ground is linear. It keeps straight lines, upright things and what lies on
-the ground, and it turns the sun's rays as it turns the shadows that they cast. Seen from the camera, where it is
-centred, it moves directions by themselves, whatever their depth. So a panorama tells exactly what its stretched world
+the ground, and it tilts the sun's rays as it tilts the shadows that they cast. Seen from the camera, where it is
+centered, it moves directions by themselves, whatever their depth. So a panorama tells exactly what its stretched world
 looks like: a place whose sun stands at 30 degrees shows it at 22 or 39, with the shadows of such suns.
 """
 
@@ -29,16 +29,26 @@ from lighting.geometry import Floats, angles, camera_directions, direction, samp
 from lighting.photo.preprocess import fit_size
 from lighting.records import ModelSpec
 
-UPWARDS = 0.6  # octaves, largest stretch or squeeze upwards
-ALONG = 0.25  # octaves, along the ground
+MAX_OCTAVES_UPWARDS = 0.6  # largest stretch or squeeze
+MAX_OCTAVES_ALONG = 0.25  # along the ground
+
+VISIBILITY = {"yes": 1.0, "partly": 0.5, "no": 0.0}  # target by whether direct sunlight reaches the scene
+
+_MIN_ROWS = 192  # of the smallest level
+_WHITE, _WHITE_PERCENTILE = 0.7, 80  # linear value that this percentile of the luminance has in a photo
+_MIN_WHITE = 1e-6  # luminance
+_KERNELS = {  # a bicubic filter would draw a black ring around the sun of an HDR panorama
+    "ldr": Image.Resampling.BICUBIC,
+    "hdr": Image.Resampling.BILINEAR,
+}
 
 
 @dataclass(frozen=True)
 class Stretch:
     """By how much the world is stretched upwards, and along the ground in one heading of the panorama's frame."""
 
-    upwards: float = 1.0
-    along: float = 1.0
+    upwards: float = 1.0  # factor
+    along: float = 1.0  # factor
     heading: float = 0.0  # deg
 
     @property
@@ -46,11 +56,11 @@ class Stretch:
         """The largest factor by which the panorama's pixels grow, 1 at least."""
         return max(self.upwards, self.along, 1.0 / self.along, 1.0)
 
-    def applied(self, vectors: Floats) -> Floats:
+    def apply(self, vectors: Floats) -> Floats:
         """Vectors (..., 3) of the world as vectors of the stretched world; unit vectors do not stay unit vectors."""
         return np.asarray(vectors @ self._matrix)
 
-    def undone(self, vectors: Floats) -> Floats:
+    def invert(self, vectors: Floats) -> Floats:
         """Vectors (..., 3) of the stretched world as vectors of the world, of any length."""
         return np.asarray(vectors @ np.linalg.inv(self._matrix).astype(vectors.dtype))
 
@@ -67,14 +77,14 @@ NOT_STRETCHED = Stretch()
 
 
 def random_stretch(rng: np.random.Generator) -> Stretch:
-    """A stretch or a squeeze, each as likely, by at most UPWARDS and ALONG."""
-    upwards, along = 2.0 ** rng.uniform((-UPWARDS, -ALONG), (UPWARDS, ALONG))
+    """A stretch or a squeeze, each as likely, by at most MAX_OCTAVES_UPWARDS and MAX_OCTAVES_ALONG.
+
+    Args:
+        rng: draws the factors and the heading.
+    """
+    limits = np.array([MAX_OCTAVES_UPWARDS, MAX_OCTAVES_ALONG])
+    upwards, along = 2.0 ** rng.uniform(-limits, limits)
     return Stretch(float(upwards), float(along), rng.uniform(0.0, 180.0))
-
-
-# Panoramas in memory, from which crops are taken, and how often each is drawn.
-
-FEWEST_ROWS = 192  # of the smallest level
 
 
 @dataclass(frozen=True)
@@ -88,27 +98,36 @@ class Source:
 
 
 def load_sources(panoramas: Sequence[Panorama], labels: str | Path) -> list[Source]:
-    """Panoramas with their labels, which are read from a file; DataError if a label is missing."""
-    known = read_labels_of(panoramas, labels)
+    """Panoramas with their labels; DataError if a label is missing.
+
+    Args:
+        panoramas: rows of the index.
+        labels: CSV file of `python -m export label`.
+    """
     with ThreadPoolExecutor(2) as pool:
-        return list(pool.map(_load_source, panoramas, known))
+        return list(pool.map(_load_source, panoramas, read_labels_of(panoramas, labels)))
 
 
 def _load_source(panorama: Panorama, label: Label) -> Source:
-    """Read a panorama and halve it repeatedly, down to FEWEST_ROWS or a little more."""
+    """Read a panorama and halve it repeatedly, down to _MIN_ROWS or a little more."""
     levels = [read_picture(panorama)]
-    while levels[-1].shape[0] >= 2 * FEWEST_ROWS:
+    while levels[-1].shape[0] >= 2 * _MIN_ROWS:
         levels.append(_halve(levels[-1]))
     return Source(panorama, tuple(levels), label)
 
 
 def anisotropic_scale(source: Source, stretch: Stretch) -> Source:
-    """A panorama whose world is stretched, and its sun with it; the sky fitted around its own sun is unknown."""
+    """A panorama whose world is stretched, and its sun with it; the sky fitted around the unstretched sun is unknown.
+
+    Args:
+        source: the panorama as it is.
+        stretch: of the world that its crops shall show.
+    """
     if stretch == NOT_STRETCHED:
         return source
     label = replace(source.label, fit_ok=False)
     if math.isfinite(label.sun_azimuth):
-        azimuth, elevation = angles(stretch.applied(direction(label.sun_azimuth, label.sun_elevation)))
+        azimuth, elevation = angles(stretch.apply(direction(label.sun_azimuth, label.sun_elevation)))
         label = replace(label, sun_azimuth=float(azimuth), sun_elevation=float(elevation))
     return replace(source, label=label, stretch=stretch)
 
@@ -120,36 +139,27 @@ def _halve(image: NDArray[Any]) -> NDArray[Any]:
 
 
 def sampling_weights(sources: Sequence[Source]) -> Floats:
-    """Chances (N,) of drawing each panorama: places count by the root of their size, rare sun elevations more."""
+    """Chances (N,) of drawing each panorama: places count by the root of their size, rare sun elevations more.
+
+    Args:
+        sources: the N panoramas of a run.
+    """
     places = Counter(s.panorama.place for s in sources)
     size = np.array([places[s.panorama.place] for s in sources], dtype=np.float64)
     elevation = np.array([s.label.sun_elevation for s in sources])
     bins = np.where(np.isfinite(elevation), np.nan_to_num(np.maximum(elevation, 0)) // 15, -1)
-    crowd = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
-    weight = size**-0.5 * crowd**-0.75
+    neighbors = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
+    weight = size**-0.5 * neighbors**-0.75
     return np.asarray(weight / max(weight.sum(), 1e-12))
 
 
-# The exposure that a camera sets by itself.
-
-WHITE, BRIGHT = 0.7, 80  # linear value that this percentile of the luminance has in a photo
-LEAST = 1e-6  # luminance
-
-
 def auto_exposure_gain(linear: NDArray[np.floating]) -> float:
-    """The factor that brings a scene-referred view (H, W, 3) to a photo's exposure, its brighter parts near white."""
-    return float(WHITE / max(float(np.percentile(luminance(linear), BRIGHT)), LEAST))
+    """The factor that brings a scene-referred view (H, W, 3) to a photo's exposure, its brighter parts near white.
 
-
-# Limited-view crops of panoramas: the picture a camera standing there would have taken, with its targets.
-
-_KERNELS = {  # a bicubic filter would draw a black ring around the sun of an HDR panorama
-    "ldr": Image.Resampling.BICUBIC,
-    "hdr": Image.Resampling.BILINEAR,
-}
-
-
-VISIBILITY = {"yes": 1.0, "partly": 0.5, "no": 0.0}  # target by whether direct sunlight reaches the scene
+    Args:
+        linear: (H, W, 3) linear Rec.709 in any unit.
+    """
+    return float(_WHITE / max(float(np.percentile(luminance(linear), _WHITE_PERCENTILE)), _MIN_WHITE))
 
 
 @dataclass(frozen=True)
@@ -158,12 +168,12 @@ class Crop:
 
     linear: NDArray[np.float32]  # (h, w, 3) linear Rec.709 in the photo's exposure, not yet clipped
     camera: Camera
-    sun_azimuth: float  # deg, relative to the camera
-    sun_elevation: float
-    sun_uncertainty: float  # deg, one sigma
+    sun_azimuth: float  # deg, relative to the camera, positive to the right
+    sun_elevation: float  # deg above the horizon
+    sun_std: float  # deg
     sun_visibility: float  # 1 direct sun, 0.5 partly, 0 none
-    turbidity: float
-    exposure: float
+    turbidity: float  # 1 to 10
+    exposure: float  # linear values / sky radiance
     gain: float = 1.0  # what the panorama's values were multiplied with
 
     @property
@@ -189,8 +199,14 @@ class Crop:
 def crop_panorama(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0) -> Crop:
     """The crop that `camera` takes, sized for the canvas of `spec`, with its targets.
 
-    `sharpness` in (0, 1] is the share of the canvas's resolution that is kept. A narrow view holds few panorama pixels;
-    training blurs all crops alike, or the network would read the field of view from the blur.
+    A narrow view holds few panorama pixels; training blurs all crops alike, or the network would read the field of view
+    from the blur.
+
+    Args:
+        source: the panorama.
+        camera: how the crop is taken, in the panorama's frame.
+        spec: of the network that the crop is for.
+        sharpness: share of the canvas's resolution that is kept, in (0, 1].
     """
     width, height = fit_size(round(1000 * camera.aspect), 1000, spec)
     kernel = _KERNELS[source.panorama.kind]
@@ -198,13 +214,13 @@ def crop_panorama(source: Source, camera: Camera, spec: ModelSpec, sharpness: fl
     gain = auto_exposure_gain(linear) if source.panorama.kind == "hdr" else 1.0
     side = -1.0 if camera.mirrored else 1.0
     label = source.label
-    nan = float("nan")
+    nan = math.nan
     return Crop(
         linear=linear[:, ::-1] * gain if camera.mirrored else linear * gain,
         camera=replace(camera, roll=side * camera.roll),
         sun_azimuth=side * float(wrap_azimuth(label.sun_azimuth - camera.azimuth)),
         sun_elevation=max(label.sun_elevation, 0.0),
-        sun_uncertainty=label.sun_uncertainty,
+        sun_std=label.sun_uncertainty,
         sun_visibility=VISIBILITY.get(label.direct, nan),
         turbidity=label.turbidity if label.fit_ok else nan,
         exposure=label.exposure * gain if label.fit_ok else nan,
@@ -216,6 +232,10 @@ def native_longer_side(source: Source, camera: Camera) -> int:
     """Pixels along the longer side of a picture that is as fine as its panorama.
 
     One that is finer shows the panorama's own rows and columns, which are horizontals and verticals of the world.
+
+    Args:
+        source: the panorama.
+        camera: how the picture is taken.
     """
     return int(max(camera.aspect, 1.0) * _finest(source, camera))
 
@@ -226,7 +246,7 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
-    rays = source.stretch.undone(
+    rays = source.stretch.invert(
         camera_directions(pinhole_camera(camera, columns, rows, camera.azimuth)).astype(np.float32)
     )
     sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
@@ -235,7 +255,13 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
 
 
 def is_resolved(source: Source, camera: Camera, rows: float) -> bool:
-    """Whether the panorama has `rows` pixels along the view's height; if not, its blur tells the field of view."""
+    """Whether the panorama has `rows` pixels along the view's height; if not, its blur tells the field of view.
+
+    Args:
+        source: the panorama.
+        camera: how the view is taken.
+        rows: pixels.
+    """
     return _finest(source, camera) >= rows
 
 
@@ -245,7 +271,14 @@ def _finest(source: Source, camera: Camera) -> float:
 
 
 def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Resampling) -> NDArray[np.float32]:
-    """Resampling of (h, w, 3) to (height, width, 3) by a filter of Pillow's."""
+    """Resample (h, w, 3) to (height, width, 3); no value becomes negative.
+
+    Args:
+        image: (h, w, 3) linear.
+        width: pixels.
+        height: pixels.
+        kernel: a filter of Pillow's.
+    """
     if image.shape[:2] == (height, width):
         return image
     planes = [Image.fromarray(np.ascontiguousarray(image[..., c])) for c in range(3)]
@@ -253,10 +286,13 @@ def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Re
     return np.asarray(np.maximum(np.stack(resized, axis=-1), 0.0))
 
 
-# Randomness that does not change when panoramas are added or left out.
-
-
 def crop_rng(name: str, index: int, purpose: str) -> np.random.Generator:
-    """A generator whose seed is made of a panorama's name, a crop's index and a purpose, and of nothing else."""
+    """A generator whose seed does not change when panoramas are added or left out.
+
+    Args:
+        name: of the panorama.
+        index: of the crop.
+        purpose: such as "train": crops for another purpose are others.
+    """
     digest = hashlib.sha256(f"{purpose}/{name}/{index}".encode()).digest()
     return np.random.default_rng(int.from_bytes(digest[:8], "little"))

@@ -1,4 +1,4 @@
-"""Pictures that the estimate is not for: those of `unsuitable.csv`, and made ones."""
+"""Pictures that the estimate is not for: those of `unsuitable.csv`, and synthetic ones."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from lighting.records import ModelSpec
 Picture = NDArray[np.uint8]
 
 TABLE = "unsuitable.csv"
-MADE = ("on its side", "upside down", "whole panorama", "night", "black", "blown out", "drawing", "plain")
+SYNTHETIC_KINDS = ("on its side", "upside down", "whole panorama", "night", "black", "blown out", "drawing", "plain")
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,12 +27,16 @@ class _Unsuitable:
     """A picture that the estimate is not for."""
 
     kind: str
-    group: str  # whose it is: pictures of one group are alike
+    group: str  # owner: pictures of one group are alike
     pixels: Picture
 
 
 def read_unsuitable(folder: Path) -> list[_Unsuitable]:
-    """The folder's unsuitable pictures; none if it lists none."""
+    """The folder's unsuitable pictures; none if it lists none.
+
+    Args:
+        folder: with `unsuitable.csv` and the pictures.
+    """
     if not (folder / TABLE).exists():
         return []
     return [
@@ -41,7 +45,7 @@ def read_unsuitable(folder: Path) -> list[_Unsuitable]:
     ]
 
 
-def _varied(pixels: Picture, rng: np.random.Generator, spec: ModelSpec) -> Picture:
+def _vary(pixels: Picture, rng: np.random.Generator, spec: ModelSpec) -> Picture:
     """A random part of a picture at the canvas's size, mirrored and brightened at random."""
     height, width = pixels.shape[:2]
     share = rng.uniform(0.7, 1.0)
@@ -55,15 +59,15 @@ def _varied(pixels: Picture, rng: np.random.Generator, spec: ModelSpec) -> Pictu
     return recompress(picture, rng) if rng.random() < JPEG_SHARE else picture
 
 
-def _made(kind: str, crop: Picture, source: Source, rng: np.random.Generator, spec: ModelSpec) -> Picture:
-    """A picture of a kind of MADE, from a crop (h, w, 3) of a panorama or from the panorama itself."""
+def _synthesize(kind: str, crop: Picture, source: Source, rng: np.random.Generator, spec: ModelSpec) -> Picture:
+    """A picture of a kind of SYNTHETIC_KINDS, from a crop (h, w, 3) of a panorama or from the panorama itself."""
     match kind:
         case "on its side":
             return np.ascontiguousarray(np.rot90(crop, rng.choice([1, 3])))
         case "upside down":
             return np.ascontiguousarray(crop[::-1, ::-1])
         case "whole panorama":
-            return _whole(source, rng, spec)
+            return _shrink_panorama(source, rng, spec)
         case "night":
             dark = (crop / 255.0) ** 2.2 * rng.uniform(0.003, 0.03) * np.exp(rng.normal(0, 0.3, 3))
             noisy = np.maximum(dark + rng.normal(0, 0.01, crop.shape), 0.0)
@@ -73,47 +77,54 @@ def _made(kind: str, crop: Picture, source: Source, rng: np.random.Generator, sp
         case "blown out":
             return np.asarray(np.clip(crop * rng.uniform(0.0, 0.2) + rng.uniform(235, 255), 0, 255), dtype=np.uint8)
         case "drawing":
-            return _drawing(crop.shape, rng)
+            return _draw_chart(crop.shape, rng)
         case _:
-            colour = rng.uniform(0, 255, 3)
-            return np.clip(colour + rng.normal(0, rng.uniform(0, 8), crop.shape), 0, 255).astype(np.uint8)
+            color = rng.uniform(0, 255, 3)
+            return np.clip(color + rng.normal(0, rng.uniform(0, 8), crop.shape), 0, 255).astype(np.uint8)
 
 
-def _whole(source: Source, rng: np.random.Generator, spec: ModelSpec) -> Picture:
+def _shrink_panorama(source: Source, rng: np.random.Generator, spec: ModelSpec) -> Picture:
     level = source.levels[-1]
     picture = level if level.dtype == np.uint8 else tone_map(level * rng.uniform(0.5, 1.0))
-    turned = np.roll(picture, int(rng.integers(picture.shape[1])), axis=1)
-    return np.asarray(Image.fromarray(turned).resize(fit_size(2, 1, spec), Image.Resampling.HAMMING))
+    rolled = np.roll(picture, int(rng.integers(picture.shape[1])), axis=1)
+    return np.asarray(Image.fromarray(rolled).resize(fit_size(2, 1, spec), Image.Resampling.HAMMING))
 
 
-def _drawing(shape: tuple[int, ...], rng: np.random.Generator) -> Picture:
+def _draw_chart(shape: tuple[int, ...], rng: np.random.Generator) -> Picture:
     """Boxes, lines and dots on a plain ground: a chart, a screen, a page."""
     image = Image.new("RGB", (shape[1], shape[0]), tuple(rng.integers(0, 256, 3).tolist()))
     draw = ImageDraw.Draw(image)
     for _ in range(int(rng.integers(5, 80))):
         x0, y0, x1, y1 = (rng.uniform(0, 1, 4) * (*shape[1::-1], *shape[1::-1])).tolist()
-        colour = tuple(rng.integers(0, 256, 3).tolist())
+        color = tuple(rng.integers(0, 256, 3).tolist())
         box = (min(x0, x1), min(y0, y1), max(x0, x1), max(y0, y1))
         match int(rng.integers(4)):
             case 0:
-                draw.rectangle(box, fill=colour)
+                draw.rectangle(box, fill=color)
             case 1:
-                draw.line((x0, y0, x1, y1), fill=colour, width=int(rng.integers(1, 5)))
+                draw.line((x0, y0, x1, y1), fill=color, width=int(rng.integers(1, 5)))
             case 2:
-                draw.ellipse(box, outline=colour)
+                draw.ellipse(box, outline=color)
             case _:
-                draw.text((x0, y0), "".join(rng.choice(list("abcdefg hijklmno 12345"), 12)), fill=colour)
+                draw.text((x0, y0), "".join(rng.choice(list("abcdefg hijklmno 12345"), 12)), fill=color)
     return np.asarray(image)
 
 
 def unsuitable_pictures(
-    known: list[_Unsuitable], crops: Iterator[tuple[Picture, Source]], each: int, spec: ModelSpec
+    listed: list[_Unsuitable], crops: Iterator[tuple[Picture, Source]], each: int, spec: ModelSpec
 ) -> Iterator[tuple[str, Picture]]:
-    """Kinds and pictures: `each` variants of every known one, and one made of each crop, kind by kind in turn."""
+    """Kinds and pictures: variants of the listed ones, and one made of each crop, kind by kind in turn.
+
+    Args:
+        listed: those of `read_unsuitable`.
+        crops: (h, w, 3) sRGB, each with the panorama that it shows.
+        each: variants of every listed picture.
+        spec: of the network that the pictures are for.
+    """
     rng = np.random.default_rng(0)
-    for picture in known:
+    for picture in listed:
         for _ in range(each):
-            yield picture.kind, _varied(picture.pixels, rng, spec)
+            yield picture.kind, _vary(picture.pixels, rng, spec)
     for number, (crop, source) in enumerate(crops):
-        kind = MADE[number % len(MADE)]
-        yield kind, _made(kind, crop, source, rng, spec)
+        kind = SYNTHETIC_KINDS[number % len(SYNTHETIC_KINDS)]
+        yield kind, _synthesize(kind, crop, source, rng, spec)

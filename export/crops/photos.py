@@ -1,30 +1,34 @@
-"""Crops of ordinary photos: a part of the picture, turned a little and mirrored at random, with what is known of it."""
+"""Ordinary photos: crops of them, the likelihood of their suns, and the prior of elevations."""
 
 import math
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
 from export.crops.cameras import PHONE_ASPECTS, Camera
-from export.crops.crops import VISIBILITY, Crop
-from export.data.panoramas import decode_srgb
-from export.data.photos import PhotoRow
+from export.crops.crops import VISIBILITY, Crop, Source, sampling_weights
+from export.data.labels import read_labels_of
+from export.data.panoramas import decode_srgb, read_index
+from export.data.photos import PhotoRow, require_photo_rows
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.preprocess import fit_size
 from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
-LEAST_SHARE = 0.6  # of the largest crop of an aspect ratio
-LARGEST_TURN = 5.0  # deg, either way
-ELEVATION_ERROR = 3.0  # deg; time and place are exact, but what is learnt from so few photos need not be
-AZIMUTH_ERROR = 20.0  # deg, where the table states none
-GROSS = 0.07  # share of headings that are wrong altogether
+_MIN_SHARE = 0.6  # of the largest crop of an aspect ratio
+_MAX_ROTATION = 5.0  # deg, either way
+_ELEVATION_STD = 3.0  # deg; time and place are exact, but what is learnt from so few photos need not be
+_AZIMUTH_STD = 20.0  # deg, where the table states none
+_OUTLIER_RATE = 0.07  # share of headings that are wrong altogether
+_SCALES = np.arange(20.0, 301.0, 5.0)  # deg, of the prior of elevations, those tried
+_BILINEAR = Image.Resampling.BILINEAR
 
 
 @dataclass(frozen=True)
@@ -36,84 +40,127 @@ class PhotoSource:
 
 
 def load_photos(rows: Sequence[PhotoRow]) -> list[PhotoSource]:
-    """Photos with their rows."""
+    """Read photos.
+
+    Args:
+        rows: those of `photos_train.csv`.
+    """
     with ThreadPoolExecutor(2) as pool:
         return list(pool.map(lambda row: PhotoSource(row, read_photo(row.path).pixels), rows))
 
 
 def photo_weights(photos: Sequence[PhotoSource]) -> Floats:
-    """Chances (N,) of drawing each photo: groups count by the root of their size, rare sun elevations more."""
+    """Chances (N,) of drawing each photo: groups count by the root of their size, rare sun elevations more.
+
+    Args:
+        photos: the N photos of a run.
+    """
     groups = Counter(p.row.group for p in photos)
     bins = np.array([max(p.row.sun_elevation, 0.0) // 15 for p in photos])
-    crowd = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
-    weight = np.array([groups[p.row.group] for p in photos]) ** -0.5 * crowd**-0.5
+    neighbors = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
+    weight = np.array([groups[p.row.group] for p in photos]) ** -0.5 * neighbors**-0.5
     return np.asarray(weight / weight.sum())
 
 
 def crop_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec, upwards: float = 1.0) -> Crop:
     """A crop of a photo; the camera's elevation and roll are unknown, and so is the sky.
 
-    `upwards` stretches the world that it shows (crops/stretch.py), as the picture of a level camera tells it.
+    Args:
+        photo: the whole picture.
+        rng: draws the part, its rotation and whether it is mirrored.
+        spec: of the network that the crop is for.
+        upwards: factor by which the world is stretched (`Stretch`), as the picture of a level camera tells it.
     """
     row = photo.row
-    left, top, width, height = _frame(photo.pixels.shape, upwards * float(rng.choice(PHONE_ASPECTS)), rng)
-    turned = Image.fromarray(photo.pixels)
-    middle = (left + width / 2, top + height / 2)
-    turned = turned.rotate(
-        rng.uniform(-1, 1) * _room(photo.pixels.shape, middle, width, height), _BILINEAR, center=middle
-    )
-    tall = upwards * height
-    size = fit_size(round(width), round(tall), spec)
+    left, top, width, height = _draw_box(photo.pixels.shape, upwards * float(rng.choice(PHONE_ASPECTS)), rng)
+    center = (left + width / 2, top + height / 2)
+    rotation = rng.uniform(-1, 1) * _max_rotation(photo.pixels.shape, center, width, height)
+    rotated = Image.fromarray(photo.pixels).rotate(rotation, _BILINEAR, center=center)
+    stretched_height = upwards * height
+    size = fit_size(round(width), round(stretched_height), spec)
     box = (left, top, left + width, top + height)
-    pixels = np.asarray(turned.resize(size, Image.Resampling.HAMMING, box=box))
+    pixels = np.asarray(rotated.resize(size, Image.Resampling.HAMMING, box=box))
     focal = 0.5 * photo.pixels.shape[1] / math.tan(math.radians(row.horizontal_fov) / 2)
-    offset = middle[0] - 0.5 * photo.pixels.shape[1]
+    offset = center[0] - 0.5 * photo.pixels.shape[1]
     azimuth = float(wrap_azimuth(row.sun_azimuth - (math.degrees(math.atan2(offset, focal)) if focal > 0 else 0.0)))
-    fov = 2 * math.degrees(math.atan(0.5 * tall / focal))
+    fov = 2 * math.degrees(math.atan(0.5 * stretched_height / focal))
     mirrored = bool(rng.random() < 0.5)
     nan = math.nan
     return Crop(
         linear=decode_srgb(pixels[:, ::-1] if mirrored else pixels),
-        camera=Camera(0.0, nan, nan, fov, width / tall, mirrored),
+        camera=Camera(0.0, nan, nan, fov, width / stretched_height, mirrored),
         sun_azimuth=-azimuth if mirrored else azimuth,
         sun_elevation=math.degrees(math.atan(upwards * math.tan(math.radians(row.sun_elevation)))),
-        sun_uncertainty=row.azimuth_error if math.isfinite(row.azimuth_error) else AZIMUTH_ERROR,
+        sun_std=row.azimuth_std if math.isfinite(row.azimuth_std) else _AZIMUTH_STD,
         sun_visibility=VISIBILITY.get(row.direct, nan),
         turbidity=nan,
         exposure=nan,
     )
 
 
-_BILINEAR = Image.Resampling.BILINEAR
-
-
-def _frame(shape: tuple[int, ...], aspect: float, rng: np.random.Generator) -> tuple[float, float, float, float]:
+def _draw_box(shape: tuple[int, ...], aspect: float, rng: np.random.Generator) -> tuple[float, float, float, float]:
     """Left, top, width and height of a part of a picture."""
     height, width = shape[:2]
-    share = rng.uniform(LEAST_SHARE, 1.0)
-    wide = min(width, height * aspect) * share
-    high = wide / aspect
-    return rng.uniform(0, width - wide), rng.uniform(0, height - high), wide, high
+    share = rng.uniform(_MIN_SHARE, 1.0)
+    box_width = min(width, height * aspect) * share
+    box_height = box_width / aspect
+    return rng.uniform(0, width - box_width), rng.uniform(0, height - box_height), box_width, box_height
 
 
-def _room(shape: tuple[int, ...], middle: tuple[float, float], width: float, height: float) -> float:
-    """The largest turn [deg] about a part's middle that keeps it inside the picture, at most LARGEST_TURN."""
-    across = min(middle[0], shape[1] - middle[0]) - width / 2
-    along = min(middle[1], shape[0] - middle[1]) - height / 2
-    turn = min(2 * across / height, 2 * along / width)
-    return float(np.clip(math.degrees(turn), 0.0, LARGEST_TURN))
+def _max_rotation(shape: tuple[int, ...], center: tuple[float, float], width: float, height: float) -> float:
+    """The largest rotation [deg] about a part's center that keeps it inside the picture, at most _MAX_ROTATION."""
+    horizontal = min(center[0], shape[1] - center[0]) - width / 2
+    vertical = min(center[1], shape[0] - center[1]) - height / 2
+    rotation = min(2 * horizontal / height, 2 * vertical / width)
+    return float(np.clip(math.degrees(rotation), 0.0, _MAX_ROTATION))
 
 
 def photo_sun_likelihood(crop: Crop, layout: str) -> Floats:
-    """How well each cell (N,) of a grid agrees with what is known of a photo's sun; sums to 1.
+    """How well each cell (N,) of a grid agrees with a photo's sun; sums to 1.
 
-    The heading's error is normal but for a share GROSS, in which it may be any. Without an azimuth only the elevation
-    counts.
+    The heading's error is normal but for a share _OUTLIER_RATE, in which it may be any. Without an azimuth only the
+    elevation counts.
+
+    Args:
+        crop: of a photo.
+        layout: name of the grid, such as "fibonacci:1024".
     """
     azimuth, elevation = angles(grid_directions(layout))
-    near = np.exp(-0.5 * ((elevation - max(crop.sun_elevation, 0.0)) / ELEVATION_ERROR) ** 2)
+    agreement = np.exp(-0.5 * ((elevation - max(crop.sun_elevation, 0.0)) / _ELEVATION_STD) ** 2)
     if math.isfinite(crop.sun_azimuth):
-        off = np.exp(-0.5 * (wrap_azimuth(azimuth - crop.sun_azimuth) / crop.sun_uncertainty) ** 2)
-        uniform = math.sqrt(2 * math.pi) * crop.sun_uncertainty / 360.0
-        near = near * ((1 - GROSS) * off + GROSS * uniform)
-    return np.asarray(near / near.sum())
+        normal = np.exp(-0.5 * (wrap_azimuth(azimuth - crop.sun_azimuth) / crop.sun_std) ** 2)
+        uniform = math.sqrt(2 * math.pi) * crop.sun_std / 360.0
+        agreement = agreement * ((1 - _OUTLIER_RATE) * normal + _OUTLIER_RATE * uniform)
+    return np.asarray(agreement / agreement.sum())
+
+
+def fit_elevation_prior(data: Path, labels: Path) -> str:
+    """How much lower the sun stands in photographs than in training crops, in words; DataError without photos.
+
+    The crops' density of elevations times exp(-elevation / scale) is fitted to the photos' elevations by likelihood. A
+    network trained on the crops answers for photographs once its probabilities are multiplied by the same factor.
+
+    Args:
+        data: folder of panoramas and of `photos_train.csv`.
+        labels: CSV file of `python -m export label`.
+    """
+    rows = require_photo_rows(data)
+    panoramas = read_index(data, "train")
+    sources = [Source(p, (), label) for p, label in zip(panoramas, read_labels_of(panoramas, labels), strict=True)]
+    weights = sampling_weights(sources)
+    crops = np.array([s.label.sun_elevation for s in sources], dtype=np.float64)
+    has_sun = np.isfinite(crops)
+    groups = np.array([row.group for row in rows])
+    elevation = np.array([row.sun_elevation for row in rows])
+    photos = np.array([elevation[groups == group].mean() for group in np.unique(groups)])
+    scale, gain = _fit_scale(crops[has_sun], weights[has_sun], photos)
+    return f"{len(photos)} scenes: exp(-elevation / {scale:g} deg), {gain:.3f} nat likelier than without"
+
+
+def _fit_scale(crops: Floats, weights: Floats, photos: Floats) -> tuple[float, float]:
+    """The scale [deg] and its gain in log likelihood per photo, from elevations of crops with weights and of photos."""
+    share = weights / weights.sum()
+    total = np.log(np.exp(-crops / _SCALES[:, None]) @ share)
+    likelihood = -photos.mean() / _SCALES - total
+    best = int(np.argmax(likelihood))
+    return float(_SCALES[best]), float(likelihood[best])

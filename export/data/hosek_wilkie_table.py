@@ -1,6 +1,6 @@
 """Make lighting/data/hosek_wilkie.f32: the Hosek-Wilkie RGB coefficients out of the file that Mitsuba 3 ships.
 
-    python -m export.data.sky_table [sunsky_datasets.bin]
+    python -m export.data.hosek_wilkie_table [sunsky_datasets.bin]
 
 Without an argument the file is taken from the installed `mitsuba` package.
 """
@@ -58,7 +58,6 @@ def _make_table(source: Path, target: Path = TABLE) -> None:
 
 
 def _main() -> None:
-    """Entry point of `python -m export.data.sky_table`."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("source", nargs="?", type=Path, help="Mitsuba's sunsky_datasets.bin")
     source = parser.parse_args().source or _installed_datasets()

@@ -1,8 +1,8 @@
-"""Panoramas.csv, patches, image reading.
+"""A folder of 360° x 180° panoramas: `panoramas.csv`, corrections to it, and the pictures that it names.
 
 Only the columns `name`, `file`, `kind`, `place` and `split` are required; export/README.md documents the format.
 Pictures of one place share sky and ground, so all of a place belong to one split. `labels_patch.csv`, beside this
-file, corrects given labels that turned out to be wrong.
+file, corrects labels that turned out to be wrong.
 """
 
 import csv
@@ -22,15 +22,18 @@ from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import LightingError
 from lighting.files.atomic import atomic_write
 
-# CSV tables with a header, read and written whole.
-
 
 class DataError(LightingError):
     """Panoramas, labels or a training run are missing, incomplete or contradict each other."""
 
 
 def read_table(path: str | Path, required: Iterable[str] = ()) -> list[dict[str, str]]:
-    """The rows by column, with "" for missing fields; DataError if the file or a `required` column is missing."""
+    """The rows by column, with "" for missing fields; DataError if the file or a column is missing.
+
+    Args:
+        path: the CSV file, with a header.
+        required: columns that it must have.
+    """
     try:
         with Path(path).open(newline="", encoding="utf-8-sig") as file:
             reader = csv.DictReader(file, restval="")
@@ -45,7 +48,13 @@ def read_table(path: str | Path, required: Iterable[str] = ()) -> list[dict[str,
 
 
 def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Iterable[object]]) -> None:
-    """Write rows in the order of `header`; the file appears whole or not at all. DataError if it cannot be written."""
+    """Write a CSV file, which appears whole or not at all; DataError if it cannot be written.
+
+    Args:
+        path: the file; its folder is made.
+        header: names of the columns.
+        rows: values in the order of `header`.
+    """
     try:
         Path(path).parent.mkdir(parents=True, exist_ok=True)
         with atomic_write(path) as temporary, temporary.open("w", newline="", encoding="utf-8") as file:
@@ -55,8 +64,6 @@ def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Iterable
     except OSError as error:
         raise DataError(f"{path} cannot be written: {error.strerror or error}.") from error
 
-
-# A folder of 360° x 180° panoramas with what is known about each: `panoramas.csv` and the pictures it names.
 
 INDEX = "panoramas.csv"
 REQUIRED = ("name", "file", "kind", "place", "split")
@@ -77,6 +84,7 @@ _RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commerci
 _ALTERED_SKY = re.compile(  # drones see no zenith
     r"tone[- ]mapp|painted|\bfill|synthetic|replaced|colou?r cast|\bdrone\b"
 )
+_MAX_HALF = 65504.0  # half floats end here
 
 
 @dataclass(frozen=True)
@@ -86,15 +94,15 @@ class Panorama:
     name: str
     path: Path  # of the picture, absolute
     kind: str  # "ldr" (sRGB, 8 bits) or "hdr" (OpenEXR, linear Rec.709)
-    place: str
+    place: str  # pictures of one place share sky and ground
     split: str  # "train" or "val"
     sun: str = "unknown"  # "visible", "inferred" (from shadows and glow), "none" (overcast) or "unknown"
-    sun_azimuth: float | None = None  # deg, 0 = centre column, positive to the right
+    sun_azimuth: float | None = None  # deg, 0 = center column, positive to the right
     sun_elevation: float | None = None  # deg above the horizon
-    sun_uncertainty: float | None = None  # deg, one sigma
-    direct: str = ""  # direct sunlight reaches the scene: "yes", "partly", "no" or "" where not known
+    sun_uncertainty: float | None = None  # deg, one standard deviation
+    direct: str = ""  # direct sunlight reaches the scene: "yes", "partly", "no" or "" if unknown
     scene: str = ""
-    label: str = ""  # how the sun's direction was found
+    label: str = ""  # who or what determined the sun's direction
     licence: str = ""
     notes: str = ""  # known defects
 
@@ -112,16 +120,18 @@ class Panorama:
 def read_index(folder: str | Path, split: str | None = None, *, licensed_only: bool = False) -> list[Panorama]:
     """The folder's panoramas, in the index's order; DataError if the folder or a row cannot be used.
 
-    `split` keeps one split, which must not be empty; `licensed_only` keeps the rows that `is_permissive` accepts.
+    Args:
+        folder: with `panoramas.csv`.
+        split: "train" or "val", which must not be empty; None for both.
+        licensed_only: keep the rows that `is_permissive` accepts.
     """
     root = Path(folder).resolve()
     patch = _read_patch(PATCH)
     panoramas = [
-        _panorama(root, {**row, **patch.get(row["name"].strip(), {})}, f"{root / INDEX}, line {line}")
-        for line, row in enumerate(_rows(root), start=2)
+        _parse_panorama(root, {**row, **patch.get(row["name"].strip(), {})}, f"{root / INDEX}, line {line}")
+        for line, row in enumerate(_read_rows(root), start=2)
     ]
-    _check_unique(panoramas)
-    _check_places(panoramas)
+    _check_names_and_places(panoramas)
     kept = [p for p in panoramas if split in (None, p.split)]
     if split and not kept:
         raise DataError(f"No row of {root / INDEX} is of the split {split}.")
@@ -129,15 +139,22 @@ def read_index(folder: str | Path, split: str | None = None, *, licensed_only: b
 
 
 def write_index(panoramas: Sequence[Panorama], folder: Path) -> None:
-    """Write the index of a folder that holds the panoramas' pictures; the file appears whole or not at all."""
+    """Write the index of a folder; the file appears whole or not at all.
+
+    Args:
+        panoramas: whose pictures the folder holds.
+        folder: to write to.
+    """
     columns = (*REQUIRED, *OPTIONAL[:1], *NUMBERS, *OPTIONAL[1:])
     root = folder.resolve()
     write_table(
-        folder / INDEX, columns, ([_text(panorama, column, root) for column in columns] for panorama in panoramas)
+        folder / INDEX,
+        columns,
+        ([_format_field(panorama, column, root) for column in columns] for panorama in panoramas),
     )
 
 
-def _text(panorama: Panorama, column: str, root: Path) -> str:
+def _format_field(panorama: Panorama, column: str, root: Path) -> str:
     if column == "file":
         return panorama.path.relative_to(root).as_posix()
     value = getattr(panorama, column)
@@ -150,12 +167,15 @@ def is_permissive(licence: str) -> bool:
     A licence inferred from the file's name counts as stated. Refused: one that is absent, unknown or only likely, one
     that is the repository's and not the picture's ("as repo"), and any that forbids commercial use or changes or asks
     for the same licence (NC, ND, SA).
+
+    Args:
+        licence: the field of a row.
     """
     text = licence.lower().replace("_", " ")
     return bool(_PERMISSIVE.search(text)) and not _RESTRICTED.search(text)
 
 
-def _rows(root: Path) -> list[dict[str, str]]:
+def _read_rows(root: Path) -> list[dict[str, str]]:
     if not root.is_dir():
         raise DataError(f"There is no folder {root}.")
     if not (root / INDEX).exists():
@@ -173,20 +193,20 @@ def _read_patch(path: Path) -> dict[str, dict[str, str]]:
             raise DataError(f"{where}: a correction needs the panorama's name and a reason.")
         if name in patch:
             raise DataError(f"{where}: the panorama {name} is already corrected above.")
-        given = {key: row[key].strip() for key in PATCHED if row[key].strip()}
-        _values(given, where)
-        lost = dict.fromkeys(NUMBERS, "") if given.get("sun") in ("none", "unknown") else {}
-        patch[name] = {**lost, **given}
+        corrected = {key: row[key].strip() for key in PATCHED if row[key].strip()}
+        _check_values(corrected, where)
+        removed = dict.fromkeys(NUMBERS, "") if corrected.get("sun") in ("none", "unknown") else {}
+        patch[name] = {**removed, **corrected}
     return patch
 
 
-def _panorama(root: Path, row: Mapping[str, str], where: str) -> Panorama:
+def _parse_panorama(root: Path, row: Mapping[str, str], where: str) -> Panorama:
     text = {key: (row.get(key) or "").strip() for key in (*REQUIRED, *OPTIONAL)}
     text["sun"] = text["sun"] or "unknown"
     for key in REQUIRED:
         if not text[key]:
             raise DataError(f"{where}: the column {key} is empty.")
-    numbers = _values({**row, **text}, where)
+    numbers = _check_values({**row, **text}, where)
     path = root / text.pop("file")
     if not path.is_file():
         raise DataError(f"{where}: there is no picture {path}.")
@@ -194,15 +214,15 @@ def _panorama(root: Path, row: Mapping[str, str], where: str) -> Panorama:
     return Panorama(path=path, **values)
 
 
-def _values(row: Mapping[str, str], where: str) -> dict[str, float | None]:
+def _check_values(row: Mapping[str, str], where: str) -> dict[str, float | None]:
     """The numbers of a row; DataError if one of them or one of its choices is malformed."""
     for key, allowed in CHOICES.items():
         if key in row and row[key] not in allowed:
             raise DataError(f"{where}: {key} is {row[key]!r}, not one of {', '.join(filter(None, allowed))}.")
-    return {key: _number(row, key, where) for key in NUMBERS}
+    return {key: _parse_number(row, key, where) for key in NUMBERS}
 
 
-def _number(row: Mapping[str, str], key: str, where: str) -> float | None:
+def _parse_number(row: Mapping[str, str], key: str, where: str) -> float | None:
     text = (row.get(key) or "").strip()
     if not text:
         return None
@@ -216,41 +236,35 @@ def _number(row: Mapping[str, str], key: str, where: str) -> float | None:
     return value
 
 
-def _check_unique(panoramas: Iterable[Panorama]) -> None:
-    seen: set[str] = set()
-    for panorama in panoramas:
-        if panorama.name in seen:
-            raise DataError(f"The panorama {panorama.name} appears twice in the index.")
-        seen.add(panorama.name)
-
-
-def _check_places(panoramas: Iterable[Panorama]) -> None:
+def _check_names_and_places(panoramas: Iterable[Panorama]) -> None:
+    names: set[str] = set()
     split: dict[str, str] = {}
     for panorama in panoramas:
+        if panorama.name in names:
+            raise DataError(f"The panorama {panorama.name} appears twice in the index.")
+        names.add(panorama.name)
         if split.setdefault(panorama.place, panorama.split) != panorama.split:
             raise DataError(f"The place {panorama.place} is in both splits, so val would not be unseen.")
-
-
-# The pixels of panoramas: as published, as linear values, and reduced.
-
-_LARGEST_HALF = 65504.0  # half floats end here
 
 
 def read_picture(panorama: Panorama) -> NDArray[Any]:
     """Pixels (H, 2H, 3) as published: uint8 sRGB of an LDR picture, float32 linear Rec.709 of an HDR one.
 
-    Raises DataError if the picture cannot be read or is not twice as wide as high.
+    Args:
+        panorama: its path and kind are read.
+
+    Raises:
+        DataError: if the picture cannot be read or is not twice as wide as high.
     """
     try:
         pixels = _read_ldr(panorama.path) if panorama.kind == "ldr" else _read_hdr(panorama.path)
     except DataError:
         raise
-    except UnidentifiedImageError as error:  # its text names the file once more
-        raise DataError(f"The panorama {panorama.path} cannot be read: it is no JPEG, PNG or WebP.") from error
-    except OSError as error:
-        raise DataError(f"The panorama {panorama.path} cannot be read: {error.strerror or error}.") from error
     except Exception as error:  # the EXR reader raises bare RuntimeErrors, Pillow half a dozen kinds
-        raise DataError(f"The panorama {panorama.path} cannot be read: {error}.") from error
+        reason = getattr(error, "strerror", None) or error
+        if isinstance(error, UnidentifiedImageError):  # its text names the file once more
+            reason = "it is no JPEG, PNG or WebP"
+        raise DataError(f"The panorama {panorama.path} cannot be read: {reason}.") from error
     height, width = pixels.shape[:2]
     if width != 2 * height:
         raise DataError(f"The panorama {panorama.path} is {width} x {height} pixels, not twice as wide as high.")
@@ -258,17 +272,31 @@ def read_picture(panorama: Panorama) -> NDArray[Any]:
 
 
 def read_linear_panorama(panorama: Panorama, height: int) -> NDArray[np.float32]:
-    """Linear Rec.709 float32 (H, 2H, 3), reduced to `height` rows if the picture has more."""
+    """Linear Rec.709 float32 (H, 2H, 3).
+
+    Args:
+        panorama: whose picture is read.
+        height: rows to which the picture is reduced if it has more.
+    """
     return shrink_envmap(linearize(panorama, read_picture(panorama)), height)
 
 
 def linearize(panorama: Panorama, pixels: NDArray[Any]) -> NDArray[np.float32]:
-    """Linear values of pixels of any shape, which are as `read_picture` returns them."""
+    """Linear values of pixels.
+
+    Args:
+        panorama: whose kind tells how the pixels are encoded.
+        pixels: of any shape, as `read_picture` returns them.
+    """
     return decode_srgb(pixels) if panorama.kind == "ldr" else pixels
 
 
 def decode_srgb(picture: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """Linear values in [0, 1] of an 8-bit sRGB picture of any shape."""
+    """Linear values in [0, 1] of sRGB pixels.
+
+    Args:
+        picture: of any shape, 8 bits.
+    """
     return SRGB_LINEAR[picture]
 
 
@@ -286,4 +314,4 @@ def _read_hdr(path: Path) -> NDArray[np.float32]:
         if name is None:
             raise DataError(f"The panorama {path} has no channels R, G and B.")
         pixels = np.array(channels[name].pixels[..., :3], dtype=np.float32)
-    return np.maximum(np.nan_to_num(pixels, nan=0.0, posinf=_LARGEST_HALF, neginf=0.0), 0.0)
+    return np.maximum(np.nan_to_num(pixels, nan=0.0, posinf=_MAX_HALF, neginf=0.0), 0.0)

@@ -18,14 +18,18 @@ class PhotoRow:
     group: str  # one scene and hour of one photographer
     sun_azimuth: float  # relative to the camera, positive right
     sun_elevation: float
-    azimuth_error: float  # one standard deviation of the azimuth
+    azimuth_std: float
     direct: str  # "yes", "partly", "no", or "" where not known
     horizontal_fov: float
     licence: str = ""
 
 
 def read_photo_rows(folder: str | Path) -> list[PhotoRow]:
-    """The rows of a folder's photos, none if it has no such table; DataError if a row cannot be used."""
+    """The rows of a folder's photos, none if it has no such table; DataError if a row cannot be used.
+
+    Args:
+        folder: with `photos_train.csv`.
+    """
     table = Path(folder) / PHOTOS
     if not table.exists():
         return []
@@ -35,7 +39,9 @@ def read_photo_rows(folder: str | Path) -> list[PhotoRow]:
 def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[PhotoRow]:
     """As `read_photo_rows`, for those who cannot do without photos; DataError if there is none.
 
-    `licensed_only` keeps the rows that `is_permissive` accepts.
+    Args:
+        folder: with `photos_train.csv`.
+        licensed_only: keep the rows that `is_permissive` accepts.
     """
     rows = [row for row in read_photo_rows(folder) if not licensed_only or is_permissive(row.licence)]
     if not rows:
@@ -60,7 +66,7 @@ def _row(row: dict[str, str], table: Path, line: int) -> PhotoRow:
         group=row["group"],
         sun_azimuth=numbers["sun_azimuth"],
         sun_elevation=numbers["sun_elevation"],
-        azimuth_error=numbers["expected_azimuth_error"],
+        azimuth_std=numbers["expected_azimuth_error"],
         direct=direct,
         horizontal_fov=numbers["hfov"],
         licence=row.get("licence", ""),

@@ -1,6 +1,6 @@
-"""Known skies rendered, to test labels.
+"""Small panoramas rendered in numpy: a Hosek-Wilkie or an overcast sky over lit ground, boxes and balls.
 
-Everything about them is known: they check the labels, and they test training without a single photo.
+Their truth is exact: they check the labels, and they test training without a single photo.
 """
 
 from dataclasses import dataclass
@@ -25,35 +25,37 @@ from lighting.geometry import (
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_radiance
 
-# Boxes on the ground and balls above it: where rays from a camera meet them.
-
-NEAR = 1e-3  # m, the least distance that counts as a hit
+_MIN_DISTANCE = 1e-3  # m, that counts as a hit
+_CAMERA_HEIGHT = 1.7  # m above the ground, the plane y = 0
+_EYE = np.array([0.0, _CAMERA_HEIGHT, 0.0])
+_GLARE = ((0.6, 0.97), (2.5, 0.03))  # the lens blurs the sun: width [deg] and share of its light
+_HAZE = 120.0  # m at which half of a thing's color is the horizon's
 
 
 @dataclass(frozen=True)
 class _Things:
-    """B boxes and S balls, with one albedo each; corners, centres and albedos are (B, 3) or (S, 3)."""
+    """B boxes and S balls, with one albedo each; corners, centers and albedos are (B, 3) or (S, 3)."""
 
     low: Floats
     high: Floats
     box_albedo: Floats
-    centre: Floats
+    center: Floats
     radius: Floats  # (S,)
     ball_albedo: Floats
 
 
-def _place_things(rng: np.random.Generator, count: int) -> _Things:
+def _scatter_things(rng: np.random.Generator, count: int) -> _Things:
     """`count` random things around the origin, half of them boxes."""
     boxes, balls = count - count // 2, count // 2
-    turn, far = rng.uniform(-180, 180, count), rng.uniform(9, 40, count)
-    foot = direction(turn, np.zeros(count)) * far[:, None]
+    azimuth, distance = rng.uniform(-180, 180, count), rng.uniform(9, 40, count)
+    foot = direction(azimuth, np.zeros(count)) * distance[:, None]
     half = rng.uniform(1.5, 5.0, (boxes, 3)) * [1, 0, 1]
     roof = rng.uniform(3, 18, (boxes, 1)) * [0, 1, 0]
     radius = rng.uniform(1, 3, balls)
-    centre = foot[boxes:] + radius[:, None] * [0, 1.3, 0]
+    center = foot[boxes:] + radius[:, None] * [0, 1.3, 0]
     walls = rng.uniform(0.15, 0.6, (boxes, 1)) * rng.uniform(0.8, 1.2, (boxes, 3))
     leaves = rng.uniform(0.5, 1.0, (balls, 1)) * [0.08, 0.14, 0.05]
-    return _Things(foot[:boxes] - half, foot[:boxes] + half + roof, walls, centre, radius, leaves)
+    return _Things(foot[:boxes] - half, foot[:boxes] + half + roof, walls, center, radius, leaves)
 
 
 def _blocked(origin: Floats, sun: Floats, things: _Things) -> NDArray[np.bool_]:
@@ -65,13 +67,13 @@ def _nearest(origin: Floats, rays: Floats, things: _Things) -> tuple[Floats, Flo
     """Distance (N,), inf where nothing is met, normal (N, 3) and albedo (N, 3) of the nearest thing along each ray."""
     distance, normal, albedo = np.full(len(rays), np.inf), np.zeros(rays.shape), np.zeros(rays.shape)
     boxes = zip(things.low, things.high, things.box_albedo, strict=True)
-    hits = [(_hit_box(origin, rays, low, high), colour) for low, high, colour in boxes]
-    balls = zip(things.centre, things.radius, things.ball_albedo, strict=True)
-    hits += [(_hit_ball(origin, rays, centre, radius), colour) for centre, radius, colour in balls]
-    for (reach, facing), colour in hits:
+    hits = [(_hit_box(origin, rays, low, high), color) for low, high, color in boxes]
+    balls = zip(things.center, things.radius, things.ball_albedo, strict=True)
+    hits += [(_hit_ball(origin, rays, center, radius), color) for center, radius, color in balls]
+    for (reach, facing), color in hits:
         closer = reach < distance
         distance = np.where(closer, reach, distance)
-        normal[closer], albedo[closer] = facing[closer], colour
+        normal[closer], albedo[closer] = facing[closer], color
     return distance, normal, albedo
 
 
@@ -82,22 +84,14 @@ def _hit_box(origin: Floats, rays: Floats, low: Floats, high: Floats) -> tuple[F
     axis = enter.argmax(axis=1)
     start = enter.max(axis=1)
     normal = -np.sign(rays) * (np.arange(3) == axis[:, None])
-    return np.where((start < leave) & (start > NEAR), start, np.inf), normal
+    return np.where((start < leave) & (start > _MIN_DISTANCE), start, np.inf), normal
 
 
-def _hit_ball(origin: Floats, rays: Floats, centre: Floats, radius: float) -> tuple[Floats, Floats]:
-    distance = ray_sphere(origin, rays, centre, radius)
-    hit = distance > NEAR
+def _hit_ball(origin: Floats, rays: Floats, center: Floats, radius: float) -> tuple[Floats, Floats]:
+    distance = ray_sphere(origin, rays, center, radius)
+    hit = distance > _MIN_DISTANCE
     reach = np.where(hit & np.isfinite(distance), distance, 0.0)
-    return np.where(hit, distance, np.inf), (origin - centre + rays * reach[:, None]) / radius
-
-
-# Small panoramas rendered in numpy: a Hosek-Wilkie or an overcast sky over lit ground, boxes and balls.
-
-CAMERA_HEIGHT = 1.7  # m above the ground, the plane y = 0
-EYE = np.array([0.0, CAMERA_HEIGHT, 0.0])
-GLARE = ((0.6, 0.97), (2.5, 0.03))  # the lens spreads the sun: width [deg] and share of its light
-HAZE = 120.0  # m at which half of a thing's colour is the horizon's
+    return np.where(hit, distance, np.inf), (origin - center + rays * reach[:, None]) / radius
 
 
 @dataclass(frozen=True)
@@ -106,7 +100,7 @@ class _SyntheticPanorama:
 
     linear: NDArray[np.float32]  # (H, 2H, 3) the picture's linear values, not clipped
     sun_azimuth: float | None  # deg; None under an overcast sky
-    sun_elevation: float | None
+    sun_elevation: float | None  # deg
     sun_visible: bool  # nothing stands between the camera and the sun
     turbidity: float | None
     exposure: float  # picture's linear values / sky radiance
@@ -128,16 +122,24 @@ class _Light:
 def render_panorama(
     seed: int, height: int = 128, *, overcast: bool = False, things: int = 8, turbidity: float | None = None
 ) -> _SyntheticPanorama:
-    """A random scene of `things` boxes and balls; the same seed and height give the same pixels."""
+    """A random scene; the same seed and height give the same pixels.
+
+    Args:
+        seed: of the scene, the sun and the sky.
+        height: rows.
+        overcast: whether the sky hides the sun.
+        things: boxes and balls on the ground, 0 or more.
+        turbidity: 1 to 10; None for a random one.
+    """
     rng = np.random.default_rng(seed)
     haze = float(rng.uniform(1.5, 8.0)) if turbidity is None else turbidity
     sun = None if overcast else direction(rng.uniform(-180, 180), rng.uniform(8, 70))
-    towards = latlong_directions(height)
-    sky = _overcast_sky(towards, rng) if sun is None else sky_radiance(towards, sun, haze, GROUND_ALBEDO)
-    scene, light = _place_things(rng, things), _light(sky, sun, haze)
-    visible = sun is not None and not _blocked(EYE[None], sun, scene)[0]
-    image = sky + _glare(towards, light) if visible else sky
-    image = _draw(image, towards, scene, light, rng)
+    pixel_rays = latlong_directions(height)
+    sky = _overcast_sky(pixel_rays, rng) if sun is None else sky_radiance(pixel_rays, sun, haze, GROUND_ALBEDO)
+    scene, light = _scatter_things(rng, things), _measure_light(sky, sun, haze)
+    visible = sun is not None and not _blocked(_EYE[None], sun, scene)[0]
+    image = sky + _glare(pixel_rays, light) if visible else sky
+    image = _draw(image, pixel_rays, scene, light, rng)
     exposure = float(rng.uniform(0.08, 0.25) / np.median(luminance(sky[: height // 2])))
     azimuth, elevation = (None, None) if sun is None else (float(a) for a in angles(sun))
     linear = (image * exposure).astype(np.float32)
@@ -151,13 +153,13 @@ def _write_dataset(folder: str | Path, count: int, height: int = 64, seed: int =
     panoramas = []
     for number in range(count):
         rendered = render_panorama(seed + number, height, overcast=number % 4 == 3)
-        panoramas.append(_panorama(rendered, number, root))
+        panoramas.append(_index_row(rendered, number, root))
         with atomic_write(panoramas[-1].path) as temporary:
             Image.fromarray(rendered.picture).save(temporary, lossless=True)
     write_index(panoramas, root)
 
 
-def _panorama(rendered: _SyntheticPanorama, number: int, root: Path) -> Panorama:
+def _index_row(rendered: _SyntheticPanorama, number: int, root: Path) -> Panorama:
     name, place = f"rendered_{number:04d}", number // 2
     sun = "none" if rendered.sun_azimuth is None else "visible" if rendered.sun_visible else "inferred"
     return Panorama(
@@ -177,7 +179,7 @@ def _panorama(rendered: _SyntheticPanorama, number: int, root: Path) -> Panorama
     )
 
 
-def _light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:
+def _measure_light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:
     height = len(sky)
     up = latlong_directions(height)[: height // 2, :, 1:2]
     weight = latlong_solid_angle(height)[: height // 2, None, None] * up
@@ -186,47 +188,47 @@ def _light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:
     return _Light(sun, beam, ambient, sky[height // 2 - 1].mean(axis=0))
 
 
-def _overcast_sky(towards: Floats, rng: np.random.Generator) -> Floats:
+def _overcast_sky(pixel_rays: Floats, rng: np.random.Generator) -> Floats:
     """The CIE overcast sky, three times as bright at the zenith as at the horizon, with soft clouds."""
-    up = np.maximum(towards[..., 1], 0.0)
-    waves = sum(np.sin(towards @ rng.normal(0, 6, 3) + rng.uniform(0, 6)) for _ in range(6))
-    grey = 0.1 * (1 + 2 * up) / 3 * (1 + 0.04 * np.asarray(waves))
-    return np.asarray(np.where(towards[..., 1] > 0, grey, 0.0)[..., None] * np.array([0.97, 1.0, 1.04]))
+    up = np.maximum(pixel_rays[..., 1], 0.0)
+    waves = sum(np.sin(pixel_rays @ rng.normal(0, 6, 3) + rng.uniform(0, 6)) for _ in range(6))
+    gray = 0.1 * (1 + 2 * up) / 3 * (1 + 0.04 * np.asarray(waves))
+    return np.asarray(np.where(pixel_rays[..., 1] > 0, gray, 0.0)[..., None] * np.array([0.97, 1.0, 1.04]))
 
 
-def _glare(towards: Floats, light: _Light) -> Floats:
-    """The sun as a lens sees it: its irradiance spread over narrow Gaussians around its direction."""
+def _glare(pixel_rays: Floats, light: _Light) -> Floats:
+    """The sun as a lens sees it: its irradiance distributed over narrow Gaussians around its direction."""
     assert light.sun is not None
-    angle = angle_between(towards, light.sun)
-    spread = np.zeros(angle.shape)
-    solid_angle = np.repeat(latlong_solid_angle(len(towards))[:, None], towards.shape[1], axis=1)
-    for width, share in GLARE:
+    angle = angle_between(pixel_rays, light.sun)
+    blur = np.zeros(angle.shape)
+    solid_angle = np.repeat(latlong_solid_angle(len(pixel_rays))[:, None], pixel_rays.shape[1], axis=1)
+    for width, share in _GLARE:
         blob = np.exp(-0.5 * (angle / width) ** 2)
-        spread += share * blob / (blob * solid_angle).sum()
-    return np.asarray(spread[..., None] * light.beam)
+        blur += share * blob / (blob * solid_angle).sum()
+    return np.asarray(blur[..., None] * light.beam)
 
 
-def _draw(sky: Floats, towards: Floats, things: _Things, light: _Light, rng: np.random.Generator) -> Floats:
+def _draw(sky: Floats, pixel_rays: Floats, things: _Things, light: _Light, rng: np.random.Generator) -> Floats:
     """The sky with the ground and the things in front of it."""
-    rays = towards.reshape(-1, 3)
-    distance, normal, albedo = _nearest(np.broadcast_to(EYE, rays.shape), rays, things)
-    ground = np.where(rays[:, 1] < -1e-6, -CAMERA_HEIGHT / np.minimum(rays[:, 1], -1e-6), np.inf)
+    rays = pixel_rays.reshape(-1, 3)
+    distance, normal, albedo = _nearest(np.broadcast_to(_EYE, rays.shape), rays, things)
+    ground = np.where(rays[:, 1] < -1e-6, -_CAMERA_HEIGHT / np.minimum(rays[:, 1], -1e-6), np.inf)
     on_ground = ground < distance
     distance, normal = np.minimum(distance, ground), np.where(on_ground[:, None], [0.0, 1.0, 0.0], normal)
     hit = np.isfinite(distance)
-    point = EYE + rays[hit] * distance[hit, None]
+    point = _EYE + rays[hit] * distance[hit, None]
     albedo = np.where(on_ground[hit, None], _ground_albedo(point, rng), albedo[hit])
     radiance = albedo / np.pi * _irradiance(point, normal[hit], things, light)
-    share = (0.5 ** (distance[hit] / HAZE))[:, None]
+    share = (0.5 ** (distance[hit] / _HAZE))[:, None]
     image = sky.reshape(-1, 3).copy()
     image[hit] = radiance * share + light.horizon * (1 - share)
     return image.reshape(sky.shape)
 
 
 def _ground_albedo(point: Floats, rng: np.random.Generator) -> Floats:
-    colour, scale = rng.uniform(0.15, 0.35) * rng.uniform(0.8, 1.2, 3), rng.uniform(0.5, 2.0)
+    color, scale = rng.uniform(0.15, 0.35) * rng.uniform(0.8, 1.2, 3), rng.uniform(0.5, 2.0)
     tiles = (np.floor(point[:, 0] / scale) + np.floor(point[:, 2] / scale)) % 2
-    return np.asarray(colour * (0.8 + 0.4 * tiles[:, None]))
+    return np.asarray(color * (0.8 + 0.4 * tiles[:, None]))
 
 
 def _irradiance(point: Floats, normal: Floats, things: _Things, light: _Light) -> Floats:

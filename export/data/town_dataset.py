@@ -1,5 +1,6 @@
-"""A folder of rendered places in the format of any other folder of panoramas, with exact labels."""
+"""A folder of rendered towns in the format of any other folder of panoramas, with exact labels."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,11 +15,11 @@ from lighting.files.exr import write_exr
 from lighting.geometry import Floats
 
 LABELS = "labels.csv"
-SAVE_EVERY = 20  # places
-GROUND_RADIUS = 12.0  # m around the camera, where sunlight on the ground counts
-GROUND_POINTS = 400
-LIT, DIM = 0.25, 0.03  # least shares of the sunlight for direct light to be "yes" and "partly"
-TRUE_SKY = 0.5  # least share of the sunlight for turbidity and exposure to be visible in the sky
+_SAVE_EVERY = 20  # places
+_GROUND_RADIUS = 12.0  # m around the camera, where sunlight on the ground counts
+_GROUND_POINTS = 400
+_MIN_DIRECT, _MIN_PARTLY = 0.25, 0.03  # shares of the sunlight for direct light to be "yes" and "partly"
+_MIN_SUNLIGHT = 0.5  # share of the sunlight for turbidity and exposure to be visible in the sky
 
 
 @dataclass(frozen=True)
@@ -31,57 +32,63 @@ class _TownPanorama:
     sun_visible: bool
 
 
-def _render_place(number: int, height: int) -> _TownPanorama:
-    """Place `number`; the same number gives the same place in every run."""
+def _render_town(number: int, height: int) -> _TownPanorama:
+    """Town `number`; the same number gives the same town in every run."""
     rng = np.random.default_rng([8, number])
     sky = random_sky(rng)
     scene = RenderedTown(*random_town(rng), sky)
     while not scene.is_clear():
         scene = RenderedTown(*random_town(rng), sky)
-    around = rng.uniform(-1, 1, (GROUND_POINTS, 3)) * [GROUND_RADIUS, 0, GROUND_RADIUS] + [0, 0.3, 0]
-    lit = scene.sunlit(around) * sky.sunlight
-    visible = scene.sees_the_sun() and sky.sunlight > TRUE_SKY
+    ground = rng.uniform(-1, 1, (_GROUND_POINTS, 3)) * [_GROUND_RADIUS, 0, _GROUND_RADIUS] + [0, 0.3, 0]
+    lit = scene.sunlit_share(ground) * sky.sunlight
+    visible = scene.is_sun_visible() and sky.sunlight > _MIN_SUNLIGHT
     name = f"town_{number:05d}"
-    return _TownPanorama(name, scene.panorama(height, 2 * number), _label(name, sky, lit), visible)
+    return _TownPanorama(name, scene.panorama(height, 2 * number), _make_label(name, sky, lit), visible)
 
 
-def _label(name: str, sky: Sky, lit: float) -> Label:
-    nan = float("nan")
-    seen = not sky.is_overcast
-    true_sky = sky.sunlight > TRUE_SKY
+def _make_label(name: str, sky: Sky, lit: float) -> Label:
+    nan = math.nan
+    has_sun = not sky.is_overcast
+    is_clear = sky.sunlight > _MIN_SUNLIGHT
     return Label(
         name=name,
-        sun_azimuth=sky.lighting.sun_azimuth if seen else nan,
-        sun_elevation=sky.lighting.sun_elevation if seen else nan,
-        sun_uncertainty=1.0 if seen else nan,
-        sun_source="given" if seen else "none",
+        sun_azimuth=sky.lighting.sun_azimuth if has_sun else nan,
+        sun_elevation=sky.lighting.sun_elevation if has_sun else nan,
+        sun_uncertainty=1.0 if has_sun else nan,
+        sun_source="given" if has_sun else "none",
         found_azimuth=nan,
         found_elevation=nan,
-        turbidity=sky.lighting.turbidity if true_sky else nan,
-        exposure=sky.lighting.exposure if true_sky else nan,
-        fit_residual=0.0 if true_sky else nan,
-        fit_ok=true_sky,
-        direct="yes" if lit > LIT else "partly" if lit > DIM else "no",
+        turbidity=sky.lighting.turbidity if is_clear else nan,
+        exposure=sky.lighting.exposure if is_clear else nan,
+        fit_residual=0.0 if is_clear else nan,
+        fit_ok=is_clear,
+        direct="yes" if lit > _MIN_DIRECT else "partly" if lit > _MIN_PARTLY else "no",
     )
 
 
 def render_towns(folder: Path, count: int, height: int) -> None:
-    """Render places until the folder holds `count`; continues where an earlier call stopped."""
+    """Render towns until the folder holds `count`; continues where an earlier call stopped.
+
+    Args:
+        folder: to fill.
+        count: towns in all.
+        height: rows of each panorama.
+    """
     root = folder.resolve()
     (root / "panoramas").mkdir(parents=True, exist_ok=True)
     labels = read_labels(root / LABELS) if (root / LABELS).exists() else []
     panoramas = read_index(root)[: len(labels)] if labels else []  # the index is written first: it may hold more
     for number in tqdm(range(len(labels), count), initial=len(labels), total=count, unit="place"):
-        rendered = _render_place(number, height)
-        panoramas.append(_panorama(rendered, root))
+        rendered = _render_town(number, height)
+        panoramas.append(_index_row(rendered, root))
         labels.append(rendered.label)
         write_exr(panoramas[-1].path, rendered.radiance)
-        if number + 1 == count or (number + 1) % SAVE_EVERY == 0:
+        if number + 1 == count or (number + 1) % _SAVE_EVERY == 0:
             write_index(panoramas, root)
             write_labels(labels, root / LABELS)
 
 
-def _panorama(rendered: _TownPanorama, root: Path) -> Panorama:
+def _index_row(rendered: _TownPanorama, root: Path) -> Panorama:
     label = rendered.label
     has_sun = label.sun_source != "none"
     return Panorama(

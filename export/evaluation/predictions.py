@@ -101,7 +101,7 @@ def _photo_pixels(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
 def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
     """The targets of crops as arrays."""
     sun = np.array([c.sun_direction for c in crops])
-    uncertainty = np.array([c.sun_uncertainty for c in crops])
+    uncertainty = np.array([c.sun_std for c in crops])
     return Truth(
         panorama=np.array([p.name for p in panoramas]),
         place=np.array([p.place for p in panoramas]),

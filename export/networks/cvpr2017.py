@@ -1,4 +1,7 @@
-"""The network of "Deep Outdoor Illumination Estimation" (Hold-Geoffroy et al., CVPR 2017), as the baseline."""
+"""The baseline: the network of "Deep Outdoor Illumination Estimation".
+
+References: Hold-Geoffroy et al., CVPR 2017.
+"""
 
 import math
 
@@ -20,7 +23,7 @@ _CONVOLUTIONS = (  # kernel, channels, stride
 
 
 class DeepOutdoor(nn.Module):
-    """The network of table 1 in the paper; it says no light."""
+    """The network of table 1 in the paper; it predicts no light."""
 
     light: nn.Module | None = None
 

@@ -1,4 +1,4 @@
-"""ONNX export, graph rewrite, parity with torch.
+"""ONNX files as users get them: several networks answer together, in final units, checked against torch.
 
 The graph holds all networks and averages their probabilities and values; their weights lie in a file beside it.
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
 
-from export.crops.targets import COLUMNS, DARKEST, ROWS
+from export.crops.targets import COLUMNS, MIN_RADIANCE, ROWS
 from export.data.panoramas import DataError
 from export.networks.backbone import NetworkOutput
 from export.networks.outdoor import (
@@ -49,25 +49,29 @@ from lighting.model import OPTIONAL_OUTPUTS, OUTPUTS, Model, weights_path
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
-# Changes to a network's ONNX graph before it ships: nothing is computed twice, and weights are stored small.
+MIN_BYTES = 200_000  # elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
+_MIN_HALF = 256  # elements of a tensor that is stored in half precision
+_MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
+_OPSET = 18
+_TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
+ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts the camera, and a sun in view with it
 
-HALVED = 256  # least elements of a tensor that is stored in half precision
-BYTES = 200_000  # least elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
-BESIDE = 1024  # least bytes of a tensor that lies in the file beside the graph
+
+# Changes to the graph: nothing is computed twice, and weights are stored small.
 
 
-def _share(model: Any) -> None:
+def _merge_equal_nodes(model: Any) -> None:
     """Merge equal tensors and equal nodes: what several networks begin with alike is then computed once."""
     names = _unify_tensors(model.graph)
     outputs = {output.name for output in model.graph.output}
-    known: dict[tuple[Any, ...], list[str]] = {}
+    outputs_of: dict[tuple[Any, ...], list[str]] = {}
     kept = []
     for node in model.graph.node:
         inputs = [names.get(name, name) for name in node.input]
         node.input[:] = inputs
         attributes = sorted(a.SerializeToString() for a in node.attribute)
-        alike = (node.op_type, node.domain, len(node.output), *inputs, *attributes)
-        earlier = known.setdefault(alike, list(node.output))
+        key = (node.op_type, node.domain, len(node.output), *inputs, *attributes)
+        earlier = outputs_of.setdefault(key, list(node.output))
         if earlier != list(node.output) and outputs.isdisjoint(node.output):
             names.update(zip(node.output, earlier, strict=True))
         else:
@@ -90,7 +94,7 @@ def _unify_tensors(graph: Any) -> dict[str, str]:
     return names
 
 
-def _forget_origin(model: Any) -> None:
+def _strip_origin(model: Any) -> None:
     """Remove each node's origin in the code and the shapes between nodes: nothing reads them."""
     del model.graph.value_info[:]
     for node in model.graph.node:
@@ -106,19 +110,19 @@ def _store_small(model: Any) -> None:
     tensors, nodes = [], []
     for tensor in model.graph.initializer:
         weights = numpy_helper.to_array(tensor)
-        if weights.dtype != np.float32 or weights.size < HALVED:
+        if weights.dtype != np.float32 or weights.size < _MIN_HALF:
             tensors.append(tensor)
             continue
-        stored, widening = _stored(tensor.name, weights, axis=int(tensor.name in columns))
+        stored, widening = _quantize(tensor.name, weights, axis=int(tensor.name in columns))
         tensors += stored
         nodes += widening
     _replace(model.graph.initializer, tensors)
     _replace(model.graph.node, [*nodes, *model.graph.node])
 
 
-def _stored(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[Any], list[Any]]:
+def _quantize(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[Any], list[Any]]:
     """Small tensors that replace a large one, whose outputs lie along `axis`, and the nodes that widen them."""
-    if weights.size < BYTES:
+    if weights.size < MIN_BYTES:
         half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
         return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]
     others = tuple(i for i in range(weights.ndim) if i != axis)
@@ -134,7 +138,7 @@ def _save_graph(model: Any, path: Path) -> None:
     weights.unlink(missing_ok=True)  # otherwise they are appended to what it holds
     saved = onnx.ModelProto()
     saved.CopyFrom(model)
-    onnx.save_model(saved, str(path), save_as_external_data=True, location=weights.name, size_threshold=BESIDE)
+    onnx.save_model(saved, str(path), save_as_external_data=True, location=weights.name, size_threshold=_MIN_EXTERNAL)
     onnx.checker.check_model(str(path))
     for file in (path, weights):
         file.chmod(0o644)
@@ -145,16 +149,16 @@ def _replace(field: Any, values: list[Any]) -> None:
     field.extend(values)
 
 
-# The networks as users get them: several answer together, in final units.
+# The networks in one.
 
 
-class _Served(nn.Module):
+class _Ensemble(nn.Module):
     """Networks whose averaged answers are sun probabilities (B, G) and parameters (B, 6).
 
     Further networks, `cameras`, answer for the camera instead of the others. With an `elevation_scale` [deg], the sun's
     probabilities are multiplied by exp(-elevation / scale): suns are lower in photographs than in the training crops.
-    In the same way the camera is taken to be held level, as photographs are, by networks with bins.
-    A sun that the networks see in the picture enters the probabilities. Networks that learnt it also say the light
+    In the same way the camera is taken to be level, as photographs are, by networks with bins.
+    A sun that the networks see in the picture enters the probabilities. Networks that learnt it also predict the light
     (B, 8) and the radiance around the camera (B, ROWS, COLUMNS, 3).
     """
 
@@ -183,49 +187,47 @@ class _Served(nn.Module):
         return [*OUTPUTS, *(OPTIONAL_OUTPUTS if any(n.light is not None for n in self.networks) else ())]
 
     def forward(self, photo: Tensor) -> tuple[Tensor, ...]:
-        said: list[NetworkOutput] = [network(photo) for network in self.networks]
-        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in said]).mean(dim=0)
+        predicted: list[NetworkOutput] = [network(photo) for network in self.networks]
+        sun = torch.stack([(one.sun.float() / self.temperature).softmax(dim=1) for one in predicted]).mean(dim=0)
         sun = nn.functional.normalize(sun * self.prior, p=1.0, dim=1)
-        raw = torch.stack([one.raw.float() for one in said]).mean(dim=0)
-        asked = [network(photo) for network in self.cameras] or said
-        camera = torch.stack([_camera(one) for one in asked]).mean(dim=0)
+        raw = torch.stack([one.raw.float() for one in predicted]).mean(dim=0)
+        of_cameras = [network(photo) for network in self.cameras] or predicted
+        camera = torch.stack([_camera_values(one) for one in of_cameras]).mean(dim=0)
         parameters = decode_parameters(torch.cat([raw[:, :2], camera, raw[:, 5:]], dim=1))
-        seen = [sun_in_view_probability(one.seen.float()) for one in said if one.seen.shape[1]]
-        if seen:
+        in_view = [sun_in_view_probability(p.sun_in_view.float()) for p in predicted if p.sun_in_view.shape[1]]
+        if in_view:
             rays = cell_directions(photo, parameters[:, 2], parameters[:, 3], parameters[:, 4])
-            sun = fuse_sun_in_view(sun, torch.stack(seen).mean(dim=0), rays, self.cells)
-        return sun, parameters, *_light(said)
+            sun = fuse_sun_in_view(sun, torch.stack(in_view).mean(dim=0), rays, self.cells)
+        return sun, parameters, *_light_values(predicted)
 
 
-def _camera(said: NetworkOutput) -> Tensor:
+def _camera_values(predicted: NetworkOutput) -> Tensor:
     """The camera's raw values (B, 3): the mean of those of its bins and of the head of values, where both are.
 
-    The bins also say how sure they are of the roll, which is then that of photographs.
+    The bins also tell how sure they are of the roll, which is then that of photographs.
     """
-    values = said.raw[:, 2:5].float()
-    if not said.camera.shape[1]:
+    values = predicted.raw[:, 2:5].float()
+    if not predicted.camera.shape[1]:
         return values
-    camera = 0.5 * (values + mean_of_camera_bins(said.camera))
-    roll = expected_roll(camera[:, 1:2] * ROLL_SCALE, roll_bins_std(said.camera) * ROLL_SCALE) / ROLL_SCALE
+    camera = 0.5 * (values + mean_of_camera_bins(predicted.camera))
+    roll = expected_roll(camera[:, 1:2] * ROLL_SCALE, roll_bins_std(predicted.camera) * ROLL_SCALE) / ROLL_SCALE
     return torch.cat([camera[:, :1], roll, camera[:, 2:]], dim=1)
 
 
-def _light(said: Sequence[NetworkOutput]) -> tuple[Tensor, ...]:
-    """The light (B, 8) and what lies around (B, ROWS, COLUMNS, 3) of the networks that say it; nothing if none does."""
-    known = [one for one in said if one.light.shape[1]]
-    if not known:
+def _light_values(predicted: Sequence[NetworkOutput]) -> tuple[Tensor, ...]:
+    """The light (B, 8) and the surroundings (B, ROWS, COLUMNS, 3) by networks that predict them; nothing if none."""
+    lit = [one for one in predicted if one.light.shape[1]]
+    if not lit:
         return ()
-    light = torch.stack([one.light.float() for one in known]).mean(dim=0)
-    suitable = torch.stack([one.suitable.float() for one in known]).mean(dim=0)
-    around = torch.stack([one.around.float() for one in known]).mean(dim=0)
+    light = torch.stack([one.light.float() for one in lit]).mean(dim=0)
+    suitable = torch.stack([one.suitable.float() for one in lit]).mean(dim=0)
+    surroundings = torch.stack([one.surroundings.float() for one in lit]).mean(dim=0)
     shares = torch.cat([light[:, 6:], suitable], dim=1).sigmoid()
-    radiance = (around.exp() - DARKEST).clamp_min(0.0).reshape(-1, ROWS, COLUMNS, 3)
+    radiance = (surroundings.exp() - MIN_RADIANCE).clamp_min(0.0).reshape(-1, ROWS, COLUMNS, 3)
     return torch.cat([light[:, :6].exp(), shares], dim=1), radiance
 
 
-OPSET = 18
-TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
-ROUNDED = 3e-2  # the same once weights are stored small: that shifts the camera, and a seen sun with it
+# The file.
 
 
 def write_onnx(
@@ -237,33 +239,43 @@ def write_onnx(
     cameras: Sequence[Path] = (),
     elevation_scale: float = math.inf,
 ) -> float:
-    """Write `target` and its weights from training folders; returns its difference to torch (see `parity`).
+    """Write a graph and its weights beside it; returns the largest difference to torch, relative to each output.
 
-    `temperature` divides the suns' logits (Guo et al., ICML 2017); `cameras` and `elevation_scale` are those of
-    `Served`. The version is the first run's unless another is given. DataError if the runs' networks expect different
-    photos; ModelError if the file's answers differ from torch's by more than TOLERANCE, or by more than ROUNDED once
-    its weights are stored small.
+    Args:
+        folders: of the runs whose networks answer together.
+        target: the ONNX file; the weights lie in `weights_path(target)`.
+        temperature: divides the suns' logits [1], above 0.
+        version: of the network; None for the first run's.
+        cameras: folders of the runs whose networks answer for the camera instead; empty for those of `folders`.
+        elevation_scale: deg; probabilities are multiplied by exp(-elevation / scale), with inf by 1.
+
+    Raises:
+        DataError: if the runs' networks expect different photos.
+        ModelError: if the answers differ from torch's by more than _TOLERANCE, or by more than ROUNDED_TOLERANCE once
+            the weights are stored small.
+
+    References: [1] Guo et al., On calibration of modern neural networks, ICML 2017.
     """
     if have_different_specs([*folders, *cameras]):
         raise DataError("The runs' networks expect different photos, so they cannot answer together.")
-    spec, known = _described(folders, version)
-    known["cameras"] = json.dumps([training_history(read_record(f)) for f in cameras])
-    networks, seeing = ([read_network(f) for f in some] for some in (folders, cameras))
-    served = _Served(networks, spec.sun_grid, temperature, seeing, elevation_scale).eval()
-    known["networks"] = str(len(folders) + len(cameras))
-    known |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
+    spec, metadata = _describe(folders, version)
+    metadata["cameras"] = json.dumps([training_history(read_record(f)) for f in cameras])
+    networks, of_cameras = ([read_network(f) for f in some] for some in (folders, cameras))
+    ensemble = _Ensemble(networks, spec.sun_grid, temperature, of_cameras, elevation_scale).eval()
+    metadata["networks"] = str(len(folders) + len(cameras))
+    metadata |= {"temperature": f"{temperature:.3f}", "elevation_scale": f"{elevation_scale:g}"}
     target.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=target.parent) as folder:
         path = Path(folder, target.name)
-        model = _trace(served, spec)
-        _add_metadata(model, {"spec": spec.to_json(), **_plain(spec), **known})
+        model = _trace(ensemble, spec)
+        _add_metadata(model, {"spec": spec.to_json(), **_readable(spec), **metadata})
         _save_graph(model, path)
-        _check(_parity(served, path), TOLERANCE)
-        _forget_origin(model)
-        _share(model)
+        _check(_parity(ensemble, path), _TOLERANCE)
+        _strip_origin(model)
+        _merge_equal_nodes(model)
         _store_small(model)
         _save_graph(model, path)
-        difference = _check(_parity(served, path), ROUNDED)
+        difference = _check(_parity(ensemble, path), ROUNDED_TOLERANCE)
         _add_metadata(model, {"parity": f"{difference:.2e}"})
         _save_graph(model, path)
         weights_path(path).replace(weights_path(target))
@@ -271,14 +283,14 @@ def write_onnx(
     return difference
 
 
-def _described(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, dict[str, str]]:
+def _describe(folders: Sequence[Path], version: str | None) -> tuple[ModelSpec, dict[str, str]]:
     """The spec of the file and the metadata that tell where its networks come from."""
     records, spec = [read_record(f) for f in folders], read_spec(folders[0])
     data = "; ".join(dict.fromkeys(describe_data(r) for r in records))
     commits = ", ".join(dict.fromkeys(run["commit"] for run in training_history(*records)))
     training = json.dumps([training_history(r) for r in records])
-    known = {"commit": commits, "training": training}
-    return replace(spec, training_data=data, version=version or spec.version), known
+    metadata = {"commit": commits, "training": training}
+    return replace(spec, training_data=data, version=version or spec.version), metadata
 
 
 def _check(difference: float, allowed: float) -> float:
@@ -287,18 +299,18 @@ def _check(difference: float, allowed: float) -> float:
     return difference
 
 
-def _trace(served: _Served, spec: ModelSpec) -> Any:
+def _trace(ensemble: _Ensemble, spec: ModelSpec) -> Any:
     """The network as an ONNX model whose batch may have any size."""
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it reports that torchvision's operators are missing
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # of the exporter's own use of torch
         program = torch.onnx.export(
-            served,
+            ensemble,
             (torch.zeros(2, 3, spec.height, spec.width),),
             input_names=["photo"],
-            output_names=served.outputs,
+            output_names=ensemble.outputs,
             dynamic_shapes={"photo": {0: torch.export.Dim("batch", min=1)}},
-            opset_version=OPSET,
+            opset_version=_OPSET,
             dynamo=True,
             verbose=False,
         )
@@ -307,13 +319,13 @@ def _trace(served: _Served, spec: ModelSpec) -> Any:
 
 
 def _add_metadata(model: Any, metadata: dict[str, str]) -> None:
-    """Add what is known of the model: `spec` is for programs, the others are for people."""
+    """Add metadata to the model: `spec` is for programs, the others are for people."""
     for key, value in metadata.items():
         entry = model.metadata_props.add()
         entry.key, entry.value = key, value
 
 
-def _plain(spec: ModelSpec) -> dict[str, str]:
+def _readable(spec: ModelSpec) -> dict[str, str]:
     return {
         "name": spec.name,
         "version": spec.version,
@@ -324,12 +336,12 @@ def _plain(spec: ModelSpec) -> dict[str, str]:
     }
 
 
-def _parity(served: _Served, path: Path) -> float:
+def _parity(ensemble: _Ensemble, path: Path) -> float:
     """Largest difference between torch and onnxruntime on fixed inputs, relative to each output's largest value."""
     model = Model.load(path)
     rng = np.random.default_rng(0)
     batch = rng.normal(0, 1, (5, 3, model.spec.height, model.spec.width)).astype(np.float32)
     with torch.inference_mode():
-        expected = [output.numpy() for output in served(torch.from_numpy(batch))]
-    found = model.session.run(served.outputs, {"photo": batch})
-    return float(np.max([np.abs(a - b).max() / np.abs(a).max() for a, b in zip(expected, found, strict=True)]))
+        expected = [output.numpy() for output in ensemble(torch.from_numpy(batch))]
+    answers = model.session.run(ensemble.outputs, {"photo": batch})
+    return float(np.max([np.abs(a - b).max() / np.abs(a).max() for a, b in zip(expected, answers, strict=True)]))

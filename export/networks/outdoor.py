@@ -1,15 +1,18 @@
-"""Heads, parameters, specs.
+"""Our network: an ImageNet-pretrained backbone and one head for each answer; what the raw values stand for.
 
-The network says in which cell of the picture the sun or its glare is seen, if in any. The estimated camera turns the
-cell into a direction. That direction gets the probability that the sun is seen; the head that says where the sun is
+The network tells in which cell of the picture the sun or its glare is, if in any. The estimated camera turns the
+cell into a direction. That direction gets the probability that the sun is in view; the head of the sun's direction
 keeps the rest.
 
-All take the normalised canvas (B, 3, H, W) of `lighting.photo` and return `Said`.
+All networks take the normalised canvas (B, 3, H, W) of `lighting.photo` and return `NetworkOutput`. The names of layers
+are the names of weights in checkpoints and ONNX files: they stay.
 
 Photographs are level far more often than training crops, half of which are rolled by up to 10 deg: people hold
-cameras level, and straighten what is not. Hold-Geoffroy et al. (CVPR 2018) draw a third of their photos level and the
-others from a Cauchy distribution of 0.1 rad; of the ordinary photos that training sees, the networks say that nearly
+cameras level, and straighten what is not. [1] draws a third of their photos level and the
+others from a Cauchy distribution of 0.1 rad; of the ordinary photos that training sees, the networks tell that nearly
 all are within 4 deg. Here a fifth is level, so that a camera which is rolled on purpose is not made level.
+
+References: [1] Hold-Geoffroy et al., A perceptual measure for deep single image camera calibration, CVPR 2018.
 """
 
 import math
@@ -26,72 +29,88 @@ from lighting.model import PARAMETERS
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
-# The six raw values of a network, the last a logit, and the parameters they stand for.
-
 ROLL_SCALE = 5.0  # deg that one raw value of the roll stands for
 
 _LOGARITHMIC = torch.tensor([True, True, False, False, False])
-_CENTRE = torch.tensor([math.log(4.0), math.log(5.0), 0.0, 0.0, 55.0])
+_CENTER = torch.tensor([math.log(4.0), math.log(5.0), 0.0, 0.0, 55.0])
 _SCALE = torch.tensor([0.5, 0.6, 15.0, ROLL_SCALE, 15.0])
 
 
 def encode_parameters(parameters: Tensor) -> Tensor:
-    """Targets of the first five raw values (B, 5) from parameters (B, 5) in their units."""
+    """Targets of the first five raw values (B, 5).
+
+    Args:
+        parameters: (B, 5) turbidity, exposure, camera elevation, roll and vertical field of view; angles in deg.
+    """
     value = torch.where(_LOGARITHMIC.to(parameters.device), parameters.clamp_min(1e-6).log(), parameters)
-    return (value - _CENTRE.to(value)) / _SCALE.to(value)
+    return (value - _CENTER.to(value)) / _SCALE.to(value)
 
 
 def decode_parameters(raw: Tensor) -> Tensor:
-    """Parameters (B, 6) in their units, in the order of lighting.model.PARAMETERS, from raw values (B, 6)."""
-    value = raw[:, :5] * _SCALE.to(raw) + _CENTRE.to(raw)
+    """Parameters (B, 6) in their units, in the order of lighting.model.PARAMETERS.
+
+    Args:
+        raw: (B, 6) values of a network, the last a logit.
+    """
+    value = raw[:, :5] * _SCALE.to(raw) + _CENTER.to(raw)
     value = torch.where(_LOGARITHMIC.to(raw.device), value.exp(), value)
     return torch.cat([value, raw[:, 5:].sigmoid()], dim=1)
 
 
 BINS = 128  # of each angle of the camera
 LIGHT = 7  # log irradiance of the sun (3) and of the sky (3), logit of the cloud cover
-_LOWEST = torch.tensor([-50.0, -50.0, 12.0])  # deg: elevation, roll, vertical field of view
-_HIGHEST = torch.tensor([50.0, 50.0, 112.0])
-_SPREAD = 1.5  # bins, standard deviation of a target around the true angle
+_MIN_ANGLES = torch.tensor([-50.0, -50.0, 12.0])  # deg: elevation, roll, vertical field of view
+_MAX_ANGLES = torch.tensor([50.0, 50.0, 112.0])
+_TARGET_STD = 1.5  # bins, of a target around the true angle
 
 
 def _bins(like: Tensor) -> Tensor:
-    """Raw values (3, BINS) at the bins' centres."""
-    low = (_LOWEST - _CENTRE[2:]) / _SCALE[2:]
-    high = (_HIGHEST - _CENTRE[2:]) / _SCALE[2:]
+    """Raw values (3, BINS) at the bins' centers."""
+    low = (_MIN_ANGLES - _CENTER[2:]) / _SCALE[2:]
+    high = (_MAX_ANGLES - _CENTER[2:]) / _SCALE[2:]
     steps = (torch.arange(BINS) + 0.5) / BINS
     return (low[:, None] + (high - low)[:, None] * steps).to(like)
 
 
 def mean_of_camera_bins(logits: Tensor) -> Tensor:
-    """Raw values (B, 3) of the camera: the means of its bins' probabilities, from logits (B, 3, BINS)."""
+    """Raw values (B, 3) of the camera: the means of its bins' probabilities.
+
+    Args:
+        logits: (B, 3, BINS) of elevation, roll and field of view.
+    """
     chances = logits.float().softmax(dim=2)
     return (chances * _bins(chances)).sum(dim=2)
 
 
 def roll_bins_std(logits: Tensor) -> Tensor:
-    """Standard deviation (B, 1) of the roll's raw value by its bins, less their targets', from logits (B, 3, BINS)."""
-    chances, centres = logits[:, 1].float().softmax(dim=1), _bins(logits)[1].float()
-    mean = (chances * centres).sum(dim=1, keepdim=True)
-    variance = (chances * (centres - mean) ** 2).sum(dim=1, keepdim=True)
-    return (variance - (_SPREAD * (centres[1] - centres[0])) ** 2).clamp_min(0.0).sqrt()
+    """Standard deviation (B, 1) of the roll's raw value by its bins, less that of their targets.
+
+    Args:
+        logits: (B, 3, BINS) of elevation, roll and field of view.
+    """
+    chances, centers = logits[:, 1].float().softmax(dim=1), _bins(logits)[1].float()
+    mean = (chances * centers).sum(dim=1, keepdim=True)
+    variance = (chances * (centers - mean) ** 2).sum(dim=1, keepdim=True)
+    return (variance - (_TARGET_STD * (centers[1] - centers[0])) ** 2).clamp_min(0.0).sqrt()
 
 
 def camera_bin_targets(raw: Tensor) -> Tensor:
-    """Target probabilities (B, 3, BINS) of raw values (B, 3) of the camera."""
-    centres = _bins(raw)
-    width = (centres[:, 1] - centres[:, 0])[:, None]
-    return (-0.5 * ((raw[:, :, None] - centres) / (_SPREAD * width)) ** 2).softmax(dim=2)
+    """Target probabilities (B, 3, BINS).
+
+    Args:
+        raw: (B, 3) values of elevation, roll and field of view.
+    """
+    centers = _bins(raw)
+    width = (centers[:, 1] - centers[:, 0])[:, None]
+    return (-0.5 * ((raw[:, :, None] - centers) / (_TARGET_STD * width)) ** 2).softmax(dim=2)
 
 
-# Our network: an ImageNet-pretrained backbone, one head for each answer.
-
-HIDDEN = 384  # features of each head's hidden layer
-DROP = 0.3  # share of the features that training leaves out
+_HIDDEN = 384  # features of each head's hidden layer
+_DROP = 0.3  # share of the features that training leaves out
 
 
-class _SeenSun(nn.Module):
-    """Where in the picture the sun is seen: a value for each cell of a map, and one for nowhere."""
+class _SunInView(nn.Module):
+    """Where in the picture the sun is: a value for each cell of a map, and one for nowhere."""
 
     def __init__(self, channels: int, features: int, hidden: int = 48) -> None:
         super().__init__()
@@ -116,10 +135,10 @@ class _CameraBins(nn.Module):
         super().__init__()
         self.where = nn.Sequential(conv_batch_norm(channels, reduced, 1), nn.ReLU6(), nn.Flatten())
         self.bins = nn.Sequential(
-            nn.Dropout(DROP / 2),
+            nn.Dropout(_DROP / 2),
             nn.Linear(features + reduced * cells, hidden),
             nn.SiLU(),
-            nn.Dropout(DROP / 2),
+            nn.Dropout(_DROP / 2),
             nn.Linear(hidden, 3 * BINS),
         )
 
@@ -129,14 +148,19 @@ class _CameraBins(nn.Module):
 
 
 class Outdoor(nn.Module):
-    """Pooled features say what is in the picture, a small flattened map says where; each head has one hidden layer.
+    """Pooled features tell what is in the picture, a small flattened map tells where; each head has one hidden layer.
 
-    With `sees` it also says where in the picture the sun is, with `bins` the camera's angles as distributions, with
-    `around` the light around the camera, its power, and whether the photo suits.
+    `build_network` describes the parts.
     """
 
     def __init__(
-        self, spec: ModelSpec, cells: int, *, sees: bool = True, bins: bool = True, around: bool = False
+        self,
+        spec: ModelSpec,
+        cells: int,
+        *,
+        has_sun_in_view: bool = True,
+        has_camera_bins: bool = True,
+        has_surroundings: bool = False,
     ) -> None:
         super().__init__()
         self.backbone = Backbone()
@@ -144,88 +168,111 @@ class Outdoor(nn.Module):
         features = 1280 + 48 * math.ceil(spec.height / 32) * math.ceil(spec.width / 32)
         self.sun = _head(features, cells)
         self.values = _head(features, len(PARAMETERS))
-        self.seen = _SeenSun(112, 1280) if sees else None
+        self.seen = _SunInView(112, 1280) if has_sun_in_view else None
         cells_of_layout = math.ceil(spec.height / 16) * math.ceil(spec.width / 16)
-        self.camera = _CameraBins(112, 1280, cells_of_layout) if bins else None
-        self.around = _head(features, 3 * CELLS) if around else None
-        self.light = _head(features, LIGHT) if around else None
-        self.suitable = nn.Linear(1280, 1) if around else None
+        self.camera = _CameraBins(112, 1280, cells_of_layout) if has_camera_bins else None
+        self.around = _head(features, 3 * CELLS) if has_surroundings else None
+        self.light = _head(features, LIGHT) if has_surroundings else None
+        self.suitable = nn.Linear(1280, 1) if has_surroundings else None
 
     def forward(self, photo: Tensor) -> NetworkOutput:
         middle, last, pooled = self.backbone(photo)
         features = torch.cat([pooled, self.where(last)], dim=1)
-        seen = self.seen(middle, pooled) if self.seen else empty_output(photo)
-        around = self.around(features) if self.around else empty_output(photo)
+        sun_in_view = self.seen(middle, pooled) if self.seen else empty_output(photo)
+        surroundings = self.around(features) if self.around else empty_output(photo)
         light = self.light(features) if self.light else empty_output(photo)
         camera = self.camera(middle, pooled) if self.camera else empty_output(photo)
         suitable = self.suitable(pooled) if self.suitable else empty_output(photo)
-        return NetworkOutput(self.sun(features), self.values(features), seen, around, camera, light, suitable)
+        sun, raw = self.sun(features), self.values(features)
+        return NetworkOutput(sun, raw, sun_in_view, surroundings, camera, light, suitable)
 
 
 def _head(features: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(
-        nn.Dropout(DROP), nn.Linear(features, HIDDEN), nn.SiLU(), nn.Dropout(DROP), nn.Linear(HIDDEN, outputs)
+        nn.Dropout(_DROP), nn.Linear(features, _HIDDEN), nn.SiLU(), nn.Dropout(_DROP), nn.Linear(_HIDDEN, outputs)
     )
 
 
-# How a sun seen in the picture enters the answer.
+# How a sun in the picture enters the answer.
 
-RARER = 1.0  # nats; the sun is rarer in photos than in the crops that teach to see it; 0.5 to 1 on crops of `train`
-DIRECTION_SPREAD = 5.0  # deg per axis of the directions that a cell stands for: the error of the estimated camera
+SUN_IN_VIEW_PRIOR = (
+    1.0  # nats; the sun is rarer in photos than in the crops that teach to see it; 0.5 to 1 on crops of `train`
+)
+_DIRECTION_STD = 5.0  # deg per axis, of the directions that a cell stands for: the error of the estimated camera
 
 
 def sun_in_view_probability(logits: Tensor) -> Tensor:
-    """Probabilities (B, 1 + cells) that the sun is seen nowhere, and in each cell, from the network's logits."""
-    return (logits - RARER * (torch.arange(logits.shape[1], device=logits.device) > 0)).softmax(dim=1)
+    """Probabilities (B, 1 + cells) that the sun is nowhere in the picture, and in each cell.
+
+    Args:
+        logits: (B, 1 + cells) of the network.
+    """
+    return (logits - SUN_IN_VIEW_PRIOR * (torch.arange(logits.shape[1], device=logits.device) > 0)).softmax(dim=1)
 
 
-def cell_directions(photo: Tensor, elevation: Tensor, roll: Tensor, fov: Tensor) -> Tensor:
-    """Unit vectors (B, cells, 3) through the cells' centres of canvases (B, 3, H, W); angles (B,) in deg.
+def cell_directions(photo: Tensor, elevation: Tensor, roll: Tensor, vertical_fov: Tensor) -> Tensor:
+    """Unit vectors (B, cells, 3) through the centers of a canvas's cells; signs are those of `lighting.geometry`.
 
-    Signs are those of `lighting.geometry`. The photo's height is that of the canvas without the zero rows around it.
+    Args:
+        photo: (B, 3, H, W) canvases; a photo's height is that of its canvas without the zero rows around it.
+        elevation: (B,) deg, of the camera, positive looks up.
+        roll: (B,) deg.
+        vertical_fov: (B,) deg, of the photo.
     """
     height, width = photo.shape[2:]
-    tall = (photo.abs().amax(dim=(1, 3)) > 0).sum(dim=1).clamp_min(1).to(photo.dtype)
-    focal = (0.5 * tall / torch.tan(torch.deg2rad(fov) / 2))[:, None]
+    photo_height = (photo.abs().amax(dim=(1, 3)) > 0).sum(dim=1).clamp_min(1).to(photo.dtype)
+    focal = (0.5 * photo_height / torch.tan(torch.deg2rad(vertical_fov) / 2))[:, None]
     y = (0.5 * height - (torch.arange(height // CELL, device=photo.device) + 0.5) * CELL).to(photo.dtype)
     x = ((torch.arange(width // CELL, device=photo.device) + 0.5) * CELL - 0.5 * width).to(photo.dtype)
-    across = x.repeat(len(y))[None] / focal
-    above = y.repeat_interleave(len(x))[None] / focal
-    turn, tilt = torch.deg2rad(roll)[:, None], torch.deg2rad(elevation)[:, None]
-    right = torch.cos(turn) * across + torch.sin(turn) * above
-    up = torch.cos(turn) * above - torch.sin(turn) * across
+    lateral = x.repeat(len(y))[None] / focal
+    vertical = y.repeat_interleave(len(x))[None] / focal
+    rotation, tilt = torch.deg2rad(roll)[:, None], torch.deg2rad(elevation)[:, None]
+    right = torch.cos(rotation) * lateral + torch.sin(rotation) * vertical
+    up = torch.cos(rotation) * vertical - torch.sin(rotation) * lateral
     rays = torch.stack([right, torch.sin(tilt) + torch.cos(tilt) * up, torch.sin(tilt) * up - torch.cos(tilt)], dim=2)
     return nn.functional.normalize(rays, dim=2)
 
 
-def fuse_sun_in_view(sun: Tensor, seen: Tensor, towards: Tensor, cells: Tensor) -> Tensor:
-    """Probabilities (B, G) over directions (G, 3), with those of a sun seen in the picture mixed in.
+def fuse_sun_in_view(sun: Tensor, sun_in_view: Tensor, rays: Tensor, cells: Tensor) -> Tensor:
+    """Probabilities (B, G) over the grid, with those of a sun in the picture mixed in.
 
-    `seen` (B, 1 + cells) are the probabilities of nowhere and of each cell, `towards` (B, cells, 3) where cells look.
+    Args:
+        sun: (B, G) probabilities without the picture's cells.
+        sun_in_view: (B, 1 + cells) probabilities of nowhere and of each cell.
+        rays: (B, cells, 3) unit vectors where the cells look.
+        cells: (G, 3) unit vectors of the grid.
     """
-    concentration = float(np.radians(DIRECTION_SPREAD) ** -2)
-    lobes = (concentration * (towards @ cells.T - 1)).softmax(dim=2)
-    spread = (seen[:, 1:, None] * lobes).sum(dim=1)
-    return seen[:, :1] * sun + spread
+    concentration = float(np.radians(_DIRECTION_STD) ** -2)
+    lobes = (concentration * (rays @ cells.T - 1)).softmax(dim=2)
+    return sun_in_view[:, :1] * sun + (sun_in_view[:, 1:, None] * lobes).sum(dim=1)
 
-
-# A network by its spec, with random, ImageNet or earlier weights.
 
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
 
 
 def build_network(
-    spec: ModelSpec, *, pretrained: bool = False, sees: bool = True, bins: bool = True, around: bool = False
+    spec: ModelSpec,
+    *,
+    pretrained: bool = False,
+    has_sun_in_view: bool = True,
+    has_camera_bins: bool = True,
+    has_surroundings: bool = False,
 ) -> nn.Module:
-    """The network of `spec.name`; `pretrained` loads the ImageNet weights of the backbone if it has one.
+    """The network of `spec.name`; the baseline has none of the optional heads.
 
-    Our network before version 1.3 did not say where in the picture the sun is: it lacks `sees`. Before 2.0 it had no
-    `bins` of the camera's angles. With `around` it also says the light around the camera and its power.
+    Args:
+        spec: of the network.
+        pretrained: load the ImageNet weights of the backbone, if it has one, in place of random ones.
+        has_sun_in_view: predict where in the picture the sun is; our network before version 1.3 did not.
+        has_camera_bins: predict the camera's angles as distributions; before version 2.0 it did not.
+        has_surroundings: predict the light around the camera, its power, and whether the photo suits.
     """
     cells = len(grid_directions(spec.sun_grid))
     if spec.name == "cvpr2017":
         return DeepOutdoor(spec, cells)
-    network = Outdoor(spec, cells, sees=sees, bins=bins, around=around)
+    network = Outdoor(
+        spec, cells, has_sun_in_view=has_sun_in_view, has_camera_bins=has_camera_bins, has_surroundings=has_surroundings
+    )
     if pretrained:
         load_imagenet(network.backbone)
     return network
@@ -234,8 +281,12 @@ def build_network(
 def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
     """Load the weights of a run into a network; DataError if they are of another one.
 
-    Heads of HEADS keep their own weights if the run has none for them. Weights of heads that the network lacks are
+    Heads of HEADS keep what they have if the run has no weights for them. Weights of heads that the network lacks are
     ignored.
+
+    Args:
+        network: changed in place.
+        weights: by their names in the network.
     """
     missing, unknown = network.load_state_dict(weights, strict=False)
     unknown = [name for name in unknown if not name.startswith(HEADS)]
@@ -244,34 +295,43 @@ def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
         raise DataError(f"The weights of the run are of another network than this one, which shows in {name}.")
 
 
-# How level photographs are held, and the camera's roll that follows from it and from what the networks say.
+# How level photographs are, and the camera's roll that follows from it and from the networks' answers.
 
 _SHARES = torch.tensor([0.20, 0.24, 0.36, 0.20])  # of photographs, by how far they are rolled:
-_SPREADS = torch.tensor([0.06, 2.0, 6.0, 25.0])  # deg, standard deviations
-_TRUST = 0.65  # errors over the bins' spread, less that of their targets; 0.6 and 0.7 on crops of `train`
-_LEAST = 0.3  # deg, the smallest error of a network
+_ROLL_STD = torch.tensor([0.06, 2.0, 6.0, 25.0])  # deg
+_TRUST = 0.65  # errors over the bins' deviation, less that of their targets; 0.6 and 0.7 on crops of `train`
+_MIN_ERROR = 0.3  # deg, of a network
 
 
-def expected_roll(roll: Tensor, spread: Tensor) -> Tensor:
-    """The expected roll (B, 1) [deg] of photographs of which a network says a roll (B, 1) with a spread (B, 1)."""
-    error = (_TRUST * spread).clamp_min(_LEAST) ** 2
-    prior = _SPREADS.to(roll) ** 2
+def expected_roll(roll: Tensor, roll_std: Tensor) -> Tensor:
+    """The expected roll (B, 1) [deg] of photographs.
+
+    Args:
+        roll: (B, 1) deg, that a network predicts.
+        roll_std: (B, 1) deg, of its bins.
+    """
+    error = (_TRUST * roll_std).clamp_min(_MIN_ERROR) ** 2
+    prior = _ROLL_STD.to(roll) ** 2
     total = prior + error
-    likely = _SHARES.to(roll) * torch.exp(-0.5 * roll**2 / total) / total.sqrt()
-    share = likely / likely.sum(dim=1, keepdim=True)
+    likelihood = _SHARES.to(roll) * torch.exp(-0.5 * roll**2 / total) / total.sqrt()
+    share = likelihood / likelihood.sum(dim=1, keepdim=True)
     return roll * (share * prior / total).sum(dim=1, keepdim=True)
 
 
-# What the networks expect: the photo's size, its normalisation, the grid of sun directions.
+# What the networks expect.
 
 TARGET_WIDTH = {"outdoor": 4.0, "cvpr2017": 6.4}  # deg per axis; CVPR 2017 has a kappa of 80
-BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained with
-BACKBONE_STD = (128 / 255,) * 3
+_BACKBONE_MEAN = (127 / 255,) * 3  # what the pretrained weights were trained with
+_BACKBONE_STD = (128 / 255,) * 3
 
 
 def network_specs(version: str) -> dict[str, ModelSpec]:
-    """The spec of each network by its name, for a version of it."""
+    """The spec of each network by its name: the photo's size, its normalisation, the grid of sun directions.
+
+    Args:
+        version: of the network, such as "2.5.0".
+    """
     return {
-        "outdoor": ModelSpec("outdoor", version, 224, 224, BACKBONE_MEAN, BACKBONE_STD, "fibonacci:1024"),
-        "cvpr2017": ModelSpec("cvpr2017", version, 320, 240, BACKBONE_MEAN, BACKBONE_STD, "rings:5x32"),
+        "outdoor": ModelSpec("outdoor", version, 224, 224, _BACKBONE_MEAN, _BACKBONE_STD, "fibonacci:1024"),
+        "cvpr2017": ModelSpec("cvpr2017", version, 320, 240, _BACKBONE_MEAN, _BACKBONE_STD, "rings:5x32"),
     }

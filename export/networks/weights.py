@@ -1,6 +1,6 @@
-"""Checkpoints, weight averaging, finished runs.
+"""Folders of finished runs: their record, their checkpoint, and the mean of several runs' weights [1].
 
-Wortsman et al., Model soups (ICML 2022).
+References: [1] Wortsman et al., Model soups, ICML 2022.
 """
 
 import json
@@ -18,15 +18,25 @@ from export.networks.outdoor import build_network, load_weights
 from lighting.files.atomic import atomic_write
 from lighting.records import ModelSpec
 
-# The record of a training run: its settings, its spec, the panoramas it saw, the runs it continues.
+RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
+CHECKPOINT = "checkpoint.pt"
+_OPTIONAL_PARTS = {
+    "has_sun_in_view": "seen.",
+    "has_camera_bins": "camera.",
+    "has_surroundings": "light.",
+}  # a head each
 
-RECORD = "config.json"
+Json = dict[str, Any]  # a record as JSON has it
 
 
-def read_record(folder: Path) -> dict[str, Any]:
-    """The record in a training folder; DataError if there is none or one of another kind."""
+def read_record(folder: Path) -> Json:
+    """The record in a training folder; DataError if there is none or one of another kind.
+
+    Args:
+        folder: of a run.
+    """
     try:
-        record: dict[str, Any] = json.loads((folder / RECORD).read_text())
+        record: Json = json.loads((folder / RECORD).read_text())
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
         raise DataError(f"{folder} is not the folder of a training run: {RECORD}: {why}.") from error
@@ -36,33 +46,44 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 
 def read_spec(folder: Path) -> ModelSpec:
-    """The spec of a training folder's network."""
+    """The spec of a training folder's network.
+
+    Args:
+        folder: of a run.
+    """
     return ModelSpec.from_json(json.dumps(read_record(folder)["spec"]))
 
 
 def have_different_specs(folders: Sequence[Path]) -> bool:
-    """Whether the networks of training folders have different specs, versions aside."""
+    """Whether the networks of training folders have different specs, whatever their versions.
+
+    Args:
+        folders: of runs.
+    """
     return len({replace(read_spec(folder), version="") for folder in folders}) > 1
 
 
-def training_history(*records: dict[str, Any]) -> list[dict[str, Any]]:
+def training_history(*records: Json) -> list[Json]:
     """Settings and commits of runs, of those they continue and of those they were merged from, once each.
 
     Of the runs and places that they learnt from, the folders' last names; no paths.
+
+    Args:
+        records: those of `read_record`.
     """
-    runs: list[dict[str, Any]] = []
+    runs: list[Json] = []
     for record in records:
-        known = record["merged"] if "merged" in record else [*record.get("before", []), _own(record)]
-        runs += [run for run in map(_without_folders, known) if run not in runs]
+        listed = record["merged"] if "merged" in record else [*record.get("before", []), _settings_of(record)]
+        runs += [run for run in map(_shorten_paths, listed) if run not in runs]
     return runs
 
 
-def _own(record: dict[str, Any]) -> dict[str, Any]:
+def _settings_of(record: Json) -> Json:
     config = {k: v for k, v in record["config"].items() if k not in ("data", "labels", "out")}
     return {**config, "commit": record["commit"], "torch": record["torch"]}
 
 
-def _without_folders(run: dict[str, Any]) -> dict[str, Any]:
+def _shorten_paths(run: Json) -> Json:
     """Settings with the last names of the paths among them."""
     return {**run, **{name: _last_name(run[name]) for name in ("start", "synthetic", "teachers") if name in run}}
 
@@ -71,10 +92,14 @@ def _last_name(path: Any) -> Any:
     return Path(path).name if isinstance(path, str) else [Path(one).name for one in path]
 
 
-def describe_data(record: dict[str, Any]) -> str:
-    """One sentence about the network's training data; that of the file if it was read back from one."""
-    if told := record.get("training_data"):
-        return str(told)
+def describe_data(record: Json) -> str:
+    """One sentence about the network's training data; that of the file if it was read back from one.
+
+    Args:
+        record: that of `read_record`.
+    """
+    if sentence := record.get("training_data"):
+        return str(sentence)
     runs, names = training_history(record), record["panoramas"]["train"]
     free = all(run["licensed_only"] for run in runs)
     which = "permissively licensed panoramas" if free else "panoramas, most with no stated licence"
@@ -86,51 +111,58 @@ def describe_data(record: dict[str, Any]) -> str:
     return f"{start}{sum(run['crops'] for run in runs)} crops of {len(names)} outdoor {which}{mixed_in}"
 
 
-# The weights that a training folder holds.
-
-CHECKPOINT = "checkpoint.pt"
-LEARNT = {"sees": "seen.", "bins": "camera.", "around": "light."}  # parts of a network, and a head of each
-
-
 def check_new(folder: Path) -> None:
-    """Raise DataError where a folder to be written already holds a run, or is a file."""
+    """Raise DataError where a folder to be written already holds a run, or is a file.
+
+    Args:
+        folder: to be written.
+    """
     if folder.exists() and not folder.is_dir():
         raise DataError(f"{folder} is a file; a run takes a folder.")
     if (folder / CHECKPOINT).exists():
         raise DataError(f"{folder} already holds a run.")
 
 
-def read_checkpoint(folder: Path, device: torch.device | str = "cpu") -> dict[str, Any]:
+def read_checkpoint(folder: Path, device: torch.device | str = "cpu") -> Json:
     """What the checkpoint of a run holds: at least `average`, the state of the averaged network.
 
     DataError if the folder holds no checkpoint or a damaged one.
+
+    Args:
+        folder: of a run.
+        device: to which the tensors go.
     """
     path = folder / CHECKPOINT
     if not path.is_file():
         raise DataError(f"{folder} is not the folder of a training run: it holds no {CHECKPOINT}.")
     try:
-        state: dict[str, Any] = torch.load(path, map_location=device, weights_only=True)
+        state: Json = torch.load(path, map_location=device, weights_only=True)
     except (RuntimeError, ValueError, EOFError, UnpicklingError) as error:
         raise DataError(f"{path} is cut short or damaged.") from error
     return state
 
 
 def averaged_weights(folder: Path) -> dict[str, Tensor]:
-    """The averaged weights of a run, by the network's own names; DataError as of `read_checkpoint`."""
+    """The averaged weights of a run, by their names in the network; DataError as of `read_checkpoint`.
+
+    Args:
+        folder: of a run.
+    """
     average = read_checkpoint(folder)["average"]
     return {name.removeprefix("module."): value for name, value in average.items() if name.startswith("module.")}
 
 
 def read_network(folder: Path) -> nn.Module:
-    """The averaged network of a training folder, ready to answer."""
+    """The averaged network of a training folder, ready to answer.
+
+    Args:
+        folder: of a run.
+    """
     weights = averaged_weights(folder)
-    has = {part: any(name.startswith(head) for name in weights) for part, head in LEARNT.items()}
+    has = {part: any(name.startswith(head) for name in weights) for part, head in _OPTIONAL_PARTS.items()}
     network = build_network(read_spec(folder), **has)
     load_weights(network, weights)
     return network.eval()
-
-
-# The mean of the weights of runs with a common beginning: one network, often better than each of them.
 
 
 def average_weights(folders: Sequence[Path], out: Path) -> None:
@@ -139,21 +171,36 @@ def average_weights(folders: Sequence[Path], out: Path) -> None:
     The runs must share their beginning (`train --start`), or the mean is no useful network. Weights that only some runs
     have, such as those of the head `seen`, are averaged over these. DataError if the networks differ or if `out`
     already holds a run.
+
+    Args:
+        folders: of the runs.
+        out: folder to write.
     """
     if have_different_specs(folders):
         raise DataError("The runs' networks differ, so their weights have no mean.")
     check_new(out)
     records = [read_record(f) for f in folders]
     weights = [averaged_weights(f) for f in folders]
-    mean = {f"module.{name}": _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
+    mean = {name: _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
     names = dict.fromkeys(name for r in records for name in r["panoramas"]["train"])
     held_out = [name for name in records[0]["panoramas"]["tune"] if name not in names]
     record = {**records[0], "panoramas": {"train": list(names), "tune": held_out}, "merged": training_history(*records)}
-    out.mkdir(parents=True, exist_ok=True)
-    with atomic_write(out / RECORD) as path:
+    write_run(out, record, mean)
+
+
+def write_run(folder: Path, record: Json, weights: dict[str, Tensor]) -> None:
+    """Write a folder that `train --start` continues from.
+
+    Args:
+        folder: to write; it is made.
+        record: for `read_record`.
+        weights: averaged, by their names in the network.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with atomic_write(folder / RECORD) as path:
         path.write_text(json.dumps(record, indent=1))
-    with atomic_write(out / CHECKPOINT) as path:
-        torch.save({"average": mean}, path)
+    with atomic_write(folder / CHECKPOINT) as path:
+        torch.save({"average": {f"module.{name}": value for name, value in weights.items()}}, path)
 
 
 def _mean(values: Sequence[Tensor]) -> Tensor:

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 
 from export.networks.outdoor import TARGET_WIDTH
 
-PLACES = ("data", "labels", "start", "synthetic", "teachers")  # settings that are paths, however written
+PATH_SETTINGS = ("data", "labels", "start", "synthetic", "teachers")  # however the paths are written
 MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # when a run is resumed: its folder may have moved
 
 
 @dataclass(frozen=True)
 class TrainConfig:
-    """Everything a training run depends on besides the data."""
+    """Everything a training run depends on besides the data; config.json has the same names."""
 
     data: str  # folder of panoramas
     labels: str  # CSV of `python -m export label`
@@ -29,7 +29,7 @@ class TrainConfig:
     joined: float = 0.0  # of the crops, divided by a line between two places under the same sun
     stretched: float = 0.0  # of the crops, that show a stretched world under another sun
     surroundings: bool = False  # also learn the light all around the camera and its power
-    sharpness: float = 0.45  # least share of the canvas's resolution that a crop keeps
+    sharpness: float = 0.45  # smallest share of the canvas's resolution that a crop keeps
     licensed_only: bool = False  # train on permissively licensed panoramas and photos alone
     pretrained: bool = True
     only_seen: bool = False  # train only the head that says where in the picture the sun is seen

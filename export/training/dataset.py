@@ -1,4 +1,4 @@
-"""Crops as tensors."""
+"""Training crops as tensors: the processed pictures and the targets that the losses compare with."""
 
 import hashlib
 import math
@@ -42,9 +42,8 @@ from lighting.photo.preprocess import pad_to_input
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions, soft_label
 
-# Training crops as tensors: the processed pictures and the targets that the losses compare with.
-
-TUNE_EACH = 8  # crops of each held-out panorama
+_TUNE_EACH = 8  # crops of each held-out panorama
+ACROSS, DOWN = 8, 6  # crops in the picture of samples, one of each of the first places
 
 
 class Batch(NamedTuple):
@@ -53,10 +52,12 @@ class Batch(NamedTuple):
     photo: Tensor  # (B, 3, H, W)
     sun: Tensor  # (B, G)
     parameters: Tensor  # (B, 6)
-    seen: Tensor  # (B, 1 + cells) where in the picture the sun is seen, all zero if unknown
-    around: Tensor  # (B, 3 * crops.CELLS) the light around the camera, NaN if unknown; (B, 0) without --surroundings
-    light: Tensor  # (B, 7) as Said.light, the cover itself last; NaN where unknown
-    likely: Tensor  # (B,) whether `sun` is a likelihood of what is known, and not a target
+    sun_in_view: Tensor  # (B, 1 + cells) where in the picture the sun is, all zero if unknown
+    surroundings: (
+        Tensor  # (B, 3 * crops.CELLS) the light around the camera, NaN if unknown; (B, 0) without --surroundings
+    )
+    light: Tensor  # (B, 7) as NetworkOutput.light, the cover itself last; NaN where unknown
+    is_likelihood: Tensor  # (B,) whether `sun` is a likelihood and not a target
 
 
 class TrainingCrops(Dataset[Batch]):
@@ -80,35 +81,36 @@ class TrainingCrops(Dataset[Batch]):
         parts = [(1 - share) * sampling_weights(sources), share * sampling_weights(synthetic)]
         chances = np.concatenate(parts)
         self.chances = np.cumsum(chances)
-        self.companions = cutmix_partners(self.sources, chances) if config.joined and not tune else []
+        self.partners = cutmix_partners(self.sources, chances) if config.joined and not tune else []
         self.photos = [] if tune else list(photos)
         self.photo_chances = np.cumsum(photo_weights(photos)) if self.photos else np.zeros(0)
-        self.light = {s.panorama.path: panorama_irradiance(s) for s in self.sources} if config.surroundings else {}
-        self.around = {s.panorama.path: coarse_radiance(s) for s in self.sources} if config.surroundings else {}
+        lit = self.sources if config.surroundings else []
+        self.irradiances = {s.panorama.path: panorama_irradiance(s) for s in lit}
+        self.radiances = {s.panorama.path: coarse_radiance(s) for s in lit}
         self.purpose = f"train from {Path(config.start).name}" if config.start else "train"
 
     def __len__(self) -> int:
-        return TUNE_EACH * len(self.sources) if self.tune else self.config.crops
+        return _TUNE_EACH * len(self.sources) if self.tune else self.config.crops
 
     def __getitem__(self, index: int) -> Batch:
         if index >= len(self):
             raise IndexError(index)
         if self.tune:
-            return self._batch([self.sources[index % len(self.sources)]], index, "tune")
+            return self._panorama_batch([self.sources[index % len(self.sources)]], index, "tune")
         rng = crop_rng("photo", index, self.purpose)
         if self.photos and rng.random() < self.config.photos_share:
-            return self._photo(self.photos[_draw(self.photo_chances, rng)], rng, self._stretch(index).upwards)
+            return self._photo_batch(self.photos[_draw(self.photo_chances, rng)], rng, self._stretch(index).upwards)
         stretch = self._stretch(index)
-        shown = [anisotropic_scale(self.sources[number], stretch) for number in self._drawn(index)]
-        return self._batch(shown, index, self.purpose)
+        sources = [anisotropic_scale(self.sources[number], stretch) for number in self._draw_sources(index)]
+        return self._panorama_batch(sources, index, self.purpose)
 
-    def _drawn(self, index: int) -> list[int]:
+    def _draw_sources(self, index: int) -> list[int]:
         """The index of the source that a crop shows, and at times of a second one."""
         number = _draw(self.chances, crop_rng("panorama", index, self.purpose))
         rng = crop_rng("joined", index, self.purpose)
         if rng.random() >= self.config.joined:
             return [number]
-        numbers, chances = self.companions[number]
+        numbers, chances = self.partners[number]
         return [number, int(numbers[_draw(chances, rng)])]
 
     def _stretch(self, index: int) -> Stretch:
@@ -116,70 +118,70 @@ class TrainingCrops(Dataset[Batch]):
         rng = crop_rng("stretch", index, self.purpose)
         return random_stretch(rng) if rng.random() < self.config.stretched else NOT_STRETCHED
 
-    def _batch(self, shown: Sequence[Source], index: int, purpose: str) -> Batch:
-        source = shown[0]
+    def _panorama_batch(self, sources: Sequence[Source], index: int, purpose: str) -> Batch:
+        source = sources[0]
         rng = crop_rng(source.panorama.name, index, purpose)
-        camera = paper_camera(rng) if self.tune else self._camera(source, rng)
+        camera = paper_camera(rng) if self.tune else self._draw_camera(source, rng)
         sharpness = rng.uniform(self.config.sharpness, 1.0)
         crop = crop_panorama(source, camera, self.spec, sharpness)
-        taken = [(source, camera, crop.gain)]
-        for other in shown[1:]:
+        views = [(source, camera, crop.gain)]
+        for other in sources[1:]:
             view = matching_camera(camera, source, other, rng)
             second = crop_panorama(other, view, self.spec, sharpness)
-            taken.append((other, view, second.gain))
+            views.append((other, view, second.gain))
             crop = cutmix(crop, second, rng)
         pixels, gains, hidden = augment(crop, rng)
-        resolved = all(is_resolved(s, camera, sharpness * pixels.shape[0]) for s in shown)
+        resolved = all(is_resolved(s, camera, sharpness * pixels.shape[0]) for s in sources)
         visible = {"unknown": None, "visible": not hidden}.get(source.panorama.sun, False)
         return Batch(
             photo=torch.from_numpy(pad_to_input(pixels, self.spec)),
-            sun=torch.from_numpy(self._sun(crop)),
+            sun=torch.from_numpy(self._sun_target(crop)),
             parameters=torch.from_numpy(_parameters(crop, float(gains.mean()), resolved=resolved)),
-            seen=torch.from_numpy(sun_in_view_target(crop, self.spec, visible)).float(),
-            around=torch.from_numpy(self._around(taken, gains)),
-            light=torch.from_numpy(self._light(shown, gains * crop.gain)),
-            likely=torch.tensor(False),
+            sun_in_view=torch.from_numpy(sun_in_view_target(crop, self.spec, visible)).float(),
+            surroundings=torch.from_numpy(self._surroundings_target(views, gains)),
+            light=torch.from_numpy(self._light_target(sources, gains * crop.gain)),
+            is_likelihood=torch.tensor(False),
         )
 
-    def _photo(self, photo: PhotoSource, rng: np.random.Generator, upwards: float) -> Batch:
+    def _photo_batch(self, photo: PhotoSource, rng: np.random.Generator, upwards: float) -> Batch:
         crop = crop_photo(photo, rng, self.spec, upwards)
         pixels, _, _ = augment(crop, rng)
         return Batch(
             photo=torch.from_numpy(pad_to_input(pixels, self.spec)),
             sun=torch.from_numpy(photo_sun_likelihood(crop, self.spec.sun_grid).astype(np.float32)),
             parameters=torch.from_numpy(_parameters(crop, 1.0, resolved=True)),
-            seen=torch.from_numpy(sun_in_view_target(crop, self.spec, visible=None)).float(),
-            around=torch.full((3 * CELLS if self.around else 0,), math.nan),
-            light=torch.full((LIGHT if self.around else 0,), math.nan),
-            likely=torch.tensor(True),
+            sun_in_view=torch.from_numpy(sun_in_view_target(crop, self.spec, visible=None)).float(),
+            surroundings=torch.full((3 * CELLS if self.radiances else 0,), math.nan),
+            light=torch.full((LIGHT if self.irradiances else 0,), math.nan),
+            is_likelihood=torch.tensor(True),
         )
 
-    def _sun(self, crop: Crop) -> NDArray[np.float32]:
+    def _sun_target(self, crop: Crop) -> NDArray[np.float32]:
         if not math.isfinite(crop.sun_elevation):
             return np.zeros(len(grid_directions(self.spec.sun_grid)), np.float32)
-        width = math.hypot(crop.sun_uncertainty, self.config.target_width)
+        width = math.hypot(crop.sun_std, self.config.target_width)
         return soft_label(crop.sun_direction, math.radians(width) ** -2, self.spec.sun_grid).astype(np.float32)
 
-    def _around(self, taken: Sequence[tuple[Source, Camera, float]], gains: Floats) -> Floats:
-        """The light around the camera, by source, camera and the crop's own gain; its mean if two places share it."""
-        if not self.around:
+    def _surroundings_target(self, views: Sequence[tuple[Source, Camera, float]], gains: Floats) -> Floats:
+        """The light around the camera, by source, camera and gain of the crop; its mean if two places share it."""
+        if not self.radiances:
             return np.zeros(0, np.float32)
         maps = [
-            surroundings_in_camera(self.around[source.panorama.path], camera, gains * own, source.stretch)
-            for source, camera, own in taken
+            surroundings_in_camera(self.radiances[source.panorama.path], camera, gains * gain, source.stretch)
+            for source, camera, gain in views
         ]
         return np.asarray(np.mean(maps, axis=0, dtype=np.float32))
 
-    def _light(self, shown: Sequence[Source], gains: Floats) -> Floats:
+    def _light_target(self, sources: Sequence[Source], gains: Floats) -> Floats:
         """Log irradiance of sun and sky in the photo's values, and the cover; unknown of two or of stretched places."""
-        if not self.light:
+        if not self.irradiances:
             return np.zeros(0, np.float32)
-        known = self.light[shown[0].panorama.path]
-        values = np.concatenate([np.log(known.sun * gains), np.log(known.sky * gains), [known.cover]])
-        known_here = len(shown) == 1 and shown[0].stretch == NOT_STRETCHED
-        return np.where(known_here, values, math.nan).astype(np.float32)
+        light = self.irradiances[sources[0].panorama.path]
+        values = np.concatenate([np.log(light.sun * gains), np.log(light.sky * gains), [light.cover]])
+        is_known = len(sources) == 1 and sources[0].stretch == NOT_STRETCHED
+        return np.where(is_known, values, math.nan).astype(np.float32)
 
-    def _camera(self, source: Source, rng: np.random.Generator) -> Camera:
+    def _draw_camera(self, source: Source, rng: np.random.Generator) -> Camera:
         label = source.label
         if source.panorama.sun == "visible" and rng.random() < self.config.aimed:
             return aimed_camera(rng, label.sun_azimuth, label.sun_elevation)
@@ -196,11 +198,12 @@ def _draw(chances: Floats, rng: np.random.Generator) -> int:
     return min(int(np.searchsorted(chances, rng.random())), len(chances) - 1)
 
 
-# Which panoramas a run trains on, and which it holds out.
-
-
 def training_panoramas(config: TrainConfig) -> tuple[list[Panorama], list[Panorama]]:
-    """Panoramas of the `train` split to train on, and those held out for the log; DataError if none is left."""
+    """Panoramas of the `train` split to train on, and those held out for the log; DataError if none is left.
+
+    Args:
+        config: of the run.
+    """
     panoramas = read_index(config.data, "train", licensed_only=config.licensed_only)
     kept, held_out = split_places(panoramas, config.tune_share)
     if not kept:
@@ -209,7 +212,12 @@ def training_panoramas(config: TrainConfig) -> tuple[list[Panorama], list[Panora
 
 
 def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Panorama], list[Panorama]]:
-    """Panoramas to train on and panoramas of held-out places; a place's name alone decides its side."""
+    """Panoramas to train on and panoramas of held-out places; a place's name alone decides its side.
+
+    Args:
+        panoramas: rows of the index.
+        share: of the places that are held out, 0 to 1.
+    """
 
     def held_out(panorama: Panorama) -> bool:
         return int(hashlib.sha256(panorama.place.encode()).hexdigest(), 16) % 1000 < 1000 * share
@@ -218,26 +226,34 @@ def split_places(panoramas: Sequence[Panorama], share: float) -> tuple[list[Pano
 
 
 def training_photos(config: TrainConfig) -> list[PhotoSource]:
-    """The ordinary photos that the run mixes in, if any; DataError if it asks for a share and there are none."""
+    """The ordinary photos that the run mixes in, if any; DataError if it needs some and there are none.
+
+    Args:
+        config: of the run.
+    """
     if not config.photos_share:
         return []
     return load_photos(require_photo_rows(config.data, licensed_only=config.licensed_only))
 
 
 def synthetic_sources(config: TrainConfig) -> list[Source]:
-    """The rendered places that the run mixes in, if any."""
+    """The rendered places that the run mixes in, if any.
+
+    Args:
+        config: of the run.
+    """
     if not config.synthetic:
         return []
     return load_sources(read_index(config.synthetic, "train"), Path(config.synthetic) / LABELS)
 
 
-# A picture of rendered places as training sees them, before augmentation.
-
-ACROSS, DOWN = 8, 6  # one crop each of the first 48 places
-
-
 def write_samples(folder: Path, target: Path) -> None:
-    """One crop of each of the first ACROSS x DOWN places of a folder, as a JPEG; DataError if it holds fewer."""
+    """Draw one crop of each of the first 48 places, before augmentation; DataError if there are fewer.
+
+    Args:
+        folder: of rendered places.
+        target: JPEG file to write.
+    """
     panoramas = read_index(folder, "train")[: ACROSS * DOWN]
     if len(panoramas) < ACROSS * DOWN:
         raise DataError(f"{folder} holds {len(panoramas)} places; the picture shows {ACROSS * DOWN}.")

@@ -1,8 +1,10 @@
-"""Learning from earlier runs: what they answer together is a second target of every crop.
+"""Distillation [1]: what earlier runs answer together is a second target of every crop.
 
-Hinton et al., Distilling the knowledge in a neural network (2015). Pictures are blended, so that answers are compared
-where no place is remembered: Beyer et al., Knowledge distillation: a good teacher is patient and consistent (CVPR
-2022).
+Pictures are blended (mixup), so that answers are compared where no place is remembered [2].
+
+References:
+    [1] Hinton et al., Distilling the knowledge in a neural network, 2015.
+    [2] Beyer et al., Knowledge distillation: a good teacher is patient and consistent, CVPR 2022.
 """
 
 import math
@@ -20,23 +22,30 @@ from export.networks.weights import read_network, read_spec
 from export.training.dataset import Batch
 from lighting.records import ModelSpec
 
-LEAST_SHARE = 0.5  # of a blended crop in its picture
+_MIN_SHARE = 0.5  # of a blended crop in its picture
 
 
 class TeacherEnsemble:
-    """The averaged networks of finished runs, whose mean answer is a target; with `around`, of the light around, too.
+    """The averaged networks of finished runs, whose mean answer is a target.
 
-    DataError if a run has other outputs than `spec` or none for the light around.
+    Args:
+        folders: of the runs.
+        spec: of the network that learns.
+        device: to which the networks go.
+        surroundings: whether the light around the camera is a target too.
+
+    Raises:
+        DataError: if a run has other outputs than `spec` or none for the light around.
     """
 
-    def __init__(self, folders: Sequence[Path], spec: ModelSpec, device: torch.device, *, around: bool) -> None:
+    def __init__(self, folders: Sequence[Path], spec: ModelSpec, device: torch.device, *, surroundings: bool) -> None:
         read = {folder: read_network(folder).requires_grad_(False) for folder in folders}
         for folder, network in read.items():
             if replace(read_spec(folder), version="") != replace(spec, version=""):
                 raise DataError(f"{folder} cannot teach this run: its network has another form.")
-            if around and network.light is None:
+            if surroundings and network.light is None:
                 raise DataError(f"{folder} cannot teach --surroundings: it has not learnt them.")
-        self.around = around
+        self.surroundings = surroundings
         self.networks = [
             network.to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
             for network in read.values()
@@ -44,20 +53,24 @@ class TeacherEnsemble:
 
     @torch.no_grad()
     def targets(self, photo: Tensor) -> Batch:
-        """The batch (B, 3, H, W) with the teachers' mean answers in place of what is known of its crops."""
-        said = [NetworkOutput(*(part.float() for part in network(photo))) for network in self.networks]
-        raw = _mean([one.raw for one in said])
-        if camera := [mean_of_camera_bins(one.camera) for one in said if one.camera.shape[1]]:
+        """The batch with the teachers' mean answers as its targets.
+
+        Args:
+            photo: (B, 3, H, W).
+        """
+        predicted = [NetworkOutput(*(part.float() for part in network(photo))) for network in self.networks]
+        raw = _mean([one.raw for one in predicted])
+        if camera := [mean_of_camera_bins(one.camera) for one in predicted if one.camera.shape[1]]:
             raw = torch.cat([raw[:, :2], _mean(camera), raw[:, 5:]], dim=1)
-        light = _mean([one.light for one in said]) if self.around else photo[:, 0, 0, :0]
+        light = _mean([one.light for one in predicted]) if self.surroundings else photo[:, 0, 0, :0]
         return Batch(
             photo=photo,
-            sun=_mean([one.sun.softmax(dim=1) for one in said]),
+            sun=_mean([one.sun.softmax(dim=1) for one in predicted]),
             parameters=decode_parameters(raw),
-            seen=_mean([one.seen.softmax(dim=1) for one in said]),
-            around=_mean([one.around for one in said]) if self.around else light,
+            sun_in_view=_mean([one.sun_in_view.softmax(dim=1) for one in predicted]),
+            surroundings=_mean([one.surroundings for one in predicted]) if self.surroundings else light,
             light=torch.cat([light[:, :6], light[:, 6:].sigmoid()], dim=1),
-            likely=torch.zeros(len(photo), dtype=torch.bool, device=photo.device),
+            is_likelihood=torch.zeros(len(photo), dtype=torch.bool, device=photo.device),
         )
 
 
@@ -66,12 +79,17 @@ def _mean(values: Sequence[Tensor]) -> Tensor:
 
 
 def mixup(batch: Batch, share: float) -> Batch:
-    """The batch with a share of its pictures blended with their neighbours; of these, nothing is known any more."""
+    """The batch with a share of its pictures blended with their neighbors, which then have no targets.
+
+    Args:
+        batch: of B crops.
+        share: of the crops, 0 to 1.
+    """
     count = len(batch.photo)
     chosen = torch.rand(count, device=batch.photo.device) < share
-    own = torch.where(chosen, LEAST_SHARE + (1 - LEAST_SHARE) * torch.rand_like(chosen, dtype=torch.float32), 1.0)
-    own = own[:, None, None, None].to(batch.photo)
-    photo = own * batch.photo + (1 - own) * batch.photo.roll(1, dims=0)
-    unknown = {"sun": 0.0, "parameters": math.nan, "seen": 0.0, "around": math.nan, "light": math.nan}
+    weight = torch.where(chosen, _MIN_SHARE + (1 - _MIN_SHARE) * torch.rand_like(chosen, dtype=torch.float32), 1.0)
+    weight = weight[:, None, None, None].to(batch.photo)
+    photo = weight * batch.photo + (1 - weight) * batch.photo.roll(1, dims=0)
+    unknown = {"sun": 0.0, "parameters": math.nan, "sun_in_view": 0.0, "surroundings": math.nan, "light": math.nan}
     hidden = {name: torch.where(chosen[:, None], value, getattr(batch, name)) for name, value in unknown.items()}
     return batch._replace(photo=photo.contiguous(memory_format=torch.channels_last), **hidden)

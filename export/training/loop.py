@@ -1,6 +1,7 @@
-"""Training loop, run state, run record.
+"""The training loop: crops drawn on the fly, either network; stops and resumes at any time.
 
-The folder it writes holds config.json (everything the run depends on, with the commit), log.jsonl and checkpoint.pt.
+The folder that it writes holds config.json (everything the run depends on, with the commit), log.jsonl and
+checkpoint.pt, the state of the run as a whole.
 """
 
 import json
@@ -21,16 +22,14 @@ from export.crops.crops import load_sources
 from export.data.panoramas import DataError, Panorama
 from export.networks.outdoor import build_network, load_weights, network_specs
 from export.networks.weights import CHECKPOINT, RECORD, averaged_weights, read_checkpoint, read_record, training_history
-from export.training.config import MAY_CHANGE, PLACES, TrainConfig
+from export.training.config import MAY_CHANGE, PATH_SETTINGS, TrainConfig
 from export.training.dataset import Batch, TrainingCrops, synthetic_sources, training_panoramas, training_photos
 from export.training.distillation import TeacherEnsemble, mixup
 from export.training.losses import training_losses
 from lighting.files.atomic import atomic_write, stale_temporaries
 
-# The state of a training run: saved and resumed as a whole.
-
-CLIPPED = 5.0  # largest norm of the gradient
-CAMERA = ("parameters", "camera")  # losses that the camera's angles enter
+_MAX_GRADIENT = 5.0  # norm
+_CAMERA_LOSSES = ("parameters", "camera")  # losses that the camera's angles enter
 
 
 def _learning_rate(step: int, steps: int, warmup: float) -> float:
@@ -42,16 +41,16 @@ def _learning_rate(step: int, steps: int, warmup: float) -> float:
 
 
 class _Run:
-    """Network, averaged weights, optimiser and position."""
+    """Network, averaged weights, optimizer and position."""
 
     def __init__(self, config: TrainConfig) -> None:
         self.config = config
         self.spec = network_specs(config.version)[config.network]
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        self.halves = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
+        self.bfloat16 = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
         torch.manual_seed(0)
         network = build_network(
-            self.spec, pretrained=config.pretrained and not config.start, around=config.surroundings
+            self.spec, pretrained=config.pretrained and not config.start, has_surroundings=config.surroundings
         )
         if config.start:
             load_weights(network, averaged_weights(Path(config.start)))
@@ -64,8 +63,9 @@ class _Run:
         trained = [p for p in self.network.parameters() if p.requires_grad]
         self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
         teachers = [Path(folder) for folder in config.teachers]
-        around = config.surroundings
-        self.teachers = TeacherEnsemble(teachers, self.spec, self.device, around=around) if teachers else None
+        self.teachers: TeacherEnsemble | None = None
+        if teachers:
+            self.teachers = TeacherEnsemble(teachers, self.spec, self.device, surroundings=config.surroundings)
         self.steps = config.crops // config.batch
         self.step = 0
         self.checkpoint = Path(config.out) / CHECKPOINT
@@ -101,40 +101,39 @@ class _Run:
 
     def forward(self, network: nn.Module, batch: Batch) -> dict[str, Tensor]:
         """Losses of a batch on the device, in bfloat16 where that is safe and the processor has it."""
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
-            said = network(batch.photo)
-        return training_losses(said, batch)
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
+            predicted = network(batch.photo)
+        return training_losses(predicted, batch)
 
-    def taught(self, teachers: TeacherEnsemble, batch: Batch) -> dict[str, Tensor]:
-        """Losses of a batch against what is known of its crops and against what the teachers answer."""
+    def distill(self, teachers: TeacherEnsemble, batch: Batch) -> dict[str, Tensor]:
+        """Losses of a batch against its targets and against what the teachers answer."""
         batch = mixup(batch, self.config.blended)
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.halves):
+        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
             answers = teachers.targets(batch.photo)
-            said = self.network(batch.photo)
-        return training_losses(said, batch) | {
-            f"taught {name}": loss for name, loss in training_losses(said, answers).items()
-        }
+            predicted = self.network(batch.photo)
+        by_teachers = training_losses(predicted, answers)
+        return training_losses(predicted, batch) | {f"taught {name}": loss for name, loss in by_teachers.items()}
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
-        """One step of the optimiser; what it leaves out by chance depends on the step, so runs resume as they were."""
+        """One step of the optimizer; what it leaves out by chance depends on the step, so runs resume as they were."""
         torch.manual_seed(self.step)
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * _learning_rate(self.step, self.steps, self.config.warmup)
-        learnt = self.taught(self.teachers, batch) if self.teachers else self.forward(self.network, batch)
-        parts = self._chosen(learnt)
+        losses = self.distill(self.teachers, batch) if self.teachers else self.forward(self.network, batch)
+        parts = self._choose_losses(losses)
         torch.autograd.backward(torch.stack(list(parts.values())).sum())
-        nn.utils.clip_grad_norm_(self.network.parameters(), CLIPPED)
+        nn.utils.clip_grad_norm_(self.network.parameters(), _MAX_GRADIENT)
         self.optimizer.step()
         self.optimizer.zero_grad(set_to_none=True)
         self.average.update_parameters(self.network)
         self.step += 1
         return {name: value.detach() for name, value in parts.items()}
 
-    def _chosen(self, parts: dict[str, Tensor]) -> dict[str, Tensor]:
-        """The losses that the run minimises."""
+    def _choose_losses(self, parts: dict[str, Tensor]) -> dict[str, Tensor]:
+        """The losses that the run minimizes."""
         if self.config.only_seen:
             return {"seen": parts["seen"]}
-        return {name: parts[name] for name in CAMERA} if self.config.only_camera else parts
+        return {name: parts[name] for name in _CAMERA_LOSSES} if self.config.only_camera else parts
 
     def batches(self, dataset: TrainingCrops, first: int = 0) -> Iterator[Batch]:
         """Batches on the device, beginning with crop number `first`."""
@@ -160,9 +159,6 @@ class _Run:
 
 def _one_thread(_worker: int) -> None:
     torch.set_num_threads(1)
-
-
-# config.json in a run's folder: everything the run depends on.
 
 
 def _write_record(run: _Run, commits: Iterable[str], kept: Sequence[Panorama], held_out: Sequence[Panorama]) -> None:
@@ -205,7 +201,7 @@ def _earlier_commits(config: TrainConfig) -> list[str]:
 def _settings(config: TrainConfig) -> dict[str, Any]:
     """A run's settings by name, its paths absolute."""
     settings = asdict(config)
-    for name in PLACES:
+    for name in PATH_SETTINGS:
         value = settings[name]
         settings[name] = _absolute(value) if isinstance(value, str) else [_absolute(path) for path in value]
     return settings
@@ -217,18 +213,19 @@ def _absolute(path: str) -> str:
 
 def _commit() -> str:
     """The checkout's commit, or "unknown" outside one."""
-    done = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent)
-    return done.stdout.strip() or "unknown"
-
-
-# The training loop: crops drawn on the fly, either network; stops and resumes at any time.
+    git = subprocess.run(["git", "rev-parse", "HEAD"], capture_output=True, text=True, cwd=Path(__file__).parent)
+    return git.stdout.strip() or "unknown"
 
 
 def train_network(config: TrainConfig) -> Path:
     """Train, or resume what the folder holds; returns the path of the checkpoint.
 
-    Raises DataError if the folder holds a run with other settings or no run that can go on, if there is nothing to
-    train on, or if no step would be trained; the folder is then as before.
+    Args:
+        config: of the run; its `out` is the folder.
+
+    Raises:
+        DataError: if the folder holds a run with other settings or no run that can go on, if there is nothing to train
+            on, or if no step would be trained; the folder is then as before.
     """
     if config.crops < config.batch:
         raise DataError(f"{config.crops} crops do not fill one step of {config.batch}, so nothing would be trained.")

@@ -1,4 +1,4 @@
-"""What training minimises."""
+"""What training minimizes."""
 
 import torch
 from torch import Tensor
@@ -8,36 +8,43 @@ from export.networks.backbone import NetworkOutput
 from export.networks.outdoor import camera_bin_targets, encode_parameters
 from export.training.dataset import Batch
 
-LEAST_LIKELIHOOD = 1e-9
-PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view
-AROUND_WEIGHT = 3.0  # of the light around the camera
-CAMERA_WEIGHT = 0.25  # of each angle's bins
-LIGHT_WEIGHT = 0.5
+_MIN_LIKELIHOOD = 1e-9
+_PARAMETER_WEIGHTS = (0.5, 0.5, 1.5, 1.0, 1.0)  # turbidity, exposure, camera elevation, roll, field of view
+_SURROUNDINGS_WEIGHT = 3.0  # of the light around the camera
+_CAMERA_WEIGHT = 0.25  # of each angle's bins
+_LIGHT_WEIGHT = 0.5
 
 
-def training_losses(said: NetworkOutput, batch: Batch) -> dict[str, Tensor]:
-    """Mean losses of one batch by name, each over the crops that have the target."""
+def training_losses(predicted: NetworkOutput, batch: Batch) -> dict[str, Tensor]:
+    """Mean losses of one batch by name, each over the crops that have the target.
+
+    Args:
+        predicted: what the network predicts of the batch.
+        batch: the targets.
+    """
     target = torch.cat([encode_parameters(batch.parameters[:, :5]), batch.parameters[:, 5:]], dim=1)
     known = torch.isfinite(target)
     target = torch.where(known, target, torch.zeros_like(target))
-    fit = F.smooth_l1_loss(said.raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
-    shining = F.binary_cross_entropy_with_logits(said.raw[:, 5].float(), target[:, 5], reduction="none")
+    fit = F.smooth_l1_loss(predicted.raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
+    shining = F.binary_cross_entropy_with_logits(predicted.raw[:, 5].float(), target[:, 5], reduction="none")
     by_parameter = _masked_mean(fit, known[:, :5])
     parts = {
-        "sun": _sun(said.sun, batch),
-        "parameters": (by_parameter * by_parameter.new_tensor(PARAMETER_WEIGHTS)).sum(),
+        "sun": _sun(predicted.sun, batch),
+        "parameters": (by_parameter * by_parameter.new_tensor(_PARAMETER_WEIGHTS)).sum(),
         "visibility": _masked_mean(shining, known[:, 5]),
     }
-    if said.seen.shape[1]:
-        parts["seen"] = _cross_entropy(said.seen, batch.seen)
-    if said.around.shape[1]:
-        seen_around = torch.isfinite(batch.around)
-        off = F.smooth_l1_loss(said.around.float(), batch.around.nan_to_num(), reduction="none", beta=0.3)
-        parts["around"] = AROUND_WEIGHT * _masked_mean(off.mean(dim=1), seen_around.all(dim=1))
-    if said.camera.shape[1]:
-        parts["camera"] = CAMERA_WEIGHT * _camera(said.camera, target[:, 2:5], known[:, 2:5])
-    if said.light.shape[1]:
-        parts["light"] = LIGHT_WEIGHT * _light(said.light.float(), batch.light)
+    if predicted.sun_in_view.shape[1]:
+        parts["seen"] = _cross_entropy(predicted.sun_in_view, batch.sun_in_view)
+    if predicted.surroundings.shape[1]:
+        finite = torch.isfinite(batch.surroundings)
+        error = F.smooth_l1_loss(
+            predicted.surroundings.float(), batch.surroundings.nan_to_num(), reduction="none", beta=0.3
+        )
+        parts["around"] = _SURROUNDINGS_WEIGHT * _masked_mean(error.mean(dim=1), finite.all(dim=1))
+    if predicted.camera.shape[1]:
+        parts["camera"] = _CAMERA_WEIGHT * _camera(predicted.camera, target[:, 2:5], known[:, 2:5])
+    if predicted.light.shape[1]:
+        parts["light"] = _LIGHT_WEIGHT * _light(predicted.light.float(), batch.light)
     return parts
 
 
@@ -45,8 +52,8 @@ def _sun(logits: Tensor, batch: Batch) -> Tensor:
     """Cross entropy with a target; where the target is a likelihood, the logarithm of the mean likelihood instead."""
     log_chance = F.log_softmax(logits.float(), dim=1)
     cross = -(batch.sun * log_chance).sum(dim=1)
-    mean = -torch.logsumexp(log_chance + batch.sun.clamp_min(LEAST_LIKELIHOOD).log(), dim=1)
-    return _masked_mean(torch.where(batch.likely, mean, cross), batch.sun.sum(dim=1) > 0.5)
+    mean = -torch.logsumexp(log_chance + batch.sun.clamp_min(_MIN_LIKELIHOOD).log(), dim=1)
+    return _masked_mean(torch.where(batch.is_likelihood, mean, cross), batch.sun.sum(dim=1) > 0.5)
 
 
 def _camera(logits: Tensor, target: Tensor, known: Tensor) -> Tensor:
@@ -54,13 +61,13 @@ def _camera(logits: Tensor, target: Tensor, known: Tensor) -> Tensor:
     return _masked_mean(cross, known).sum()
 
 
-def _light(said: Tensor, target: Tensor) -> Tensor:
+def _light(predicted: Tensor, target: Tensor) -> Tensor:
     """The median in the logarithm of the powers, and the cloud cover."""
     known = torch.isfinite(target)
     target = target.nan_to_num()
-    off = F.smooth_l1_loss(said[:, :6], target[:, :6], reduction="none", beta=0.1)
-    covered = F.binary_cross_entropy_with_logits(said[:, 6], target[:, 6], reduction="none")
-    return _masked_mean(off, known[:, :6]).sum() / 3 + _masked_mean(covered, known[:, 6])
+    error = F.smooth_l1_loss(predicted[:, :6], target[:, :6], reduction="none", beta=0.1)
+    covered = F.binary_cross_entropy_with_logits(predicted[:, 6], target[:, 6], reduction="none")
+    return _masked_mean(error, known[:, :6]).sum() / 3 + _masked_mean(covered, known[:, 6])
 
 
 def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:

@@ -149,7 +149,7 @@ def test_without_a_sun_the_second_camera_looks_anywhere() -> None:
 def test_a_joined_crop_shows_both_places_and_the_first_ones_sun() -> None:
     camera = Camera(30.0, 15.0, 0.0, 60.0, 4 / 3)
     one = crop_panorama(source(), camera, EXAMPLES_SPEC)
-    other = replace(one, linear=np.full_like(one.linear, 7.0), sun_elevation=28.0, sun_uncertainty=6.0)
+    other = replace(one, linear=np.full_like(one.linear, 7.0), sun_elevation=28.0, sun_std=6.0)
     shares = []
     for index in range(60):
         crop = cutmix(one, other, crop_rng("joined", index, "test"))
@@ -159,7 +159,7 @@ def test_a_joined_crop_shows_both_places_and_the_first_ones_sun() -> None:
         assert not second[int(y), int(x)]
         assert (crop.sun_azimuth, crop.sun_elevation) == (one.sun_azimuth, one.sun_elevation)
         assert np.isnan([crop.turbidity, crop.exposure]).all()
-        assert crop.sun_uncertainty == pytest.approx(np.sqrt((2.0**2 + 6.0**2 + 3.0**2) / 2))
+        assert crop.sun_std == pytest.approx(np.sqrt((2.0**2 + 6.0**2 + 3.0**2) / 2))
         shares.append(second.mean())
     assert 0.2 < np.mean(shares) < 0.5
     assert min(shares) > 0

@@ -5,7 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from export.crops.cameras import MAX_HORIZONTAL_FOV, TILTED, _phone_camera, aimed_camera, paper_camera, training_camera
+from export.crops.cameras import (
+    _MAX_TILTED_ROLL,
+    MAX_HORIZONTAL_FOV,
+    _phone_camera,
+    aimed_camera,
+    paper_camera,
+    training_camera,
+)
 from export.crops.crops import crop_rng
 from tests.helpers.panoramas import crop
 
@@ -14,7 +21,7 @@ from tests.helpers.panoramas import crop
 def test_cameras_stay_inside_their_protocol(draw: object) -> None:
     drawn = [draw(crop_rng("name", i, "test")) for i in range(300)]  # type: ignore[operator]
     elevation, fov = 20 if draw is paper_camera else 35, (25, 90)
-    roll = {paper_camera: 0.0, _phone_camera: 10.0, training_camera: TILTED}[draw]  # type: ignore[index]
+    roll = {paper_camera: 0.0, _phone_camera: 10.0, training_camera: _MAX_TILTED_ROLL}[draw]  # type: ignore[index]
     assert all(
         abs(c.elevation) <= elevation and abs(c.roll) <= roll and fov[0] <= c.vertical_fov <= fov[1] for c in drawn
     )

@@ -9,9 +9,9 @@ import pytest
 
 from export.crops.cameras import Camera
 from export.crops.crops import (
-    ALONG,
+    MAX_OCTAVES_ALONG,
+    MAX_OCTAVES_UPWARDS,
     NOT_STRETCHED,
-    UPWARDS,
     Source,
     Stretch,
     _load_source,
@@ -121,7 +121,7 @@ LONG = Stretch(upwards=0.7, along=1.2, heading=70.0)
 
 
 def test_a_taller_world_has_a_higher_sun_whose_shadows_are_as_long() -> None:
-    azimuth, elevation = angles(TALL.applied(direction(40.0, 25.0)))
+    azimuth, elevation = angles(TALL.apply(direction(40.0, 25.0)))
     assert float(azimuth) == pytest.approx(40.0)
     assert math.tan(math.radians(float(elevation))) == pytest.approx(1.5 * math.tan(math.radians(25.0)))
 
@@ -131,14 +131,14 @@ def test_the_shadow_of_a_pole_ends_where_the_stretched_sun_s_ray_meets_the_groun
     """The top of a stretched pole, the stretched end of its shadow and the stretched sun lie on one line."""
     top, sun = np.array([3.0, 2.0, -5.0]), direction(*SUN)
     end = top - sun * (top[1] + 1.6) / sun[1]  # on the ground, 1.6 below the camera
-    ray = stretch.applied(top) - stretch.applied(end)
-    assert ray / np.linalg.norm(ray) == pytest.approx(stretch.applied(sun) / np.linalg.norm(stretch.applied(sun)))
-    assert stretch.undone(stretch.applied(top)) == pytest.approx(top)
+    ray = stretch.apply(top) - stretch.apply(end)
+    assert ray / np.linalg.norm(ray) == pytest.approx(stretch.apply(sun) / np.linalg.norm(stretch.apply(sun)))
+    assert stretch.invert(stretch.apply(top)) == pytest.approx(top)
 
 
 def test_upright_and_level_things_stay_so() -> None:
-    assert LONG.applied(np.array([0.0, 1.0, 0.0])) == pytest.approx([0.0, 0.7, 0.0])
-    assert LONG.applied(direction(np.array([0.0, 30.0, 200.0]), 0.0))[:, 1] == pytest.approx([0.0, 0.0, 0.0])
+    assert LONG.apply(np.array([0.0, 1.0, 0.0])) == pytest.approx([0.0, 0.7, 0.0])
+    assert LONG.apply(direction(np.array([0.0, 30.0, 200.0]), 0.0))[:, 1] == pytest.approx([0.0, 0.0, 0.0])
 
 
 @pytest.mark.parametrize("stretch", [TALL, LONG])
@@ -197,7 +197,7 @@ def test_the_light_around_is_that_of_the_stretched_world() -> None:
 def test_stretches_are_drawn_within_their_limits_both_ways() -> None:
     drawn = [random_stretch(np.random.default_rng(seed)) for seed in range(300)]
     upwards, along = np.log2([s.upwards for s in drawn]), np.log2([s.along for s in drawn])
-    assert np.abs(upwards).max() <= UPWARDS
-    assert np.abs(along).max() <= ALONG
+    assert np.abs(upwards).max() <= MAX_OCTAVES_UPWARDS
+    assert np.abs(along).max() <= MAX_OCTAVES_ALONG
     assert abs(upwards.mean()) < 0.1
     assert np.ptp([s.heading for s in drawn]) > 150.0

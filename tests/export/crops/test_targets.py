@@ -9,11 +9,11 @@ import pytest
 from export.crops.cameras import Camera
 from export.crops.crops import Source
 from export.crops.targets import (
-    BRIGHTEST,
+    _COVERED_SUN,
     CELLS,
     COLUMNS,
-    COVERED_SUN,
-    DARKEST,
+    MAX_RADIANCE,
+    MIN_RADIANCE,
     ROWS,
     clear_sun_to_sky_ratio,
     coarse_radiance,
@@ -56,7 +56,7 @@ def test_a_clipped_sun_is_that_of_a_clear_sky() -> None:
 
 def test_without_direct_sun_the_sun_is_weak() -> None:
     found = panorama_irradiance(panorama("ldr", "no", sun="none", disc=False))
-    np.testing.assert_allclose(found.sun, COVERED_SUN * found.sky)
+    np.testing.assert_allclose(found.sun, _COVERED_SUN * found.sky)
     assert found.cover == 1.0
 
 
@@ -111,7 +111,7 @@ def test_the_map_is_seen_from_the_camera(looking: float, mirrored: bool, column:
 def test_the_photo_s_exposure_and_white_balance_count() -> None:
     around, gains = coarse_radiance(lit_at(0.0)), np.array([3.0, 2.0, 1.0])
     camera = Camera(0.0, 0.0, 0.0, 50.0, 1.0)
-    one, other = (np.exp(surroundings_in_camera(around, camera, g)).reshape(-1, 3) - DARKEST for g in (ONE, gains))
+    one, other = (np.exp(surroundings_in_camera(around, camera, g)).reshape(-1, 3) - MIN_RADIANCE for g in (ONE, gains))
     np.testing.assert_allclose(other, one * gains, rtol=1e-3)
 
 
@@ -119,7 +119,7 @@ def test_a_sun_counts_as_a_few_whites_at_most() -> None:
     source = lit_at(0.0)
     source.levels[0][40:44, 180:184] = 1e4
     cells = surroundings_in_camera(coarse_radiance(source), Camera(0.0, 0.0, 0.0, 50.0, 1.0), ONE)
-    assert np.exp(cells.max()) <= BRIGHTEST + DARKEST + 1e-4
+    assert np.exp(cells.max()) <= MAX_RADIANCE + MIN_RADIANCE + 1e-4
 
 
 def test_ldr_and_hdr_panoramas_show_the_same_light() -> None:

@@ -87,7 +87,7 @@ def test_labels_that_cannot_be_read_are_refused(tmp_path: Path, text: str | None
 def test_rendered_skies_are_labelled_well() -> None:
     check = check_rendered(60)
     assert check.rendered > 50
-    assert check.found > 0.85 * check.rendered
+    assert check.detected > 0.85 * check.rendered
     assert check.sun_error < 1.0
     assert check.fitted > 0.9 * check.rendered
     assert check.turbidity_error < 0.3
@@ -103,8 +103,8 @@ def test_agreement_counts_suns_and_overcast_skies() -> None:
     none = dataclasses.replace(missed, name="d", sun_source="none", sun_azimuth=math.nan)
     suns = [panorama("a", "visible"), panorama("b", "visible"), panorama("c", "visible"), panorama("d", "none")]
     result = sun_agreement(suns, [LABEL, missed, wrong, none])
-    assert (result.visible, result.found, result.overcast, result.rejected) == (3, 2, 1, 1)
-    assert result.gross == 0.5
+    assert (result.visible, result.detected, result.overcast, result.rejected) == (3, 2, 1, 1)
+    assert result.outlier_rate == 0.5
     assert result.error_25 < result.error_50 < result.error_75
 
 

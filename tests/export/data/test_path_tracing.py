@@ -77,9 +77,9 @@ def test_a_shadow_falls_away_from_the_sun() -> None:
     scene = RenderedTown(_join([plain(), tower]), NOTHING, sky)
     here, aside = np.array([[0.0, EYE, 0.0]]), np.array([[*(20 * toward[::-1] * [1, -1])]])
     aside = np.array([[aside[0, 0], EYE, aside[0, 1]]])
-    assert scene.sunlit(here) == 0.0
-    assert scene.sunlit(aside) == 1.0
-    assert scene.sunlit(np.concatenate([here, aside])) == 0.5
+    assert scene.sunlit_share(here) == 0.0
+    assert scene.sunlit_share(aside) == 1.0
+    assert scene.sunlit_share(np.concatenate([here, aside])) == 0.5
     assert scene.is_clear()
 
 

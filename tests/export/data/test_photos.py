@@ -17,7 +17,7 @@ def table(folder: Path, *rows: str) -> None:
 def test_rows_keep_what_they_know(tmp_path: Path) -> None:
     table(tmp_path, "a.jpg,x_1,-35.9,51.2,yes,53.1,15", "a.jpg,x_2,,4.0,unclear,,")
     one, other = read_photo_rows(tmp_path)
-    assert (one.sun_azimuth, one.sun_elevation, one.direct, one.azimuth_error) == (-35.9, 51.2, "yes", 15.0)
+    assert (one.sun_azimuth, one.sun_elevation, one.direct, one.azimuth_std) == (-35.9, 51.2, "yes", 15.0)
     assert math.isnan(other.sun_azimuth)
     assert math.isnan(other.horizontal_fov)
     assert other.direct == ""

@@ -5,21 +5,21 @@ import pytest
 
 from export.data import procedural_towns
 from export.data.procedural_towns import (
-    KINDS,
-    STONE,
+    _KINDS,
+    _STONE,
     Mesh,
     _box,
     _car,
-    _colour,
+    _color,
     _ground,
     _house,
     _join,
-    _moved,
     _person,
     _roof,
+    _rotate,
     _spot,
+    _translate,
     _tree,
-    _turned,
     _wall,
 )
 from tests.helpers.panoramas import ALBEDO, NOTHING, plain
@@ -34,8 +34,8 @@ def test_a_box_stands_on_the_ground_and_turns() -> None:
 def test_meshes_join_turn_and_move() -> None:
     joined = _join([plain(), NOTHING])
     assert len(joined.corners) == len(joined.albedo) == 6
-    np.testing.assert_allclose(_turned(np.array([0.0, 2.0, 1.0]), 90.0), [1, 2, 0], atol=1e-12)
-    np.testing.assert_allclose(_moved(np.array([1.0, 2.0, 3.0]), np.array([10.0, 20.0])), [11, 2, 23])
+    np.testing.assert_allclose(_rotate(np.array([0.0, 2.0, 1.0]), 90.0), [1, 2, 0], atol=1e-12)
+    np.testing.assert_allclose(_translate(np.array([1.0, 2.0, 3.0]), np.array([10.0, 20.0])), [11, 2, 23])
 
 
 def test_a_seed_gives_one_place() -> None:
@@ -45,9 +45,9 @@ def test_a_seed_gives_one_place() -> None:
         np.testing.assert_array_equal(one.albedo, other.albedo)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", _KINDS)
 def test_every_kind_of_place_is_sound(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(procedural_towns, "KINDS", (kind,))
+    monkeypatch.setattr(procedural_towns, "_KINDS", (kind,))
     for seed in range(4):
         for mesh in procedural_towns.random_town(np.random.default_rng(seed)):
             assert mesh.corners.shape == (len(mesh.albedo), 4, 3)
@@ -87,7 +87,7 @@ def test_a_roof_rises_over_its_box() -> None:
 
 def test_colours_are_albedos_and_spots_lie_between_their_distances() -> None:
     rng = generator()
-    albedos = np.array([_colour(rng, STONE) for _ in range(50)])
+    albedos = np.array([_color(rng, _STONE) for _ in range(50)])
     assert albedos.min() >= 0.02
     assert albedos.max() <= 0.85
     far = np.array([np.linalg.norm(_spot(rng, 5.0, 30.0)) for _ in range(200)])

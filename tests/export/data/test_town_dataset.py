@@ -31,7 +31,7 @@ def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
     write_labels(labels[:2], folder / town_dataset.LABELS)  # as if killed between the index and the labels
     assert run(export_cli, [*command, "4"]).exit_code == 0
     assert len(read_index(folder, "train")) == len(read_labels(folder / town_dataset.LABELS)) == 4
-    again = town_dataset._render_place(1, 32)
+    again = town_dataset._render_town(1, 32)
     assert again.label.sun_elevation == pytest.approx(labels[1].sun_elevation, rel=1e-5)
     crop = crop_panorama(
         _load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), network_specs("0")["outdoor"]
@@ -43,7 +43,7 @@ def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
 def test_visible_suns_are_found_where_the_labels_have_them() -> None:
     errors = []
     for number in range(14):
-        rendered = town_dataset._render_place(number, 64)
+        rendered = town_dataset._render_town(number, 64)
         label, found = rendered.label, find_sun(rendered.radiance)
         if rendered.sun_visible:
             assert found is not None

@@ -22,7 +22,7 @@ def test_pretrained_features_tell_pictures_apart_like_imagenet_does() -> None:
 
 
 def test_frozen_layers_do_not_learn() -> None:
-    network = build_network(SPECS["outdoor"], around=True).train()
+    network = build_network(SPECS["outdoor"], has_surroundings=True).train()
     assert isinstance(network, Outdoor)
     frozen = [p for p in network.backbone.parameters() if not p.requires_grad]
     before = [p.clone() for p in network.backbone.stem.parameters()]

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from onnx import GraphProto, ModelProto, TensorProto, checker, helper, numpy_helper
 
 from export.crops.targets import COLUMNS, ROWS
-from export.networks.onnx_export import BYTES, ROUNDED, _parity, _save_graph, _Served, _share, _store_small, write_onnx
+from export.networks.onnx_export import (
+    MIN_BYTES,
+    ROUNDED_TOLERANCE,
+    _Ensemble,
+    _merge_equal_nodes,
+    _parity,
+    _save_graph,
+    _store_small,
+    write_onnx,
+)
 from export.networks.outdoor import build_network, network_specs
 from export.networks.weights import average_weights, read_network, read_spec
 from lighting.errors import LightingError
@@ -23,7 +32,7 @@ from lighting.onnx_session import create_session
 from lighting.sun_grid import grid_directions
 
 RNG = np.random.default_rng(5)
-LONG, WIDE = 800, BYTES // 800 + 1
+LONG, WIDE = 800, MIN_BYTES // 800 + 1
 FIRST, SECOND, THIRD = (RNG.normal(size=(80, 80)).astype(np.float32) for _ in range(3))
 
 
@@ -63,7 +72,7 @@ def test_what_begins_alike_begins_once_and_answers_the_same() -> None:
     network = model((FIRST, SECOND), (FIRST, THIRD), (FIRST, SECOND))
     x = RNG.normal(size=(3, 80)).astype(np.float32)
     before = answer(network, x)
-    _share(network)
+    _merge_equal_nodes(network)
     np.testing.assert_array_equal(answer(network, x), before)
     assert len(network.graph.initializer) == 3
     assert [n.op_type for n in network.graph.node].count("MatMul") == 3
@@ -73,7 +82,7 @@ def test_what_begins_alike_begins_once_and_answers_the_same() -> None:
 def test_the_models_own_outputs_keep_their_names() -> None:
     nodes = [helper.make_node("Abs", ["x"], [name]) for name in ("y", "out")]
     network = _model(nodes, [], ["B", 80])
-    _share(network)
+    _merge_equal_nodes(network)
     assert answer(network, np.full((1, 80), -2.0, np.float32)).max() == 2.0
 
 
@@ -132,8 +141,11 @@ def test_weights_lie_beside_the_graph_and_answer_the_same(tmp_path: Path) -> Non
 def test_onnx_and_torch_agree(trained: Path, trained_network: Path) -> None:
     model = Model.load(trained_network)
     metadata = model.session.get_modelmeta().custom_metadata_map
-    assert _parity(_Served([read_network(trained)], read_spec(trained).sun_grid, 1.3).eval(), trained_network) < ROUNDED
-    assert float(metadata["parity"]) < ROUNDED
+    assert (
+        _parity(_Ensemble([read_network(trained)], read_spec(trained).sun_grid, 1.3).eval(), trained_network)
+        < ROUNDED_TOLERANCE
+    )
+    assert float(metadata["parity"]) < ROUNDED_TOLERANCE
     assert metadata["license"] == "Apache-2.0"
     assert "16 crops" in model.spec.training_data
     (settings,) = json.loads(metadata["training"])
@@ -199,22 +211,22 @@ GRID = SPECS["outdoor"].sun_grid
 @pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
 def test_outputs_fit_the_grid_and_the_parameters(name: str) -> None:
     spec = SPECS[name]
-    served = _Served([build_network(spec)], spec.sun_grid).eval()
+    ensemble = _Ensemble([build_network(spec)], spec.sun_grid).eval()
     with torch.inference_mode():
-        probability, parameters = served(torch.zeros(2, 3, spec.height, spec.width))
+        probability, parameters = ensemble(torch.zeros(2, 3, spec.height, spec.width))
     assert probability.shape == (2, len(grid_directions(spec.sun_grid)))
     np.testing.assert_allclose(probability.sum(dim=1), 1.0, rtol=1e-5)
     assert parameters.shape == (2, 6)
-    assert served.outputs == ["sun_probability", "parameters"]
+    assert ensemble.outputs == ["sun_probability", "parameters"]
     assert torch.isfinite(parameters).all()
 
 
 def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
-    network = build_network(SPECS["outdoor"], around=True).eval()
-    served = _Served([network, build_network(SPECS["outdoor"]).eval()], GRID)
+    network = build_network(SPECS["outdoor"], has_surroundings=True).eval()
+    ensemble = _Ensemble([network, build_network(SPECS["outdoor"]).eval()], GRID)
     with torch.inference_mode():
-        _, _, light, around = served(torch.randn(2, 3, 224, 224))
-    assert served.outputs == ["sun_probability", "parameters", "light", "around"]
+        _, _, light, around = ensemble(torch.randn(2, 3, 224, 224))
+    assert ensemble.outputs == ["sun_probability", "parameters", "light", "around"]
     assert light.shape == (2, 8)
     assert around.shape == (2, ROWS, COLUMNS, 3)
     assert (light > 0).all()
@@ -223,10 +235,10 @@ def test_networks_that_learnt_the_light_say_it_in_final_units() -> None:
 
 
 def test_temperature_widens_the_distribution() -> None:
-    network = build_network(SPECS["outdoor"], sees=False).eval()
+    network = build_network(SPECS["outdoor"], has_sun_in_view=False).eval()
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
-        sharp, soft = _Served([network], GRID, 0.5)(photo)[0], _Served([network], GRID, 2.0)(photo)[0]
+        sharp, soft = _Ensemble([network], GRID, 0.5)(photo)[0], _Ensemble([network], GRID, 2.0)(photo)[0]
     assert sharp.max() > soft.max()
     assert sharp.argmax() == soft.argmax()
 
@@ -236,8 +248,8 @@ def test_networks_together_answer_their_mean() -> None:
     networks = [build_network(SPECS["outdoor"]).eval() for _ in range(2)]
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
-        alone = [_Served([network], GRID, 1.4)(photo) for network in networks]
-        both = _Served(networks, GRID, 1.4)(photo)
+        alone = [_Ensemble([network], GRID, 1.4)(photo) for network in networks]
+        both = _Ensemble(networks, GRID, 1.4)(photo)
     torch.testing.assert_close(both[0], (alone[0][0] + alone[1][0]) / 2)
     torch.testing.assert_close(both[1][:, 2:5], (alone[0][1] + alone[1][1])[:, 2:5] / 2)
     torch.testing.assert_close(both[1][:, :2], (alone[0][1] * alone[1][1])[:, :2].sqrt())  # turbidity and exposure
@@ -245,11 +257,11 @@ def test_networks_together_answer_their_mean() -> None:
 
 def test_a_network_for_the_camera_answers_for_it_instead_of_the_others() -> None:
     torch.manual_seed(4)
-    first, camera = (build_network(SPECS["outdoor"], sees=False).eval() for _ in range(2))
+    first, camera = (build_network(SPECS["outdoor"], has_sun_in_view=False).eval() for _ in range(2))
     photo = torch.randn(2, 3, 224, 224)
     with torch.inference_mode():
-        sun, parameters = _Served([first], GRID, cameras=[camera])(photo)
-        alone, instead = _Served([first], GRID)(photo), _Served([camera], GRID)(photo)
+        sun, parameters = _Ensemble([first], GRID, cameras=[camera])(photo)
+        alone, instead = _Ensemble([first], GRID)(photo), _Ensemble([camera], GRID)(photo)
     torch.testing.assert_close(sun, alone[0])
     torch.testing.assert_close(parameters[:, 2:5], instead[1][:, 2:5])
     torch.testing.assert_close(parameters[:, [0, 1, 5]], alone[1][:, [0, 1, 5]])

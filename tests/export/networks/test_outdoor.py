@@ -11,8 +11,8 @@ from export.data.panoramas import DataError
 from export.networks.outdoor import (
     BINS,
     LIGHT,
-    RARER,
     ROLL_SCALE,
+    SUN_IN_VIEW_PRIOR,
     TARGET_WIDTH,
     Outdoor,
     build_network,
@@ -37,34 +37,34 @@ from lighting.sun_grid import grid_directions
 from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, crop
 
 
-def said(roll: float, spread: float) -> float:
+def level_roll(roll: float, spread: float) -> float:
     return float(expected_roll(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
 
 
 def test_a_camera_that_is_nearly_level_is_level() -> None:
-    assert abs(said(0.6, 1.5)) < 0.35
-    assert said(0.0, 1.5) == 0.0
+    assert abs(level_roll(0.6, 1.5)) < 0.35
+    assert level_roll(0.0, 1.5) == 0.0
 
 
 @pytest.mark.parametrize("roll", [-40.0, -12.0, 6.0, 20.0])
 def test_a_camera_that_is_clearly_rolled_stays_so(roll: float) -> None:
-    assert said(roll, 1.5) == pytest.approx(roll, rel=0.06)
+    assert level_roll(roll, 1.5) == pytest.approx(roll, rel=0.06)
 
 
 def test_a_roll_grows_with_what_the_network_says_and_shrinks_with_its_doubt() -> None:
-    rolls = [said(0.5 * step, 1.5) for step in range(40)]
+    rolls = [level_roll(0.5 * step, 1.5) for step in range(40)]
     assert rolls == sorted(rolls)
-    assert all(said(4.0, spread) > said(4.0, spread + 1) > 0 for spread in (0.0, 1.0, 3.0))
-    assert said(-4.0, 2.0) == -said(4.0, 2.0)
+    assert all(level_roll(4.0, spread) > level_roll(4.0, spread + 1) > 0 for spread in (0.0, 1.0, 3.0))
+    assert level_roll(-4.0, 2.0) == -level_roll(4.0, 2.0)
 
 
 SPECS = network_specs("0")
 
 
 def test_weights_with_the_light_around_fit_a_network_without_it_and_the_other_way_round() -> None:
-    learnt, served = build_network(SPECS["outdoor"], around=True), build_network(SPECS["outdoor"])
+    learnt, served = build_network(SPECS["outdoor"], has_surroundings=True), build_network(SPECS["outdoor"])
     load_weights(served, learnt.state_dict())
-    again = build_network(SPECS["outdoor"], around=True)
+    again = build_network(SPECS["outdoor"], has_surroundings=True)
     load_weights(again, served.state_dict())
     for name, value in served.state_dict().items():
         torch.testing.assert_close(value, learnt.state_dict()[name])
@@ -77,7 +77,7 @@ SPEC = network_specs("0")["outdoor"]
 
 
 def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
-    mute, seeing = build_network(SPEC, sees=False).eval(), build_network(SPEC).eval()
+    mute, seeing = build_network(SPEC, has_sun_in_view=False).eval(), build_network(SPEC).eval()
     photo = torch.randn(2, 3, SPEC.height, SPEC.width)
     with torch.inference_mode():
         assert mute(photo)[2].shape == (2, 0)
@@ -89,25 +89,30 @@ def test_networks_without_it_do_not_say_where_and_can_learn_it() -> None:
 
 
 def test_every_head_has_its_size() -> None:
-    network = Outdoor(SPEC, 1024, sees=True, around=True).eval()
+    network = Outdoor(SPEC, 1024, has_sun_in_view=True, has_surroundings=True).eval()
     with torch.inference_mode():
-        said = network(torch.zeros(2, 3, SPEC.height, SPEC.width))
+        predicted = network(torch.zeros(2, 3, SPEC.height, SPEC.width))
     cells = (SPEC.height // CELL) * (SPEC.width // CELL)
-    sizes: dict[str, tuple[int, ...]] = {"sun": (1024,), "raw": (6,), "seen": (1 + cells,), "around": (3 * CELLS,)}
+    sizes: dict[str, tuple[int, ...]] = {
+        "sun": (1024,),
+        "raw": (6,),
+        "sun_in_view": (1 + cells,),
+        "surroundings": (3 * CELLS,),
+    }
     sizes |= {"camera": (3, BINS), "light": (LIGHT,), "suitable": (1,)}
-    assert {name: tuple(part.shape[1:]) for name, part in said._asdict().items()} == sizes
+    assert {name: tuple(part.shape[1:]) for name, part in predicted._asdict().items()} == sizes
 
 
 def test_a_new_network_sees_no_sun() -> None:
     """Its bias says so: most pictures show none."""
     network = Outdoor(SPEC, 1024).eval()
     with torch.inference_mode():
-        seen = network(torch.zeros(1, 3, SPEC.height, SPEC.width)).seen.softmax(dim=1)
+        seen = network(torch.zeros(1, 3, SPEC.height, SPEC.width)).sun_in_view.softmax(dim=1)
     assert float(seen[0, 0]) > 0.5
 
 
 def test_heads_that_are_not_asked_for_are_not_there() -> None:
-    names = Outdoor(SPEC, 1024, sees=False, bins=False).state_dict()
+    names = Outdoor(SPEC, 1024, has_sun_in_view=False, has_camera_bins=False).state_dict()
     assert not any(name.startswith(("seen.", "around.", "camera.", "light.", "suitable.")) for name in names)
 
 
@@ -133,7 +138,7 @@ def test_the_spread_of_a_roll_is_what_its_bins_have_beyond_their_target() -> Non
     assert float(torn) == pytest.approx(8.0, rel=0.01)
 
 
-SEEN_SUN_CELLS = torch.tensor(grid_directions(EXAMPLES_SPEC.sun_grid), dtype=torch.float32)
+GRID_DIRECTIONS = torch.tensor(grid_directions(EXAMPLES_SPEC.sun_grid), dtype=torch.float32)
 
 
 def canvas(one: Crop) -> torch.Tensor:
@@ -165,28 +170,28 @@ def test_a_target_that_the_network_meets_points_at_the_sun(camera: Camera) -> No
     """From the pixel of the sun to the cells and back to a direction, whatever the camera's angles."""
     one = crop(camera, 8.0, 17.0)
     assert one.sun_pixel
-    wanted = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
-    uniform = torch.full((1, len(SEEN_SUN_CELLS)), 1 / len(SEEN_SUN_CELLS))
-    answer = fuse_sun_in_view(uniform, wanted, rays(one), SEEN_SUN_CELLS)
+    target = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
+    uniform = torch.full((1, len(GRID_DIRECTIONS)), 1 / len(GRID_DIRECTIONS))
+    answer = fuse_sun_in_view(uniform, target, rays(one), GRID_DIRECTIONS)
     assert float(answer.sum()) == pytest.approx(1.0, abs=1e-5)
-    assert angle_between((answer @ SEEN_SUN_CELLS)[0].numpy(), direction(8.0, 17.0)) < 1.0
+    assert angle_between((answer @ GRID_DIRECTIONS)[0].numpy(), direction(8.0, 17.0)) < 1.0
 
 
 def test_what_is_not_seen_changes_nothing_and_half_a_doubt_counts_half() -> None:
     one = crop(VIEWS[0], 8.0, 17.0)
-    sun = torch.rand(1, len(SEEN_SUN_CELLS)).softmax(dim=1)
+    sun = torch.rand(1, len(GRID_DIRECTIONS)).softmax(dim=1)
     nowhere = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, False)).float()[None]
     seen = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
-    torch.testing.assert_close(fuse_sun_in_view(sun, nowhere, rays(one), SEEN_SUN_CELLS), sun)
-    half = fuse_sun_in_view(sun, (nowhere + seen) / 2, rays(one), SEEN_SUN_CELLS)
-    torch.testing.assert_close(half, (sun + fuse_sun_in_view(sun, seen, rays(one), SEEN_SUN_CELLS)) / 2)
+    torch.testing.assert_close(fuse_sun_in_view(sun, nowhere, rays(one), GRID_DIRECTIONS), sun)
+    half = fuse_sun_in_view(sun, (nowhere + seen) / 2, rays(one), GRID_DIRECTIONS)
+    torch.testing.assert_close(half, (sun + fuse_sun_in_view(sun, seen, rays(one), GRID_DIRECTIONS)) / 2)
 
 
 def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> None:
-    """Of even odds in training: they fall by RARER, and the cells keep theirs among each other."""
+    """Of even odds in training: they fall by SUN_IN_VIEW_PRIOR, and the cells keep theirs among each other."""
     logits = torch.tensor([[2.0, *np.log([0.1, 0.3, 0.6]) + 2.0]], dtype=torch.float32)
     nowhere, *cells = sun_in_view_probability(logits)[0].tolist()
-    assert sum(cells) / nowhere == pytest.approx(np.exp(-RARER), rel=1e-5)
+    assert sum(cells) / nowhere == pytest.approx(np.exp(-SUN_IN_VIEW_PRIOR), rel=1e-5)
     assert cells == pytest.approx(np.array([0.1, 0.3, 0.6]) * (1 - nowhere), rel=1e-5)
 
 
@@ -204,3 +209,11 @@ def test_the_packaged_network_expects_what_training_gives() -> None:
     assert (shipped.width, shipped.height, shipped.sun_grid) == (ours.width, ours.height, ours.sun_grid)
     assert shipped.mean == pytest.approx(ours.mean)
     assert shipped.std == pytest.approx(ours.std)
+
+
+def test_the_cvpr_network_has_the_published_size() -> None:
+    """Seven convolutions, FC-2048 over 256 x 8 x 10 features, 160 sun bins: about 45 million weights."""
+    network = build_network(SPECS["cvpr2017"])
+    assert len(grid_directions(SPECS["cvpr2017"].sun_grid)) == 160
+    assert sum(isinstance(m, torch.nn.Conv2d) for m in network.modules()) == 7
+    assert sum(p.numel() for p in network.parameters()) == pytest.approx(45e6, rel=0.02)

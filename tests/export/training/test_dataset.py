@@ -34,9 +34,9 @@ def test_the_light_around_two_places_that_share_a_crop_is_in_the_exposure_of_eac
     both = replace(config, joined=1.0, surroundings=True)
     same, scaled = (TrainingCrops([one, second], EXAMPLES_SPEC, both) for second in (other, brighter))
     for index in range(4):
-        assert len(same._drawn(index)) == 2
+        assert len(same._draw_sources(index)) == 2
         torch.testing.assert_close(same[index].photo, scaled[index].photo)
-        torch.testing.assert_close(same[index].around, scaled[index].around, rtol=1e-4, atol=1e-4)
+        torch.testing.assert_close(same[index].surroundings, scaled[index].surroundings, rtol=1e-4, atol=1e-4)
 
 
 @pytest.mark.usefixtures("llvm")

@@ -30,20 +30,20 @@ def batch(config: TrainConfig) -> Batch:
 def test_the_target_is_the_mean_of_the_teachers_answers(trained: Path, batch: Batch) -> None:
     network = read_network(trained)
     spec = _Run(TrainConfig("", "", "")).spec
-    alone = TeacherEnsemble([trained], spec, batch.photo.device, around=False).targets(batch.photo)
+    alone = TeacherEnsemble([trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
     with torch.inference_mode():
-        said = network(batch.photo)
-    torch.testing.assert_close(alone.sun, said.sun.softmax(dim=1))
-    torch.testing.assert_close(alone.parameters[:, 2:5], _camera(said))
-    assert alone.around.shape == alone.light.shape == (len(batch.photo), 0)
-    twice = TeacherEnsemble([trained, trained], spec, batch.photo.device, around=False).targets(batch.photo)
+        predicted = network(batch.photo)
+    torch.testing.assert_close(alone.sun, predicted.sun.softmax(dim=1))
+    torch.testing.assert_close(alone.parameters[:, 2:5], _camera(predicted))
+    assert alone.surroundings.shape == alone.light.shape == (len(batch.photo), 0)
+    twice = TeacherEnsemble([trained, trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
     torch.testing.assert_close(twice.sun, alone.sun)
 
 
-def _camera(said: NetworkOutput) -> torch.Tensor:
-    return decode_parameters(torch.cat([said.raw[:, :2], mean_of_camera_bins(said.camera), said.raw[:, 5:]], dim=1))[
-        :, 2:5
-    ]
+def _camera(predicted: NetworkOutput) -> torch.Tensor:
+    return decode_parameters(
+        torch.cat([predicted.raw[:, :2], mean_of_camera_bins(predicted.camera), predicted.raw[:, 5:]], dim=1)
+    )[:, 2:5]
 
 
 def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch) -> None:
@@ -51,10 +51,10 @@ def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch
     mixed = mixup(batch, 0.5)
     same = (mixed.photo == batch.photo).flatten(1).all(dim=1)
     assert 0 < int(same.sum()) < len(same)
-    for name in ("sun", "parameters", "seen", "around", "light"):
+    for name in ("sun", "parameters", "sun_in_view", "surroundings", "light"):
         torch.testing.assert_close(getattr(mixed, name)[same], getattr(batch, name)[same], equal_nan=True)
     assert (mixed.sun[~same] == 0).all()
-    assert (mixed.seen[~same] == 0).all()
+    assert (mixed.sun_in_view[~same] == 0).all()
     assert mixed.parameters[~same].isnan().all()
     assert mixed.light[~same].isnan().all()
     torch.testing.assert_close(mixup(batch, 0.0).photo, batch.photo)
@@ -62,31 +62,31 @@ def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch
 
 def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trained: Path, batch: Batch) -> None:
     network = read_network(trained)
-    taught = TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, around=False)
+    taught = TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, surroundings=False)
     answers = taught.targets(batch.photo)
-    said = network(batch.photo)
-    loss = training_losses(said, answers)["sun"]
+    predicted = network(batch.photo)
+    loss = training_losses(predicted, answers)["sun"]
     entropy = -(answers.sun * answers.sun.log()).sum(dim=1).mean()
     assert loss.item() == pytest.approx(entropy.item(), rel=1e-3)
-    (slope,) = torch.autograd.grad(loss, said.sun)
+    (slope,) = torch.autograd.grad(loss, predicted.sun)
     assert slope.abs().max() < 1e-6
 
 
 def test_a_run_is_taught_and_says_by_whom(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
-    own = replace(config, out=str(tmp_path), teachers=(str(trained),), crops=8, batch=4, tune_share=0.0)
-    train_network(own)
+    taught_config = replace(config, out=str(tmp_path), teachers=(str(trained),), crops=8, batch=4, tune_share=0.0)
+    train_network(taught_config)
     logged = json.loads((tmp_path / "log.jsonl").read_text())
     assert logged["taught sun"] > 0
     assert [run["crops"] for run in training_history(read_record(tmp_path))] == [16, 8]
-    train_network(replace(own, workers=0))  # a finished run is taken up again with the same teachers
+    train_network(replace(taught_config, workers=0))  # a finished run is taken up again with the same teachers
     with pytest.raises(DataError, match="another teachers"):
-        train_network(replace(own, teachers=()))
+        train_network(replace(taught_config, teachers=()))
 
 
 def test_who_has_not_learnt_it_cannot_teach_it(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
-    own = replace(config, out=str(tmp_path), teachers=(str(trained),))
+    taught_config = replace(config, out=str(tmp_path), teachers=(str(trained),))
     with pytest.raises(LightingError, match="cannot teach --surroundings"):
-        train_network(replace(own, surroundings=True))
-    for given in ({"teachers": (str(tmp_path / "none"),)}, {"start": str(tmp_path / "none"), "teachers": ()}):
+        train_network(replace(taught_config, surroundings=True))
+    for settings in ({"teachers": (str(tmp_path / "none"),)}, {"start": str(tmp_path / "none"), "teachers": ()}):
         with pytest.raises(LightingError, match="not the folder of a training run"):
-            train_network(replace(own, **given))
+            train_network(replace(taught_config, **settings))

@@ -1,8 +1,8 @@
-"""Tests of loop."""
+"""The training loop and its settings."""
 
 import json
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, fields, replace
 from functools import partial
 from pathlib import Path
 
@@ -15,12 +15,20 @@ from export.crops.crops import load_sources
 from export.crops.targets import CELLS
 from export.data.panoramas import DataError, read_index
 from export.networks.onnx_export import write_onnx
-from export.networks.onnx_import import read_onnx_network, write_run
-from export.networks.outdoor import network_specs
-from export.networks.weights import CHECKPOINT, RECORD, average_weights, averaged_weights, read_record, training_history
-from export.training.config import TrainConfig
+from export.networks.outdoor import TARGET_WIDTH, network_specs
+from export.networks.weights import (
+    CHECKPOINT,
+    RECORD,
+    average_weights,
+    averaged_weights,
+    read_record,
+    training_history,
+    write_run,
+)
+from export.training.config import MAY_CHANGE, TrainConfig
 from export.training.dataset import TrainingCrops
 from export.training.loop import _earlier_commits, _learning_rate, _Run, train_network
+from export.training.onnx_import import _make_record, _read_onnx_network
 
 
 def test_a_run_leaves_what_reproduces_it(trained: Path, config: TrainConfig) -> None:
@@ -56,7 +64,8 @@ def test_networks_that_are_no_runs_are_to_be_started_from(
 ) -> None:
     mean, read = tmp_path / "mean", tmp_path / "read"
     average_weights([trained, trained], mean)
-    write_run(*read_onnx_network(trained_network, 0), trained_network, 0, read)
+    network, metadata = _read_onnx_network(trained_network, 0)
+    write_run(read, _make_record(metadata, trained_network, 0), network.state_dict())
     for folder, made in ((mean, "is the mean of several runs"), (read, "was read back from a file")):
         before = (folder / RECORD).read_bytes()
         with pytest.raises(DataError, match=f"{made}; give it as --start and choose another --out"):
@@ -189,9 +198,9 @@ def test_two_places_may_share_a_crop_and_the_light_around_is_learnt(config: Trai
     sources = load_sources(read_index(config.data, "train"), config.labels)
     run = _Run(both)
     alone, joined = (TrainingCrops(sources, run.spec, c) for c in (config, both))
-    assert {len(joined._drawn(index)) for index in range(8)} == {2}
-    assert all(joined._drawn(index)[0] == alone._drawn(index)[0] for index in range(8))
-    assert [tuple(part.shape) for part in (alone[0].around, joined[0].around)] == [(0,), (3 * CELLS,)]
+    assert {len(joined._draw_sources(index)) for index in range(8)} == {2}
+    assert all(joined._draw_sources(index)[0] == alone._draw_sources(index)[0] for index in range(8))
+    assert [tuple(part.shape) for part in (alone[0].surroundings, joined[0].surroundings)] == [(0,), (3 * CELLS,)]
     assert not torch.equal(alone[0].photo, joined[0].photo)
     train_network(both)
     assert json.loads((Path(both.out) / "log.jsonl").read_text())["around"] > 0
@@ -207,7 +216,7 @@ def test_crops_of_a_stretched_world_have_other_pictures_and_suns(config: TrainCo
     sources = load_sources(read_index(config.data, "train"), config.labels)
     spec = network_specs("1.0.0")["outdoor"]
     as_it_is, other = (TrainingCrops(sources, spec, replace(stretched, stretched=share)) for share in (0.0, 1.0))
-    assert all(as_it_is._drawn(index) == other._drawn(index) for index in range(8))
+    assert all(as_it_is._draw_sources(index) == other._draw_sources(index) for index in range(8))
     for part in ("photo", "sun", "around"):
         assert not any(torch.equal(getattr(as_it_is[i], part), getattr(other[i], part)) for i in range(4))
     train_network(stretched)
@@ -234,3 +243,14 @@ def test_a_run_s_crops_depend_on_the_name_of_its_start_and_not_on_where_that_lie
     ]
     assert torch.equal(photos[0], photos[1])
     assert not torch.equal(photos[0], photos[2])
+
+
+def test_settings_are_plain_values_that_json_keeps() -> None:
+    config = TrainConfig("data", "labels.csv", "out")
+    assert TrainConfig(**json.loads(json.dumps(asdict(config)))) == config
+    assert config.target_width == TARGET_WIDTH["outdoor"]
+
+
+def test_what_may_change_decides_no_crop_and_no_weight() -> None:
+    assert set(MAY_CHANGE) <= {field.name for field in fields(TrainConfig)}
+    assert not set(MAY_CHANGE) & {"data", "crops", "batch", "learning_rate", "start", "synthetic"}

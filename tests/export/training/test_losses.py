@@ -20,12 +20,12 @@ def test_unknown_targets_cost_nothing() -> None:
     logits = torch.tensor([[50.0, -50.0], [1.0, 1.0]])
     nothing = logits[:, :0]
     batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, sun, nothing, nothing, torch.tensor([False, False]))
-    said = NetworkOutput(logits, raw, logits, nothing, nothing, nothing, nothing)
-    parts = training_losses(said, batch)
+    predicted = NetworkOutput(logits, raw, logits, nothing, nothing, nothing, nothing)
+    parts = training_losses(predicted, batch)
     found = {name: part.item() for name, part in parts.items()}
     expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
     assert found == pytest.approx(expected, abs=1e-6)
-    assert "seen" not in training_losses(said._replace(seen=nothing), batch)
+    assert "seen" not in training_losses(predicted._replace(sun_in_view=nothing), batch)
     torch.autograd.backward(sum(parts.values(), torch.zeros(())))
     assert raw.grad is not None
     assert torch.isfinite(raw.grad).all()
@@ -37,12 +37,12 @@ def test_a_likelihood_is_met_by_any_sharp_answer_inside_it() -> None:
     known = torch.tensor([[0.5, 0.5, 0.0, 0.0]])
     costs = {}
     for name, logits in {"sure": [30.0, 0, 0, 0], "even": [30.0, 30.0, 0, 0], "wrong": [0, 0, 30.0, 0]}.items():
-        said = NetworkOutput(torch.tensor([logits]), torch.zeros(1, 6), *[torch.zeros(1, 0)] * 5)
+        predicted = NetworkOutput(torch.tensor([logits]), torch.zeros(1, 6), *[torch.zeros(1, 0)] * 5)
         nan = torch.full((1, 6), float("nan"))
         batch = Batch(
             torch.zeros(1, 3, 1, 1), known, nan, known[:, :0], known[:, :0], known[:, :0], torch.tensor([True])
         )
-        costs[name] = training_losses(said, batch)["sun"].item()
+        costs[name] = training_losses(predicted, batch)["sun"].item()
     assert costs["sure"] == pytest.approx(costs["even"], abs=1e-4)
     assert costs["wrong"] > costs["sure"] + 10
 
@@ -54,10 +54,10 @@ def test_light_and_camera_cost_nothing_where_they_are_right_or_unknown() -> None
     light = torch.tensor([[0.1, 0.2, 0.3, -1.0, -1.1, -1.2, float("nan")]])
     around = torch.zeros(1, 6)
     bins = camera_bin_targets(raw[:, 2:5]).clamp_min(1e-9).log()
-    said = NetworkOutput(empty, raw, empty, around, bins, light.nan_to_num(), empty)
+    predicted = NetworkOutput(empty, raw, empty, around, bins, light.nan_to_num(), empty)
     batch = Batch(torch.zeros(1, 3, 1, 1), empty, parameters, empty, around, light, torch.tensor([False]))
-    parts = training_losses(said, batch)
+    parts = training_losses(predicted, batch)
     assert parts["light"].item() == pytest.approx(0.0, abs=1e-6)
     assert parts["around"].item() == pytest.approx(0.0, abs=1e-6)
-    off = training_losses(said._replace(camera=bins.flip(2).roll(9, 2)), batch)
+    off = training_losses(predicted._replace(camera=bins.flip(2).roll(9, 2)), batch)
     assert off["camera"].item() > parts["camera"].item() + 0.5

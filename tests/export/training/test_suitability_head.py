@@ -12,11 +12,11 @@ import torch
 from export.data.panoramas import DataError
 from export.networks.outdoor import Outdoor, build_network, network_specs
 from export.networks.weights import CHECKPOINT, RECORD, read_network
-from export.training.suitability_head import FALSE_ALARMS, RATES, _caught, _fit, _folds, _write, fit_suitability_head
+from export.training.suitability_head import _FALSE_ALARMS, _RATES, _caught, _fit, _folds, _write, fit_suitability_head
 
 
 def network_with_light() -> Outdoor:
-    return Outdoor(network_specs("0")["outdoor"], 1024, around=True)
+    return Outdoor(network_specs("0")["outdoor"], 1024, has_surroundings=True)
 
 
 def test_good_and_bad_features_are_told_apart_at_the_stated_rate() -> None:
@@ -24,8 +24,8 @@ def test_good_and_bad_features_are_told_apart_at_the_stated_rate() -> None:
     good, other = (torch.randn(n, 20, generator=rng) for n in (400, 2000))
     bad = torch.randn(300, 20, generator=rng) - 1.5
     head = _fit(good, bad, other)
-    assert (head.suits(bad) < 0).float().mean() > 0.9
-    assert (head.suits(other) < 0).float().mean() == pytest.approx(FALSE_ALARMS, abs=0.002)
+    assert (head.logits(bad) < 0).float().mean() > 0.9
+    assert (head.logits(other) < 0).float().mean() == pytest.approx(_FALSE_ALARMS, abs=0.002)
 
 
 def test_pictures_are_judged_by_heads_that_saw_none_of_their_owner() -> None:
@@ -39,7 +39,7 @@ def test_pictures_are_judged_by_heads_that_saw_none_of_their_owner() -> None:
     fold = _folds([name for name in ("c", "a", "b") for _ in range(5)], 4, len(made))
     assert fold.tolist() == [*[0] * 20, *[1] * 20, *[2] * 20, *[-1] * 60]
     seen = _caught(good, other, torch.cat([owners, made]), fold)
-    assert list(seen) == [*RATES]
+    assert list(seen) == [*_RATES]
     rare, more = (values.reshape(6, 20).mean(axis=1) for values in seen.values())
     assert rare[0] > 0.9
     assert rare[3:].min() > 0.9
@@ -67,7 +67,7 @@ def test_the_head_is_written_where_networks_are_read(trained: Path, tmp_path: Pa
             assert network.suitable is not None
             with torch.inference_mode():
                 said.append(network.suitable(part)[:, 0])
-        expected = head.suits(pooled[:, :count])
+        expected = head.logits(pooled[:, :count])
         np.testing.assert_allclose(torch.stack(said).mean(dim=0), expected, rtol=1e-4, atol=1e-4)
 
 

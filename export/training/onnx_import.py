@@ -1,11 +1,11 @@
-"""Read a network's weights back from an ONNX file, to train it further.
+"""A shipped network, read back from its ONNX file as the folder of a run that training can start from.
 
-The file has batch normalisation folded into the convolutions. The networks read back compute the same; `recalibrate`
-gives them statistics again, so that they can train on.
+The file has batch normalisation folded into the convolutions. The network read back computes the same;
+`_recalibrate_batch_norm` gives it statistics again, so that it can train on.
 """
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -13,24 +13,54 @@ from typing import Any
 import numpy as np
 import torch
 from torch import Tensor, nn
+from torch.utils.data import DataLoader
 
+from export.crops.crops import load_sources
 from export.data.panoramas import DataError
 from export.networks.outdoor import HEADS, Outdoor, build_network
-from export.networks.weights import CHECKPOINT, RECORD, check_new
-from lighting.files.atomic import atomic_write
+from export.networks.weights import Json, check_new, write_run
+from export.training.config import TrainConfig
+from export.training.dataset import TrainingCrops, training_panoramas
 from lighting.records import ModelSpec
 
-GROUPS = ("networks", "cameras")  # those of `Served`, in the order in which a file's networks are numbered
+_GROUPS = ("networks", "cameras")  # in the order in which a file's networks are numbered
+_CROPS = 768  # that the statistics are taken from
+_BATCH = 32
 
 
-def read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
+def unpack_network(file: Path, number: int, config: TrainConfig) -> None:
+    """Write a network of an ONNX file into `config.out`, with statistics of training crops.
+
+    Args:
+        file: the graph; its weights lie beside it.
+        number: of the network, from 0.
+        config: names the data, their labels and the folder to write.
+
+    Raises:
+        DataError: if the file holds no such network or if the folder holds a run.
+    """
+    check_new(Path(config.out))
+    network, metadata = _read_onnx_network(file, number)
+    _recalibrate_batch_norm(network, _training_photos(config, ModelSpec.from_json(metadata["spec"])))
+    write_run(Path(config.out), _make_record(metadata, file, number), network.state_dict())
+
+
+def _training_photos(config: TrainConfig, spec: ModelSpec) -> Iterator[Tensor]:
+    kept, _ = training_panoramas(config)
+    crops = TrainingCrops(load_sources(kept, config.labels), spec, config)
+    with torch.inference_mode():
+        for batch in DataLoader(crops, _BATCH, sampler=range(_CROPS), num_workers=config.workers):
+            yield batch.photo.to(memory_format=torch.channels_last)
+
+
+def _read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]:
     """Network `number` (from 0) of a file, and the file's metadata; heads that did not ship have random weights.
 
     DataError if the file is none of `write_onnx`, or holds no such network.
     """
     import onnx
 
-    model = _loaded(file)
+    model = _load_onnx(file)
     metadata = {entry.key: entry.value for entry in model.metadata_props}
     if "spec" not in metadata:
         raise DataError(f"{file} is not a lighting network: its metadata has no 'spec'.")
@@ -42,8 +72,8 @@ def read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]
     if number >= len(prefixes):
         raise DataError(f"{file} holds no network number {number}.")
     prefix = prefixes[number]
-    bins, around = (any(t.startswith(f"{prefix}{head}.") for t in tensors) for head in ("camera", "around"))
-    network = build_network(spec, bins=bins, around=around)
+    bins, surroundings = (any(t.startswith(f"{prefix}{head}.") for t in tensors) for head in ("camera", "around"))
+    network = build_network(spec, has_camera_bins=bins, has_surroundings=surroundings)
     assert isinstance(network, Outdoor)
     missing, _ = network.load_state_dict(_weights(network, tensors, prefix), strict=False)
     if lost := [name for name in missing if not name.startswith((*HEADS, "sun.", "values."))]:
@@ -51,7 +81,7 @@ def read_onnx_network(file: Path, number: int) -> tuple[Outdoor, dict[str, str]]
     return network, metadata
 
 
-def _loaded(file: Path) -> Any:
+def _load_onnx(file: Path) -> Any:
     """The ONNX model in a file; DataError if it is of another kind or damaged."""
     import onnx
     from google.protobuf.message import DecodeError
@@ -64,113 +94,107 @@ def _loaded(file: Path) -> Any:
 
 def _prefixes(tensors: Iterable[str]) -> list[str]:
     """What the tensors of each network are called, by the network's number."""
-    known = {tuple(name.split(".", 2)[:2]) for name in tensors if name.startswith(GROUPS)}
-    return [f"{group}.{number}." for group, number in sorted(known, key=lambda k: (GROUPS.index(k[0]), int(k[1])))]
+    groups = {tuple(name.split(".", 2)[:2]) for name in tensors if name.startswith(_GROUPS)}
+    return [f"{group}.{number}." for group, number in sorted(groups, key=lambda k: (_GROUPS.index(k[0]), int(k[1])))]
 
 
 def _weights(network: nn.Module, tensors: dict[str, Any], prefix: str) -> dict[str, Tensor]:
     """State of a network from a file's tensors; batch normalisation is left to change nothing but to add the bias."""
-    found: dict[str, Tensor] = {}
+    state: dict[str, Tensor] = {}
     folded: dict[str, Tensor] = {}
     for name, module in network.named_modules():
         if isinstance(module, (nn.Conv2d, nn.Linear)):
             for key in ("weight", "bias"):
-                value = _tensor(tensors, f"{prefix}{name}.{key}")
+                value = _find_tensor(tensors, f"{prefix}{name}.{key}")
                 if value is not None and getattr(module, key) is not None:
-                    found[f"{name}.{key}"] = value
-            bias = _tensor(tensors, f"{prefix}{name}.weight_bias")
+                    state[f"{name}.{key}"] = value
+            bias = _find_tensor(tensors, f"{prefix}{name}.weight_bias")
             if bias is not None:
                 folded[name] = bias
         elif isinstance(module, nn.BatchNorm2d) and (bias := folded.get(_before(name))) is not None:
-            found |= {
+            state |= {
                 f"{name}.weight": torch.full_like(bias, (1 + module.eps) ** 0.5),
                 f"{name}.bias": bias,
                 f"{name}.running_mean": torch.zeros_like(bias),
                 f"{name}.running_var": torch.ones_like(bias),
                 f"{name}.num_batches_tracked": torch.tensor(0),
             }
-    return found
+    return state
 
 
 def _before(name: str) -> str:
     """The name of the layer before one in a sequence."""
-    parent, _, place = name.rpartition(".")
-    return f"{parent}.{int(place) - 1}"
+    parent, _, index = name.rpartition(".")
+    return f"{parent}.{int(index) - 1}"
 
 
-def _tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
+def _find_tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
     """A tensor of the file in single precision, stored as it is, in half precision, or as bytes with a scale.
 
     Networks that share first layers, which training leaves as they are, have them under the name of one of them.
     """
     layer = name.split(".", 2)[2]
-    others = [f"{group}.0.{layer}" for group in GROUPS] if _shared(name) else []
-    for known in (name, *others):
-        if known in tensors:
-            return torch.from_numpy(np.array(tensors[known], dtype=np.float32))
-        if f"{known}.half" in tensors:
-            return torch.from_numpy(tensors[f"{known}.half"].astype(np.float32))
-        if f"{known}.bytes" in tensors:
-            values = tensors[f"{known}.bytes"].astype(np.float32)
-            return torch.from_numpy(values * tensors[f"{known}.scale"].reshape(-1, *[1] * (values.ndim - 1)))
+    others = [f"{group}.0.{layer}" for group in _GROUPS] if _is_shared(name) else []
+    for key in (name, *others):
+        if key in tensors:
+            return torch.from_numpy(np.array(tensors[key], dtype=np.float32))
+        if f"{key}.half" in tensors:
+            return torch.from_numpy(tensors[f"{key}.half"].astype(np.float32))
+        if f"{key}.bytes" in tensors:
+            values = tensors[f"{key}.bytes"].astype(np.float32)
+            return torch.from_numpy(values * tensors[f"{key}.scale"].reshape(-1, *[1] * (values.ndim - 1)))
     return None
 
 
-def _shared(name: str) -> bool:
+def _is_shared(name: str) -> bool:
     return any(f".backbone.{part}." in name for part in ("stem", "blocks.0", "blocks.1", "blocks.2"))
 
 
-def recalibrate_batch_norm(network: nn.Module, photos: Iterable[Tensor]) -> None:
+def _recalibrate_batch_norm(network: nn.Module, photos: Iterable[Tensor]) -> None:
     """Give batch normalisations that change nothing the statistics of photos (B, 3, H, W), at the same answers."""
     sums: dict[nn.BatchNorm2d, list[Tensor]] = {}
 
-    def look(module: nn.Module, inputs: tuple[Tensor, ...]) -> None:
+    def add_sums(module: nn.Module, inputs: tuple[Tensor, ...]) -> None:
         assert isinstance(module, nn.BatchNorm2d)
         x = inputs[0]
         new = torch.stack([x.mean(dim=(0, 2, 3)), (x * x).mean(dim=(0, 2, 3))])
         sums.setdefault(module, []).append(new)
 
     trained = [m for m in network.modules() if isinstance(m, nn.BatchNorm2d) and m.weight.requires_grad]
-    hooks = [module.register_forward_pre_hook(look) for module in trained]
+    hooks = [module.register_forward_pre_hook(add_sums) for module in trained]
     network.eval()
     with torch.inference_mode():
         for batch in photos:
             network(batch)
     for hook in hooks:
         hook.remove()
-    for module, seen in sums.items():
-        mean, square = torch.stack(seen).mean(dim=0).clone()
-        _restate(module, mean, (square - mean**2).clamp_min(1e-6))
+    for module, moments in sums.items():
+        mean, square = torch.stack(moments).mean(dim=0).clone()
+        _set_statistics(module, mean, (square - mean**2).clamp_min(1e-6))
 
 
-def _restate(module: nn.BatchNorm2d, mean: Tensor, variance: Tensor) -> None:
+def _set_statistics(module: nn.BatchNorm2d, mean: Tensor, variance: Tensor) -> None:
     """Give a batch normalisation these statistics at the same answers."""
-    before, spread = module.running_mean, module.running_var
-    assert before is not None
-    assert spread is not None
+    old_mean, old_variance = module.running_mean, module.running_var
+    assert old_mean is not None
+    assert old_variance is not None
     with torch.no_grad():
-        slope = module.weight / (spread + module.eps).sqrt()
-        shift = module.bias - before * slope
+        slope = module.weight / (old_variance + module.eps).sqrt()
+        shift = module.bias - old_mean * slope
         module.weight.copy_(slope * (variance + module.eps).sqrt())
         module.bias.copy_(shift + slope * mean)
-        before.copy_(mean)
-        spread.copy_(variance)
+        old_mean.copy_(mean)
+        old_variance.copy_(variance)
 
 
-def write_run(network: Outdoor, metadata: dict[str, str], file: Path, number: int, out: Path) -> None:
-    """Write a network that was read back as the folder of a run, to start from; DataError if `out` holds a run."""
-    check_new(out)
-    before = [run for group in ("training", *GROUPS[1:]) for run in json.loads(metadata.get(group, "[]"))]
+def _make_record(metadata: dict[str, str], file: Path, number: int) -> Json:
+    """The record of a run for a network that was read back."""
+    before = [run for group in ("training", *_GROUPS[1:]) for run in json.loads(metadata.get(group, "[]"))]
     spec = ModelSpec.from_json(metadata["spec"])
-    record = {
+    return {
         "spec": asdict(replace(spec, training_data="")),
         "merged": before[number],
         "panoramas": {"train": [], "tune": []},
         "file": file.name,
         "training_data": spec.training_data,
     }
-    out.mkdir(parents=True, exist_ok=True)
-    with atomic_write(out / RECORD) as path:
-        path.write_text(json.dumps(record, indent=1))
-    with atomic_write(out / CHECKPOINT) as path:
-        torch.save({"average": {f"module.{name}": value for name, value in network.state_dict().items()}}, path)

@@ -12,9 +12,10 @@ from torch import nn
 
 from export.data.panoramas import DataError
 from export.networks.onnx_export import write_onnx
-from export.networks.onnx_import import read_onnx_network, recalibrate_batch_norm, write_run
 from export.networks.outdoor import Outdoor, network_specs
-from export.networks.weights import CHECKPOINT, RECORD, read_network, read_record, training_history
+from export.networks.weights import CHECKPOINT, RECORD, read_network, read_record, training_history, write_run
+from export.training.config import TrainConfig
+from export.training.onnx_import import _make_record, _read_onnx_network, _recalibrate_batch_norm, unpack_network
 from lighting.model import packaged_model
 
 ROUNDED = 0.1  # of the largest value: the file's weights are bytes, and these networks have hardly learnt to tell apart
@@ -32,7 +33,7 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(trained: P
     (camera / RECORD).write_text((trained / RECORD).read_text())
     torch.save({"average": changed}, camera / CHECKPOINT)
     write_onnx([trained], file, cameras=[camera])
-    network, _ = read_onnx_network(file, 0)
+    network, _ = _read_onnx_network(file, 0)
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
         expected, found = read_network(trained)(photo), network.eval()(photo)
@@ -43,39 +44,39 @@ def test_the_shipped_networks_can_be_read_back_with_their_heads() -> None:
     """The first two say everything, the third the camera alone."""
     photo = torch.zeros(1, 3, 224, 224)
     for number in range(2):
-        network, metadata = read_onnx_network(packaged_model(), number)
+        network, metadata = _read_onnx_network(packaged_model(), number)
         with torch.inference_mode():
-            said = network.eval()(photo)
-        assert said.around.shape[1] > 0
-        assert said.light.shape[1] > 0
+            predicted = network.eval()(photo)
+        assert predicted.surroundings.shape[1] > 0
+        assert predicted.light.shape[1] > 0
         assert "panoramas" in metadata["training_data"]
-    camera, metadata = read_onnx_network(packaged_model(), 2)
+    camera, metadata = _read_onnx_network(packaged_model(), 2)
     assert camera.around is None
     assert metadata["networks"] == "3"
 
 
 def test_a_network_read_back_answers_as_before(trained: Path, trained_network: Path, tmp_path: Path) -> None:
-    network, metadata = read_onnx_network(trained_network, 0)
+    network, metadata = _read_onnx_network(trained_network, 0)
     photo = torch.randn(4, 3, 224, 224)
     with torch.inference_mode():
         expected, found = read_network(trained)(photo), network.eval()(photo)
         assert (found.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
         assert (found.raw - expected.raw).abs().max() < ROUNDED * expected.raw.abs().max()
-        recalibrate_batch_norm(network, [photo])
+        _recalibrate_batch_norm(network, [photo])
         again = network(photo)
     torch.testing.assert_close(again.sun, found.sun, rtol=1e-3, atol=1e-4)
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d) and module.weight.requires_grad:
             assert module.running_mean is not None
             assert module.running_mean.abs().max() > 0
-    write_run(network, metadata, trained_network, 0, tmp_path / "run")
+    write_run(tmp_path / "run", _make_record(metadata, trained_network, 0), network.state_dict())
     assert training_history(read_record(tmp_path / "run")) == training_history(read_record(trained))
     read = read_network(tmp_path / "run")
     assert isinstance(read, Outdoor)
     with pytest.raises(DataError, match="already holds a run"):
-        write_run(network, metadata, trained_network, 0, tmp_path / "run")
+        unpack_network(trained_network, 0, TrainConfig("data", "labels.csv", str(tmp_path / "run")))
     with pytest.raises(DataError, match="no network number 1"):
-        read_onnx_network(trained_network, 1)
+        _read_onnx_network(trained_network, 1)
 
 
 def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -> None:
@@ -97,4 +98,11 @@ def test_what_is_no_network_of_ours_is_refused_in_one_sentence(tmp_path: Path) -
         (bare, r"does not hold all weights of network number 0: backbone\.\S+ is missing"),
     ):
         with pytest.raises(DataError, match=words):
-            read_onnx_network(file, 0)
+            _read_onnx_network(file, 0)
+
+
+def test_a_folder_that_cannot_take_a_run_is_refused_before_the_file_is_read(tmp_path: Path) -> None:
+    (tmp_path / CHECKPOINT).touch()
+    for out, words in ((tmp_path, "already holds a run"), (tmp_path / CHECKPOINT, "is a file; a run takes a folder")):
+        with pytest.raises(DataError, match=words):
+            unpack_network(tmp_path / "none.onnx", 0, TrainConfig("data", "labels.csv", str(out)))
