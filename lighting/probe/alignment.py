@@ -1,12 +1,12 @@
-"""Camera orientation from suns and scans.
+"""The orientation of a camera from suns, and of an instrument's scans from clear skies.
 
 One sun leaves the mirror image of a picture as likely as the picture, and a wrong lens shows in the elevation alone.
 Suns of several hours are points on the sphere that the camera and the ephemeris both name; the rotation between them is
 the one of least squares (Kabsch 1976), for each of the lenses tried.
 
-A clear sky is brightest around the sun, and the ephemeris says where that is. One moment leaves two answers, clockwise
-from one direction or counter-clockwise from another, for a clear sky is the same left and right of the sun; as the sun
-moves on, the right answer stays and the wrong one turns at twice the sun's pace. So all moments are fitted together.
+A clear sky is brightest beside the sun, and the ephemeris says where that is. One moment leaves two answers, clockwise
+from one direction or counter-clockwise from another, for a clear sky is the same left and right of the sun. As the sun
+moves on, the right answer stays and the wrong one moves at twice the sun's pace. So all moments are fitted together.
 """
 
 from collections.abc import Iterable, Sequence

@@ -1,4 +1,7 @@
-"""Files of a bracket, times, probe folders."""
+"""The exposures of a bracket: read from files, ordered, grouped by time; and folders of probes.
+
+Probes lie in the layout of the SkyDB, `YYYYMMDD/HHMMSS/envmap.exr`, one a moment.
+"""
 
 import re
 import reprlib
@@ -23,8 +26,6 @@ from lighting.photo.linear import (
     read_metadata_and_exposure,
 )
 from lighting.photo.metadata import PhotoMetadata, to_utc
-
-# The exposures of one bracket, as files and as arrays.
 
 _FLOAT_SUFFIXES = tuple(f".{name}" for name, entry in MAP_FORMATS.items() if entry.read)
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)
@@ -113,7 +114,7 @@ def _read_floats(path: Path) -> NDArray[np.float32]:
     return read(path.read_bytes())
 
 
-# Which files make a bracket, and when it was taken.
+# Brackets as files.
 
 MAX_EXPOSURE_GAP = timedelta(seconds=20)  # between the starts of two exposures from which on another bracket begins
 
@@ -222,7 +223,7 @@ def _time_in_names(folder: Path) -> datetime | None:
         return None
 
 
-# Folders of sky probes in the layout of the SkyDB: `YYYYMMDD/HHMMSS/envmap.exr`, one probe a moment.
+# Folders of probes.
 
 PROBE_FILE = "envmap.exr"
 TIME_ATTRIBUTE = "lighting.time"  # the header's attribute: ISO 8601 with the offset from UTC

@@ -1,11 +1,13 @@
-"""Bracket -> aligned probe -> EXR; sun filled in."""
+"""A bracket becomes a probe: a sky in the world's axes, aligned by its sun, written as OpenEXR.
+
+A sun that no exposure could measure may be taken from the model of the sky beside it.
+"""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,10 +39,8 @@ from lighting.probe.hdr_merge import (
 )
 from lighting.probe.sky_fit import SkyFit, fit_sky
 from lighting.probe.sun_detection import Mask, SunBlob, find_sun_blob
-from lighting.records import Lighting
+from lighting.records import Json, Lighting
 from lighting.solar_position import sun_position
-
-# How and when the exposures of a probe were taken.
 
 MAX_STOPS = 40.0  # of a filter; one for the sun has 17
 
@@ -109,7 +109,7 @@ def _check_finite(what: str, *numbers: float | None) -> None:
         raise ProbeError(f"{what} is told by a number that is not finite.", code=ErrorCode.WRONG_TYPE)
 
 
-# A sun that no exposure could measure, taken from the model of the sky around it.
+# A clipped sun, filled in.
 
 
 def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple[NDArray[np.float32], SunBlob, SkyFit]:
@@ -151,7 +151,7 @@ def _replace_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -
     return filled
 
 
-# From the exposures of a bracket, a time and a place to a sky in the world's axes.
+# From bracket to probe.
 
 SEARCH_HEIGHT = 256  # rows of the map in which the sun is sought before the camera's turn is known
 MAX_SUN_ERROR = 1.0  # deg between the sun found and the ephemeris from which on a warning says so
@@ -331,7 +331,7 @@ def _clipped_sky_share(probe: Probe) -> float:
     return float((upper & (angle_between(directions, probe.spot.direction) > probe.spot.radius + 2)).mean())
 
 
-# A probe as an OpenEXR map with what is known of it in the header.
+# Writing.
 
 
 def probe_output_path(output: str | Path, time: datetime) -> Path:
@@ -368,11 +368,11 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
     return path
 
 
-def _probe_attributes(probe: Probe) -> dict[str, Any]:
+def _probe_attributes(probe: Probe) -> Json:
     """The header's entries: time, the ephemeris's sun, and what the sun's light rests on."""
     utc = probe.moment.time.astimezone(UTC)
     azimuth, elevation = probe.moment.sun
-    attributes: dict[str, Any] = {
+    attributes: Json = {
         TIME_ATTRIBUTE: utc.isoformat(timespec="seconds"),
         "capDate": utc.strftime("%Y:%m:%d %H:%M:%S"),
         "utcOffset": 0.0,

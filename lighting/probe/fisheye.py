@@ -1,7 +1,7 @@
-"""Fisheye and mirror-ball projections, resampling to lat-long.
+"""Projections of a probe's picture (fisheye, mirrored ball, lat-long), and its resampling to a lat-long map.
 
 A camera that looks straight up has the top of its picture towards the south when its right is east, as one has who
-leans back while facing north. Angles are in the camera's own frame of geometry.py until alignment turns them.
+leans back while facing north. Angles are in the camera's frame of geometry.py until alignment rotates them.
 
 The sun may be smaller than a pixel: pictures finer than the map are averaged before, and each pixel of the map is the
 mean of several samples, so that the sum of radiance x solid angle survives.
@@ -16,8 +16,6 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.errors import ErrorCode, ProbeError
 from lighting.geometry import Floats, camera_axes, direction, latlong_pixel
 from lighting.probe.sun_detection import Mask
-
-# Which direction each pixel of a probe's picture shows: fisheye lenses, a mirrored ball, a lat-long panorama.
 
 LensKind = Literal["equidistant", "equisolid", "ball", "latlong"]
 
@@ -185,7 +183,7 @@ def _from_axis(lens: Lens, directions: Floats) -> Floats:
     return np.asarray(directions @ (camera_axes(0.0, 0.0, 0.0).T @ camera_axes(0.0, lens.pitch, 0.0)))
 
 
-# A probe's picture as a lat-long map, with as much light in every direction as the picture has.
+# Resampling to a lat-long map.
 
 _MAX_SAMPLES, _MAX_SAMPLES_OF_SMALL = 4, 6  # per side of a pixel, of maps from and under
 _SMALL_HEIGHT = 256  # rows

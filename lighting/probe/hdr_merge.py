@@ -1,22 +1,20 @@
-"""Exposure ratios, noise model, weighted HDR merge.
+"""Bracketed exposures merged to one picture of radiance: exposure ratios, noise model, weights, rounding.
 
-Where both exposures of a pair are neither clipped nor dark, the short one's values are the long one's divided by the
-ratio, plus what black and rounding leave. A straight line through them, with outliers out-weighted, has the ratio as
-its slope; the errors are nearly all in the short one, so that one is the dependent variable. Where the values differ
+Ratios. Where both exposures of a pair are neither clipped nor dark, the short one's values are the long one's by
+the ratio, plus what black and rounding leave. A straight line through them, with outliers out-weighted, has the ratio
+as its slope; the errors are nearly all in the short one, so that one is the dependent variable. Where the values differ
 hardly more than noise makes them, a line would be too flat, and the ratio is that of the means.
 
-A sky a few of a camera's steps above black is recorded as terraces. Where the noise is so much smaller than a step that
-neighbours round alike, no mean over them tells what lies between two steps; but the true value is within half a step of
-the recorded one, and a sky has no terraces. So such values are smoothed and put back into that interval, over and over
-(projections onto convex sets). The smoothing is a recursive filter along rows and columns that stops where neighbours
-differ by more than a step (Gastal and Oliveira, *Domain transform for edge-aware image and video processing*, SIGGRAPH
-2011), applied as 2 S - S S, which leaves slopes and curves as they are.
+Merging. Each value is weighted by the inverse of its variance, as Hasinoff, Durand and Freeman have it (CVPR 2010), for
+a camera of common size, since a file does not say how many electrons fill its full scale. A clipped value weighs
+nothing, so a pixel that is clipped in every exposure is known to be brighter than the shortest one says, and is marked.
 
-A clipped value weighs nothing, so a pixel that is clipped in every exposure is known to be brighter than the shortest
-one says, and is marked.
-
-As Hasinoff, Durand and Freeman have it (*Noise-optimal capture for high dynamic range photography*, CVPR 2010), for a
-camera of common size, since a file does not say how many electrons fill its full scale.
+Rounding. A sky a few of a camera's steps above black is recorded as terraces. Where the noise is so much smaller than a
+step that neighbours round alike, no mean over them tells what lies between two steps; but the true value is within half
+a step of the recorded one, and a sky has no terraces. So such values are smoothed and put back into that interval, over
+and over (projections onto convex sets). The smoothing is a recursive filter along rows and columns that stops where
+neighbours differ by more than a step (Gastal and Oliveira, SIGGRAPH 2011), applied as 2 S - S S, which leaves slopes
+and curves as they are.
 """
 
 from collections.abc import Sequence
@@ -33,8 +31,6 @@ from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import Bracket
 from lighting.probe.sun_detection import Mask
 
-# The noise of a linear value: reading, rounding and the light itself.
-
 READ_NOISE = 2e-4  # of full scale, where rounding is finer than that
 LIGHT_NOISE = 5e-5  # variance per value: 20,000 electrons at full scale
 
@@ -49,7 +45,7 @@ def _max_terraced_value(step: float) -> float:
     return (step**2 / 4 - READ_NOISE**2) / LIGHT_NOISE
 
 
-# How much longer one exposure of a bracket is than the next: by EXIF, or measured from the pixels.
+# Exposure ratios.
 
 MIN_VALUE, MAX_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
 MIN_SAMPLES = 24  # values that a ratio is measured from
@@ -209,7 +205,7 @@ def _check_exif_ratios(
     )
 
 
-# Bracketed exposures to one picture of radiance, each value weighted by the inverse of its variance.
+# Merging.
 
 _ROWS_AT_ONCE = 128  # merged at once, so that little memory is needed beside the exposures
 
@@ -269,7 +265,7 @@ def _divide(a: Floats, b: Floats) -> Floats:
     return np.asarray(a / np.maximum(b, np.finfo(np.float32).tiny))
 
 
-# What rounding took from the dark of a picture, given back where the picture is smooth.
+# Rounding.
 
 Pixels = NDArray[np.float32]
 

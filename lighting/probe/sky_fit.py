@@ -1,11 +1,10 @@
-"""Turbidity and exposure fitted to a map; cloud cover.
+"""Turbidity, exposure and cloud cover of a map's sky, by the Hosek-Wilkie model fitted to it.
 
 The procedure is the one of "Deep Outdoor Illumination Estimation" (CVPR 2017): hold the sun fixed with a ground albedo
 of 0.3, and fit turbidity and exposure to the sky's pixels by robust non-linear least squares.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,10 +23,8 @@ from lighting.probe.sun_detection import (
     label_regions,
     pixel_solid_angles,
 )
-from lighting.records import GROUND_ALBEDO
+from lighting.records import GROUND_ALBEDO, Json
 from lighting.sky.hosek_wilkie import sky_radiance
-
-# The turbidity and exposure of the Hosek-Wilkie sky that fits a panorama's.
 
 SUN_CLEARANCE = 20.0  # deg around the sun left out: glow and flare
 MIN_SKY = 0.25  # sr, 4 % of the dome
@@ -170,7 +167,7 @@ class SkyState:
     trusted: bool  # whether the fit may be
     cover: float  # share of the sky above LOWEST that the model of the clear sky does not explain, 0 to 1
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """As JSON, with no more digits than the sky tells."""
         return {
             "sun_azimuth": round(self.sun_azimuth, 2),

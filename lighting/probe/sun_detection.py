@@ -1,4 +1,4 @@
-"""The sun in a map: spot, clipping, regions."""
+"""The sun in a lat-long picture: where it is, whether it is clipped, and the light it gives."""
 
 import math
 from dataclasses import dataclass
@@ -19,8 +19,6 @@ from lighting.geometry import (
     latlong_directions,
     latlong_solid_angle,
 )
-
-# Regions of a lat-long picture.
 
 Mask = NDArray[np.bool_]
 
@@ -67,7 +65,7 @@ def pixel_solid_angles(height: int) -> Floats:
     return np.repeat(latlong_solid_angle(height)[:, None], 2 * height, axis=1)
 
 
-# Finding the sun in the pixels of a panorama.
+# The sun in a panorama, which may be clipped at white.
 
 WHITE = 0.98  # of the whitest part of the upper half: pixels above it form the bright regions
 MIN_REGION = 2e-4  # sr, a cap of half a degree: no bright region is smaller
@@ -152,7 +150,7 @@ def _blur(image: Floats, sigma: float) -> Floats:
     return np.asarray(np.fft.irfft(np.fft.rfft(down, axis=1) * decay, n=width, axis=1))
 
 
-# The sun in a measured sky: where it is, whether it is clipped, and the light it gives.
+# The sun in a measured sky, whose clipped pixels are marked.
 
 MIN_SUN_CONTRAST = 200.0  # the sun's pixel / the median above the horizon; sunlit clouds stay under 50
 MAX_CLIPPED_RADIUS = 12.0  # deg, radius of a clipped region that can still be called the sun

@@ -1,9 +1,8 @@
-"""A day of photos: times, masks, exposure and motion checks.
+"""A folder with the photos of one day from a camera that does not move: times, mask, and the checks they must pass.
 
-The moments come from EXIF or from `times.csv` (moments.py); a mask from `mask.png`, white where the thing is.
-
-RAW (rawpy), 16-bit PNG and TIFF and EXR hold linear values; JPEG and 8-bit PNG are taken to be coded in sRGB, which a
-camera's own curve only resembles.
+Times come from EXIF or from `times.csv`; a mask from `mask.png`, white where the thing is. RAW (rawpy), 16-bit PNG and
+TIFF and EXR hold linear values; JPEG and 8-bit PNG are taken to be coded in sRGB, which a camera's curve only
+resembles.
 """
 
 import csv
@@ -24,8 +23,6 @@ from lighting.photo.linear import RAW_SUFFIXES, Curve, read_linear
 from lighting.photo.metadata import HeadingReference, PhotoMetadata, parse_time, to_utc
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.planner import MAX_PROBE_GAP, day_maps, read_skies
-
-# One photo as linear values, with what its EXIF block says of the moment and the exposure.
 
 Pixels = NDArray[np.float32]
 
@@ -171,7 +168,7 @@ def _check_times(times: NDArray[np.datetime64]) -> None:
         raise PhotoError("The photos are of more than one day.")
 
 
-# Whether a camera stood still, from its photos alone.
+# Whether the camera moved.
 
 FloatImage = NDArray[np.float32]
 
@@ -223,9 +220,6 @@ def _measure_shift(a: NDArray[Any], b: NDArray[Any]) -> float:
     return float(np.hypot(down, right) / max(height, width)) if is_clear else 0.0
 
 
-# Measured skies at the moments of photos.
-
-
 def read_nearest_skies(folder: Path, times: NDArray[np.datetime64], utc_offset: float) -> Skies:
     """Read the probes nearest to the moments of photos.
 
@@ -251,7 +245,7 @@ def _nearest_probe(folder: Path, time: Any, utc_offset: float) -> Path:
     return files[moment]
 
 
-# Photos of a day must not differ but in their light.
+# Whether photos differ in more than their light.
 
 _MAX_EXPOSURE_DIFFERENCE = 0.02  # relative difference of exposures that cameras round alike
 
@@ -279,8 +273,6 @@ def _differ(a: float | None, b: float | None) -> bool:
     return a is not None and b is not None and abs(a - b) > _MAX_EXPOSURE_DIFFERENCE * max(a, b)
 
 
-# Whether the light of a day's photos changed in more than its strength, which tells normals apart.
-
 _MIN_VARIATION = (
     0.02  # share of the brightest, below which what differs may be noise; an hour of clear sky leaves 0.025
 )
@@ -302,7 +294,7 @@ def _light_varies(images: NDArray[np.float32], mask: NDArray[np.bool_]) -> bool:
     return bool(residual > _MIN_VARIATION * brightest)
 
 
-# A folder with the photos of one day from a camera that stands still.
+# A whole day.
 
 MASK_FILE = "mask.png"
 MIN_PHOTOS = 3  # photos, for a normal and an albedo

@@ -1,18 +1,18 @@
-"""Exhaustive normal search, shadows, camera frame.
+"""Normals by exhaustive search over a grid, with shadows, in the camera's frame.
 
 A patch of normal n and albedo rho shows b = rho e(n), with e(n) the brightness of a white patch. For each normal of a
 grid the best albedo follows in closed form, and the squared residual is |b|^2 - <b, e / |e|>^2, so that all residuals
 are one matrix product. With Gaussian noise and the prior that a picture of a shape without a preferred side holds
 normals in proportion to their foreshortening, n_z, they give each pixel a distribution over the grid. Its peak is the
 start of one damped step of least squares, within the hemisphere of that normal: there brightness is linear in rho n,
-with the mean light vectors (mean_light.py) as its derivative. Iterating such steps from a single start
-diverges where the hemisphere of the start is another than that of the solution.
+with the mean light vectors (light_vectors.py) as its derivative. Iterating such steps from a single start diverges
+where the hemisphere of the start is another than that of the solution.
 
 A cast shadow leaves a pixel with the sky's light alone, which no normal under the open sun explains. Where the search
 leaves much of the images unexplained, it is repeated with every normal in every pattern of a shadow that ends or begins
 during the day. Shadows that come and go between are not among the patterns.
 
-Camera frame: +X right, +Y up in the picture, +Z towards the camera, so that what is seen has normals of positive Z.
+Camera frame: +X right, +Y up in the picture, +Z towards the camera, so that visible normals have positive Z.
 World axes are those of the maps: +Y up, true north at -Z, east at +X.
 """
 
@@ -26,8 +26,6 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.geometry import Floats, camera_axes
 from lighting.runtime import available_cpus
 from lighting.stereo.light_vectors import Skies, illumination_matrices
-
-# The camera's frame of normals, and how it stands in the world.
 
 
 @dataclass(frozen=True)
@@ -261,7 +259,7 @@ def _fit_albedo(images: Image, shading: Image) -> Image:
     return np.asarray(np.maximum(np.sum(images * shading, axis=1), 0) / power)
 
 
-# Pixels that something hides from the sun in some of the photos.
+# Shadows.
 
 MAX_RESIDUAL_RATIO = 2.0  # times the noise, the residual from which on shadows are thought of
 

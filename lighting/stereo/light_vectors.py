@@ -1,4 +1,4 @@
-"""Mean light vectors, modelled skies.
+"""Mean light vectors of measured and modelled skies.
 
 A patch of unit normal n and albedo rho under radiance L has the brightness b = rho / pi x the integral of
 L(w) <w, n> over the hemisphere above the patch = <l, x> with x = rho n and the mean light vector
@@ -24,8 +24,6 @@ from lighting.records import GROUND_ALBEDO
 from lighting.sky.cie import overcast_luminance
 from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.solar_position import sun_position
-
-# Mean light vectors: what a sky does to a Lambertian patch of a given normal, as one vector.
 
 _CHUNK_WEIGHTS = 1 << 22  # weights of pixels held at once
 
@@ -164,7 +162,7 @@ def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Fl
     return np.asarray(vector[..., None] * sun_irradiance[:, None, :] / np.pi)
 
 
-# Modelled skies of a place at given times, in world axes: north at -Z, east at +X, up +Y.
+# Modelled skies.
 
 SKY_HEIGHT = 64  # rows of a modelled map
 TURBIDITY = 3.0  # of a clear day in the country

@@ -1,8 +1,8 @@
-"""ONNX refinement and its features.
+"""The network that improves a search's normals, and the planes of features that it sees.
 
-Inputs: `by_image`, float32 (1, T, BY_IMAGE, H, W), and `shared`, float32 (1, SHARED, H, W), of features.py, H
-and W multiples of 8. Outputs: `normal`, float32 (1, 3, H, W), unit vectors in the camera frame, and `error`, float32
-(1, 1, H, W), their expected angle to the truth [rad].
+Inputs: `by_image`, float32 (1, T, BY_IMAGE, H, W), and `shared`, float32 (1, SHARED, H, W), T any number of images of a
+day, H and W multiples of 8. Outputs: `normal`, float32 (1, 3, H, W), unit vectors in the camera frame, and `error`,
+float32 (1, 1, H, W), their expected angle to the truth [rad].
 """
 
 from collections.abc import Iterator
@@ -16,8 +16,6 @@ from numpy.typing import NDArray
 from lighting.errors import ModelError
 from lighting.onnx_session import create_session, packaged_network
 from lighting.stereo.grid_search import SearchResult
-
-# What the network of normals sees: each image beside its sun, and what the search says.
 
 Image = NDArray[np.float32]
 
@@ -72,8 +70,6 @@ def _search_planes(search: SearchResult, size: Image, noise: float) -> Image:
     vectors = (search.normal.T, search.mean.T, search.other.T)
     return np.concatenate([*vectors, np.stack(numbers)]).astype(np.float32)
 
-
-# The network of normals: an ONNX file that takes any number of images of a day, run by onnxruntime.
 
 _TILE, _MARGIN = 384, 48  # pixels that are answered at once, and that the network sees beyond them
 _SIZE_MULTIPLE = 8  # pixels, of the sizes that the network takes

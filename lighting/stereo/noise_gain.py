@@ -1,4 +1,4 @@
-"""Noise gain, expected angular error.
+"""Noise gain and expected angular error of normals, and the orientations that a plan is judged by.
 
 With brightnesses b = M x of a patch, x = albedo x normal, and noise of standard deviation sigma in each, least squares
 gives x with covariance sigma^2 (M^T M)^-1. The noise gain of axis k is lambda_k = sqrt of the k-th diagonal of
@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.geometry import Floats, direction
-
-# How much a set of light vectors multiplies the noise of pixels in the normals that photometric stereo finds.
 
 Z_95 = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
 MAX_ERROR = 90.0  # deg, the largest that is stated
@@ -163,7 +161,7 @@ def _sphere_normals(count: int) -> Floats:
     return np.stack([level * np.sin(angle), up, -level * np.cos(angle)], axis=-1)
 
 
-# Orientations of a surface: those a plan is judged by, those it names, and the half sphere it draws.
+# Orientations of a surface.
 
 NamedNormal = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
 

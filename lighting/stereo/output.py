@@ -1,9 +1,9 @@
-"""Depth integration, PNG/EXR/PLY, JSON.
+"""Normals of a thing from photos of one day: a folder in, pictures, a mesh and a record out.
 
 Normals are stored as (n + 1) / 2 of 16 bits in PNG, red x, green y, blue z, and as they are in EXR; outside the mask
 all is 0. Uncertainty is in degrees in EXR and in hundredths of a degree in the 16-bit PNG.
 
-Between two neighbouring pixels the depth changes by the mean of their slopes. Each such pair is one equation, weighted
+Depth: between two neighbouring pixels it changes by the mean of their slopes. Each such pair is one equation, weighted
 by how much both face the camera, since slopes at grazing normals are large and uncertain. The sparse system is solved
 directly (scipy). With a focal length the slopes are those of the logarithm of depth (Durou et al., Normal
 Integration: A Survey, JMIV 2018), without one the camera is orthographic.
@@ -16,7 +16,6 @@ import zlib
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,7 @@ from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.photo.linear import Curve
 from lighting.photo.metadata import FULL_FRAME_DIAGONAL
-from lighting.records import GROUND_ALBEDO
+from lighting.records import GROUND_ALBEDO, Json
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
 from lighting.stereo.grid_search import Pose, SearchProgress, camera_to_world, ignore_progress
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, sun_directions
@@ -35,8 +34,6 @@ from lighting.stereo.network import Network
 from lighting.stereo.schedule import gray_skies
 from lighting.stereo.solver import MIN_NOISE, NormalMap, Session, check_sun_moves, fit_turbidity, solve_normals
 from lighting.validation import check_location
-
-# What a solved day is written as: normals, albedo and uncertainty as pictures, the surface as a mesh.
 
 Image = NDArray[np.float32]
 
@@ -139,13 +136,13 @@ def _ply_header(points: int, faces: int) -> bytes:
     return "\n".join(lines).encode("ascii")
 
 
-def _write_record(target: Path, record: dict[str, Any]) -> None:
+def _write_record(target: Path, record: Json) -> None:
     """Write what is known of the day as JSON."""
     with atomic_write(target) as path:
         path.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
 
 
-# Depth from normals: the surface whose slopes agree best with them, by weighted least squares.
+# Depth from normals.
 
 _MIN_SLOPE_Z = 0.05  # the least n_z that slopes are taken from
 _ANCHOR_WEIGHT = 1e-9  # weight that holds each piece of the surface near 0
@@ -237,7 +234,7 @@ def depth_error(estimated: Floats, truth: Floats, mask: NDArray[np.bool_]) -> fl
     return float(np.mean(np.abs(difference - np.median(difference))))
 
 
-# Normals of a thing from photos of one day: a folder in, pictures and a mesh out.
+# From a folder of photos to its normals.
 
 _TURBIDITY_SKY_HEIGHT = 32  # rows of the skies that a turbidity is found with
 
@@ -276,7 +273,7 @@ class NormalsResult:
     map: NormalMap
     pose: Pose
     focal: float | None  # pixels; None without a lens known
-    record: dict[str, Any]  # as JSON, for people and programs
+    record: Json  # as JSON, for people and programs
     warnings: tuple[str, ...] = ()
 
 
@@ -393,7 +390,7 @@ def _focal_in_pixels(length: float, height: int, width: int) -> float:
     return length / FULL_FRAME_DIAGONAL * float(np.hypot(height, width))
 
 
-def _make_record(normals: NormalMap, names: Sequence[str]) -> dict[str, Any]:
+def _make_record(normals: NormalMap, names: Sequence[str]) -> Json:
     error = normals.error[normals.mask]
     return {
         "photos": list(names),

@@ -3,9 +3,9 @@
 import math
 from dataclasses import dataclass
 from datetime import date
-from typing import Any
 
 from lighting.geometry import Floats
+from lighting.records import Json
 from lighting.validation import check_range
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
@@ -39,7 +39,7 @@ class SurfaceOrientation:
     gain: float  # lambda_max
     interval_95: tuple[float, float, float]  # +- of the normal's components east, up, south
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """As JSON, null for what the light does not resolve."""
         return {
             "name": self.name,
@@ -62,7 +62,7 @@ class Window:
     orientations: tuple[SurfaceOrientation, ...]
     sphere: Floats  # (S, S), lambda_max over the half sphere seen, see `half_sphere`
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """As JSON, times by the clock of the place."""
         return {
             "hours": self.hours,
@@ -90,7 +90,7 @@ class DayScore:
     day: date
     errors: tuple[float, ...]  # deg, least of each length of HOURS, 90 where none fits
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """As JSON."""
         return {"date": self.day.isoformat(), "errors": [_round_finite(error) for error in self.errors]}
 
@@ -103,7 +103,7 @@ class Plan:
     days: tuple[DayScore, ...]
     table: WindowTable
 
-    def to_dict(self) -> dict[str, Any]:
+    def to_dict(self) -> Json:
         """As JSON: angles in deg, times by the clock of the place, null for what the light does not resolve."""
         question = self.question
         return {

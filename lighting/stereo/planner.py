@@ -1,10 +1,9 @@
-"""Request -> plan; measured skies."""
+"""When to photograph: a plan under modelled skies of a place or under measured ones, and its record and headlines."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import date, timedelta, timezone
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +15,7 @@ from lighting.files.exr import read_envmap
 from lighting.geometry import Floats, latlong_directions
 from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.probe.bracket import probes_in
+from lighting.records import Json
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, skies_from_maps
 from lighting.stereo.plan_records import Plan, PlanRequest
 from lighting.stereo.schedule import (
@@ -102,9 +102,6 @@ def _brightest_direction(image: NDArray[np.float32]) -> Floats:
     top = light >= 0.5 * light.max()
     mean = (latlong_directions(len(image))[top] * light[top][:, None]).sum(axis=0)
     return np.asarray(mean / max(float(np.linalg.norm(mean)), 1e-12))
-
-
-# What a plan is asked for, checked, and its answer: under modelled skies of a place or under measured ones.
 
 
 @dataclass(frozen=True)
@@ -194,7 +191,7 @@ def plan_photos(skies: PlanSkies, question: PlanRequest, progress: DayProgress =
     )
 
 
-def plan_record(skies: PlanSkies, plan: Plan) -> dict[str, Any]:
+def plan_record(skies: PlanSkies, plan: Plan) -> Json:
     """Return the question and its answer as JSON.
 
     Args:

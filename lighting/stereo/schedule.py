@@ -1,4 +1,4 @@
-"""Light of a day, candidate windows, ranking.
+"""The windows of a day in which photometric stereo resolves a surface's normals best.
 
 Every window holds the same number of photos, evenly spread from its start to its end, all of one exposure: the one
 that brings the brightest mean light vector of the plan's days to length 1, under a clear sky where skies are modelled.
@@ -41,8 +41,6 @@ from lighting.stereo.noise_gain import (
     window_gram_inverses,
 )
 from lighting.stereo.plan_records import HOURS, DayScore, Plan, PlanRequest, SurfaceOrientation, Window, WindowTable
-
-# The light of one day as a plan reads it: moments, and mean light vectors of any normal at each of them.
 
 Weather = Literal["clear", "overcast", "mixed"]
 
@@ -181,7 +179,7 @@ def gray_skies(skies: Skies) -> Skies:
     return Skies(radiance, skies.sun_direction, (skies.sun_irradiance @ LUMINANCE_WEIGHTS)[:, None])
 
 
-# Windows of a day and what they are worth for given orientations.
+# Windows of a day, scored.
 
 START_STEP = 15.0  # min between the starts of windows
 MIN_WINDOW = 30.0  # min
@@ -256,7 +254,7 @@ def _windows_in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _W
     return _Windows(start[in_light], end[in_light], moments[:, in_light])
 
 
-# When to take the photos: the windows of a day in which photometric stereo resolves a surface's normals best.
+# The plan of the best day.
 
 DayProgress = Callable[[Sequence[date]], Iterable[date]]
 DayReader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine

@@ -1,7 +1,7 @@
-"""Search + network + turbidity -> normal map.
+"""From photos and skies to a map of normals: the noise, the search, the network where it wins; and the turbidity.
 
 Haze dims a low sun more than a high one, which changes the brightnesses over a day as much as normals do. So a wrong
-turbidity bends all of them, and few photographers know it.
+turbidity bends all of them, and few photographers know it: it is fitted to the photos.
 """
 
 from collections.abc import Callable
@@ -25,8 +25,6 @@ from lighting.stereo.grid_search import (
 )
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.network import Network, NormalFeatures, normal_features
-
-# From a day's photos and skies to a map of normals: the noise, the search, and the network where it wins.
 
 Image = NDArray[np.float32]
 
@@ -190,8 +188,6 @@ def check_sun_moves(skies: Skies) -> None:
     if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _MIN_SUN_MOTION:
         raise PhotoError("The sun stands in the same place in all photos; take them over hours.")
 
-
-# The turbidity of a day from the photos themselves: the one whose skies explain them best.
 
 TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy
 

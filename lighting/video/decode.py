@@ -1,12 +1,10 @@
-"""Frames by PyAV: rotation, transfer curve.
+"""A clip's frames by PyAV (FFmpeg), one after another: upright, their pixels square, as sRGB.
 
-Each frame has its own time, so that a rate may vary. A damaged part is left out and told.
+Each frame has its own time, so that a rate may vary. Damaged parts are left out and reported.
 
-The curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perceptual quantiser (PQ, also SMPTE ST
+HDR curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perceptual quantiser (PQ, also SMPTE ST
 2084). Diffuse white, which is 1 in a photo, is where Report ITU-R BT.2408 puts it: 75 % of HLG's signal, 203 cd/m2 of
 PQ. What is brighter is clipped, as photos clip it. Primaries go from BT.2020 to BT.709 by the matrix of Rec. BT.2087.
-
-Rotation and mirror flags make it upright, non-square pixels are stretched, 10-bit HLG and PQ are read by their curves.
 """
 
 import math
@@ -27,8 +25,6 @@ from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
 from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, read_subtitles, subtitle_metadata
-
-# Coded values of HDR video to the sRGB that a photo of the same scene would have.
 
 TRANSFER_CURVES = {
     16: "pq",
@@ -84,7 +80,7 @@ def _srgb_table() -> NDArray[np.uint8]:
     return np.round(srgb_encode(np.arange(_SRGB_STEPS + 1) / _SRGB_STEPS) * 255.0).astype(np.uint8)
 
 
-# A picture that PyAV decoded as it is to be shown: upright, its pixels square, as sRGB.
+# From a decoded picture to upright sRGB.
 
 _AREA, _FULL_CHROMA = 0x20, 0x2000  # flags of libswscale
 _SCALING = {  # by the form that is asked for
@@ -144,7 +140,7 @@ def _resize_picture(picture: Any, width: int, height: int, pixel_format: str) ->
     return np.asarray(resized.to_ndarray())
 
 
-# A clip's frames, upright and as sRGB, one after another; PyAV (FFmpeg) decodes them.
+# The open clip.
 
 FRAME_SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 DECODING_THREADS = 2  # that decode a clip

@@ -1,8 +1,11 @@
-"""Focal length and zoom over time.
+"""The lens of a shot: its field of view, and how its focal length changes where it is zoomed.
 
-Whether it is zoomed at all is judged between keyframes, where a rotation with a focal length for each must explain
-nearly all points and a rotation or a walk less (turns/zoomed.py). If so, each frame's focal length by its keyframe's is
-followed together with its turn. Points of a picture that is divided by its zoom obey all that points of one lens do.
+The field of view is the user's, or what rotations, metadata and the network agree upon.
+
+Whether a lens is zoomed at all is judged between keyframes, where a rotation with a focal length for each must explain
+nearly all points, and a rotation or a walk fewer (registration/two_view.py). If so, each frame's focal length by its
+keyframe's is followed together with its rotation. Points of a picture that is divided by its zoom obey all that points
+of one lens do.
 """
 
 import math
@@ -18,8 +21,6 @@ from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_t
 from lighting.registration.two_view import ONE_LENS, RelativeRotation, estimate_rotation
 from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes, smooth_parabolic
 from lighting.video.tracking import TOLERANCE, ClipMetadata, FrameEstimate, Keyframe, ShotObservations, TrackedFrame
-
-# The lens of a shot: given, or what turning pictures, metadata and the network say of it.
 
 MAX_PAIRS = 10  # of keyframes, from which the lens is learnt
 MIN_PAIRS = 4  # fewer keyframes tell too little of the lens

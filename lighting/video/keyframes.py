@@ -1,8 +1,8 @@
-"""Loop closure, orientations of all frames, smoothing.
+"""Orientations of a shot's frames: loops closed, gaps bridged, trembling smoothed.
 
-Errors of a chain of turns add up; where the camera comes back to what it saw, features of keyframes are matched and
-the loop is closed. Orientations then are those with the least sum of squared differences to all turns (rotation
-averaging; Chatterji and Govindu 2013 describe the steps taken here), turns far off counting little.
+Errors of a chain of rotations add up. Where the camera comes back to what it saw, features of keyframes are matched and
+the loop is closed. Orientations then are those with the least sum of squared differences to all rotations (rotation
+averaging, Chatterjee and Govindu 2013), rotations far off counting little.
 
 Orientations are rotations (3, 3) from the frame of the shot's first camera (x right, y up, it looks along -z) to that
 of a later one.
@@ -29,8 +29,6 @@ from lighting.registration.rotations import (
 from lighting.registration.two_view import RelativeRotation, estimate_rotation
 from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import FrameRotation, Keyframe, ShotObservations, estimate_frame_rotation, is_reliable
-
-# Keyframes in one frame: a graph of turns between them, and the orientations that fit all of them best.
 
 GAP_KEYFRAMES = 2  # keyframes to either side of a gap that are compared
 MIN_LOOP_KEYFRAMES = 5  # keyframes; those nearer in time need no loop
@@ -150,7 +148,7 @@ def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> l
     return pairs
 
 
-# How the camera of a shot was turned, frame by frame, and which way is up.
+# Orientations of all frames, and up.
 
 GIMBAL_INTERVAL = 0.5  # s between the gimbal's angles that count
 
@@ -264,7 +262,7 @@ def sample_gimbal(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, 
     return [(int(i), at) for i in first if (at := gimbal.at(float(time[i]))) is not None]
 
 
-# A camera's path of orientations: its angles, gaps bridged, and what trembles smoothed.
+# The camera's path.
 
 SMOOTHING_WINDOW = (
     5  # frames over which a parabola is fitted; tracking trembles from frame to frame, hands do more slowly

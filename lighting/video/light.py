@@ -1,7 +1,7 @@
-"""One sun for a shot: what the network says of many frames, turned into one frame and multiplied.
+"""One sun for a shot: the network's estimates of many frames, rotated into one frame and multiplied.
 
 Frames that look the same way see the same evidence, so they are averaged in sectors of the camera's heading; memory
-does not grow with the shot. Sectors that overlap are alike in part and count as evidence/overlap.py has it.
+does not grow with the shot. Sectors that overlap are alike in part and count as fusion/likelihood.py has it.
 """
 
 import math

@@ -1,10 +1,10 @@
-"""JSONL, maps, animated scenes.
+"""What `lighting video` writes: a record a frame, a map a shot, and on request scenes, a map a frame and a film.
 
 Records are written as shots end, under the name lighting.jsonl.part, which becomes lighting.jsonl when the clip is
-over: what was done before an interruption stays.
+over: what was finished before an interruption stays.
 
-The scene is that of the shot's first frame, as `lighting scene` writes it. Beside it lies what moves the camera, as the
-tool's entry of EXPORTERS has it.
+A scene is that of the shot's first frame, as `lighting scene` writes it. Beside it lies what moves the camera, as the
+tool's entry of EXPORTERS has it; the sun stands still, and the map has no disc.
 """
 
 import json
@@ -42,8 +42,6 @@ from lighting.video.shot import (
     render_world_map,
     shot_lighting,
 )
-
-# What `lighting video` writes: a record a frame, a map a shot, and on request scenes, a map a frame and a film.
 
 RECORDS_FILE, PARTIAL_FILE, FILM_FILE, FRAMES_FOLDER = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
 _SHOT_MAP_NAME, _FRAME_MAP_NAME = re.compile(r"shot-\d+\.exr"), re.compile(r"\d{6,}\.exr")
@@ -208,9 +206,6 @@ def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float
             folder = job.folder / f"shot-{number}-{job.options.tool}"
             warnings[number] = _write_scene(shot, frame.pixels, job.options.tool, folder, str(job.source), rate)
     return warnings
-
-
-# A shot as a scene for another tool: a camera with key frames, a still sun, the map without its disc.
 
 
 def _write_scene(

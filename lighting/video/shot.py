@@ -1,4 +1,4 @@
-"""Frames -> shots -> light and per-frame records."""
+"""From a clip to its shots: the lens, the camera's path, the one sun of each, and a record of each frame."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -58,8 +58,6 @@ from lighting.video.tracking import (
     TrackedFrame,
     chain_gains,
 )
-
-# Reading a clip: every frame is followed, some are shown to the network.
 
 NETWORK_INTERVAL = 0.2  # s between the frames that the network sees
 MIN_STRETCH_FRAMES = 15  # frames of a new stretch, after which it is compared with what was before
@@ -213,8 +211,6 @@ def is_dark(pixels: Pixels) -> bool:
     return bool(brightness < MIN_BRIGHTNESS)
 
 
-# A shot solved, once its end is known: its lens, the camera's path, its one sun.
-
 MIN_AGREEMENT = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
 _NIGHT_FALLS = (
     "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
@@ -358,7 +354,7 @@ def estimate_north(posterior: Posterior, prior: MetadataPrior) -> float | None:
     return prior.observations.heading
 
 
-# The record of each frame: the shot's one light, as that frame's camera sees it.
+# Records of frames.
 
 
 @dataclass(frozen=True)
@@ -476,9 +472,6 @@ def _round_angle(degrees: Floats | float) -> float:
 def _round_heading(degrees: float) -> float:
     """The same from 0 up to 360."""
     return _round_angle(degrees % 360.0) % 360.0
-
-
-# From a clip to its shots, each solved as soon as it is over.
 
 
 def metadata_of_clip(clip: Clip, user_input: UserInput) -> ClipMetadata:

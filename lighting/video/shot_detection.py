@@ -1,4 +1,4 @@
-"""Cuts and dissolves.
+"""Where shots begin: cuts, and dissolves, in which one picture fades into another one.
 
 About ten times a second a frame is compared with one before and one after it, both moved onto it by dense flow. Where
 things move, each part of the frame is explained by one of the two; in a dissolve only a mixture of both explains it,
@@ -18,8 +18,6 @@ from lighting.registration.features import Matches, import_opencv, resize_to
 from lighting.video.decode import Frame
 from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes
 from lighting.video.tracking import FEATURE_SIDE, Keyframe, ShotObservations, TrackedFrame
-
-# Dissolves: places in a clip where one picture fades into another one.
 
 COMPARISON_INTERVAL = 0.1  # s between the frames that are compared
 MAX_COMPARISON_GAP = 0.25  # s between them, beyond which nothing is told

@@ -1,4 +1,4 @@
-"""What a clip says of how it was taken: the container's metadata, and the subtitles that DJI's drones write beside it.
+"""How a clip was taken, by the container's metadata and by the subtitles that DJI's drones write beside it.
 
 Both are hostile input: whatever cannot be read, or cannot be true, counts as absent.
 """

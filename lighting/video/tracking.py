@@ -1,11 +1,12 @@
-"""KLT tracking, frame rotations, gains; tracked records.
+"""Points tracked from a keyframe (KLT), the rotation and the gain of each frame, and the records of both.
 
 Corners of a keyframe are followed by the pyramidal method of Lucas and Kanade (as OpenCV has it), then compared with
-the keyframe itself, so that errors do not add up from frame to frame. When a frame shares too little with its keyframe,
-it becomes the next one. Where nothing can be followed, a new stretch begins; whether it belongs to the same shot is
-decided by who asks.
+the keyframe itself, so that errors do not add up from frame to frame. A frame that shares too little with its keyframe
+becomes the next one. Where nothing can be followed, a new stretch begins; whether it belongs to the same shot is
+decided by the caller.
 
-Where the camera walks, near things obey none; then the rotation of the essential matrix takes over (turns/parallax.py).
+Where the camera walks, near things obey no rotation; then that of the essential matrix takes over
+(registration/two_view.py).
 """
 
 from collections.abc import Sequence
@@ -229,7 +230,7 @@ def chain_gains(steps: Sequence[TrackedFrame]) -> Floats:
     return np.asarray(relative / relative[0])
 
 
-# How a frame is turned against its keyframe, quickly: a rotation that most followed points obey.
+# Rotation of a frame against its keyframe.
 
 TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
 BLUR_TOLERANCES = 6.0  # tolerances that points may be off where a picture is blurred
@@ -320,7 +321,7 @@ def _refine_rotation(a: Floats, b: Floats, rotation: Floats, reach: float) -> Fr
     return FrameRotation(rotation, float(agrees.mean()), int(agrees.sum()))
 
 
-# What is gathered of a clip while it is read, and what is known beside its pixels.
+# Records of a clip.
 
 
 @dataclass(frozen=True, eq=False)
