@@ -1,16 +1,17 @@
 """JPEG, PNG, WebP, TIFF, RAW headers: sizes, scans, pages, previews.
 
-Of each directory only what decides is read, so that hostile files cost nothing; Pillow reads the page that is chosen.
+Of each directory only what decides is read, so that hostile files cost nothing; Pillow reads the chosen page.
 
-A decoder goes through the whole picture once per scan, however few bytes the scan has: a picture of 4000 x 4000 pixels
-whose 343 kB hold one scan 5,000 times takes 36 s. The markers are found as libjpeg finds them (ITU-T T.81, B.1.1).
+- JPEG: a decoder goes through the whole picture once per scan, however few bytes the scan has. A picture of 4000 x 4000
+  pixels whose 343 kB hold one scan 5,000 times takes 36 s. Markers are found as libjpeg finds them [1].
+- RAW: a preview is found by its markers, not by the maker's tables; cameras store it whole and in one piece.
+- PNG: Pillow reads each chunk in Python, however small; 64 MB of empty chunks would take it most of a minute.
+- WebP: Pillow reads every one as an animation, with room for two of its pictures before it tells their size. In a
+  process whose memory is bounded, a large one would then look damaged.
 
-A preview is found by its markers, not by the maker's own tables: cameras store it whole and in one piece.
-
-Pillow reads each chunk in Python, however small: 64 MB of empty chunks would take it most of a minute.
-
-Pillow reads every WebP as an animation and makes room for two of its pictures when it opens one, before it tells their
-size; in a process whose memory is bounded, a large one would then look damaged.
+References:
+    [1] ITU-T T.81, B.1.1 and A.2.
+    [2] RFC 9649, 2.5 to 2.7.
 """
 
 import struct
@@ -25,47 +26,79 @@ from PIL import Image
 
 from lighting.errors import PhotoError
 
-# A TIFF's pages: which of them is the photo, where the first is a thumbnail of it.
+RAW_FORMAT = "RAW"
 
-_MAX_PAGES = 16  # that are looked at
-_MAX_TAGS = 1000  # of a page that are looked at; they are in ascending order, and the highest one wanted is 34665
-_SENSOR_PHOTOMETRICS = (32803, 34892)  # photometric: colour filter array, linear RAW
+# TIFF
+_MAX_PAGES = 16  # that are read
+_MAX_TAGS = 1000  # of a page that are read; they are in ascending order, and the highest that counts is 34665
+_SENSOR_PHOTOMETRICS = (32803, 34892)  # photometric: color filter array, linear RAW
 _RAW_COMPRESSIONS = (32767, 32769, 34713, 65000, 65535)  # compressions of Sony, Epson, Nikon, Kodak, Pentax
 
 _SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC = 0xFE, 0x100, 0x101, 0x103, 0x106
-_ORIENTATION, _BELOW, _EXIF = 0x112, 0x14A, 0x8769
-_REDUCED, _MASK = 1, 4  # bits of NewSubfileType
-_SMALL = 640  # pixels along the longer side of a thumbnail that does not say that it is one, at most
-_BIG, _PLAIN = 43, 42  # in the header of a TIFF with places of 64 and of 32 bits
-_NUMBERS = {3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # a tag's types of whole numbers, as struct names them
+_ORIENTATION, _SUBDIRECTORIES, _EXIF = 0x112, 0x14A, 0x8769
+_REDUCED_BIT, _MASK_BIT = 1, 4  # bits of NewSubfileType
+_MAX_THUMBNAIL_SIDE = 640  # pixels along the longer side of a thumbnail that does not say that it is one
+_BIG_TIFF, _CLASSIC_TIFF = 43, 42  # in the header of a TIFF with offsets of 64 and of 32 bits
+_INTEGER_TYPES = {3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # a tag's types of whole numbers, as struct names them
 
 _Tags = dict[int, tuple[int, ...]]
+
+# JPEG
+_MAX_SCANS = 40  # libjpeg writes 10 of a color picture and 18 of a CMYK one, mozjpeg's search ends at about as many
+_MAX_SEGMENTS = 4096  # 64 MB need 1,000 of full length; Pillow takes microseconds for each
+
+_SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
+_SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
+_FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
+_DCT = (0xC0, 0xC1, 0xC2)  # what any decoder reads
+_MIN_SEARCH, _MAX_SEARCH = 1 << 9, 1 << 17  # bytes at once: first few, since segments follow each other closely
+
+# RAW
+_MAX_JPEGS = 64  # beginnings of a JPEG that are tried
+
+_RAW_STARTS = (  # CR2, Olympus, Panasonic, Fujifilm, Sigma
+    b"II*\0\x10\0\0\0CR", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILMCCD-RAW", b"FOVb",
+)  # fmt: skip
+_TIFF_STARTS = (b"II*\0", b"MM\0*")
+_JPEG_START = b"\xff\xd8\xff"
+_PREVIEW_HEAD = 1 << 18  # bytes that must hold a preview's size
+_DNG_VERSION = 0xC612
+
+# PNG and WebP
+_MAX_CHUNKS = 20_000  # libpng writes 8 KiB each: 64 MB make 7,800
+
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_CHUNK_OVERHEAD = 12  # bytes of a chunk beside its data: length, name, checksum
+_WEBP_HEAD = 30  # bytes
+_START_OF_FRAME = b"\x9d\x01\x2a"
+_LOSSLESS = 0x2F
 
 
 @dataclass(frozen=True)
 class _Page:
     """A page behind a TIFF's thumbnail."""
 
-    place: bytes  # where its directory lies, as the TIFF writes it
-    named: slice  # where the TIFF names the place of its first directory
-    has_orientation: bool  # whether the page itself says how it is turned
+    offset: bytes  # of its directory, as the TIFF writes it
+    first_offset: slice  # where the TIFF holds the offset of its first directory
+    has_orientation: bool  # whether the page itself has an orientation
     has_exif: bool  # whether the page itself has an EXIF block
 
     def as_first(self, data: bytes) -> bytes:
         """A copy of the TIFF that has this page as its first."""
-        return b"".join((memoryview(data)[: self.named.start], self.place, memoryview(data)[self.named.stop :]))
+        start, stop = self.first_offset.start, self.first_offset.stop
+        return b"".join((memoryview(data)[:start], self.offset, memoryview(data)[stop:]))
 
 
 @dataclass(frozen=True)
 class _Layout:
-    """How a TIFF writes places and counts."""
+    """How a TIFF writes offsets and counts."""
 
     order: str  # of bytes, as struct names it
     big: bool  # whether they have 64 bits
 
     @property
-    def place(self) -> struct.Struct:
-        """A place in the file."""
+    def offset(self) -> struct.Struct:
+        """A position in the file."""
         return struct.Struct(self.order + ("Q" if self.big else "I"))
 
     @property
@@ -75,12 +108,12 @@ class _Layout:
 
     @property
     def tag(self) -> struct.Struct:
-        """A tag's number, type, count of values, and the values or their place."""
+        """A tag's number, type, count of values, and the values or their offset."""
         return struct.Struct(self.order + ("HHQ8s" if self.big else "HHI4s"))
 
     @property
     def first(self) -> int:
-        """Where the place of the first directory stands."""
+        """Where the offset of the first directory is."""
         return 8 if self.big else 4
 
 
@@ -89,17 +122,20 @@ def photo_page(data: bytes) -> _Page | None:
 
     A first page is a thumbnail if it says that it is reduced, or if it is small and another one has its shape and at
     least twice its size.
+
+    Args:
+        data: of any file.
     """
     layout = _layout(data)
     pages = [] if layout is None else list(_pages(data, layout))
     if layout is None or not pages:
         return None
-    found = [(place, tags) for place, tags in pages[1:] if _is_photo(tags) and _is_thumbnail(pages[0][1], tags)]
-    if not found:
+    photos = [(offset, tags) for offset, tags in pages[1:] if _is_photo(tags) and _is_thumbnail(pages[0][1], tags)]
+    if not photos:
         return None
-    place, tags = max(found, key=lambda page: _pixels(page[1]))
-    named = slice(layout.first, layout.first + layout.place.size)
-    return _Page(layout.place.pack(place), named, _ORIENTATION in tags, _EXIF in tags)
+    offset, tags = max(photos, key=lambda page: _pixel_count(page[1]))
+    first_offset = slice(layout.first, layout.first + layout.offset.size)
+    return _Page(layout.offset.pack(offset), first_offset, _ORIENTATION in tags, _EXIF in tags)
 
 
 def _layout(data: bytes) -> _Layout | None:
@@ -107,104 +143,92 @@ def _layout(data: bytes) -> _Layout | None:
     if order is None or len(data) < 16:
         return None
     kind = struct.unpack_from(order + "H", data, 2)[0]
-    return _Layout(order, kind == _BIG) if kind in (_BIG, _PLAIN) else None
+    return _Layout(order, kind == _BIG_TIFF) if kind in (_BIG_TIFF, _CLASSIC_TIFF) else None
 
 
 def _pages(data: bytes, layout: _Layout) -> Iterator[tuple[int, _Tags]]:
-    """Place and tags of the first MOST_PAGES directories, those below others too."""
-    waiting, seen = deque(layout.place.unpack_from(data, layout.first)), set[int]()
-    while waiting and len(seen) < _MAX_PAGES:
-        place = waiting.popleft()
-        if place == 0 or place in seen:
+    """Offset and tags of the first _MAX_PAGES directories, those below others too."""
+    waiting, visited = deque(layout.offset.unpack_from(data, layout.first)), set[int]()
+    while waiting and len(visited) < _MAX_PAGES:
+        offset = waiting.popleft()
+        if offset == 0 or offset in visited:
             continue
-        seen.add(place)
+        visited.add(offset)
         try:
-            tags, following = _directory(data, place, layout)
+            tags, following = _directory(data, offset, layout)
         except (struct.error, OverflowError):  # it ends behind the file's end
             continue
-        yield place, tags
-        waiting.extend((following, *tags.get(_BELOW, ())))
+        yield offset, tags
+        waiting.extend((following, *tags.get(_SUBDIRECTORIES, ())))
 
 
-def _directory(data: bytes, place: int, layout: _Layout) -> tuple[_Tags, int]:
-    """The tags of whole numbers in a directory, and the place of the next one."""
-    (count,) = layout.count.unpack_from(data, place)
-    begin = place + layout.count.size
-    (following,) = layout.place.unpack_from(data, begin + count * layout.tag.size)
-    wanted = (_SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC, _ORIENTATION, _BELOW, _EXIF)
+def _directory(data: bytes, offset: int, layout: _Layout) -> tuple[_Tags, int]:
+    """The tags of whole numbers in a directory, and the offset of the next one."""
+    (count,) = layout.count.unpack_from(data, offset)
+    begin = offset + layout.count.size
+    (following,) = layout.offset.unpack_from(data, begin + count * layout.tag.size)
+    relevant = (_SUBFILE, _WIDTH, _HEIGHT, _COMPRESSION, _PHOTOMETRIC, _ORIENTATION, _SUBDIRECTORIES, _EXIF)
     tags = dict[int, tuple[int, ...]]()
     for entry in layout.tag.iter_unpack(data[begin : begin + min(count, _MAX_TAGS) * layout.tag.size]):
-        if entry[0] in wanted and entry[1] in _NUMBERS:
+        if entry[0] in relevant and entry[1] in _INTEGER_TYPES:
             tags[entry[0]] = _values(data, layout, *entry[1:])
     return tags, following
 
 
 def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) -> tuple[int, ...]:
-    """The first MOST_PAGES values of a tag, which stand inside it if they have room."""
-    numbers = struct.Struct(f"{layout.order}{min(count, _MAX_PAGES)}{_NUMBERS[kind]}")
-    if count * struct.calcsize(layout.order + _NUMBERS[kind]) <= len(inside):
+    """The first MOST_PAGES values of a tag, which are inside it if they have room."""
+    numbers = struct.Struct(f"{layout.order}{min(count, _MAX_PAGES)}{_INTEGER_TYPES[kind]}")
+    if count * struct.calcsize(layout.order + _INTEGER_TYPES[kind]) <= len(inside):
         return numbers.unpack_from(inside)
-    return numbers.unpack_from(data, layout.place.unpack(inside)[0])
+    return numbers.unpack_from(data, layout.offset.unpack(inside)[0])
 
 
 def _is_photo(tags: _Tags) -> bool:
-    """Whether a page is a whole picture in colours, not a sensor's, and no mask of another one."""
+    """Whether a page is a whole picture in colors, not a sensor's, and no mask of another one."""
     finished = (
-        _one(tags, _PHOTOMETRIC) not in _SENSOR_PHOTOMETRICS and _one(tags, _COMPRESSION) not in _RAW_COMPRESSIONS
+        _first_value(tags, _PHOTOMETRIC) not in _SENSOR_PHOTOMETRICS
+        and _first_value(tags, _COMPRESSION) not in _RAW_COMPRESSIONS
     )
-    return finished and not _one(tags, _SUBFILE) & (_REDUCED | _MASK) and _pixels(tags) > 0
+    return finished and not _first_value(tags, _SUBFILE) & (_REDUCED_BIT | _MASK_BIT) and _pixel_count(tags) > 0
 
 
 def _is_thumbnail(first: _Tags, whole: _Tags) -> bool:
     """Whether a TIFF's first page is a thumbnail of another one."""
-    if _is_reduced(first):
+    if _first_value(first, _SUBFILE) & _REDUCED_BIT:
         return True
-    width, height = _one(first, _WIDTH), _one(first, _HEIGHT)
-    scale = _one(whole, _WIDTH) / max(width, 1)
-    fits = abs(_one(whole, _HEIGHT) - scale * height) <= scale  # to a pixel of the thumbnail
-    return 0 < max(width, height) <= _SMALL and scale >= 2 and fits
+    width, height = _first_value(first, _WIDTH), _first_value(first, _HEIGHT)
+    scale = _first_value(whole, _WIDTH) / max(width, 1)
+    fits = abs(_first_value(whole, _HEIGHT) - scale * height) <= scale  # to a pixel of the thumbnail
+    return 0 < max(width, height) <= _MAX_THUMBNAIL_SIDE and scale >= 2 and fits
 
 
-def _is_reduced(tags: _Tags) -> bool:
-    return bool(_one(tags, _SUBFILE) & _REDUCED)
+def _pixel_count(tags: _Tags) -> int:
+    return _first_value(tags, _WIDTH) * _first_value(tags, _HEIGHT)
 
 
-def _pixels(tags: _Tags) -> int:
-    return _one(tags, _WIDTH) * _one(tags, _HEIGHT)
-
-
-def _one(tags: _Tags, tag: int) -> int:
+def _first_value(tags: _Tags, tag: int) -> int:
     """A tag's first value; 0 where it is absent."""
     return next(iter(tags.get(tag, ())), 0)
 
 
-# The scans of a JPEG, counted before it is decoded.
-
-_MAX_SCANS = 40  # libjpeg writes 10 of a colour picture and 18 of a CMYK one, mozjpeg's search ends at about as many
-_MAX_SEGMENTS = 4096  # 64 MB need 1,000 of full length; Pillow takes microseconds for each
-
-_SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
-_SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
-_FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
-_DCT = (0xC0, 0xC1, 0xC2)  # what any decoder reads
-_FEW, _MANY = 1 << 9, 1 << 17  # bytes searched at once: first few, since segments follow each other closely
-
-
 def check_scans(data: bytes) -> None:
-    """Raise PhotoError for a JPEG of more than MOST_SCANS scans or MOST_SEGMENTS segments; other bytes pass.
+    """Raise PhotoError for a JPEG of more than 40 scans or 4096 segments; other bytes pass.
 
-    What follows the scan of a picture that is decoded row by row is not looked at: a decoder refuses another scan.
+    What follows the scan of a picture that is decoded row by row is not read: a decoder refuses another scan.
+
+    Args:
+        data: of any file.
     """
     if not data.startswith(b"\xff\xd8\xff"):
         return
     scans, frame = 0, None
-    for number, (marker, at) in enumerate(_segments(data), 1):
+    for number, (marker, position) in enumerate(_segments(data), 1):
         if number > _MAX_SEGMENTS:
             raise PhotoError(f"The JPEG has more than {_MAX_SEGMENTS} segments, which no camera or editor writes.")
-        frame = at if marker in _FRAMES else frame
+        frame = position if marker in _FRAMES else frame
         if marker != _SOS:
             continue
-        if scans == 0 and _is_by_rows(data, frame, at):
+        if scans == 0 and _is_by_rows(data, frame, position):
             return
         scans += 1
         if scans > _MAX_SCANS:
@@ -214,16 +238,19 @@ def check_scans(data: bytes) -> None:
 def dct_coefficients_per_pixel(data: bytes) -> float:
     """The DCT coefficients per pixel that a decoder holds in memory; 0 for a JPEG that it decodes row by row.
 
-    It holds all of a progressive picture and of any whose first scan lacks a component (T.81, A.2). Chroma at half the
+    It holds all of a progressive picture and of any whose first scan lacks a component [1]. Chroma at half the
     resolution each way makes 1.5 of them, CMYK 4.
+
+    Args:
+        data: of a JPEG; PhotoError where it has no frame.
     """
     frame = None
-    for marker, at in _segments(data):
+    for marker, position in _segments(data):
         if marker == _SOS:
-            if _is_by_rows(data, frame, at):
+            if _is_by_rows(data, frame, position):
                 return 0.0
             break
-        frame = at if marker in _FRAMES else frame
+        frame = position if marker in _FRAMES else frame
     if frame is None:
         raise PhotoError("The JPEG announces no picture.")
     factors = [divmod(data[frame + 11 + 3 * i], 16) for i in range(data[frame + 9])]
@@ -232,44 +259,45 @@ def dct_coefficients_per_pixel(data: bytes) -> float:
 
 
 def _is_by_rows(data: bytes, frame: int | None, scan: int) -> bool:
-    """Whether a first scan holds every component of a sequential frame; both are places of their markers."""
+    """Whether a first scan holds every component of a sequential frame; both are positions of their markers."""
     if frame is None or data[frame + 1] not in _SEQUENTIAL:
         return False
     return data[scan + 4 : scan + 5] == data[frame + 9 : frame + 10] != b""
 
 
 def _frame_size(data: bytes) -> tuple[int, int]:
-    """Width and height that a JPEG's first frame announces; 0, 0 for a lossless one, and where none is found."""
-    for marker, at in _segments(data):
-        if marker in _DCT and len(data) >= at + 9:
-            return int.from_bytes(data[at + 7 : at + 9]), int.from_bytes(data[at + 5 : at + 7])
+    """Width and height that a JPEG's first frame announces; 0, 0 for a lossless one, and without one."""
+    for marker, position in _segments(data):
+        if marker in _DCT and len(data) >= position + 9:
+            height, width = data[position + 5 : position + 7], data[position + 7 : position + 9]
+            return int.from_bytes(width), int.from_bytes(height)
         if marker in _FRAMES or marker == _SOS:
             break
     return 0, 0
 
 
 def _segments(data: bytes) -> Iterator[tuple[int, int]]:
-    """Marker and place of each of the first picture's segments; not what they hold, nor what follows EOI."""
+    """Marker and position of each of the first picture's segments; not what they hold, nor what follows EOI."""
     view = np.frombuffer(data, dtype=np.uint8)
-    at = _next_marker(view, 2)
-    while at is not None and (marker := data[at + 1]) not in (_SOI, _EOI):
-        yield marker, at
-        length = int.from_bytes(data[at + 2 : at + 4])
-        at = _next_marker(view, at + 2 + max(2, length))
+    position = _next_marker(view, 2)
+    while position is not None and (marker := data[position + 1]) not in (_SOI, _EOI):
+        yield marker, position
+        length = int.from_bytes(data[position + 2 : position + 4])
+        position = _next_marker(view, position + 2 + max(2, length))
 
 
 def _next_marker(view: NDArray[np.uint8], start: int) -> int | None:
     """The index of the first 0xFF from `start` on that a marker's code follows."""
-    size = _FEW
+    size = _MIN_SEARCH
     while start < view.size - 1:
         part = view[start : start + size + 1]
-        found = (part[:-1] == 0xFF) & (part[1:] != 0)  # rare in a picture, where every 0xFF is stuffed with a 0
-        if found.any():
-            found &= _is_code(part[1:])
-            first = int(found.argmax())
-            if found[first]:
+        marks = (part[:-1] == 0xFF) & (part[1:] != 0)  # rare in a picture, where every 0xFF is stuffed with a 0
+        if marks.any():
+            marks &= _is_code(part[1:])
+            first = int(marks.argmax())
+            if marks[first]:
                 return start + first
-        start, size = start + size, min(2 * size, _MANY)
+        start, size = start + size, min(2 * size, _MAX_SEARCH)
     return None
 
 
@@ -279,25 +307,15 @@ def _is_code(values: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return (below < 0xD0 - 0x02) | (above < 0xFF - 0xD8)
 
 
-# RAW files: which bytes are one, and the JPEG preview that cameras put into it.
-
-RAW_FORMAT = "RAW"
-_MAX_JPEGS = 64  # beginnings of a JPEG that are looked at
-
-_BEGINNINGS = (  # CR2, Olympus, Panasonic, Fujifilm, Sigma
-    b"II*\0\x10\0\0\0CR", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILMCCD-RAW", b"FOVb",
-)  # fmt: skip
-_TIFF = (b"II*\0", b"MM\0*")
-_JPEG = b"\xff\xd8\xff"
-_PREVIEW_HEAD = 1 << 18  # bytes in which a preview's size must stand
-_DNG_VERSION = 0xC612
-
-
 def is_raw(data: bytes) -> bool:
-    """Whether the bytes begin as a camera's RAW file; TIFF files that hold a finished picture are none."""
-    if data.startswith(_BEGINNINGS) or data[4:12] == b"ftypcrx ":
+    """Whether the bytes begin as a camera's RAW file; TIFF files that hold a finished picture are none.
+
+    Args:
+        data: of any file.
+    """
+    if data.startswith(_RAW_STARTS) or data[4:12] == b"ftypcrx ":
         return True
-    if not data.startswith(_TIFF):
+    if not data.startswith(_TIFF_STARTS):
         return False
     try:
         tags = Image.open(BytesIO(data), formats=["TIFF"]).getexif()
@@ -309,60 +327,62 @@ def is_raw(data: bytes) -> bool:
 
 
 def embedded_preview(data: bytes) -> bytes:
-    """The bytes from the largest JPEG in a RAW file on; raises PhotoError where there is none."""
-    found = (-1, 0)  # pixels, place
-    at = -1
+    """The bytes from the largest JPEG in a RAW file on.
+
+    Args:
+        data: of a RAW file; PhotoError where it holds none.
+    """
+    largest = (-1, 0)  # pixels, position
+    position = -1
     for _ in range(_MAX_JPEGS):
-        at = data.find(_JPEG, at + 1)
-        if at < 0:
+        position = data.find(_JPEG_START, position + 1)
+        if position < 0:
             break
-        width, height = _frame_size(data[at : at + _PREVIEW_HEAD])
-        found = max(found, (width * height, at))
-    if found[0] <= 0:
+        width, height = _frame_size(data[position : position + _PREVIEW_HEAD])
+        largest = max(largest, (width * height, position))
+    if largest[0] <= 0:
         raise PhotoError(
             "The RAW photo holds no preview that can be read; convert it to JPEG or TIFF first, as darktable-cli does."
         )
-    return data[found[1] :]
+    return data[largest[1] :]
 
 
-def open_exif_source(data: bytes, shown: Image.Image) -> Image.Image:
-    """The picture whose EXIF block counts: the RAW file where Pillow reads its tags, else the preview."""
+def open_exif_source(data: bytes, preview: Image.Image) -> Image.Image:
+    """The picture whose EXIF block counts: the file itself where Pillow reads its tags, else the preview.
+
+    Args:
+        data: of a RAW or TIFF file.
+        preview: opened.
+    """
     try:
         return Image.open(BytesIO(data), formats=["TIFF"])
     except Exception:
-        return shown
-
-
-# The chunks of a PNG, counted before it is decoded.
-
-_MAX_CHUNKS = 20_000  # libpng writes 8 KiB each: 64 MB make 7,800
-
-_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_CHUNK_OVERHEAD = 12  # bytes of a chunk beside its data: length, name, checksum
+        return preview
 
 
 def check_chunks(data: bytes) -> None:
-    """Raise PhotoError for a PNG of more than MOST_CHUNKS chunks; other bytes pass."""
-    if not data.startswith(_SIGNATURE):
+    """Raise PhotoError for a PNG of more than 20,000 chunks; other bytes pass.
+
+    Args:
+        data: of any file.
+    """
+    if not data.startswith(_PNG_SIGNATURE):
         return
-    at = len(_SIGNATURE)
+    position = len(_PNG_SIGNATURE)
     for _ in range(_MAX_CHUNKS):
-        if at >= len(data):
+        if position >= len(data):
             return
-        at += _CHUNK_OVERHEAD + int.from_bytes(data[at : at + 4])
-    if at < len(data):
+        position += _CHUNK_OVERHEAD + int.from_bytes(data[position : position + 4])
+    if position < len(data):
         raise PhotoError(f"The PNG has more than {_MAX_CHUNKS} chunks, which no camera or editor writes.")
 
 
-# The size of a WebP, read before Pillow opens it.
-
-_WEBP_HEAD = 30  # bytes
-_START_OF_FRAME = b"\x9d\x01\x2a"
-_LOSSLESS = 0x2F
-
-
 def webp_size(data: bytes) -> tuple[int, int] | None:
-    """Width and height in pixels of a WebP (RFC 9649, 2.5 to 2.7); None for other bytes and for a head that is none."""
+    """Width and height in pixels of a WebP [2]; None for other bytes and for a damaged head.
+
+    Args:
+        data: of any file.
+    """
     if len(data) < _WEBP_HEAD or not data.startswith(b"RIFF") or data[8:12] != b"WEBP":
         return None
     kind, head = data[12:16], data[20:_WEBP_HEAD]

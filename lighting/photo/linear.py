@@ -34,47 +34,50 @@ Curve = Literal["linear", "srgb"]
 
 RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", ".raf", ".rw2", ".rwl")
 _CLIPPED_FROM = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
-_GREY_ALPHA = "LA;16B"  # Pillow's name for grey of 16 bits with transparency in a PNG, of which it keeps half the bits
-_GREYS = ("1", "L", "LA")
-_PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
+_GRAY_ALPHA = "LA;16B"  # Pillow's name for gray of 16 bits with transparency in a PNG, of which it keeps half the bits
+_GRAY_MODES = ("1", "L", "LA")
+_MIN_PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
 
 
 @dataclass(frozen=True, eq=False)
 class LinearPhoto:
     """Linear values of a photo, in units of the sensor's full scale."""
 
-    pixels: Pixels  # (H, W, 3)
+    pixels: Pixels  # (H, W, 3), 0 or more
     white: float  # from which on a channel counts as clipped; infinite where nothing is
     step: float  # the least difference that the file can hold, near black
     exposure: float | None = None  # s x ISO / 100 / f-number^2, from EXIF
     metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
     warnings: tuple[str, ...] = ()
-    grey: bool = False  # whether the file holds one channel, which the pixels repeat
-    coded: bool = False  # whether a curve was taken off
-    doubtful: bool = False  # whether the file says that a curve coded the values which were taken for linear
+    gray: bool = False  # whether the file holds one channel, which the pixels repeat
+    srgb_decoded: bool = False  # whether a curve was taken off
+    gamma_doubtful: bool = False  # whether the file says that a curve coded the values which were taken for linear
 
 
 @dataclass(frozen=True, eq=False)
 class _Stored:
     """A picture as its file holds it."""
 
-    samples: NDArray[Any]  # (H, W, C) of 8 or 16 bits, not turned; C is 1 for grey, else 3
+    samples: NDArray[Any]  # (H, W, C) of 8 or 16 bits, as the sensor had it; C is 1 for gray, else 3
     header: Image.Image
-    told: Image.Image  # whose EXIF block counts
+    exif_source: Image.Image  # whose EXIF block counts
     orientation: int | None  # by EXIF
 
 
-def read_linear(path: str | Path, curve: Curve | None = None, *, turned: bool = False) -> LinearPhoto:
-    """The photo in a file; `curve` says how its values are coded, None what is usual for its number of bits.
+def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool = False) -> LinearPhoto:
+    """The photo in a file. PhotoError where it cannot be read, OSError where it cannot be opened.
 
-    `turned` makes it upright by EXIF; else it stays as the sensor saw it, for cameras that look straight up tell their
-    turn at random. Raises PhotoError for a file that cannot be read, OSError for one that cannot be opened.
+    Args:
+        path: of a PNG, TIFF, JPEG or RAW file.
+        curve: how its values are coded; None: linear for 16 bits, sRGB for 8.
+        upright: rotates it by EXIF. Else it stays as the sensor had it: a camera that looks straight up notes an
+            orientation at random.
     """
     file = Path(path)
     if file.suffix.lower() in RAW_SUFFIXES:
-        return _read_raw(file, turned)
+        return _read_raw(file, upright)
     try:
-        return _read_picture(file, curve, turned)
+        return _read_picture(file, curve, upright)
     except PhotoError as error:
         raise PhotoError(f"{file}: {error}") from error
     except (FileNotFoundError, PermissionError, MemoryError):
@@ -86,20 +89,21 @@ def read_linear(path: str | Path, curve: Curve | None = None, *, turned: bool = 
 
 
 def linear_from_array(pixels: Pixels) -> LinearPhoto:
-    """Linear values (H, W, 3) of a float picture, which count as clipped at their largest where several are just that.
+    """A photo of linear values, which count as clipped at their largest where several are just that.
 
-    Raises PhotoError for values that are not finite.
+    Args:
+        pixels: (H, W, 3) linear Rec.709, finite, else PhotoError.
     """
     if not np.isfinite(pixels).all():
         raise PhotoError("The picture holds values that are not finite numbers.")
     largest = float(pixels.max())
-    clipped = int((pixels == largest).sum()) >= _PLATEAU and largest > 0
+    clipped = int((pixels == largest).sum()) >= _MIN_PLATEAU and largest > 0
     return LinearPhoto(pixels, _CLIPPED_FROM * largest if clipped else float("inf"), 2.0**-14)
 
 
-def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
+def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto:
     stored = _stored(file.read_bytes())
-    samples = make_upright(stored.samples, stored.orientation) if turned else stored.samples
+    samples = make_upright(stored.samples, stored.orientation) if upright else stored.samples
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
     linear = _linear(samples, coded)
@@ -110,28 +114,30 @@ def _read_picture(file: Path, curve: Curve | None, turned: bool) -> LinearPhoto:
         linear,
         white=float(srgb_decode(_CLIPPED_FROM)) if coded else _CLIPPED_FROM,
         step=1 / full / 12.92 if coded else 1 / full,
-        exposure=read_exposure(stored.told),
-        metadata=read_metadata(stored.told, linear.shape[1], linear.shape[0]),
+        exposure=read_exposure(stored.exif_source),
+        metadata=read_metadata(stored.exif_source, linear.shape[1], linear.shape[0]),
         warnings=_warnings(stored.header, full == 255 and curve is None, doubtful),
-        grey=samples.shape[2] == 1,
-        coded=coded,
-        doubtful=doubtful,
+        gray=samples.shape[2] == 1,
+        srgb_decoded=coded,
+        gamma_doubtful=doubtful,
     )
 
 
 def _stored(data: bytes) -> _Stored:
     page = photo_page(data)
-    shown = page.as_first(data) if page else data
-    image = _opened(shown)
+    first_page = page.as_first(data) if page else data
+    image = _open(first_page)
     check_bit_depth(image, all_bits=True)
-    if image.format != "TIFF":  # asked for EXIF once it is decoded, for Pillow decodes a PNG to find that
-        return _Stored(_samples(image, shown), image, image, read_orientation(image))
-    told, own = _opened(shown if page and page.has_exif else data), read_orientation(image)
-    samples = undo_upright(_samples(image, shown), own)  # Pillow has turned it
-    return _Stored(samples, image, told, own if page is None or page.has_orientation else read_orientation(told))
+    if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
+        return _Stored(_samples(image, first_page), image, image, read_orientation(image))
+    exif_source, orientation = _open(first_page if page and page.has_exif else data), read_orientation(image)
+    samples = undo_upright(_samples(image, first_page), orientation)  # Pillow has rotated it
+    if page and not page.has_orientation:
+        orientation = read_orientation(exif_source)
+    return _Stored(samples, image, exif_source, orientation)
 
 
-def _opened(data: bytes) -> Image.Image:
+def _open(data: bytes) -> Image.Image:
     return Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
 
 
@@ -156,33 +162,33 @@ def _warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple[str, 
 
 
 def _samples(image: Any, data: bytes) -> NDArray[Any]:
-    """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for grey, else 3."""
+    """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for gray, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
     if image.mode.startswith("I;16") or image.mode == "I":
         return gray_16_bit(image, tiff_tags(image))[..., None]
-    if modes == {_GREY_ALPHA}:
+    if modes == {_GRAY_ALPHA}:
         image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
         high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]
         return np.asarray((high.astype(np.uint16) << 8 | low)[..., None])
     if image.mode in ("RGB", "RGBA") and any(";16" in mode for mode in modes):
         return np.asarray(image)[..., :3].astype(np.uint16) << 8 | _low_bytes(data)
-    if image.mode in _GREYS:
+    if image.mode in _GRAY_MODES:
         return np.asarray(image.convert("L"))[..., None]
     return np.asarray(image.convert("RGB"))
 
 
 def _low_bytes(data: bytes) -> NDArray[np.uint8]:
-    """The low bytes (H, W, 3) of a picture of 16-bit colours, of which Pillow keeps the high ones.
+    """The low bytes (H, W, 3) of a picture of 16-bit colors, of which Pillow keeps the high ones.
 
-    It keeps the byte that comes last in little-endian order and first in big-endian; told the other order of the one
-    that the file has, it keeps the low byte.
+    It keeps the byte that comes last in little-endian order and first in big-endian. With the other byte order than the
+    file's, it keeps the low byte.
     """
-    image: Any = _opened(data)
-    image.tile = [_told_other_order(tile) for tile in image.tile]
+    image: Any = _open(data)
+    image.tile = [_with_other_byte_order(tile) for tile in image.tile]
     return np.asarray(image)[..., :3]
 
 
-def _told_other_order(tile: Any) -> Any:
+def _with_other_byte_order(tile: Any) -> Any:
     mode = _raw_mode(tile)
     order = mode[-1] if mode[-1] != "N" else "L" if sys.byteorder == "little" else "B"
     other = mode[:-1] + {"L": "B", "B": "L"}[order]
@@ -193,14 +199,14 @@ def _raw_mode(tile: Any) -> str:
     return str(tile.args if isinstance(tile.args, str) else tile.args[0])
 
 
-def _read_raw(file: Path, turned: bool) -> LinearPhoto:
-    pixels, levels = _develop_raw(file.read_bytes(), str(file), turned)
+def _read_raw(file: Path, upright: bool) -> LinearPhoto:
+    pixels, levels = _develop_raw(file.read_bytes(), str(file), upright)
     facts, exposure = read_metadata_and_exposure(file)
     return LinearPhoto(np.asarray(pixels / np.float32(65535)), _CLIPPED_FROM, 1 / levels, exposure, facts)
 
 
-def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint16], int]:
-    """Camera RGB (H, W, 3), 65535 at full scale, and the sensor's number of levels; `turned` as EXIF says.
+def _develop_raw(data: bytes, name: str, upright: bool) -> tuple[NDArray[np.uint16], int]:
+    """Camera RGB (H, W, 3), 65535 at full scale, and the sensor's number of levels.
 
     Demosaiced and balanced for daylight, to Rec.709, without any curve or brightening. Raises PhotoError for what
     cannot be read, under `name`, and without rawpy.
@@ -218,7 +224,7 @@ def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint1
                 user_wb=list(raw.daylight_whitebalance),
                 output_color=rawpy.ColorSpace.sRGB,
                 highlight_mode=rawpy.HighlightMode.Clip,
-                user_flip=None if turned else 0,
+                user_flip=None if upright else 0,
             )
     except rawpy.LibRawError as error:
         raise PhotoError(f"{name} cannot be read as a RAW photo ({error}).") from error
@@ -226,9 +232,12 @@ def _develop_raw(data: bytes, name: str, turned: bool) -> tuple[NDArray[np.uint1
 
 
 def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float | None]:
-    """What the EXIF block of a photo says, and its exposure, without its pixels; nothing where none can be read.
+    """Metadata and exposure of a photo without its pixels; empty and None where no EXIF block can be read.
 
     Most RAW files are TIFF files inside, of which Pillow reads the tags.
+
+    Args:
+        file: path of a photo.
     """
     try:
         with Image.open(file) as image:

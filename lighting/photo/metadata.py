@@ -26,18 +26,139 @@ from lighting.photo.imu import (
     tilt_from_gimbal,
 )
 
-# Times and offsets from UTC as people and cameras write them.
+_Tags = Mapping[int, Any]
+_Value = TypeVar("_Value")
 
-YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is asked
+YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is computed
 UTC_OFFSET_RANGE = (-12.0, 14.0)  # h from UTC of all zones
+FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, to which 35 mm equivalents refer
 
 _TIME = re.compile(r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?")  # Python's reader takes any character for T and space
-
 _OFFSET = re.compile(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", re.ASCII)
+_VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; values outside are clamped
+_TIME_TAGS = (  # local times, the better one first, with their offsets from UTC
+    (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
+    (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
+)
+_EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others are damage
+_SAME_ASPECT = 0.02  # relative difference up to which a picture counts as uncropped
+_MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
+
+
+class HeadingReference(StrEnum):
+    """The north from which a heading counts."""
+
+    TRUE = "true"
+    MAGNETIC = "magnetic"
+
+
+@dataclass(frozen=True)
+class PhotoMetadata:
+    """How a photo was taken; None is unknown. The repr omits the location, so that no log shows it."""
+
+    local_time: datetime | None = None  # naive
+    utc_offset: float | None = None  # h, local minus universal time
+    utc_time: datetime | None = None  # aware
+    latitude: float | None = field(default=None, repr=False)  # deg, positive north
+    longitude: float | None = field(default=None, repr=False)  # deg, positive east; None if latitude is
+    heading: float | None = None  # deg clockwise from `heading_reference`, 0 to 360
+    heading_reference: HeadingReference | None = None
+    focal_length: float | None = None  # mm, of the 36 x 24 mm camera with the same diagonal field of view
+    vertical_fov: float | None = None  # deg, of the upright photo
+    camera_elevation: float | None = None  # deg, positive looks up, of the upright photo
+    camera_roll: float | None = None  # deg, positive turns the camera clockwise; steep cameras have none
+    gravity_source: str | None = None  # of the two: "accelerometer", "gimbal" or "elevation angle"
+    gravity_spread: float | None = None  # deg, standard deviation of the two
+    exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
+
+
+def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
+    """The metadata in an image's EXIF and XMP. Never raises.
+
+    Args:
+        image: opened by Pillow.
+        width: of the upright photo, pixels.
+        height: of the upright photo, pixels.
+    """
+    camera, gps = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
+    xmp = _xmp_properties(image.info.get("xmp"))
+    local_time, utc_offset = _local_time_and_offset(camera)
+    if local_time is None or utc_offset is None:
+        utc_time = _read_or_none(_gps_time, gps)
+    else:
+        utc_time = to_utc(local_time, utc_offset)
+    latitude, longitude = _read_or_none(_gps_location, gps) or (None, None)
+    heading, reference = _read_or_none(_heading, gps), _read_or_none(_heading_reference, gps)
+    if heading is None and (heading := heading_from_xmp(xmp)) is not None:
+        reference = HeadingReference.TRUE
+    focal_length = _read_or_none(_focal_length, camera)
+    uncropped = _read_or_none(lambda tags: _is_uncropped(tags, width / height), camera)
+    fov = vertical_fov_from_focal_length(focal_length, width, height) if focal_length and uncropped else None
+    tilt = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if uncropped else None
+    return PhotoMetadata(
+        local_time=local_time,
+        utc_offset=utc_offset,
+        utc_time=utc_time,
+        latitude=latitude,
+        longitude=longitude,
+        heading=heading,
+        heading_reference=reference,
+        focal_length=focal_length,
+        vertical_fov=fov,
+        camera_elevation=tilt.elevation if tilt else None,
+        camera_roll=tilt.roll if tilt else None,
+        gravity_source=tilt.source if tilt else None,
+        gravity_spread=tilt.std if tilt else None,
+        exposure_value=_read_or_none(_exposure_value, camera),
+    )
+
+
+def read_exposure(image: Image.Image) -> float | None:
+    """Exposure time [s] x ISO / 100 / f-number^2 in an image's EXIF block; None without a time. Never raises.
+
+    Two photos by one lens differ in this as their pixels do. A sensitivity or an f-number that is absent counts as
+    ISO 100 and f/1, for lenses without contacts note none.
+
+    Args:
+        image: opened by Pillow.
+    """
+    return _read_or_none(_exposure, _directory(image, ExifTags.IFD.Exif))
+
+
+def read_orientation(image: Image.Image) -> int | None:
+    """Orientation 1 to 8 by EXIF, or else by XMP, which Pillow reads for it; None without. Never raises.
+
+    Args:
+        image: opened by Pillow.
+    """
+    try:
+        value = image.getexif().get(ExifTags.Base.Orientation)
+    except Exception:  # EXIF is hostile input
+        return None
+    return value if isinstance(value, int) else None
+
+
+def vertical_fov_from_focal_length(focal_length: float, width: int, height: int) -> float:
+    """Vertical field of view of an upright photo in deg, clamped to 5 to 120.
+
+    By the diagonal: the lens covers the photo's diagonal as one of that focal length covers that of 36 x 24 mm.
+
+    Args:
+        focal_length: mm, in 35 mm terms.
+        width: of the upright photo, pixels.
+        height: of the upright photo, pixels.
+    """
+    half_height = 0.5 * FULL_FRAME_DIAGONAL * height / math.hypot(width, height)
+    low, high = _VERTICAL_FOV
+    return min(max(math.degrees(2 * math.atan2(half_height, focal_length)), low), high)
 
 
 def parse_time(text: str) -> datetime:
-    """A moment in ISO 8601, "2024-06-01T14:30", with the offset from UTC if it has one; ParameterError otherwise."""
+    """A moment in ISO 8601, with the offset from UTC if it has one; ParameterError otherwise.
+
+    Args:
+        text: such as "2024-06-01T14:30" or "2024-06-01T14:30+02:00".
+    """
     if not isinstance(text, str):
         raise _no_time(text)
     try:
@@ -60,7 +181,11 @@ def _no_time(text: object) -> ParameterError:
 
 
 def parse_utc_offset(text: str) -> float:
-    """Hours from UTC in "+02:00", "-0330", "5.5" or "Z"; ParameterError otherwise."""
+    """Hours from UTC, -12 to 14; ParameterError otherwise.
+
+    Args:
+        text: such as "+02:00", "-0330", "5.5" or "Z".
+    """
     parts = _OFFSET.fullmatch(text.strip()) if isinstance(text, str) else None
     if not parts:
         sentence = f"{reprlib.repr(text)} is not an offset from UTC such as +02:00 or -3.5."
@@ -83,113 +208,13 @@ def _check_offset(hours: float) -> None:
 
 
 def to_utc(local_time: datetime, utc_offset: float) -> datetime:
-    """A naive local time as an aware one in UTC; the offset is in h."""
+    """A naive local time as an aware one in UTC.
+
+    Args:
+        local_time: naive.
+        utc_offset: h, local minus universal time.
+    """
     return local_time.replace(tzinfo=timezone(timedelta(hours=utc_offset))).astimezone(UTC)
-
-
-# What a photo's EXIF block and XMP packet say of when, where, which way, how held and through which lens.
-
-_Tags = Mapping[int, Any]
-_Value = TypeVar("_Value")
-
-FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, the diagonal that 35 mm equivalents refer to
-
-_VERTICAL_FOV = (5.0, 120.0)  # deg, what an ordinary lens covers; values outside are clamped
-_TIME_TAGS = (  # local times, the better one first, with their offsets from UTC
-    (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
-    (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
-)
-_EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others are damage
-_SAME_ASPECT = 0.02  # relative difference up to which a picture counts as uncropped
-
-
-class HeadingReference(StrEnum):
-    """The north from which a heading counts."""
-
-    TRUE = "true"
-    MAGNETIC = "magnetic"
-
-
-@dataclass(frozen=True)
-class PhotoMetadata:
-    """What is known of how a photo was taken; None is unknown. The repr omits the place, so that no log shows it."""
-
-    local_time: datetime | None = None  # naive
-    utc_offset: float | None = None  # h, local minus universal time
-    utc_time: datetime | None = None  # aware
-    latitude: float | None = field(default=None, repr=False)  # deg, positive north
-    longitude: float | None = field(default=None, repr=False)  # deg, positive east; known if latitude is
-    heading: float | None = None  # deg clockwise from `heading_reference`, 0 to 360
-    heading_reference: HeadingReference | None = None
-    focal_length: float | None = None  # mm, of the 36 x 24 mm camera with the same diagonal field of view
-    vertical_fov: float | None = None  # deg, of the upright photo
-    camera_elevation: float | None = None  # deg, positive looks up, of the upright photo
-    camera_roll: float | None = None  # deg, positive turns the camera clockwise; steep cameras have none
-    gravity_source: str | None = None  # of the two: "accelerometer", "gimbal" or "elevation angle"
-    gravity_spread: float | None = None  # deg, one standard deviation of the two
-    exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
-
-
-def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
-    """The facts in an image's EXIF and XMP; `width` and `height` are those of the upright photo. Never raises."""
-    camera, position = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
-    xmp = _xmp(image.info.get("xmp"))
-    local_time, utc_offset = _clock(camera)
-    place = _read_or_none(_gps_location, position)
-    focal_length = _read_or_none(_focal_length, camera)
-    whole = _read_or_none(lambda tags: _is_uncropped(tags, width / height), camera)
-    compass, gimbal = _read_or_none(_heading, position), heading_from_xmp(xmp)
-    held = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if whole else None
-    return PhotoMetadata(
-        local_time=local_time,
-        utc_offset=utc_offset,
-        utc_time=_read_or_none(_gps_time, position)
-        if local_time is None or utc_offset is None
-        else to_utc(local_time, utc_offset),
-        latitude=None if place is None else place[0],
-        longitude=None if place is None else place[1],
-        heading=gimbal if compass is None else compass,
-        heading_reference=HeadingReference.TRUE
-        if compass is None and gimbal is not None
-        else _read_or_none(_heading_reference, position),
-        focal_length=focal_length,
-        vertical_fov=None
-        if focal_length is None or not whole
-        else vertical_fov_from_focal_length(focal_length, width, height),
-        camera_elevation=None if held is None else held.elevation,
-        camera_roll=None if held is None else held.roll,
-        gravity_source=None if held is None else held.source,
-        gravity_spread=None if held is None else held.spread,
-        exposure_value=_read_or_none(_exposure_value, camera),
-    )
-
-
-def read_exposure(image: Image.Image) -> float | None:
-    """Exposure time [s] x ISO / 100 / f-number^2 in an image's EXIF block; None where no time is noted. Never raises.
-
-    Two photos by one lens differ in this as their pixels do. A sensitivity or an f-number that is absent counts as
-    ISO 100 and f/1, for lenses without contacts note none.
-    """
-    return _read_or_none(_exposure, _directory(image, ExifTags.IFD.Exif))
-
-
-def read_orientation(image: Image.Image) -> int | None:
-    """How the picture is to be turned, 1 to 8, by EXIF or else by XMP, which Pillow reads for it. Never raises."""
-    try:
-        value = image.getexif().get(ExifTags.Base.Orientation)
-    except Exception:  # EXIF is hostile input
-        return None
-    return value if isinstance(value, int) else None
-
-
-def vertical_fov_from_focal_length(focal_length: float, width: int, height: int) -> float:
-    """Vertical field of view [deg] of an upright photo from its focal length [mm] in 35 mm terms, clamped to 5 to 120.
-
-    By the diagonal: the lens covers the photo's diagonal as one of that focal length covers that of 36 x 24 mm.
-    """
-    half_height = 0.5 * FULL_FRAME_DIAGONAL * height / math.hypot(width, height)
-    low, high = _VERTICAL_FOV
-    return min(max(math.degrees(2 * math.atan2(half_height, focal_length)), low), high)
 
 
 def _directory(image: Image.Image, ifd: int) -> _Tags:
@@ -199,18 +224,10 @@ def _directory(image: Image.Image, ifd: int) -> _Tags:
         return {}
 
 
-def _xmp(packet: Any) -> dict[str, str]:
-    """The properties of a picture's XMP packet; the parser is imported for pictures that have one."""
-    if packet is None:
-        return {}
-
-    return _properties(packet)
-
-
 def _camera_tilt(
     tags: _Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]
 ) -> CameraTilt | None:
-    """How the camera was held, by the first source that says it."""
+    """The camera's tilt, by the first source that has it."""
     return (
         _read_or_none(lambda t: tilt_from_accelerometer(t, orientation, size), tags)
         or tilt_from_gimbal(xmp, orientation)
@@ -225,7 +242,7 @@ def _read_or_none(read: Callable[[_Tags], _Value | None], tags: _Tags) -> _Value
         return None
 
 
-def _clock(tags: _Tags) -> tuple[datetime | None, float | None]:
+def _local_time_and_offset(tags: _Tags) -> tuple[datetime | None, float | None]:
     """The first local time that can be read, and the offset of that time: of the picture's, or of its scan's."""
     times = [(_read_or_none(partial(_local_time, time), tags), offset) for time, offset in _TIME_TAGS]
     first = next((time for time, _ in times if time is not None), None)
@@ -249,8 +266,8 @@ def _utc_offset(tag: int, tags: _Tags) -> float:
 def _gps_time(tags: _Tags) -> datetime | None:
     year, month, day = map(int, re.findall(r"\d+", _text(tags[ExifTags.GPS.GPSDateStamp])))
     hours, minutes, seconds = map(_number, tags[ExifTags.GPS.GPSTimeStamp])
-    known = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
-    if not (known and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
+    valid = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
+    if not (valid and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
         return None
     time = datetime(year, month, day, tzinfo=UTC) + timedelta(hours=hours, minutes=minutes, seconds=seconds)
     return _datable(time)
@@ -260,7 +277,7 @@ def _gps_location(tags: _Tags) -> tuple[float, float] | None:
     gps = ExifTags.GPS
     latitude = _angle(tags[gps.GPSLatitude], _text(tags[gps.GPSLatitudeRef]), "NS")
     longitude = _angle(tags[gps.GPSLongitude], _text(tags[gps.GPSLongitudeRef]), "EW")
-    nowhere = latitude == longitude == 0  # many programs write 0, 0 where the place is unknown
+    nowhere = latitude == longitude == 0  # many programs write 0, 0 where the location is unknown
     return (latitude, longitude) if abs(latitude) <= 90 and abs(longitude) <= 180 and not nowhere else None
 
 
@@ -296,7 +313,7 @@ def _exposure(tags: _Tags) -> float | None:
 
 
 def _exposure_value(tags: _Tags) -> float | None:
-    """log2(f-number^2 / time x 100 / ISO); absent unless all three are noted."""
+    """log2(f-number^2 / time x 100 / ISO); absent unless all three exist."""
     base = ExifTags.Base
     time, aperture = _number(tags[base.ExposureTime]), _number(tags[base.FNumber])
     value = math.log2(aperture**2 / time * 100.0 / _iso(tags[base.ISOSpeedRatings]))
@@ -304,13 +321,13 @@ def _exposure_value(tags: _Tags) -> float | None:
     return value if low <= value <= high else None
 
 
-def _iso(noted: Any) -> float:
+def _iso(value: Any) -> float:
     """ISO from a number, or from the first of several."""
-    return _number(noted[0] if isinstance(noted, tuple) else noted)
+    return _number(value[0] if isinstance(value, tuple) else value)
 
 
 def _is_uncropped(tags: _Tags, aspect: float) -> bool:
-    """Whether the photo has the aspect ratio, either way up, that the camera noted; a crop has another lens."""
+    """Whether the photo has the aspect ratio, either way up, that the camera wrote; a crop has another lens."""
     width, height = (tags.get(tag) for tag in (ExifTags.Base.ExifImageWidth, ExifTags.Base.ExifImageHeight))
     if not width or not height:
         return True
@@ -331,13 +348,10 @@ def _text(value: Any) -> str:
     return text.strip("\0 ")
 
 
-_MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
+def _xmp_properties(packet: Any) -> dict[str, str]:
+    """Attributes and elements of an XMP packet by "namespace name", the first of each; empty for what is no XMP.
 
-
-def _properties(packet: Any) -> dict[str, str]:
-    """What attributes and elements hold by "namespace name", the first of each; empty for what is no XMP.
-
-    A namespace stands without the slash at its end, since writers disagree about it. Never raises.
+    Namespaces have no slash at their ends, since writers disagree about it. Never raises.
     """
     if not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
         return {}
@@ -346,14 +360,14 @@ def _properties(packet: Any) -> dict[str, str]:
         reader.parser.Parse(packet.rstrip(b"\0 \t\r\n"), True)
     except (expat.ExpatError, ValueError, LookupError):  # LookupError: an encoding that nobody knows
         return {}
-    return reader.found
+    return reader.properties
 
 
 class _Reader:
     """Collects the properties while expat reads; nothing of it nests, however deep the packet is."""
 
     def __init__(self) -> None:
-        self.found: dict[str, str] = {}
+        self.properties: dict[str, str] = {}
         self._text: list[str] = []
         self.parser = expat.ParserCreate(namespace_separator=" ")
         self.parser.buffer_text = True
@@ -377,4 +391,4 @@ class _Reader:
     def _keep(self, name: str, value: str) -> None:
         namespace, _, local = name.rpartition(" ")
         if text := value.strip():
-            self.found.setdefault(f"{namespace.rstrip('/')} {local}", text)
+            self.properties.setdefault(f"{namespace.rstrip('/')} {local}", text)

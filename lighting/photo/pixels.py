@@ -14,56 +14,18 @@ from PIL import Image, ImageCms
 
 from lighting.errors import PhotoError
 
+Pixels = NDArray[np.uint8]
+
+MAX_KEPT_PIXELS = 32_000_000  # of what is returned, so that photos kept large, as a scene's plate, are bounded too
+
 _GAMMA_TAG = (0.9, 1.1)  # of a PNG whose values are linear
 _LINEAR = ("linear", "g10")  # in the names of profiles without a curve
 _SAME = 2e-3  # of a matrix's entries, by which profiles of the same primaries differ
-
-
-def profile_to_rec709(profile: bytes | None) -> NDArray[np.float32] | None:
-    """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or not told."""
-    try:
-        said = ImageCms.ImageCmsProfile(BytesIO(profile or b"")).profile
-        wanted = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).profile
-        matrix = np.linalg.solve(_to_xyz(wanted), _to_xyz(said))
-    except Exception:  # a bad profile, or one of tables, must not reject a photo
-        return None
-    unfit = not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3), rtol=0.0, atol=_SAME)
-    return None if unfit else np.asarray(matrix, dtype=np.float32)
-
-
-def _to_xyz(profile: Any) -> NDArray[np.float64]:
-    """The matrix (3, 3) from linear red, green and blue to XYZ under D50, to which profiles adapt their white."""
-    return np.array([profile.red_colorant[0], profile.green_colorant[0], profile.blue_colorant[0]]).T
-
-
-def is_gamma_encoded(header: Image.Image) -> bool:
-    """Whether an opened picture says that its values are coded by a curve."""
-    gamma = header.info.get("gamma")
-    if "srgb" in header.info or (gamma is not None and not _GAMMA_TAG[0] <= float(gamma) <= _GAMMA_TAG[1]):
-        return True
-    try:
-        profile = ImageCms.ImageCmsProfile(BytesIO(header.info["icc_profile"]))
-        return not _is_linear(ImageCms.getProfileDescription(profile))
-    except (KeyError, OSError, TypeError, ImageCms.PyCMSError):
-        return False
-
-
-def _is_linear(name: str) -> bool:
-    """Whether an ICC profile's name says that its values are linear."""
-    return any(word in name.lower() for word in _LINEAR)
-
-
-Pixels = NDArray[np.uint8]
-
-MAX_KEPT_PIXELS = (
-    32_000_000  # pixels of what is returned, so that photos kept large, as a scene's plate, are bounded too
-)
-
-_32_BIT_MODES = ("F", "I")  # Pillow's modes of 32 bits, whose range no rule tells
-_STRIP = 1 << 22  # pixels converted at once
+_32_BIT_MODES = ("F", "I")  # Pillow's, whose range no rule tells
+_STRIP_PIXELS = 1 << 22  # converted at once
 _BITS, _PHOTOMETRIC, _PLANAR = 0x102, 0x106, 0x11C  # tags of a TIFF
 _WHITE_IS_ZERO, _PLANES = 0, 2  # what the latter two may say: the order of greys, colours one after another
-_MID_GREY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
+_MID_GRAY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
 _UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
     2: lambda pixels: pixels[:, ::-1],
     3: lambda pixels: pixels[::-1, ::-1],
@@ -76,7 +38,12 @@ _UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright,
 
 
 def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
-    """Raise PhotoError for a TIFF whose colours Pillow does not read: not with `all_bits`, or not at all."""
+    """Raise PhotoError for a TIFF whose colors Pillow does not read.
+
+    Args:
+        image: opened by Pillow; other formats pass.
+        all_bits: whether all bits of its colors are needed, not the high ones alone.
+    """
     if image.format != "TIFF":
         return
     if image.mode in _32_BIT_MODES:
@@ -88,23 +55,31 @@ def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
 
 
 def _are_misread(image: Any, all_bits: bool) -> bool:
-    """Whether a TIFF stores its colours of over 8 bits in planes, of which Pillow reads the high bits if packed."""
+    """Whether a TIFF stores its colors of over 8 bits in planes, of which Pillow reads the high bits if packed."""
     tags = tiff_tags(image)
     wide = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8
     return bool(wide and (all_bits or image.tile[0].codec_name == "raw"))
 
 
 def decode_image(image: Image.Image, target: int) -> None:
-    """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than `target`."""
+    """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than the target.
+
+    Args:
+        image: changed in place.
+        target: pixels, over 0.
+    """
     scale = min(1.0, target / max(image.size))
     image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
     image.load()
 
 
 def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> Pixels:
-    """Pixels (h, w, 3) of the upright picture; the decoded one is given up, for both would take more memory.
+    """Pixels (h, w, 3) of the upright picture, up to MAX_KEPT_PIXELS; PhotoError where it is fully transparent.
 
-    The longer side keeps at least `target` pixels if it has them, up to MAX_KEPT_PIXELS in all.
+    Args:
+        image: decoded; its pixels are freed, for both would take more memory.
+        target: pixels that the longer side keeps at least if it has them.
+        orientation: 1 to 8 by EXIF; None: upright.
     """
     pixels = _converted(image, _factor(*image.size, target))
     image.im = None  # type: ignore[assignment]
@@ -112,13 +87,23 @@ def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> 
 
 
 def make_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
-    """A view of pixels (h, w, C) that is turned as their EXIF orientation says."""
-    turn = _UPRIGHT.get(orientation or 1)
-    return pixels if turn is None else turn(pixels)
+    """A view of pixels that is rotated as their EXIF orientation says.
+
+    Args:
+        pixels: (h, w, C).
+        orientation: 1 to 8; None: upright.
+    """
+    rotate = _UPRIGHT.get(orientation or 1)
+    return pixels if rotate is None else rotate(pixels)
 
 
 def undo_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
-    """The view that `upright` turns into these pixels."""
+    """The view of which `make_upright` makes these pixels.
+
+    Args:
+        pixels: (h, w, C), upright.
+        orientation: 1 to 8; None: upright.
+    """
     return make_upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))
 
 
@@ -132,9 +117,9 @@ def _factor(width: int, height: int, target: int) -> int:
 
 def _converted(image: Image.Image, factor: int) -> Pixels:
     """The picture as sRGB (h, w, 3), each side divided by the factor and rounded up."""
-    rows = factor * max(1, _STRIP // (factor * image.width))
+    rows = factor * max(1, _STRIP_PIXELS // (factor * image.width))
     edges = range(0, image.height, rows)
-    seen = False  # whether a pixel is not fully transparent
+    opaque = False  # whether a pixel is not fully transparent
     out = np.empty((ceil(image.height / factor), ceil(image.width / factor), 3), dtype=np.uint8)
     profile, tags = image.info.get("icc_profile"), tiff_tags(image)
     for top in edges:
@@ -143,12 +128,12 @@ def _converted(image: Image.Image, factor: int) -> Pixels:
         small = _eight_bits(part, tags)
         small = small.reduce(factor) if factor > 1 else small
         if small.mode == "RGBA":
-            seen = seen or small.getchannel("A").getextrema() != (0, 0)
-            small = Image.alpha_composite(Image.new("RGBA", small.size, _MID_GREY), small).convert("RGB")
+            opaque = opaque or small.getchannel("A").getextrema() != (0, 0)
+            small = Image.alpha_composite(Image.new("RGBA", small.size, _MID_GRAY), small).convert("RGB")
         else:
-            seen = True
+            opaque = True
         out[top // factor : top // factor + small.height] = np.asarray(_srgb(small, profile))
-    if not seen:
+    if not opaque:
         raise PhotoError("The photo is fully transparent.")
     return out
 
@@ -163,19 +148,69 @@ def _eight_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
 
 
 def tiff_tags(image: Image.Image) -> Mapping[int, Any]:
-    """A TIFF's tags; none of other pictures."""
+    """A TIFF's tags; none of other pictures.
+
+    Args:
+        image: opened by Pillow.
+    """
     return getattr(image, "tag_v2", {})
 
 
 def gray_16_bit(image: Image.Image, tags: Mapping[int, Any]) -> NDArray[np.uint16]:
-    """Grey values (h, w) of over 8 bits, black at 0 and white at 65535.
+    """Gray values (h, w) of over 8 bits, black at 0 and white at 65535.
 
-    Pillow would clip them to 8 bits, and passes over a TIFF's 12 bits and over white at 0, as its tags tell them.
+    Pillow would clip them to 8 bits, and passes over a TIFF's 12 bits and over white at 0.
+
+    Args:
+        image: of one channel.
+        tags: its `tiff_tags`.
     """
     values: NDArray[Any] = np.asarray(image).astype(np.uint16)
     if tags.get(_BITS) == (12,):
         values = values << 4 | values >> 8
     return 65535 - values if tags.get(_PHOTOMETRIC) == _WHITE_IS_ZERO else values
+
+
+def profile_to_rec709(profile: bytes | None) -> NDArray[np.float32] | None:
+    """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or unknown.
+
+    Args:
+        profile: bytes of an ICC profile, damaged ones too; None: no profile.
+    """
+    try:
+        source = ImageCms.ImageCmsProfile(BytesIO(profile or b"")).profile
+        target = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).profile
+        matrix = np.linalg.solve(_to_xyz(target), _to_xyz(source))
+    except Exception:  # a bad profile, or one of tables, must not reject a photo
+        return None
+    unfit = not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3), rtol=0.0, atol=_SAME)
+    return None if unfit else np.asarray(matrix, dtype=np.float32)
+
+
+def _to_xyz(profile: Any) -> NDArray[np.float64]:
+    """The matrix (3, 3) from linear red, green and blue to XYZ under D50, to which profiles adapt their white."""
+    return np.array([profile.red_colorant[0], profile.green_colorant[0], profile.blue_colorant[0]]).T
+
+
+def is_gamma_encoded(header: Image.Image) -> bool:
+    """Whether an opened picture's header says that its values are coded by a curve.
+
+    Args:
+        header: of a PNG, TIFF or JPEG, opened by Pillow.
+    """
+    gamma = header.info.get("gamma")
+    if "srgb" in header.info or (gamma is not None and not _GAMMA_TAG[0] <= float(gamma) <= _GAMMA_TAG[1]):
+        return True
+    try:
+        profile = ImageCms.ImageCmsProfile(BytesIO(header.info["icc_profile"]))
+        return not _is_linear(ImageCms.getProfileDescription(profile))
+    except (KeyError, OSError, TypeError, ImageCms.PyCMSError):
+        return False
+
+
+def _is_linear(name: str) -> bool:
+    """Whether an ICC profile's name says that its values are linear."""
+    return any(word in name.lower() for word in _LINEAR)
 
 
 def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:

@@ -38,52 +38,6 @@ from lighting.photo.containers import (
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
 
-# How many pixels of each kind of picture may be decoded, so that one photo takes a stated amount of memory.
-
-_BYTES_PER_PIXEL = (
-    4  # that a photo may take for each of the `max_pixels`; a kind that needs more per pixel is given fewer pixels
-)
-_FIXED_BYTES = 64_000_000  # bytes beside, of conversions in strips
-
-_BYTES_PER_COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
-_DECODER_BYTES_PER_PIXEL = {  # by `python -m benchmarks.decoding` (Pillow 13.0.0, pillow-heif 1.8.1), rounded up
-    "JPEG": 1.0,  # decoded row by row, and reduced on the way
-    "PNG": 4.0,  # Pillow's own picture
-    "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
-    "HEIF": 10.0,
-    "TIFF": 16.0,  # a strip as large as the picture, of up to twice the bytes per colour, beside Pillow's own
-    "AVIF": 14.0,
-}
-_FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
-
-
-def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
-    """How many pixels a picture of this kind may have, and the kind's name for people."""
-    kind = "JPEG" if image.format == "MPO" else str(image.format)
-    held = dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
-    if not held:
-        return _max_pixels_of_format(kind, max_pixels), _FORMAT_NAMES[kind]
-    return min(
-        max_pixels, int(max_pixels * _BYTES_PER_PIXEL / (held * _BYTES_PER_COEFFICIENT))
-    ), f"progressive {_FORMAT_NAMES[kind]}"
-
-
-def _max_pixels_of_format(kind: str, max_pixels: int) -> int:
-    """How many pixels a picture of a kind of PER_PIXEL may have."""
-    return min(max_pixels, int(max_pixels * _BYTES_PER_PIXEL / _DECODER_BYTES_PER_PIXEL[kind]))
-
-
-def memory_budget(size: int, max_pixels: int, target: int | None) -> int:
-    """Bytes of memory that reading a photo of `size` bytes may take, with its pixels that are kept and a turned copy.
-
-    `max_pixels` and `target` are those of `read_photo`.
-    """
-    kept = MAX_KEPT_PIXELS if target is None else min(4 * target * target, MAX_KEPT_PIXELS)
-    return _BYTES_PER_PIXEL * max_pixels + _FIXED_BYTES + 2 * size + 6 * kept
-
-
-# Bytes to upright sRGB pixels.
-
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 
 MAX_BYTES = 64_000_000
@@ -99,8 +53,25 @@ _UNREADABLE = "The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that 
 _UNREADABLE_TIFF = (
     "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
 )
-_CHUNK = 1 << 22  # bytes read at once, so that small files need no buffer of the limit's size
+_WARNING_FILTERS = threading.Lock()
+_CHUNK_BYTES = 1 << 22  # read at once, so that small files need no buffer of the limit's size
 _FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")
+_ARRAY_FORMAT = "PIXELS"  # the Photo's `format`
+
+# Memory of decoders, so that one photo takes a stated amount at most.
+_BYTES_PER_PIXEL = 4  # of the `max_pixels`; a kind that needs more per pixel may have fewer pixels
+_FIXED_BYTES = 64_000_000  # bytes beside, of conversions in strips
+
+_BYTES_PER_COEFFICIENT = 2.1  # bytes for each that a JPEG's decoder holds, with its tables
+_DECODER_BYTES_PER_PIXEL = {  # by `python -m benchmarks.decoding` (Pillow 13.0.0, pillow-heif 1.8.1), rounded up
+    "JPEG": 1.0,  # decoded row by row, and reduced on the way
+    "PNG": 4.0,  # Pillow's own picture
+    "WEBP": 18.0,  # lossy and lossless alike: Pillow reads both as animations
+    "HEIF": 10.0,
+    "TIFF": 16.0,  # a strip as large as the picture, of up to twice the bytes per color, beside Pillow's own
+    "AVIF": 14.0,
+}
+_FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +94,14 @@ class Photo:
 
 
 def check_photo(thing: object) -> None:
-    """Raise PhotoError for what is no Photo."""
+    """Raise PhotoError for what is no Photo.
+
+    Args:
+        thing: to check.
+    """
     if not isinstance(thing, Photo):
         kind = type(thing).__name__
-        raise PhotoError(f"A Photo is needed, not {kind}; in lighting.photo, read_photo reads files, photo_of pixels.")
+        raise PhotoError(f"A Photo is needed, not {kind}; read_photo reads files, photo_from_array takes pixels.")
 
 
 def read_photo(
@@ -134,12 +109,18 @@ def read_photo(
 ) -> Photo:
     """The photo in a file, in bytes or in a binary stream.
 
-    Its longer side keeps at least `target` pixels if it has them, and rarely twice as many; None keeps them all. Where
-    more than 32 million would be kept, each side is divided further.
-    Raises PhotoTooLargeError over `max_bytes` or `max_pixels` (at most MOST_PIXELS; fewer for kinds of picture whose
-    decoder needs more memory, see `memory.py`), PhotoError for what is not a photo of at least 32 pixels each way and
-    of an aspect ratio up to 8:1, ParameterError for a `target` that is no number of pixels, OSError for a file that
-    cannot be opened.
+    Args:
+        source: path, bytes or binary stream.
+        max_bytes: of the file.
+        max_pixels: of the picture, at most 178 million; kinds whose decoder needs more memory may have fewer.
+        target: pixels that the longer side keeps at least if it has them, rarely twice as many, and 32 million in all;
+            None: all up to that.
+
+    Raises:
+        PhotoTooLargeError: over `max_bytes` or `max_pixels`.
+        PhotoError: for what is no photo of at least 32 pixels each way and of an aspect ratio up to 8:1.
+        ParameterError: for a `target` that is no number of pixels.
+        OSError: for a file that cannot be opened.
     """
     if target is not None and not (isinstance(target, Integral) and target > 0):
         predicate = f"must be a whole number of pixels over 0, or None, not {target!r}."
@@ -151,11 +132,11 @@ def read_photo(
         page = None if raw else photo_page(data)
         image = _open(page.as_first(data) if page else embedded_preview(data) if raw else data, max_pixels)
         width, height = image.size
-        told = open_exif_source(data, image) if raw or (page and not page.has_exif) else image
+        exif_source = open_exif_source(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
         decode_image(image, side)
         with _no_warnings():
-            orientation = read_orientation(image if page and page.has_orientation else told)
+            orientation = read_orientation(image if page and page.has_orientation else exif_source)
         pixels = upright_pixels(image, side, orientation)
     except PhotoError:
         raise
@@ -165,16 +146,71 @@ def read_photo(
         raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     with _no_warnings():
-        facts = read_metadata(told, width, height)
-    return Photo(pixels, width, height, RAW_FORMAT if raw else str(image.format), facts)
+        metadata = read_metadata(exif_source, width, height)
+    return Photo(pixels, width, height, RAW_FORMAT if raw else str(image.format), metadata)
+
+
+def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:
+    """The Photo of pixels that a program has already, such as a camera's frame.
+
+    They are copied only where their rows are not contiguous. PhotoError for another type or shape; for a size also
+    PhotoTooLargeError, as in `read_photo`.
+
+    Args:
+        pixels: (h, w, 3) 8-bit sRGB, upright: an array, a PIL image in RGB or a tensor in the CPU's memory.
+        metadata: as its EXIF block would have it; None: unknown.
+    """
+    array = check_pixels(pixels)
+    height, width = array.shape[:2]
+    _check_size(width, height, MAX_PIXELS, "photo")
+    return Photo(np.ascontiguousarray(array), width, height, _ARRAY_FORMAT, metadata or PhotoMetadata())
+
+
+def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
+    """How many pixels a picture of this kind may have, and the kind's name for people.
+
+    Args:
+        image: opened, not decoded.
+        data: of its file.
+        max_pixels: of any kind.
+    """
+    kind = "JPEG" if image.format == "MPO" else str(image.format)
+    coefficients = dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
+    if not coefficients:
+        return _max_pixels_of_format(kind, max_pixels), _FORMAT_NAMES[kind]
+    return min(
+        max_pixels, int(max_pixels * _BYTES_PER_PIXEL / (coefficients * _BYTES_PER_COEFFICIENT))
+    ), f"progressive {_FORMAT_NAMES[kind]}"
+
+
+def _max_pixels_of_format(kind: str, max_pixels: int) -> int:
+    """How many pixels a picture of a kind of PER_PIXEL may have."""
+    return min(max_pixels, int(max_pixels * _BYTES_PER_PIXEL / _DECODER_BYTES_PER_PIXEL[kind]))
+
+
+def memory_budget(size: int, max_pixels: int, target: int | None) -> int:
+    """Bytes of memory that reading a photo may take, with the pixels that are kept and a rotated copy.
+
+    Args:
+        size: bytes of the photo.
+        max_pixels: as in `read_photo`.
+        target: as in `read_photo`.
+    """
+    kept = MAX_KEPT_PIXELS if target is None else min(4 * target * target, MAX_KEPT_PIXELS)
+    return _BYTES_PER_PIXEL * max_pixels + _FIXED_BYTES + 2 * size + 6 * kept
 
 
 def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
-    """What a file or a binary stream holds; PhotoError where that is nothing, PhotoTooLargeError over `max_bytes`."""
+    """What a file or a binary stream holds; PhotoError where that is nothing.
+
+    Args:
+        source: path, bytes or binary stream.
+        max_bytes: beyond which it raises PhotoTooLargeError.
+    """
     if isinstance(source, str | os.PathLike):
         with Path(source).open("rb") as stream:
             return read_bytes(stream, max_bytes)
-    data = bytes(source) if isinstance(source, bytes | bytearray | memoryview) else _drain(source, max_bytes + 1)
+    data = bytes(source) if isinstance(source, bytes | bytearray | memoryview) else _read_stream(source, max_bytes + 1)
     if len(data) > max_bytes:
         raise PhotoTooLargeError(f"The photo is larger than the limit of {max_bytes / 1e6:g} MB.")
     if not data:
@@ -182,23 +218,24 @@ def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
     return data
 
 
-def _drain(stream: BinaryIO, limit: int) -> bytes:
+def _read_stream(stream: BinaryIO, limit: int) -> bytes:
     if isinstance(stream, TextIOBase):
         raise PhotoError("The file is open as text; a photo is read from one that is open in binary mode.")
     if isinstance(stream, Photo):
         raise PhotoError("That is a Photo already, which needs no reading; an Estimator takes it.")
     if not hasattr(stream, "read"):
         kind = type(stream).__name__
-        raise PhotoError(f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_of takes pixels.")
+        sentence = f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_from_array takes pixels."
+        raise PhotoError(sentence)
     chunks: list[bytes] = []
-    while limit > 0 and (chunk := stream.read(min(limit, _CHUNK))):
+    while limit > 0 and (chunk := stream.read(min(limit, _CHUNK_BYTES))):
         chunks.append(chunk)
         limit -= len(chunk)
     return b"".join(chunks)
 
 
 def _open(data: bytes, max_pixels: int) -> Image.Image:
-    """The image with its header read and its size found acceptable, before anything is decoded."""
+    """The image with its header read and its size checked, before anything is decoded."""
     formats = [*_FORMATS]
     if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
         formats = [_heif_format()]
@@ -212,7 +249,7 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     except UnidentifiedImageError as error:
         raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else _UNREADABLE) from error
     except Image.DecompressionBombError as error:
-        raise PhotoTooLargeError(_too_many("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
+        raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
     check_bit_depth(image)
     _check_size(*image.size, *pixel_limit(image, data, max_pixels))
     return image
@@ -225,14 +262,14 @@ def _heif_format() -> str:
     return "HEIF"
 
 
-def _too_many(photo: str, limit: int) -> str:
+def _size_sentence(photo: str, limit: int) -> str:
     return f"{photo} has more than its limit of {limit / 1e6:g} million pixels."
 
 
 def _check_size(width: int, height: int, limit: int, kind: str) -> None:
     """Raise PhotoTooLargeError over `limit` pixels, PhotoError for a photo too small or too long; `kind` names it."""
     if width * height > limit:
-        raise PhotoTooLargeError(_too_many(f"The {kind} of {width} x {height} pixels", limit))
+        raise PhotoTooLargeError(_size_sentence(f"The {kind} of {width} x {height} pixels", limit))
     if min(width, height) < MIN_SIDE:
         raise PhotoError(f"The photo is {width} x {height} pixels; each side must have at least {MIN_SIDE}.")
     if max(width, height) > MAX_ASPECT * min(width, height):
@@ -245,31 +282,9 @@ def _reason(error: Exception) -> str:
     return str(error).strip().rstrip(".").splitlines()[0] if str(error).strip() else type(error).__name__
 
 
-_WARNING_FILTERS = threading.Lock()
-
-
 @contextmanager
 def _no_warnings() -> Iterator[None]:
     """Silence about oddities of a file; the filters belong to the whole process, so one thread at a time."""
     with _WARNING_FILTERS, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
-
-
-# Pixels that a program already holds, such as a camera's frame, as a Photo.
-
-_ARRAY_FORMAT = "PIXELS"  # the Photo's `format`
-
-
-def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:
-    """The Photo of upright pixels (h, w, 3), 8-bit sRGB in the order red, green, blue.
-
-    An array, a PIL image in RGB or a tensor in the CPU's memory will do; the pixels are copied only where their rows
-    are not contiguous. `metadata` is what is known of the photo, as its EXIF block would say it.
-    Raises PhotoError for another type or shape, and PhotoError or PhotoTooLargeError for a size that `read_photo`
-    refuses.
-    """
-    array = check_pixels(pixels)
-    height, width = array.shape[:2]
-    _check_size(width, height, MAX_PIXELS, "photo")
-    return Photo(np.ascontiguousarray(array), width, height, _ARRAY_FORMAT, metadata or PhotoMetadata())

@@ -14,7 +14,7 @@ import pickle
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from threading import Event, Timer
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -35,19 +35,29 @@ from lighting.runtime import (
 if TYPE_CHECKING:
     from subprocess import Popen
 
-# A process that decodes photos for another one: apart.py starts and stops it.
+MAX_DECODE_SECONDS = 10.0  # for a photo: five times the slowest that `benchmarks.decoding` reads, on a busy CPU
 
+_WORKER_CODE = "from lighting.photo.sandbox import serve_decoder; serve_decoder()"
+
+_START_SECONDS = 300.0  # on a machine that is busy with other work
+_PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
+_ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more than decoding into it
+    "MALLOC_MMAP_MAX_": str(1 << 16),  # glibc's own, since those of a caller could loosen the bound
+    "MALLOC_TOP_PAD_": str(1 << 17),  # the same
+    "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
+    "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
+}
 _READY = "ready"
 
 
 @dataclass(frozen=True)
 class DecodeRequest:
-    """A photo to read: a path, or the number of bytes that follow; the limits of `read_photo`, and one of time."""
+    """A photo to read, the limits of `read_photo`, and one of time."""
 
-    source: str | int
+    source: str | int  # a path, or the number of bytes that follow
     max_bytes: int
     max_pixels: int
-    target: int | None
+    target: int | None  # pixels
     seconds: float
 
 
@@ -60,70 +70,6 @@ class _Reply:
     error: Exception | None = None
 
 
-def serve_decoder() -> None:
-    """Answer requests until stdin ends."""
-    ignore_signals()
-    requests, answers = sys.stdin.buffer, claim_stdout()
-    _one_thread()
-    own = address_space_used()
-    pickle.dump(_READY, answers)
-    answers.flush()
-    while request := _next(requests):
-        with exit_after(request.seconds):
-            _answer(request, requests, answers, own)
-            answers.flush()
-
-
-def _next(requests: BinaryIO) -> DecodeRequest | None:
-    try:
-        request: DecodeRequest = pickle.load(requests)
-    except EOFError:
-        return None
-    return request
-
-
-def _answer(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
-    source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
-    try:
-        size = len(source) if isinstance(source, bytes) else request.max_bytes
-        limit_address_space(own + memory_budget(size, request.max_pixels, request.target))
-        photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
-    except Exception as error:
-        pickle.dump(_Reply(error=error), answers)
-        return
-    said = Photo(photo.pixels[:0], photo.width, photo.height, photo.format, photo.metadata)
-    pickle.dump(_Reply(said, photo.pixels.shape), answers)
-    answers.write(photo.pixels.data)
-
-
-def _one_thread() -> None:
-    """One thread per photo, since there is a decoder for each photo that is processed at a time."""
-    from PIL import AvifImagePlugin
-
-    AvifImagePlugin.DEFAULT_MAX_THREADS = 1
-    try:
-        from pillow_heif import options
-    except ImportError:
-        return
-    options.DECODE_THREADS = 1
-
-
-MAX_DECODE_SECONDS = (
-    10.0  # for a request's photos: five times the slowest that `benchmarks.decoding` reads, on a busy CPU
-)
-
-_WORKER_CODE = "from lighting.photo.sandbox import serve_decoder; serve_decoder()"
-
-_START_SECONDS = 300.0  # on a machine that is busy with other work
-_PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
-_ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more than decoding into it
-    "MALLOC_MMAP_MAX_": str(1 << 16),  # glibc's own, since those of a caller could loosen the bound
-    "MALLOC_TOP_PAD_": str(1 << 17),  # the same
-    "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
-    "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
-}
-
-
 def read_photo_isolated(
     source: str | os.PathLike[str] | bytes,
     *,
@@ -134,17 +80,28 @@ def read_photo_isolated(
 ) -> Photo:
     """What `read_photo` returns or raises, from another process.
 
-    Raises PhotoTooLargeError also where reading takes longer than `seconds`, or, on Linux, more memory than
-    `reader.memory_budget`; and PhotoError where a decoder crashes.
+    PhotoTooLargeError also where reading takes longer, or, on Linux, more memory than `memory_budget`. PhotoError also
+    where a decoder crashes.
+
+    Args:
+        source: path or bytes.
+        max_bytes: as in `read_photo`.
+        max_pixels: as in `read_photo`.
+        target: as in `read_photo`.
+        seconds: that reading may take.
     """
     data = read_bytes(source, max_bytes) if isinstance(source, bytes) else b""
-    place = len(source) if isinstance(source, bytes) else str(Path(source).absolute())
-    with _borrowed() as decoder:
-        return decoder.read(DecodeRequest(place, max_bytes, max_pixels, target, seconds), data)
+    size_or_path = len(source) if isinstance(source, bytes) else str(Path(source).absolute())
+    with _borrow_decoder() as decoder:
+        return decoder.read(DecodeRequest(size_or_path, max_bytes, max_pixels, target, seconds), data)
 
 
 def start_decoder_pool(count: int) -> None:
-    """Have this many processes ready, so that no photo waits for one to start; raises PhotoError where they do not."""
+    """Start processes, so that no photo waits for one; PhotoError where they do not start.
+
+    Args:
+        count: of processes that are ready afterwards, at least.
+    """
     started = [DecoderProcess() for _ in range(count - len(_idle))]
     for decoder in started:
         decoder.start()
@@ -162,10 +119,15 @@ class DecoderProcess:
         atexit.register(self.end)
 
     def read(self, request: DecodeRequest, data: bytes) -> Photo:
-        """The photo that is asked for; `data` is empty where the request names a path."""
+        """The photo of a request; raises as `read_photo_isolated`.
+
+        Args:
+            request: what to read.
+            data: of the photo; empty where the request names a path.
+        """
         try:
             self.prepare()
-            answer = self._in_time(request, data)
+            answer = self._read_in_time(request, data)
         except BaseException:  # whatever it is, the process may be in the middle of an answer
             self.end()
             raise
@@ -215,19 +177,19 @@ class DecoderProcess:
         assert self._process
         return self._process
 
-    def _in_time(self, request: DecodeRequest, data: bytes) -> Photo | Exception:
+    def _read_in_time(self, request: DecodeRequest, data: bytes) -> Photo | Exception:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
         with (
-            _alarm(request.seconds, self._running) as rung,
+            _alarm(request.seconds, self._running) as expired,
             suppress(EOFError, BrokenPipeError, pickle.UnpicklingError),
         ):
             answer = _request_photo(self._running, request, data)
-        if rung.is_set() or answer is None:
+        if expired.is_set() or answer is None:
             self.start()
         if answer is not None:
             return answer
-        if rung.is_set():
+        if expired.is_set():
             return PhotoTooLargeError(f"The photo takes longer than {request.seconds:g} seconds to decode.")
         return PhotoError("The photo ended the process that decoded it.")
 
@@ -236,7 +198,7 @@ _idle: list[DecoderProcess] = []  # taken and given back by threads; both are si
 
 
 @contextmanager
-def _borrowed() -> Iterator[DecoderProcess]:
+def _borrow_decoder() -> Iterator[DecoderProcess]:
     """A decoder that nobody else uses; a new one where all are in use."""
     try:
         decoder = _idle.pop()
@@ -259,24 +221,23 @@ def _request_photo(process: "Popen[bytes]", request: DecodeRequest, data: bytes)
     pixels = np.empty(answer.shape, dtype=np.uint8)
     if answers.readinto(pixels.data.cast("B")) < pixels.nbytes:
         raise EOFError
-    photo = answer.photo
-    return Photo(pixels, photo.width, photo.height, photo.format, photo.metadata)
+    return replace(answer.photo, pixels=pixels)
 
 
 @contextmanager
 def _alarm(seconds: float, process: "Popen[bytes]") -> Iterator[Event]:
     """Kill the process unless the block ends in time; the event says whether that happened."""
-    rung = Event()
+    expired = Event()
 
-    def ring() -> None:
-        rung.set()
+    def expire() -> None:
+        expired.set()
         process.kill()
 
-    timer = Timer(seconds, ring)
+    timer = Timer(seconds, expire)
     timer.daemon = True
     timer.start()
     try:
-        yield rung
+        yield expired
     finally:
         timer.cancel()
         timer.join()
@@ -297,3 +258,50 @@ def _stream(stream: Any) -> Any:
     """A pipe of a process, which Popen may leave out."""
     assert stream is not None
     return stream
+
+
+def serve_decoder() -> None:
+    """Answer requests until stdin ends."""
+    ignore_signals()
+    requests, answers = sys.stdin.buffer, claim_stdout()
+    _one_thread()
+    own = address_space_used()
+    pickle.dump(_READY, answers)
+    answers.flush()
+    while request := _next_request(requests):
+        with exit_after(request.seconds):
+            _answer(request, requests, answers, own)
+            answers.flush()
+
+
+def _next_request(requests: BinaryIO) -> DecodeRequest | None:
+    try:
+        request: DecodeRequest = pickle.load(requests)
+    except EOFError:
+        return None
+    return request
+
+
+def _answer(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
+    source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
+    try:
+        size = len(source) if isinstance(source, bytes) else request.max_bytes
+        limit_address_space(own + memory_budget(size, request.max_pixels, request.target))
+        photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
+    except Exception as error:
+        pickle.dump(_Reply(error=error), answers)
+        return
+    pickle.dump(_Reply(replace(photo, pixels=photo.pixels[:0]), photo.pixels.shape), answers)
+    answers.write(photo.pixels.data)
+
+
+def _one_thread() -> None:
+    """One thread per photo, since each photo that is read at a time has a decoder."""
+    from PIL import AvifImagePlugin
+
+    AvifImagePlugin.DEFAULT_MAX_THREADS = 1
+    try:
+        from pillow_heif import options
+    except ImportError:
+        return
+    options.DECODE_THREADS = 1

@@ -83,16 +83,16 @@ def _read_exr(path: Path) -> _DayPhoto:
 
 
 def _read_photo(path: Path, curve: Curve | None) -> _DayPhoto:
-    photo = read_linear(path, curve, turned=True)
-    if photo.doubtful:
+    photo = read_linear(path, curve, upright=True)
+    if photo.gamma_doubtful:
         raise PhotoError(
             f"{path}: The file says that its values are gamma-coded; export linear values, or say --curve linear or "
             "srgb."
         )
-    pixels = np.ascontiguousarray(photo.pixels[..., :1] if photo.grey else photo.pixels)
+    pixels = np.ascontiguousarray(photo.pixels[..., :1] if photo.gray else photo.pixels)
     clipped = np.asarray((pixels >= photo.white).any(axis=-1))
     shape = pixels.shape[0], pixels.shape[1]
-    return _DayPhoto(path.name, pixels, clipped, photo.coded, shape, photo.metadata, _read_exposure(path))
+    return _DayPhoto(path.name, pixels, clipped, photo.srgb_decoded, shape, photo.metadata, _read_exposure(path))
 
 
 def _read_exposure(path: Path) -> _Exposure:

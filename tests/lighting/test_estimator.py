@@ -95,7 +95,7 @@ def test_the_public_face_is_lazy_and_small() -> None:
 @pytest.mark.parametrize("thing", ["photo.jpg", np.zeros((64, 64, 3), np.uint8), None])
 def test_an_estimator_says_what_it_takes(network: Path, thing: Any) -> None:
     estimator = Estimator(Model.load(network))
-    with pytest.raises(PhotoError, match=r"A Photo is needed.*read_photo.*photo_of"):
+    with pytest.raises(PhotoError, match=r"A Photo is needed.*read_photo.*photo_from_array"):
         estimator(thing)
     with pytest.raises(PhotoError, match="A Photo is needed"):
         estimator.estimate_views([thing, thing])

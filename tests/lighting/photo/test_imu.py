@@ -13,7 +13,7 @@ from PIL import Image
 from PIL.TiffImagePlugin import IFDRational
 
 from lighting.geometry import camera_axes
-from lighting.photo.imu import _turned
+from lighting.photo.imu import _rotate_to_upright
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import upright_pixels
 from lighting.photo.reader import read_photo
@@ -89,7 +89,7 @@ def test_up_turns_as_the_pixels_do(orientation: int) -> None:
     for channel, vector in ((0, (1.0, 0.0, 0.5)), (1, (0.0, -1.0, 0.5))):
         right, down = np.diff(shown[..., channel], axis=1).mean(), np.diff(shown[..., channel], axis=0).mean()
         expected = np.array([right, -down]) / np.hypot(right, down)
-        assert _turned(vector, orientation) == pytest.approx((*expected, 0.5), abs=0.01)
+        assert _rotate_to_upright(vector, orientation) == pytest.approx((*expected, 0.5), abs=0.01)
 
 
 def test_pixels_that_a_program_turned_upright() -> None:

@@ -52,7 +52,7 @@ def test_sixteen_bit_grey_with_transparency_keeps_them_too(tmp_path: Path) -> No
     (tmp_path / "a.png").write_bytes(png(grey.shape[1], grey.shape[0], plain, depth=16, colour=4))
     photo = read_linear(tmp_path / "a.png")
     np.testing.assert_array_equal(np.rint(photo.pixels[..., 1] * 65535), grey)
-    assert photo.grey
+    assert photo.gray
 
 
 @pytest.mark.parametrize("name", ["a.png", "a.tif", "a.jpg"])
@@ -63,7 +63,7 @@ def test_pixels_stay_as_stored_unless_they_are_to_be_turned(tmp_path: Path, name
     block[ExifTags.Base.Orientation] = orientation
     pixels = np.repeat(SMOOTH[..., :1] >> 8, 3, axis=-1).astype(np.uint8)
     Image.fromarray(pixels).save(tmp_path / name, exif=block.tobytes(), quality=100)
-    stored, turned = (read_linear(tmp_path / name, "linear", turned=turned).pixels for turned in (False, True))
+    stored, turned = (read_linear(tmp_path / name, "linear", upright=turned).pixels for turned in (False, True))
     assert stored == pytest.approx(pixels / 255.0, abs=0.01)
     expected = ImageOps.exif_transpose(Image.open(tmp_path / name))
     assert turned == pytest.approx(np.asarray(expected) / 255.0, abs=0.01)
@@ -79,7 +79,7 @@ def test_the_picture_behind_a_tiff_s_thumbnail_is_read(tmp_path: Path) -> None:
 
 def test_its_own_exif_block_counts_before_the_thumbnail_s(tmp_path: Path) -> None:
     (tmp_path / "a.tif").write_bytes(tiff_with_exif_behind_thumbnail())
-    photo = read_linear(tmp_path / "a.tif", "linear", turned=True)
+    photo = read_linear(tmp_path / "a.tif", "linear", upright=True)
     assert photo.metadata.latitude == pytest.approx(48.1375)
     assert photo.pixels == pytest.approx(np.rot90(scene(320, 240), 3) / 255.0, abs=1e-6)
 

@@ -18,7 +18,7 @@ from lighting.errors import ParameterError
 from lighting.photo.metadata import (
     _MAX_XMP_BYTES,
     PhotoMetadata,
-    _properties,
+    _xmp_properties,
     parse_time,
     parse_utc_offset,
     read_metadata,
@@ -362,15 +362,15 @@ BOMB = (
 
 def test_attributes_and_elements_are_alike() -> None:
     for elements in (False, True):
-        found = _properties(drone("-12.30", elements=elements))
+        found = _xmp_properties(drone("-12.30", elements=elements))
         assert found[PITCH] == "-12.30"
-        assert _properties(drone("-12.30", elements=elements) + b"\0\0 \n") == found
-        assert _properties(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
+        assert _xmp_properties(drone("-12.30", elements=elements) + b"\0\0 \n") == found
+        assert _xmp_properties(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
 
 
 def test_the_first_of_two_counts() -> None:
     twice = packet(DJI, {"GimbalPitchDegree": "-1"}).replace(b"</rdf:RDF>", b"<d:a xmlns:d='u'>2</d:a></rdf:RDF>")
-    assert _properties(twice)[PITCH] == "-1"
+    assert _xmp_properties(twice)[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(
@@ -391,7 +391,7 @@ def test_the_first_of_two_counts() -> None:
     ],
 )
 def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
-    assert _properties(data) == {}
+    assert _xmp_properties(data) == {}
 
 
 @pytest.mark.parametrize(
@@ -406,7 +406,7 @@ def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
 )
 def test_no_packet_takes_long(data: bytes) -> None:
     start = time.process_time()
-    _properties(data)
+    _xmp_properties(data)
     assert time.process_time() - start < 1.0
 
 
@@ -420,4 +420,4 @@ def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
 @given(st.binary(max_size=200))
 def test_no_packet_whatever_raises(data: bytes) -> None:
     for start in (b"", b"<", b"<x ", drone("-1")[:200]):
-        _properties(start + data)
+        _xmp_properties(start + data)

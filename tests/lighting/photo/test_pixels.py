@@ -32,7 +32,7 @@ def test_each_side_is_divided_by_a_whole_number(size: tuple[int, int], target: i
 
 
 def test_a_strip_may_be_transparent_if_another_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pixels, "_STRIP", 900)
+    monkeypatch.setattr(pixels, "_STRIP_PIXELS", 900)
     image = Image.fromarray(np.dstack([SCENE, np.zeros((60, 90), dtype=np.uint8)]))
     with pytest.raises(PhotoError, match="fully transparent"):
         pixels.upright_pixels(image.copy(), 90, 1)
