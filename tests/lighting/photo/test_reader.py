@@ -245,7 +245,7 @@ def test_strips_make_the_same_picture(mode: str, monkeypatch: pytest.MonkeyPatch
     stream = BytesIO()
     whole.save(stream, "PNG", **({"transparency": 0} if mode == "P" else {}))
     at_once = read_photo(stream.getvalue(), target=40)
-    monkeypatch.setattr(pixels_module, "_STRIP", 1000)
+    monkeypatch.setattr(pixels_module, "_STRIP_PIXELS", 1000)
     in_strips = read_photo(stream.getvalue(), target=40)
     assert at_once.pixels.shape == (31, 41, 3)
     assert np.array_equal(at_once.pixels, in_strips.pixels)
