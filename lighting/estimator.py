@@ -221,4 +221,4 @@ def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "
 def _register_here(views: "Sequence[View]") -> "Sequence[RegisteredView]":
     from lighting.registration.photo_set import register_views
 
-    return register_views([view.shot() for view in views])
+    return register_views([view.with_features() for view in views])

@@ -66,7 +66,7 @@ def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     bodies = (s.workers + s.queue + s.uploads) * s.max_bytes
     decoding = memory_budget(s.max_bytes, s.max_pixels, PLATE_SIDE)
     kept = s.max_photos * 3 * (2 * MAX_SIDE - 1) ** 2  # photos to be matched, and once more on their way
-    matching = MATCHER + photo_set.MEMORY + s.max_photos * photo_set.PER_PHOTO + 2 * kept
+    matching = MATCHER + photo_set.BASE_MEMORY + s.max_photos * photo_set.MEMORY_PER_PHOTO + 2 * kept
     assert kept + memory_budget(s.max_bytes, s.max_pixels, MAX_SIDE) < decoding
     workers = s.workers * (DECODER + max(decoding, matching))
     answers = s.unsent_bytes + 2 * s.workers * LARGEST

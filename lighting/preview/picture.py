@@ -58,7 +58,8 @@ def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: b
         surroundings: whether the map shows the place; None where the network predicted it.
 
     Raises:
-        ParameterError for what is no Estimate, and PhotoError for what is no photo's pixels.
+        ParameterError: `estimate` is no Estimate.
+        PhotoError: `photo` is no photo's pixels.
     """
     return encode_png(_draw_preview(photo, estimate, _render_map(photo, estimate, surroundings)))
 

@@ -1,7 +1,11 @@
-"""Points that two photos share: SIFT features (Lowe 2004, as OpenCV computes them) and their matches.
+"""Points that two photos share: SIFT features [1] and their matches.
 
 OpenCV is the extra `turns`, which `video` brings along; without it every function here that needs it raises
 MissingExtraError.
+
+References:
+    [1] Lowe, "Distinctive image features from scale-invariant keypoints", IJCV 2004.
+    [2] Arandjelovic and Zisserman, "Three things everyone should know to improve object retrieval", CVPR 2012.
 """
 
 from dataclasses import dataclass
@@ -23,11 +27,11 @@ MAX_DISTANCE_RATIO = 0.8  # of the distances to the nearest and the next feature
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """Where a photo has features, and what they look like."""
+    """A photo's features: their points and what they look like."""
 
     points: Floats  # (N, 2) from the photo's centre, x right, y up, in units of half its diagonal
-    descriptors: NDArray[np.float32]  # (N, 128) of length 1; roots of SIFT's values (Arandjelovic 2012)
-    width: int  # pixels in which they were found
+    descriptors: NDArray[np.float32]  # (N, 128) of length 1; roots of SIFT's values [2]
+    width: int  # pixels of the picture in which they were sought
     height: int
 
     @property
@@ -66,20 +70,31 @@ def has_opencv() -> bool:
 
 
 def detect_features(pixels: NDArray[np.uint8], max_side: int = MAX_SIDE, max_features: int = MAX_FEATURES) -> Features:
-    """The features of a photo (H, W, 3) sRGB, or (H, W) grey, upright."""
+    """The features of a photo.
+
+    Args:
+        pixels: (H, W, 3) sRGB or (H, W) gray, upright.
+        max_side: pixels of the longer side in which they are sought.
+        max_features: kept, the strongest.
+    """
     cv2 = import_opencv()
     gray = resize_to(pixels if pixels.ndim == 2 else cv2.cvtColor(pixels, cv2.COLOR_RGB2GRAY), max_side)
     height, width = gray.shape
     even = cv2.createCLAHE(EQUALIZATION_LIMIT, (8, 8)).apply(gray)  # shade has features too
-    found, described = cv2.SIFT_create(max_features, contrastThreshold=MIN_CONTRAST).detectAndCompute(even, None)
-    if described is None:
+    keypoints, descriptors = cv2.SIFT_create(max_features, contrastThreshold=MIN_CONTRAST).detectAndCompute(even, None)
+    if descriptors is None:
         return Features(np.empty((0, 2)), np.empty((0, 128), np.float32), width, height)
-    corner = np.array([k.pt for k in found], dtype=np.float64)
-    return Features(to_centered(corner, width, height), _rooted(described), width, height)
+    corner = np.array([k.pt for k in keypoints], dtype=np.float64)
+    return Features(to_centered(corner, width, height), _rooted(descriptors), width, height)
 
 
 def resize_to(gray: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
-    """A grey picture (H, W) with `max_side` pixels along its longer side, if it has more."""
+    """A gray picture, made smaller if its longer side has more than `max_side` pixels.
+
+    Args:
+        gray: (H, W) pixels.
+        max_side: pixels of the longer side.
+    """
     cv2 = import_opencv()
     height, width = gray.shape
     size = geometry.shrink_size(width, height, max_side)
@@ -89,29 +104,40 @@ def resize_to(gray: NDArray[np.uint8], max_side: int) -> NDArray[np.uint8]:
 
 
 def to_centered(corner: Floats, width: int, height: int) -> Floats:
-    """Points (N, 2) as Features has them, of OpenCV's pixels (N, 2), whose first has its centre at (0, 0)."""
+    """Points (N, 2) as Features has them.
+
+    Args:
+        corner: (N, 2) pixels of OpenCV, whose first has its center at (0, 0).
+        width: pixels.
+        height: pixels.
+    """
     offset = corner + 0.5 - np.array([0.5 * width, 0.5 * height])
     return np.asarray(offset * np.array([1.0, -1.0]) * (2.0 / np.hypot(width, height)))
 
 
-def _rooted(described: NDArray[np.float32]) -> NDArray[np.float32]:
-    total = np.maximum(described.sum(axis=1, keepdims=True), 1e-12)
-    return np.asarray(np.sqrt(described / total), dtype=np.float32)
+def _rooted(descriptors: NDArray[np.float32]) -> NDArray[np.float32]:
+    total = np.maximum(descriptors.sum(axis=1, keepdims=True), 1e-12)
+    return np.asarray(np.sqrt(descriptors / total), dtype=np.float32)
 
 
 def match_features(a: Features, b: Features) -> Matches:
-    """The features that are each other's nearest, clearly nearer than the next."""
+    """The features that are each other's nearest, clearly nearer than the next.
+
+    Args:
+        a: of the first photo.
+        b: of the second.
+    """
     pixel = max(a.pixel, b.pixel)
     if min(len(a.points), len(b.points)) < 2:
         return Matches(np.empty((0, 2)), np.empty((0, 2)), pixel)
     likeness = a.descriptors @ b.descriptors.T
-    there, back = np.argmax(likeness, axis=1), np.argmax(likeness, axis=0)
+    forward, backward = np.argmax(likeness, axis=1), np.argmax(likeness, axis=0)
     distance = np.sqrt(np.maximum(2.0 - 2.0 * np.partition(likeness, -2, axis=1)[:, -2:], 0.0))
     quality = distance[:, 1] / np.maximum(distance[:, 0], 1e-9)
-    own = np.arange(len(a.points))
-    kept = own[(back[there] == own) & (quality < MAX_DISTANCE_RATIO)]
+    index = np.arange(len(a.points))
+    kept = index[(backward[forward] == index) & (quality < MAX_DISTANCE_RATIO)]
     kept = kept[np.argsort(quality[kept], kind="stable")]
-    first, second = a.points[kept], b.points[there[kept]]
-    _, unlike = np.unique(np.round(np.hstack([first, second]) / pixel), axis=0, return_index=True)
-    unlike.sort()  # SIFT gives one point several orientations; they are one witness
-    return Matches(first[unlike], second[unlike], pixel)
+    first, second = a.points[kept], b.points[forward[kept]]
+    _, distinct = np.unique(np.round(np.hstack([first, second]) / pixel), axis=0, return_index=True)
+    distinct.sort()  # SIFT gives one point several orientations; they are one witness
+    return Matches(first[distinct], second[distinct], pixel)

@@ -1,4 +1,9 @@
-"""RANSAC and robust least squares."""
+"""RANSAC [1] for a rotation and a zoom that many matches obey, and robust least squares.
+
+References:
+    [1] Fischler and Bolles, "Random sample consensus", CACM 1981.
+    [2] Torr and Zisserman, "MLESAC", CVIU 2000.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -10,8 +15,12 @@ from lighting.geometry import Floats
 from lighting.registration.features import Matches
 from lighting.registration.rotations import rays_through
 
-STEP = 1e-6  # of each parameter, for the derivatives
-STEPS = 25  # at most
+TOLERANCE = 3.0  # pixels within which a match obeys
+SAMPLES = 300  # pairs of matches tried for each focal length
+SCORED = 250  # matches, the surest, that each trial is scored on
+
+_STEP = 1e-6  # of each parameter, for the derivatives
+_MAX_STEPS = 25
 
 Residuals = Callable[[Floats], Floats]
 
@@ -22,39 +31,46 @@ class LeastSquaresResult:
 
     parameters: Floats  # (P,)
     covariance: Floats  # (P, P) of them, from the scatter of the residuals
-    residuals: Floats  # (N,) there
+    residuals: Floats  # (N,) at the parameters
 
 
 def least_squares(
     residuals: Residuals, start: Floats, scale: float, prior: Floats | None = None, expected: Floats | None = None
 ) -> LeastSquaresResult:
-    """The parameters (P,) at which residuals (N,), beyond `scale` ever less weighted, are least.
+    """The parameters (P,) at which residuals are least, those beyond `scale` ever less weighted.
 
-    `prior` (P,) are inverse variances of the parameters around `expected`, which is `start` unless given, in the units
-    of residuals of variance 1.
+    Args:
+        residuals: function of parameters (P,) to residuals (N,).
+        start: (P,) parameters to begin with.
+        scale: of the residuals, from which they count less.
+        prior: (P,) inverse variances of the parameters, for residuals of variance 1; None for no prior.
+        expected: (P,) parameters around which the prior lies; None for `start`.
     """
     at, damping = np.asarray(start, dtype=np.float64), 1e-3
-    known = np.zeros(len(at)) if prior is None else prior * scale * scale
+    prior_weight = np.zeros(len(at)) if prior is None else prior * scale * scale
     center = at.copy() if expected is None else expected
     value = residuals(at)
-    for _ in range(STEPS):
+    for _ in range(_MAX_STEPS):
         slope, weight = _slope(residuals, at, value), _weights(value, scale)
-        normal = (slope * weight[:, None]).T @ slope + np.diag(known)
-        gradient = slope.T @ (weight * value) + known * (at - center)
+        normal = (slope * weight[:, None]).T @ slope + np.diag(prior_weight)
+        gradient = slope.T @ (weight * value) + prior_weight * (at - center)
         step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
-        there = residuals(at + step)
-        if _cost(there, scale) + known @ (at + step - center) ** 2 < _cost(value, scale) + known @ (at - center) ** 2:
-            at, value, damping = at + step, there, 0.2 * damping
+        candidate = residuals(at + step)
+        if (
+            _cost(candidate, scale) + prior_weight @ (at + step - center) ** 2
+            < _cost(value, scale) + prior_weight @ (at - center) ** 2
+        ):
+            at, value, damping = at + step, candidate, 0.2 * damping
         else:
             damping *= 10.0
         if np.abs(step).max() < 1e-8 or damping > 1e8:
             break
-    return LeastSquaresResult(at, _covariance(_slope(residuals, at, value), value, scale, known), value)
+    return LeastSquaresResult(at, _covariance(_slope(residuals, at, value), value, scale, prior_weight), value)
 
 
 def _slope(residuals: Residuals, at: Floats, value: Floats) -> Floats:
     """Derivatives (N, P)."""
-    return np.stack([(residuals(at + step) - value) / STEP for step in STEP * np.eye(len(at))], axis=1)
+    return np.stack([(residuals(at + step) - value) / _STEP for step in _STEP * np.eye(len(at))], axis=1)
 
 
 def _weights(value: Floats, scale: float) -> Floats:
@@ -65,19 +81,12 @@ def _cost(value: Floats, scale: float) -> float:
     return float(scale * scale * np.sum(np.log1p(np.square(value / scale))))
 
 
-def _covariance(slope: Floats, value: Floats, scale: float, known: Floats) -> Floats:
+def _covariance(slope: Floats, value: Floats, scale: float, prior_weight: Floats) -> Floats:
     """Covariance (P, P) of the parameters: the weighted scatter of the residuals times the inverse normal matrix."""
     weight = _weights(value, scale)
-    scatter = float(weight @ np.square(value) / max(weight.sum() - len(known), 1.0))
-    normal = (slope * weight[:, None]).T @ slope / max(scatter, 1e-18) + np.diag(known) / (scale * scale)
+    scatter = float(weight @ np.square(value) / max(weight.sum() - len(prior_weight), 1.0))
+    normal = (slope * weight[:, None]).T @ slope / max(scatter, 1e-18) + np.diag(prior_weight) / (scale * scale)
     return np.asarray(np.linalg.pinv(normal, hermitian=True))
-
-
-# RANSAC (Fischler and Bolles 1981) for a rotation and a focal length that many matches obey.
-
-TOLERANCE = 3.0  # pixels within which a match obeys
-SAMPLES = 300  # pairs of matches tried for each focal length
-SCORED = 250  # matches, the surest, that each trial is scored on
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,16 +98,22 @@ class _RansacResult:
 
 
 def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequence[float]) -> _RansacResult:
-    """The rotation and the zoom that most of the surest matches obey; `matches` are two or more."""
+    """The rotation and the zoom that most of the surest matches obey.
+
+    Args:
+        matches: two or more.
+        focal: both focal lengths in half diagonals.
+        zooms: factors on both focal lengths to try.
+    """
     rng = np.random.default_rng(0)  # the same answer every time
-    best, found = -np.inf, _RansacResult(np.eye(3), 1.0)
+    best, result = -np.inf, _RansacResult(np.eye(3), 1.0)
     for zoom in zooms:
         a, b = rays_through(matches.a[:SCORED], zoom * focal[0]), rays_through(matches.b[:SCORED], zoom * focal[1])
         trials = _through_pairs(a, b, _pairs(len(a), rng))
         scores = _scores(trials, a, b, TOLERANCE * matches.pixel / (zoom * max(focal)))
         if scores.max() > best:
-            best, found = float(scores.max()), _RansacResult(trials[int(np.argmax(scores))], zoom)
-    return found
+            best, result = float(scores.max()), _RansacResult(trials[int(np.argmax(scores))], zoom)
+    return result
 
 
 def _pairs(count: int, rng: np.random.Generator) -> NDArray[np.intp]:
@@ -122,7 +137,7 @@ def _frame(two: Floats) -> Floats:
 
 
 def _scores(trials: Floats, a: Floats, b: Floats, tolerance: float) -> Floats:
-    """For each rotation (T, 3, 3), how well rays (M, 3) are taken to theirs: each counts up to 1 (Torr's MSAC)."""
-    turned = np.einsum("tij,mj->tmi", trials, a)
-    apart = np.sum(np.square(turned - b), axis=2) / (tolerance * tolerance)
-    return np.asarray(np.sum(np.maximum(1.0 - apart, 0.0), axis=1))
+    """For each rotation (T, 3, 3), how well rays (M, 3) are taken to theirs: each counts up to 1 (MSAC [2])."""
+    rotated = np.einsum("tij,mj->tmi", trials, a)
+    squared_errors = np.sum(np.square(rotated - b), axis=2) / (tolerance * tolerance)
+    return np.asarray(np.sum(np.maximum(1.0 - squared_errors, 0.0), axis=1))

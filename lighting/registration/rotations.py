@@ -1,8 +1,9 @@
-"""Rays, SO(3) exp/log, leveling, heading-elevation-roll.
+"""Camera geometry of photo sets: rays of pinhole cameras, rotations and their vectors, a common vertical.
 
 A focal length here is in units of half the picture's diagonal, so that one lens has one number however it is held.
 
-Orientations are rotations (3, 3) from one common frame (x right, y up, its camera looks along -z) to a camera's own.
+A camera's own frame has x right and y up; it looks along -z. Orientations are rotations (3, 3) from one such frame,
+common to all, to a camera's own.
 """
 
 import math
@@ -11,21 +12,36 @@ import numpy as np
 
 from lighting.geometry import MIN_STEEP_ELEVATION, Floats, angles, camera_axes, direction, wrap_azimuth
 
-# Rays of a pinhole camera and small rotations, in the camera's own frame: x right, y up, it looks along -z.
-
 
 def focal_from_fov(vertical_fov: float, width: float, height: float) -> float:
-    """Focal length [half diagonals] of a picture of `width` x `height` with this vertical field of view [deg]."""
+    """The focal length of a picture in half diagonals.
+
+    Args:
+        vertical_fov: deg.
+        width: pixels, or any unit.
+        height: the same unit.
+    """
     return height / math.hypot(width, height) / math.tan(math.radians(vertical_fov) / 2.0)
 
 
 def fov_from_focal(focal: float, width: float, height: float) -> float:
-    """Vertical field of view [deg] of a picture of `width` x `height` with this focal length [half diagonals]."""
+    """The vertical field of view of a picture in deg.
+
+    Args:
+        focal: focal length in half diagonals.
+        width: pixels, or any unit.
+        height: the same unit.
+    """
     return math.degrees(2.0 * math.atan(height / math.hypot(width, height) / focal))
 
 
 def rays_through(points: Floats, focal: float) -> Floats:
-    """Unit vectors (N, 3) through points (N, 2) [half diagonals]."""
+    """Unit vectors (N, 3) through points of a picture.
+
+    Args:
+        points: (N, 2) half diagonals from the center, x right, y up.
+        focal: focal length in half diagonals.
+    """
     x, y = points[:, 0], points[:, 1]
     length = np.sqrt(x * x + y * y + focal * focal)
     unit = np.empty((len(points), 3))
@@ -34,24 +50,39 @@ def rays_through(points: Floats, focal: float) -> Floats:
 
 
 def project_points(vectors: Floats, focal: float) -> Floats:
-    """Points (N, 2) [half diagonals] where vectors (N, 3) meet the picture; far outside for those behind."""
+    """Points (N, 2) where vectors meet the picture, in half diagonals; far outside for those behind.
+
+    Args:
+        vectors: (N, 3) in the camera's own frame.
+        focal: focal length in half diagonals.
+    """
     ahead = np.maximum(-vectors[..., 2:], 1e-3)
     return np.asarray(focal * vectors[..., :2] / ahead)
 
 
 def transfer_errors(a: Floats, b: Floats, rotation: Floats, focal: tuple[float, float]) -> Floats:
-    """How far (2, M, 2) [half diagonals] points (M, 2) of two photos are from where a rotation puts their matches.
+    """How far (2, M, 2) points are from where a rotation puts their matches: in the second photo, then in the first.
 
-    First in the second photo, then in the first; `rotation` (3, 3) takes directions in the first camera's frame to the
-    second's, `focal` are both focal lengths.
+    Args:
+        a: (M, 2) half diagonals, in the first photo.
+        b: (M, 2) in the second.
+        rotation: (3, 3) directions in the first camera's frame to the second's.
+        focal: both focal lengths in half diagonals.
+
+    Returns:
+        half diagonals.
     """
-    there = project_points(rays_through(a, focal[0]) @ rotation.T, focal[1]) - b
-    back = project_points(rays_through(b, focal[1]) @ rotation, focal[0]) - a
-    return np.stack([there, back])
+    in_common = project_points(rays_through(a, focal[0]) @ rotation.T, focal[1]) - b
+    backward = project_points(rays_through(b, focal[1]) @ rotation, focal[0]) - a
+    return np.stack([in_common, backward])
 
 
 def rotation_about(vector: Floats) -> Floats:
-    """Rotations (..., 3, 3) by the length [rad] of each vector (..., 3) about its direction (Rodrigues' formula)."""
+    """Rotations (..., 3, 3) about vectors, by the length of each (Rodrigues' formula).
+
+    Args:
+        vector: (..., 3) rad.
+    """
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     cross = cross_matrix(vector)
     return np.asarray(
@@ -60,7 +91,11 @@ def rotation_about(vector: Floats) -> Floats:
 
 
 def cross_matrix(vector: Floats) -> Floats:
-    """Matrices (..., 3, 3) that take w to the vector product of `vector` (..., 3) and w."""
+    """Matrices (..., 3, 3) that take w to the vector product of a vector and w.
+
+    Args:
+        vector: (..., 3).
+    """
     x, y, z = np.moveaxis(np.asarray(vector, dtype=np.float64), -1, 0)
     matrix = np.zeros((*x.shape, 3, 3))
     matrix[..., 0, 1], matrix[..., 0, 2], matrix[..., 1, 2] = -z, y, -x
@@ -69,7 +104,11 @@ def cross_matrix(vector: Floats) -> Floats:
 
 
 def rotation_vector(rotation: Floats) -> Floats:
-    """The vector (3,) [rad] along a rotation's axis, as long as its angle (0 to pi)."""
+    """The vector (3,) along a rotation's axis, as long as its angle in rad, 0 to pi.
+
+    Args:
+        rotation: (3, 3).
+    """
     skew = 0.5 * np.array(
         [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
     )
@@ -82,7 +121,11 @@ def rotation_vector(rotation: Floats) -> Floats:
 
 
 def nearest_rotation(matrix: Floats) -> Floats:
-    """The rotations (..., 3, 3) nearest to matrices (..., 3, 3)."""
+    """The rotations (..., 3, 3) nearest to matrices.
+
+    Args:
+        matrix: (..., 3, 3).
+    """
     u, _, v = np.linalg.svd(matrix)
     u[..., :, 2] *= np.sign(np.linalg.det(u @ v))[..., None]
     return np.asarray(u @ v)
@@ -94,26 +137,42 @@ _STEEP = float(np.sin(np.radians(MIN_STEEP_ELEVATION)))
 
 
 def camera_from_world(azimuth: float, elevation: float, roll: float) -> Floats:
-    """The matrix (3, 3) that takes directions in the world to a camera's own frame; its angles in deg."""
+    """The matrix (3, 3) that takes directions in the world to a camera's own frame.
+
+    Args:
+        azimuth: deg, positive to the right.
+        elevation: deg, positive looks up.
+        roll: deg.
+    """
     return np.asarray(camera_axes(azimuth, elevation, roll) * np.array([[1.0], [1.0], [-1.0]]))
 
 
 def camera_up(elevation: float, roll: float) -> Floats:
-    """Where up is (3,) in the own frame of a camera with these angles [deg]."""
+    """Where up is (3,) in a camera's own frame.
+
+    Args:
+        elevation: deg, positive looks up.
+        roll: deg.
+    """
     return camera_from_world(0.0, elevation, roll)[:, 1]
 
 
 def consensus_up(orientations: Floats, ups: Floats, weights: Floats | float = 1.0) -> Floats:
-    """Up (3,) in the common frame, of what each camera (K, 3, 3) takes for it (K, 3) with some weight (K,).
+    """Up (3,) in the common frame, by what each camera takes for it.
 
     The direction with the least sum of distances, by re-weighted means (Weiszfeld), so that a few far off count little.
+
+    Args:
+        orientations: (K, 3, 3) of the cameras.
+        ups: (K, 3) in each camera's own frame.
+        weights: (K,) or one for all.
     """
-    there = np.einsum("kji,kj->ki", orientations, ups)
-    own = np.broadcast_to(weights, len(there))
-    mean = _unit(own @ there)
+    in_common = np.einsum("kji,kj->ki", orientations, ups)
+    weights = np.broadcast_to(weights, len(in_common))
+    mean = _unit(weights @ in_common)
     for _ in range(20):
-        weight = own / np.maximum(np.linalg.norm(there - mean, axis=1), np.radians(0.5))
-        mean = _unit(weight @ there)
+        weight = weights / np.maximum(np.linalg.norm(in_common - mean, axis=1), np.radians(0.5))
+        mean = _unit(weight @ in_common)
     return mean
 
 
@@ -122,22 +181,30 @@ def _unit(vector: Floats) -> Floats:
 
 
 def leveling_rotation(up: Floats) -> Floats:
-    """The rotation (3, 3) from the common frame to a level one: +Y up, azimuth 0 where `angles_of` sees its camera."""
+    """The rotation (3, 3) from the common frame to a level one: +Y up, azimuth 0 where its camera looks.
+
+    Args:
+        up: (3,) in the common frame.
+    """
     up = _unit(up)
     if abs(up[2]) > _STEEP:
         right = _unit(np.array([1.0, 0.0, 0.0]) - up[0] * up)
         return np.stack([right, up, np.cross(right, up)])
-    back = -_unit(np.array([0.0, 0.0, -1.0]) + up[2] * up)
-    return np.stack([np.cross(up, back), up, back])
+    backward = -_unit(np.array([0.0, 0.0, -1.0]) + up[2] * up)
+    return np.stack([np.cross(up, backward), up, backward])
 
 
-def heading_elevation_roll(orientations: Floats, levelled: Floats) -> tuple[Floats, Floats, Floats]:
-    """Headings, elevations and rolls (N,) [deg] of cameras (N, 3, 3) in a frame as `level` gives it.
+def heading_elevation_roll(orientations: Floats, leveled: Floats) -> tuple[Floats, Floats, Floats]:
+    """Headings, elevations and rolls (N,) of cameras in a level frame, in deg.
 
-    Within 5 deg of straight up and down the view axis has no steady heading: there it is that of a camera of roll 0
+    Within 5 deg of straight up and down the view axis has no steady heading: it is then that of a camera of roll 0
     whose picture's upper edge lies as this one's does, and the roll is 0.
+
+    Args:
+        orientations: (N, 3, 3) of the cameras.
+        leveled: (3, 3) from the common frame to the level one, by `leveling_rotation`.
     """
-    axes = orientations @ levelled.T
+    axes = orientations @ leveled.T
     right, forward = axes[:, 0], -axes[:, 2]
     heading, elevation = angles(forward)
     across, _ = angles(right)

@@ -233,7 +233,7 @@ def test_a_photo_that_is_matched_is_levelled_by_its_gravity(elevation: float | N
     pytest.importorskip("cv2")
     photo, said = Photo(scene(320, 240), 320, 240, "JPEG"), grid_prediction(UNIFORM)
     gravity = None if elevation is None else Gravity(elevation, 5.0, 1.0)
-    shot = _view(photo, said, Observations(vertical_fov=53.0, gravity=gravity)).shot()
+    shot = _view(photo, said, Observations(vertical_fov=53.0, gravity=gravity)).with_features()
     assert shot.up_std == pytest.approx(sigma, abs=0.01)
     used = sigma < 2.0
     assert shot.camera_elevation == pytest.approx(-5.4 if used else said.camera_elevation, abs=0.1)

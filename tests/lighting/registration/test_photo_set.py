@@ -16,9 +16,9 @@ from lighting.registration.photo_set import (
     UP_STD,
     View,
     ViewFeatures,
-    _about,
-    _average,
-    _components,
+    _angles_about,
+    average_rotations,
+    connected_components,
     register_views,
     register_views_isolated,
 )
@@ -41,7 +41,7 @@ OVERLAPPING = views(0.0, 25.0)
 @pytest.mark.slow
 def test_the_answer_is_the_same() -> None:
     for asked in (OVERLAPPING, [replace(view, metadata_fov=FOV) for view in OVERLAPPING], OVERLAPPING[:1]):
-        assert register_views_isolated(asked, 100.0) == register_views([view.shot() for view in asked])
+        assert register_views_isolated(asked, 100.0) == register_views([view.with_features() for view in asked])
     assert register_views_isolated(OVERLAPPING, 100.0)[1].heading == pytest.approx(25.0, abs=0.5)
 
 
@@ -125,12 +125,12 @@ def off(rotations: np.ndarray) -> list[float]:
 
 def test_photos_fall_into_groups_by_what_connects_them() -> None:
     pairs = {(0, 2): edge(0, 2), (2, 3): edge(2, 3)}
-    assert _components(5, pairs) == [(0, 2, 3), (1,), (4,)]
+    assert connected_components(5, pairs) == [(0, 2, 3), (1,), (4,)]
 
 
 def test_a_chain_is_followed_exactly() -> None:
     pairs = {(0, 1): edge(0, 1), (1, 2): edge(1, 2), (2, 3): edge(2, 3)}
-    found = _average((0, 1, 2, 3), pairs)
+    found = average_rotations((0, 1, 2, 3), pairs)
     assert max(off(found.rotations)) < 1e-6
     sigma = np.sqrt(found.covariance[:, 1, 1])
     assert sigma == pytest.approx(0.201 * np.sqrt([0, 1, 2, 3]), rel=0.01)  # variances add along a chain
@@ -138,18 +138,18 @@ def test_a_chain_is_followed_exactly() -> None:
 
 def test_a_loop_shares_its_error() -> None:
     pairs = {(0, 1): edge(0, 1, (0.0, 0.3, 0.0)), (1, 2): edge(1, 2), (0, 2): edge(0, 2)}
-    found = _average((0, 1, 2), pairs)
+    found = average_rotations((0, 1, 2), pairs)
     assert max(off(np.concatenate([found.rotations, [CAMERAS[3] @ CAMERAS[0].T]]))) == pytest.approx(0.2, abs=0.02)
 
 
 def test_one_turn_that_contradicts_the_others_is_outvoted() -> None:
     pairs = {(i, j): edge(i, j) for i in range(4) for j in range(i + 1, 4)}
     pairs[0, 1] = edge(0, 1, (0.0, 20.0, 0.0))
-    assert max(off(_average((0, 1, 2, 3), pairs).rotations)) < 0.6
+    assert max(off(average_rotations((0, 1, 2, 3), pairs).rotations)) < 0.6
 
 
 def test_a_photo_alone_stays_where_it_is() -> None:
-    found = _average((2,), {})
+    found = average_rotations((2,), {})
     assert (found.rotations == np.eye(3)).all()
     assert (found.covariance == 0.0).all()
 
@@ -223,7 +223,7 @@ def test_one_photo_is_its_own_group() -> None:
 
 def test_angles_about_a_vertical_are_those_of_geometry() -> None:
     rotations = np.array([camera_from_world(*c) @ camera_from_world(*SETS_CAMERAS[0]).T for c in SETS_CAMERAS])
-    heading, elevation, roll = _about(camera_from_world(*SETS_CAMERAS[0])[:, 1], rotations)
+    heading, elevation, roll = _angles_about(camera_from_world(*SETS_CAMERAS[0])[:, 1], rotations)
     assert heading == pytest.approx([float(wrap_azimuth(c[0] - SETS_CAMERAS[0][0])) for c in SETS_CAMERAS])
     assert elevation == pytest.approx([c[1] for c in SETS_CAMERAS])
     assert roll == pytest.approx([c[2] for c in SETS_CAMERAS])
