@@ -102,7 +102,7 @@ class Settings(BaseSettings):
         description="time limit for decoding a request's photos, in seconds",
     )
     match_seconds: float = Field(
-        matching.SECONDS,
+        matching.MATCHING_SECONDS,
         gt=0,
         le=_DAY_SECONDS,
         description="time limit for matching a request's photos with each other, in seconds",

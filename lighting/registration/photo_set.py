@@ -59,7 +59,7 @@ _COARSE_FEATURES = 400  # the first, by which those partners are chosen
 BASE_MEMORY = 400_000_000  # bytes that matching may take beside those that its process has when it starts
 MEMORY_PER_PHOTO = 2_000_000  # bytes of MAX_FEATURES features, and of their matches
 CODE = "from lighting.registration.photo_set import serve_registration; serve_registration()"
-_TIMEOUT = 10.0  # s, for a set; eight photos that overlap take half of it on a free CPU
+MATCHING_SECONDS = 10.0  # s, for a set; eight photos that overlap take half of it on a free CPU
 _STEP = 0.1  # s after which whoever waits looks up
 
 Lens = tuple[float, float]  # focal length [half diagonals] and the standard deviation of its logarithm
@@ -287,7 +287,7 @@ def _nothing() -> None:
 
 
 def register_views_isolated(
-    views: Sequence[View], seconds: float = _TIMEOUT, check: Callable[[], None] = _nothing
+    views: Sequence[View], seconds: float = MATCHING_SECONDS, check: Callable[[], None] = _nothing
 ) -> tuple[RegisteredView, ...]:
     """Where each photo looks, as `register_views` finds it, in a process that may be killed.
 

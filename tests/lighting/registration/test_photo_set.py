@@ -1,4 +1,4 @@
-"""Tests of photo set."""
+"""Sets of photos: where each looks, found here and in a process of its own."""
 
 import sys
 import time
@@ -17,16 +17,13 @@ from lighting.registration.photo_set import (
     View,
     ViewFeatures,
     _angles_about,
-    average_rotations,
-    connected_components,
     register_views,
     register_views_isolated,
 )
-from lighting.registration.rotations import camera_from_world, rotation_about, rotation_vector
-from lighting.registration.two_view import RelativeRotation
+from lighting.registration.rotations import camera_from_world
 from tests.helpers.cameras import Camera, picture, texture
 
-pytest.importorskip("cv2")
+cv2 = pytest.importorskip("cv2")
 FOV = 52.0
 
 
@@ -40,8 +37,10 @@ OVERLAPPING = views(0.0, 25.0)
 
 @pytest.mark.slow
 def test_the_answer_is_the_same() -> None:
-    for asked in (OVERLAPPING, [replace(view, metadata_fov=FOV) for view in OVERLAPPING], OVERLAPPING[:1]):
-        assert register_views_isolated(asked, 100.0) == register_views([view.with_features() for view in asked])
+    for views_of_one in (OVERLAPPING, [replace(view, metadata_fov=FOV) for view in OVERLAPPING], OVERLAPPING[:1]):
+        assert register_views_isolated(views_of_one, 100.0) == register_views(
+            [view.with_features() for view in views_of_one]
+        )
     assert register_views_isolated(OVERLAPPING, 100.0)[1].heading == pytest.approx(25.0, abs=0.5)
 
 
@@ -86,7 +85,9 @@ def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) 
 def test_the_largest_photos_with_the_most_features_fit_into_the_memory() -> None:
     noise = np.random.default_rng(0).integers(0, 256, (256, 256), dtype=np.uint8)
     large = np.repeat(np.kron(noise, np.ones((8, 8), np.uint8))[:2047, :2047, None], 3, axis=2)
-    assert {placed.heading for placed in register_views_isolated([View(large, 0.0, 0.0, 50.0)] * 2, 100.0)} == {0.0}
+    assert {registered.heading for registered in register_views_isolated([View(large, 0.0, 0.0, 50.0)] * 2, 100.0)} == {
+        0.0
+    }
 
 
 def test_photos_that_end_the_process_are_told(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -108,125 +109,80 @@ def test_where_no_process_starts_one_sentence_says_so(monkeypatch: pytest.Monkey
         register_views_isolated(OVERLAPPING, 100.0)
 
 
-CAMERAS = [camera_from_world(azimuth, 3.0, -1.0) for azimuth in (0.0, 25.0, 50.0, 80.0)]
-
-
-def edge(i: int, j: int, error: tuple[float, float, float] = (0.0, 0.0, 0.0), sigma: float = 0.2) -> RelativeRotation:
-    """The turn from one camera to another, off by a rotation vector [deg]."""
-    rotation = rotation_about(np.radians(error)) @ CAMERAS[j] @ CAMERAS[i].T
-    return RelativeRotation(rotation, sigma**2 * np.eye(3), (50.0, 50.0), 0.1, 100, 110)
-
-
-def off(rotations: np.ndarray) -> list[float]:
-    """Deg between orientations and the truth, relative to the first."""
-    true = [camera @ CAMERAS[0].T for camera in CAMERAS]
-    return [float(np.degrees(np.linalg.norm(rotation_vector(r @ t.T)))) for r, t in zip(rotations, true, strict=True)]
-
-
-def test_photos_fall_into_groups_by_what_connects_them() -> None:
-    pairs = {(0, 2): edge(0, 2), (2, 3): edge(2, 3)}
-    assert connected_components(5, pairs) == [(0, 2, 3), (1,), (4,)]
-
-
-def test_a_chain_is_followed_exactly() -> None:
-    pairs = {(0, 1): edge(0, 1), (1, 2): edge(1, 2), (2, 3): edge(2, 3)}
-    found = average_rotations((0, 1, 2, 3), pairs)
-    assert max(off(found.rotations)) < 1e-6
-    sigma = np.sqrt(found.covariance[:, 1, 1])
-    assert sigma == pytest.approx(0.201 * np.sqrt([0, 1, 2, 3]), rel=0.01)  # variances add along a chain
-
-
-def test_a_loop_shares_its_error() -> None:
-    pairs = {(0, 1): edge(0, 1, (0.0, 0.3, 0.0)), (1, 2): edge(1, 2), (0, 2): edge(0, 2)}
-    found = average_rotations((0, 1, 2), pairs)
-    assert max(off(np.concatenate([found.rotations, [CAMERAS[3] @ CAMERAS[0].T]]))) == pytest.approx(0.2, abs=0.02)
-
-
-def test_one_turn_that_contradicts_the_others_is_outvoted() -> None:
-    pairs = {(i, j): edge(i, j) for i in range(4) for j in range(i + 1, 4)}
-    pairs[0, 1] = edge(0, 1, (0.0, 20.0, 0.0))
-    assert max(off(average_rotations((0, 1, 2, 3), pairs).rotations)) < 0.6
-
-
-def test_a_photo_alone_stays_where_it_is() -> None:
-    found = average_rotations((2,), {})
-    assert (found.rotations == np.eye(3)).all()
-    assert (found.covariance == 0.0).all()
-
-
-cv2 = pytest.importorskip("cv2")
-SETS_CAMERAS: list[Camera] = [(-170.0, 2.0, 0.0), (-140.0, -3.0, 1.5), (165.0, 4.0, -2.0)]
+CAMERAS: list[Camera] = [(-170.0, 2.0, 0.0), (-140.0, -3.0, 1.5), (165.0, 4.0, -2.0)]
 TILTS = [(2.5, 0.5), (-4.0, 1.0), (3.5, -2.5)]  # deg, what a network says of their elevation and roll
 
 
 def shots(seed: int, cameras: list[Camera]) -> list[ViewFeatures]:
     sphere = texture(seed)
-    seen = [detect_features(picture(sphere, camera, FOV)) for camera in cameras]
-    return [ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(seen, TILTS, strict=False)]
+    features = [detect_features(picture(sphere, camera, FOV)) for camera in cameras]
+    return [ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(features, TILTS, strict=False)]
 
 
 def test_overlapping_photos_get_their_headings_and_their_lens() -> None:
-    placed = register_views(shots(0, SETS_CAMERAS))
-    assert {p.group for p in placed} == {0}
-    true = [float(wrap_azimuth(azimuth - SETS_CAMERAS[0][0])) for azimuth, _, _ in SETS_CAMERAS]
-    assert [p.heading for p in placed] == pytest.approx(true, abs=0.5)
-    assert [p.vertical_fov for p in placed] == pytest.approx([FOV] * 3, abs=0.5)
-    assert [p.camera_elevation for p in placed] == pytest.approx([c[1] for c in SETS_CAMERAS], abs=1.0)
-    assert [p.camera_roll for p in placed] == pytest.approx([c[2] for c in SETS_CAMERAS], abs=1.0)
-    assert placed[0].heading_std == 0.0
-    assert all(0.0 < p.heading_std < 1.0 for p in placed[1:])
+    registered = register_views(shots(0, CAMERAS))
+    assert {p.group for p in registered} == {0}
+    true = [float(wrap_azimuth(azimuth - CAMERAS[0][0])) for azimuth, _, _ in CAMERAS]
+    assert [p.heading for p in registered] == pytest.approx(true, abs=0.5)
+    assert [p.vertical_fov for p in registered] == pytest.approx([FOV] * 3, abs=0.5)
+    assert [p.camera_elevation for p in registered] == pytest.approx([c[1] for c in CAMERAS], abs=1.0)
+    assert [p.camera_roll for p in registered] == pytest.approx([c[2] for c in CAMERAS], abs=1.0)
+    assert registered[0].heading_std == 0.0
+    assert all(0.0 < p.heading_std < 1.0 for p in registered[1:])
 
 
 def test_a_photo_that_notes_gravity_levels_the_others() -> None:
     noted = [
         replace(shot, camera_elevation=e, camera_roll=r)
-        for shot, (_, e, r) in zip(shots(0, SETS_CAMERAS), SETS_CAMERAS, strict=True)
+        for shot, (_, e, r) in zip(shots(0, CAMERAS), CAMERAS, strict=True)
     ]
     wrong = [replace(shot, camera_elevation=shot.camera_elevation + 7.0) for shot in noted[1:]]
     guessed, known = (register_views([replace(noted[0], up_std=sigma), *wrong]) for sigma in (UP_STD, 0.9))
-    true = [c[1] for c in SETS_CAMERAS]
+    true = [c[1] for c in CAMERAS]
     assert [p.camera_elevation for p in known] == pytest.approx(true, abs=1.0)
     assert np.abs(np.subtract([p.camera_elevation for p in guessed], true)).max() > 3.0
     assert all(k.heading_std <= g.heading_std for k, g in zip(known, guessed, strict=True))
 
 
 def test_photos_of_different_places_are_groups_of_their_own() -> None:
-    strangers = [*shots(0, SETS_CAMERAS[:1]), *shots(1, SETS_CAMERAS[:1])]
-    placed = register_views(strangers)
-    assert [p.group for p in placed] == [0, 1]
-    assert [p.vertical_fov for p in placed] == [None, None]
-    assert placed[0].camera_elevation == pytest.approx(TILTS[0][0])
+    strangers = [*shots(0, CAMERAS[:1]), *shots(1, CAMERAS[:1])]
+    registered = register_views(strangers)
+    assert [p.group for p in registered] == [0, 1]
+    assert [p.vertical_fov for p in registered] == [None, None]
+    assert registered[0].camera_elevation == pytest.approx(TILTS[0][0])
 
 
 def test_a_zoomed_photo_has_a_lens_of_its_own() -> None:
     """One that a common lens or a walk would turn by other angles."""
     sphere, cameras, fovs = texture(0), [(0.0, 2.0, 0.0), (20.0, -3.0, 1.5), (9.0, 1.0, 0.0)], (FOV, FOV, 30.0)
-    seen = [detect_features(picture(sphere, camera, fov)) for camera, fov in zip(cameras, fovs, strict=True)]
-    placed = register_views([ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(seen, TILTS, strict=True)])
-    assert {p.group for p in placed} == {0}
-    assert [p.heading for p in placed] == pytest.approx([0.0, 20.0, 9.0], abs=0.3)
-    assert [p.vertical_fov for p in placed] == pytest.approx(fovs, abs=0.5)
+    features = [detect_features(picture(sphere, camera, fov)) for camera, fov in zip(cameras, fovs, strict=True)]
+    registered = register_views(
+        [ViewFeatures(f, *tilt, predicted_fov=46.0) for f, tilt in zip(features, TILTS, strict=True)]
+    )
+    assert {p.group for p in registered} == {0}
+    assert [p.heading for p in registered] == pytest.approx([0.0, 20.0, 9.0], abs=0.3)
+    assert [p.vertical_fov for p in registered] == pytest.approx(fovs, abs=0.5)
 
 
 def test_identical_photos_look_the_same_way() -> None:
-    one = shots(0, SETS_CAMERAS[:1])
-    placed = register_views([one[0], one[0]])
-    assert [p.heading for p in placed] == pytest.approx([0.0, 0.0], abs=0.01)
-    assert len({p.group for p in placed}) == 1
-    assert placed[0].vertical_fov == pytest.approx(46.0, abs=1.0)  # the lens shows in no turn: the guess stays
+    one = shots(0, CAMERAS[:1])
+    registered = register_views([one[0], one[0]])
+    assert [p.heading for p in registered] == pytest.approx([0.0, 0.0], abs=0.01)
+    assert len({p.group for p in registered}) == 1
+    assert registered[0].vertical_fov == pytest.approx(46.0, abs=1.0)  # the lens shows in no turn: the guess stays
 
 
 def test_one_photo_is_its_own_group() -> None:
-    (only,) = register_views(shots(0, SETS_CAMERAS[:1]))
+    (only,) = register_views(shots(0, CAMERAS[:1]))
     assert (only.group, only.heading, only.vertical_fov) == (0, 0.0, None)
 
 
 def test_angles_about_a_vertical_are_those_of_geometry() -> None:
-    rotations = np.array([camera_from_world(*c) @ camera_from_world(*SETS_CAMERAS[0]).T for c in SETS_CAMERAS])
-    heading, elevation, roll = _angles_about(camera_from_world(*SETS_CAMERAS[0])[:, 1], rotations)
-    assert heading == pytest.approx([float(wrap_azimuth(c[0] - SETS_CAMERAS[0][0])) for c in SETS_CAMERAS])
-    assert elevation == pytest.approx([c[1] for c in SETS_CAMERAS])
-    assert roll == pytest.approx([c[2] for c in SETS_CAMERAS])
+    rotations = np.array([camera_from_world(*c) @ camera_from_world(*CAMERAS[0]).T for c in CAMERAS])
+    heading, elevation, roll = _angles_about(camera_from_world(*CAMERAS[0])[:, 1], rotations)
+    assert heading == pytest.approx([float(wrap_azimuth(c[0] - CAMERAS[0][0])) for c in CAMERAS])
+    assert elevation == pytest.approx([c[1] for c in CAMERAS])
+    assert roll == pytest.approx([c[2] for c in CAMERAS])
 
 
 def test_a_sheared_copy_takes_no_lens_beyond_all_numbers() -> None:
@@ -236,10 +192,10 @@ def test_a_sheared_copy_takes_no_lens_beyond_all_numbers() -> None:
         np.roll(noise, 40, axis=1),
         cv2.warpAffine(noise, np.array([[1, 0.3, 0], [0, 1, 0.0]]), (400, 300)),
     )
-    placed = register_views(
+    registered = register_views(
         [
             ViewFeatures(detect_features(rolled), 89.0, 0.0, 50.0),
             ViewFeatures(detect_features(sheared), -90.0, 180.0, 3.0),
         ]
     )
-    assert all(np.isfinite([p.heading, p.camera_elevation]).all() for p in placed)
+    assert all(np.isfinite([p.heading, p.camera_elevation]).all() for p in registered)
