@@ -75,7 +75,7 @@ def test_who_asks_may_stop_it() -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="the bound is Linux's")
 def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(photo_set, "MEMORY", 30_000_000)
+    monkeypatch.setattr(photo_set, "BASE_MEMORY", 30_000_000)
     with pytest.raises(TurnsError, match="needs too much memory"):
         register_views_isolated(OVERLAPPING, 100.0)
 
