@@ -1,1 +1,1 @@
-"""How the cameras of several photos are turned against each other, from what they see in common."""
+"""Registration: the relative rotations of several photos' cameras, by what they have in common."""

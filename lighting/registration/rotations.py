@@ -72,9 +72,9 @@ def transfer_errors(a: Floats, b: Floats, rotation: Floats, focal: tuple[float, 
     Returns:
         half diagonals.
     """
-    in_common = project_points(rays_through(a, focal[0]) @ rotation.T, focal[1]) - b
+    forward = project_points(rays_through(a, focal[0]) @ rotation.T, focal[1]) - b
     backward = project_points(rays_through(b, focal[1]) @ rotation, focal[0]) - a
-    return np.stack([in_common, backward])
+    return np.stack([forward, backward])
 
 
 def rotation_about(vector: Floats) -> Floats:

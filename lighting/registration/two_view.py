@@ -1,14 +1,19 @@
-"""Relative rotation, essential matrix, zoom of one pair.
+"""The relative rotation of two cameras, by matches between their photos.
 
 Far things obey the homography at infinity K R K^-1: a rotation and a focal length are sought that most matches obey
-and refined. Where the lens was zoomed, each photo gets a focal length of its own (zoomed.py); where the camera moved
-between near things the essential matrix takes over (parallax.py).
+and refined. Where the lens was zoomed, each photo gets a focal length of its own; where the camera moved between
+near things the essential matrix takes over.
 
-Five matches decide an essential matrix where the focal length is known (Nister 2004, as OpenCV computes it); its
-rotation, direction of motion and the focal length are then refined together on the Sampson distances of all matches.
+Five matches decide an essential matrix where the focal length is known [2]; its rotation, direction of motion and the
+focal length are then refined together on the Sampson distances of all matches [3].
 
 Two photos from one point obey the homography K2 R K1^-1 wherever things are, which decides both focal lengths. Its
 epipolar geometry is that of a walk ahead as well, so a zoom must be ruled out before a walk is believed.
+
+References:
+    [1] Longuet-Higgins, "A computer algorithm for reconstructing a scene from two projections", Nature 1981.
+    [2] Nister, "An efficient solution to the five-point relative pose problem", PAMI 2004; OpenCV computes it.
+    [3] Sampson, "Fitting conic sections to very scattered data", CGIP 1982.
 """
 
 from collections.abc import Sequence
@@ -30,202 +35,37 @@ from lighting.registration.rotations import (
     transfer_errors,
 )
 
-# The turn of a camera that also moved, by the essential matrix (Longuet-Higgins 1981).
-
-EPIPOLAR_TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys
-PARALLAX, MIN_PARALLAX_GAIN = 1.25, 12  # times as many, and so many more, must obey it where the camera moved
-MIN_MOVING_INLIERS = 24  # matches that agree on a motion, which has more freedom than a rotation
-
-_SURE = 0.999  # probability with which OpenCV's sampling is to meet a sample without a wrong match
-_FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) and ours
-
-
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """A turn, a direction of motion and a zoom, and how sure they are."""
-
-    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
-    towards: Floats  # (3,) unit vector from the second camera to the first, in the second's frame
-    zoom: float
-    covariance: Floats  # (4, 4) of the rotation's vector [rad] and the zoom's logarithm
-    inliers: NDArray[np.bool_]  # (M,)
-
-
-def _epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
-    """Which matches (M,) obey the best fundamental matrix, whatever the lens."""
-    cv2 = import_opencv()
-    unit = 1.0 / matches.pixel  # OpenCV's thresholds suit pixels
-    try:
-        _, mask = cv2.findFundamentalMat(
-            matches.a * unit, matches.b * unit, cv2.USAC_MAGSAC, EPIPOLAR_TOLERANCE, _SURE, 5000
-        )
-    except cv2.error:  # its way of saying that no model fits
-        mask = None
-    return np.zeros(len(matches), dtype=bool) if mask is None else np.asarray(mask).ravel().astype(bool)
-
-
-def prefers_translation(matches: Matches, agreed: int) -> Matches | None:
-    """The matches that obey one epipolar geometry, where those are clearly more than the `agreed` on a rotation."""
-    obeying = _epipolar_inliers(matches)
-    if not _clearly_more(int(np.count_nonzero(obeying)), agreed):
-        return None
-    return Matches(matches.a[obeying], matches.b[obeying], matches.pixel)
-
-
-def _clearly_more(obeying: int, agreed: int) -> bool:
-    """Whether so many matches that obey an epipolar geometry tell of a motion where so many agree on something less."""
-    return obeying >= max(PARALLAX * agreed, agreed + MIN_PARALLAX_GAIN, MIN_MOVING_INLIERS)
-
-
-def essential_motion(
-    matches: Matches, focal: tuple[float, float], zooms: Sequence[float], log_zoom_prior: float
-) -> _Motion | None:
-    """The best motion over the zooms tried; None where no essential matrix fits.
-
-    `log_zoom_prior` is the inverse variance of the zoom's logarithm around 0.
-    """
-    tried = [m for zoom in zooms if (m := _at(matches, focal, zoom, log_zoom_prior)) is not None]
-    return max(tried, key=lambda m: np.count_nonzero(m.inliers), default=None)
-
-
-def _at(matches: Matches, focal: tuple[float, float], zoom: float, prior: float) -> _Motion | None:
-    started = _essential(matches, focal, zoom)
-    return None if started is None else _refine_motion(matches, focal, zoom, prior, *started)
-
-
-def _essential(matches: Matches, focal: tuple[float, float], zoom: float) -> tuple[Floats, Floats] | None:
-    """Rotation (3, 3) and direction of motion (3,) by RANSAC over five matches."""
-    cv2 = import_opencv()
-    a, b = (p * [1.0, -1.0] / (zoom * f) for p, f in zip((matches.a, matches.b), focal, strict=True))
-    tolerance = EPIPOLAR_TOLERANCE * matches.pixel / (zoom * max(focal))
-    try:
-        matrix, mask = cv2.findEssentialMat(a, b, np.eye(3), cv2.USAC_MAGSAC, _SURE, tolerance)
-        if matrix is None or np.shape(matrix) != (3, 3):
-            return None
-        _, rotation, towards, _ = cv2.recoverPose(matrix, a, b, np.eye(3), mask=mask.copy())
-    except cv2.error:
-        return None
-    return np.asarray(_FLIP @ rotation @ _FLIP), np.asarray(_FLIP @ towards.ravel())
-
-
-def _refine_motion(
-    matches: Matches, focal: tuple[float, float], zoom: float, prior: float, rotation: Floats, towards: Floats
-) -> _Motion:
-    side = np.linalg.svd(towards[None])[2][1:]  # two unit vectors across the motion
-
-    def parts(at: Floats) -> tuple[Floats, Floats, float]:
-        moved = towards + at[4:] @ side
-        return rotation_about(at[:3]) @ rotation, moved / np.linalg.norm(moved), zoom * float(np.exp(at[3]))
-
-    def residuals(at: Floats) -> Floats:
-        return _sampson(matches, focal, *parts(at))
-
-    scale = EPIPOLAR_TOLERANCE * matches.pixel
-    inverse = np.array([0.0, 0.0, 0.0, prior, 0.0, 0.0])
-    fit: LeastSquaresResult = least_squares(
-        residuals, np.zeros(6), scale, inverse, np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0, 0.0])
-    )
-    return _Motion(*parts(fit.parameters), fit.covariance[:4, :4], np.abs(fit.residuals) < 2.0 * scale)
-
-
-def _sampson(matches: Matches, focal: tuple[float, float], rotation: Floats, towards: Floats, zoom: float) -> Floats:
-    """Distances (M,) [half diagonals] of matches from their epipolar lines, to first order (Sampson 1982)."""
-    one = np.ones((len(matches), 1))
-    a, b = np.hstack([matches.a, one]), np.hstack([matches.b, one])
-    from_a, from_b = (np.diag([1.0, 1.0, -zoom * f]) for f in focal)
-    matrix = from_b @ cross_matrix(towards) @ rotation @ from_a
-    across_b, across_a = a @ matrix.T, b @ matrix
-    steep = np.sum(across_b[:, :2] ** 2, axis=1) + np.sum(across_a[:, :2] ** 2, axis=1)
-    return np.asarray(np.sum(across_b * b, axis=1) / np.sqrt(np.maximum(steep, 1e-18)))
-
-
-# The turn of a camera that was zoomed between two photos: a rotation and a focal length for each of them.
-
 ONE_LENS = 0.06  # logarithm of the ratio of two focal lengths up to which they may be those of one lens
 
-_FAR = 50.0  # logarithm of a factor on a focal length, beyond any lens
+_DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is unknown
+_MIN_INLIERS = 12  # matches that agree
+_MIN_INLIER_SHARE = 0.15  # of the matches in the common part of both photos
+_MAX_STD = 2.0  # deg, of an answer
+_MIN_GUESS_STD = 0.1  # of a focal length's logarithm from which on it is a guess, which does not see a zoom
+_MIN_STATIC_SHARE = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
+_MIN_ZOOMED_SHARE = 0.95  # of the matches that obey an epipolar geometry must obey a zoom for it to be one
+_STATIC_ERROR_FACTOR = 1.3  # errors over what the scatter of the matches says (`export report photo-sets`)
+_MOVING_ERROR_FACTOR = 3.0  # the same where the camera moved
+
+_EPIPOLAR_TOLERANCE = 1.5  # pixels from the epipolar line within which a match obeys
+_MIN_PARALLAX_RATIO = 1.25  # times as many matches must obey it where the camera moved
+_MIN_PARALLAX_GAIN = 12  # and so many more
+_MIN_MOVING_INLIERS = 24  # matches that agree on a motion, which has more freedom than a rotation
+_CONFIDENCE = 0.999  # with which OpenCV's sampling is to meet a sample without a wrong match
+_FLIP = np.diag([1.0, -1.0, -1.0])  # between OpenCV's axes (y down, z ahead) and ours
+
+_MAX_LOG_ZOOM = 50.0  # logarithm of a factor on a focal length, beyond any lens
 _FIRST = np.vstack([np.eye(3, 5), [0.0, 0.0, 0.0, 1.0, -1.0]])  # the first logarithm is the mean less half the ratio's
 
 
 @dataclass(frozen=True, eq=False)
-class _ZoomedPair:
-    """A turn and two focal lengths, and how sure they are."""
-
-    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
-    focal: tuple[float, float]  # of both photos [half diagonals]
-    covariance: Floats  # (4, 4) of the rotation's vector [rad] and the first focal length's logarithm
-    inliers: NDArray[np.bool_]  # (M,) matches that obey it in the photo that shows them coarser
-
-
-def _estimate_zoom(
-    matches: Matches, focal: tuple[float, float], zooms: Sequence[float], mean_prior: float
-) -> _ZoomedPair | None:
-    """The best turn with two focal lengths, for matches of which nearly all are right; None where one would do.
-
-    `focal` are guesses [half diagonals], of which only the ratio to the mean of both photos is kept: `zooms` are the
-    factors on it to try, `mean_prior` is the inverse variance of its logarithm.
-    """
-    half = 0.5 * (_log_growth(matches) - float(np.log(focal[1] / focal[0])))
-    apart = (focal[0] * float(np.exp(-half)), focal[1] * float(np.exp(half)))
-    tried = [_refine_zoom(matches, apart, zoom, mean_prior) for zoom in zooms]  # a wrong start creeps along a valley
-    found = min(tried, key=lambda t: _cost(matches, t))
-    ratio = found.focal[1] / found.focal[0] * focal[0] / focal[1]
-    return found if abs(np.log(ratio)) > ONE_LENS else None
-
-
-def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean_prior: float) -> _ZoomedPair:
-    """The nearest optimum to both focal lengths times a zoom."""
-    started = ransac_rotation(matches, focal, [zoom]).rotation
-
-    def parts(at: Floats) -> tuple[Floats, tuple[float, float]]:
-        first, second = np.exp(np.clip([at[3] - at[4], at[3] + at[4]], -_FAR, _FAR))  # a step may go too far
-        return rotation_about(at[:3]) @ started, (float(zoom * focal[0] * first), float(zoom * focal[1] * second))
-
-    def residuals(at: Floats) -> Floats:
-        return transfer_errors(matches.a, matches.b, *parts(at)).ravel()
-
-    prior, expected = np.array([0.0, 0.0, 0.0, mean_prior, 0.0]), np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0])
-    scale = TOLERANCE * matches.pixel
-    fit = least_squares(residuals, np.zeros(5), scale / 2.0, prior, expected)
-    off = np.linalg.norm(fit.residuals.reshape(2, -1, 2), axis=-1)
-    return _ZoomedPair(*parts(fit.parameters), _FIRST @ fit.covariance @ _FIRST.T, np.min(off, axis=0) < scale)
-
-
-def _cost(matches: Matches, found: _ZoomedPair) -> float:
-    """How far matches are from obeying, those far off counting for ever less (Cauchy)."""
-    off = transfer_errors(matches.a, matches.b, found.rotation, found.focal) / (TOLERANCE * matches.pixel / 2.0)
-    return float(np.sum(np.log1p(np.square(off))))
-
-
-def _log_growth(matches: Matches) -> float:
-    """The logarithm by which distances between points are larger in the second photo, as a rule."""
-    other = np.roll(np.arange(len(matches)), 1 + len(matches) // 3)
-    first, second = (np.linalg.norm(points - points[other], axis=1) for points in (matches.a, matches.b))
-    return float(np.median(np.log(np.maximum(second, matches.pixel) / np.maximum(first, matches.pixel))))
-
-
-# How two cameras are turned against each other, from what both see.
-
-DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is unknown
-MIN_INLIERS = 12  # matches that agree, below which nothing is said
-MIN_INLIER_SHARE = 0.15  # of the matches in the common part of both photos
-MAX_ROTATION_STD = 2.0  # deg, beyond which nothing is said
-MIN_STATIC_SHARE = 0.5  # of the matches that obey a motion must obey a rotation too, where the motion stays unknown
-MIN_ZOOMED_SHARE = (
-    0.95  # of the matches that obey an epipolar geometry must obey a zoom, which is then all there is to it
-)
-GUESSED = 0.1  # spread of a focal length's logarithm from which on it is a guess, which does not see a zoom
-STILL_SPREAD, MOVED_SPREAD = 1.3, 3.0  # errors over what the scatter of the matches says (`export report photo-sets`)
-
-
-@dataclass(frozen=True, eq=False)
 class RelativeRotation:
-    """How the second camera is turned against the first."""
+    """The rotation from the first camera to the second."""
 
     rotation: Floats  # (3, 3) a direction in the first camera's frame (x right, y up, -z ahead) to the second's
     covariance: Floats  # (3, 3) [deg^2] of the small rotation vector in the second's frame that corrects `rotation`
     vertical_fov: tuple[float, float]  # deg, of the first and of the second photo
-    fov_std: float  # deg, one standard deviation of those; 0 where they were given as exact
+    fov_std: float  # deg, one standard deviation of those; 0 where they are exact
     inliers: int  # matches that agree
     matches: int
     translates: bool = False  # whether the camera moved as well, among near things
@@ -233,7 +73,7 @@ class RelativeRotation:
 
     @property
     def std(self) -> float:
-        """Deg, one standard deviation of the turn about its least certain axis."""
+        """Deg, one standard deviation of the rotation about its least certain axis."""
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
 
 
@@ -253,36 +93,35 @@ def estimate_rotation(
         fovs: vertical fields of view in deg; one alone counts for both, none means one unknown lens.
         fov_std: standard deviation of `fovs` in deg; 0 takes them as exact.
     """
-    if len(matches) < MIN_INLIERS:
+    if len(matches) < _MIN_INLIERS:
         return None
-    lens = _Lens.of(size_a, size_b, fovs, fov_std)
-    return _turn(matches, lens)
+    return _choose_model(matches, _Lens.of(size_a, size_b, fovs, fov_std))
 
 
 @dataclass(frozen=True)
 class _Lens:
-    """What is known of both focal lengths before a match is seen; as a rule both are off by one factor, the zoom."""
+    """Both focal lengths before matching; as a rule both are off by one factor, the zoom."""
 
     sizes: tuple[tuple[int, int], tuple[int, int]]  # (width, height) of both photos
     focal: tuple[float, float]  # of both photos [half diagonals]
-    spread: float  # one standard deviation of the zoom's logarithm; 0 exact, infinite unknown
+    log_std: float  # one standard deviation of the zoom's logarithm; 0 exact, infinite unknown
 
     @classmethod
     def of(
         cls, a: tuple[int, int], b: tuple[int, int], fovs: tuple[float | None, float | None], fov_std: float
     ) -> "_Lens":
-        """The lens of two photos with given vertical fields of view [deg]."""
-        said = [(focal_from_fov(fov, *size), fov) for fov, size in zip(fovs, (a, b), strict=True) if fov is not None]
-        if not said:
+        """The lens of two photos with vertical fields of view [deg] or None."""
+        focals = [(focal_from_fov(fov, *size), fov) for fov, size in zip(fovs, (a, b), strict=True) if fov is not None]
+        if not focals:
             return cls((a, b), (1.0, 1.0), np.inf)
-        spread = np.radians(fov_std) / np.sin(np.radians(said[0][1]))  # d log f = d fov / sin fov
-        return cls((a, b), (said[0][0], said[-1][0]), float(spread))
+        log_std = np.radians(fov_std) / np.sin(np.radians(focals[0][1]))  # d log f = d fov / sin fov
+        return cls((a, b), (focals[0][0], focals[-1][0]), float(log_std))
 
     def zooms(self) -> list[float]:
         """The zooms to try."""
-        if np.isinf(self.spread):
-            return [float(z) for z in 1.0 / np.tan(np.radians(DIAGONAL_FOVS) / 2.0)]
-        return [1.0] if self.spread < 0.01 else [float(np.exp(k * self.spread)) for k in (-2, -1, 0, 1, 2)]
+        if np.isinf(self.log_std):
+            return [float(z) for z in 1.0 / np.tan(np.radians(_DIAGONAL_FOVS) / 2.0)]
+        return [1.0] if self.log_std < 0.01 else [float(np.exp(k * self.log_std)) for k in (-2, -1, 0, 1, 2)]
 
     def fovs(self, zoom: float) -> tuple[float, float]:
         """Vertical fields of view [deg] of both photos."""
@@ -291,81 +130,82 @@ class _Lens:
 
     def prior(self) -> float:
         """Inverse variance of the zoom's logarithm."""
-        return 0.0 if np.isinf(self.spread) else 1.0 / max(self.spread, 1e-9) ** 2
+        return 0.0 if np.isinf(self.log_std) else 1.0 / max(self.log_std, 1e-9) ** 2
 
 
-def _turn(matches: Matches, lens: _Lens) -> RelativeRotation | None:
-    still = _rotated(matches, lens)
-    obeying = prefers_translation(matches, 0 if still is None else still.inliers)
+def _choose_model(matches: Matches, lens: _Lens) -> RelativeRotation | None:
+    """By a rotation alone; where an epipolar geometry fits clearly more matches, by a zoom or a motion."""
+    static = _fit_rotation(matches, lens)
+    obeying = prefers_translation(matches, 0 if static is None else static.inliers)
     if obeying is None:
-        return still
-    believed = still if still is not None and still.inliers >= MIN_STATIC_SHARE * len(obeying) else None
-    found = _lenses_apart(obeying, lens)
-    if found is None or _clearly_more(len(obeying), int(np.sum(found.inliers))):
-        return _moved(obeying, len(matches), lens) or believed
-    return (_zoomed(found, len(matches), lens) if np.mean(found.inliers) >= MIN_ZOOMED_SHARE else None) or believed
+        return static
+    trusted = static if static is not None and static.inliers >= _MIN_STATIC_SHARE * len(obeying) else None
+    result = _fit_two_lenses(obeying, lens)
+    if result is None or _clearly_more(len(obeying), int(np.sum(result.inliers))):
+        return _fit_motion(obeying, len(matches), lens) or trusted
+    return (_fit_zoom(result, len(matches), lens) if np.mean(result.inliers) >= _MIN_ZOOMED_SHARE else None) or trusted
 
 
-def _rotated(matches: Matches, lens: _Lens) -> RelativeRotation | None:
-    """The turn of a camera that stayed where it was, or looks at far things only."""
-    found = ransac_rotation(matches, lens.focal, lens.zooms())
-    rotation, zoom = found.rotation, found.zoom
+def _fit_rotation(matches: Matches, lens: _Lens) -> RelativeRotation | None:
+    """The rotation of a camera that stayed where it was, or looks at far things only."""
+    result = ransac_rotation(matches, lens.focal, lens.zooms())
+    rotation, zoom = result.rotation, result.zoom
     scale = TOLERANCE * matches.pixel
     for _ in range(2):
         near = _distances(matches, rotation, zoom, lens.focal) < 2.0 * scale
-        if np.count_nonzero(near) < MIN_INLIERS:
+        if np.count_nonzero(near) < _MIN_INLIERS:
             return None
         fit = _refine_rotation(matches, near, rotation, zoom, lens)
         rotation, zoom = rotation_about(fit.parameters[:3]) @ rotation, zoom * float(np.exp(fit.parameters[3]))
     count = int(np.count_nonzero(_distances(matches, rotation, zoom, lens.focal) < scale))
     common = int(np.count_nonzero(_in_common(matches, rotation, zoom, lens)))
-    if count < max(MIN_INLIERS, MIN_INLIER_SHARE * common):
+    if count < max(_MIN_INLIERS, _MIN_INLIER_SHARE * common):
         return None
-    covariance = 2.0 * STILL_SPREAD**2 * fit.covariance  # each match counts in both photos
+    covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * fit.covariance  # each match counts in both photos
     return _sure_enough(RelativeRotation(rotation, *_uncertainty(covariance, zoom, lens), count, len(matches)))
 
 
-def _lenses_apart(obeying: Matches, lens: _Lens) -> _ZoomedPair | None:
-    """The best turn with a focal length for each photo, where none is known and one does not do for both."""
-    if lens.spread < GUESSED:
+def _fit_two_lenses(obeying: Matches, lens: _Lens) -> "_ZoomedPair | None":
+    """The best rotation with a focal length for each photo, where none is known and one does not do for both."""
+    if lens.log_std < _MIN_GUESS_STD:
         return None
-    wide = replace(lens, spread=2.0 * lens.spread)  # what photos of several lenses look like is a poorer guess of one
+    wide = replace(lens, log_std=2.0 * lens.log_std)  # what photos of several lenses look like is a poorer guess of one
     return _estimate_zoom(obeying, lens.focal, wide.zooms(), wide.prior())
 
 
-def _zoomed(found: _ZoomedPair, matches: int, lens: _Lens) -> RelativeRotation | None:
-    """The turn of a camera that stayed where it was and was zoomed."""
-    covariance = 2.0 * STILL_SPREAD**2 * found.covariance  # each match counts in both photos
-    uncertainty = _uncertainty(covariance, 1.0, replace(lens, focal=found.focal))
+def _fit_zoom(result: "_ZoomedPair", matches: int, lens: _Lens) -> RelativeRotation | None:
+    """The rotation of a camera that stayed where it was and was zoomed."""
+    covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * result.covariance  # each match counts in both photos
+    uncertainty = _uncertainty(covariance, 1.0, replace(lens, focal=result.focal))
     return _sure_enough(
-        RelativeRotation(found.rotation, *uncertainty, int(np.sum(found.inliers)), matches, zoomed=True)
+        RelativeRotation(result.rotation, *uncertainty, int(np.sum(result.inliers)), matches, zoomed=True)
     )
 
 
-def _moved(obeying: Matches, matches: int, lens: _Lens) -> RelativeRotation | None:
-    """The turn of a camera that walked, by those of so many matches that obey an epipolar geometry."""
-    found = essential_motion(obeying, lens.focal, lens.zooms(), lens.prior())
-    if found is None or (count := int(np.count_nonzero(found.inliers))) < MIN_MOVING_INLIERS:
+def _fit_motion(obeying: Matches, matches: int, lens: _Lens) -> RelativeRotation | None:
+    """The rotation of a camera that walked, by those of so many matches that obey an epipolar geometry."""
+    result = essential_motion(obeying, lens.focal, lens.zooms(), lens.prior())
+    if result is None or (count := int(np.count_nonzero(result.inliers))) < _MIN_MOVING_INLIERS:
         return None
-    uncertainty = _uncertainty(MOVED_SPREAD**2 * found.covariance, found.zoom, lens)
-    return _sure_enough(RelativeRotation(found.rotation, *uncertainty, count, matches, translates=True))
+    uncertainty = _uncertainty(_MOVING_ERROR_FACTOR**2 * result.covariance, result.zoom, lens)
+    return _sure_enough(RelativeRotation(result.rotation, *uncertainty, count, matches, translates=True))
 
 
 def _uncertainty(covariance: Floats, zoom: float, lens: _Lens) -> tuple[Floats, tuple[float, float], float]:
     """Covariance [deg^2], fields of view [deg] and their standard deviation, by the covariance (4, 4) of a fit."""
     fovs = lens.fovs(zoom)
-    sigma = float(np.sqrt(covariance[3, 3]) * np.degrees(np.sin(np.radians(fovs[0]))))
-    return np.degrees(np.degrees(covariance[:3, :3])), fovs, sigma
+    std = float(np.sqrt(covariance[3, 3]) * np.degrees(np.sin(np.radians(fovs[0]))))
+    return np.degrees(np.degrees(covariance[:3, :3])), fovs, std
 
 
-def _sure_enough(turn: RelativeRotation) -> RelativeRotation | None:
-    return turn if turn.std <= MAX_ROTATION_STD else None
+def _sure_enough(relative: RelativeRotation) -> RelativeRotation | None:
+    return relative if relative.std <= _MAX_STD else None
 
 
 def _distances(matches: Matches, rotation: Floats, zoom: float, focal: tuple[float, float]) -> Floats:
     """How far (M,) [half diagonals] each match is from obeying the rotation, in the worse of both photos."""
-    own = (zoom * focal[0], zoom * focal[1])
-    return np.asarray(np.max(np.linalg.norm(transfer_errors(matches.a, matches.b, rotation, own), axis=-1), axis=0))
+    scaled = (zoom * focal[0], zoom * focal[1])
+    return np.asarray(np.max(np.linalg.norm(transfer_errors(matches.a, matches.b, rotation, scaled), axis=-1), axis=0))
 
 
 def _refine_rotation(
@@ -374,9 +214,9 @@ def _refine_rotation(
     a, b = matches.a[near], matches.b[near]
 
     def residuals(at: Floats) -> Floats:
-        scaled = zoom * float(np.exp(at[3]))
-        own = (scaled * lens.focal[0], scaled * lens.focal[1])
-        return transfer_errors(a, b, rotation_about(at[:3]) @ rotation, own).ravel()
+        factor = zoom * float(np.exp(at[3]))
+        scaled = (factor * lens.focal[0], factor * lens.focal[1])
+        return transfer_errors(a, b, rotation_about(at[:3]) @ rotation, scaled).ravel()
 
     scale = TOLERANCE * matches.pixel / 2.0
     prior = np.array([0.0, 0.0, 0.0, lens.prior()])
@@ -390,3 +230,180 @@ def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: _Lens) -> 
     at = np.abs(project_points(rays_through(matches.a, zoom * lens.focal[0]) @ rotation.T, zoom * lens.focal[1]))
     half = np.array([width, height]) / np.hypot(width, height)
     return np.asarray(np.all(at <= half, axis=1))
+
+
+# A camera that also moved: the essential matrix [1, 2].
+
+
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """A rotation, a direction of motion and a zoom, and how sure they are."""
+
+    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
+    translation: Floats  # (3,) unit vector from the second camera to the first, in the second's frame
+    zoom: float
+    covariance: Floats  # (4, 4) of the rotation's vector [rad] and the zoom's logarithm
+    inliers: NDArray[np.bool_]  # (M,)
+
+
+def _epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
+    """Which matches (M,) obey the best fundamental matrix, whatever the lens."""
+    cv2 = import_opencv()
+    unit = 1.0 / matches.pixel  # OpenCV's thresholds suit pixels
+    try:
+        _, mask = cv2.findFundamentalMat(
+            matches.a * unit, matches.b * unit, cv2.USAC_MAGSAC, _EPIPOLAR_TOLERANCE, _CONFIDENCE, 5000
+        )
+    except cv2.error:  # its way of saying that no model fits
+        mask = None
+    return np.zeros(len(matches), dtype=bool) if mask is None else np.asarray(mask).ravel().astype(bool)
+
+
+def prefers_translation(matches: Matches, agreed: int) -> Matches | None:
+    """The matches that obey one epipolar geometry, where those are clearly more than obey a rotation.
+
+    Args:
+        matches: points that both photos show.
+        agreed: how many obey a rotation.
+    """
+    obeying = _epipolar_inliers(matches)
+    if not _clearly_more(int(np.count_nonzero(obeying)), agreed):
+        return None
+    return Matches(matches.a[obeying], matches.b[obeying], matches.pixel)
+
+
+def _clearly_more(obeying: int, agreed: int) -> bool:
+    """Whether so many matches that obey an epipolar geometry tell of a motion."""
+    return obeying >= max(_MIN_PARALLAX_RATIO * agreed, agreed + _MIN_PARALLAX_GAIN, _MIN_MOVING_INLIERS)
+
+
+def essential_motion(
+    matches: Matches, focal: tuple[float, float], zooms: Sequence[float], log_zoom_prior: float
+) -> _Motion | None:
+    """The best motion over the zooms tried; None where no essential matrix fits.
+
+    Args:
+        matches: points that both photos show.
+        focal: both focal lengths in half diagonals.
+        zooms: factors on both focal lengths to try.
+        log_zoom_prior: inverse variance of the zoom's logarithm around 0.
+    """
+    candidates = [m for zoom in zooms if (m := _refine_at(matches, focal, zoom, log_zoom_prior)) is not None]
+    return max(candidates, key=lambda m: np.count_nonzero(m.inliers), default=None)
+
+
+def _refine_at(matches: Matches, focal: tuple[float, float], zoom: float, prior: float) -> _Motion | None:
+    started = _essential(matches, focal, zoom)
+    return None if started is None else _refine_motion(matches, focal, zoom, prior, *started)
+
+
+def _essential(matches: Matches, focal: tuple[float, float], zoom: float) -> tuple[Floats, Floats] | None:
+    """Rotation (3, 3) and direction of motion (3,) by RANSAC over five matches."""
+    cv2 = import_opencv()
+    a, b = (p * [1.0, -1.0] / (zoom * f) for p, f in zip((matches.a, matches.b), focal, strict=True))
+    tolerance = _EPIPOLAR_TOLERANCE * matches.pixel / (zoom * max(focal))
+    try:
+        matrix, mask = cv2.findEssentialMat(a, b, np.eye(3), cv2.USAC_MAGSAC, _CONFIDENCE, tolerance)
+        if matrix is None or np.shape(matrix) != (3, 3):
+            return None
+        _, rotation, translation, _ = cv2.recoverPose(matrix, a, b, np.eye(3), mask=mask.copy())
+    except cv2.error:
+        return None
+    return np.asarray(_FLIP @ rotation @ _FLIP), np.asarray(_FLIP @ translation.ravel())
+
+
+def _refine_motion(
+    matches: Matches, focal: tuple[float, float], zoom: float, prior: float, rotation: Floats, translation: Floats
+) -> _Motion:
+    side = np.linalg.svd(translation[None])[2][1:]  # two unit vectors across the motion
+
+    def parts(at: Floats) -> tuple[Floats, Floats, float]:
+        moved = translation + at[4:] @ side
+        return rotation_about(at[:3]) @ rotation, moved / np.linalg.norm(moved), zoom * float(np.exp(at[3]))
+
+    def residuals(at: Floats) -> Floats:
+        return _sampson(matches, focal, *parts(at))
+
+    scale = _EPIPOLAR_TOLERANCE * matches.pixel
+    inverse = np.array([0.0, 0.0, 0.0, prior, 0.0, 0.0])
+    fit: LeastSquaresResult = least_squares(
+        residuals, np.zeros(6), scale, inverse, np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0, 0.0])
+    )
+    return _Motion(*parts(fit.parameters), fit.covariance[:4, :4], np.abs(fit.residuals) < 2.0 * scale)
+
+
+def _sampson(
+    matches: Matches, focal: tuple[float, float], rotation: Floats, translation: Floats, zoom: float
+) -> Floats:
+    """Distances (M,) [half diagonals] of matches from their epipolar lines, to first order [3]."""
+    one = np.ones((len(matches), 1))
+    a, b = np.hstack([matches.a, one]), np.hstack([matches.b, one])
+    from_a, from_b = (np.diag([1.0, 1.0, -zoom * f]) for f in focal)
+    matrix = from_b @ cross_matrix(translation) @ rotation @ from_a
+    across_b, across_a = a @ matrix.T, b @ matrix
+    steep = np.sum(across_b[:, :2] ** 2, axis=1) + np.sum(across_a[:, :2] ** 2, axis=1)
+    return np.asarray(np.sum(across_b * b, axis=1) / np.sqrt(np.maximum(steep, 1e-18)))
+
+
+# A camera that was zoomed between two photos: a rotation and a focal length for each of them.
+
+
+@dataclass(frozen=True, eq=False)
+class _ZoomedPair:
+    """A rotation and two focal lengths, and how sure they are."""
+
+    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
+    focal: tuple[float, float]  # of both photos [half diagonals]
+    covariance: Floats  # (4, 4) of the rotation's vector [rad] and the first focal length's logarithm
+    inliers: NDArray[np.bool_]  # (M,) matches that obey it in the photo that shows them coarser
+
+
+def _estimate_zoom(
+    matches: Matches, focal: tuple[float, float], zooms: Sequence[float], mean_prior: float
+) -> _ZoomedPair | None:
+    """The best rotation with two focal lengths, for matches of which nearly all are right; None where one would do.
+
+    `focal` are guesses [half diagonals], of which only the ratio to the mean of both photos is kept: `zooms` are the
+    factors on it to try, `mean_prior` is the inverse variance of its logarithm.
+    """
+    half = 0.5 * (_log_growth(matches) - float(np.log(focal[1] / focal[0])))
+    scaled = (focal[0] * float(np.exp(-half)), focal[1] * float(np.exp(half)))
+    candidates = [
+        _refine_zoom(matches, scaled, zoom, mean_prior) for zoom in zooms
+    ]  # a wrong start creeps along a valley
+    result = min(candidates, key=lambda t: _cost(matches, t))
+    ratio = result.focal[1] / result.focal[0] * focal[0] / focal[1]
+    return result if abs(np.log(ratio)) > ONE_LENS else None
+
+
+def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean_prior: float) -> _ZoomedPair:
+    """The nearest optimum to both focal lengths times a zoom."""
+    started = ransac_rotation(matches, focal, [zoom]).rotation
+
+    def parts(at: Floats) -> tuple[Floats, tuple[float, float]]:
+        first, second = np.exp(
+            np.clip([at[3] - at[4], at[3] + at[4]], -_MAX_LOG_ZOOM, _MAX_LOG_ZOOM)
+        )  # a step may go too far
+        return rotation_about(at[:3]) @ started, (float(zoom * focal[0] * first), float(zoom * focal[1] * second))
+
+    def residuals(at: Floats) -> Floats:
+        return transfer_errors(matches.a, matches.b, *parts(at)).ravel()
+
+    prior, expected = np.array([0.0, 0.0, 0.0, mean_prior, 0.0]), np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0])
+    scale = TOLERANCE * matches.pixel
+    fit = least_squares(residuals, np.zeros(5), scale / 2.0, prior, expected)
+    errors = np.linalg.norm(fit.residuals.reshape(2, -1, 2), axis=-1)
+    return _ZoomedPair(*parts(fit.parameters), _FIRST @ fit.covariance @ _FIRST.T, np.min(errors, axis=0) < scale)
+
+
+def _cost(matches: Matches, result: _ZoomedPair) -> float:
+    """How far matches are from obeying, those far off counting for ever less (Cauchy)."""
+    errors = transfer_errors(matches.a, matches.b, result.rotation, result.focal) / (TOLERANCE * matches.pixel / 2.0)
+    return float(np.sum(np.log1p(np.square(errors))))
+
+
+def _log_growth(matches: Matches) -> float:
+    """The logarithm by which distances between points are larger in the second photo, as a rule."""
+    other = np.roll(np.arange(len(matches)), 1 + len(matches) // 3)
+    first, second = (np.linalg.norm(points - points[other], axis=1) for points in (matches.a, matches.b))
+    return float(np.median(np.log(np.maximum(second, matches.pixel) / np.maximum(first, matches.pixel))))

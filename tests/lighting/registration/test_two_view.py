@@ -42,7 +42,7 @@ def test_the_turn_and_the_way_are_found() -> None:
     assert found is not None
     assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ turn(A, B).T))) < 0.3
     way = camera_from_world(*B) @ (-np.array(STEP) / np.linalg.norm(STEP))
-    assert abs(found.towards @ way) > np.cos(np.radians(3.0))
+    assert abs(found.translation @ way) > np.cos(np.radians(3.0))
 
 
 def test_wrong_matches_do_not_obey() -> None:
