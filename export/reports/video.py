@@ -25,7 +25,8 @@ from lighting.video.decode import Frame
 from lighting.video.intrinsics import zoomed_fov
 from lighting.video.keyframes import smooth_parabolic
 from lighting.video.light import FrameObservation, ShotLight
-from lighting.video.shot import NETWORK_INTERVAL, Shot, estimate_frame, observe_shots, solve_shot
+from lighting.video.observation import NETWORK_INTERVAL, estimate_frame, observe_shots
+from lighting.video.shot import Shot, solve_shot
 from lighting.video.tracking import ClipMetadata
 
 CLIP_WIDTH, CLIP_HEIGHT = 640, 360  # pixels

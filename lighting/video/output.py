@@ -32,8 +32,8 @@ from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
 from lighting.video.decode import Clip
+from lighting.video.observation import NETWORK_INTERVAL
 from lighting.video.shot import (
-    NETWORK_INTERVAL,
     FrameLight,
     Shot,
     analyze_shots,

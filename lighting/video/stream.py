@@ -42,7 +42,8 @@ from lighting.video.decode import FRAME_SIDE, Frame
 from lighting.video.intrinsics import GUESSED_FOV_STD, MIN_FOV_STD, NETWORK_FOV_STD, constrains_fov, is_zoomed
 from lighting.video.keyframes import match_keyframes
 from lighting.video.light import FrameObservation, ShotLight
-from lighting.video.shot import estimate_frame, estimate_north, is_dark, lighting_in_camera
+from lighting.video.observation import estimate_frame, is_dark
+from lighting.video.shot import estimate_north, lighting_in_camera
 from lighting.video.tracking import (
     ClipMetadata,
     FrameEstimate,

@@ -28,7 +28,8 @@ from lighting.color import srgb_decode
 from lighting.files.atomic import encode_png
 from lighting.geometry import Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
-from lighting.video.shot import observe_shots, solve_shot
+from lighting.video.observation import observe_shots
+from lighting.video.shot import solve_shot
 from lighting.video.tracking import ClipMetadata
 from tests.helpers.clips import FOV, SIZE, panorama
 

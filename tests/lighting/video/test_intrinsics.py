@@ -11,7 +11,8 @@ from lighting.geometry import Floats
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.video.intrinsics import remove_zoom, zoomed_fov
-from lighting.video.shot import Shot, frame_lights, observe_shots, shot_lighting, solve_shot
+from lighting.video.observation import observe_shots
+from lighting.video.shot import Shot, frame_lights, shot_lighting, solve_shot
 from lighting.video.tracking import ClipMetadata, ShotObservations
 from tests.helpers.clips import FOV, Pixels, frames, panorama, seen
 

@@ -18,7 +18,7 @@ from lighting.geometry import camera_axes
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.video import output
-from lighting.video.shot import estimate_frame
+from lighting.video.observation import estimate_frame
 from tests.conftest import LIT, write_network
 from tests.helpers.cameras import poles
 from tests.helpers.clips import Pixels, pan, write_clip

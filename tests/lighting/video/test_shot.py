@@ -1,4 +1,4 @@
-"""Tests of shot."""
+"""Shots: lens, path, sun and warnings."""
 
 from collections.abc import Sequence
 from datetime import UTC, datetime
@@ -8,97 +8,94 @@ import numpy as np
 import pytest
 
 from lighting.errors import VideoError
-from lighting.fusion.estimate import predict_photo
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model
-from lighting.photo.reader import photo_from_array
-from lighting.video.shot import Shot, estimate_frame, observe_shots, solve_shot
+from lighting.video.observation import observe_shots
+from lighting.video.shot import Shot, solve_shot
 from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import ClipMetadata
-from tests.conftest import scene
-from tests.helpers.cameras import poles
 from tests.helpers.clips import FOV, Pixels, frames, look, pan, panorama
 
 BLACK = np.zeros((180, 320, 3), np.uint8)
 
 
 @pytest.fixture(scope="module")
-def shot_model(network: Path) -> Model:
+def model(network: Path) -> Model:
     return Model.load(network, threads=1)
 
 
-def shots(pictures: list[Pixels], shot_model: Model, around: ClipMetadata | None = None) -> list[Shot]:
-    found = observe_shots(frames(pictures), shot_model, 0.5)
+def shots(pictures: list[Pixels], model: Model, around: ClipMetadata | None = None) -> list[Shot]:
+    found = observe_shots(frames(pictures), model, 0.5)
     return [solve_shot(watched, around or ClipMetadata()) for watched in found]
 
 
-def test_a_pan_tells_its_lens_and_its_headings(shot_model: Model) -> None:
-    (shot,) = shots(pan(40, 50.0), shot_model)
+def test_a_pan_tells_its_lens_and_its_headings(model: Model) -> None:
+    (shot,) = shots(pan(40, 50.0), model)
     assert shot.vertical_fov == pytest.approx(FOV, abs=1.0)  # the network says 50
     assert shot.path.heading[-1] == pytest.approx(50.0, abs=2.0)  # the network's level is 4 deg off
     assert not shot.path.bridged.any()
     assert len(shot.frames) == 40
 
 
-def test_a_gimbal_tells_the_level_and_north(shot_model: Model) -> None:
+def test_a_gimbal_tells_the_level_and_north(model: Model) -> None:
     time = np.arange(36) / 30.0
     share = np.linspace(0, 1, 36)
     gimbal = Gimbal(time, 300.0 + 50.0 * share, 3.0 * np.sin(3.0 * share), 2.0 * share)
-    (shot,) = shots(pan(36, 50.0), shot_model, ClipMetadata(gimbal=gimbal))
+    (shot,) = shots(pan(36, 50.0), model, ClipMetadata(gimbal=gimbal))
     np.testing.assert_allclose(shot.path.heading, 50.0 * share, atol=0.7)
     np.testing.assert_allclose(shot.path.elevation, 3.0 * np.sin(3.0 * share), atol=0.3)
     assert shot.north == pytest.approx(300.0, abs=1.0)
 
 
-def test_a_lens_that_is_given_stays(shot_model: Model) -> None:
-    (shot,) = shots(pan(20, 15.0), shot_model, ClipMetadata(user_input=UserInput(vertical_fov=47.0)))
+def test_a_lens_that_is_given_stays(model: Model) -> None:
+    (shot,) = shots(pan(20, 15.0), model, ClipMetadata(user_input=UserInput(vertical_fov=47.0)))
     assert (shot.vertical_fov, shot.fov_std) == (47.0, 0.0)
 
 
-def test_a_cut_makes_two_shots_each_from_azimuth_0(shot_model: Model) -> None:
-    first, second = shots([*pan(25, 20.0), *pan(25, 20.0, seed=5)], shot_model)
+def test_a_cut_makes_two_shots_each_from_azimuth_0(model: Model) -> None:
+    first, second = shots([*pan(25, 20.0), *pan(25, 20.0, seed=5)], model)
     assert first.frames.tolist() == list(range(25))
     assert second.frames.tolist() == list(range(25, 50))
     assert second.path.heading[0] == pytest.approx(0.0, abs=0.1)
 
 
-def test_a_picture_of_another_size_begins_a_shot_with_its_own_lens(shot_model: Model) -> None:
+def test_a_picture_of_another_size_begins_a_shot_with_its_own_lens(model: Model) -> None:
     narrow = [np.ascontiguousarray(picture[:, 100:220]) for picture in pan(25, 30.0)]
-    first, second = shots([*pan(25, 30.0), *narrow], shot_model)
+    first, second = shots([*pan(25, 30.0), *narrow], model)
     assert (len(first.frames), len(second.frames)) == (25, 25)
     assert first.vertical_fov == pytest.approx(FOV, abs=1.5)
     assert second.vertical_fov == pytest.approx(FOV, abs=1.5)
 
 
-def test_black_frames_in_a_shot_are_bridged(shot_model: Model) -> None:
+def test_black_frames_in_a_shot_are_bridged(model: Model) -> None:
     pictures = pan(40, 20.0)
     pictures[18:22] = [BLACK] * 4
-    (shot,) = shots(pictures, shot_model)
+    (shot,) = shots(pictures, model)
     assert 3 <= shot.path.bridged.sum() <= 6
     np.testing.assert_allclose(np.diff(shot.path.heading), 20.0 / 39, atol=0.3)
 
 
-def test_a_still_clip_is_a_shot_that_does_not_turn(shot_model: Model) -> None:
-    (shot,) = shots([look(10.0)] * 20, shot_model)
+def test_a_still_clip_is_a_shot_that_does_not_turn(model: Model) -> None:
+    (shot,) = shots([look(10.0)] * 20, model)
     assert np.ptp(shot.path.heading) < 0.05
     assert shot.fov_std > 3.0  # nothing but the network tells the lens
 
 
-def test_one_frame_is_a_shot(shot_model: Model) -> None:
-    (shot,) = shots([look(10.0)], shot_model)
+def test_one_frame_is_a_shot(model: Model) -> None:
+    (shot,) = shots([look(10.0)], model)
     assert len(shot.frames) == 1
 
 
-def test_a_dark_clip_says_so(shot_model: Model) -> None:
+def test_a_dark_clip_says_so(model: Model) -> None:
     with pytest.raises(VideoError, match="bright enough"):
-        shots([BLACK] * 10, shot_model)
+        shots([BLACK] * 10, model)
 
 
-def test_night_that_falls_in_a_shot_ends_its_looks_alone(shot_model: Model) -> None:
+def test_night_that_falls_in_a_shot_ends_its_looks_alone(model: Model) -> None:
     """Civil twilight ends 15 s after the first of 30 frames, one a second."""
     dusk = UserInput(time=datetime(2024, 6, 1, 19, 47, 33, tzinfo=UTC), latitude=48.0, longitude=11.0, vertical_fov=FOV)
-    (watched,) = observe_shots(frames(pan(30, 20.0), 1.0), shot_model, 0.5)
-    (begun,) = observe_shots(frames(pan(30, 20.0)[:15], 1.0), shot_model, 0.5)
+    (watched,) = observe_shots(frames(pan(30, 20.0), 1.0), model, 0.5)
+    (begun,) = observe_shots(frames(pan(30, 20.0)[:15], 1.0), model, 0.5)
     shot, by_day = (solve_shot(one, ClipMetadata(user_input=dusk)) for one in (watched, begun))
     assert shot.prior.warnings[-1].startswith("By time and place it is night at 15.0 s, too dark for these skies")
     assert shot.prior.observations == by_day.prior.observations
@@ -108,9 +105,9 @@ def test_night_that_falls_in_a_shot_ends_its_looks_alone(shot_model: Model) -> N
     assert len(shot.frames) == 30
 
 
-def test_exposure_is_followed_through_keyframes(shot_model: Model) -> None:
+def test_exposure_is_followed_through_keyframes(model: Model) -> None:
     pictures = [look(1.0 * i, gain=1.0 - 0.01 * i) for i in range(31)]
-    (shot,) = shots(pictures, shot_model)
+    (shot,) = shots(pictures, model)
     assert shot.gains[-1] == pytest.approx([0.7**2.3] * 3, rel=0.12)  # sRGB is near a power of 2.3
     assert shot.gains[0] == pytest.approx([1.0] * 3)
 
@@ -131,57 +128,16 @@ def before_moving_things(speeds: Sequence[tuple[float, float]], top: int) -> lis
     return pictures
 
 
-def test_points_that_obey_no_one_turn_are_told(shot_model: Model) -> None:
-    (shot,) = shots(before_moving_things([(2.0, 1.0), (-1.0, 1.5), (1.0, -2.0), (-2.0, -1.0)], 20), shot_model)
+def test_points_that_obey_no_one_turn_are_told(model: Model) -> None:
+    (shot,) = shots(before_moving_things([(2.0, 1.0), (-1.0, 1.5), (1.0, -2.0), (-2.0, -1.0)], 20), model)
     assert any("agree with one turn" in warning for warning in shot.prior.warnings)
 
 
-def test_points_of_a_thing_that_passes_are_told_by_the_lens_they_would_need(shot_model: Model) -> None:
-    (shot,) = shots(before_moving_things([(-3.0, 0.0)], 20), shot_model)
+def test_points_of_a_thing_that_passes_are_told_by_the_lens_they_would_need(model: Model) -> None:
+    (shot,) = shots(before_moving_things([(-3.0, 0.0)], 20), model)
     assert any("The points tell a field of view" in warning for warning in shot.prior.warnings)
 
 
-def test_a_pan_has_no_doubts(shot_model: Model) -> None:
-    (shot,) = shots(pan(30, 40.0), shot_model)
+def test_a_pan_has_no_doubts(model: Model) -> None:
+    (shot,) = shots(pan(30, 40.0), model)
     assert shot.prior.warnings == ()
-
-
-def sky_of(model: Model, pixels: np.ndarray) -> np.ndarray:
-    light = estimate_frame(model, pixels).prediction.light
-    assert light is not None
-    return light.sky_irradiance
-
-
-def test_a_frames_sky_gives_the_light_its_colour(lit_network: Path) -> None:
-    model = Model.load(lit_network)
-    unseen, blue, red = scene(320, 240) // 2, scene(320, 240), scene(320, 240)
-    blue[:120], red[:120] = (100, 160, 240), (240, 160, 100)
-    said = sky_of(model, unseen)
-    assert said == pytest.approx([0.4, 0.5, 0.8])
-    assert sky_of(model, blue)[2] / sky_of(model, blue)[0] > 1.1 * said[2] / said[0]
-    assert sky_of(model, red)[2] / sky_of(model, red)[0] < 0.9 * said[2] / said[0]
-
-
-def test_a_network_that_says_nothing_of_the_light_is_left_alone(network: Path) -> None:
-    seen = estimate_frame(Model.load(network), scene(320, 240))
-    assert seen.prediction.light is None
-    assert seen.ground is None
-
-
-def test_a_lens_that_is_known_enters_how_the_camera_was_held(network: Path) -> None:
-    model, pixels = Model.load(network), poles(20.0, 0.0, 60.0)
-    seen = estimate_frame(model, pixels, 60.0)
-    assert seen.by_lens is not None
-    assert estimate_frame(model, pixels).by_lens is None
-    assert seen.prediction.camera_elevation == predict_photo(model, photo_from_array(pixels)).camera_elevation
-    prior = predict_photo(model, photo_from_array(pixels), UserInput(vertical_fov=60.0)).camera_elevation
-    assert seen.by_lens.prediction.camera_elevation == prior != seen.prediction.camera_elevation
-
-
-def test_a_frames_ground_has_the_colour_that_it_shows(lit_network: Path) -> None:
-    model = Model.load(lit_network)
-    green = scene(320, 240)
-    green[120:] = (60, 120, 40)
-    ground = estimate_frame(model, green).ground
-    assert ground is not None
-    assert ground[1] > 2 * ground[0] > 2 * ground[2]

@@ -7,7 +7,8 @@ import pytest
 
 from lighting.geometry import Floats
 from lighting.model import Model
-from lighting.video.shot import Shot, observe_shots, solve_shot
+from lighting.video.observation import observe_shots
+from lighting.video.shot import Shot, solve_shot
 from lighting.video.shot_detection import Dissolve, DissolveDetector, _is_mixture
 from lighting.video.tracking import ClipMetadata
 from tests.helpers.clips import Pixels, frames, look, pan

@@ -19,7 +19,7 @@ from lighting.model import Model
 from lighting.registration.rotations import rotation_about, rotation_vector
 from lighting.video import tracking
 from lighting.video.intrinsics import zoomed_fov
-from lighting.video.shot import estimate_frame
+from lighting.video.observation import estimate_frame
 from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, Tracker, _BankKeyframe, _KeyframeBank
 from lighting.video.tracking import FrameRotation, Keyframe
 from tests.helpers.cameras import poles
