@@ -2,8 +2,8 @@
 
 Ratios. Where both exposures of a pair are neither clipped nor dark, the short one's values are the long one's divided
 by the ratio, plus what black and rounding leave. A straight line through them, with outliers out-weighted, has the
-ratio as its slope; the errors are nearly all in the short one, so that one is the dependent variable. Where the values differ
-hardly more than noise makes them, a line would be too flat, and the ratio is that of the means.
+ratio as its slope; the errors are nearly all in the short one, so that one is the dependent variable. Where the values
+differ hardly more than noise makes them, a line would be too flat, and the ratio is that of the means.
 
 Merging. Each value is weighted by the inverse of its variance, as Hasinoff, Durand and Freeman have it (CVPR 2010), for
 a camera of common size, since a file does not say how many electrons fill its full scale. A clipped value weighs
