@@ -1,5 +1,6 @@
 """Pictures and a tiny network that several test modules share."""
 
+import os
 import signal
 from collections.abc import Mapping
 from io import BytesIO
@@ -21,6 +22,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("repeatable")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """One thread for the arrays of each of several workers, which would otherwise wait for each other."""
+    if config.getoption("numprocesses", None):
+        os.environ.setdefault("OMP_NUM_THREADS", "1")
+
 
 TINY = ModelSpec(
     name="tiny",

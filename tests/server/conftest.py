@@ -2,19 +2,22 @@
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+import anyio
 import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
+from starlette.types import Message
 
 from lighting.estimator import Estimator
 from lighting.model import Model
 from server.app import create_app
 from server.dependencies import Service
+from server.schemas import Problem
 from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
 
@@ -78,3 +81,56 @@ def sample(client: TestClient, name: str) -> float:
     """The value of a metric, written with its labels."""
     match = re.search(rf"^{re.escape(name)} (\S+)$", client.get("/metrics").text, re.MULTILINE)
     return float(match[1]) if match else 0.0
+
+
+def problem(answer: Any, status: int, name: str) -> dict[str, Any]:
+    """The body of an answer that is this problem."""
+    assert answer.status_code == status, answer.content[:300]
+    assert answer.headers["content-type"] == "application/problem+json"
+    body: dict[str, Any] = answer.json()
+    Problem.model_validate(body, strict=True)
+    assert body["status"] == status
+    assert body["type"] == f"tag:outdoor-lighting,2026:{name}"
+    assert body["request_id"] == answer.headers["x-request-id"]
+    assert answer.headers["x-content-type-options"] == "nosniff"
+    return body
+
+
+class Client:
+    """One request with a photo, by hand, so that it can break off."""
+
+    def __init__(self, app: FastAPI, photo: bytes, sent: int | None = None, kind: str = "image/jpeg") -> None:
+        self.app = app
+        self.kind = kind
+        self.gone = anyio.Event()
+        self.bodies = [{"type": "http.request", "body": photo[:sent], "more_body": sent is not None}]
+        self.sent: list[Message] = []
+
+    async def receive(self) -> Message:
+        if self.bodies:
+            return self.bodies.pop()
+        await self.gone.wait()
+        return {"type": "http.disconnect"}
+
+    async def send(self, message: Message) -> None:
+        self.sent.append(message)
+
+    async def ask(self) -> None:
+        headers = [(b"content-type", self.kind.encode())]
+        scope = {"type": "http", "http_version": "1.1", "method": "POST", "path": "/v1/lighting", "query_string": b""}
+        scope["headers"] = headers
+        await self.app(scope, self.receive, self.send)
+
+    @property
+    def status(self) -> int:
+        return int(self.sent[0]["status"]) if self.sent else 0
+
+    @property
+    def headers(self) -> dict[bytes, bytes]:
+        return dict(self.sent[0]["headers"])
+
+
+async def until(condition: Callable[[], Any]) -> None:
+    with anyio.fail_after(30):
+        while not condition():
+            await anyio.sleep(0.002)

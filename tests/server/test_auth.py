@@ -10,8 +10,7 @@ from starlette.testclient import TestClient
 from lighting.estimator import Estimator
 from server.auth import SECURITY_HEADERS, ApiKeys, RateLimiter, client_address
 from server.settings import Settings, SettingsError
-from tests.server.conftest import SKY, client_of
-from tests.server.test_problems import problem
+from tests.server.conftest import SKY, client_of, problem
 
 OPEN = ("/", "/favicon.ico", "/livez", "/readyz", "/metrics", "/openapi.json")
 JPEG = {"Content-Type": "image/jpeg"}

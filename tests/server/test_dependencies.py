@@ -25,8 +25,7 @@ from server.settings import Settings
 from tests.conftest import encode, scene
 from tests.helpers.cameras import picture, texture
 from tests.helpers.pages import ROOT
-from tests.server.conftest import client_of, together
-from tests.server.test_limits import Client, until
+from tests.server.conftest import Client, client_of, together, until
 
 pytest.importorskip("cv2")
 FOV = 50.0

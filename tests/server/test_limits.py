@@ -2,7 +2,6 @@
 
 import json
 import threading
-from collections.abc import Callable
 from typing import Any
 
 import anyio
@@ -19,8 +18,7 @@ from server.app import create_app
 from server.dependencies import Service
 from server.limits import BusyError, PendingResponses, TooManyUploadsError, UploadLimiter, WorkLimiter
 from server.settings import Settings
-from tests.server.conftest import SKY, client_of, jpeg_headers, service_of
-from tests.server.test_problems import problem
+from tests.server.conftest import SKY, Client, client_of, jpeg_headers, problem, service_of, until
 
 
 def test_places_run_out_and_come_back() -> None:
@@ -94,46 +92,6 @@ class Held:
 @pytest.fixture
 def held(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> Held:
     return Held(estimator, monkeypatch)
-
-
-class Client:
-    """One request with a photo, by hand, so that it can break off."""
-
-    def __init__(self, app: FastAPI, photo: bytes, sent: int | None = None, kind: str = "image/jpeg") -> None:
-        self.app = app
-        self.kind = kind
-        self.gone = anyio.Event()
-        self.bodies = [{"type": "http.request", "body": photo[:sent], "more_body": sent is not None}]
-        self.sent: list[Message] = []
-
-    async def receive(self) -> Message:
-        if self.bodies:
-            return self.bodies.pop()
-        await self.gone.wait()
-        return {"type": "http.disconnect"}
-
-    async def send(self, message: Message) -> None:
-        self.sent.append(message)
-
-    async def ask(self) -> None:
-        headers = [(b"content-type", self.kind.encode())]
-        scope = {"type": "http", "http_version": "1.1", "method": "POST", "path": "/v1/lighting", "query_string": b""}
-        scope["headers"] = headers
-        await self.app(scope, self.receive, self.send)
-
-    @property
-    def status(self) -> int:
-        return int(self.sent[0]["status"]) if self.sent else 0
-
-    @property
-    def headers(self) -> dict[bytes, bytes]:
-        return dict(self.sent[0]["headers"])
-
-
-async def until(condition: Callable[[], Any]) -> None:
-    with anyio.fail_after(30):
-        while not condition():
-            await anyio.sleep(0.002)
 
 
 def test_limiter_places_run_out_and_come_back() -> None:

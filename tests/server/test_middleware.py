@@ -19,8 +19,7 @@ from server.app import create_app
 from server.middleware import DrainBodyMiddleware
 from server.settings import Settings
 from tests.helpers.processes import running
-from tests.server.conftest import client_of, sample
-from tests.server.test_problems import problem
+from tests.server.conftest import client_of, problem, sample
 
 JPEG = {"Content-Type": "image/jpeg"}
 

@@ -135,7 +135,7 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
     config = schemathesis.Config.from_dict(
         {
             "seed": 1,
-            "generation": {"deterministic": True, "max-examples": 200},
+            "generation": {"deterministic": True, "max-examples": 100},
             "operations": [{"include-operation-id": name, "checks": TOGETHER} for name in WITH_CONDITIONS],
         }
     )

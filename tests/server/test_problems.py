@@ -13,23 +13,9 @@ from lighting.estimator import Estimator
 from lighting.validation import RANGES
 from server import problems
 from server.problems import MAX_ERRORS
-from server.schemas import Problem
-from tests.server.conftest import SKY, client_of
+from tests.server.conftest import SKY, client_of, problem
 
 JPEG = {"Content-Type": "image/jpeg"}
-
-
-def problem(answer: Any, status: int, name: str) -> dict[str, Any]:
-    """The body of an answer that is this problem."""
-    assert answer.status_code == status, answer.content[:300]
-    assert answer.headers["content-type"] == "application/problem+json"
-    body: dict[str, Any] = answer.json()
-    Problem.model_validate(body, strict=True)
-    assert body["status"] == status
-    assert body["type"] == f"tag:outdoor-lighting,2026:{name}"
-    assert body["request_id"] == answer.headers["x-request-id"]
-    assert answer.headers["x-content-type-options"] == "nosniff"
-    return body
 
 
 def test_an_unknown_path_is_404_and_names_itself_without_harm(client: TestClient) -> None:

@@ -33,8 +33,7 @@ from server.query_params import (
     refuse_photo_parameters,
 )
 from tests.conftest import encode, munich, scene
-from tests.server.conftest import client_of, jpeg_headers, together
-from tests.server.test_problems import problem
+from tests.server.conftest import client_of, jpeg_headers, problem, together
 
 
 def error_of(error: ProblemError) -> tuple[str, int]:

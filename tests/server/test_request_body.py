@@ -19,8 +19,7 @@ from server.problems import ProblemError
 from server.request_body import parse_record
 from tests.conftest import encode, scene
 from tests.helpers.photos import chunk, png
-from tests.server.conftest import client_of
-from tests.server.test_problems import problem
+from tests.server.conftest import client_of, problem
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02)
 

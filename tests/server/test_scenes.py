@@ -21,8 +21,7 @@ from lighting.scene import EXPORTERS
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
 from tests.conftest import encode, munich, scene
-from tests.server.conftest import SKY, jpeg_headers
-from tests.server.test_problems import problem
+from tests.server.conftest import SKY, jpeg_headers, problem
 
 PHONE = encode(scene(320, 240), exif=munich())
 
