@@ -15,13 +15,7 @@ from numbers import Integral
 import numpy as np
 
 from lighting.color import luminance
-from lighting.envmap.latlong import (
-    EPSILON_IRRADIANCE,
-    Image,
-    irradiance_from_rows,
-    row_irradiance,
-    scale_colors,
-)
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, row_irradiance, scale_colors
 from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle

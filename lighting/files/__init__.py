@@ -74,11 +74,7 @@ MAP_FORMATS: dict[str, MapFormat] = {  # by the suffix of a file, without its do
 
 
 def write_envmap(
-    target: str | os.PathLike[str],
-    image: "Floats",
-    lighting: "Lighting | None" = None,
-    *,
-    compression: str = "zip",
+    target: str | os.PathLike[str], image: "Floats", lighting: "Lighting | None" = None, *, compression: str = "zip"
 ) -> None:
     """Write a map to a path in the format of its suffix. The path appears only when the file is whole.
 

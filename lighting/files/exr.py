@@ -60,9 +60,8 @@ def check_compression(compression: str) -> None:
     if compression in _REMOVED:
         raise EnvironmentMapError(f"The compression {compression!r} was removed; none changes no value either.")
     if compression not in COMPRESSIONS:
-        raise EnvironmentMapError(
-            f"The compression {compression!r} is not known; it must be one of {', '.join(COMPRESSIONS)}."
-        )
+        names = ", ".join(COMPRESSIONS)
+        raise EnvironmentMapError(f"The compression {compression!r} is not known; it must be one of {names}.")
 
 
 def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.float32]]:
@@ -74,16 +73,11 @@ def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[A
     """
     check_compression(compression)
     library = _library()
-    return getattr(library, COMPRESSIONS[compression]), _rounded(image) if compression == "zip" else image
-
-
-def _rounded(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The values as `round_in_place` leaves them, in another array unless they are so already."""
-    if not any((rows.view(np.uint32) & ~_MASK).any() for rows in _bands(image)):
-        return image
-    values = np.empty_like(image)
-    _round(image, values)
-    return values
+    if compression == "zip" and any((rows.view(np.uint32) & ~_MASK).any() for rows in _bands(image)):
+        rounded = np.empty_like(image)
+        _round(image, rounded)
+        image = rounded
+    return getattr(library, COMPRESSIONS[compression]), image
 
 
 def round_in_place(image: NDArray[np.float32]) -> None:

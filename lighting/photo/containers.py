@@ -94,27 +94,9 @@ class _Layout:
     """How a TIFF writes offsets and counts."""
 
     order: str  # of bytes, as struct names it
-    big: bool  # whether they have 64 bits
-
-    @property
-    def offset(self) -> struct.Struct:
-        """A position in the file."""
-        return struct.Struct(self.order + ("Q" if self.big else "I"))
-
-    @property
-    def count(self) -> struct.Struct:
-        """The number of a directory's tags."""
-        return struct.Struct(self.order + ("Q" if self.big else "H"))
-
-    @property
-    def tag(self) -> struct.Struct:
-        """A tag's number, type, count of values, and the values or their offset."""
-        return struct.Struct(self.order + ("HHQ8s" if self.big else "HHI4s"))
-
-    @property
-    def first(self) -> int:
-        """Where the offset of the first directory is."""
-        return 8 if self.big else 4
+    offset: struct.Struct  # a position in the file; that of the first directory stands at as many bytes as it has
+    count: struct.Struct  # the number of a directory's tags
+    tag: struct.Struct  # a tag's number, type, count of values, and the values or their offset
 
 
 def photo_page(data: bytes) -> _Page | None:
@@ -134,7 +116,7 @@ def photo_page(data: bytes) -> _Page | None:
     if not photos:
         return None
     offset, tags = max(photos, key=lambda page: _pixel_count(page[1]))
-    first_offset = slice(layout.first, layout.first + layout.offset.size)
+    first_offset = slice(layout.offset.size, 2 * layout.offset.size)
     return _Page(layout.offset.pack(offset), first_offset, _ORIENTATION in tags, _EXIF in tags)
 
 
@@ -142,13 +124,14 @@ def _layout(data: bytes) -> _Layout | None:
     order = {b"II": "<", b"MM": ">"}.get(data[:2])
     if order is None or len(data) < 16:
         return None
-    kind = struct.unpack_from(order + "H", data, 2)[0]
-    return _Layout(order, kind == _BIG_TIFF) if kind in (_BIG_TIFF, _CLASSIC_TIFF) else None
+    formats = {_CLASSIC_TIFF: ("I", "H", "HHI4s"), _BIG_TIFF: ("Q", "Q", "HHQ8s")}
+    fields = formats.get(struct.unpack_from(order + "H", data, 2)[0])
+    return None if fields is None else _Layout(order, *(struct.Struct(order + field) for field in fields))
 
 
 def _pages(data: bytes, layout: _Layout) -> Iterator[tuple[int, _Tags]]:
     """Offset and tags of the first _MAX_PAGES directories, those below others too."""
-    waiting, visited = deque(layout.offset.unpack_from(data, layout.first)), set[int]()
+    waiting, visited = deque(layout.offset.unpack_from(data, layout.offset.size)), set[int]()
     while waiting and len(visited) < _MAX_PAGES:
         offset = waiting.popleft()
         if offset == 0 or offset in visited:

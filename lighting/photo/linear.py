@@ -201,8 +201,8 @@ def _raw_mode(tile: Any) -> str:
 
 def _read_raw(file: Path, upright: bool) -> LinearPhoto:
     pixels, levels = _develop_raw(file.read_bytes(), str(file), upright)
-    facts, exposure = read_metadata_and_exposure(file)
-    return LinearPhoto(np.asarray(pixels / np.float32(65535)), _CLIPPED_FROM, 1 / levels, exposure, facts)
+    metadata, exposure = read_metadata_and_exposure(file)
+    return LinearPhoto(np.asarray(pixels / np.float32(65535)), _CLIPPED_FROM, 1 / levels, exposure, metadata)
 
 
 def _develop_raw(data: bytes, name: str, upright: bool) -> tuple[NDArray[np.uint16], int]:

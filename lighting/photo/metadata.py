@@ -18,13 +18,7 @@ from xml.parsers import expat
 from PIL import ExifTags, Image
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.imu import (
-    CameraTilt,
-    heading_from_xmp,
-    tilt_from_accelerometer,
-    tilt_from_elevation_angle,
-    tilt_from_gimbal,
-)
+from lighting.photo import imu
 
 _Tags = Mapping[int, Any]
 _Value = TypeVar("_Value")
@@ -89,7 +83,7 @@ def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
         utc_time = to_utc(local_time, utc_offset)
     latitude, longitude = _read_or_none(_gps_location, gps) or (None, None)
     heading, reference = _read_or_none(_heading, gps), _read_or_none(_heading_reference, gps)
-    if heading is None and (heading := heading_from_xmp(xmp)) is not None:
+    if heading is None and (heading := imu.heading_from_xmp(xmp)) is not None:
         reference = HeadingReference.TRUE
     focal_length = _read_or_none(_focal_length, camera)
     uncropped = _read_or_none(lambda tags: _is_uncropped(tags, width / height), camera)
@@ -226,12 +220,12 @@ def _directory(image: Image.Image, ifd: int) -> _Tags:
 
 def _camera_tilt(
     tags: _Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]
-) -> CameraTilt | None:
+) -> imu.CameraTilt | None:
     """The camera's tilt, by the first source that has it."""
     return (
-        _read_or_none(lambda t: tilt_from_accelerometer(t, orientation, size), tags)
-        or tilt_from_gimbal(xmp, orientation)
-        or _read_or_none(tilt_from_elevation_angle, tags)
+        _read_or_none(lambda t: imu.tilt_from_accelerometer(t, orientation, size), tags)
+        or imu.tilt_from_gimbal(xmp, orientation)
+        or _read_or_none(imu.tilt_from_elevation_angle, tags)
     )
 
 

@@ -24,17 +24,7 @@ from PIL import Image, UnidentifiedImageError
 
 from lighting.color import check_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
-from lighting.photo.containers import (
-    RAW_FORMAT,
-    check_chunks,
-    check_scans,
-    dct_coefficients_per_pixel,
-    embedded_preview,
-    is_raw,
-    open_exif_source,
-    photo_page,
-    webp_size,
-)
+from lighting.photo import containers
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
 
@@ -128,11 +118,11 @@ def read_photo(
     data = read_bytes(source, max_bytes)
     try:
         with _no_warnings():
-            raw = is_raw(data)
-        page = None if raw else photo_page(data)
-        image = _open(page.as_first(data) if page else embedded_preview(data) if raw else data, max_pixels)
+            raw = containers.is_raw(data)
+        page = None if raw else containers.photo_page(data)
+        image = _open(page.as_first(data) if page else containers.embedded_preview(data) if raw else data, max_pixels)
         width, height = image.size
-        exif_source = open_exif_source(data, image) if raw or (page and not page.has_exif) else image
+        exif_source = containers.open_exif_source(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
         decode_image(image, side)
         with _no_warnings():
@@ -147,7 +137,7 @@ def read_photo(
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     with _no_warnings():
         metadata = read_metadata(exif_source, width, height)
-    return Photo(pixels, width, height, RAW_FORMAT if raw else str(image.format), metadata)
+    return Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format), metadata)
 
 
 def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:
@@ -175,7 +165,7 @@ def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, 
         max_pixels: of any kind.
     """
     kind = "JPEG" if image.format == "MPO" else str(image.format)
-    coefficients = dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
+    coefficients = containers.dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
     if not coefficients:
         return _max_pixels_of_format(kind, max_pixels), _FORMAT_NAMES[kind]
     return min(
@@ -239,9 +229,9 @@ def _open(data: bytes, max_pixels: int) -> Image.Image:
     formats = [*_FORMATS]
     if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
         formats = [_heif_format()]
-    check_scans(data)
-    check_chunks(data)
-    if size := webp_size(data):
+    containers.check_scans(data)
+    containers.check_chunks(data)
+    if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:
         with _no_warnings():

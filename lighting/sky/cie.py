@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats, angle_between
+from lighting.geometry import Floats
+from lighting.sky import sky_angles
 
 _GRADATION = {  # a and b of each group
     "I": (4.0, -0.70),
@@ -58,15 +59,10 @@ def general_luminance(direction: ArrayLike, sun_direction: ArrayLike, kind: int)
         sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
         kind: type 1 to 5 overcast, 6 to 10 partly cloudy, 11 to 15 clear; else ParameterError.
     """
-    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
-    if sun[1] < 0:
-        raise ParameterError(
-            "The sun is below the horizon; the general sky needs it above.", "sun_direction", ErrorCode.NIGHT
-        )
-    sun_angle, sun_zenith = np.radians(angle_between(d, sun)), np.radians(angle_between(sun, [0.0, 1.0, 0.0]))
-    value = _indicatrix(sun_angle, kind) * _gradation(d[..., 1], kind)
+    up, sun_angle, sun_zenith = sky_angles(direction, sun_direction, "general sky")
+    value = _indicatrix(sun_angle, kind) * _gradation(up, kind)
     zenith = _indicatrix(sun_zenith, kind) * _gradation(np.asarray(1.0), kind)
-    return np.asarray(np.where(d[..., 1] >= 0, value / zenith, 0.0))
+    return np.asarray(np.where(up >= 0, value / zenith, 0.0))
 
 
 def _gradation(up: ArrayLike, kind: int) -> Floats:

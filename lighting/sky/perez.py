@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats, angle_between, angles
-from lighting.sky import Weather
+from lighting.geometry import Floats, angles
+from lighting.sky import Weather, sky_angles
 
 _CLEARNESS_BINS = (1.0, 1.065, 1.230, 1.500, 1.950, 2.800, 4.500, 6.200)  # where each row of the table begins
 _BRIGHTNESS_RANGE = (0.01, 0.6)  # that the model covers
@@ -54,12 +54,11 @@ def perez_luminance(direction: ArrayLike, sun_direction: ArrayLike, clearness: f
         clearness: 1 under an overcast sky, above 6.2 under a clear one.
         brightness: 0.01 to 0.6.
     """
-    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
-    zenith_angle = float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    coefficients = _perez_coefficients(clearness, brightness, zenith_angle)
-    value = _luminance(coefficients, d[..., 1], np.radians(angle_between(d, sun)))
-    zenith = _luminance(coefficients, np.asarray(1.0), np.asarray(zenith_angle))
-    return np.asarray(np.where(d[..., 1] >= 0, np.maximum(value / zenith, 0), 0.0))
+    up, sun_angle, sun_zenith = sky_angles(direction, sun_direction, "all-weather sky")
+    coefficients = _perez_coefficients(clearness, brightness, sun_zenith)
+    value = _luminance(coefficients, up, sun_angle)
+    zenith = _luminance(coefficients, np.asarray(1.0), np.asarray(sun_zenith))
+    return np.asarray(np.where(up >= 0, np.maximum(value / zenith, 0), 0.0))
 
 
 def perez_weather(weather: Weather, sun_direction: ArrayLike) -> tuple[float, float]:
@@ -81,7 +80,7 @@ def _perez_coefficients(clearness: float, brightness: float, sun_zenith: float) 
     `sun_zenith` [rad] is the sun's angle from the zenith, theta the direction's and gamma its angle from the sun.
     Raises ParameterError out of range.
     """
-    _check(clearness, brightness, sun_zenith)
+    _check(clearness, brightness)
     row = int(np.searchsorted(_CLEARNESS_BINS, clearness, side="right")) - 1
     delta = max(brightness, _MIN_BROKEN_BRIGHTNESS) if 1.065 < clearness < 2.8 else brightness
     x = _TABLE[row]
@@ -116,19 +115,11 @@ def _luminance(coefficients: Floats, up: Floats, sun_angle: Floats) -> Floats:
     return np.asarray(gradation * (1 + c * np.exp(d * sun_angle) + e * np.cos(sun_angle) ** 2))
 
 
-def _check(clearness: float, brightness: float, sun_zenith: float) -> None:
+def _check(clearness: float, brightness: float) -> None:
     low, high = _BRIGHTNESS_RANGE
     if not clearness >= 1:
-        raise ParameterError(
-            f"The sky's clearness is {clearness:g}; it is 1 or more.", "clearness", ErrorCode.OUT_OF_RANGE
-        )
+        sentence = f"The sky's clearness is {clearness:g}; it is 1 or more."
+        raise ParameterError(sentence, "clearness", ErrorCode.OUT_OF_RANGE)
     if not low <= brightness <= high:
-        raise ParameterError(
-            f"The sky's brightness is {brightness:g}; the model covers {low:g} to {high:g}.",
-            "brightness",
-            ErrorCode.OUT_OF_RANGE,
-        )
-    if not 0 <= sun_zenith <= np.pi / 2:
-        raise ParameterError(
-            "The sun is below the horizon; the all-weather sky needs it above.", "sun_zenith", ErrorCode.NIGHT
-        )
+        sentence = f"The sky's brightness is {brightness:g}; the model covers {low:g} to {high:g}."
+        raise ParameterError(sentence, "brightness", ErrorCode.OUT_OF_RANGE)

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between
+from lighting.sky import sky_angles
 
 TURBIDITY = (1.7, 10.0)  # the authors fitted 2 to 6; below 1.7 the luminance of a high sun's zenith turns negative
 
@@ -55,31 +56,33 @@ def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
         sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
         turbidity: 1.7 to 10, else ParameterError.
     """
-    d, sun_zenith, parts = _relative_to_zenith(direction, sun_direction, turbidity)
+    up, sun_zenith, parts = _relative_to_zenith(direction, sun_direction, turbidity)
     zenith = _preetham_zenith(sun_zenith, turbidity)
     luminance, x, y = (parts[i] * zenith[i] for i in range(3))
     xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
-    return np.asarray(np.where(d[..., 1:2] >= 0, np.maximum(xyz @ _TO_REC709.T, 0.0), 0.0))
+    return np.asarray(np.where(up[..., None] >= 0, np.maximum(xyz @ _TO_REC709.T, 0.0), 0.0))
 
 
 def _preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
     """Luminance / zenith's (...) along unit vectors (..., 3); 0 below the horizon. Raises as `preetham_radiance`."""
-    d, _, parts = _relative_to_zenith(direction, sun_direction, turbidity)
-    return np.where(d[..., 1] >= 0, np.maximum(parts[0], 0.0), 0.0)
+    up, _, parts = _relative_to_zenith(direction, sun_direction, turbidity)
+    return np.where(up >= 0, np.maximum(parts[0], 0.0), 0.0)
 
 
 def _relative_to_zenith(
     direction: ArrayLike, sun_direction: ArrayLike, turbidity: float
 ) -> tuple[Floats, float, Floats]:
-    """Directions (..., 3), the sun's angle from the zenith [rad], and luminance, x and y (3, ...) by the zenith's."""
-    d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
-    sun_angle, sun_zenith = np.radians(angle_between(d, sun)), float(np.radians(angle_between(sun, [0.0, 1.0, 0.0])))
-    return d, sun_zenith, _preetham_distribution(d[..., 1], sun_angle, sun_zenith, turbidity)
+    """Sines (...) above the horizon, the sun's zenith angle [rad], luminance, x and y (3, ...) by the zenith's."""
+    low, high = TURBIDITY
+    if not low <= turbidity <= high:
+        sentence = f"The turbidity is {turbidity:g}; the sky of Preetham covers {low:g} to {high:g}."
+        raise ParameterError(sentence, "turbidity", ErrorCode.OUT_OF_RANGE)
+    up, sun_angle, sun_zenith = sky_angles(direction, sun_direction, "sky of Preetham")
+    return up, sun_zenith, _preetham_distribution(up, sun_angle, sun_zenith, turbidity)
 
 
 def _preetham_distribution(up: Floats, sun_angle: Floats, sun_zenith: float, turbidity: float) -> Floats:
     """Luminance, x and y (3, ...) by the zenith's, of the cosine from the zenith and the angle from the sun [rad]."""
-    _check(turbidity, sun_zenith)
     table = _DISTRIBUTION @ [turbidity, 1.0]
 
     def part(row: Floats, cosine: Floats, angle: Floats) -> Floats:
@@ -92,25 +95,10 @@ def _preetham_distribution(up: Floats, sun_angle: Floats, sun_zenith: float, tur
 
 def _preetham_zenith(sun_zenith: float, turbidity: float) -> Floats:
     """The zenith's luminance [kcd m^-2], x and y (3,) by the sun's angle from it [rad]."""
-    _check(turbidity, sun_zenith)
     chi = (4 / 9 - turbidity / 120) * (np.pi - 2 * sun_zenith)
     luminance = (4.0453 * turbidity - 4.9710) * np.tan(chi) - 0.2155 * turbidity + 2.4192
     powers = np.array([turbidity**2, turbidity, 1.0]), np.array([sun_zenith**3, sun_zenith**2, sun_zenith, 1.0])
     return np.array([max(luminance, 0.0), *(powers[0] @ table @ powers[1] for table in _ZENITH)])
-
-
-def _check(turbidity: float, sun_zenith: float) -> None:
-    low, high = TURBIDITY
-    if not low <= turbidity <= high:
-        raise ParameterError(
-            f"The turbidity is {turbidity:g}; the sky of Preetham covers {low:g} to {high:g}.",
-            "turbidity",
-            ErrorCode.OUT_OF_RANGE,
-        )
-    if not 0 <= sun_zenith <= np.pi / 2 + 1e-6:
-        raise ParameterError(
-            "The sun is below the horizon; the sky of Preetham needs it above.", "sun_zenith", ErrorCode.NIGHT
-        )
 
 
 def lalonde_matthews_sky(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:

@@ -24,7 +24,7 @@ from lighting.files.exr import (
     _MANTISSA_BITS,
     _SET_EFFORT,
     COMPRESSIONS,
-    _rounded,
+    prepare_compression,
     read_envmap,
     read_exr,
     round_in_place,
@@ -80,7 +80,7 @@ def test_rounding_shrinks_the_file(image: NDArray[np.float32]) -> None:
 def test_rounding_leaves_what_has_no_neighbour() -> None:
     largest = np.finfo(np.float32).max
     values = np.array([0.0, -0.0, 1.0, -1.5, np.inf, -np.inf, np.nan, largest, -largest, 1e-42], dtype=np.float32)
-    out = _rounded(values)
+    out = prepare_compression(values, "zip")[1]
     np.testing.assert_array_equal(out[:9], values[:9])
     assert np.signbit(out[1])
     assert abs(out[9] - values[9]) < 1e-42
@@ -163,17 +163,17 @@ def test_a_fork_leaves_the_parents_threads_as_they_were(image: NDArray[np.float3
 
 
 def test_values_are_rounded_in_place_once() -> None:
-    """As they are in an array of their own; what is rounded already is not copied, which large maps would feel."""
+    """As they are in another array; what is rounded already is not copied, which large maps would feel."""
     values = np.random.default_rng(3).lognormal(sigma=3, size=(70, 140, 3)).astype(np.float32)
     values[1, :3, 0] = np.finfo(np.float32).max, np.inf, -1.2345
     values[2, 0, 0] = np.nan
-    expected = _rounded(values)
+    expected = prepare_compression(values, "zip")[1]
     assert expected is not values
     round_in_place(values)
     np.testing.assert_array_equal(values, expected)
     assert values[1, 0, 0] == np.finfo(np.float32).max
     tame = values[3:]
-    assert _rounded(tame) is tame
+    assert prepare_compression(tame, "zip")[1] is tame
 
 
 EXR_LIGHT = Lighting(
@@ -190,7 +190,7 @@ EXR_LIGHT = Lighting(
 @pytest.fixture(scope="module")
 def exr_image() -> NDArray[np.float32]:
     """Rounded as `zip` does, which then changes nothing."""
-    return _rounded(render(EXR_LIGHT, 32))
+    return prepare_compression(render(EXR_LIGHT, 32), "zip")[1]
 
 
 @pytest.fixture(scope="module")
