@@ -28,6 +28,7 @@ from lighting.batch.job import (
 )
 from lighting.batch.results import JOURNAL, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
+from lighting.records import Json
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")
 
@@ -36,14 +37,21 @@ _TASK_CPUS = 0.05  # reserved for such a task
 
 
 def find_photos_at(source: str) -> tuple[str, list[str]]:
-    """As find_photos, also for the URI of a folder, without wildcards."""
+    """Find photos as `find_photos` does, also for the URI of a folder, without wildcards.
+
+    Args:
+        source: a folder, a glob, or a URI that pyarrow supports.
+
+    Raises:
+        BatchError: there is no photo.
+    """
     if "://" not in source:
         return find_photos(source)
-    filesystem, base = _place(source)
+    filesystem, base = _filesystem_at(source)
     from pyarrow.fs import FileSelector
 
-    found = (file.path for file in filesystem.get_file_info(FileSelector(base, recursive=True)) if file.is_file)
-    names = sorted(posixpath.relpath(path, base) for path in found if path.lower().endswith(PHOTO_SUFFIXES))
+    files = (file.path for file in filesystem.get_file_info(FileSelector(base, recursive=True)) if file.is_file)
+    names = sorted(posixpath.relpath(path, base) for path in files if path.lower().endswith(PHOTO_SUFFIXES))
     if not names:
         raise BatchError(f"{source} holds no photos.")
     return source, names
@@ -52,22 +60,31 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
 def run_ray(
     job: BatchJob, names: Sequence[str], *, address: str | None, workers: int | None, overwrite: bool, progress: bool
 ) -> Summary:
-    """Process the photos that are not in the results, on the cluster at `address` or on a local one.
+    """Process the photos that are not in the results.
 
-    `workers` is the number of actors, by default one per CPU. Raises BatchError if Ray or pyarrow is not installed or
-    the folder holds results of another job.
+    Args:
+        job: the batch.
+        names: of photos, relative to its folder.
+        address: of a cluster; None starts a local one.
+        workers: number of actors; None is one per CPU.
+        overwrite: discard earlier results.
+        progress: show Ray's bars.
+
+    Raises:
+        MissingExtraError: Ray or pyarrow is not installed.
+        BatchError: the folder holds results of another job.
     """
     began = monotonic()
     _require_ray()
-    filesystem, out = _place(job.out)
+    filesystem, out = _filesystem_at(job.out)
     _open_results(filesystem, out, job, overwrite)
-    done = _finished(filesystem, f"{out}/{TABLE}")
-    missing = [name for name in names if name not in done]
+    earlier = _failed_by_name(filesystem, f"{out}/{TABLE}")
+    missing = [name for name in names if name not in earlier]
     if missing:
         with _connected(address):
             _map_photos(job, missing, workers, progress)
-    failures = _finished(filesystem, f"{out}/{TABLE}").values()
-    return Summary(len(failures) - sum(failures), sum(failures), len(done), monotonic() - began)
+    failures = _failed_by_name(filesystem, f"{out}/{TABLE}").values()
+    return Summary(len(failures) - sum(failures), sum(failures), len(earlier), monotonic() - began)
 
 
 class _PhotoActor:
@@ -75,12 +92,12 @@ class _PhotoActor:
 
     def __init__(self, job: BatchJob) -> None:
         self.job = job
-        self.estimator, self.given = load_worker_estimator(job)
-        self.base = _place(job.source)[1]
+        self.estimator = load_worker_estimator(job)
+        self.base = _filesystem_at(job.source)[1]
 
-    def __call__(self, photo: dict[str, Any]) -> dict[str, Any]:
+    def __call__(self, photo: Json) -> Json:
         name = posixpath.relpath(photo["path"], self.base)
-        answer = estimate_or_error(self.estimator, photo["bytes"], self.given, self.job.maps)
+        answer = estimate_or_error(self.estimator, photo["bytes"], self.job)
         if isinstance(answer, str):
             return table_row(name, answer)
         if self.job.maps:
@@ -91,7 +108,7 @@ class _PhotoActor:
 def _map_photos(job: BatchJob, names: Sequence[str], workers: int | None, progress: bool) -> None:
     import ray
 
-    filesystem, base = _place(job.source)
+    filesystem, base = _filesystem_at(job.source)
     actors = min(workers or int(ray.cluster_resources()["CPU"]), len(names))
     context = ray.data.DataContext.get_current()
     context.enable_progress_bars = progress
@@ -104,7 +121,7 @@ def _map_photos(job: BatchJob, names: Sequence[str], workers: int | None, progre
         num_cpus=_ACTOR_CPUS,
         compute=ray.data.ActorPoolStrategy(min_size=1, max_size=actors, initial_size=actors),
     )
-    target, folder = _place(job.out)
+    target, folder = _filesystem_at(job.out)
     rows.write_parquet(
         f"{folder}/{TABLE}", filesystem=target, schema=table_schema(), ray_remote_args={"num_cpus": _TASK_CPUS}
     )
@@ -134,7 +151,7 @@ def _require_ray() -> None:
         raise MissingExtraError.of(*_EXTRA)
 
 
-def _place(path: str) -> tuple[Any, str]:
+def _filesystem_at(path: str) -> tuple[Any, str]:
     """The filesystem of a local path or a URI, and the path in it; raises MissingExtraError without pyarrow."""
     from os.path import realpath
 
@@ -146,18 +163,18 @@ def _open_results(filesystem: Any, out: str, job: BatchJob, overwrite: bool) -> 
     """Check that the folder is for this job, and write its settings."""
     from pyarrow.fs import FileType
 
-    asked = job_settings(job)
+    new = job_settings(job)
     file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, TABLE))
-    found = filesystem.open_input_file(file.path).read() if file.is_file else None
+    existing = filesystem.open_input_file(file.path).read() if file.is_file else None
     if not overwrite:
-        check_settings(found, asked, _has_results(filesystem, out), job.out)
+        check_settings(existing, new, _has_results(filesystem, out), job.out)
     elif parts.type is FileType.Directory:
         filesystem.delete_dir(parts.path)
     elif parts.is_file:
         filesystem.delete_file(parts.path)
     filesystem.create_dir(f"{out}/{TABLE}", recursive=True)
     with filesystem.open_output_stream(file.path) as stream:
-        stream.write(json.dumps(asked, indent=2).encode() + b"\n")
+        stream.write(json.dumps(new, indent=2).encode() + b"\n")
 
 
 def _has_results(filesystem: Any, out: str) -> bool:
@@ -170,13 +187,13 @@ def _has_results(filesystem: Any, out: str) -> bool:
     return journal.is_file and has_lights(filesystem.open_input_file(journal.path).read().splitlines(keepends=True))
 
 
-def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
+def _failed_by_name(filesystem: Any, parts: str) -> dict[str, bool]:
     """The photos in complete part files, and whether each failed; an incomplete part file is deleted."""
     from pyarrow import ArrowInvalid
     from pyarrow.fs import FileSelector
     from pyarrow.parquet import read_table
 
-    done: dict[str, bool] = {}
+    failures: dict[str, bool] = {}
     for file in filesystem.get_file_info(FileSelector(parts)):
         try:
             table = read_table(file.path, columns=["file", "error"], filesystem=filesystem)
@@ -184,13 +201,13 @@ def _finished(filesystem: Any, parts: str) -> dict[str, bool]:
             filesystem.delete_file(file.path)
             continue
         failed = (error is not None for error in table["error"].to_pylist())
-        done.update(zip(table["file"].to_pylist(), failed, strict=True))
-    return done
+        failures.update(zip(table["file"].to_pylist(), failed, strict=True))
+    return failures
 
 
 def _write_map(job: BatchJob, name: str, answer: PhotoLight) -> None:
     assert job.maps
-    filesystem, out = _place(job.out)
+    filesystem, out = _filesystem_at(job.out)
     target = f"{out}/{name}.exr"
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(f"{target}.part") as stream:

@@ -1,4 +1,4 @@
-"""JSONL journal and Parquet table."""
+"""Results of a batch: a journal of JSON lines, appended so that a killed batch can be resumed, and a Parquet table."""
 
 import json
 import os
@@ -13,19 +13,23 @@ from typing import Any, BinaryIO, get_args, get_origin
 
 from lighting.errors import BatchError, ParameterError, require_extra
 from lighting.files.atomic import atomic_write
-from lighting.records import Lighting
-
-# The results of a batch: one line of JSON per finished photo, appended, so that a killed batch can be resumed.
+from lighting.records import Json, Lighting
 
 JOURNAL = "lighting.jsonl"
+TABLE = "lighting.parquet"
+ROW_GROUP_SIZE = 8192  # of a row group, which is held in memory
 
 
 class Journal:
-    """The names of the finished photos, and the open file to which their lines are appended."""
+    """The `names` of the finished photos, and the open file to which their lines are appended."""
 
     def __init__(self, file: BinaryIO) -> None:
-        """Truncates the file after its last whole line; a photo whose line was cut short counts as not done."""
-        self.done: set[str] = set()
+        """Truncate the file after its last whole line; a photo whose line was cut short counts as not finished.
+
+        Args:
+            file: open to read and append, at its start.
+        """
+        self.names: set[str] = set()
         self.failed = 0
         self._file = file
         kept = end = 0
@@ -37,7 +41,13 @@ class Journal:
         self.ragged = kept < end  # whether there is something else between the lines
 
     def append(self, name: str, line: str, *, failed: bool) -> None:
-        """Add a photo's line and flush it to the operating system, so that killing this process does not lose it."""
+        """Add a photo's line and flush it to the operating system, so that killing this process does not lose it.
+
+        Args:
+            name: of the photo.
+            line: JSON, without an end of line.
+            failed: whether it holds an error.
+        """
         self._file.write(line.encode() + b"\n")
         self._file.flush()
         self._count(name, failed)
@@ -45,19 +55,25 @@ class Journal:
     def clear(self) -> None:
         """Discard all lines."""
         self._file.truncate(0)
-        self.done.clear()
+        self.names.clear()
         self.failed = 0
 
     def _count(self, name: str, failed: bool) -> None:
-        self.done.add(name)
+        self.names.add(name)
         self.failed += failed
 
 
 @contextmanager
 def open_journal(path: Path) -> Iterator[Journal]:
-    """The journal in a file, which is created if it does not exist. Raises BatchError if another process holds it open.
+    """Open the journal in a file, which is created if it does not exist.
 
     The lines of photos that failed are removed, so that these photos are tried again, and so is what is no line.
+
+    Args:
+        path: the file.
+
+    Raises:
+        BatchError: another process holds it open.
     """
     with path.open("a+b") as file:
         _lock(file, path)
@@ -85,33 +101,37 @@ def _without_failures(file: BinaryIO, path: Path) -> Iterator[BinaryIO]:
 
 
 def has_lights(lines: Iterable[bytes]) -> bool:
-    """Whether a photo that did not fail is among a journal's lines."""
+    """Tell whether a photo that did not fail is among a journal's lines.
+
+    Args:
+        lines: each with its end.
+    """
     return any("error" not in record for record, _ in _whole_lines(lines))
 
 
-def _whole_lines(lines: Iterable[bytes]) -> Iterator[tuple[dict[str, Any], bytes]]:
+def _whole_lines(lines: Iterable[bytes]) -> Iterator[tuple[Json, bytes]]:
     """The records in whole lines, with these."""
     for line in lines:
         if (record := _record(line)) is not None:
             yield record, line
 
 
-def _first(pairs: Iterable[tuple[dict[str, Any], bytes]]) -> Iterator[tuple[dict[str, Any], bytes]]:
+def _first(pairs: Iterable[tuple[Json, bytes]]) -> Iterator[tuple[Json, bytes]]:
     """Of records with their lines the first one of each photo."""
-    seen: set[str] = set()
+    names: set[str] = set()
     for record, line in pairs:
-        if record["file"] not in seen:
-            seen.add(record["file"])
+        if record["file"] not in names:
+            names.add(record["file"])
             yield record, line
 
 
-def _read_records(path: Path) -> Iterator[dict[str, Any]]:
+def _read_records(path: Path) -> Iterator[Json]:
     """The records of a journal, in the order in which the photos were finished."""
     with path.open("rb") as file:
         yield from map(json.loads, file)
 
 
-def _record(line: bytes) -> dict[str, Any] | None:
+def _record(line: bytes) -> Json | None:
     """The record in a line; None for an incomplete one."""
     try:
         record = json.loads(line)
@@ -132,14 +152,13 @@ def _lock(file: BinaryIO, path: Path) -> None:
         raise BatchError(f"Another batch is running in {path.parent}.") from error
 
 
-# Results as a Parquet table (extra `parquet`): a row per photo, a column per field of Lighting.
+def table_row(name: str, light: Lighting | str) -> Json:
+    """Make the row of a photo.
 
-TABLE = "lighting.parquet"
-ROW_GROUP_SIZE = 8192  # of a row group, which is held in memory
-
-
-def table_row(name: str, light: Lighting | str) -> dict[str, Any]:
-    """The row of a photo: its light, or the reason why it has none."""
+    Args:
+        name: of the photo.
+        light: its light, or the reason why it has none.
+    """
     file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
     if isinstance(light, str):
         return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting))}
@@ -147,13 +166,21 @@ def table_row(name: str, light: Lighting | str) -> dict[str, Any]:
 
 
 def require_parquet(out: Path) -> None:
-    """Raise MissingExtraError if pyarrow is not installed, BatchError if the folder `out` takes no TABLE."""
+    """Raise MissingExtraError if pyarrow is not installed, BatchError if a folder takes no TABLE.
+
+    Args:
+        out: the folder.
+    """
     table_schema()
     check_table(out)
 
 
 def check_table(out: Path) -> None:
-    """Raise BatchError if TABLE in the folder `out` is a folder, or a link into a folder that does not exist."""
+    """Raise BatchError if TABLE in a folder is a folder, or a link into a folder that does not exist.
+
+    Args:
+        out: the folder.
+    """
     table = out / TABLE
     if table.is_dir():
         raise BatchError(f"{table} is a folder, as --engine ray writes it; choose another one for the results.")
@@ -162,20 +189,24 @@ def check_table(out: Path) -> None:
 
 
 def write_parquet(out: Path) -> None:
-    """Write TABLE from the JOURNAL in the folder `out`; the file appears only when it is whole.
+    """Write TABLE (extra `parquet`) from the JOURNAL in a folder; the file appears only when it is whole.
 
-    Raises BatchError, with the number of the line, for a light that cannot be: somebody edited it.
+    Args:
+        out: the folder.
+
+    Raises:
+        BatchError: a light cannot be, for somebody edited its line, whose number the error has.
     """
     import pyarrow
     from pyarrow.parquet import ParquetWriter
 
     with atomic_write(out / TABLE) as path, ParquetWriter(path, table_schema()) as writer:
-        for part in _parts(_rows(out / JOURNAL)):
+        for part in _row_groups(_rows(out / JOURNAL)):
             writer.write_table(pyarrow.Table.from_pylist(part, table_schema()))
 
 
 def table_schema() -> Any:
-    """The table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
+    """Return the table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
     pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "parquet")
     kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
     return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds})
@@ -190,7 +221,7 @@ def _kind(pyarrow: Any, hint: Any) -> Any:
     return pyarrow.string() if hint is str else pyarrow.float64()
 
 
-def _rows(journal: Path) -> Iterator[dict[str, Any]]:
+def _rows(journal: Path) -> Iterator[Json]:
     for number, record in enumerate(_read_records(journal), start=1):
         try:
             light = record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
@@ -199,6 +230,6 @@ def _rows(journal: Path) -> Iterator[dict[str, Any]]:
         yield table_row(record["file"], light)
 
 
-def _parts(rows: Iterator[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
+def _row_groups(rows: Iterator[Json]) -> Iterator[list[Json]]:
     while part := list(islice(rows, ROW_GROUP_SIZE)):
         yield part

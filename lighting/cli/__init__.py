@@ -13,8 +13,6 @@ from lighting.cli.console import escape_control_chars, format_error, is_broken_p
 from lighting.errors import LightingError
 from lighting.version import __version__
 
-# The group that every command joins, and how errors end.
-
 _HOME = {  # the module of each command; a call imports no other
     "batch": "batch",
     "envmap": "estimate",

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Options:
-    """What the user asked for."""
+    """The command's options."""
 
     input: str
     out: str
@@ -44,7 +44,7 @@ class _Options:
     overwrite: bool
     engine: str
     address: str | None
-    given: "UserInput"
+    user_input: "UserInput"
     model: str | None
     quiet: bool
 
@@ -55,7 +55,7 @@ class _Options:
         maps = None
         if self.envmap:
             maps = MapOptions(self.height, self.sun, self.yaw, self.sky, self.compression or "zip", self.surroundings)
-        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.given.explicit_fields())
+        return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
 
     @property
     def progress(self) -> bool:
@@ -88,29 +88,28 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
     retry failed photos (with --engine ray, failed photos are retried only with --overwrite). Time, place and lens are
     taken from each photo's metadata.
     """
-    asked = _Options(**options)
+    chosen = _Options(**options)
     _refuse_idle_options(ctx)
-    found = _run_ray(asked) if asked.engine == "ray" else _run_pool(asked)
-    if found.failed:
-        out = escape_path(asked.out)
-        click.echo(f"Photos that failed: {found.failed}; the reasons are in {out}.", err=True)
-    if not asked.quiet:
-        click.echo(str(found), err=True)
-    ctx.exit(1 if found.failed else 0)
+    summary = _run_ray(chosen) if chosen.engine == "ray" else _run_pool(chosen)
+    if summary.failed:
+        click.echo(f"Photos that failed: {summary.failed}; the reasons are in {escape_path(chosen.out)}.", err=True)
+    if not chosen.quiet:
+        click.echo(str(summary), err=True)
+    ctx.exit(1 if summary.failed else 0)
 
 
 def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
-    given = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-    if not ctx.params["envmap"] and given & {"height", "sun", "yaw", "sky", "compression", "surroundings"}:
+    explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
+    if not ctx.params["envmap"] and explicit & {"height", "sun", "yaw", "sky", "compression", "surroundings"}:
         raise click.UsageError("--height, --sun, --yaw, --sky, --compression and --surroundings need --envmap.")
-    if ctx.params["engine"] == "pool" and "address" in given:
+    if ctx.params["engine"] == "pool" and "address" in explicit:
         raise click.UsageError("--address needs --engine ray.")
-    if ctx.params["engine"] == "ray" and "parquet" in given:
+    if ctx.params["engine"] == "ray" and "parquet" in explicit:
         raise click.UsageError("--engine ray writes Parquet by itself, and nothing else.")
 
 
-def _run_pool(asked: _Options) -> "Summary":
+def _run_pool(options: _Options) -> "Summary":
     """What became of the photos."""
     from lighting.batch.job import Summary, count_unread_pictures, find_photos
     from lighting.batch.pool import open_batch, run_pool
@@ -118,41 +117,41 @@ def _run_pool(asked: _Options) -> "Summary":
     from lighting.runtime import available_cpus
 
     began = monotonic()
-    parquet = asked.parquet or (Path(asked.out, TABLE).is_file() and not asked.overwrite)
+    parquet = options.parquet or (Path(options.out, TABLE).is_file() and not options.overwrite)
     if parquet:
-        require_parquet(Path(asked.out))
-    source, names = find_photos(asked.input)
-    job = replace(asked.job, source=source)
-    with open_batch(job, overwrite=asked.overwrite) as journal:
-        earlier, done = len(journal.done), len(journal.done.intersection(names))
-        finished = run_pool(job, names, journal, asked.workers or available_cpus())
-        for _name in _progress(finished, done, len(names), asked.progress):
+        require_parquet(Path(options.out))
+    source, names = find_photos(options.input)
+    job = replace(options.job, source=source)
+    with open_batch(job, overwrite=options.overwrite) as journal:
+        earlier, initial = len(journal.names), len(journal.names.intersection(names))
+        finished = run_pool(job, names, journal, options.workers or available_cpus())
+        for _name in _progress(finished, initial, len(names), options.progress):
             pass
         if parquet:
             write_parquet(Path(job.out))
-    done = len(journal.done) - journal.failed
-    return Summary(done, journal.failed, earlier, monotonic() - began, count_unread_pictures(asked.input))
+    succeeded = len(journal.names) - journal.failed
+    return Summary(succeeded, journal.failed, earlier, monotonic() - began, count_unread_pictures(options.input))
 
 
-def _run_ray(asked: _Options) -> "Summary":
+def _run_ray(options: _Options) -> "Summary":
     """What became of the photos, in this run and in the earlier ones whose results are kept."""
     from lighting.batch.job import count_unread_pictures
     from lighting.batch.ray import find_photos_at, run_ray
 
-    source, names = find_photos_at(asked.input)
-    found = run_ray(
-        replace(asked.job, source=source),
+    source, names = find_photos_at(options.input)
+    summary = run_ray(
+        replace(options.job, source=source),
         names,
-        address=asked.address,
-        workers=asked.workers,
-        overwrite=asked.overwrite,
-        progress=asked.progress,
+        address=options.address,
+        workers=options.workers,
+        overwrite=options.overwrite,
+        progress=options.progress,
     )
-    return replace(found, others=count_unread_pictures(asked.input))
+    return replace(summary, unread=count_unread_pictures(options.input))
 
 
-def _progress(finished: Iterator[str], done: int, total: int, visible: bool) -> Any:
+def _progress(finished: Iterator[str], initial: int, total: int, visible: bool) -> Any:
     """The finished photos behind a progress bar with their rate and the time left."""
     from tqdm import tqdm
 
-    return tqdm(finished, initial=done, total=total, unit="photo", disable=not visible)
+    return tqdm(finished, initial=initial, total=total, unit="photo", disable=not visible)

@@ -36,13 +36,16 @@ if TYPE_CHECKING:
     from lighting.photo.reader import Photo
     from lighting.records import Estimate, Lighting, Prediction
 
-# What commands say: a line for people, a line of JSON, a sentence about an error.
-
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 
 
 def photo_progress(items: Sequence[str], quiet: bool) -> Any:
-    """The items behind a progress bar, which appears only if stderr is a terminal and the results go elsewhere."""
+    """Put items behind a progress bar, which appears only if stderr is a terminal and the results go elsewhere.
+
+    Args:
+        items: names of photos.
+        quiet: show no bar.
+    """
     from tqdm import tqdm
 
     hidden = quiet or len(items) < 2 or not sys.stderr.isatty() or sys.stdout.isatty()
@@ -50,7 +53,14 @@ def photo_progress(items: Sequence[str], quiet: bool) -> Any:
 
 
 def print_estimate(name: str, estimate: "Estimate", as_json: bool, quiet: bool) -> None:
-    """Print one photo's estimate: a line of JSON, or a line for people with its warnings on stderr."""
+    """Print one photo's estimate: a line of JSON, or a line for people with its warnings on stderr.
+
+    Args:
+        name: of the photo.
+        estimate: its light.
+        as_json: which of both.
+        quiet: print no warnings.
+    """
     from lighting.records import json_line
 
     if as_json:
@@ -61,6 +71,14 @@ def print_estimate(name: str, estimate: "Estimate", as_json: bool, quiet: bool) 
 
 
 def report_failure(name: str, error: Exception, as_json: bool, progress: Any) -> None:
+    """Print why a photo has no estimate: on stderr, and as a line of JSON.
+
+    Args:
+        name: of the photo.
+        error: the reason.
+        as_json: whether the line is printed.
+        progress: the bar of tqdm, which makes way.
+    """
     from lighting.records import json_line
 
     if as_json:
@@ -70,46 +88,64 @@ def report_failure(name: str, error: Exception, as_json: bool, progress: Any) ->
 
 
 def format_summary(name: str, lighting: "Lighting") -> str:
-    """One line for people."""
+    """Describe a light in one line for people.
+
+    Args:
+        name: of the photo.
+        lighting: its light.
+    """
     roll = round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
         f"{escape_path(name)}: sun {format_azimuth(lighting.sun_azimuth, 1)}, {lighting.sun_elevation:.1f}° high"
-        f"{_spread(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
+        f"{_format_radii(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
         f"turbidity {lighting.turbidity:.1f}; "
         f"camera looks {format_tilt(lighting.camera_elevation, 1)}, roll {roll:.1f}°, "
-        f"vertical field of view {lighting.vertical_fov:.1f}°{_headings(lighting)}{_evidence(lighting)}"
+        f"vertical field of view {lighting.vertical_fov:.1f}°{_format_headings(lighting)}{_format_evidence(lighting)}"
     )
 
 
-def _spread(lighting: "Lighting") -> str:
+def _format_radii(lighting: "Lighting") -> str:
     """The radii around the sun; a record that was written by hand may have none."""
     if lighting.radius_90 == 0.0:
         return ""
     return f" (50 % within {lighting.radius_50:.1f}°, 90 % within {lighting.radius_90:.1f}°)"
 
 
-def _headings(lighting: "Lighting") -> str:
-    words = ""
+def _format_headings(lighting: "Lighting") -> str:
+    text = ""
     if lighting.camera_heading is not None:
-        words += f", heading {round(lighting.camera_heading) % 360}°"
+        text += f", heading {round(lighting.camera_heading) % 360}°"
     if lighting.camera_heading_radius_50 is not None:
-        words += f" (50 % within {lighting.camera_heading_radius_50:.0f}°)"
+        text += f" (50 % within {lighting.camera_heading_radius_50:.0f}°)"
     if lighting.relative_heading is not None:
-        words += f", {round(lighting.relative_heading) % 360}° clockwise from the first photo"
-    return words
+        text += f", {round(lighting.relative_heading) % 360}° clockwise from the first photo"
+    return text
 
 
-def _evidence(lighting: "Lighting") -> str:
+def _format_evidence(lighting: "Lighting") -> str:
     return f"; from {', '.join(lighting.evidence)}" if len(lighting.evidence) > 1 else ""
 
 
 def report_warnings(name: str, warnings: Sequence[str], quiet: bool = False) -> None:
+    """Print warnings on stderr.
+
+    Args:
+        name: of the photo.
+        warnings: sentences.
+        quiet: print none.
+    """
     for warning in () if quiet else warnings:
         click.echo(f"Warning: {escape_path(name)}: {warning}", err=True)
 
 
 def warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:
-    """Say on stderr where photos taken together could have been matched, and what is missing for it."""
+    """Say on stderr where photos could have been registered with each other, and what is missing for it.
+
+    Args:
+        quiet: say nothing.
+        together: whether the photos are of one place and light.
+        headings: deg, that the user stated; None without.
+    """
     from lighting.registration.features import has_opencv
 
     if together and headings is None and not quiet and not has_opencv():
@@ -121,16 +157,29 @@ def warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | N
 
 
 def escape_path(name: str) -> str:
-    """The name of a file for a terminal, without anything that the terminal would obey."""
+    """Return the name of a file for a terminal, without anything that the terminal would obey.
+
+    Args:
+        name: as the user typed it; "-" is stdin.
+    """
     return {"-": "stdin", "": "''"}.get(name) or escape_control_chars(click.format_filename(name))
 
 
 def escape_control_chars(text: str) -> str:
-    """The text with control characters as escapes such as \\x1b, so that a terminal obeys none of them."""
-    return _CONTROLS.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    """Return a text with control characters as escapes such as \\x1b, so that a terminal obeys none of them.
+
+    Args:
+        text: any.
+    """
+    return _CONTROLS.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def format_error(error: Exception) -> str:
+    """Return an error as one sentence for a terminal, behind the name of its file, if it carries one.
+
+    Args:
+        error: any.
+    """
     file = getattr(error, "filename", None)
     return escape_control_chars(
         f"{click.format_filename(file)}: {describe_error(error)}" if file else describe_error(error)
@@ -138,10 +187,12 @@ def format_error(error: Exception) -> str:
 
 
 def is_broken_pipe(error: Exception) -> bool:
+    """Tell whether nobody reads stdout any more.
+
+    Args:
+        error: any.
+    """
     return isinstance(error, OSError) and error.errno == errno.EPIPE
-
-
-# What commands read and write.
 
 
 @contextmanager
@@ -157,7 +208,14 @@ def _open_input(name: str) -> Iterator[BinaryIO]:
 
 
 def read_picture_bytes(name: str) -> bytes:
-    """What the file of an EXR or HDR holds, or that of a photo as far as a photo may; PhotoTooLargeError or OSError."""
+    """Read the file of an EXR or HDR, or that of a photo as far as a photo may be long.
+
+    Args:
+        name: of the file; "-" is stdin.
+
+    Raises:
+        OSError: it cannot be read.
+    """
     from lighting.files.exr import EXR_MAGIC
     from lighting.files.radiance_hdr import HDR_MAGIC
     from lighting.photo.reader import MAX_BYTES
@@ -168,7 +226,16 @@ def read_picture_bytes(name: str) -> bytes:
 
 
 def read_photo_bytes(name: str) -> bytes:
-    """What the file of a photo holds, as far as a photo may; PhotoError, PhotoTooLargeError or OSError."""
+    """Read the file of a photo.
+
+    Args:
+        name: of the file; "-" is stdin.
+
+    Raises:
+        PhotoError: there is no stdin.
+        PhotoTooLargeError: it has more bytes than a photo may.
+        OSError: it cannot be read.
+    """
     from lighting.photo.reader import read_bytes
 
     with _open_input(name) as stream:
@@ -177,7 +244,11 @@ def read_photo_bytes(name: str) -> bytes:
 
 @contextmanager
 def prefix_errors(file: str) -> Iterator[None]:
-    """Errors of what is in the file begin with its name."""
+    """Let errors about a file begin with its name.
+
+    Args:
+        file: as the user typed it.
+    """
     try:
         yield
     except (EnvironmentMapError, PhotoError, ProbeError) as error:
@@ -185,7 +256,12 @@ def prefix_errors(file: str) -> Iterator[None]:
 
 
 def read_photo_file(name: str, target: int | None = None) -> "Photo":
-    """The photo in a file; `target` pixels of its longer side are kept where the network's own need is not enough."""
+    """Read the photo in a file.
+
+    Args:
+        name: of the file; "-" is stdin.
+        target: pixels of its longer side to keep; None keeps what the network needs.
+    """
     from lighting.photo.reader import read_photo
 
     data = read_photo_bytes(name)
@@ -199,7 +275,14 @@ def _stdin() -> BinaryIO:
 
 
 def read_lighting(name: str) -> "Lighting":
-    """The record in a JSON file, bare or in the line that `estimate --json` printed; ParameterError names the file."""
+    """Read the record in a JSON file, bare or in the line that `estimate --json` printed.
+
+    Args:
+        name: of the file; "-" is stdin.
+
+    Raises:
+        ParameterError: it holds no such record; the sentence names the file.
+    """
     from lighting.records import MAX_RECORD_BYTES
 
     with _open_input(name) as stream:
@@ -207,23 +290,29 @@ def read_lighting(name: str) -> "Lighting":
 
 
 def parse_lighting(data: bytes, name: str) -> "Lighting":
-    """The same of what a file of that name holds."""
+    """Read a record as `read_lighting` does.
+
+    Args:
+        data: what the file holds.
+        name: of the file, for errors.
+    """
     from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
 
     if len(data) > MAX_RECORD_BYTES:
         sentence = f"{escape_path(name)} is larger than a lighting record, which has at most 1 MB."
         raise ParameterError(sentence, code=ErrorCode.TOO_LARGE)
     try:
-        return Lighting.from_dict(
-            unwrap_record(json.loads(data, object_pairs_hook=reject_duplicate_keys))
-        )  # PowerShell: UTF-16
+        content = json.loads(data, object_pairs_hook=reject_duplicate_keys)  # UTF-16, too: PowerShell writes it
+        return Lighting.from_dict(unwrap_record(content))
     except ParameterError as error:
         raise error.prefixed(escape_path(name)) from error
     except (ValueError, RecursionError) as error:
-        raise ParameterError(f"{escape_path(name)} {_fault(error)}.", code=ErrorCode.UNREADABLE) from error
+        raise ParameterError(
+            f"{escape_path(name)} {_describe_json_error(error)}.", code=ErrorCode.UNREADABLE
+        ) from error
 
 
-def _fault(error: Exception) -> str:
+def _describe_json_error(error: Exception) -> str:
     """What is wrong with a file whose JSON cannot be read."""
     if isinstance(error, UnicodeDecodeError):
         return "does not hold a JSON record: it is not text in UTF-8"
@@ -233,6 +322,11 @@ def _fault(error: Exception) -> str:
 
 
 def load_estimator(model: str | None) -> "Estimator":
+    """Load an estimator for many photos.
+
+    Args:
+        model: a network's file; None is the one in this package.
+    """
     from lighting.estimator import Estimator
     from lighting.model import Model
 
@@ -240,12 +334,18 @@ def load_estimator(model: str | None) -> "Estimator":
 
 
 def estimate_photo(
-    photo: bytes, given: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
+    data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
 ) -> "tuple[Photo, Estimate]":
-    """The photo in bytes and its estimate.
+    """Decode a photo and estimate its light.
 
     The network is loaded in a thread while the photo is decoded. While it answers, what comes after it is imported, and
     `meanwhile` is called. Ctrl-C ends the process at once, for nothing is written yet.
+
+    Args:
+        data: the photo's bytes.
+        user_input: what the user states of it.
+        model: a network's file; None is the one in this package.
+        meanwhile: what to do while the network runs.
     """
     from concurrent.futures import ThreadPoolExecutor
 
@@ -253,12 +353,12 @@ def estimate_photo(
         network = pool.submit(_load_for_one_photo, model)
         from lighting.photo.reader import read_photo
 
-        picture = read_photo(photo)
-        said = pool.submit(lambda: _predict(network.result(), picture, given))
+        picture = read_photo(data)
+        prediction = pool.submit(lambda: _predict(network.result(), picture, user_input))
         from lighting.estimator import estimate_from_prediction
 
         meanwhile()
-    return picture, estimate_from_prediction(picture, said.result(), given)
+    return picture, estimate_from_prediction(picture, prediction.result(), user_input)
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
@@ -271,10 +371,10 @@ def _load_for_one_photo(model: str | None) -> "Model":
     return Model.from_session(started, packaged_model())
 
 
-def _predict(network: "Model", photo: "Photo", given: "UserInput") -> "Prediction":
-    from lighting.fusion.estimate import predict_photo
+def _predict(network: "Model", photo: "Photo", user_input: "UserInput") -> "Prediction":
+    from lighting.fusion.estimate import predict_photo  # in the thread that waits for the network
 
-    return predict_photo(network, photo, given)
+    return predict_photo(network, photo, user_input)
 
 
 def warm_up() -> None:
@@ -288,43 +388,73 @@ def warm_up() -> None:
 
 
 def refuse_collisions(source: str, *outputs: str | None) -> None:
-    """Raise UsageError where an output would replace the input or the other output."""
+    """Raise UsageError where an output would replace the input or the other output.
+
+    Args:
+        source: the file that is read.
+        outputs: files that are written; None where not.
+    """
     files = [name for name in (source, *outputs) if name is not None and name != "-"]
-    if any(is_same_file(*two) for two in combinations(files, 2)) or outputs.count("-") > 1:
+    if any(is_same_file(*pair) for pair in combinations(files, 2)) or outputs.count("-") > 1:
         raise click.UsageError("The input and the outputs must be different files.")
 
 
 def is_same_file(one: str, other: str) -> bool:
-    """Whether two names are of one file, also where links or a disk that knows no case hide it."""
+    """Tell whether two names are of one file, also where links or a disk that knows no case hide it.
+
+    Args:
+        one: a name.
+        other: another one.
+    """
     if os.path.realpath(one) == os.path.realpath(other):
         return True
     return Path(one).exists() and Path(other).exists() and Path(one).samefile(other)
 
 
-def photo_context_of(
-    data: bytes, photo: "Photo", estimate: "Estimate", height: int, wanted: bool | None
+def map_context(
+    data: bytes, photo: "Photo", estimate: "Estimate", height: int, surroundings: bool | None
 ) -> "PhotoContext | None":
-    """The place for a map of a photo with these bytes, as `envmap.place_of` has it."""
+    """Return the surroundings for a photo's map, as `photo_context_for_height` does.
+
+    Args:
+        data: the photo's bytes.
+        photo: decoded.
+        estimate: of its light.
+        height: rows of the map.
+        surroundings: whether the map shows them; None where the network predicts them.
+    """
     from lighting.envmap.surroundings import photo_context_for_height
     from lighting.photo.reader import read_photo
 
     def finer(side: int) -> "NDArray[np.uint8]":
         return read_photo(data, target=side).pixels
 
-    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=wanted)
+    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings)
 
 
 def check_compression(output: str, compression: str | None) -> None:
-    """Raise UsageError for a compression where no file takes one."""
+    """Raise UsageError for a compression where no file takes one.
+
+    Args:
+        output: the map's file.
+        compression: that the user stated; None without.
+    """
     from lighting.files import MAP_FORMATS
 
-    packed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
-    if compression is not None and output != "-" and not output.lower().endswith(tuple(packed)):
-        raise click.UsageError(f"--compression goes with {' and '.join(packed)} alone.")
+    suffixes = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
+    if compression is not None and output != "-" and not output.lower().endswith(tuple(suffixes)):
+        raise click.UsageError(f"--compression goes with {' and '.join(suffixes)} alone.")
 
 
 def write_output_map(output: str, lighting: "Lighting", compression: str | None, **view_options: Any) -> None:
-    """Render and write; with a yaw, the record in the file is turned with the map."""
+    """Render a map and write it; with a yaw, the record in the file is rotated with the map.
+
+    Args:
+        output: the map's file; "-" is stdout.
+        lighting: what is rendered.
+        compression: of an EXR; None is zip.
+        view_options: of `render_view`.
+    """
     from lighting.envmap.surroundings import render_view
     from lighting.files import encode_envmap, write_envmap
     from lighting.files.exr import round_in_place
@@ -339,6 +469,14 @@ def write_output_map(output: str, lighting: "Lighting", compression: str | None,
 
 
 def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings: bool | None) -> None:
+    """Draw a photo, its light and three spheres lit by it.
+
+    Args:
+        output: the PNG's file; "-" is stdout.
+        photo: its bytes.
+        estimate: of its light.
+        surroundings: whether the spheres mirror them; None where the network predicts them.
+    """
     from lighting.photo.reader import read_photo
     from lighting.preview.picture import PHOTO_SIDE, preview_png
 
@@ -347,6 +485,12 @@ def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings:
 
 
 def write_png(output: str, data: bytes) -> None:
+    """Write a PNG.
+
+    Args:
+        output: its file; "-" is stdout.
+        data: its bytes.
+    """
     from lighting.files.atomic import atomic_write
 
     if output == "-":

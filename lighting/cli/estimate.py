@@ -11,7 +11,7 @@ from lighting.cli.console import (
     estimate_photo,
     format_summary,
     load_estimator,
-    photo_context_of,
+    map_context,
     photo_progress,
     prefix_errors,
     print_estimate,
@@ -47,15 +47,13 @@ if TYPE_CHECKING:
     from lighting.photo.reader import Photo
     from lighting.records import Estimate
 
-# The estimates of photos, each apart or all together, with the error of one that failed in its place.
-
 Answers = Iterator[tuple[str, "Estimate | Exception"]]
 
 
 def _answers(
     model: str | None,
     names: Sequence[str],
-    given: "UserInput",
+    user_input: "UserInput",
     together: bool = False,
     headings: Sequence[float] | None = None,
 ) -> Callable[[Iterable[str]], Answers]:
@@ -64,45 +62,46 @@ def _answers(
     The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
     """
     if len(names) == 1:
-        return lambda shown: _each(shown, lambda name: estimate_photo(read_photo_bytes(name), given, model)[1])
+        return lambda photos: _estimate_each(
+            photos, lambda name: estimate_photo(read_photo_bytes(name), user_input, model)[1]
+        )
     estimator = load_estimator(model)
     if together:
-        return lambda shown: _together(estimator, shown, given, headings)
-    return lambda shown: _each(shown, lambda name: estimator(read_photo_file(name), given))
+        return lambda photos: _estimate_views(estimator, photos, user_input, headings)
+    return lambda photos: _estimate_each(photos, lambda name: estimator(read_photo_file(name), user_input))
 
 
-def _each(names: Iterable[str], find: "Callable[[str], Estimate]") -> Answers:
+def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") -> Answers:
     for name in names:
         try:
-            yield name, find(name)
+            yield name, estimate(name)
         except (PhotoError, ParameterError, OSError) as error:
             yield name, error
 
 
-def _together(
-    estimator: "Estimator", names: Iterable[str], given: "UserInput", headings: Sequence[float] | None
+def _estimate_views(
+    estimator: "Estimator", names: Iterable[str], user_input: "UserInput", headings: Sequence[float] | None
 ) -> Iterator[tuple[str, "Estimate | Exception"]]:
     """First the errors, then the estimates of the photos that could be read, taken together.
 
-    Without headings they are matched with each other where OpenCV is installed.
+    Without headings they are registered with each other where OpenCV is installed.
     """
     from lighting.registration.features import MAX_SIDE, has_opencv
 
-    match = headings is None and has_opencv()
+    register = headings is None and has_opencv()
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, read_photo_file(name, MAX_SIDE if match else None)
+            read[i] = name, read_photo_file(name, MAX_SIDE if register else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:
         return
-    turns = None if headings is None or len(read) == 1 else [headings[i] for i in read]
-    found = estimator.estimate_views([photo for _, photo in read.values()], given, turns, register=match)
-    yield from zip((name for name, _ in read.values()), found, strict=True)
-
-
-# The commands about photos and records: estimate, envmap, render, preview.
+    if headings is not None:
+        headings = None if len(read) == 1 else [headings[i] for i in read]
+    photos = [photo for _, photo in read.values()]
+    estimates = estimator.estimate_views(photos, user_input, headings, register=register)
+    yield from zip((name for name, _ in read.values()), estimates, strict=True)
 
 
 @cli.command("estimate")
@@ -120,7 +119,7 @@ def _estimate(
     /,
     photos: Sequence[str],
     as_json: bool,
-    given: "UserInput",
+    user_input: "UserInput",
     model: str | None,
     quiet: bool,
     **taken_together: Any,
@@ -132,9 +131,9 @@ def _estimate(
     """
     if photos.count("-") > 1:
         raise click.UsageError("Only one of the photos can be stdin.")
-    check_together(len(photos), given, **taken_together)
+    check_together(len(photos), user_input, **taken_together)
     warn_unregistered(quiet, **taken_together)
-    failed, answers_of = 0, _answers(model, photos, given, **taken_together)
+    failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
     with photo_progress(photos, quiet) as progress:
         for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):
@@ -163,7 +162,7 @@ def _envmap(
     output: str,
     surroundings: bool | None,
     preview: str | None,
-    given: "UserInput",
+    user_input: "UserInput",
     model: str | None,
     quiet: bool,
     **view: Any,
@@ -173,9 +172,9 @@ def _envmap(
     check_compression(output, view["compression"])
     with prefix_errors(photo):
         data = read_photo_bytes(photo)
-        picture, estimate = estimate_photo(data, given, model, warm_up)
-    place = photo_context_of(data, picture, estimate, view["height"], surroundings)
-    write_output_map(output, estimate.lighting, context=place, **view)
+        picture, estimate = estimate_photo(data, user_input, model, warm_up)
+    context = map_context(data, picture, estimate, view["height"], surroundings)
+    write_output_map(output, estimate.lighting, context=context, **view)
     if preview:
         write_preview(preview, data, estimate, surroundings)
     if not quiet and "-" not in (output, preview):
@@ -205,12 +204,12 @@ def _render(record: str, output: str, **view: Any) -> None:
 @model_option
 @silent_option
 def _preview(
-    photo: str, output: str, surroundings: bool | None, given: "UserInput", model: str | None, quiet: bool
+    photo: str, output: str, surroundings: bool | None, user_input: "UserInput", model: str | None, quiet: bool
 ) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     refuse_collisions(photo, output)
     with prefix_errors(photo):
         data = read_photo_bytes(photo)
-        _, estimate = estimate_photo(data, given, model)
+        _, estimate = estimate_photo(data, user_input, model)
     write_preview(output, data, estimate, surroundings)
     report_warnings(photo, estimate.warnings, quiet)

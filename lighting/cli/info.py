@@ -6,7 +6,7 @@ from dataclasses import asdict
 from datetime import datetime
 from io import BytesIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from lighting.photo.metadata import PhotoMetadata
-    from lighting.records import Lighting
+    from lighting.records import Json, Lighting
 
 
 @cli.command("info")
@@ -30,23 +30,23 @@ def _info(file: str) -> None:
     click.echo(json.dumps({"file": file, **describe(file)}, indent=2))
 
 
-def _describe_record(file: str) -> dict[str, Any]:
-    return _of_record(read_lighting(file))
+def _describe_record(file: str) -> "Json":
+    return _describe_lighting(read_lighting(file))
 
 
-def _of_record(lighting: "Lighting") -> dict[str, Any]:
+def _describe_lighting(lighting: "Lighting") -> "Json":
     from lighting.records import record_with_coefficients
 
     return {"kind": "lighting record", "lighting": record_with_coefficients(lighting)}
 
 
-def _describe_network(file: str) -> dict[str, Any]:
+def _describe_network(file: str) -> "Json":
     from lighting.model import Model
 
     return {"kind": "network", **json.loads(Model.load(file).spec.to_json())}
 
 
-def _describe_picture(file: str) -> dict[str, Any]:
+def _describe_picture(file: str) -> "Json":
     from lighting.files.exr import EXR_MAGIC
     from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
     from lighting.photo.reader import read_photo
@@ -56,35 +56,35 @@ def _describe_picture(file: str) -> dict[str, Any]:
         return _describe_map(file, data)
     if data.startswith(HDR_MAGIC) or Path(file).suffix.lower() == ".hdr":
         with prefix_errors(file):
-            return _map_like(decode_hdr(data))
+            return _describe_image(decode_hdr(data))
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):
-        return _of_record(parse_lighting(data, file))
+        return _describe_lighting(parse_lighting(data, file))
     with prefix_errors(file):
         photo = read_photo(data)
     size = {"format": photo.format, "width": photo.width, "height": photo.height}
-    return {"kind": "photo", **size, "metadata": _metadata(photo.metadata)}
+    return {"kind": "photo", **size, "metadata": _describe_metadata(photo.metadata)}
 
 
-def _metadata(facts: "PhotoMetadata") -> dict[str, Any]:
+def _describe_metadata(metadata: "PhotoMetadata") -> "Json":
     """The metadata that estimates use; of the place only whether it is known, since output may be passed on."""
-    known = {**asdict(facts), "location": facts.latitude is not None}
+    values = {**asdict(metadata), "location": metadata.latitude is not None}
     return {
         name: value.isoformat() if isinstance(value, datetime) else value
-        for name, value in known.items()
+        for name, value in values.items()
         if name not in ("latitude", "longitude")
     }
 
 
-def _describe_map(file: str, data: bytes) -> dict[str, Any]:
+def _describe_map(file: str, data: bytes) -> "Json":
     from lighting.files.exr import read_exr
     from lighting.records import record_with_coefficients
 
     with prefix_errors(file), silence_libraries():
         image, lighting = read_exr(BytesIO(data))
-    return {**_map_like(image), "lighting": None if lighting is None else record_with_coefficients(lighting)}
+    return {**_describe_image(image), "lighting": None if lighting is None else record_with_coefficients(lighting)}
 
 
-def _map_like(image: "NDArray[np.float32]") -> dict[str, Any]:
+def _describe_image(image: "NDArray[np.float32]") -> "Json":
     """What an HDR picture (H, W, 3) is by its shape, and its size."""
     height, width = image.shape[:2]
     return {"kind": "environment map" if width == 2 * height else "picture", "width": width, "height": height}

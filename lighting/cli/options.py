@@ -19,27 +19,25 @@ from lighting.sky import SKY_MODELS, format_sky_models
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
 
-# Options that several commands share, and their checks.
-
 Command = TypeVar("Command", bound=Callable[..., None])
 
-_NAMELESS = "the name of the file is empty."
+_EMPTY_NAME = "the name of the file is empty."
 
 
 def _output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
     """A check that refuses an output file before any work if it could not be written later."""
 
     def check(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-        if name is not None and (objection := _objection(name, suffixes)):
-            raise click.BadParameter(objection)
+        if name is not None and (sentence := _output_file_error(name, suffixes)):
+            raise click.BadParameter(sentence)
         return name
 
     return check
 
 
-def _objection(name: str, suffixes: Sequence[str]) -> str | None:
+def _output_file_error(name: str, suffixes: Sequence[str]) -> str | None:
     if not name:
-        return _NAMELESS
+        return _EMPTY_NAME
     path = Path(name)
     if name == "-":
         if not sys.stdout.writable():
@@ -58,7 +56,13 @@ def _objection(name: str, suffixes: Sequence[str]) -> str | None:
 
 
 def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
-    """A check that refuses what names no folder, as an empty variable of a shell, which would be the current one."""
+    """Refuse what names no folder, as an empty variable of a shell, which would be the current one.
+
+    Args:
+        _ctx: of click.
+        _param: of click.
+        name: of the folder.
+    """
     if not name:
         raise click.BadParameter("the name of the folder is empty.")
     if name == "-":
@@ -67,9 +71,15 @@ def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -
 
 
 def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-    """A check that refuses an empty name, as an empty variable of a shell is."""
+    """Refuse an empty name, as an empty variable of a shell is.
+
+    Args:
+        _ctx: of click.
+        _param: of click.
+        name: of the file; None where not stated.
+    """
     if name == "":
-        raise click.BadParameter(_NAMELESS)
+        raise click.BadParameter(_EMPTY_NAME)
     return name
 
 
@@ -139,7 +149,12 @@ def _compression(_ctx: click.Context, _param: click.Parameter, name: str | None)
 
 
 def removed_option(name: str, instead: str) -> Callable[[Command], Command]:
-    """An option that is gone and that no help shows: its use ends with a sentence about what there is instead."""
+    """Make an option that is gone and that no help shows: its use ends with a sentence about what to use.
+
+    Args:
+        name: such as "--fit".
+        instead: the rest of the sentence.
+    """
 
     def refuse(_ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
         if value is not None:
@@ -159,7 +174,11 @@ sun_option = click.option(
 
 
 def map_options(command: Command) -> Command:
-    """The options that say how a map is rendered; a command receives them together as `view`."""
+    """Add the options that say how a map is rendered; a command receives them together as `view`.
+
+    Args:
+        command: that receives them.
+    """
     options = [
         height_option,
         sun_option,
@@ -212,16 +231,28 @@ model_option = click.option(
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 silent_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")
 
-# The options by which the user says what a photo's metadata should say.
 
+def parse_time_option(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
+    """Read a time; BadParameter for what is none.
 
-def time_option_value(_ctx: click.Context, _param: click.Parameter, text: str | None) -> datetime | None:
+    Args:
+        _ctx: of click.
+        _param: of click.
+        text: such as 2024-06-01T14:30+02:00; None where not stated.
+    """
     from lighting.photo.metadata import parse_time
 
     return None if text is None else _parsed(parse_time, text)
 
 
-def utc_offset_value(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
+def parse_utc_offset_option(_ctx: click.Context, _param: click.Parameter, text: str | None) -> float | None:
+    """Read an offset from UTC [hours]; BadParameter for what is none.
+
+    Args:
+        _ctx: of click.
+        _param: of click.
+        text: such as +02:00 or 2; None where not stated.
+    """
     from lighting.photo.metadata import parse_utc_offset
 
     return None if text is None else _parsed(parse_utc_offset, text)
@@ -242,15 +273,15 @@ def _parsed(read: Callable[[str], Any], text: str) -> Any:
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
-_OPTIONS: dict[str, Decorator] = {  # by the fields of Given that they fill
+_OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
     "use_exif": click.option(
         "--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
     ),
     "time": click.option(
-        "--time", metavar="TIME", callback=time_option_value, help="When: 2024-06-01T14:30, +02:00 behind it if known."
+        "--time", metavar="TIME", callback=parse_time_option, help="When: 2024-06-01T14:30, +02:00 behind it if known."
     ),
     "utc_offset": click.option(
-        "--utc-offset", metavar="HOURS", callback=utc_offset_value, help="Zone of a local time: +02:00 or 2."
+        "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Zone of a local time: +02:00 or 2."
     ),
     "latitude": click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
     "longitude": click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
@@ -272,11 +303,15 @@ headings_option = click.option(
 def _options(*names: str) -> Decorator:
     def decorate(command: Callable[..., None]) -> Callable[..., None]:
         @wraps(command)
-        def with_given(*args: Any, **options: Any) -> None:
-            said = {name: options.pop(name) for name in names}
-            command(*args, given=_given(**said), **options)
+        def with_user_input(*args: Any, **options: Any) -> None:
+            from lighting.fusion.user_input import UserInput
 
-        decorated: Callable[..., None] = with_given
+            values = {name: options.pop(name) for name in names}
+            with usage_errors():
+                user_input = UserInput(**values)
+            command(*args, user_input=user_input, **options)
+
+        decorated: Callable[..., None] = with_user_input
         for name in reversed(names):
             decorated = _OPTIONS[name](decorated)
         return decorated
@@ -284,21 +319,18 @@ def _options(*names: str) -> Decorator:
     return decorate
 
 
-# What the user knows; a command receives it as `given`. Contradictions are wrong usage.
+# What the user states of a photo; a command receives it as `user_input`. Contradictions are wrong usage.
 user_input_options = _options(*_OPTIONS)
 batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
 
 
-def _given(**options: Any) -> "UserInput":
-    from lighting.fusion.user_input import UserInput
-
-    with usage_errors():
-        return UserInput(**options)
-
-
 @contextmanager
 def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
-    """Turn errors of a kind into wrong usage, with the option in place of the field."""
+    """Turn errors into wrong usage, with the option in place of the field.
+
+    Args:
+        kind: of error.
+    """
     try:
         yield
     except kind as error:
@@ -307,8 +339,15 @@ def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
         raise click.UsageError(str(error.renamed(option_name))) from error
 
 
-def check_together(photos: int, given: "UserInput", together: bool, headings: list[float] | None) -> None:
-    """Raise UsageError where what is said of several photos does not fit their number."""
+def check_together(photos: int, user_input: "UserInput", together: bool, headings: list[float] | None) -> None:
+    """Raise UsageError where what is stated of several photos does not fit their number.
+
+    Args:
+        photos: their number.
+        user_input: of all photos.
+        together: whether they are of one place and light.
+        headings: deg, one a photo; None where not stated.
+    """
     if together and photos < 2:
         raise click.UsageError("--together needs two photos or more.")
     if headings is not None and not together:
@@ -317,4 +356,4 @@ def check_together(photos: int, given: "UserInput", together: bool, headings: li
 
     with usage_errors():
         check_headings(photos, headings)
-        check_heading(photos, given.heading)
+        check_heading(photos, user_input.heading)

@@ -13,10 +13,10 @@ from lighting.cli.console import escape_path, prefix_errors
 from lighting.cli.options import (
     FiniteRange,
     height_option,
+    parse_time_option,
+    parse_utc_offset_option,
     quiet_option,
-    time_option_value,
     usage_errors,
-    utc_offset_value,
 )
 from lighting.cli.process import silence_libraries
 from lighting.errors import ProbeError
@@ -26,8 +26,7 @@ if TYPE_CHECKING:
     from lighting.probe.bracket import Bracket, BracketFiles
     from lighting.probe.develop import BracketSettings, Moment, Probe
     from lighting.probe.sky_fit import SkyState
-
-# Commands about measured skies: from exposures to a probe.
+    from lighting.records import Json
 
 KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
@@ -60,8 +59,10 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
 @click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
-@click.option("--time", metavar="TIME", callback=time_option_value, help="2024-06-01T14:30+02:00. [EXIF]")
-@click.option("--utc-offset", metavar="HOURS", callback=utc_offset_value, help="Zone of local times: +02:00 or 2.")
+@click.option("--time", metavar="TIME", callback=parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
+@click.option(
+    "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Zone of local times: +02:00 or 2."
+)
 @click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
 @click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
 @click.option(
@@ -89,7 +90,7 @@ def _merge(
     _check_output(output, series)
     _check_lens(options)
     when = [options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")]
-    _check_told(*when)
+    _check_time_and_place(*when)
     if series and when[0] is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
     settings = _settings(options)
@@ -119,7 +120,7 @@ def _check_output(output: str, series: bool) -> None:
         raise click.UsageError(f"{output} must end in .exr or be a folder.")
 
 
-def _check_lens(options: dict[str, Any]) -> None:
+def _check_lens(options: "Json") -> None:
     """Raise UsageError for an option that the lens does not have."""
     from lighting.probe.fisheye import UNUSED_LENS_OPTIONS
 
@@ -129,7 +130,7 @@ def _check_lens(options: dict[str, Any]) -> None:
             raise click.UsageError(f"--{name} does not go with --lens {kind}.")
 
 
-def _settings(options: dict[str, Any]) -> "BracketSettings":
+def _settings(options: "Json") -> "BracketSettings":
     """The options as the library takes them; UsageError for numbers that no picture is taken by."""
     from lighting.probe.develop import BracketSettings
 
@@ -137,10 +138,10 @@ def _settings(options: dict[str, Any]) -> "BracketSettings":
         return BracketSettings(**options)
 
 
-def _check_told(
+def _check_time_and_place(
     time: datetime | None, utc_offset: float | None, latitude: float | None, longitude: float | None
 ) -> None:
-    """Raise UsageError where what is told of time and place contradicts itself."""
+    """Raise UsageError where the stated time and place contradict each other."""
     from lighting.fusion.user_input import UserInput
 
     with usage_errors():
@@ -175,11 +176,12 @@ def _moment(
 
     from lighting.probe.develop import Moment
 
-    told = replace(shot, time=time) if time is not None else shot
-    place = (latitude, longitude) if latitude is not None and longitude is not None else (shot.latitude, shot.longitude)
-    if place[0] is None or place[1] is None:
+    timed = replace(shot, time=time) if time is not None else shot
+    if latitude is None or longitude is None:
+        latitude, longitude = shot.latitude, shot.longitude
+    if latitude is None or longitude is None:
         raise click.UsageError("The place is not in EXIF; tell it with --lat and --lon.")
-    return Moment(told.aware_time(utc_offset), place[0], place[1])
+    return Moment(timed.aware_time(utc_offset), latitude, longitude)
 
 
 def _merge_one(shot: "BracketFiles", moment: "Moment", settings: "BracketSettings", output: str, quiet: bool) -> None:
@@ -210,35 +212,34 @@ def _bracket(shot: "BracketFiles", settings: "BracketSettings") -> "Bracket":
         return read_bracket(shot.files, settings.curve)
 
 
-def _report(made: "Probe", path: Path, quiet: bool) -> None:
+def _report(probe: "Probe", path: Path, quiet: bool) -> None:
     """Warnings on stderr, and on stdout where the probe is and how it fits the ephemeris."""
     name = escape_path(str(path))
-    for warning in made.warnings:
+    for warning in probe.warnings:
         click.echo(f"Warning: {name}: {warning}", err=True)
     if quiet:
         return
-    azimuth, elevation = made.moment.sun
-    click.echo(f"{name}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_fit_in_words(made)}")
+    azimuth, elevation = probe.moment.sun
+    click.echo(f"{name}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_format_alignment(probe)}")
 
 
-def _fit_in_words(made: "Probe") -> str:
-    words = "" if made.sun_error is None else f"; the map shows it {made.sun_error:.2f}° away"
-    if made.alignment is not None and len(made.alignment.used) > 1:
-        lens, used = made.alignment.lens, int(made.alignment.used.sum())
-        words += f"; {used} suns leave {made.alignment.residual:.2f}°, tilt {made.alignment.tilt:.1f}°"
-        words += f", lens {lens.fov:.1f}°"
-        words += ", mirrored" if lens.mirrored else ""
-    return words
-
-
-# The command that says what a measured sky holds.
+def _format_alignment(probe: "Probe") -> str:
+    text = "" if probe.sun_error is None else f"; the map shows it {probe.sun_error:.2f}° away"
+    if probe.alignment is not None and len(probe.alignment.used) > 1:
+        lens, used = probe.alignment.lens, int(probe.alignment.used.sum())
+        text += f"; {used} suns leave {probe.alignment.residual:.2f}°, tilt {probe.alignment.tilt:.1f}°"
+        text += f", lens {lens.fov:.1f}°"
+        text += ", mirrored" if lens.mirrored else ""
+    return text
 
 
 def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
-    found = None if text is None else _pair(text, "azimuth and elevation such as 120,35")
-    if found is not None and not (abs(found[0]) <= 360.0 and 0.0 <= found[1] <= 90.0):
+    if text is None:
+        return None
+    azimuth, elevation = _pair(text, "azimuth and elevation such as 120,35")
+    if not (abs(azimuth) <= 360.0 and 0.0 <= elevation <= 90.0):
         raise click.BadParameter(f"{text!r} is no direction: azimuth -360 to 360, elevation 0 to 90.")
-    return found
+    return azimuth, elevation
 
 
 @_probe.command("fit")

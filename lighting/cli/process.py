@@ -10,8 +10,6 @@ from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
 from typing import TextIO
 
-# The end of a command's process: at once.
-
 
 @contextmanager
 def exit_on_interrupt() -> Iterator[None]:
@@ -39,10 +37,13 @@ def _abort(*_: object) -> None:
 
 
 def exit_now(status: int) -> None:
-    """End the process without taking its objects apart; what waits for its end is called, and what is said is written.
+    """End the process without taking its objects apart; what waits for its end is called, and streams are flushed.
 
     It returns where somebody watches the program (a profiler or a debugger), or where a stream cannot be written, and
     leaves the end to Python.
+
+    Args:
+        status: exit status.
     """
     if sys.gettrace() or sys.getprofile():
         return
@@ -53,9 +54,6 @@ def exit_now(status: int) -> None:
     except (OSError, ValueError):
         return
     os._exit(status)
-
-
-# Keeping what a library prints on its own from the terminal.
 
 
 @contextmanager

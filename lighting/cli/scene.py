@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class _Options:
-    """What the user asked for."""
+    """The command's options."""
 
     photo: str
     tool: str
@@ -48,10 +48,10 @@ class _Options:
     height: int
     sun: bool | None
     surroundings: bool | None
-    given: "UserInput"
+    user_input: "UserInput"
     model: str | None
     quiet: bool
-    of_tool: dict[str, str]  # those of the tools' options that were given
+    of_tool: dict[str, str]  # options of the tools that the user stated
 
 
 class _SceneCommand(click.Command):
@@ -59,7 +59,7 @@ class _SceneCommand(click.Command):
 
     def get_params(self, ctx: click.Context) -> list[click.Parameter]:
         params = super().get_params(ctx)
-        after = next(place for place, param in enumerate(params) if param.name == "record") + 1
+        after = 1 + [param.name for param in params].index("record")
         return [*params[:after], *_tool_options(), *params[after:]]
 
 
@@ -103,58 +103,60 @@ def _scene(**options: Any) -> None:
     """
     names = [name for entry in EXPORTERS.values() for name in entry.options]
     of_tool = {name: value for name in names if (value := options.pop(name)) is not None}
-    asked = _Options(**options, of_tool=of_tool)
-    _check(asked)
+    chosen = _Options(**options, of_tool=of_tool)
+    _check(chosen)
     from lighting.envmap.surroundings import photo_context
     from lighting.photo.reader import read_photo
     from lighting.scene.records import PLATE_SIDE, make_scene
     from lighting.scene.writer import check_scene_folder, write_scene
 
-    check_scene_folder(Path(asked.output), overwrite=asked.overwrite)
-    with prefix_errors(asked.photo):
-        data = read_photo_bytes(asked.photo)
+    check_scene_folder(Path(chosen.output), overwrite=chosen.overwrite)
+    with prefix_errors(chosen.photo):
+        data = read_photo_bytes(chosen.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        estimate = None if asked.record else estimate_photo(data, asked.given, asked.model)[1]
-        lighting = estimate.lighting if estimate else read_lighting(asked.record or "-")
-    place = photo_context(estimate, plate.pixels, surroundings=asked.surroundings) if estimate else None
-    made = make_scene(plate, lighting, map_height=asked.height, sun=asked.sun, context=place)
-    write_scene(made, asked.tool, asked.output, overwrite=asked.overwrite, **asked.of_tool)
-    if not asked.quiet:
-        click.echo(format_summary(asked.photo, lighting))
-    report_warnings(asked.photo, made.warnings, asked.quiet)
+        estimate = None if chosen.record else estimate_photo(data, chosen.user_input, chosen.model)[1]
+        lighting = estimate.lighting if estimate else read_lighting(chosen.record or "-")
+    context = photo_context(estimate, plate.pixels, surroundings=chosen.surroundings) if estimate else None
+    scene = make_scene(plate, lighting, map_height=chosen.height, sun=chosen.sun, context=context)
+    write_scene(scene, chosen.tool, chosen.output, overwrite=chosen.overwrite, **chosen.of_tool)
+    if not chosen.quiet:
+        click.echo(format_summary(chosen.photo, lighting))
+    report_warnings(chosen.photo, scene.warnings, chosen.quiet)
 
 
-def _check(asked: _Options) -> None:
+def _check(options: _Options) -> None:
     """Raise UsageError for an option that would do nothing, where an input would be lost, or stdin read twice."""
-    entry = EXPORTERS[asked.tool]
-    for name, tool in unsupported_options(asked.of_tool, asked.tool).items():
+    entry = EXPORTERS[options.tool]
+    for name, tool in unsupported_options(options.of_tool, options.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
     height = click.get_current_context().get_parameter_source("height")
     if height is ParameterSource.COMMANDLINE and not entry.has_map:
-        raise click.UsageError(f"--height is the map's, and a scene for {asked.tool} holds no map.")
-    if asked.surroundings is not None and not entry.has_map:
-        raise click.UsageError(f"--surroundings is the map's, and a scene for {asked.tool} holds no map.")
-    if asked.record:
-        _check_record(asked)
-    if asked.overwrite:
-        _check_inputs(asked)
+        raise click.UsageError(f"--height is the map's, and a scene for {options.tool} holds no map.")
+    if options.surroundings is not None and not entry.has_map:
+        raise click.UsageError(f"--surroundings is the map's, and a scene for {options.tool} holds no map.")
+    if options.record:
+        _check_record(options)
+    if options.overwrite:
+        _check_inputs(options)
 
 
-def _check_inputs(asked: _Options) -> None:
+def _check_inputs(options: _Options) -> None:
     """Raise UsageError where a file of the scene would replace one that is read."""
-    for read, name in product(filter(None, (asked.photo, asked.record, asked.model)), EXPORTERS[asked.tool].files):
-        if is_same_file(str(Path(asked.output, name)), read):
-            raise click.UsageError(f"The scene would replace {escape_path(read)}; choose another folder.")
+    for source, name in product(
+        filter(None, (options.photo, options.record, options.model)), EXPORTERS[options.tool].files
+    ):
+        if is_same_file(str(Path(options.output, name)), source):
+            raise click.UsageError(f"The scene would replace {escape_path(source)}; choose another folder.")
 
 
-def _check_record(asked: _Options) -> None:
+def _check_record(options: _Options) -> None:
     from lighting.fusion.user_input import NO_USER_INPUT
 
-    if asked.model is not None:
+    if options.model is not None:
         raise click.UsageError("--lighting states the light; no network is run, so --model does not go with it.")
-    if asked.surroundings is not None:
+    if options.surroundings is not None:
         raise click.UsageError("--lighting states the light; what lies around is not in it: leave out --surroundings.")
-    if asked.given != NO_USER_INPUT:
+    if options.user_input != NO_USER_INPUT:
         raise click.UsageError("--lighting states the light; time, place, heading and the like do not go with it.")
-    if asked.photo == asked.record == "-":
+    if options.photo == options.record == "-":
         raise click.UsageError("The photo and the record cannot both be stdin.")

@@ -13,10 +13,10 @@ from lighting.cli.console import escape_path, write_png
 from lighting.cli.options import (
     FiniteRange,
     check_png_file,
+    parse_utc_offset_option,
     quiet_option,
     results_folder,
     usage_errors,
-    utc_offset_value,
 )
 from lighting.cli.process import silence_libraries
 
@@ -26,8 +26,6 @@ if TYPE_CHECKING:
     from lighting.stereo.plan_records import Plan, Window
     from lighting.stereo.planner import PlanSkies
     from lighting.stereo.schedule import DayProgress
-
-# The commands about photometric stereo outdoors: when to photograph, and normals from the photos of a day.
 
 
 @cli.group("stereo")
@@ -67,14 +65,14 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
 @click.option(
     "--utc-offset",
     metavar="HOURS",
-    callback=utc_offset_value,
+    callback=parse_utc_offset_option,
     help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
 @click.option("-o", "--output", metavar="FILE.png", callback=check_png_file, help='Also draw it; "-" is stdout.')
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of words.")
 @quiet_option
 def _plan(
-    output: str | None, as_json: bool, quiet: bool, facing: float | None, shots: int, noise: float, **said: Any
+    output: str | None, as_json: bool, quiet: bool, facing: float | None, shots: int, noise: float, **options: Any
 ) -> None:
     """When to photograph a thing so that its normals come out best.
 
@@ -87,19 +85,19 @@ def _plan(
     if output == "-" and as_json:
         raise click.UsageError('--json and "-o -" both go to stdout.')
     with usage_errors():
-        skies, question = _skies(**said), PlanRequest(facing, shots, noise)
+        skies, question = _skies(**options), PlanRequest(facing, shots, noise)
     with silence_libraries() as stderr:
-        found = plan_photos(skies, question, _progress(quiet, stderr))
+        plan = plan_photos(skies, question, _progress(quiet, stderr))
     if output:
-        _draw(output, skies, found)
+        _draw(output, skies, plan)
     if as_json:
-        click.echo(json.dumps(plan_record(skies, found), indent=2, allow_nan=False))
+        click.echo(json.dumps(plan_record(skies, plan), indent=2, allow_nan=False))
     elif output != "-" and not (quiet and output):
-        click.echo(_format_plan(skies, found))
+        click.echo(_format_plan(skies, plan))
 
 
 def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "PlanSkies":
-    """The skies asked for; wrong usage where what they need is missing or would do nothing."""
+    """The skies to plan for; wrong usage where what they need is missing or would do nothing."""
     from lighting.stereo.planner import MeasuredSkies, ModelledSkies
 
     days = first.date() if first else None, last.date() if last else None
@@ -122,28 +120,28 @@ def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":
     return lambda days: tqdm(days, unit="day", disable=quiet or len(days) < 2 or not stderr.isatty(), file=stderr)
 
 
-def _draw(output: str, skies: "PlanSkies", found: "Plan") -> None:
+def _draw(output: str, skies: "PlanSkies", plan: "Plan") -> None:
     from lighting.files.atomic import encode_png
     from lighting.stereo.plan_figure import draw_plan
     from lighting.stereo.planner import plan_conditions, plan_title
 
-    headline = f"When to photograph: {plan_title(skies, found)}"
-    write_png(output, encode_png(draw_plan(found, headline, plan_conditions(skies, found.question))))
+    headline = f"When to photograph: {plan_title(skies, plan)}"
+    write_png(output, encode_png(draw_plan(plan, headline, plan_conditions(skies, plan.question))))
 
 
-def _format_plan(skies: "PlanSkies", found: "Plan") -> str:
+def _format_plan(skies: "PlanSkies", plan: "Plan") -> str:
     """A line for each window, and a table of the errors by orientation."""
     from lighting.stereo.plan_figure import format_angle_error
     from lighting.stereo.planner import plan_conditions, plan_title
 
-    names = [orientation.name for orientation in found.windows[0].orientations]
+    names = [orientation.name for orientation in plan.windows[0].orientations]
     width = max(map(len, names))
-    table = [f"{'':{width}}" + "".join(f"{window.hours:>6} h" for window in found.windows)]
+    table = [f"{'':{width}}" + "".join(f"{window.hours:>6} h" for window in plan.windows)]
     for row, name in enumerate(names):
-        errors = (format_angle_error(window.orientations[row].error) for window in found.windows)
+        errors = (format_angle_error(window.orientations[row].error) for window in plan.windows)
         table.append(f"{name:{width}}" + "".join(f"{error:>8}" for error in errors))
-    lines = [f"{plan_title(skies, found)}; {plan_conditions(skies, found.question)}.", *map(_line, found.windows)]
-    return "\n".join([*lines, "Expected error of the normal by orientation:", *table, *_verdict(found)])
+    lines = [f"{plan_title(skies, plan)}; {plan_conditions(skies, plan.question)}.", *map(_line, plan.windows)]
+    return "\n".join([*lines, "Expected error of the normal by orientation:", *table, *_verdict(plan)])
 
 
 def _line(window: "Window") -> str:
@@ -157,16 +155,14 @@ def _line(window: "Window") -> str:
     )
 
 
-def _verdict(found: "Plan") -> list[str]:
+def _verdict(plan: "Plan") -> list[str]:
     """A sentence where no window is any good."""
     from lighting.stereo.plan_figure import MAX_USEFUL_ERROR
 
-    if min(window.error for window in found.windows) <= MAX_USEFUL_ERROR:
+    if min(window.error for window in plan.windows) <= MAX_USEFUL_ERROR:
         return []
     return ["No window resolves the normals: the light comes from nearly one direction or one plane all day."]
 
-
-# The command that finds normals from the photos of a day.
 
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
@@ -180,7 +176,9 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
 @click.option("--pitch", type=FiniteRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
 @click.option("--roll", type=FiniteRange(-360, 360), default=0.0, metavar="DEG", help="How far it is turned clockwise.")
-@click.option("--utc-offset", metavar="HOURS", callback=utc_offset_value, help="Of the camera's clock: +02:00 or 2.")
+@click.option(
+    "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Of the camera's clock: +02:00 or 2."
+)
 @click.option("--sky", type=click.Choice(["clear"]), help="Modelled sky. [clear]")
 @click.option("--turbidity", type=FiniteRange(1, 10), help="Of the modelled sky. [what the photos fit best]")
 @click.option("--probes", type=_FOLDER, metavar="DIR", help="Measured skies: DIR/YYYYMMDD/HHMMSS/envmap.exr.")
@@ -190,13 +188,13 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option("--noise", type=FiniteRange(0.01, 50), metavar="PERCENT", help="Least, of the brightest pixel. [1]")
 @click.option("--network/--no-network", default=True, help="Let the network answer where it expects to err less.")
 @quiet_option
-def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool, **said: Any) -> None:
+def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool, **options: Any) -> None:
     """Find the normals of a thing from photos of one DAY, taken by a camera that stood still.
 
     DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos. Times and place come from EXIF, times else from times.csv,
     the mask from mask.png. FOLDER receives normals, albedo, uncertainty and a mesh.
     """
-    if said["probes"] and (said["sky"] or said["turbidity"]):
+    if options["probes"] and (options["sky"] or options["turbidity"]):
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
     from lighting.stereo.output import check_normals_folder, estimate_normals, write_normals
 
@@ -205,24 +203,26 @@ def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
     check_normals_folder(folder, overwrite=overwrite)
     with silence_libraries() as stderr:
-        solved = estimate_normals(day, _told(**said), _network() if network else None, _watch(quiet, stderr))
-    write_normals(folder, solved)
-    for warning in solved.warnings:
+        result = estimate_normals(
+            day, _normals_options(**options), _network() if network else None, _watch(quiet, stderr)
+        )
+    write_normals(folder, result)
+    for warning in result.warnings:
         click.echo(f"Warning: {warning}", err=True)
     if not quiet:
-        click.echo(_format_normals(day, folder, solved))
+        click.echo(_format_normals(day, folder, result))
 
 
-def _told(sky: str | None, noise: float | None, size: int | None, **said: Any) -> "NormalsOptions":  # noqa: ARG001
-    """What was said; what was not keeps its default."""
+def _normals_options(sky: str | None, noise: float | None, size: int | None, **options: Any) -> "NormalsOptions":  # noqa: ARG001
+    """The options that the user stated; the others keep their defaults."""
     from lighting.stereo.output import NormalsOptions
 
-    given = {name: value for name, value in said.items() if value is not None}
+    stated = {name: value for name, value in options.items() if value is not None}
     if noise is not None:
-        given["noise"] = noise / 100
+        stated["noise"] = noise / 100
     if size is not None:
-        given["size"] = size or None
-    return NormalsOptions(**given)
+        stated["size"] = size or None
+    return NormalsOptions(**stated)
 
 
 def _network() -> "Network":
@@ -236,22 +236,22 @@ def _watch(quiet: bool, stderr: TextIO) -> "NormalsProgress":
 
     from lighting.stereo.output import NormalsProgress
 
-    shows: dict[str, Any] = {"disable": quiet or not stderr.isatty(), "file": stderr}
+    hidden = quiet or not stderr.isatty()
 
     def photos(paths: Sequence[Path]) -> Any:
-        return tqdm(paths, desc="photos", unit="photo", **shows)
+        return tqdm(paths, desc="photos", unit="photo", disable=hidden, file=stderr)
 
     def pixels(parts: Iterable[Any], count: int) -> Any:
-        return tqdm(parts, total=count, desc="search", unit="block", **shows)
+        return tqdm(parts, total=count, desc="search", unit="block", disable=hidden, file=stderr)
 
     return NormalsProgress(photos, pixels)
 
 
-def _format_normals(day: Path, output: Path, solved: "NormalsResult") -> str:
-    record = solved.record
+def _format_normals(day: Path, output: Path, result: "NormalsResult") -> str:
+    record = result.record
     count = f"{record['pixels']} normals from {len(record['photos'])} photos"
-    words = f"{escape_path(str(day))}: {count} in {escape_path(str(output))}; "
-    words += f"expected error of the median pixel {record['expected_error_median']:.1f} deg"
+    text = f"{escape_path(str(day))}: {count} in {escape_path(str(output))}; "
+    text += f"expected error of the median pixel {record['expected_error_median']:.1f} deg"
     if record["by_network"]:
-        words += f", {100 * record['by_network']:.0f} % by the network"
-    return words + "."
+        text += f", {100 * record['by_network']:.0f} % by the network"
+    return text + "."

@@ -53,7 +53,7 @@ def _video(
     /,
     clip: str,
     output: str,
-    given: "UserInput",
+    user_input: "UserInput",
     model: str | None,
     quiet: bool,
     **options: Any,
@@ -79,23 +79,23 @@ def _video(
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
-    job = VideoJob(Path(clip), Path(output), given, every, OutputOptions(**options))
+    job = VideoJob(Path(clip), Path(output), user_input, every, OutputOptions(**options))
     check_video_folder(job.folder, overwrite=overwrite)
     refuse_collisions(clip, str(job.folder / FILM_FILE) if job.options.film else None)
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
-            done = process_video(job, network, lambda time: bar.update(round(time, 2) - bar.n))
+            result = process_video(job, network, lambda time: bar.update(round(time, 2) - bar.n))
     except VideoError as error:
         raise VideoError(f"{escape_path(clip)}: {error}") from error
     except KeyboardInterrupt:
-        _tell_interrupted(job.folder / PARTIAL_FILE)
+        _report_interrupt(job.folder / PARTIAL_FILE)
         raise
-    _report(clip, done, quiet)
-    ctx.exit(1 if done.failed else 0)
+    _report(clip, result, quiet)
+    ctx.exit(1 if result.failed else 0)
 
 
-def _tell_interrupted(records: Path) -> None:
+def _report_interrupt(records: Path) -> None:
     """Where the records of what was read lie, if there are any."""
     if records.is_file() and records.stat().st_size:
         name = escape_path(str(records))
@@ -110,28 +110,28 @@ def _progress(clip: str, quiet: bool) -> Any:
     return tqdm(desc=escape_path(clip), bar_format=form, disable=quiet or not sys.stderr.isatty())
 
 
-def _report(clip: str, done: "VideoResult", quiet: bool) -> None:
+def _report(clip: str, result: "VideoResult", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
     name = escape_path(clip)
-    if len(done.shots) > 1:
-        click.echo(f"{name}: {len(done.shots)} shots, for there are cuts or dissolves.", err=True)
-    for number, shot in enumerate(done.shots, 1):
+    if len(result.shots) > 1:
+        click.echo(f"{name}: {len(result.shots)} shots, for there are cuts or dissolves.", err=True)
+    for number, shot in enumerate(result.shots, 1):
         if isinstance(shot, Exception):
             click.echo(f"Error: {name}: {shot}", err=True)
         elif not quiet:
-            click.echo(f"{name}: {_in_words(number, shot)}")
-            for warning in done.warnings(number):
+            click.echo(f"{name}: {_format_shot(number, shot)}")
+            for warning in result.warnings(number):
                 click.echo(f"Warning: {name}: {warning}", err=True)
-    if done.damage:
-        click.echo(f"Error: {name}: {done.damage}", err=True)
+    if result.damage:
+        click.echo(f"Error: {name}: {result.damage}", err=True)
 
 
-def _in_words(number: int, shot: "Shot") -> str:
+def _format_shot(number: int, shot: "Shot") -> str:
     """One line for people about a shot."""
     from lighting.video.shot import shot_lighting
 
     path, light = shot.path, shot_lighting(shot)
-    turned = path.heading.max() - path.heading.min()
+    rotation = path.heading.max() - path.heading.min()
     north = "" if shot.north is None else f", first heading {round(shot.north + path.heading[0]) % 360}°"
     frames = "1 frame" if len(shot.frames) == 1 else f"{len(shot.frames)} frames"
     bridged = f", {path.bridged.sum()} bridged" if path.bridged.any() else ""
@@ -145,6 +145,6 @@ def _in_words(number: int, shot: "Shot") -> str:
         f"sun {light.sun_elevation:.1f}° high and {format_side(light.sun_azimuth, 1)} of the first frame "
         f"(50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
         f"direct sunlight {100 * light.sun_visibility:.0f} %; "
-        f"camera turns by {turned:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_std:.1f}°"
+        f"camera turns by {rotation:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_std:.1f}°"
         f"{zoom}{north}"
     )

@@ -12,7 +12,7 @@ from lighting.batch.job import (
     MapOptions,
     PhotoLight,
     Summary,
-    _in_words,
+    _format_suffixes,
     check_settings,
     count_unread_pictures,
     estimate_or_error,
@@ -24,12 +24,13 @@ from lighting.batch.job import (
 from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.errors import BatchError, ModelError
 from lighting.files.exr import read_exr
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, scene
 
 
 def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_path: Path) -> None:
-    job = BatchJob(str(tmp_path), "out", str(network), MapOptions(64), given={"vertical_fov": 40.0})
+    job = BatchJob(str(tmp_path), "out", str(network), MapOptions(64), user_input=UserInput(vertical_fov=40.0))
     found = job_settings(job)
     assert found["maps"] == {
         "height": 64,
@@ -73,26 +74,28 @@ def test_the_same_settings_or_no_results_allow_a_batch() -> None:
 
 
 def test_a_photo_has_its_light_or_a_reason(network: Path, tmp_path: Path) -> None:
-    estimator, given = load_worker_estimator(BatchJob(str(tmp_path), "out", str(network), given={"vertical_fov": 40.0}))
-    answer = estimate_or_error(estimator, encode(scene(64, 48)), given, None)
+    job = BatchJob(str(tmp_path), "out", str(network), user_input=UserInput(vertical_fov=40.0))
+    estimator = load_worker_estimator(job)
+    answer = estimate_or_error(estimator, encode(scene(64, 48)), job)
     assert isinstance(answer, PhotoLight)
     assert answer.lighting.vertical_fov == 40.0
-    assert answer.place is None
-    assert str(estimate_or_error(estimator, b"no photo", given, None)).startswith("The file is not a JPEG")
+    assert answer.context is None
+    assert str(estimate_or_error(estimator, b"no photo", job)).startswith("The file is not a JPEG")
 
 
 @pytest.mark.parametrize("wanted", [None, True, False])
 def test_a_map_shows_the_place_as_envmap_does(tmp_path: Path, wanted: bool | None) -> None:
     photo = tmp_path / "photo.jpg"
     photo.write_bytes(encode(scene(320, 240)))
-    estimator, given = load_worker_estimator(BatchJob(str(tmp_path), "out"))
     maps = MapOptions(32, surroundings=wanted)
-    answer = estimate_or_error(estimator, photo, given, maps)
+    job = BatchJob(str(tmp_path), "out", maps=maps)
+    estimator = load_worker_estimator(job)
+    answer = estimate_or_error(estimator, photo, job)
     assert isinstance(answer, PhotoLight)
     write_photo_map(tmp_path / "map.exr", answer, maps)
     picture = read_photo(photo)
     place = photo_context_for_height(
-        estimator(picture, given), picture.pixels, 32, picture.pixels.repeat, surroundings=wanted
+        estimator(picture, NO_USER_INPUT), picture.pixels, 32, picture.pixels.repeat, surroundings=wanted
     )
     assert (place is None) == (wanted is False)  # the packaged network predicts what lies around
     expected, _ = render_view(answer.lighting, 32, context=place)
@@ -208,6 +211,6 @@ def test_it_tells_what_became_of_the_photos(summary: Summary, words: str) -> Non
 
 
 def test_the_most_frequent_kind_comes_first() -> None:
-    assert _in_words(Counter({".bmp": 1, ".gif": 3})) == " (3 .gif, 1 .bmp)"
-    assert _in_words(Counter({".jxl": 1, ".bmp": 1})) == " (1 .bmp, 1 .jxl)"
-    assert _in_words(Counter()) == ""
+    assert _format_suffixes(Counter({".bmp": 1, ".gif": 3})) == " (3 .gif, 1 .bmp)"
+    assert _format_suffixes(Counter({".jxl": 1, ".bmp": 1})) == " (1 .bmp, 1 .jxl)"
+    assert _format_suffixes(Counter()) == ""

@@ -19,7 +19,7 @@ from click.testing import CliRunner
 from PIL import ExifTags, Image
 
 from lighting.batch.job import find_photos
-from lighting.batch.pool import _dismiss, _interrupts_held, _map_in_processes, _start
+from lighting.batch.pool import _block_interrupts, _dismiss, _map_in_processes, _start
 from lighting.cli import cli
 from lighting.errors import BatchError, ModelError
 from lighting.estimator import Estimator
@@ -416,7 +416,7 @@ def test_a_process_that_starts_is_not_left_half_told() -> None:
     other = threading.Thread(target=leave.wait)
 
     def start() -> None:
-        with _interrupts_held():
+        with _block_interrupts():
             os.kill(os.getpid(), signal.SIGINT)
             time.sleep(1.0)
             ended.set()

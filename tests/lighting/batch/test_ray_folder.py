@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from lighting.batch.job import BatchJob
-from lighting.batch.ray import _open_results, _place
+from lighting.batch.ray import _filesystem_at, _open_results
 from lighting.errors import BatchError
 
 
@@ -31,8 +31,8 @@ def test_results_of_other_settings_are_refused(job: BatchJob, name: str, content
     file.write_text(content)
     if refused:
         with pytest.raises(BatchError, match="other settings"):
-            _open_results(*_place(job.out), job, overwrite=False)
+            _open_results(*_filesystem_at(job.out), job, overwrite=False)
     else:
-        _open_results(*_place(job.out), job, overwrite=False)
+        _open_results(*_filesystem_at(job.out), job, overwrite=False)
         assert '"engine": "ray"' in Path(job.out, "batch.json").read_text()
     assert file.read_text() == content

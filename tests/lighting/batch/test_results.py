@@ -36,14 +36,14 @@ def test_lines_are_there_as_soon_as_they_are_appended(path: Path) -> None:
     with open_journal(path) as journal:
         journal.append("a.jpg", LINES[0], failed=False)
         assert path.read_text() == LINES[0] + "\n"
-        assert journal.done == {"a.jpg"}
+        assert journal.names == {"a.jpg"}
 
 
 def test_what_is_done_is_known_again(path: Path) -> None:
     fill(path)
     with open_journal(path) as journal:
         journal.append("c.jpg", FAILED, failed=True)
-        assert journal.done == {"a.jpg", "b/ä.jpg", "c.jpg"}
+        assert journal.names == {"a.jpg", "b/ä.jpg", "c.jpg"}
         assert journal.failed == 1
     assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
 
@@ -56,7 +56,7 @@ def test_what_failed_is_forgotten_and_tried_again(path: Path) -> None:
     with open_journal(path) as journal:
         journal.append("c.jpg", FAILED, failed=True)
     with open_journal(path) as journal:
-        assert (journal.done, journal.failed) == ({"a.jpg", "b/ä.jpg"}, 0)
+        assert (journal.names, journal.failed) == ({"a.jpg", "b/ä.jpg"}, 0)
         assert path.read_bytes() == whole
         with pytest.raises(BatchError, match="Another batch"), open_journal(path):
             pass
@@ -70,7 +70,7 @@ def test_a_photo_that_failed_before_it_was_done_is_done(path: Path) -> None:
     done = json.dumps({"file": "c.jpg", "lighting": {}})
     path.write_text(f"{FAILED}\n{done}\n{LINES[0]}\n")
     with open_journal(path) as journal:
-        assert (journal.done, journal.failed) == ({"c.jpg", "a.jpg"}, 0)
+        assert (journal.names, journal.failed) == ({"c.jpg", "a.jpg"}, 0)
     assert path.read_text() == f"{done}\n{LINES[0]}\n"
 
 
@@ -80,7 +80,7 @@ def test_a_line_cut_anywhere_is_not_done(path: Path) -> None:
     for end in range(first, len(whole)):
         path.write_bytes(whole[:end])
         with open_journal(path) as journal:
-            assert journal.done == {"a.jpg"}
+            assert journal.names == {"a.jpg"}
             journal.append("b/ä.jpg", LINES[1], failed=False)
         assert path.read_bytes() == whole
 
@@ -92,7 +92,7 @@ def test_a_damaged_tail_is_cut_off(path: Path, tail: bytes) -> None:
     whole = fill(path)
     path.write_bytes(whole + tail + whole)
     with open_journal(path) as journal:
-        assert len(journal.done) == 2
+        assert len(journal.names) == 2
     assert path.read_bytes() == whole
 
 
@@ -102,7 +102,7 @@ def test_what_stands_behind_a_damaged_line_is_not_lost(path: Path, damage: bytes
     first, second = fill(path).splitlines(keepends=True)
     path.write_bytes(first + damage + second)
     with open_journal(path) as journal:
-        assert journal.done == {"a.jpg", "b/ä.jpg"}
+        assert journal.names == {"a.jpg", "b/ä.jpg"}
         assert path.read_bytes() == first + second
         journal.append("c.jpg", LINES[0].replace("a.jpg", "c.jpg"), failed=False)
     assert [record["file"] for record in _read_records(path)] == ["a.jpg", "b/ä.jpg", "c.jpg"]
@@ -112,7 +112,7 @@ def test_clear_forgets_everything(path: Path) -> None:
     fill(path)
     with open_journal(path) as journal:
         journal.clear()
-        assert (journal.done, journal.failed, path.read_bytes()) == (set(), 0, b"")
+        assert (journal.names, journal.failed, path.read_bytes()) == (set(), 0, b"")
         journal.append("b/ä.jpg", LINES[1], failed=True)
     assert path.read_text() == LINES[1] + "\n"
 
@@ -122,7 +122,7 @@ def test_only_one_batch_at_a_time(path: Path) -> None:
     with open_journal(path), pytest.raises(BatchError, match="Another batch"), open_journal(path):
         pass
     with open_journal(path) as journal:
-        assert len(journal.done) == 2
+        assert len(journal.names) == 2
 
 
 LIGHT = Lighting(10.0, 20.0, 3.0, 1.0)
