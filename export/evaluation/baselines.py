@@ -1,4 +1,4 @@
-"""Constant and random answers, per place."""
+"""Answers that look at no pixel, which a network has to beat; figures in which each place counts alike."""
 
 import math
 from collections.abc import Sequence
@@ -20,8 +20,6 @@ from export.evaluation.metrics import (
 from lighting.circular import weighted_median
 from lighting.geometry import Floats, angle_between, direction
 
-# Answers that look at no pixel: what a network has to beat.
-
 CONSTANT = "constant direction"
 MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges
 
@@ -30,13 +28,13 @@ def baseline_answers(truth: Truth, training: Sequence[Label]) -> dict[str, Answe
     """Each baseline's answers; the constants are the best for the training panoramas."""
     count = len(truth.scored)
     elevation = _sun_elevations(training)
-    fits = [label for label in training if label.fit_ok]
+    fitted = [label for label in training if label.fit_ok]
     uniform = np.full(count, math.log(2 * math.pi))
     constants = {
         "camera": np.tile(MIDDLE_CAMERA, (count, 1)),
         "visibility": np.zeros(count),
-        "turbidity": np.full(count, median(np.array([label.turbidity for label in fits]))),
-        "exposure": np.full(count, median(np.array([label.exposure for label in fits]))),
+        "turbidity": np.full(count, median(np.array([label.turbidity for label in fitted]))),
+        "exposure": np.full(count, median(np.array([label.exposure for label in fitted]))),
     }
     azimuth = np.random.default_rng(0).uniform(-180, 180, count)
     constant = np.tile(direction(0.0, _best_constant(elevation)), (count, 1))
@@ -61,9 +59,9 @@ def _best_constant(elevation: Floats) -> float:
     return float(candidates[int(np.argmin(errors))])
 
 
-def place_figures(truth: Truth, said: Answers, heights: dict[str, Bools]) -> dict[str, float]:
-    """Sun figures over scored crops by place, and those of each group of true elevations (N,) by its own places."""
-    error, bias, weight = sun_error(truth, said), elevation_error(truth, said), _place_weights(truth.place)
+def place_figures(truth: Truth, answers: Answers, heights: dict[str, Bools]) -> dict[str, float]:
+    """Sun figures over scored crops by place, and those of each group of true elevations (N,) by its places."""
+    error, bias, weight = sun_error(truth, answers), elevation_error(truth, answers), _place_weights(truth.place)
     figures = {
         "places": float(len(np.unique(truth.place))),
         "median": weighted_median(error, weight),
@@ -71,16 +69,16 @@ def place_figures(truth: Truth, said: Answers, heights: dict[str, Bools]) -> dic
         "< 45° %": 100 * float(np.sum(weight * (error < 45))),
     }
     for name, chosen in heights.items():
-        own = _place_weights(truth.place[chosen])
-        figures[name] = weighted_median(error[chosen], own)
-        figures[f"{name}, bias"] = weighted_median(bias[chosen], own)
+        group_weight = _place_weights(truth.place[chosen])
+        figures[name] = weighted_median(error[chosen], group_weight)
+        figures[f"{name}, bias"] = weighted_median(bias[chosen], group_weight)
     return figures
 
 
-def visibility_by_place(truth: Truth, said: Answers) -> float:
+def visibility_by_place(truth: Truth, answers: Answers) -> float:
     """Area under the ROC curve of direct sunlight, yes against no, over all crops by place."""
     known = np.isin(truth.visibility, (0.0, 1.0))
-    return auc(said.visibility[known], truth.visibility[known] == 1.0, _place_weights(truth.place[known]))
+    return auc(answers.visibility[known], truth.visibility[known] == 1.0, _place_weights(truth.place[known]))
 
 
 def _place_weights(places: Names) -> Floats:

@@ -29,7 +29,7 @@ from lighting.color import tone_map
 from lighting.files.atomic import atomic_write
 from lighting.model import Model
 
-SCORED = ("paper", "phone")  # protocols
+PROTOCOLS = ("paper", "phone")  # of cameras
 PHOTOS = "photos.csv"
 
 
@@ -63,9 +63,14 @@ class _Methods:
 
 
 def evaluate_networks(options: Options) -> Evaluation:
-    """Score the networks on the `val` split; writes the report into `options.out`.
+    """Score the networks on the `val` split and write the report.
 
-    Raises DataError for data or labels that cannot be used and ModelError for a missing network.
+    Args:
+        options: data, networks, what the report holds and where it goes.
+
+    Raises:
+        DataError: for data or labels that cannot be used.
+        ModelError: for a missing network.
     """
     training = read_labels_of(read_index(options.data, "train"), options.labels)
     sources = load_sources(read_index(options.data, "val"), options.labels)
@@ -75,35 +80,38 @@ def evaluate_networks(options: Options) -> Evaluation:
     if options.relight:  # first, for it asks most of the folder
         lit.append(relight(options.data, options.labels, options.models, options.out))
         lit.append(light_report(options.data, options.labels, options.models))
-    judged = {protocol: _judge(methods, sources, protocol) for protocol in SCORED}
-    for protocol, j in judged.items():
-        _write_crops(options.out / f"crops-{protocol}.csv", j)
-    text = "\n\n".join([*_sections(options, methods, sources, judged), *lit]) + "\n"
+    crops = {protocol: _score(methods, sources, protocol) for protocol in PROTOCOLS}
+    for protocol, scored in crops.items():
+        _write_crops(options.out / f"crops-{protocol}.csv", scored)
+    text = "\n\n".join([*_sections(options, methods, sources, crops), *lit]) + "\n"
     with atomic_write(options.out / "report.md") as path:
         path.write_text(text)
-    return Evaluation(text, {p: stated_figures(j.truth, j.said[j.ours]) for p, j in judged.items()})
+    return Evaluation(text, {p: stated_figures(c.truth, c.answers[c.ours]) for p, c in crops.items()})
 
 
-def _judge(methods: _Methods, sources: Sequence[Source], protocol: str) -> ScoredCrops:
+def _score(methods: _Methods, sources: Sequence[Source], protocol: str) -> ScoredCrops:
     views = protocol_views(sources, protocol)
-    looked = predict_views(methods.models, views)
-    truth, ours = looked.truth, next(iter(methods.models))
-    alone, said = ({n: decode_answers(p, truth.sun) for n, p in by.items()} for by in (looked.alone, looked.said))
-    said |= baseline_answers(truth, methods.training)
-    return ScoredCrops(views, truth, looked.said[ours], looked.with_lens, said, alone)
+    predicted = predict_views(methods.models, views)
+    truth, ours = predicted.truth, next(iter(methods.models))
+    network, answers = (
+        {name: decode_answers(predictions, truth.sun) for name, predictions in output.items()}
+        for output in (predicted.network, predicted.refined)
+    )
+    answers |= baseline_answers(truth, methods.training)
+    return ScoredCrops(views, truth, predicted.refined[ours], predicted.with_lens, answers, network)
 
 
 def _sections(
-    options: Options, methods: _Methods, sources: Sequence[Source], judged: dict[str, ScoredCrops]
+    options: Options, methods: _Methods, sources: Sequence[Source], crops: dict[str, ScoredCrops]
 ) -> list[str]:
-    sections = [format_report(protocol, j.truth, j.said, j.alone, j.ours) for protocol, j in judged.items()]
+    sections = [format_report(p, c.truth, c.answers, c.network_answers, c.ours) for p, c in crops.items()]
     sections += _sun_in_view(sources, methods.models)
     if (options.data / PHOTOS).exists():
         sections.append(photo_report(options.data / PHOTOS, methods.models))
-    scored = {protocol: j for protocol, j in judged.items() if j.truth.scored.any()}
+    scored = {protocol: c for protocol, c in crops.items() if c.truth.scored.any()}
     sections += diagnostic_sections(scored, options.out, failures=options.failures)
     if options.with_metadata:
-        sections += [section for protocol, j in scored.items() for section in _metadata_sections(protocol, j)]
+        sections += [section for protocol, c in scored.items() for section in _metadata_sections(protocol, c)]
     return sections
 
 
@@ -112,39 +120,39 @@ def _sun_in_view(sources: Sequence[Source], models: dict[str, Model]) -> list[st
     views = sun_centered_views(sources)
     if not views:
         return []
-    looked = predict_views(models, views)
-    truth = looked.truth
-    chosen = truth.scored & (truth.in_view == "sun in view")
-    said = {
-        name: select_crops(decode_answers(predictions, truth.sun), chosen) for name, predictions in looked.said.items()
-    }
+    predicted = predict_views(models, views)
+    chosen = predicted.truth.scored & (predicted.truth.in_view == "sun in view")
     if not chosen.any():
         return []
-    ours = list(zip(next(iter(looked.said.values())), looked.with_lens, strict=True))
-    spec, shown = next(iter(models.values())).spec, np.flatnonzero(chosen).tolist()
-    pictures = [tone_map(crop_panorama(*views[i], spec).linear) for i in shown]
-    known = in_view_evidence(select_crops(truth, chosen), [ours[i] for i in shown], pictures)
-    return [in_view_report(select_crops(truth, chosen), said, known)]
+    truth, indices = select_crops(predicted.truth, chosen), np.flatnonzero(chosen).tolist()
+    refined = {name: [predictions[i] for i in indices] for name, predictions in predicted.refined.items()}
+    answers = {name: decode_answers(predictions, truth.sun) for name, predictions in refined.items()}
+    with_lens = [predicted.with_lens[i] for i in indices]
+    spec = next(iter(models.values())).spec
+    pictures = [tone_map(crop_panorama(*views[i], spec).linear) for i in indices]
+    ours = list(zip(next(iter(refined.values())), with_lens, strict=True))
+    return [in_view_report(truth, answers, in_view_evidence(truth, ours, pictures))]
 
 
-def _metadata_sections(protocol: str, judged: ScoredCrops) -> list[str]:
+def _metadata_sections(protocol: str, scored: ScoredCrops) -> list[str]:
     """Our network's answers with simulated metadata, and with several views of a panorama."""
-    taken = simulate_metadata(judged.truth, CROPS_EACH)
-    azimuth = np.array([camera.azimuth for _, camera in judged.views])
+    metadata = simulate_metadata(scored.truth, CROPS_EACH)
+    azimuth = np.array([camera.azimuth for _, camera in scored.views])
+    predictions = list(zip(scored.predictions, scored.with_lens, strict=True))
     return [
-        evidence_report(protocol, judged.truth, list(zip(judged.predictions, judged.with_lens, strict=True)), taken),
-        groups_report(protocol, judged.truth, judged.predictions, taken, azimuth, CROPS_EACH),
+        evidence_report(protocol, scored.truth, predictions, metadata),
+        groups_report(protocol, scored.truth, scored.predictions, metadata, azimuth, CROPS_EACH),
     ]
 
 
-def _write_crops(path: Path, judged: ScoredCrops) -> None:
+def _write_crops(path: Path, scored: ScoredCrops) -> None:
     """One line per crop, with its camera and each method's error, for looking at failures."""
-    truth = judged.truth
-    errors = {name: sun_error(truth, said) for name, said in judged.said.items()}
+    truth = scored.truth
+    errors = {name: sun_error(truth, answers) for name, answers in scored.answers.items()}
     header = ["panorama", "azimuth", "elevation", "roll", "vertical_fov", "aspect", "in_view", "scored", *errors]
     rows = []
-    for i, (source, c) in enumerate(judged.views):
+    for i, (source, c) in enumerate(scored.views):
         camera = (f"{v:.3f}" for v in (c.azimuth, c.elevation, c.roll, c.vertical_fov, c.aspect))
-        own = (f"{error[i]:.2f}" for error in errors.values())
-        rows.append([source.panorama.name, *camera, truth.in_view[i], int(truth.scored[i]), *own])
+        crop_errors = (f"{error[i]:.2f}" for error in errors.values())
+        rows.append([source.panorama.name, *camera, truth.in_view[i], int(truth.scored[i]), *crop_errors])
     write_table(path, header, rows)

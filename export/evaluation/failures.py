@@ -1,6 +1,6 @@
-"""Worst crops, diagnostics.
+"""The report's sections after the figures: reliability of the probabilities, turbidity, the worst crops by cause.
 
-It shows pictures of the data: it is for looking at failures, and never published.
+The contact sheet of the worst crops shows pictures of the data: it is for looking at failures, and never published.
 """
 
 from collections import Counter
@@ -36,12 +36,66 @@ from lighting.files.atomic import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.records import Prediction
 
+RELIABILITY_FILE = "reliability.png"
+
+
+@dataclass(frozen=True)
+class ScoredCrops:
+    """The answers for the crops of one protocol."""
+
+    views: Sequence[View]
+    truth: Truth
+    predictions: Sequence[Prediction]  # of our network
+    with_lens: Sequence[Prediction]  # the same, of photos that state their lens
+    answers: dict[str, Answers]  # of each method, our network first
+    network_answers: dict[str, Answers]  # of each network without what else the pictures show
+
+    @property
+    def ours(self) -> str:
+        """The name of our network."""
+        return next(iter(self.answers))
+
+
+def diagnostic_sections(scored: dict[str, ScoredCrops], out: Path, *, failures: bool) -> list[str]:
+    """The sections about the protocols that have a sun to score; writes reliability.png.
+
+    Args:
+        scored: by protocol.
+        out: folder for the pictures.
+        failures: write failures.csv and failures.png as well.
+    """
+    levels = {protocol: reliability_curves(crops.truth, crops.predictions) for protocol, crops in scored.items()}
+    sections = [reliability_report(protocol, curves) for protocol, curves in levels.items()]
+    sections += [temperature_report(protocol, crops.truth, crops.predictions) for protocol, crops in scored.items()]
+    if levels:
+        draw_reliability(levels, out / RELIABILITY_FILE)
+    if "paper" in scored:
+        sections += _paper_sections(scored["paper"], out, failures=failures)
+    return sections
+
+
+def _paper_sections(scored: ScoredCrops, out: Path, *, failures: bool) -> list[str]:
+    kind = np.array([source.panorama.kind for source, _ in scored.views])
+    ours = scored.answers[scored.ours]
+    worst = _worst_crops(scored.truth, ours)
+    if failures:
+        _write_failures(out / "failures.csv", worst, np.array([camera.azimuth for _, camera in scored.views]))
+        spec = scored.predictions[0].spec
+        pictures = [tone_map(crop_panorama(*scored.views[failure.index], spec).linear) for failure in worst]
+        with atomic_write(out / "failures.png") as temporary:
+            _contact_sheet(worst, pictures).save(temporary, "PNG")
+    return [
+        _turbidity_report("paper", scored.truth, ours, scored.answers[CONSTANT], kind),
+        _failures_report(worst),
+    ]
+
+
 # The worst crops, sorted by cause: as counts and as a CSV file.
 
-WORST = 50  # crops shown
-MOST_EACH = 3  # of one panorama, so that one odd picture does not fill the list
-WIDE = 30.0  # deg of radius_50 from which the network is not sure
-NEAR = 22.5  # deg, an error that is no failure
+MAX_FAILURES = 50  # crops
+MAX_EACH = 3  # of one panorama, so that one odd picture does not fill the list
+WIDE_RADIUS = 30.0  # deg of radius_50 from which the network is not sure
+NEAR_ERROR = 22.5  # deg, an error that is no failure
 SUNSHINE = {1.0: "yes", 0.5: "partly", 0.0: "no"}
 
 
@@ -54,7 +108,7 @@ class _Failure:
     in_view: str
     direct: str  # direct sunlight reaches the scene: "yes", "partly", "no" or "" where not known
     sun: tuple[float, float]  # true azimuth and elevation
-    said: tuple[float, float]
+    estimate: tuple[float, float]
     radius_50: float
     error: float
     azimuth_error: float
@@ -66,80 +120,82 @@ class _Failure:
         return next(name for name, (_, holds) in CAUSES.items() if holds(self))
 
 
-def _mirrored(f: _Failure) -> bool:
-    return float(angle_between(direction(-f.said[0], f.said[1]), direction(*f.sun))) < NEAR
+def _is_mirrored(f: _Failure) -> bool:
+    return float(angle_between(direction(-f.estimate[0], f.estimate[1]), direction(*f.sun))) < NEAR_ERROR
 
 
 CAUSES: dict[str, tuple[str, Callable[[_Failure], bool]]] = {  # the first that holds is the cause
     "no sky": ("under a tenth of the frame looks above the horizon", lambda f: f.in_view == "no sky"),
     "sun not shining": ("direct sunlight reaches the scene partly or not", lambda f: f.direct in ("partly", "no")),
     "wide distribution": (
-        f"`radius_50` over {WIDE:g}°: the network is not sure",
-        lambda f: f.radius_50 > WIDE,
+        f"`radius_50` over {WIDE_RADIUS:g}°: the network is not sure",
+        lambda f: f.radius_50 > WIDE_RADIUS,
     ),
     "front-back flip": (f"azimuth off by more than {FLIP:g}°", lambda f: abs(f.azimuth_error) > FLIP),
-    "left-right mirror": (f"within {NEAR:g}° once left and right are exchanged", _mirrored),
-    "elevation alone": (f"azimuth within {NEAR:g}°", lambda f: abs(f.azimuth_error) < NEAR),
+    "left-right mirror": (f"within {NEAR_ERROR:g}° once left and right are exchanged", _is_mirrored),
+    "elevation alone": (f"azimuth within {NEAR_ERROR:g}°", lambda f: abs(f.azimuth_error) < NEAR_ERROR),
     "confident and wrong": ("none of the above", lambda _: True),
 }
 
 
-def _worst(truth: Truth, said: Answers) -> list[_Failure]:
-    """The WORST scored crops, beginning with the largest error; at most MOST_EACH of a panorama."""
-    error = np.where(truth.scored, sun_error(truth, said), -np.inf)
-    taken: Counter[str] = Counter()
+def _worst_crops(truth: Truth, answers: Answers) -> list[_Failure]:
+    """The MAX_FAILURES scored crops, beginning with the largest error; at most MAX_EACH of a panorama."""
+    error = np.where(truth.scored, sun_error(truth, answers), -np.inf)
+    count: Counter[str] = Counter()
     chosen: list[int] = []
     for i in np.argsort(-error, kind="stable")[: np.count_nonzero(truth.scored)]:
-        taken[truth.panorama[i]] += 1
-        if taken[truth.panorama[i]] <= MOST_EACH:
+        count[truth.panorama[i]] += 1
+        if count[truth.panorama[i]] <= MAX_EACH:
             chosen.append(int(i))
-    return [_failure(truth, said, i) for i in chosen[:WORST]]
+    return [_make_failure(truth, answers, i) for i in chosen[:MAX_FAILURES]]
 
 
-def _failure(truth: Truth, said: Answers, index: int) -> _Failure:
+def _make_failure(truth: Truth, answers: Answers, index: int) -> _Failure:
     """One crop as a failure."""
-    (azimuth, elevation), (said_azimuth, said_elevation) = (angles(of.sun[index]) for of in (truth, said))
+    sun, estimate = ((float(a), float(e)) for a, e in (angles(of.sun[index]) for of in (truth, answers)))
     return _Failure(
         index=index,
         panorama=str(truth.panorama[index]),
         in_view=str(truth.in_view[index]),
         direct=SUNSHINE.get(float(truth.visibility[index]), ""),
-        sun=(float(azimuth), float(elevation)),
-        said=(float(said_azimuth), float(said_elevation)),
-        radius_50=float(said.radius_50[index]),
-        error=float(sun_error(truth, said)[index]),
-        azimuth_error=float(azimuth_error(truth, said)[index]),
-        elevation_error=float(elevation_error(truth, said)[index]),
+        sun=sun,
+        estimate=estimate,
+        radius_50=float(answers.radius_50[index]),
+        error=float(sun_error(truth, answers)[index]),
+        azimuth_error=float(azimuth_error(truth, answers)[index]),
+        elevation_error=float(elevation_error(truth, answers)[index]),
     )
 
 
-def _failures_report(found: Sequence[_Failure]) -> str:
+def _failures_report(failures: Sequence[_Failure]) -> str:
     """A table with the number of failures by cause."""
-    counts = Counter(f.cause for f in found)
+    counts = Counter(f.cause for f in failures)
     rows = [
-        [name, rule, str(counts[name]), str(len({f.panorama for f in found if f.cause == name}))]
+        [name, rule, str(counts[name]), str(len({f.panorama for f in failures if f.cause == name}))]
         for name, (rule, _) in CAUSES.items()
     ]
-    return "\n\n".join(["## Where it fails", _summary(found), markdown_table(["", "rule", "crops", "panoramas"], rows)])
+    return "\n\n".join(
+        ["## Where it fails", _summary(failures), markdown_table(["", "rule", "crops", "panoramas"], rows)]
+    )
 
 
-def _summary(found: Sequence[_Failure]) -> str:
-    panoramas = len({f.panorama for f in found})
-    flips = sum(abs(f.azimuth_error) > FLIP for f in found)
+def _summary(failures: Sequence[_Failure]) -> str:
+    panoramas = len({f.panorama for f in failures})
+    flips = sum(abs(f.azimuth_error) > FLIP for f in failures)
     return fill(
-        f"The {len(found)} worst crops of the `paper` protocol, at most {MOST_EACH} of a panorama ({panoramas} "
-        f"panoramas): sun errors of {found[-1].error:.0f} to {found[0].error:.0f}°. Each counts under the first rule "
-        "that holds: the rules ask what could be seen, then how sure the network was, then how it erred. In "
+        f"The {len(failures)} worst crops of the `paper` protocol, at most {MAX_EACH} of a panorama ({panoramas} "
+        f"panoramas): sun errors of {failures[-1].error:.0f} to {failures[0].error:.0f}°. Each counts under the first "
+        "rule that holds: the rules ask what could be seen, then how sure the network was, then how it erred. In "
         f"{flips} of them, whatever the cause, the sun is on the wrong side, front for back.",
         120,
     )
 
 
-def _write_failures(path: Path, found: Sequence[_Failure], azimuth: Floats) -> None:
+def _write_failures(path: Path, failures: Sequence[_Failure], azimuth: Floats) -> None:
     """One line per failure; `azimuth` (N,) is where each crop's camera points in its panorama."""
     header = ["panorama", "azimuth", "error", "azimuth_error", "elevation_error", "in_view", "direct", "cause"]
     rows = []
-    for f in found:
+    for f in failures:
         numbers = (f"{value:.1f}" for value in (azimuth[f.index], f.error, f.azimuth_error, f.elevation_error))
         rows.append([f.panorama, *numbers, f.in_view, f.direct, f.cause])
     write_table(path, header, rows)
@@ -151,14 +207,14 @@ ACROSS = 5  # crops in a row
 THUMBNAIL = (320, 240)  # pixels
 TEXT, LINE = 13, 16  # pixels, height of letters and of lines
 DIAL = 26  # pixels, radius
-TRUE, SAID = (255, 200, 0), (90, 180, 255)
+TRUE_COLOR, ESTIMATE_COLOR = (255, 200, 0), (90, 180, 255)
 
 
-def _sheet(found: Sequence[_Failure], pictures: Sequence[NDArray[np.uint8]]) -> Image.Image:
+def _contact_sheet(failures: Sequence[_Failure], pictures: Sequence[NDArray[np.uint8]]) -> Image.Image:
     """The failures in rows of ACROSS, each picture (h, w, 3) with three lines under it."""
     height = THUMBNAIL[1] + 3 * LINE + 6
-    whole = Image.new("RGB", (ACROSS * (THUMBNAIL[0] + 4), -(-len(found) // ACROSS) * height), "white")
-    for i, (one, picture) in enumerate(zip(found, pictures, strict=True)):
+    whole = Image.new("RGB", (ACROSS * (THUMBNAIL[0] + 4), -(-len(failures) // ACROSS) * height), "white")
+    for i, (one, picture) in enumerate(zip(failures, pictures, strict=True)):
         corner = (i % ACROSS * (THUMBNAIL[0] + 4), i // ACROSS * height)
         whole.paste(_with_dial(Image.fromarray(picture).resize(THUMBNAIL), one), corner)
         text = "\n".join(_lines(i + 1, one))
@@ -170,7 +226,7 @@ def _sheet(found: Sequence[_Failure], pictures: Sequence[NDArray[np.uint8]]) -> 
 def _lines(number: int, f: _Failure) -> tuple[str, str, str]:
     return (
         f"{number}: {f.error:.0f}° {f.panorama}",
-        f"true {f.sun[0]:.0f}, {f.sun[1]:.0f}   said {f.said[0]:.0f}, {f.said[1]:.0f} ± {f.radius_50:.0f}",
+        f"true {f.sun[0]:.0f}, {f.sun[1]:.0f}   said {f.estimate[0]:.0f}, {f.estimate[1]:.0f} ± {f.radius_50:.0f}",
         f"{f.cause}; {f.in_view}; direct {f.direct or 'unknown'}",
     )
 
@@ -181,17 +237,11 @@ def _with_dial(picture: Image.Image, f: _Failure) -> Image.Image:
     middle = np.array(picture.size) - DIAL - 4
     draw.ellipse([*(middle - DIAL), *(middle + DIAL)], fill=(60, 60, 60), outline="white")
     draw.line([*middle, middle[0], middle[1] - DIAL], fill="white")
-    for (azimuth, elevation), colour in ((f.sun, TRUE), (f.said, SAID)):
-        turn, reach = np.radians(azimuth), DIAL * (1 - elevation / 90)
-        spot = middle + reach * np.array([np.sin(turn), -np.cos(turn)])
-        draw.ellipse([*(spot - 4), *(spot + 4)], fill=colour)
+    for (azimuth, elevation), color in ((f.sun, TRUE_COLOR), (f.estimate, ESTIMATE_COLOR)):
+        angle, reach = np.radians(azimuth), DIAL * (1 - elevation / 90)
+        spot = middle + reach * np.array([np.sin(angle), -np.cos(angle)])
+        draw.ellipse([*(spot - 4), *(spot + 4)], fill=color)
     return picture
-
-
-def _write_sheet(path: Path, found: Sequence[_Failure], pictures: Sequence[NDArray[np.uint8]]) -> None:
-    """The sheet as a PNG file."""
-    with atomic_write(path) as temporary:
-        _sheet(found, pictures).save(temporary, "PNG")
 
 
 # Whether the estimated turbidity beats the best constant.
@@ -209,7 +259,7 @@ def _turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answ
     known = np.isfinite(truth.turbidity)
     rows = {"HDR": known & (kind == "hdr"), "LDR, clean sky": known & (kind == "ldr"), "both": known}
     lines = [
-        _line(name, select_crops(truth, chosen), select_crops(ours, chosen), select_crops(constant, chosen))
+        _turbidity_row(name, select_crops(truth, chosen), select_crops(ours, chosen), select_crops(constant, chosen))
         for name, chosen in rows.items()
         if chosen.any()
     ]
@@ -217,59 +267,8 @@ def _turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answ
     return f"## Turbidity, protocol `{protocol}`\n\n{MEANING}\n\n{markdown_table(header, lines)}"
 
 
-def _line(name: str, truth: Truth, ours: Answers, constant: Answers) -> list[str]:
-    error, other = (np.abs(said.turbidity - truth.turbidity) for said in (ours, constant))
+def _turbidity_row(name: str, truth: Truth, ours: Answers, constant: Answers) -> list[str]:
+    error, other = (np.abs(answers.turbidity - truth.turbidity) for answers in (ours, constant))
     counts = (len(error), len(np.unique(truth.panorama)), len(np.unique(truth.place)))
     less = [format_interval(difference_interval(error, other, units), 2) for units in (truth.panorama, truth.place)]
     return [name, *map(str, counts), f"{np.median(error):.2f}", f"{np.median(other):.2f}", *less]
-
-
-# The report's sections after the figures: reliability of the probabilities, turbidity, failures.
-
-RELIABILITY_FILE = "reliability.png"
-
-
-@dataclass(frozen=True)
-class ScoredCrops:
-    """The answers for the crops of one protocol."""
-
-    views: Sequence[View]
-    truth: Truth
-    predictions: Sequence[Prediction]  # of our network
-    with_lens: Sequence[Prediction]  # the same, of photos that state their lens
-    said: dict[str, Answers]  # of each method, our network first
-    alone: dict[str, Answers]  # of each network without what else the pictures show
-
-    @property
-    def ours(self) -> str:
-        """The name of our network."""
-        return next(iter(self.said))
-
-
-def diagnostic_sections(judged: dict[str, ScoredCrops], out: Path, *, failures: bool) -> list[str]:
-    """The sections about the protocols that have a sun to score.
-
-    Writes reliability.png into `out`, and with `failures` also failures.csv and failures.png.
-    """
-    levels = {protocol: reliability_curves(j.truth, j.predictions) for protocol, j in judged.items()}
-    sections = [reliability_report(protocol, found) for protocol, found in levels.items()]
-    sections += [temperature_report(protocol, j.truth, j.predictions) for protocol, j in judged.items()]
-    if levels:
-        draw_reliability(levels, out / RELIABILITY_FILE)
-    if "paper" in judged:
-        sections += _of_paper(judged["paper"], out, failures=failures)
-    return sections
-
-
-def _of_paper(judged: ScoredCrops, out: Path, *, failures: bool) -> list[str]:
-    kind = np.array([source.panorama.kind for source, _ in judged.views])
-    found = _worst(judged.truth, judged.said[judged.ours])
-    if failures:
-        _write_failures(out / "failures.csv", found, np.array([camera.azimuth for _, camera in judged.views]))
-        spec = judged.predictions[0].spec
-        shown = [crop_panorama(*judged.views[f.index], spec) for f in found]
-        _write_sheet(out / "failures.png", found, [tone_map(crop.linear) for crop in shown])
-    return [
-        _turbidity_report("paper", judged.truth, judged.said[judged.ours], judged.said[CONSTANT], kind),
-        _failures_report(found),
-    ]

@@ -37,13 +37,13 @@ from lighting.photo.reader import Photo, photo_from_array, read_photo
 SPLITS = ("train", "val")
 GROUND_SHARES = np.linspace(0.0, 1.0, 11)  # of the network's ground under a clear sky, tried
 GROUND_STOPS = np.linspace(0.0, 0.6, 7)  # stops by which it is too dark, tried
-MIN_LUMINANCE = 1e-6  # luminance that stands for none
+MIN_LUMINANCE = 1e-6
 SKY_CAMERAS = (paper_camera, training_camera) * 2  # of each panorama's crops
 COVERS = ((0.0, 0.2), (0.2, 0.6), (0.6, 1.01))  # ranges of cover, 0 clear to 1 overcast, told apart
 SUN_POWERS = (0.0, 0.2, 0.3, 0.4, 0.5, 0.6, 0.8)  # of the clear sun's colour, tried
 MIN_ELEVATION = 1.0  # deg, of the sun, under which a clear sky says little of its power
-_ROUNDS = 20  # of least squares, weighted so that it comes near to least absolute errors
-_SMALL = 0.1  # nat, error from which a crop counts for less
+_ITERATIONS = 20  # of least squares, weighted so that it comes near to least absolute errors
+_L1_SCALE = 0.1  # nat, error from which a crop counts for less
 _NO_LIGHT = "The network states no light."
 
 
@@ -56,7 +56,7 @@ class _GroundSamples:
     """Log2 of the ground's luminance in crops that show ground."""
 
     photo: Floats  # (N,) by the photo's pixels
-    around: Floats  # (N,) by the network
+    network: Floats  # (N,) by the network's coarse panorama
     true: Floats  # (N,) of all the ground that the panorama shows
     cover: Floats  # (N,) of the sky, 0 clear to 1 overcast, by the network
     weather: Names  # (N,)
@@ -64,8 +64,8 @@ class _GroundSamples:
 
     def errors(self, share: float, darker: float) -> Floats:
         """Sizes (N,) of the errors [stops] where the network's ground counts for that share, less under cloud."""
-        share_here = share * (1 - self.cover)
-        return np.abs(self.photo + share_here * (self.around + darker - self.photo) - self.true)
+        crop_share = share * (1 - self.cover)
+        return np.abs(self.photo + crop_share * (self.network + darker - self.photo) - self.true)
 
 
 def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> _GroundSamples:
@@ -73,14 +73,14 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
 
     DataError where there are none or their crops show no ground, ModelError if the network states no light.
     """
-    known = {panorama.place for panorama in read_index(seen)} if seen else set()
-    panoramas = [p for p in read_index(data, part) if (p.sun, p.direct) in WEATHER and p.place not in known]
-    shown = take_crops_of(panoramas, labels, model.spec)
-    found: list[tuple[float, ...]] = []
+    seen_places = {panorama.place for panorama in read_index(seen)} if seen else set()
+    panoramas = [p for p in read_index(data, part) if (p.sun, p.direct) in WEATHER and p.place not in seen_places]
+    crops = take_crops_of(panoramas, labels, model.spec)
+    values: list[tuple[float, ...]] = []
     kinds: list[tuple[str, str]] = []
-    answers = estimate_crops(model, shown.crops)
+    answers = estimate_crops(model, crops.crops)
     for (estimate, place), truth, weather, (source, _) in zip(
-        answers, shown.truth, shown.sunny, shown.views, strict=True
+        answers, crops.truth, crops.weather, crops.views, strict=True
     ):
         light = estimate.lighting
         if light.sky_irradiance is None:
@@ -90,11 +90,11 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
             continue
         radiance = float(luminance(reflectance * level_irradiance(light))) / np.pi
         levels = radiance, ground_luminance(place.coarse_panorama), max(float(luminance(truth.ground)), MIN_LUMINANCE)
-        found.append((*np.log2(levels), light.sky_cover or 0.0))
+        values.append((*np.log2(levels), light.sky_cover or 0.0))
         kinds.append((str(weather), source.panorama.place))
-    if not found:
+    if not values:
         raise DataError(f"No crop of the panoramas of {part} that are sunny or overcast shows ground.")
-    return _GroundSamples(*np.array(found).T, *np.array(kinds).T)
+    return _GroundSamples(*np.array(values).T, *np.array(kinds).T)
 
 
 def _fit_ground_share(grounds: _GroundSamples) -> tuple[float, float]:
@@ -131,8 +131,8 @@ def _balanced(grounds: _GroundSamples) -> _GroundSamples:
     chosen = np.concatenate([
         np.resize(np.flatnonzero(grounds.weather == kind), int(counts.max())) for kind in kinds
     ])  # fmt: skip
-    known = (grounds.photo, grounds.around, grounds.true, grounds.cover, grounds.weather, grounds.place)
-    return _GroundSamples(*(values[chosen] for values in known))
+    columns = (grounds.photo, grounds.network, grounds.true, grounds.cover, grounds.weather, grounds.place)
+    return _GroundSamples(*(values[chosen] for values in columns))
 
 
 # The sky's colour: how far that of the sky in a photo may be trusted for the whole sky.
@@ -144,14 +144,14 @@ class _SkySamples:
 
     ratio: Floats  # (N, 3) of the sky in the picture to the map, green 1; NaN where none is seen
     cover: Floats  # (N,)
-    said: Floats  # (N, 3) the sky's irradiance by the network
+    predicted: Floats  # (N, 3) the sky's irradiance by the network
     true: Floats  # (N, 3)
 
     @property
-    def seen(self) -> "_SkySamples":
+    def with_sky(self) -> "_SkySamples":
         """Those whose picture shows sky."""
-        there = np.isfinite(self.ratio[:, 0])
-        return _SkySamples(self.ratio[there], self.cover[there], self.said[there], self.true[there])
+        part = np.isfinite(self.ratio[:, 0])
+        return _SkySamples(self.ratio[part], self.cover[part], self.predicted[part], self.true[part])
 
 
 def _sample_skies(model: Model, data: Path, labels: Path, part: str) -> _SkySamples:
@@ -189,35 +189,41 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
 
 def _fit_sky_trust(skies: _SkySamples) -> Floats:
     """The power (2,) of the ratio under a clear sky, and what the square of the cover adds to it."""
-    shift, wanted = (_chroma(values) for values in (skies.ratio, skies.true / skies.said))
+    shift, target = (_chroma(values) for values in (skies.ratio, skies.true / skies.predicted))
     terms = (np.stack([np.ones_like(skies.cover), skies.cover**2], axis=1)[:, None] * shift[..., None]).reshape(-1, 2)
     weight = np.ones(len(terms))
-    for _ in range(_ROUNDS):
+    for _ in range(_ITERATIONS):
         root = np.sqrt(weight)
-        trust = np.linalg.lstsq(terms * root[:, None], wanted.ravel() * root, rcond=None)[0]
-        weight = 1 / np.maximum(np.abs(wanted.ravel() - terms @ trust), _SMALL)
+        trust = np.linalg.lstsq(terms * root[:, None], target.ravel() * root, rcond=None)[0]
+        weight = 1 / np.maximum(np.abs(target.ravel() - terms @ trust), _L1_SCALE)
     return np.asarray(trust)
 
 
 def _sky_color_errors(skies: _SkySamples, trust: Floats) -> Floats:
     """Angle [deg] (N,) between the colours of the sky's irradiance, said and true, with that trust in the picture."""
-    said = skies.said * skies.ratio ** (trust[0] + trust[1] * skies.cover**2)[:, None]
-    return angle_between(said, skies.true)
+    corrected = skies.predicted * skies.ratio ** (trust[0] + trust[1] * skies.cover**2)[:, None]
+    return angle_between(corrected, skies.true)
 
 
 def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     """The fit on `train`, and errors of the sky's colour in both splits, by the cover that the network says."""
     parts = {part: _sample_skies(model, data, labels, part) for part in SPLITS}
-    trust = _fit_sky_trust(parts["train"].seen)
+    trust = _fit_sky_trust(parts["train"].with_sky)
     rows = []
     for part, skies in parts.items():
-        seen = skies.seen
-        groups = {f"{low:g} to {min(high, 1):g}": (seen.cover >= low) & (seen.cover < high) for low, high in COVERS}
-        rows += _error_rows(part, groups, _sky_color_errors(seen, np.zeros(2)), _sky_color_errors(seen, trust), (1, 2))
-    shown = sum(len(skies.seen.cover) for skies in parts.values()) / sum(len(skies.cover) for skies in parts.values())
+        visible = skies.with_sky
+        groups = {
+            f"{low:g} to {min(high, 1):g}": (visible.cover >= low) & (visible.cover < high) for low, high in COVERS
+        }
+        rows += _error_rows(
+            part, groups, _sky_color_errors(visible, np.zeros(2)), _sky_color_errors(visible, trust), (1, 2)
+        )
+    visible_share = sum(len(skies.with_sky.cover) for skies in parts.values()) / sum(
+        len(skies.cover) for skies in parts.values()
+    )
     names = ["network, median [deg]", "with the photo", "network, mean", "with the photo"]
     first = f"Power of the ratio: {trust[0]:.2f} + {trust[1]:.2f} cover^2"
-    share = f"sky is seen in {100 * shown:.0f} % of the crops."
+    share = f"sky is seen in {100 * visible_share:.0f} % of the crops."
     return f"{first}; {share}\n\n{markdown_table(['split', 'cover', 'crops', *names], rows)}"
 
 
@@ -239,41 +245,42 @@ class _SunSample:
 
     place: str
     true: Floats  # (3,) irradiance of a surface that faces it
-    said: Floats  # (3,) the same by the network
+    predicted: Floats  # (3,) the same by the network
     true_level: Floats  # (3,) irradiance of level ground by sun and sky
-    said_sky: Floats  # (3,) that of level ground by the sky alone, by the network
+    predicted_sky: Floats  # (3,) that of level ground by the sky alone, by the network
     elevation: float  # deg, by the pixels
     unclipped: bool  # whether the panorama's notes say so of it
 
 
-def _sample_suns(model: Model, shown: HdrCrops) -> list[_SunSample]:
+def _sample_suns(model: Model, crops: HdrCrops) -> list[_SunSample]:
     """The suns of sunny crops, where the network sees that they shine; raises ModelError if it states none."""
-    found = []
-    for (source, _), crop, truth in zip(shown.views, shown.crops, shown.truth, strict=True):
+    samples = []
+    for (source, _), crop, truth in zip(crops.views, crops.crops, crops.truth, strict=True):
         if truth.sun_direction is None:
             continue
         light = lighting_from_prediction(predict_photo(model, photo_from_array(tone_map(crop.linear))))
         if light.sun_irradiance is None or light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
         level = truth.sun_irradiance * truth.sun_direction[1] + truth.sky_irradiance
-        said, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
+        sun, sky = np.array(light.sun_irradiance), np.array(light.sky_irradiance)
         if light.sun_shines:
-            shot, true = source.panorama, truth.sun_irradiance
-            found.append(_SunSample(shot.place, true, said, level, sky, light.sun_elevation, shot.sun_is_unclipped))
-    if not found:
+            panorama, true = source.panorama, truth.sun_irradiance
+            unclipped = panorama.sun_is_unclipped
+            samples.append(_SunSample(panorama.place, true, sun, level, sky, light.sun_elevation, unclipped))
+    if not samples:
         raise ModelError("The network sees the sun shine in no crop of a sunny HDR panorama.")
-    return found
+    return samples
 
 
 def _sun_color_errors(suns: Sequence[_SunSample], power: float) -> Floats:
     """Angles (2,) between colours [deg], of the sun and of the light on level ground: means of the places' medians."""
     places: dict[str, list[Floats]] = {}
     for sun in suns:
-        colour = blend_to_clear_sun(sun.said, sun.elevation, power)
-        level = colour * np.sin(np.radians(sun.elevation)) + sun.said_sky
-        both = angle_between(colour, sun.true), angle_between(level, sun.true_level)
+        color = blend_to_clear_sun(sun.predicted, sun.elevation, power)
+        level = color * np.sin(np.radians(sun.elevation)) + sun.predicted_sky
+        both = angle_between(color, sun.true), angle_between(level, sun.true_level)
         places.setdefault(sun.place, []).append(np.array(both, dtype=np.float64))
-    return np.asarray(np.mean([np.median(found, axis=0) for found in places.values()], axis=0))
+    return np.asarray(np.mean([np.median(errors, axis=0) for errors in places.values()], axis=0))
 
 
 def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
@@ -301,30 +308,32 @@ def _stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: S
 
     Of a clear sky it is the luminance of the channels' ratios: it only has to be the same for all that are compared.
     """
-    said = luminance(np.array(sun)) / luminance(np.array(sky))
+    ratio = luminance(np.array(sun)) / luminance(np.array(sky))
     clear = luminance(np.array([clear_sun_to_sky_ratio(round(e)) for e in elevation]))
-    return np.asarray(np.log2(said / clear))
+    return np.asarray(np.log2(ratio / clear))
 
 
 def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
     """What the sunny HDR panoramas of `train` with an unclipped sun have over a clear sky [stops]."""
     panoramas = [p for p in read_index(data, "train") if p.kind == "hdr" and p.direct == "yes"]
-    known = [(s, panorama_irradiance(s)) for s in load_sources(panoramas, labels)]
-    seen = [(s.label.sun_elevation, light) for s, light in known if s.panorama.sun_is_unclipped]
-    if not seen:
+    irradiances = [(s, panorama_irradiance(s)) for s in load_sources(panoramas, labels)]
+    unclipped = [(s.label.sun_elevation, light) for s, light in irradiances if s.panorama.sun_is_unclipped]
+    if not unclipped:
         raise DataError(f"{data} has no sunny HDR panorama in `train` whose sun is unclipped.")
-    return _stops_over_clear([light.sun for _, light in seen], [light.sky for _, light in seen], [e for e, _ in seen])
+    return _stops_over_clear(
+        [light.sun for _, light in unclipped], [light.sky for _, light in unclipped], [e for e, _ in unclipped]
+    )
 
 
 def _photo_sun_stops(model: Model, data: Path) -> Floats:
     """What the network says of the photos of `train` in direct sun, over a clear sky [stops]."""
     rows = [r for r in require_photo_rows(data) if r.direct == "yes" and r.sun_elevation >= MIN_ELEVATION]
     lights = [predict_photo(model, read_photo(row.path)).light for row in rows]
-    said = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
-    if not said:
+    stated = [(light, row.sun_elevation) for light, row in zip(lights, rows, strict=True) if light is not None]
+    if not stated:
         raise DataError(f"No photo of {data} was taken in direct sun, or the network says nothing of the light.")
-    suns, skies = ([getattr(light, name) for light, _ in said] for name in ("sun_irradiance", "sky_irradiance"))
-    return _stops_over_clear(suns, skies, [elevation for _, elevation in said])
+    suns, skies = ([getattr(light, name) for light, _ in stated] for name in ("sun_irradiance", "sky_irradiance"))
+    return _stops_over_clear(suns, skies, [elevation for _, elevation in stated])
 
 
 def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
@@ -333,13 +342,13 @@ def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
         "HDR panoramas, unclipped sun": _panorama_sun_stops(data, labels),
         "photos, as said": _photo_sun_stops(model, data),
     }
-    true, said = (float(np.median(values)) for values in sides.values())
+    true, predicted = (float(np.median(values)) for values in sides.values())
     header = ["`train`, in direct sun", "number", "sun / sky over a clear sky, median [stops]", "quartiles"]
     rows = []
     for name, values in sides.items():
         low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
         rows.append([name, str(len(values)), f"{middle:+.2f}", f"{low:+.2f} to {high:+.2f}"])
-    return f"A sun that shines is understated by {true - said:.2f} stops\n\n{markdown_table(header, rows)}"
+    return f"A sun that shines is understated by {true - predicted:.2f} stops\n\n{markdown_table(header, rows)}"
 
 
 FITS: dict[str, Callable[..., str]] = {  # of a network, `data` and `labels`; the ground's also of `seen`

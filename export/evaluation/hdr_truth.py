@@ -1,4 +1,4 @@
-"""Sun, sky, ground of HDR panoramas.
+"""The light of HDR panoramas (sun, sky, ground), and a scene that shows it: a bumpy diffuse sphere on a plane.
 
 Light is linear, so one matrix takes any map to the picture. The sphere casts a shadow; light bounces once.
 """
@@ -28,8 +28,6 @@ from lighting.geometry import (
     ray_sphere,
 )
 
-# A bumpy diffuse sphere on a plane under any environment map.
-
 HEIGHT = 64  # rows of the maps that light the scene
 SIZE = 64  # pixels of the square picture
 HALF_WIDTH = 2.2  # of the view, in radii of the sphere
@@ -45,8 +43,8 @@ def transfer_matrix() -> NDArray[np.float32]:
     points, normals, smooth, albedo = scene_points()
     rays = latlong_directions(HEIGHT).reshape(-1, 3)
     solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
-    seen = np.maximum(normals @ rays.T, 0) * (smooth @ rays.T > 0) * ~_shadowed(points, rays)
-    return np.asarray(albedo[:, None] / np.pi * seen * solid_angle, dtype=np.float32)
+    cosine = np.maximum(normals @ rays.T, 0) * (smooth @ rays.T > 0) * ~_shadowed(points, rays)
+    return np.asarray(albedo[:, None] / np.pi * cosine * solid_angle, dtype=np.float32)
 
 
 def scene_points() -> tuple[Floats, Floats, Floats, Floats]:
@@ -81,12 +79,20 @@ def _shadowed(points: Floats, rays: Floats) -> NDArray[np.bool_]:
 
 
 def render_scene(light: Floats) -> Floats:
-    """The scene (SIZE, SIZE, 3) under a map of any even height that HEIGHT divides or equals."""
+    """The scene (SIZE, SIZE, 3) under an environment map.
+
+    Args:
+        light: (H, 2H, 3) linear; HEIGHT divides H.
+    """
     return np.asarray(transfer_matrix() @ pool_map(light).reshape(-1, 3).astype(np.float32)).reshape(SIZE, SIZE, 3)
 
 
 def pool_map(light: Floats) -> Floats:
-    """A map (H, 2H, 3) at HEIGHT rows; means by solid angle, so that the sun keeps its power."""
+    """A map at HEIGHT rows; means by solid angle, so that the sun keeps its power.
+
+    Args:
+        light: (H, 2H, 3) linear; HEIGHT divides H.
+    """
     factor = light.shape[0] // HEIGHT
     weight = latlong_solid_angle(light.shape[0])[:, None, None]
     blocks = (light * weight).reshape(HEIGHT, factor, 2 * HEIGHT, factor, 3).sum(axis=(1, 3))
@@ -115,7 +121,7 @@ class TrueLight:
 
 @dataclass(frozen=True, eq=False)
 class _Split:
-    """A panorama at ROWS rows or a few more with its sun apart, in its own frame and units."""
+    """A panorama at ROWS rows or a few more with its sun split off, in the panorama's frame and units."""
 
     image: Floats  # (R, 2R, 3)
     sunless: Floats
@@ -125,7 +131,12 @@ class _Split:
 
 
 def split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
-    """A panorama (H, 2H, 3) with the sun near a direction (3,) apart; None where no direct light reaches the place."""
+    """A panorama with its sun split off.
+
+    Args:
+        image: (H, 2H, 3) linear.
+        near: (3,) direction near which the sun is; None where no direct light reaches the camera.
+    """
     small = shrink_envmap(image, len(image) // max(1, len(image) // ROWS))
     if near is None:
         return _Split(small, small, math.nan, math.nan, np.zeros(3))
@@ -135,7 +146,13 @@ def split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
 
 
 def true_light(panorama: _Split, azimuth: float, gain: float) -> TrueLight:
-    """The light of a camera that looks to an azimuth [deg] of a panorama, `gain` times as bright."""
+    """The light of a camera in a panorama.
+
+    Args:
+        panorama: of `split_sun`.
+        azimuth: deg of the panorama to which the camera looks.
+        gain: factor of the camera's exposure.
+    """
     image, sunless = (rotate_envmap(m.astype(np.float32), -azimuth) * gain for m in (panorama.image, panorama.sunless))
     sun = direction(panorama.sun_azimuth - azimuth, panorama.sun_elevation)
     above, below = level_irradiances(sunless)
@@ -162,7 +179,11 @@ def _without_true_sun(image: Floats, near: Floats) -> tuple[Floats, Floats, Floa
 
 
 def level_irradiances(image: Floats) -> tuple[Floats, Floats]:
-    """Irradiance (3,) of level surfaces that face up and down, by a map (H, 2H, 3)."""
+    """Irradiance (3,) of level surfaces that face up and down.
+
+    Args:
+        image: (H, 2H, 3) linear, row 0 is the zenith.
+    """
     rows = row_irradiance(len(image))[:, None] * image.mean(axis=1, dtype=np.float64)
     half = len(image) // 2
     return np.asarray(rows[:half].sum(axis=0)), np.asarray(rows[half:].sum(axis=0))
@@ -171,7 +192,10 @@ def level_irradiances(image: Floats) -> tuple[Floats, Floats]:
 def mirror_photo(crop: Crop) -> Floats:
     """The map (HEIGHT, 2 HEIGHT, 3) of a picture that is mirrored at its edges until it fills the sphere.
 
-    The picture's own angles are known; what is brighter than white is clipped, as in a photo.
+    The picture's angles are those of its true camera; what is brighter than white is clipped, as in a photo.
+
+    Args:
+        crop: a picture and its camera.
     """
     height, width = crop.linear.shape[:2]
     camera = pinhole_camera(crop.camera, width, height)
@@ -188,11 +212,15 @@ def mirror_photo(crop: Crop) -> Floats:
 
 def _folded(angle: Floats, span: float) -> Floats:
     """Angles [deg] folded like a fan into -span / 2 to span / 2."""
-    there = np.mod(angle + span / 2, 2 * span)
-    return np.asarray(np.where(there < span, there, 2 * span - there) - span / 2)
+    shifted = np.mod(angle + span / 2, 2 * span)
+    return np.asarray(np.where(shifted < span, shifted, 2 * span - shifted) - span / 2)
 
 
 def mean_light_map(lights: Sequence[TrueLight]) -> Floats:
-    """The mean of maps over panoramas and over azimuth (HEIGHT, 2 HEIGHT, 3)."""
+    """The mean of maps over panoramas and over azimuth (HEIGHT, 2 HEIGHT, 3).
+
+    Args:
+        lights: at least one.
+    """
     mean = np.mean([light.image.mean(axis=1, keepdims=True) for light in lights], axis=0)
     return np.asarray(mean.repeat(2 * HEIGHT, axis=1))

@@ -40,7 +40,7 @@ from lighting.photo.reader import Photo, photo_from_array
 from lighting.records import Estimate, Lighting, ModelSpec, clip_color
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
-PAINTED = 0.1  # of the sky's level irradiance, from which a sun counts as painted
+MIN_SUN_SHARE = 0.1  # of the sky's level irradiance, from which a sun counts as painted
 NOTE = (
     "Medians over crops, true light of the panorama in the crop's exposure. Bias and size of errors in stops, colours "
     "as angles between RGB vectors in degrees. Balls and plane: RMSE and RMSE after the best scale by the truth's "
@@ -64,7 +64,7 @@ class HdrCrops:
     views: tuple[View, ...]
     crops: tuple[Crop, ...]
     truth: tuple[TrueLight, ...]
-    sunny: Names  # (N,) "sunny" or "overcast"
+    weather: Names  # (N,) "sunny" or "overcast"
 
     @property
     def panoramas(self) -> Names:
@@ -73,21 +73,39 @@ class HdrCrops:
 
 
 def take_hdr_crops(data: Path, labels: Path, spec: ModelSpec, part: str = "val", each: int = CROPS_EACH) -> HdrCrops:
-    """Paper-protocol crops of the HDR panoramas of WEATHER; their suns may be clipped. DataError if there are none."""
-    found = [p for p in read_index(data, part) if p.kind == "hdr" and (p.sun, p.direct) in WEATHER]
-    if not found:
+    """Paper-protocol crops of the HDR panoramas of WEATHER; their suns may be clipped.
+
+    Args:
+        data: folder of panoramas.
+        labels: CSV file of labels.
+        spec: of the network that is to see the crops.
+        part: "train" or "val".
+        each: crops of a panorama, up to CROPS_EACH.
+
+    Raises:
+        DataError: if there are none.
+    """
+    panoramas = [p for p in read_index(data, part) if p.kind == "hdr" and (p.sun, p.direct) in WEATHER]
+    if not panoramas:
         raise DataError(f"{data} has no HDR panorama in `{part}` that is sunny or overcast.")
-    return take_crops_of(found, labels, spec, each)
+    return take_crops_of(panoramas, labels, spec, each)
 
 
 def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, each: int = CROPS_EACH) -> HdrCrops:
-    """`each` paper-protocol crops of each of some panoramas of WEATHER; what is clipped in one is so in its light."""
+    """Paper-protocol crops of panoramas of WEATHER; what is clipped in one is clipped in its light.
+
+    Args:
+        panoramas: HDR or 8-bit.
+        labels: CSV file of labels.
+        spec: of the network that is to see the crops.
+        each: crops of a panorama, up to CROPS_EACH.
+    """
     sources = load_sources(panoramas, labels)
-    apart = {s.panorama.name: split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
+    split = {s.panorama.name: split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
     views = [view for i, view in enumerate(protocol_views(sources, "paper")) if i % CROPS_EACH < each]
     crops = [crop_panorama(source, camera, spec) for source, camera in views]
     truth = [
-        true_light(apart[source.panorama.name], camera.azimuth, crop.gain)
+        true_light(split[source.panorama.name], camera.azimuth, crop.gain)
         for (source, camera), crop in zip(views, crops, strict=True)
     ]
     kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
@@ -102,32 +120,42 @@ def _sun_of(source: Source) -> Floats | None:
 
 
 def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, PhotoContext]]:
-    """What a network says of each crop by its pixels alone, by the path that users take."""
-    found = []
+    """What a network estimates of each crop by its pixels alone, by the path that users take.
+
+    Args:
+        model: the network.
+        crops: N pictures.
+    """
+    estimates = []
     for crop in crops:
         photo = photo_from_array(tone_map(crop.linear))
         (estimate,) = apply_photo_colors([photo], [estimate_from_pixels(model, photo)])
-        found.append((estimate, PhotoContext(photo.pixels, estimate.surroundings)))
-    return found
+        estimates.append((estimate, PhotoContext(photo.pixels, estimate.surroundings)))
+    return estimates
 
 
 def estimate_from_pixels(model: Model, photo: Photo) -> Estimate:
-    """What a network says of a crop, before the colours that it shows are looked at."""
-    facts = observations_from_metadata(PhotoMetadata(), NO_USER_INPUT)
-    return build_estimate(fuse(predict_photo(model, photo), facts.observations), facts)
+    """What a network estimates of a crop, before the colors that it shows are looked at.
+
+    Args:
+        model: the network.
+        photo: the crop.
+    """
+    nothing = observations_from_metadata(PhotoMetadata(), NO_USER_INPUT)
+    return build_estimate(fuse(predict_photo(model, photo), nothing.observations), nothing)
 
 
-def _guesses(name: str, model: Model, shown: HdrCrops) -> dict[str, _Guess]:
+def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:
     """A network's bare sky, the same with the place, and the oracles."""
-    answers = estimate_crops(model, shown.crops)
-    lights = [with_irradiance(estimate.lighting) for estimate, _ in answers]
+    answers = estimate_crops(model, crops.crops)
+    lights = tuple(with_irradiance(estimate.lighting) for estimate, _ in answers)
     bare = np.stack([render(estimate.lighting, HEIGHT) for estimate, _ in answers])
-    placed = np.stack([render_with_surroundings(estimate.lighting, there, HEIGHT) for estimate, there in answers])
-    found = {name: _Guess(bare, tuple(lights)), f"{name}, surroundings": _Guess(placed, tuple(lights))}
+    full = np.stack([render_with_surroundings(estimate.lighting, context, HEIGHT) for estimate, context in answers])
+    guesses = {name: _Guess(bare, lights), f"{name}, surroundings": _Guess(full, lights)}
     for what, change in ORACLES.items():
-        told = tuple(change(light, truth) for light, truth in zip(lights, shown.truth, strict=True))
-        found[f"{name}, {what}"] = _Guess(np.stack([render(light, HEIGHT) for light in told]), told)
-    return found
+        changed = tuple(change(light, truth) for light, truth in zip(lights, crops.truth, strict=True))
+        guesses[f"{name}, {what}"] = _Guess(np.stack([render(light, HEIGHT) for light in changed]), changed)
+    return guesses
 
 
 def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
@@ -150,9 +178,9 @@ def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
 
 
 def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
-    told = _true_both(light, truth)
-    level = np.maximum(level_irradiance(told), 1e-9)
-    return replace(told, ground_color=clip_color(np.pi * truth.ground / level, "ground_color"))
+    light = _true_both(light, truth)
+    level = np.maximum(level_irradiance(light), 1e-9)
+    return replace(light, ground_color=clip_color(np.pi * truth.ground / level, "ground_color"))
 
 
 ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {
@@ -164,27 +192,33 @@ ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {
 
 
 def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
-    """Tables in Markdown of networks, ours first, and baselines, for sunny and overcast panoramas."""
+    """Tables in Markdown of networks and baselines, for sunny and overcast panoramas.
+
+    Args:
+        data: folder of panoramas.
+        labels: CSV file of labels.
+        paths: of the networks, ours first.
+    """
     models = load_models(paths)
     spec = next(iter(models.values())).spec
-    shown = take_hdr_crops(data, labels, spec)
+    crops = take_hdr_crops(data, labels, spec)
     methods: dict[str, _Guess] = {}
     for name, model in models.items():
-        methods |= _guesses(name, model, shown)
+        methods |= _guesses(name, model, crops)
     training = take_hdr_crops(data, labels, spec, "train", each=1).truth
-    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(shown.crops)))
-    methods["photo mirrored around"] = _Guess(np.stack([mirror_photo(crop) for crop in shown.crops]))
-    return "\n\n".join(_section(shown, methods, str(kind)) for kind in ("sunny", "overcast") if kind in shown.sunny)
+    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(crops.crops)))
+    methods["photo mirrored around"] = _Guess(np.stack([mirror_photo(crop) for crop in crops.crops]))
+    return "\n\n".join(_section(crops, methods, str(kind)) for kind in ("sunny", "overcast") if kind in crops.weather)
 
 
-def _section(shown: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
-    chosen = np.flatnonzero(shown.sunny == kind)
-    truth = [shown.truth[i] for i in chosen]
+def _section(crops: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
+    chosen = np.flatnonzero(crops.weather == kind)
+    truth = [crops.truth[i] for i in chosen]
     part = {
         name: _Guess(guess.maps[chosen], tuple(guess.lights[i] for i in chosen) if guess.lights else ())
         for name, guess in methods.items()
     }
-    title = f"## Light: {len(chosen)} crops of {len(np.unique(shown.panoramas[chosen]))} {kind} HDR panoramas"
+    title = f"## Light: {len(chosen)} crops of {len(np.unique(crops.panoramas[chosen]))} {kind} HDR panoramas"
     return "\n\n".join([title, NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
 
 
@@ -193,14 +227,14 @@ def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> 
     header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
     rows = []
     for name, guess in methods.items():
-        said, there = [level_irradiances(m) for m in guess.maps], [level_irradiances(t.image) for t in truth]
-        level = _stops([s[0] for s in said], [t[0] for t in there])
-        down = _stops([s[1] for s in said], [np.pi * t.ground for t in truth])
-        tint = rgb_angle(np.array([s[1] for s in said]), np.array([t.ground for t in truth]))
+        up, down = zip(*(level_irradiances(image) for image in guess.maps), strict=True)
+        level = _stops(up, [level_irradiances(t.image)[0] for t in truth])
+        ground = _stops(down, [np.pi * t.ground for t in truth])
+        tint = rgb_angle(np.array(down), np.array([t.ground for t in truth]))
         rows.append(
             [
                 name, f"{np.median(level):+.2f}", f"{np.median(np.abs(level)):.2f}", *_parts(truth, guess),
-                f"{np.median(down):+.2f}", f"{np.median(np.abs(down)):.2f}", f"{np.median(tint):.1f}",
+                f"{np.median(ground):+.2f}", f"{np.median(np.abs(ground)):.2f}", f"{np.median(tint):.1f}",
             ]
         )  # fmt: skip
     return markdown_table(header, rows)
@@ -212,20 +246,20 @@ def _parts(truth: Sequence[TrueLight], guess: _Guess) -> list[str]:
         return ["-"] * 4
     sky, sun = [sky_irradiance(li) for li in guess.lights], [sun_irradiance(li) for li in guess.lights]
     up = np.array([max(float(li.sun_direction[1]), 0.0) for li in guess.lights])
-    painted = luminance(np.array(sun)) * up > PAINTED * luminance(np.array(sky))
+    painted = luminance(np.array(sun)) * up > MIN_SUN_SHARE * luminance(np.array(sky))
     above = _stops(sky, [t.sky_irradiance for t in truth])
-    words = [f"{np.median(above):+.2f}"]
+    cells = [f"{np.median(above):+.2f}"]
     if all(t.sun_direction is not None for t in truth):
         power = _stops(sun, [t.sun_irradiance for t in truth])
-        words += [f"{np.median(power):+.2f}", f"{np.median(power - above):+.2f}"]
+        cells += [f"{np.median(power):+.2f}", f"{np.median(power - above):+.2f}"]
     else:
-        words += ["-", "-"]
-    return [*words, f"{100 * painted.mean():.0f} %"]
+        cells += ["-", "-"]
+    return [*cells, f"{100 * painted.mean():.0f} %"]
 
 
-def _stops(said: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
+def _stops(estimates: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
     """Errors of luminance (N,) in stops."""
-    ratio = np.maximum(luminance(np.array(said)), 1e-6) / np.maximum(luminance(np.array(truth)), 1e-6)
+    ratio = np.maximum(luminance(np.array(estimates)), 1e-6) / np.maximum(luminance(np.array(truth)), 1e-6)
     return np.asarray(np.log2(ratio))
 
 
@@ -235,12 +269,12 @@ def _objects_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> st
     for kind in OBJECTS:
         header += [f"{kind}: RMSE", "scaled", "angle"]
     lit = np.stack([t.image for t in truth])
-    seen = {kind: render_object(kind, lit) for kind in OBJECTS}
+    true = {kind: render_object(kind, lit) for kind in OBJECTS}
     rows = []
     for name, guess in methods.items():
         row = [name]
         for kind in OBJECTS:
-            rmse, scaled, angle = np.median(object_errors(seen[kind], render_object(kind, guess.maps)), axis=0)
+            rmse, scaled, angle = np.median(object_errors(true[kind], render_object(kind, guess.maps)), axis=0)
             row += [f"{rmse:.2f}", f"{scaled:.2f}", f"{angle:.1f}"]
         rows.append(row)
     return markdown_table(header, rows)

@@ -1,6 +1,6 @@
-"""Gain of simulated metadata.
+"""What simulated metadata add to the network's answers, and how often false metadata are reported.
 
-Like the crops, it depends on the panorama's name and the crop's index alone.
+Like the crops, the metadata depend on the panorama's name and the crop's index alone.
 """
 
 from collections.abc import Container, Sequence
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from export.crops.crops import crop_rng
 from export.evaluation.metrics import (
+    Answers,
     Truth,
     answers_from_sun,
     azimuth_error,
@@ -43,8 +44,8 @@ LATITUDES = (-55.0, 65.0)  # deg, where people live
 FIRST_DAY, DAYS = np.datetime64("2015-01-01T00:00:00"), 3652
 STEP = 300  # s, between the moments of a day that are tried first
 COMPASS_MEDIAN = 17.0  # deg, median error of a phone's heading
-COMPASS_ERROR = 25.2  # deg, standard deviation of the normal distribution with that median, which is 0.6745 of it
-GROSS = 0.05  # share of headings that point anywhere
+COMPASS_STD = 25.2  # deg, standard deviation of the normal distribution with that median, which is 0.6745 of it
+OUTLIER_RATE = 0.05  # share of headings that point anywhere
 
 
 @dataclass(frozen=True)
@@ -86,10 +87,15 @@ def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, 
 
 
 def simulate_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
-    """The metadata of each crop; crops that are not scored have no sun and get an empty record."""
-    seen = {name: _sighting_of(truth, i) for i, name in enumerate(truth.panorama) if truth.scored[i]}
+    """The metadata of each crop; crops that are not scored have no sun and get an empty record.
+
+    Args:
+        truth: of N crops, panorama by panorama.
+        crops_each: of a panorama.
+    """
+    sightings = {name: _sighting_of(truth, i) for i, name in enumerate(truth.panorama) if truth.scored[i]}
     return [
-        _taken(truth, i, seen[name], i % crops_each)
+        _metadata_of_crop(truth, i, sightings[name], i % crops_each)
         if truth.scored[i]
         else SimulatedMetadata(PhotoMetadata(), float("nan"), False)
         for i, name in enumerate(truth.panorama)
@@ -100,28 +106,33 @@ def _sighting_of(truth: Truth, i: int) -> _SunSighting:
     return _simulate_sighting(float(angles(truth.sun[i])[1]), crop_rng(truth.panorama[i], 0, "sighting"))
 
 
-def _taken(truth: Truth, i: int, seen: _SunSighting, index: int) -> SimulatedMetadata:
+def _metadata_of_crop(truth: Truth, i: int, sighting: _SunSighting, index: int) -> SimulatedMetadata:
     rng = crop_rng(truth.panorama[i], index, "compass")
-    heading = (seen.compass - float(angles(truth.sun[i])[0])) % 360.0
-    gross = bool(rng.random() < GROSS)
-    error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_ERROR)
-    zone = rng.choice(candidate_utc_offsets(seen.latitude, seen.longitude))
-    facts = PhotoMetadata(
-        local_time=(seen.time + timedelta(hours=float(zone))).replace(tzinfo=None),
+    heading = (sighting.compass - float(angles(truth.sun[i])[0])) % 360.0
+    gross = bool(rng.random() < OUTLIER_RATE)
+    error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_STD)
+    zone = rng.choice(candidate_utc_offsets(sighting.latitude, sighting.longitude))
+    metadata = PhotoMetadata(
+        local_time=(sighting.time + timedelta(hours=float(zone))).replace(tzinfo=None),
         utc_offset=float(zone),
-        utc_time=seen.time,
-        latitude=seen.latitude,
-        longitude=seen.longitude,
+        utc_time=sighting.time,
+        latitude=sighting.latitude,
+        longitude=sighting.longitude,
         heading=(heading + error) % 360.0,
         heading_reference=HeadingReference.TRUE,
         vertical_fov=float(truth.camera[i, 2]),
     )
-    return SimulatedMetadata(facts, heading, gross)
+    return SimulatedMetadata(metadata, heading, gross)
 
 
-def keep_evidence(facts: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetadata:
-    """The facts reduced to `parts`, which are some of LOCAL_TIME, TIME_AND_PLACE, HEADING and FOCAL_LENGTH."""
-    kept = facts
+def keep_evidence(metadata: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetadata:
+    """The metadata reduced to some parts.
+
+    Args:
+        metadata: of a photo.
+        parts: some of LOCAL_TIME, TIME_AND_PLACE, HEADING and FOCAL_LENGTH.
+    """
+    kept = metadata
     if EvidenceKind.TIME_AND_PLACE not in parts:
         kept = replace(kept, utc_time=None, utc_offset=None)
     if EvidenceKind.TIME_AND_PLACE not in parts and LOCAL_TIME not in parts:
@@ -134,7 +145,6 @@ def keep_evidence(facts: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetadata
 # What simulated metadata adds to the network's answers: every subset of the evidence, and false records.
 
 PARTS = (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING, EvidenceKind.FOCAL_LENGTH)
-_WITH_HEADING = (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING)
 SUBSETS: tuple[tuple[str, ...], ...] = (
     (),
     *(tuple(part for bit, part in enumerate(PARTS) if number >> bit & 1) for number in range(1, 8)),
@@ -144,9 +154,9 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
 
 SIMULATION = fill(
     "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
-    f"a median error of {COMPASS_MEDIAN:g}°, {100 * GROSS:.0f} % of them pointing anywhere; the true focal length. A "
-    "heading without time and place says nothing about the sun. A time without its zone leaves all zones that the "
-    "longitude allows.",
+    f"a median error of {COMPASS_MEDIAN:g}°, {100 * OUTLIER_RATE:.0f} % of them pointing anywhere; the true focal "
+    "length. A heading without time and place says nothing about the sun. A time without its zone leaves all zones "
+    "that the longitude allows.",
     120,
 )
 WARNED = fill(
@@ -163,13 +173,29 @@ WRONG_SUN = 30.0  # deg of elevation by which a false time and place is off
 WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
 
 
-def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: Sequence[SimulatedMetadata]) -> str:
-    """The tables of one protocol, over scored crops."""
+def evidence_report(
+    protocol: str, truth: Truth, predictions: Sequence[ByLens], simulated: Sequence[SimulatedMetadata]
+) -> str:
+    """The tables of one protocol, over scored crops.
+
+    Args:
+        protocol: its name.
+        truth: of N crops.
+        predictions: N, of the same crops.
+        simulated: N, of the same crops.
+    """
     chosen = np.flatnonzero(truth.scored).tolist()
     scored = select_crops(truth, truth.scored)
-    predictions, records = [said[i] for i in chosen], [taken[i] for i in chosen]
-    fused = {parts: [_fuse(p, t, parts) for p, t in zip(predictions, records, strict=True)] for parts in SUBSETS}
-    rows = {_name(parts): _figures(scored, answers, records) for parts, answers in fused.items()}
+    predictions, simulated = [predictions[i] for i in chosen], [simulated[i] for i in chosen]
+    fused = {
+        parts: [
+            fuse_single_view(_choose_lens(p, parts), _observations(s.metadata, parts))
+            for p, s in zip(predictions, simulated, strict=True)
+        ]
+        for parts in SUBSETS
+    }
+    headings = np.array([s.heading for s in simulated])
+    rows = {_name_parts(parts): _figures(scored, posteriors, headings) for parts, posteriors in fused.items()}
     return "\n\n".join(
         [
             f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
@@ -177,33 +203,36 @@ def evidence_report(protocol: str, truth: Truth, said: Sequence[ByLens], taken: 
             figures_table(rows),
             _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
             WARNED,
-            figures_table(_warning_shares(scored, [without for without, _ in predictions], records)),
+            figures_table(_warning_shares(scored, [without for without, _ in predictions], simulated)),
         ]
     )
 
 
-def _fuse(said: ByLens, taken: SimulatedMetadata, parts: tuple[str, ...]) -> Posterior:
-    return fuse_single_view(
-        _own(said, parts), observations_from_metadata(keep_evidence(taken.metadata, parts), NO_USER_INPUT).observations
-    )
+def _observations(metadata: PhotoMetadata, parts: tuple[str, ...]) -> Observations:
+    return observations_from_metadata(keep_evidence(metadata, parts), NO_USER_INPUT).observations
 
 
-def _own(said: ByLens, parts: Container[str]) -> Prediction:
-    """What is said of a photo of which these parts are known."""
-    without, with_lens = said
+def _choose_lens(prediction: ByLens, parts: Container[str]) -> Prediction:
+    """What is predicted of a photo of which these parts are known."""
+    without, with_lens = prediction
     return with_lens if EvidenceKind.FOCAL_LENGTH in parts else without
 
 
-def in_view_evidence(truth: Truth, said: Sequence[ByLens], pictures: Sequence[NDArray[np.uint8]]) -> str:
+def in_view_evidence(truth: Truth, predictions: Sequence[ByLens], pictures: Sequence[NDArray[np.uint8]]) -> str:
     """What lens, time and place, and gravity add for crops that show the sun: errors of the sun and of the camera.
 
-    `pictures` are the crops' own pixels (h, w, 3), sRGB. Gravity is simulated with a phone's error of 1 deg.
+    Gravity is simulated with a phone's error of 1 deg.
+
+    Args:
+        truth: of N crops.
+        predictions: N, of the same crops.
+        pictures: N crops' own pixels (h, w, 3), sRGB.
     """
     _, elevation = angles(truth.sun)
     lens = truth.camera[:, 2].tolist()
     sun = [((height, 0.0),) for height in elevation.tolist()]
-    known_parts = {
-        "pixels": [Observations()] * len(said),
+    evidence = {
+        "pixels": [Observations()] * len(predictions),
         "pixels + gravity": _gravity(truth),
         "pixels + focal length": [Observations(vertical_fov=fov) for fov in lens],
         "pixels + time+place": [Observations(candidates) for candidates in sun],
@@ -212,119 +241,120 @@ def in_view_evidence(truth: Truth, said: Sequence[ByLens], pictures: Sequence[ND
         ],
     }
     rows = {}
-    for name, evidence in known_parts.items():
-        own = [_own(by_lens, name) for by_lens in said]
-        fused = [fuse_single_view(*photo) for photo in zip(own, evidence, pictures, strict=True)]
-        error = sun_error(
-            truth, answers_from_sun(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
-        )
+    for name, observations in evidence.items():
+        chosen = [_choose_lens(prediction, name) for prediction in predictions]
+        fused = [fuse_single_view(*photo) for photo in zip(chosen, observations, pictures, strict=True)]
         tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
+        error = sun_error(truth, _sun_answers(fused))
         rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": percentage(tilt < 5)}
     return figures_table(rows)
 
 
-def _gravity(truth: Truth, off: float = 0.0) -> list[Observations]:
-    """What phones note of gravity, and `off` [deg] that their elevation is wrong besides."""
+def _gravity(truth: Truth, error: float = 0.0) -> list[Observations]:
+    """What phones note of gravity, and `error` [deg] that their elevation is wrong besides."""
     noise = np.random.default_rng(0).normal(0.0, TILT_STD, (len(truth.camera), 2))
-    held = (truth.camera[:, :2] + noise + [off, 0.0]).tolist()
-    return [Observations(gravity=Gravity(elevation, roll, TILT_STD)) for elevation, roll in held]
+    tilts = (truth.camera[:, :2] + noise + [error, 0.0]).tolist()
+    return [Observations(gravity=Gravity(elevation, roll, TILT_STD)) for elevation, roll in tilts]
 
 
-def _name(parts: tuple[str, ...]) -> str:
+def _name_parts(parts: tuple[str, ...]) -> str:
     return " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place")
 
 
-def _figures(truth: Truth, fused: Sequence[Posterior], taken: Sequence[SimulatedMetadata]) -> dict[str, float]:
-    """Median errors, and the share of truths inside the regions."""
-    said = answers_from_sun(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
-    error = sun_error(truth, said)
+def _sun_answers(fused: Sequence[Posterior]) -> Answers:
+    return answers_from_sun(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
+
+
+def _figures(truth: Truth, fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
+    """Median errors, and the share of truths inside the regions; true headings (N,) [deg]."""
+    answers = _sun_answers(fused)
+    error = sun_error(truth, answers)
     fov = np.array([f.prediction.vertical_fov for f in fused])
     tilt = np.array([f.prediction.camera_elevation for f in fused])
     return {
         "sun": median(error),
-        "azimuth": median(np.abs(azimuth_error(truth, said))),
-        "elevation": median(np.abs(elevation_error(truth, said))),
+        "azimuth": median(np.abs(azimuth_error(truth, answers))),
+        "elevation": median(np.abs(elevation_error(truth, answers))),
         "in 50 % region": percentage(error <= [f.sun.radius_50 for f in fused]),
         "in 90 % region": percentage(error <= [f.sun.radius_90 for f in fused]),
         "radius 90": median(np.array([f.sun.radius_90 for f in fused])),
         "camera elevation": median(np.abs(tilt - truth.camera[:, 0])),
         "fov": median(np.abs(fov - truth.camera[:, 2])),
-        **_heading_figures(fused, np.array([t.heading for t in taken])),
+        **_heading_figures(fused, headings),
     }
 
 
-def _heading_figures(fused: Sequence[Posterior], heading: Floats) -> dict[str, float]:
-    said = [(f.camera_heading.best, f.camera_heading.radius_90) for f in fused if f.camera_heading is not None]
-    if len(said) < len(fused):
+def _heading_figures(fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
+    estimates = [(f.camera_heading.best, f.camera_heading.radius_90) for f in fused if f.camera_heading is not None]
+    if len(estimates) < len(fused):
         return {"heading": float("nan"), "heading in 90 %": float("nan")}
-    best, radius = np.array(said).T
-    error = np.abs(wrap_azimuth(best - heading))
+    best, radius = np.array(estimates).T
+    error = np.abs(wrap_azimuth(best - headings))
     return {"heading": median(error), "heading in 90 %": percentage(error <= radius)}
 
 
 def _azimuth_sentence(truth: Truth, pixels: Sequence[Posterior], timed: Sequence[Posterior]) -> str:
-    errors = [
-        np.abs(azimuth_error(truth, answers_from_sun(direction([f.sun.azimuth for f in fused], 0.0))))
-        for fused in (timed, pixels)
-    ]
+    errors = [np.abs(azimuth_error(truth, _sun_answers(fused))) for fused in (timed, pixels)]
     ends = format_interval(difference_interval(errors[0], errors[1], truth.panorama))
     return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {ends}."
 
 
+# How often the pixels contradict metadata that are true, and metadata that are false.
+
+
 def _warning_shares(
-    truth: Truth, said: Sequence[Prediction], taken: Sequence[SimulatedMetadata]
+    truth: Truth, predictions: Sequence[Prediction], simulated: Sequence[SimulatedMetadata]
 ) -> dict[str, dict[str, float]]:
-    """How often the pixels contradict each part of the evidence, true and false."""
+    """Percentages of photos with a warning, by what is false."""
     rng = np.random.default_rng(0)
-    true = [t.metadata for t in taken]
-    others = [true[i] for i in _others(angles(truth.sun)[1], rng)]
-    turned = [replace(t.metadata, heading=(t.heading + rng.uniform(90, 270)) % 360.0) for t in taken]
-    cropped = [replace(f, vertical_fov=_half(f.vertical_fov or 0.0)) for f in true]
-    sound = [(p, t.metadata) for p, t in zip(said, taken, strict=True) if not t.gross]
+    true = [s.metadata for s in simulated]
+    other_suns = [true[i] for i in _crops_of_other_suns(angles(truth.sun)[1], rng)]
+    rotated = [replace(s.metadata, heading=(s.heading + rng.uniform(90, 270)) % 360.0) for s in simulated]
+    cropped = [replace(m, vertical_fov=_half_fov(m.vertical_fov or 0.0)) for m in true]
+    sound = [(p, s.metadata) for p, s in zip(predictions, simulated, strict=True) if not s.gross]
+
+    def warned(metadata: Sequence[PhotoMetadata], part: EvidenceKind) -> float:
+        return _warned(predictions, [_observations(m, (part,)) for m in metadata])
+
+    def heading_warned(photos: Sequence[tuple[Prediction, PhotoMetadata]]) -> float:
+        observations = [_observations(m, (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING)) for _, m in photos]
+        return _warned([p for p, _ in photos], observations, WarningCode.HEADING_CONTRADICTED)
+
     return {
-        f"sun off by {WRONG_SUN:g}° or more": _shares(said, true, others, (EvidenceKind.TIME_AND_PLACE,)),
-        "heading off by 90 to 270°": {
-            "true": _share(
-                [p for p, _ in sound], [f for _, f in sound], _WITH_HEADING, WarningCode.HEADING_CONTRADICTED
-            ),
-            "false": _share(said, turned, _WITH_HEADING, WarningCode.HEADING_CONTRADICTED),
+        f"sun off by {WRONG_SUN:g}° or more": {
+            "true": warned(true, EvidenceKind.TIME_AND_PLACE),
+            "false": warned(other_suns, EvidenceKind.TIME_AND_PLACE),
         },
-        "picture cropped to half": _shares(said, true, cropped, (EvidenceKind.FOCAL_LENGTH,)),
+        "heading off by 90 to 270°": {
+            "true": heading_warned(sound),
+            "false": heading_warned(list(zip(predictions, rotated, strict=True))),
+        },
+        "picture cropped to half": {
+            "true": warned(true, EvidenceKind.FOCAL_LENGTH),
+            "false": warned(cropped, EvidenceKind.FOCAL_LENGTH),
+        },
         f"camera off by {WRONG_GRAVITY:g}°": {
-            "true": _warned(said, _gravity(truth)),
-            "false": _warned(said, _gravity(truth, WRONG_GRAVITY)),
+            "true": _warned(predictions, _gravity(truth)),
+            "false": _warned(predictions, _gravity(truth, WRONG_GRAVITY)),
         },
     }
 
 
-def _others(elevation: Floats, rng: np.random.Generator) -> list[int]:
+def _crops_of_other_suns(elevation: Floats, rng: np.random.Generator) -> list[int]:
     """For each crop, another one whose sun differs by WRONG_SUN or more."""
     wrong = np.abs(elevation[:, None] - elevation) >= WRONG_SUN
     return [int(rng.choice(np.flatnonzero(row))) if row.any() else i for i, row in enumerate(wrong)]
 
 
-def _half(vertical_fov: float) -> float:
+def _half_fov(vertical_fov: float) -> float:
+    """The field of view [deg] of the middle half of a picture."""
     return float(2 * np.degrees(np.arctan(np.tan(np.radians(vertical_fov) / 2) / 2)))
 
 
-def _shares(
-    said: Sequence[Prediction], true: Sequence[PhotoMetadata], false: Sequence[PhotoMetadata], parts: tuple[str, ...]
-) -> dict[str, float]:
-    return {"true": _share(said, true, parts), "false": _share(said, false, parts)}
-
-
-def _share(
-    said: Sequence[Prediction],
-    facts: Sequence[PhotoMetadata],
-    parts: tuple[str, ...],
-    code: WarningCode | None = None,
+def _warned(
+    predictions: Sequence[Prediction], observations: Sequence[Observations], code: WarningCode | None = None
 ) -> float:
     """Percentage of photos with a warning, or with one of this code."""
-    return _warned(
-        said, [observations_from_metadata(keep_evidence(f, parts), NO_USER_INPUT).observations for f in facts], code
-    )
-
-
-def _warned(said: Sequence[Prediction], evidence: Sequence[Observations], code: WarningCode | None = None) -> float:
-    codes = [map(warning_code, fuse_single_view(p, e).warnings) for p, e in zip(said, evidence, strict=True)]
-    return percentage(np.array([any(code in (None, found) for found in own) for own in codes]))
+    photos = zip(predictions, observations, strict=True)
+    codes = [list(map(warning_code, fuse_single_view(p, o).warnings)) for p, o in photos]
+    return percentage(np.array([bool(c) if code is None else code in c for c in codes]))

@@ -52,15 +52,25 @@ class Answers:
 
 
 def select_crops(record: Record, chosen: Bools) -> Record:
-    """The same record, of the chosen crops alone."""
+    """The same record, of the chosen crops alone.
+
+    Args:
+        record: of N crops.
+        chosen: (N,).
+    """
     return type(record)(**{f.name: getattr(record, f.name)[chosen] for f in fields(record)})
 
 
-def answers_from_sun(sun: Floats, **given: Floats) -> Answers:
-    """Answers of a method that gives the sun (N, 3) and the fields in `given`, and nothing else."""
+def answers_from_sun(sun: Floats, **fields_of_answers: Floats) -> Answers:
+    """Answers of a method that states the sun, some other fields, and nothing else.
+
+    Args:
+        sun: (N, 3) unit vectors.
+        fields_of_answers: (N, ...) values of further fields of Answers.
+    """
     unknown = np.full(len(sun), np.nan)
     values = {f.name: unknown for f in fields(Answers)} | {"camera": np.full((len(sun), 3), np.nan), "sun": sun}
-    return Answers(**(values | given))
+    return Answers(**(values | fields_of_answers))
 
 
 # Accuracy figures of answers against the truth, as functions of arrays; angles in deg.
@@ -68,35 +78,67 @@ def answers_from_sun(sun: Floats, **given: Floats) -> Answers:
 FLIP = 135.0  # deg of azimuth error from which the sun is on the wrong side, front for back
 
 
-def sun_error(truth: Truth, said: Answers) -> Floats:
-    """Angle (N,) between the true and the estimated sun."""
-    return angle_between(truth.sun, said.sun)
+def sun_error(truth: Truth, answers: Answers) -> Floats:
+    """Angle (N,) [deg] between the true and the estimated sun.
+
+    Args:
+        truth: of N crops.
+        answers: of the same crops.
+    """
+    return angle_between(truth.sun, answers.sun)
 
 
-def azimuth_error(truth: Truth, said: Answers) -> Floats:
-    """Signed difference (N,) of azimuth, in (-180, 180]."""
-    return wrap_azimuth(angles(said.sun)[0] - angles(truth.sun)[0])
+def azimuth_error(truth: Truth, answers: Answers) -> Floats:
+    """Signed difference (N,) of azimuth [deg], in (-180, 180].
+
+    Args:
+        truth: of N crops.
+        answers: of the same crops.
+    """
+    return wrap_azimuth(angles(answers.sun)[0] - angles(truth.sun)[0])
 
 
-def elevation_error(truth: Truth, said: Answers) -> Floats:
-    """Signed difference (N,) of elevation, positive where the estimate is too high."""
-    return np.asarray(angles(said.sun)[1] - angles(truth.sun)[1])
+def elevation_error(truth: Truth, answers: Answers) -> Floats:
+    """Signed difference (N,) of elevation [deg], positive where the estimate is too high.
+
+    Args:
+        truth: of N crops.
+        answers: of the same crops.
+    """
+    return np.asarray(angles(answers.sun)[1] - angles(truth.sun)[1])
 
 
 def percentage(condition: Bools) -> float:
-    """Percentage of crops for which the condition holds."""
+    """Percentage of crops for which a condition holds; NaN of none.
+
+    Args:
+        condition: (N,).
+    """
     return float(100 * np.mean(condition)) if len(condition) else float("nan")
 
 
 def median(value: Floats) -> float:
-    """Median of the finite values, NaN if there are none."""
+    """Median of the finite values, NaN if there are none.
+
+    Args:
+        value: (N,).
+    """
     finite = value[np.isfinite(value)]
     return float(np.median(finite)) if len(finite) else float("nan")
 
 
-def sun_figures(truth: Truth, said: Answers) -> dict[str, float]:
-    """Figures of the sun's direction over crops that all have a sun."""
-    error, azimuth, elevation = sun_error(truth, said), azimuth_error(truth, said), elevation_error(truth, said)
+def sun_figures(truth: Truth, answers: Answers) -> dict[str, float]:
+    """Figures of the sun's direction: deg, %, and nat.
+
+    Args:
+        truth: of N crops that all have a sun.
+        answers: of the same crops.
+    """
+    error, azimuth, elevation = (
+        sun_error(truth, answers),
+        azimuth_error(truth, answers),
+        elevation_error(truth, answers),
+    )
     low, high = np.percentile(error, [25, 75]) if len(error) else (float("nan"),) * 2
     return {
         "crops": float(len(error)),
@@ -109,15 +151,24 @@ def sun_figures(truth: Truth, said: Answers) -> dict[str, float]:
         "elevation": median(np.abs(elevation)),
         "elevation bias": median(elevation),
         "flips %": percentage(np.abs(azimuth) > FLIP),
-        "NLL": float(np.mean(said.nll)) if len(error) else float("nan"),
-        "in 50 % region": percentage(error <= said.radius_50) if np.isfinite(said.radius_50).all() else float("nan"),
-        "in 90 % region": percentage(error <= said.radius_90) if np.isfinite(said.radius_90).all() else float("nan"),
+        "NLL": float(np.mean(answers.nll)) if len(error) else float("nan"),
+        "in 50 % region": percentage(error <= answers.radius_50)
+        if np.isfinite(answers.radius_50).all()
+        else float("nan"),
+        "in 90 % region": percentage(error <= answers.radius_90)
+        if np.isfinite(answers.radius_90).all()
+        else float("nan"),
     }
 
 
-def camera_figures(truth: Truth, said: Answers) -> dict[str, float]:
-    """Figures of the camera and of the sky over all crops, sun or not."""
-    elevation, roll, fov = np.abs(said.camera - truth.camera).T
+def camera_figures(truth: Truth, answers: Answers) -> dict[str, float]:
+    """Figures of the camera and of the sky over all crops, sun or not: deg, % and stops.
+
+    Args:
+        truth: of N crops.
+        answers: of the same crops.
+    """
+    elevation, roll, fov = np.abs(answers.camera - truth.camera).T
     sky = np.isfinite(truth.turbidity)
     known = np.isin(truth.visibility, (0.0, 1.0))
     return {
@@ -127,16 +178,19 @@ def camera_figures(truth: Truth, said: Answers) -> dict[str, float]:
         "roll": median(roll),
         "fov": median(fov),
         "fov < 10° %": percentage(fov < 10),
-        "visibility AUC": auc(said.visibility[known], truth.visibility[known] == 1.0),
-        "turbidity": median(np.abs(said.turbidity - truth.turbidity)[sky]),
-        "exposure, stops": median(np.abs(np.log2(said.exposure[sky] / truth.exposure[sky]))),
+        "visibility AUC": auc(answers.visibility[known], truth.visibility[known] == 1.0),
+        "turbidity": median(np.abs(answers.turbidity - truth.turbidity)[sky]),
+        "exposure, stops": median(np.abs(np.log2(answers.exposure[sky] / truth.exposure[sky]))),
     }
 
 
 def auc(score: Floats, positive: Bools, weight: Floats | None = None) -> float:
     """Area under the ROC curve: the chance that a positive scores above a negative, ties counting half.
 
-    Positives and negatives are drawn by the weights (N,) if there are any.
+    Args:
+        score: (N,).
+        positive: (N,).
+        weight: (N,) by which positives and negatives are drawn; None for all alike.
     """
     if not positive.any() or positive.all() or not np.isfinite(score).all():
         return float("nan")
@@ -153,17 +207,24 @@ HORIZON_UP_TO = 0.25  # of the picture's height
 NOTICED = 0.05  # of the picture's height; most people see a horizon that is further off
 
 
-def camera_scores(truth: Truth, said: Answers) -> dict[str, float]:
-    """Figures of all crops, in percent; the horizon's median error in percent of the picture's height."""
-    errors = np.abs(said.camera - truth.camera)
-    found = {
+def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
+    """Scores [%] of the camera, and the horizon's median error [% of the picture's height].
+
+    Args:
+        truth: of N crops.
+        answers: of the same crops.
+    """
+    errors = np.abs(answers.camera - truth.camera)
+    scores = {
         f"{name} AUC {limit:g}°": _recall_area(errors[:, column], limit)
         for name, column in ANGLES.items()
         for limit in UP_TO
     }
-    horizon = np.abs(_horizon_ends(said.camera, truth.aspect) - _horizon_ends(truth.camera, truth.aspect)).max(axis=1)
+    horizon = np.abs(_horizon_ends(answers.camera, truth.aspect) - _horizon_ends(truth.camera, truth.aspect)).max(
+        axis=1
+    )
     return {
-        **found,
+        **scores,
         "horizon AUC": _recall_area(horizon, HORIZON_UP_TO),
         "horizon off %": 100 * median(horizon),
         f"horizon < {100 * NOTICED:g} %": percentage(horizon < NOTICED),
@@ -201,7 +262,12 @@ DECIMALS = {  # 1 in all other columns
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table."""
+    """A Markdown table.
+
+    Args:
+        header: the columns' names.
+        rows: cells, as many as columns.
+    """
     lines = [header, ["---"] * len(header), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
@@ -225,12 +291,21 @@ def _number(value: float, digits: int) -> str:
 
 
 def column_decimals(column: str) -> int:
-    """How many decimals a column shows."""
+    """How many decimals a column shows.
+
+    Args:
+        column: its name.
+    """
     return DECIMALS.get(column, 1)
 
 
 def format_interval(ends: tuple[float, float], decimals: int = 1) -> str:
-    """An interval as the tables show it."""
+    """An interval as the tables show it.
+
+    Args:
+        ends: lower and upper.
+        decimals: of both.
+    """
     return f"{ends[0]:.{decimals}f} to {ends[1]:.{decimals}f}"
 
 
@@ -250,16 +325,32 @@ def _bootstrap(units: Names, figure: Callable[[NDArray[np.intp]], float]) -> tup
 
 
 def median_interval(error: Floats, units: Names) -> tuple[float, float]:
-    """95 % interval of the median error."""
+    """95 % interval of the median error.
+
+    Args:
+        error: (N,).
+        units: (N,) panoramas or places, which are drawn as a whole.
+    """
     return _bootstrap(units, lambda i: float(np.median(error[i])))
 
 
 def difference_interval(ours: Floats, theirs: Floats, units: Names) -> tuple[float, float]:
-    """95 % interval of our median error minus theirs on the same crops; below zero, ours is better."""
+    """95 % interval of our median error minus theirs on the same crops; below zero, ours is better.
+
+    Args:
+        ours: (N,) errors.
+        theirs: (N,) errors.
+        units: (N,) panoramas or places, which are drawn as a whole.
+    """
     return _bootstrap(units, lambda i: float(np.median(ours[i]) - np.median(theirs[i])))
 
 
 def clustered_error(values: Floats | Bools, places: Names) -> float:
-    """The standard error of the mean of values (N,), of which those of one place are not independent."""
+    """The standard error of a mean of values of which those of one place are not independent.
+
+    Args:
+        values: (N,).
+        places: (N,).
+    """
     _, index = np.unique(places, return_inverse=True)
     return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))

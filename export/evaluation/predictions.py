@@ -1,4 +1,4 @@
-"""Protocol cameras, network answers."""
+"""Views on which networks are scored, what is true of them, and what networks answer."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -21,14 +21,12 @@ from lighting.photo.reader import TARGET
 from lighting.records import ModelSpec, Prediction
 from lighting.sun_grid import nearest_cell_density
 
-# The views on which networks are scored, what is true of them, and what a network answers.
-
 View = tuple[Source, Camera]
 NetworkOutput = dict[str, list[Prediction]]  # of the same views, by each network
 
 MAX_SUN_UNCERTAINTY = 12.0  # deg, the largest label uncertainty of a sun that is scored
 CROPS_EACH = 8  # views of each panorama and protocol
-AIMED_EACH = 4  # views of each panorama that shows its sun
+SUN_VIEWS_EACH = 4  # views of each panorama that shows its sun
 BATCH = 16  # photos that a network sees at once
 MIN_SKY_SHARE = 0.1  # least share of a crop above the horizon for "sky in view"
 MIN_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
@@ -36,60 +34,61 @@ MIN_DENSITY = 1e-9  # 1/sr, counted in the negative log likelihood
 
 @dataclass(frozen=True, eq=False)
 class _ViewPredictions:
-    """What is true of views, and what networks say of them."""
+    """What is true of views, and what networks predict of them."""
 
     truth: Truth
-    alone: NetworkOutput  # by the network alone
-    said: NetworkOutput  # by the network and what else the pictures show, as users get it
+    network: NetworkOutput  # by the network alone
+    refined: NetworkOutput  # by the network and what else the pictures show, as users get it
     with_lens: list[Prediction]  # the same by the first network, of photos that state their lens
 
 
 def protocol_views(sources: Sequence[Source], protocol: str) -> list[View]:
     """CROPS_EACH views of each panorama by a protocol, at even steps of azimuth from a random start."""
-    taken: list[View] = []
+    views: list[View] = []
     for source in sources:
         start = crop_rng(source.panorama.name, 0, "azimuth").uniform(-180, 180)
         for index in range(CROPS_EACH):
             drawn = PROTOCOLS[protocol](crop_rng(source.panorama.name, index, protocol))
             azimuth = (start + index * 360 / CROPS_EACH + 180) % 360 - 180
-            taken.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
-    return taken
+            views.append((source, Camera(azimuth, drawn.elevation, drawn.roll, drawn.vertical_fov, drawn.aspect)))
+    return views
 
 
 def sun_centered_views(sources: Sequence[Source]) -> list[View]:
-    """AIMED_EACH views of each panorama that shows its sun, turned until they see it."""
-    taken: list[View] = []
+    """SUN_VIEWS_EACH views of each panorama that shows its sun, turned until they see it."""
+    views: list[View] = []
     for source in (source for source in sources if source.panorama.sun == "visible"):
-        for index in range(AIMED_EACH):
+        for index in range(SUN_VIEWS_EACH):
             rng = crop_rng(source.panorama.name, index, "sun in view")
             drawn = aimed_camera(rng, source.label.sun_azimuth, source.label.sun_elevation)
-            taken.append((source, replace(drawn, mirrored=False)))
-    return taken
+            views.append((source, replace(drawn, mirrored=False)))
+    return views
 
 
 def _predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Prediction]]:
-    """The truth about the views' crops and what a network says of them, without what else the pictures show."""
+    """The truth about the views' crops and what a network alone predicts of them."""
     crops: list[Crop] = []
-    said: list[Prediction] = []
+    predictions: list[Prediction] = []
     for first in range(0, len(views), BATCH):
         part = [crop_panorama(source, camera, model.spec) for source, camera in views[first : first + BATCH]]
-        said += model.predict(np.stack([pad_to_input(tone_map(crop.linear), model.spec) for crop in part]))
+        predictions += model.predict(np.stack([pad_to_input(tone_map(crop.linear), model.spec) for crop in part]))
         crops += part
-    return collect_truth([source.panorama for source, _ in views], crops), said
+    return collect_truth([source.panorama for source, _ in views], crops), predictions
 
 
 def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredictions:
     """The truth about the views, and what each network says of them alone and as users get it."""
     results = {name: _predict_crops(model, views) for name, model in models.items()}
     truth, first = next(iter(results.values()))
-    said: NetworkOutput = {name: [] for name in models}
+    network = {name: predictions for name, (_, predictions) in results.items()}
+    refined: NetworkOutput = {name: [] for name in models}
     with_lens = []
     for i, view in enumerate(views):
         pixels = _photo_pixels(view, first[i].spec)
-        for name, (_, alone) in results.items():
-            said[name].append(refine_camera(alone[i], pixels))
+        for name, predictions in network.items():
+            refined[name].append(refine_camera(predictions[i], pixels))
         with_lens.append(refine_camera(first[i], pixels, view[1].vertical_fov))
-    return _ViewPredictions(truth, {name: alone for name, (_, alone) in results.items()}, said, with_lens)
+    return _ViewPredictions(truth, network, refined, with_lens)
 
 
 def _photo_pixels(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
@@ -112,11 +111,11 @@ def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth
         visibility=np.array([c.sun_visibility for c in crops]),
         turbidity=np.array([c.turbidity for c in crops]),
         exposure=np.array([c.exposure for c in crops]),
-        in_view=np.array([_what_is_in_view(p, c) for p, c in zip(panoramas, crops, strict=True)]),
+        in_view=np.array([_name_view(p, c) for p, c in zip(panoramas, crops, strict=True)]),
     )
 
 
-def _what_is_in_view(panorama: Panorama, crop: Crop) -> str:
+def _name_view(panorama: Panorama, crop: Crop) -> str:
     """By geometry: a visible sun, or more than SKY_SHARE of the frame above the horizon, or neither."""
     if panorama.sun == "visible" and crop.sun_pixel:
         return "sun in view"
@@ -124,14 +123,14 @@ def _what_is_in_view(panorama: Panorama, crop: Crop) -> str:
     return "sky in view" if np.mean(rays[..., 1] > 0) > MIN_SKY_SHARE else "no sky"
 
 
-def decode_answers(said: Sequence[Prediction], sun: Floats) -> Answers:
+def decode_answers(predictions: Sequence[Prediction], sun: Floats) -> Answers:
     """Predictions decoded as users get them, with the negative log likelihood of the true suns (N, 3)."""
-    lights = [lighting_from_prediction(p) for p in said]
-    probability = np.array([p.sun_probability for p in said])
+    lights = [lighting_from_prediction(p) for p in predictions]
+    probability = np.array([p.sun_probability for p in predictions])
     known = np.isfinite(sun[:, 0])
-    nll = np.full(len(said), np.nan)
+    nll = np.full(len(predictions), np.nan)
     nll[known] = -np.log(
-        np.maximum(nearest_cell_density(probability[known], sun[known], said[0].spec.sun_grid), MIN_DENSITY)
+        np.maximum(nearest_cell_density(probability[known], sun[known], predictions[0].spec.sun_grid), MIN_DENSITY)
     )
     return Answers(
         sun=np.array([light.sun_direction for light in lights]),
@@ -143,9 +142,6 @@ def decode_answers(said: Sequence[Prediction], sun: Floats) -> Answers:
         turbidity=np.array([light.turbidity for light in lights]),
         exposure=np.array([light.exposure for light in lights]),
     )
-
-
-# The networks that are compared.
 
 
 def load_models(paths: Sequence[Path]) -> dict[str, Model]:

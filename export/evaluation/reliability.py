@@ -1,4 +1,4 @@
-"""Calibration curves, temperature.
+"""Calibration of the sun's distribution: how often the true sun lies in the region that holds a probability.
 
 Two regions are tested: the cells of highest density, and the cone around the answer, whose radii are `radius_50` and
 `radius_90`.
@@ -32,8 +32,6 @@ from lighting.geometry import Floats, angle_between, direction
 from lighting.records import Prediction
 from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle, nearest_cell_density
 
-# Calibration of the sun's distribution: how often the true sun lies in the region that holds the probability p.
-
 LEVELS = tuple(range(5, 100, 5))  # %, drawn
 QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
 DENSEST, CONE = "all", "all, cone around the answer"
@@ -45,42 +43,48 @@ RELIABILITY_MEANING = fill(
 )
 
 
-def _density_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
+def _density_levels(predictions: Sequence[Prediction], sun: Floats) -> Floats:
     """Probability (N,) of the region of highest density that just reaches each true sun (N, 3).
 
     It holds all cells that are denser than the sun's own, and half of those that are equally dense.
     """
-    cells, area = (of(said[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
-    own = np.argmax(sun @ cells.T, axis=1)
-    probability = np.array([p.sun_probability for p in said], dtype=np.float64)
+    cells, area = (of(predictions[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
+    sun_cell = np.argmax(sun @ cells.T, axis=1)
+    probability = np.array([p.sun_probability for p in predictions], dtype=np.float64)
     density = probability / area
-    at_sun = density[np.arange(len(own)), own][:, None]
-    held = probability * ((density > at_sun) + 0.5 * (density == at_sun))
-    return np.asarray(held.sum(axis=1) / probability.sum(axis=1))
+    at_sun = density[np.arange(len(sun_cell)), sun_cell][:, None]
+    denser = probability * ((density > at_sun) + 0.5 * (density == at_sun))
+    return np.asarray(denser.sum(axis=1) / probability.sum(axis=1))
 
 
-def _cone_levels(said: Sequence[Prediction], sun: Floats) -> Floats:
+def _cone_levels(predictions: Sequence[Prediction], sun: Floats) -> Floats:
     """Probability (N,) of the cone around each answer that just reaches the true sun (N, 3)."""
-    return np.array([_cone_level(p, towards) for p, towards in zip(said, sun, strict=True)])
+    return np.array([_cone_level(p, s) for p, s in zip(predictions, sun, strict=True)])
 
 
-def _cone_level(said: Prediction, sun: Floats) -> float:
-    layout = said.spec.sun_grid
-    answer = bayes_direction(said.sun_probability, layout)
+def _cone_level(prediction: Prediction, sun: Floats) -> float:
+    layout = prediction.spec.sun_grid
+    answer = bayes_direction(prediction.sun_probability, layout)
     return float(
         np.interp(
-            angle_between(sun, answer), *cumulative_by_angle(said.sun_probability, grid_directions(layout), answer)
+            angle_between(sun, answer),
+            *cumulative_by_angle(prediction.sun_probability, grid_directions(layout), answer),
         )
     )
 
 
-def reliability_curves(truth: Truth, said: Sequence[Prediction]) -> dict[str, Floats]:
-    """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones."""
+def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, Floats]:
+    """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones.
+
+    Args:
+        truth: of N crops.
+        predictions: N, of the same crops.
+    """
     scored = select_crops(truth, truth.scored)
-    known = list(compress(said, truth.scored))
-    levels = _density_levels(known, scored.sun)
+    predictions = list(compress(predictions, truth.scored))
+    levels = _density_levels(predictions, scored.sun)
     by_group = {name: levels[chosen] for name, chosen in sun_bins(scored).items()}
-    return {DENSEST: levels, **by_group, CONE: _cone_levels(known, scored.sun)}
+    return {DENSEST: levels, **by_group, CONE: _cone_levels(predictions, scored.sun)}
 
 
 def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
@@ -88,31 +92,41 @@ def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
     return np.array([percentage(levels <= p / 100) for p in expected])
 
 
-def reliability_report(protocol: str, found: dict[str, Floats]) -> str:
-    """The table of one protocol."""
+def reliability_report(protocol: str, curves: dict[str, Floats]) -> str:
+    """The table of one protocol.
+
+    Args:
+        protocol: its name.
+        curves: of `reliability_curves`.
+    """
     rows = {
         name: {
             "crops": float(len(levels)),
             **{f"{p} %": float(value) for p, value in zip(QUOTED, _inside(levels, QUOTED), strict=True)},
             "largest gap": float(np.abs(_inside(levels, LEVELS) - LEVELS).max()),
         }
-        for name, levels in found.items()
+        for name, levels in curves.items()
     }
     title = f"## Reliability of the sun's distribution, protocol `{protocol}`"
     return f"{title}\n\n{RELIABILITY_MEANING}\n\n{figures_table(rows)}"
 
 
 def draw_reliability(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
-    """Plot the share inside against p: one column per protocol, by elevation above, by what is in view below."""
+    """Plot the share inside against p: one column per protocol, by elevation above, by what is in view below.
+
+    Args:
+        protocols: the curves of each.
+        path: PNG file to write.
+    """
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(4.6 * len(protocols), 9.2), layout="compressed")
     panels = figure.subplots(2, len(protocols), sharex=True, sharey=True, squeeze=False)
-    for column, (protocol, found) in zip(panels.T, protocols.items(), strict=True):
+    for column, (protocol, curves) in zip(panels.T, protocols.items(), strict=True):
         column[0].set_title(f"protocol {protocol}")
         column[1].set_xlabel("probability of the region [%]")
         for panel, views in zip(column, (False, True), strict=True):
-            _panel(panel, {n: v for n, v in found.items() if n in (DENSEST, CONE) or (n in IN_VIEW) == views})
+            _draw_panel(panel, {n: v for n, v in curves.items() if n in (DENSEST, CONE) or (n in IN_VIEW) == views})
     for panel in panels[:, 0]:
         panel.set_ylabel("true suns inside [%]")
     with atomic_write(path) as temporary:
@@ -125,11 +139,11 @@ STYLES: dict[str, dict[str, Any]] = {
 }
 
 
-def _panel(panel: Any, found: dict[str, Floats]) -> None:
+def _draw_panel(panel: Any, curves: dict[str, Floats]) -> None:
     panel.plot([0, 100], [0, 100], color="0.7", linewidth=1)
-    for name, levels in found.items():
-        shown = np.concatenate([[0.0], _inside(levels, LEVELS), [100.0]])
-        panel.plot([0, *LEVELS, 100], shown, label=f"{name} ({len(levels)})", **STYLES.get(name, {}))
+    for name, levels in curves.items():
+        inside = np.concatenate([[0.0], _inside(levels, LEVELS), [100.0]])
+        panel.plot([0, *LEVELS, 100], inside, label=f"{name} ({len(levels)})", **STYLES.get(name, {}))
     panel.set(xlim=(0, 100), ylim=(0, 100), aspect="equal")
     panel.grid(alpha=0.25)
     panel.legend(frameon=False, fontsize=8)
@@ -145,57 +159,74 @@ TEMPERATURE_MEANING = fill(
 )
 
 
-def temperature_report(protocol: str, truth: Truth, said: Sequence[Prediction]) -> str:
-    """The table of one protocol."""
+def temperature_report(protocol: str, truth: Truth, predictions: Sequence[Prediction]) -> str:
+    """The table of one protocol.
+
+    Args:
+        protocol: its name.
+        truth: of N crops.
+        predictions: N, of the same crops.
+    """
     halves = place_halves(truth)
     half = np.array([halves.get(str(place), -1) for place in truth.place])
     rows = {}
     for name, fit, measured in (("half A", 0, 1), ("half B", 1, 0), ("all", None, None)):
         learning, tested = (truth.scored if h is None else truth.scored & (half == h) for h in (fit, measured))
         if learning.any() and tested.any():
-            rows[name] = _row(truth, said, learning, tested)
+            rows[name] = _temperature_row(truth, predictions, learning, tested)
     return f"## Temperature, protocol `{protocol}`\n\n{TEMPERATURE_MEANING}\n\n{figures_table(rows)}"
 
 
-def _row(truth: Truth, said: Sequence[Prediction], learning: Bools, tested: Bools) -> dict[str, float]:
-    divisor = _fitted(list(compress(said, learning)), truth.sun[learning])
-    shown, known = list(compress(said, tested)), select_crops(truth, tested)
-    before, after = (_figures(known, [_tempered(p, t) for p in shown]) for t in (1.0, divisor))
+def _temperature_row(
+    truth: Truth, predictions: Sequence[Prediction], learning: Bools, tested: Bools
+) -> dict[str, float]:
+    divisor = _fit_temperature(list(compress(predictions, learning)), truth.sun[learning])
+    tested_predictions, tested_truth = list(compress(predictions, tested)), select_crops(truth, tested)
+    before, after = (
+        _tempered_figures(tested_truth, [_tempered(p, t) for p in tested_predictions]) for t in (1.0, divisor)
+    )
     both = {f"{name}, {when}": of[name] for name in COLUMNS for when, of in (("before", before), ("after", after))}
-    return {"fitted to": float(np.count_nonzero(learning)), "temperature": divisor, "crops": float(len(shown)), **both}
+    return {
+        "fitted to": float(np.count_nonzero(learning)),
+        "temperature": divisor,
+        "crops": float(len(tested_predictions)),
+        **both,
+    }
 
 
-def _fitted(said: Sequence[Prediction], sun: Floats) -> float:
+def _fit_temperature(predictions: Sequence[Prediction], sun: Floats) -> float:
     """The one of TEMPERATURES under which the true suns (N, 3) are most likely."""
-    cells, area = (of(said[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
-    own = np.argmax(sun @ cells.T, axis=1)
-    log = np.log(np.maximum([p.sun_probability for p in said], MIN_DENSITY * area))
-    costs = {t: _cost(log / t, own) for t in TEMPERATURES}
+    cells, area = (of(predictions[0].spec.sun_grid) for of in (grid_directions, grid_solid_angle))
+    sun_cell = np.argmax(sun @ cells.T, axis=1)
+    log = np.log(np.maximum([p.sun_probability for p in predictions], MIN_DENSITY * area))
+    costs = {t: _mean_nll(log / t, sun_cell) for t in TEMPERATURES}
     return min(costs, key=costs.__getitem__)
 
 
-def _cost(log: Floats, own: NDArray[np.intp]) -> float:
-    """Mean negative log probability of the cells `own` (N,), from unnormalised logarithms (N, G)."""
+def _mean_nll(log: Floats, cell: NDArray[np.intp]) -> float:
+    """Mean negative log probability of the cells `cell` (N,), from unnormalised logarithms (N, G)."""
     highest = log.max(axis=1, keepdims=True)
     total = np.log(np.exp(log - highest).sum(axis=1)) + highest[:, 0]
-    return float(np.mean(total - log[np.arange(len(own)), own]))
+    return float(np.mean(total - log[np.arange(len(cell)), cell]))
 
 
-def _tempered(said: Prediction, temperature: float) -> Prediction:
+def _tempered(prediction: Prediction, temperature: float) -> Prediction:
     """The prediction with its sun's logits divided by another temperature."""
-    power = said.sun_probability.astype(np.float64) ** (1 / temperature)
-    return replace(said, sun_probability=(power / power.sum()).astype(np.float32))
+    power = prediction.sun_probability.astype(np.float64) ** (1 / temperature)
+    return replace(prediction, sun_probability=(power / power.sum()).astype(np.float32))
 
 
-def _figures(truth: Truth, said: Sequence[Prediction]) -> dict[str, float]:
+def _tempered_figures(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, float]:
     """COLUMNS over crops that all have a sun."""
-    suns = [sun_from_prediction(p) for p in said]
-    probability = np.array([p.sun_probability for p in said])
+    suns = [sun_from_prediction(p) for p in predictions]
+    probability = np.array([p.sun_probability for p in predictions])
     values = answers_from_sun(
         direction([s.azimuth for s in suns], [s.elevation for s in suns]),
         radius_50=np.array([s.radius_50 for s in suns]),
         radius_90=np.array([s.radius_90 for s in suns]),
-        nll=-np.log(np.maximum(nearest_cell_density(probability, truth.sun, said[0].spec.sun_grid), MIN_DENSITY)),
+        nll=-np.log(
+            np.maximum(nearest_cell_density(probability, truth.sun, predictions[0].spec.sun_grid), MIN_DENSITY)
+        ),
     )
     measured = sun_figures(truth, values)
     return {name: measured[column] for name, column in COLUMNS.items()}

@@ -1,10 +1,10 @@
-"""Relit objects against truth.
+"""How near objects come to the truth when they are lit by an estimate.
 
 The measures are those of Hold-Geoffroy et al. (CVPR 2017): RMSE, scale-invariant RMSE, and the angle between RGB
 vectors.
 
 A diffuse, a glossy and a mirror ball as a distant camera at azimuth 0 sees them, and the plane with the shadow of
-`sphere.py`. Light is linear, so one matrix for each takes a map of sphere.HEIGHT rows to a picture.
+hdr_truth.py. Light is linear, so one matrix for each takes a map of HEIGHT rows to a picture.
 """
 
 import math
@@ -36,8 +36,8 @@ from lighting.records import Lighting, ModelSpec
 
 # Relighting error: a sphere lit by the panorama itself and by the light estimated from a crop of it.
 
-SHOWN = 6  # rows of the drawing
-SHOWN_WHITE = 0.9  # linear value at which the true picture's brightest parts are shown
+DRAWN = 6  # rows of the drawing
+WHITE = 0.9  # linear value at which the true picture's brightest parts are shown
 
 
 def _errors(truth: Floats, estimate: Floats) -> tuple[float, float, float]:
@@ -47,7 +47,12 @@ def _errors(truth: Floats, estimate: Floats) -> tuple[float, float, float]:
 
 
 def rgb_angle(a: Floats, b: Floats) -> Floats:
-    """Angles (...) [deg] between RGB vectors (..., 3); 90 where one is black."""
+    """Angles (...) [deg] between RGB vectors; 90 where one is black.
+
+    Args:
+        a: (..., 3) linear.
+        b: (..., 3) linear.
+    """
     lengths = np.linalg.norm(a, axis=-1) * np.linalg.norm(b, axis=-1)
     return np.asarray(np.degrees(np.arccos(np.clip(np.sum(a * b, axis=-1) / np.maximum(lengths, 1e-12), -1, 1))))
 
@@ -80,11 +85,11 @@ def _lit_crops(data: Path, labels: Path, spec: ModelSpec) -> _LitCrops:
     return _LitCrops(views, crops, truth, np.array([source.panorama.name for source, _ in views]))
 
 
-def _estimated(model: Model, views: list[View]) -> list[Floats]:
+def _estimated_maps(model: Model, views: list[View]) -> list[Floats]:
     """The environment maps that a network's answers give."""
     crops = [crop_panorama(source, camera, model.spec) for source, camera in views]
-    said = [predict_photo(model, photo_from_array(tone_map(c.linear))) for c in crops]
-    return [np.asarray(render(lighting_from_prediction(p), HEIGHT)) for p in said]
+    predictions = [predict_photo(model, photo_from_array(tone_map(c.linear))) for c in crops]
+    return [np.asarray(render(lighting_from_prediction(p), HEIGHT)) for p in predictions]
 
 
 def _mean_sky(labels: Sequence[Label]) -> Floats:
@@ -107,20 +112,27 @@ def _lighting(label: Label) -> Lighting:
 
 
 def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
-    """A table in Markdown of the networks, ours first, and of constant skies; writes relight.png into `out`."""
+    """A table in Markdown of networks and of constant skies; writes relight.png.
+
+    Args:
+        data: folder of panoramas.
+        labels: CSV file of labels.
+        models: paths of networks, ours first.
+        out: folder for the picture.
+    """
     loaded = load_models(models)
-    shown = _lit_crops(data, labels, next(iter(loaded.values())).spec)
-    truth = [render_scene(light) for light in shown.truth]
-    pictures = {name: [render_scene(li) for li in _estimated(model, shown.views)] for name, model in loaded.items()}
+    lit = _lit_crops(data, labels, next(iter(loaded.values())).spec)
+    truth = [render_scene(light) for light in lit.truth]
+    pictures = {name: [render_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()}
     training = [
         la for la in read_labels_of(read_index(data, "train"), labels) if la.fit_ok and math.isfinite(la.sun_elevation)
     ]
     pictures["mean training sky"] = [render_scene(_mean_sky(training))] * len(truth)
     constants = [render_scene(sky) for sky in _constant_skies(training)]
     pictures["best constant sky"] = [min(constants, key=lambda p: _median_rmse(truth, p))] * len(truth)
-    _draw(shown, truth, pictures, out / "relight.png")
+    _draw(lit, truth, pictures, out / "relight.png")
     scores = {n: np.array([_errors(t, p) for t, p in zip(truth, ps, strict=True)]) for n, ps in pictures.items()}
-    return _relight_report(scores, shown.panorama)
+    return _relight_report(scores, lit.panorama)
 
 
 def _median_rmse(truth: Sequence[Floats], guess: Floats) -> float:
@@ -146,19 +158,19 @@ def _relight_report(scores: dict[str, Floats], panorama: Names) -> str:
     return f"{title}\n\n{markdown_table(header, rows)}"
 
 
-def _draw(shown: _LitCrops, truth: Sequence[Floats], pictures: dict[str, list[Floats]], path: Path) -> None:
-    """Draw SHOWN rows for panoramas that may be shown: the photo, the sphere under the true light, under each estimate.
+def _draw(lit: _LitCrops, truth: Sequence[Floats], pictures: dict[str, list[Floats]], path: Path) -> None:
+    """Draw DRAWN rows for panoramas that may be shown: the photo, the sphere under the true light, under each estimate.
 
     Each row has the exposure that suits the true light. Nothing is drawn if none may be shown.
     """
-    first = [i for i, (source, _) in enumerate(shown.views) if "CC0" in source.panorama.licence]
+    first = [i for i, (source, _) in enumerate(lit.views) if "CC0" in source.panorama.licence]
     if not first:
         return
-    chosen = first[:: max(1, len(first) // SHOWN)][:SHOWN]
+    chosen = first[:: max(1, len(first) // DRAWN)][:DRAWN]
     lines = []
     for i in chosen:
-        photo = Image.fromarray(tone_map(shown.crops[i].linear)).resize((SIZE * 4 // 3, SIZE))
-        gain = SHOWN_WHITE / float(np.percentile(truth[i], 95))
+        photo = Image.fromarray(tone_map(lit.crops[i].linear)).resize((SIZE * 4 // 3, SIZE))
+        gain = WHITE / float(np.percentile(truth[i], 95))
         spheres = [tone_map(p * gain) for p in (truth[i], *(p[i] for p in pictures.values()))]
         lines.append(np.concatenate([np.asarray(photo), *spheres], axis=1))
     with atomic_write(path) as temporary:
@@ -181,8 +193,8 @@ _MIRROR = 1500.0  # concentration of the mirror's lobe, about one pixel of the m
 def _matrix(kind: str) -> NDArray[np.float32]:
     """Matrix (P, 2 HEIGHT²) from a map's pixels to what is seen of an object of OBJECTS, reflecting all light."""
     if kind == "plane":
-        off_the_ball = np.linalg.norm(scene_points()[0], axis=1) > 1 + 1e-6
-        return np.asarray(transfer_matrix()[off_the_ball][::_PLANE_STEP], dtype=np.float32)
+        beside_ball = np.linalg.norm(scene_points()[0], axis=1) > 1 + 1e-6
+        return np.asarray(transfer_matrix()[beside_ball][::_PLANE_STEP], dtype=np.float32)
     normals = _normals()
     rays = latlong_directions(HEIGHT).reshape(-1, 3)
     solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
@@ -205,13 +217,23 @@ def _normals() -> Floats:
 
 
 def render_object(kind: str, maps: Floats) -> Floats:
-    """What is seen (N, P, 3) of an object under maps (N, HEIGHT, 2 HEIGHT, 3)."""
+    """What is seen (N, P, 3) of an object under maps.
+
+    Args:
+        kind: of OBJECTS.
+        maps: (N, HEIGHT, 2 HEIGHT, 3) linear.
+    """
     flat = maps.reshape(len(maps), -1, 3).astype(np.float32)
     return np.stack([flat[..., channel] @ _matrix(kind).T for channel in range(3)], axis=-1)
 
 
 def object_errors(truth: Floats, guess: Floats) -> Floats:
-    """RMSE, RMSE after the best scale, both by the truth's RMS, and mean RGB angle [deg]: (N, 3) of (N, P, 3)."""
-    found = np.array([_errors(t, g) for t, g in zip(truth, guess, strict=True)])
+    """RMSE, RMSE after the best scale, both by the truth's RMS, and mean RGB angle [deg]: (N, 3).
+
+    Args:
+        truth: (N, P, 3) pictures.
+        guess: (N, P, 3) pictures.
+    """
+    errors = np.array([_errors(t, g) for t, g in zip(truth, guess, strict=True)])
     size = np.maximum(np.sqrt(np.mean(truth**2, axis=(1, 2))), 1e-9)
-    return np.asarray(found / np.stack([size, size, np.ones(len(size))], axis=-1))
+    return np.asarray(errors / np.stack([size, size, np.ones(len(size))], axis=-1))

@@ -1,4 +1,4 @@
-"""Tables per protocol, figures, photos."""
+"""Tables of each protocol and of ordinary photos, and the figures that the service returns."""
 
 import json
 import math
@@ -37,17 +37,25 @@ from lighting.model import Model, figures_path
 from lighting.photo.reader import Photo, read_photo
 from lighting.records import ModelSpec
 
-# The tables that `python -m export evaluate` prints, in Markdown.
-
 ELEVATIONS = ((0, 20), (20, 45), (45, 90))  # deg, bins of the true sun
 IN_VIEW = ("sun in view", "sky in view", "no sky")
 
 
-def format_report(protocol: str, truth: Truth, said: dict[str, Answers], alone: dict[str, Answers], ours: str) -> str:
-    """All tables of one protocol; `said` has each method's answers, `alone` those of the networks without lines."""
+def format_report(
+    protocol: str, truth: Truth, answers: dict[str, Answers], network_answers: dict[str, Answers], ours: str
+) -> str:
+    """All tables of one protocol.
+
+    Args:
+        protocol: name of the cameras.
+        truth: of N crops.
+        answers: of each method.
+        network_answers: of the networks alone, without the straight lines that the pictures show.
+        ours: name of our method.
+    """
     scored = select_crops(truth, truth.scored)
-    answered = {name: select_crops(a, truth.scored) for name, a in said.items()}
-    cameras = {name: a for name, a in said.items() if np.isfinite(a.camera).all()}
+    answered = {name: select_crops(a, truth.scored) for name, a in answers.items()}
+    cameras = {name: a for name, a in answers.items() if np.isfinite(a.camera).all()}
     others = [name for name, a in cameras.items() if name != ours and np.isfinite(a.radius_50).all()]
     return "\n\n".join(
         [
@@ -58,7 +66,7 @@ def format_report(protocol: str, truth: Truth, said: dict[str, Answers], alone: 
             "Median sun error with 95 % intervals: bootstrap over panoramas and over places",
             _intervals_table(scored, answered, ours),
             "Each place counted alike, however many panoramas it has [deg]",
-            _places_table(truth, said),
+            _places_table(truth, answers),
             f"`{ours}` by true sun elevation, and by what is in view",
             figures_table(_breakdown(scored, answered[ours])),
             *[f"`{name}` by the same\n\n{figures_table(_breakdown(scored, answered[name]))}" for name in others],
@@ -67,20 +75,23 @@ def format_report(protocol: str, truth: Truth, said: dict[str, Answers], alone: 
             "Camera as calibration papers score it: area under the recall of errors, and the horizon [%]",
             figures_table({name: camera_scores(truth, a) for name, a in cameras.items()}),
             "The same by the networks alone, without the straight lines that the pictures show",
-            figures_table({name: camera_scores(truth, a) for name, a in alone.items()}),
+            figures_table({name: camera_scores(truth, a) for name, a in network_answers.items()}),
         ]
     )
 
 
-def in_view_report(truth: Truth, said: dict[str, Answers], known: str) -> str:
-    """The tables of crops that show the sun: each method, then the first one, ours, by true elevation and as `known`.
+def in_view_report(truth: Truth, answers: dict[str, Answers], evidence: str) -> str:
+    """The tables of crops that show the sun: each method, then ours by true elevation and with metadata.
 
-    `known` is the table of what metadata add.
+    Args:
+        truth: of N crops.
+        answers: of each method, ours first.
+        evidence: the table of what metadata add.
     """
-    ours = next(iter(said))
+    ours = next(iter(answers))
     counts = f"{len(truth.sun)} crops of {len(np.unique(truth.panorama))} panoramas"
-    rows = {name: sun_figures(truth, a) for name, a in said.items()}
-    heights = {name: figures for name, figures in _breakdown(truth, said[ours]).items() if name not in IN_VIEW}
+    rows = {name: sun_figures(truth, a) for name, a in answers.items()}
+    heights = {name: figures for name, figures in _breakdown(truth, answers[ours]).items() if name not in IN_VIEW}
     return "\n\n".join(
         [
             f"## Sun in the picture: {counts} [deg, nat]",
@@ -89,14 +100,14 @@ def in_view_report(truth: Truth, said: dict[str, Answers], known: str) -> str:
             f"`{ours}` by true sun elevation",
             figures_table(heights),
             f"`{ours}` with metadata: the sun keeps its pixel through the lens, and its elevation tilts the camera",
-            known,
+            evidence,
         ]
     )
 
 
-def _intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
+def _intervals_table(truth: Truth, answers: dict[str, Answers], ours: str) -> str:
     """Each method's median error with its intervals, and those of our median minus that of the method."""
-    errors = {name: sun_error(truth, a) for name, a in said.items()}
+    errors = {name: sun_error(truth, a) for name, a in answers.items()}
     rows = []
     for name, error in errors.items():
         row = [name, f"{np.median(error):.1f}"]
@@ -107,30 +118,35 @@ def _intervals_table(truth: Truth, said: dict[str, Answers], ours: str) -> str:
     return markdown_table(["", "median", "over panoramas", "ours minus this", "over places", "ours minus this"], rows)
 
 
-def _places_table(truth: Truth, said: dict[str, Answers]) -> str:
+def _places_table(truth: Truth, answers: dict[str, Answers]) -> str:
     """Figures of the sun by place, over the crops that are scored, and of visibility over all."""
     scored = select_crops(truth, truth.scored)
     heights = {name: chosen for name, chosen in sun_bins(scored).items() if name not in IN_VIEW}
     rows = {}
-    for name, answered in said.items():
+    for name, answered in answers.items():
         rows[name] = place_figures(scored, select_crops(answered, truth.scored), heights)
         rows[name]["visibility AUC"] = visibility_by_place(truth, answered)
     return figures_table(rows)
 
 
-def _breakdown(truth: Truth, said: Answers) -> dict[str, dict[str, float]]:
+def _breakdown(truth: Truth, answers: Answers) -> dict[str, dict[str, float]]:
     """Sun figures by true elevation and by what is in view."""
     return {
-        n: sun_figures(select_crops(truth, chosen), select_crops(said, chosen)) for n, chosen in sun_bins(truth).items()
+        n: sun_figures(select_crops(truth, chosen), select_crops(answers, chosen))
+        for n, chosen in sun_bins(truth).items()
     }
 
 
 def sun_bins(truth: Truth) -> dict[str, Bools]:
-    """Which crops (N,) belong to each bin of sun elevation and of what is in view; empty bins are left out."""
+    """Which crops (N,) belong to each bin of sun elevation and of what is in view, without empty bins.
+
+    Args:
+        truth: of N crops that all have a sun.
+    """
     elevation = angles(truth.sun)[1]
-    found = {f"sun {low} to {high}°": (elevation >= low) & (elevation < high) for low, high in ELEVATIONS}
-    found |= {name: truth.in_view == name for name in IN_VIEW}
-    return {name: chosen for name, chosen in found.items() if chosen.any()}
+    groups = {f"sun {low} to {high}°": (elevation >= low) & (elevation < high) for low, high in ELEVATIONS}
+    groups |= {name: truth.in_view == name for name in IN_VIEW}
+    return {name: chosen for name, chosen in groups.items() if chosen.any()}
 
 
 # Accuracy on ordinary photos whose true sun is known, as medians over scenes.
@@ -145,7 +161,12 @@ def _photo_suns(model: Model, photos: Sequence[Photo]) -> Floats:
 
 
 def photo_report(index: Path, models: dict[str, Model]) -> str:
-    """Tables of the real photos that `photos.csv` lists: medians over scenes, with direct sun and of all photos."""
+    """Tables of real photos with a true sun: medians over scenes, with direct sun and of all photos.
+
+    Args:
+        index: `photos.csv`, whose files lie beside it.
+        models: networks by name.
+    """
     rows = [row for row in read_table(index, COLUMNS) if row["sun_elevation"]]
     elevation = np.array([float(r["sun_elevation"]) for r in rows])
     truth = direction([float(r["sun_azimuth"] or "nan") for r in rows], np.maximum(elevation, 0.0))
@@ -171,12 +192,12 @@ def photo_report(index: Path, models: dict[str, Model]) -> str:
 
 def _photo_bias(elevation: Floats, sun: Floats, scenes: Names, chosen: Bools) -> dict[str, float]:
     """Median over scenes of how much too high the chosen suns are, by true elevation (N,)."""
-    off = angles(sun)[1] - elevation
-    found = {}
+    error = angles(sun)[1] - elevation
+    bias = {}
     for low, high in HEIGHTS:
-        here = chosen & (elevation >= low) & (elevation < high)
-        found[f"{max(low, 0):g} to {high:g}°"] = _by_scene(off[here], scenes[here]) if here.any() else float("nan")
-    return found
+        part = chosen & (elevation >= low) & (elevation < high)
+        bias[f"{max(low, 0):g} to {high:g}°"] = _by_scene(error[part], scenes[part]) if part.any() else float("nan")
+    return bias
 
 
 def _photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float]:
@@ -222,7 +243,12 @@ CAMERA_AND_SKY = {
 
 
 def stated_figures(truth: Truth, ours: Answers) -> Figures:
-    """Our network's figures for one protocol, rounded as the report prints them; None where nothing was measured."""
+    """Our network's figures for one protocol, rounded as the report prints them; None where nothing was measured.
+
+    Args:
+        truth: of N crops.
+        ours: our network's answers for them.
+    """
     sun = sun_figures(select_crops(truth, truth.scored), select_crops(ours, truth.scored))
     measured = ((sun, SUN), (camera_figures(truth, ours), CAMERA_AND_SKY))
     return {name: _rounded(values[column], column) for values, names in measured for column, name in names.items()}
@@ -233,7 +259,13 @@ def _rounded(value: float, column: str) -> float | None:
 
 
 def write_figures(spec: ModelSpec, figures: dict[str, Figures], folder: Path) -> Path:
-    """Write the figures of each protocol into the network's folder; returns the file's path."""
+    """Write the figures of each protocol into the network's folder; returns the file's path.
+
+    Args:
+        spec: name and version of the network.
+        figures: by protocol.
+        folder: of the network's file.
+    """
     record = {
         "name": spec.name,
         "version": spec.version,

@@ -96,7 +96,6 @@ def _believed(day: CaptureDay, rng: np.random.Generator) -> CaptureDay:
 # Training samples: crops of surfaces on random days, as the network's planes and the true normals.
 
 Image = NDArray[np.float32]
-Mesh = tuple[Image, NDArray[np.intp]]
 
 CROP = 64  # pixels
 CROPS = 3  # of each surface and day

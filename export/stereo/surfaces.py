@@ -16,6 +16,7 @@ from lighting.geometry import Floats
 # Surfaces to light: what one camera sees of a mesh or of a made relief, as normals and heights.
 
 Image = NDArray[np.float32]
+Mesh = tuple[Image, NDArray[np.intp]]  # vertices (V, 3) and triangles (F, 3)
 
 HELD_OUT = ("spot", "skull", "demosthenes")  # meshes that training never sees
 
@@ -36,7 +37,7 @@ def is_held_out(path: Path) -> bool:
     return path.stem.split("-")[0].split("_")[0] in HELD_OUT
 
 
-def read_mesh(path: Path) -> tuple[Image, NDArray[np.intp]]:
+def read_mesh(path: Path) -> Mesh:
     """Vertices (V, 3) and triangles (F, 3) of an OBJ file; faces of more corners are cut into fans."""
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
@@ -60,17 +61,23 @@ def _vertex_normals(vertices: Image, triangles: NDArray[np.intp]) -> Image:
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20))
 
 
-def project_mesh(mesh: tuple[Image, NDArray[np.intp]], turn: Floats, size: int, rng: np.random.Generator) -> Surface:
-    """A mesh turned by the matrix (3, 3) and fitted to a picture of `size` pixels each way.
+def project_mesh(mesh: Mesh, rotation: Floats, size: int, rng: np.random.Generator) -> Surface:
+    """A mesh rotated and fitted to a picture.
 
     Each pixel shows the nearest of many points spread over the triangles by their area.
+
+    Args:
+        mesh: vertices (V, 3) and triangles (F, 3).
+        rotation: (3, 3) from the mesh's axes to the camera's.
+        size: pixels each way.
+        rng: of the points.
     """
     vertices, triangles = mesh
-    normals = _vertex_normals(vertices, triangles) @ turn.T.astype(np.float32)
-    turned = vertices @ turn.T.astype(np.float32)
-    low, high = rotate_surface.min(axis=0), rotate_surface.max(axis=0)
-    turned = (rotate_surface - (low + high) / 2) * (0.94 * size / (high - low)[:2].max())
-    points, facing = _spread(turned, normals, triangles, _SAMPLES * size * size, rng)
+    normals = _vertex_normals(vertices, triangles) @ rotation.T.astype(np.float32)
+    rotated = vertices @ rotation.T.astype(np.float32)
+    low, high = rotated.min(axis=0), rotated.max(axis=0)
+    rotated = (rotated - (low + high) / 2) * (0.94 * size / (high - low)[:2].max())
+    points, facing = _spread(rotated, normals, triangles, _SAMPLES * size * size, rng)
     front = facing[:, 2] > 0
     return _nearest(points[front], facing[front], size)
 

@@ -38,10 +38,10 @@ from tests.conftest import encode, scene
 def grounds(share: float, darker: float, noise: float = 0.0) -> _GroundSamples:
     """Crops whose true ground is that share of the network's, the less the cloudier, and some noise."""
     rng = np.random.default_rng(3)
-    photo, around = rng.normal(0, 1, 500), rng.normal(0, 1, 500)
+    photo, network = rng.normal(0, 1, 500), rng.normal(0, 1, 500)
     weather, cover = np.repeat(["overcast", "sunny"], 250), np.repeat([0.4, 0.0], 250)
-    true = photo + (1 - cover) * share * (around + darker - photo) + rng.normal(0, noise, 500)
-    return _GroundSamples(photo, around, true, cover, weather, np.arange(500).astype(str))
+    true = photo + (1 - cover) * share * (network + darker - photo) + rng.normal(0, noise, 500)
+    return _GroundSamples(photo, network, true, cover, weather, np.arange(500).astype(str))
 
 
 @pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
@@ -58,8 +58,8 @@ def test_in_doubt_the_network_counts_for_less() -> None:
 
 def test_more_crops_of_the_same_places_leave_as_much_doubt() -> None:
     one, again = grounds(0.5, 0.2, noise=1.0), np.repeat(np.arange(500), 8)
-    photo, around, true, cover = (values[again] for values in (one.photo, one.around, one.true, one.cover))
-    more = _GroundSamples(photo, around, true, cover, one.weather[again], one.place[again])
+    photo, network, true, cover = (values[again] for values in (one.photo, one.network, one.true, one.cover))
+    more = _GroundSamples(photo, network, true, cover, one.weather[again], one.place[again])
     assert _fit_ground_share(more) == _fit_ground_share(one)
     error, expected = one.errors(0.0, 0.0), pytest.approx(one.errors(0.0, 0.0).std() / np.sqrt(500))
     assert clustered_error(error, one.place) == expected
@@ -67,9 +67,9 @@ def test_more_crops_of_the_same_places_leave_as_much_doubt() -> None:
 
 
 def test_errors_are_sizes_in_stops() -> None:
-    photo, around, true = (np.array([value, value]) for value in (1.0, 3.0, 0.0))
+    photo, network, true = (np.array([value, value]) for value in (1.0, 3.0, 0.0))
     one = _GroundSamples(
-        photo, around, true, np.array([0.0, 0.5]), np.array(["sunny", "overcast"]), np.array(["a", "b"])
+        photo, network, true, np.array([0.0, 0.5]), np.array(["sunny", "overcast"]), np.array(["a", "b"])
     )
     assert one.errors(0.0, 0.0) == pytest.approx([1.0, 1.0])
     assert one.errors(0.5, -6.0) == pytest.approx([1.0, 0.0])
@@ -113,7 +113,7 @@ def test_the_trust_that_made_them_is_found(noise: float, tolerance: float) -> No
 
 def test_brightness_that_was_said_wrong_does_not_matter() -> None:
     known = skies()
-    assert _fit_sky_trust(_SkySamples(known.ratio, known.cover, known.said / 3, known.true)) == pytest.approx(
+    assert _fit_sky_trust(_SkySamples(known.ratio, known.cover, known.predicted / 3, known.true)) == pytest.approx(
         TRUST, abs=1e-6
     )
 
@@ -128,7 +128,7 @@ def test_sky_errors_are_angles_between_colours() -> None:
 def test_crops_without_sky_are_left_out() -> None:
     known = skies()
     known.ratio[::2] = np.nan
-    assert len(known.seen.cover) == 200
+    assert len(known.with_sky.cover) == 200
 
 
 @pytest.mark.slow

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from export.evaluation.metadata import (
-    GROSS,
+    OUTLIER_RATE,
     SUBSETS,
     _simulate_sighting,
     _warning_shares,
@@ -98,13 +98,13 @@ def test_the_ephemeris_puts_the_sun_where_it_was_asked_for(elevation: float) -> 
 
 def test_evidence_of_the_metadata_is_the_panoramas_sun() -> None:
     truth = truth_of(2)
-    for i, taken in enumerate(simulate_metadata(truth, EACH)):
+    for i, simulated in enumerate(simulate_metadata(truth, EACH)):
         ((elevation, compass),) = observations_from_metadata(
-            keep_evidence(taken.metadata, ("time+place",)), UserInput()
+            keep_evidence(simulated.metadata, ("time+place",)), UserInput()
         ).observations.candidates
         assert elevation == pytest.approx(40.0, abs=0.01)
         relative = -np.arange(0, 360, 45.0)[i % EACH]
-        assert float(wrap_azimuth(compass - taken.heading - relative)) == pytest.approx(0.0, abs=1e-6)
+        assert float(wrap_azimuth(compass - simulated.heading - relative)) == pytest.approx(0.0, abs=1e-6)
 
 
 def test_metadata_are_decided_by_name_and_index() -> None:
@@ -112,9 +112,9 @@ def test_metadata_are_decided_by_name_and_index() -> None:
 
 
 def test_one_of_the_zones_without_offset_is_the_true_one() -> None:
-    for taken in simulate_metadata(truth_of(3), EACH)[::5]:
+    for simulated in simulate_metadata(truth_of(3), EACH)[::5]:
         candidates = observations_from_metadata(
-            keep_evidence(taken.metadata, ("local time+place",)), UserInput()
+            keep_evidence(simulated.metadata, ("local time+place",)), UserInput()
         ).observations.candidates
         assert len(candidates) > 1
         assert min(abs(elevation - 40.0) for elevation, _ in candidates) < 0.01
@@ -122,10 +122,10 @@ def test_one_of_the_zones_without_offset_is_the_true_one() -> None:
 
 @pytest.mark.slow
 def test_compasses_err_as_measured() -> None:
-    taken = simulate_metadata(truth_of(25), EACH)
-    error = [abs(float(wrap_azimuth((t.metadata.heading or 0.0) - t.heading))) for t in taken if not t.gross]
+    simulated = simulate_metadata(truth_of(25), EACH)
+    error = [abs(float(wrap_azimuth((t.metadata.heading or 0.0) - t.heading))) for t in simulated if not t.gross]
     assert np.median(error) == pytest.approx(17.0, abs=3.0)
-    assert np.mean([t.gross for t in taken]) == pytest.approx(GROSS, abs=0.04)
+    assert np.mean([t.gross for t in simulated]) == pytest.approx(OUTLIER_RATE, abs=0.04)
 
 
 def test_crops_without_a_sun_get_no_metadata() -> None:
@@ -133,9 +133,9 @@ def test_crops_without_a_sun_get_no_metadata() -> None:
 
 
 def test_only_keeps_what_is_named() -> None:
-    facts = simulate_metadata(truth_of(1), EACH)[0].metadata
-    assert keep_evidence(facts, ()) == PhotoMetadata()
-    assert keep_evidence(facts, ("time+place", "heading", "focal length")) == facts
-    assert keep_evidence(facts, ("heading",)).heading == facts.heading
-    assert keep_evidence(facts, ("heading",)).latitude is None
-    assert keep_evidence(facts, ("focal length",)).vertical_fov == 50.0
+    metadata = simulate_metadata(truth_of(1), EACH)[0].metadata
+    assert keep_evidence(metadata, ()) == PhotoMetadata()
+    assert keep_evidence(metadata, ("time+place", "heading", "focal length")) == metadata
+    assert keep_evidence(metadata, ("heading",)).heading == metadata.heading
+    assert keep_evidence(metadata, ("heading",)).latitude is None
+    assert keep_evidence(metadata, ("focal length",)).vertical_fov == 50.0

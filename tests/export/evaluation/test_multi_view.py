@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from export.evaluation.metadata import simulate_metadata
-from export.evaluation.multi_view import CORRELATIONS, _correlation_report, _groups_of, groups_report
+from export.evaluation.multi_view import CORRELATIONS, _correlation_report, _group_crops, groups_report
 from tests.helpers.panoramas import AZIMUTH, EACH, erring, truth_of
 
 
@@ -13,17 +13,17 @@ from tests.helpers.panoramas import AZIMUTH, EACH, erring, truth_of
 def test_the_correlation_of_errors_is_found(shared: bool, expected: float) -> None:
     truth = truth_of(8)
     report = _correlation_report(truth, erring(truth, shared), np.tile(AZIMUTH, 8), EACH)
-    learnt = [float(cell) for cell in report.splitlines()[-1].split("|")[3:6]]
-    assert learnt == pytest.approx([expected] * 3, abs=0.3)
+    correlations = [float(cell) for cell in report.splitlines()[-1].split("|")[3:6]]
+    assert correlations == pytest.approx([expected] * 3, abs=0.3)
 
 
 @pytest.mark.parametrize("size", [1, 2, 4, 8])
 def test_every_scored_crop_is_dealt_once_with_its_own_panorama(size: int) -> None:
     truth = truth_of(3)
     truth.scored[:EACH] = False
-    groups = _groups_of(truth, EACH, size)
-    assert sorted(np.concatenate([g.members for g in groups])) == list(range(EACH, 3 * EACH))
-    assert all(len(g.members) == size and len({*truth.panorama[g.members]}) == 1 for g in groups)
+    groups = _group_crops(truth, EACH, size)
+    assert sorted(np.concatenate(groups)) == list(range(EACH, 3 * EACH))
+    assert all(len(g) == size and len({*truth.panorama[g]}) == 1 for g in groups)
 
 
 @pytest.mark.slow

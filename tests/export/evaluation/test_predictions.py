@@ -8,8 +8,8 @@ import pytest
 from export.crops.crops import crop_panorama, load_sources
 from export.data.panoramas import DataError, read_index
 from export.evaluation.predictions import (
-    AIMED_EACH,
     CROPS_EACH,
+    SUN_VIEWS_EACH,
     _by_name,
     _predict_crops,
     collect_truth,
@@ -40,7 +40,7 @@ def test_cameras_go_around_evenly_and_are_the_same_every_time(data: Path) -> Non
 def test_aimed_views_show_the_sun(data: Path) -> None:
     sources = load_sources(read_index(data), data / "labels.csv")
     views = sun_centered_views(sources)
-    assert len(views) == AIMED_EACH * sum(s.panorama.sun == "visible" for s in sources)
+    assert len(views) == SUN_VIEWS_EACH * sum(s.panorama.sun == "visible" for s in sources)
     crops = [crop_panorama(source, camera, TINY) for source, camera in views]
     truth = collect_truth([source.panorama for source, _ in views], crops)
     assert np.mean(truth.in_view == "sun in view") > 0.8  # a camera tilts by 35 deg at most: the highest suns stay out

@@ -11,7 +11,7 @@ from export.evaluation.reliability import (
     DENSEST,
     _cone_levels,
     _density_levels,
-    _fitted,
+    _fit_temperature,
     _inside,
     _tempered,
     draw_reliability,
@@ -37,22 +37,22 @@ def test_a_uniform_sky_says_the_same_of_every_sun() -> None:
 
 
 def test_honest_distributions_lie_on_the_diagonal() -> None:
-    said, sun = drawn(400, 40.0)
-    np.testing.assert_allclose(_inside(_density_levels(said, sun), (25, 50, 75)), (25, 50, 75), atol=6)
+    predictions, sun = drawn(400, 40.0)
+    np.testing.assert_allclose(_inside(_density_levels(predictions, sun), (25, 50, 75)), (25, 50, 75), atol=6)
 
 
 @pytest.mark.parametrize(("claimed", "sign"), [(160.0, -1), (10.0, 1)])
 def test_those_too_sure_lie_below_it_and_timid_ones_above(claimed: float, sign: int) -> None:
     _, sun = drawn(400, 40.0)
-    said, _ = drawn(400, claimed)
-    assert (sign * (_inside(_density_levels(said, sun), (25, 50, 75)) - (25, 50, 75)) > 10).all()
+    predictions, _ = drawn(400, claimed)
+    assert (sign * (_inside(_density_levels(predictions, sun), (25, 50, 75)) - (25, 50, 75)) > 10).all()
 
 
 def test_cones_are_those_of_the_reported_radii() -> None:
-    said, sun = drawn(60, 8.0)
-    answers = [sun_from_prediction(p) for p in said]
+    predictions, sun = drawn(60, 8.0)
+    answers = [sun_from_prediction(p) for p in predictions]
     error = angle_between(sun, direction([a.azimuth for a in answers], [a.elevation for a in answers]))
-    levels = _cone_levels(said, sun)
+    levels = _cone_levels(predictions, sun)
     np.testing.assert_array_equal(levels <= 0.5, error <= [a.radius_50 for a in answers])
     np.testing.assert_array_equal(levels <= 0.9, error <= [a.radius_90 for a in answers])
 
@@ -89,24 +89,28 @@ def test_the_table_sets_found_beside_expected(tmp_path: Path) -> None:
 
 
 def test_tempering_is_a_power_that_sums_to_one() -> None:
-    said = grid_prediction(np.array([0.64, 0.16, 0.16, 0.04]))
-    np.testing.assert_allclose(_tempered(said, 2.0).sun_probability, [0.8 / 1.8, 0.4 / 1.8, 0.4 / 1.8, 0.2 / 1.8], 1e-6)
-    np.testing.assert_allclose(_tempered(said, 1.0).sun_probability, said.sun_probability, 1e-6)
+    predictions = grid_prediction(np.array([0.64, 0.16, 0.16, 0.04]))
+    np.testing.assert_allclose(
+        _tempered(predictions, 2.0).sun_probability, [0.8 / 1.8, 0.4 / 1.8, 0.4 / 1.8, 0.2 / 1.8], 1e-6
+    )
+    np.testing.assert_allclose(_tempered(predictions, 1.0).sun_probability, predictions.sun_probability, 1e-6)
 
 
 @pytest.mark.parametrize("temperature", [0.6, 1.0, 1.7])
 def test_the_temperature_that_was_taken_away_is_found_again(temperature: float) -> None:
-    said, sun = drawn(300, 30.0)
-    assert _fitted([_tempered(p, 1 / temperature) for p in said], sun) == pytest.approx(temperature, rel=0.1)
+    predictions, sun = drawn(300, 30.0)
+    assert _fit_temperature([_tempered(p, 1 / temperature) for p in predictions], sun) == pytest.approx(
+        temperature, rel=0.1
+    )
 
 
 def test_an_impossible_sun_costs_much_but_not_everything() -> None:
-    said = [grid_prediction(np.r_[1.0, np.zeros(1023)])]
-    assert np.isfinite(_fitted(said, np.array([[0.0, -1.0, 0.0]])))
+    predictions = [grid_prediction(np.r_[1.0, np.zeros(1023)])]
+    assert np.isfinite(_fit_temperature(predictions, np.array([[0.0, -1.0, 0.0]])))
 
 
 @pytest.mark.slow
-def test_each_half_is_fitted_on_its_own_places_and_measured_on_the_others() -> None:
+def test_each_half_is_fit_temperature_on_its_own_places_and_measured_on_the_others() -> None:
     truth = truth_of(8)
     sharp = [_tempered(p, 0.5) for p in erring(truth, shared=False)]
     text = temperature_report("paper", truth, sharp)
