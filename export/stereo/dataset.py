@@ -12,6 +12,7 @@ from export.data.panoramas import DataError
 from export.stereo.renders import Material, cast_shadows, shade_surface
 from export.stereo.surfaces import (
     Surface,
+    TriangleMesh,
     is_held_out,
     project_mesh,
     random_relief,
@@ -120,7 +121,7 @@ class Sample:
     truth: NDArray[np.float16]  # (3, CROP, CROP), true normals
 
 
-def read_meshes(folder: Path) -> list[Mesh]:
+def read_meshes(folder: Path) -> list[TriangleMesh]:
     """The meshes to train on in a folder; DataError if it holds none."""
     files = [file for file in sorted(folder.glob("*.obj")) if not is_held_out(file)]
     if not files:
@@ -128,7 +129,7 @@ def read_meshes(folder: Path) -> list[Mesh]:
     return [read_mesh(file) for file in files]
 
 
-def generate_samples(meshes: list[Mesh], seed: int) -> Iterator[Sample]:
+def generate_samples(meshes: list[TriangleMesh], seed: int) -> Iterator[Sample]:
     """Samples without end; the same seed gives the same ones."""
     rng = np.random.default_rng(seed)
     views: list[Surface] = []
@@ -137,7 +138,7 @@ def generate_samples(meshes: list[Mesh], seed: int) -> Iterator[Sample]:
         yield from _of_surface(surface, _random_day(rng), rng)
 
 
-def _seen(meshes: list[Mesh], views: list[Surface], rng: np.random.Generator) -> Surface:
+def _seen(meshes: list[TriangleMesh], views: list[Surface], rng: np.random.Generator) -> Surface:
     """A new view of a mesh or, since they take long to make, mostly an earlier one turned or mirrored."""
     if len(views) < _VIEWS and (not views or rng.random() < _NEW):
         views.append(project_mesh(meshes[rng.integers(len(meshes))], random_rotation(rng), _size(rng), rng))

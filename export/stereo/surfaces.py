@@ -16,7 +16,7 @@ from lighting.geometry import Floats
 # Surfaces to light: what one camera sees of a mesh or of a made relief, as normals and heights.
 
 Image = NDArray[np.float32]
-Mesh = tuple[Image, NDArray[np.intp]]  # vertices (V, 3) and triangles (F, 3)
+TriangleMesh = tuple[Image, NDArray[np.intp]]  # vertices (V, 3) and triangles (F, 3)
 
 HELD_OUT = ("spot", "skull", "demosthenes")  # meshes that training never sees
 
@@ -37,7 +37,7 @@ def is_held_out(path: Path) -> bool:
     return path.stem.split("-")[0].split("_")[0] in HELD_OUT
 
 
-def read_mesh(path: Path) -> Mesh:
+def read_mesh(path: Path) -> TriangleMesh:
     """Vertices (V, 3) and triangles (F, 3) of an OBJ file; faces of more corners are cut into fans."""
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
@@ -61,7 +61,7 @@ def _vertex_normals(vertices: Image, triangles: NDArray[np.intp]) -> Image:
     return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-20))
 
 
-def project_mesh(mesh: Mesh, rotation: Floats, size: int, rng: np.random.Generator) -> Surface:
+def project_mesh(mesh: TriangleMesh, rotation: Floats, size: int, rng: np.random.Generator) -> Surface:
     """A mesh rotated and fitted to a picture.
 
     Each pixel shows the nearest of many points spread over the triangles by their area.
