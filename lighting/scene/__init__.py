@@ -1,15 +1,14 @@
 """A photo's light as a scene for other tools: an entry of EXPORTERS and a module each.
 
 `make_scene` computes a Scene once; `write_scene` and `zip_scene` have a tool's entry write it. The command line, the
-service and the checks that no file of the user is replaced read the entries.
+service and the checks that no file of the user is replaced read the entries. Nothing here needs numpy: the command
+line's help reads it, too.
 """
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
-
-# What an entry of EXPORTERS says about a tool; light enough for the command line's help.
 
 PLATE, ENVIRONMENT, RECORD, LIT_GROUND = "plate.png", "environment.exr", "lighting.json", "lit_ground.png"
 SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND)  # the same for every tool that has them
@@ -35,15 +34,18 @@ class Exporter:
 
 
 def import_function(module: str, name: str) -> Callable[..., Any]:
-    """A function of a module, which is imported when it is first called."""
+    """A function of a module, which is imported when it is first called.
+
+    Args:
+        module: its dotted name.
+        name: of the function.
+    """
 
     def call(*arguments: Any, **options: Any) -> Any:
         return getattr(import_module(module), name)(*arguments, **options)
 
     return call
 
-
-# A photo's light as a scene for other tools: an entry of EXPORTERS and a module each.
 
 EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
@@ -67,7 +69,12 @@ EXPORTERS: dict[str, Exporter] = {
 
 
 def unsupported_options(options: Collection[str], tool: str) -> dict[str, str]:
-    """Those of the options that other tools alone take, each with such a tool."""
+    """Those of the options that other tools alone take, each with such a tool.
+
+    Args:
+        options: names of them.
+        tool: its name in EXPORTERS.
+    """
     others = set(options) - set(EXPORTERS[tool].options)
     return {name: owner for owner, entry in EXPORTERS.items() for name in entry.options if name in others}
 

@@ -10,13 +10,13 @@ import sys
 from importlib.resources import files
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import to_z_up
+from lighting.records import Json
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE
 from lighting.scene.records import (
     FAR,
@@ -39,7 +39,12 @@ YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
 def write_blender(scene: Scene, folder: Folder) -> None:
-    """Write SCRIPT, the NUMBERS that it reads and the shared files; in a folder on disk also FILE where bpy is."""
+    """Write SCRIPT, the NUMBERS that it reads and the shared files; in a folder on disk also FILE where bpy is.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where the files go.
+    """
     write_shared_files(scene, folder)
     (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
     (folder / SCRIPT).write_text(read_data_text("blender_scene.py"), encoding="utf-8")
@@ -48,7 +53,11 @@ def write_blender(scene: Scene, folder: Folder) -> None:
 
 
 def animate_blender(motion: CameraMotion) -> dict[str, str]:
-    """SHOT_SCRIPT, which builds the scene and sets key frames, and the SHOT_NUMBERS that it reads."""
+    """SHOT_SCRIPT, which builds the scene and sets key frames, and the SHOT_NUMBERS that it reads.
+
+    Args:
+        motion: of the camera.
+    """
     matrices = motion.matrices.copy()
     matrices[:, :3] = np.swapaxes(to_z_up(np.swapaxes(matrices[:, :3], 1, 2)), 1, 2)
     numbers = {
@@ -72,8 +81,8 @@ def _save(folder: Path) -> None:
         raise SceneError(f"Blender could not build {FILE}: {lines[-1]}", code=ErrorCode.FAILED)
 
 
-def _description(scene: Scene) -> dict[str, Any]:
-    """The values that data/blender.py reads, in metres, degrees and millimetres; +Z up, the camera looks along +Y."""
+def _description(scene: Scene) -> Json:
+    """What data/blender_scene.py reads: meters, degrees, millimeters; +Z up, the camera looks along +Y."""
     matrix = scene.camera_matrix
     matrix[:3] = to_z_up(matrix[:3].T).T
     color, strength = color_and_intensity(scene.sun_irradiance)
@@ -99,7 +108,7 @@ def _description(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _native_sky(scene: Scene) -> dict[str, Any]:
+def _native_sky(scene: Scene) -> Json:
     return {
         "sun_direction": to_z_up(scene.sun_direction).tolist(),
         "turbidity": scene.lighting.turbidity,
@@ -108,8 +117,8 @@ def _native_sky(scene: Scene) -> dict[str, Any]:
     }
 
 
-def _placeholder(scene: Scene) -> dict[str, Any]:
-    """The stick's foot is given from the spot."""
+def _placeholder(scene: Scene) -> Json:
+    """The stick's foot is relative to the spot."""
     placeholder = make_placeholder(scene)
     return {
         "spot": to_z_up(scene.spot).tolist(),

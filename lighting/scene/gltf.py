@@ -1,4 +1,4 @@
-"""GlTF exporter and its meshes.
+"""A scene as one binary glTF 2.0 file, `scene.glb`.
 
 The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its
 angular size has no place there. glTF knows neither backgrounds nor shadow catchers: the plate is an unlit picture
@@ -17,15 +17,180 @@ from numpy.typing import NDArray
 from lighting.color import color_and_intensity
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
-from lighting.records import record_with_coefficients
+from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
 from lighting.scene.writer import Folder, encode_plate
 
-# Triangle meshes for formats without spheres and cylinders.
+FILE = "scene.glb"
+
+_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
+_FLOAT, _UNSIGNED_SHORT = 5126, 5123  # component types
+_VERTICES, _INDICES = 34962, 34963  # buffer targets
+_LINEAR, _CLAMPED = 9729, 33071  # of samplers
+_GROUND_IN_BALLS = 12.0  # the disc's radius / the ball's; it holds the shadow of a sun 12 deg high
+_BEHIND = 1.2  # the plate's distance / that of the disc's far edge
+
+_PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
 
 _SEGMENTS = 64  # around the axis
 _RINGS = 32  # of the ball, from pole to pole
-_SMALLEST = 1e-4  # area relative to the largest; smaller triangles are degenerate ones at a pole
+_MIN_AREA = 1e-4  # relative to the largest; smaller triangles are degenerate ones at a pole
+
+
+def write_gltf(scene: Scene, folder: Folder) -> None:
+    """Write FILE, which holds everything but the map.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where the files go.
+    """
+    binary = _Binary()
+    document = {
+        "asset": {
+            "version": "2.0",
+            "generator": SOFTWARE,
+            "extras": {"lighting": record_with_coefficients(scene.lighting)},
+        },
+        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
+        "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},
+        "scene": 0,
+        "scenes": [{"nodes": [0, 1, 2, 3, 4]}],
+        "nodes": _nodes(scene),
+        "cameras": [_camera(scene)],
+        "materials": _materials(scene),
+        "meshes": _meshes(scene, binary),
+        "textures": [{"source": 0, "sampler": 0}],
+        "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
+        "images": [binary.png(encode_plate(scene))],
+    }
+    (folder / FILE).write_bytes(binary.packed(document))
+
+
+def _nodes(scene: Scene) -> list[Json]:
+    """Camera, plate, sun, ground, and the spot for the user's object with the placeholder."""
+    placeholder, plate = make_placeholder(scene), scene.camera_matrix
+    plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
+    return [
+        {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
+        {"name": "Plate", "mesh": 3, "matrix": _columns(plate)},  # not the camera's child, which Babylon.js mirrors
+        {
+            "name": "Sun",
+            "matrix": _columns(scene.sun_matrix),
+            "extensions": {"KHR_lights_punctual": {"light": 0}},
+        },
+        {"name": "Ground", "mesh": 2, "translation": scene.spot.tolist()},
+        {"name": "YourObject", "translation": scene.spot.tolist(), "children": [5, 6]},
+        {"name": "Ball", "mesh": 0, "translation": placeholder.ball_center.tolist()},
+        {"name": "Stick", "mesh": 1, "translation": placeholder.stick_foot.tolist()},
+    ]
+
+
+def _columns(matrix: NDArray[Any]) -> list[float]:
+    return [float(value) for value in matrix.T.ravel()]
+
+
+def _plate_distance(scene: Scene) -> float:
+    """Metres along the camera's axis."""
+    to_spot = float(np.linalg.norm(scene.spot - scene.camera_position))
+    return _BEHIND * (to_spot + _GROUND_IN_BALLS * make_placeholder(scene).ball_radius)
+
+
+def _sun(scene: Scene) -> Json:
+    color, intensity = color_and_intensity(scene.sun_irradiance)
+    return {"name": "Sun", "type": "directional", "color": color.tolist(), "intensity": intensity}
+
+
+def _camera(scene: Scene) -> Json:
+    perspective = {
+        "yfov": float(np.radians(scene.vertical_fov)),
+        "aspectRatio": scene.width / scene.height,
+        "znear": NEAR,
+        "zfar": FAR,
+    }
+    return {"name": "Camera", "type": "perspective", "perspective": perspective}
+
+
+def _materials(scene: Scene) -> list[Json]:
+    return [
+        _diffuse("Placeholder", [PLACEHOLDER_ALBEDO] * 3),
+        _diffuse("Ground", scene.ground.tolist()),
+        {
+            "name": "Plate",
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
+            "extensions": {"KHR_materials_unlit": {}},
+        },
+    ]
+
+
+def _diffuse(name: str, albedo: list[float]) -> Json:
+    surface = {"baseColorFactor": [*albedo, 1], "metallicFactor": 0, "roughnessFactor": 1}
+    return {"name": name, "pbrMetallicRoughness": surface}
+
+
+def _meshes(scene: Scene, binary: "_Binary") -> list[Json]:
+    placeholder = make_placeholder(scene)
+    height = 2 * _plate_distance(scene) * float(np.tan(np.radians(scene.vertical_fov) / 2))
+    parts = [
+        ("Ball", _ball(placeholder.ball_radius), _PLACEHOLDER),
+        ("Stick", _stick(placeholder.stick_radius, placeholder.stick_height), _PLACEHOLDER),
+        ("Ground", _disc(_GROUND_IN_BALLS * placeholder.ball_radius), _GROUND),
+        ("Plate", _picture(height * scene.width / scene.height, height), _PLATE),
+    ]
+    return [{"name": name, "primitives": [binary.primitive(mesh, material)]} for name, mesh, material in parts]
+
+
+class _Binary:
+    """The file's binary part and the lists that describe it."""
+
+    def __init__(self) -> None:
+        self._data = bytearray()
+        self._views: list[Json] = []
+        self._accessors: list[Json] = []
+
+    def png(self, data: bytes) -> Json:
+        return {"mimeType": "image/png", "bufferView": self._view(data)}
+
+    def primitive(self, mesh: "_Mesh", material: int) -> Json:
+        attributes = {"POSITION": self._vectors(mesh.positions), "NORMAL": self._vectors(mesh.normals)}
+        if mesh.coordinates is not None:
+            attributes["TEXCOORD_0"] = self._vectors(mesh.coordinates)
+        view = self._view(mesh.triangles.tobytes(), target=_INDICES)
+        indices = self._accessor(view, _UNSIGNED_SHORT, mesh.triangles.size, "SCALAR")
+        return {"attributes": attributes, "indices": indices, "material": material}
+
+    def packed(self, document: Json) -> bytes:
+        """The whole file."""
+        described = {
+            **document,
+            "accessors": self._accessors,
+            "bufferViews": self._views,
+            "buffers": [{"byteLength": len(self._data)}],
+        }
+        text = _padded(json.dumps(described, separators=(",", ":")).encode(), b" ")
+        chunks = struct.pack("<II", len(text), _JSON) + text
+        chunks += struct.pack("<II", len(self._data), _BIN) + self._data
+        return struct.pack("<III", _MAGIC, 2, 12 + len(chunks)) + chunks
+
+    def _vectors(self, values: NDArray[np.float32]) -> int:
+        view = self._view(values.tobytes(), target=_VERTICES)
+        limits = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
+        return self._accessor(view, _FLOAT, len(values), f"VEC{values.shape[1]}", **limits)
+
+    def _accessor(self, view: int, component: int, count: int, kind: str, **limits: list[float]) -> int:
+        self._accessors.append({"bufferView": view, "componentType": component, "count": count, "type": kind, **limits})
+        return len(self._accessors) - 1
+
+    def _view(self, data: bytes, **target: int) -> int:
+        self._views.append({"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data), **target})
+        self._data += _padded(data, b"\0")
+        return len(self._views) - 1
+
+
+def _padded(data: bytes, filler: bytes) -> bytes:
+    return data + filler * (-len(data) % 4)
+
+
+# Triangle meshes.
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,171 +242,9 @@ def _surface_of_revolution(profile: Floats, normals: Floats) -> _Mesh:
     triangles = np.stack([first, first + 1, above + 1, first, above + 1, above], axis=-1).reshape(-1, 3)
     corners = _flat(points)[triangles]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=-1)
-    kept = triangles[area > _SMALLEST * area.max()]
+    kept = triangles[area > _MIN_AREA * area.max()]
     return _Mesh(_flat(points), _flat(outward), kept.astype(np.uint16))
 
 
 def _flat(values: Floats) -> NDArray[np.float32]:
     return values.reshape(-1, 3).astype(np.float32)
-
-
-# A scene as one binary glTF 2.0 file, `scene.glb`.
-
-FILE = "scene.glb"
-
-_MAGIC, _JSON, _BIN = 0x46546C67, 0x4E4F534A, 0x004E4942
-_FLOAT, _UNSIGNED_SHORT = 5126, 5123  # component types
-_VERTICES, _INDICES = 34962, 34963  # buffer targets
-_LINEAR, _CLAMPED = 9729, 33071  # of samplers
-_GROUND_IN_BALLS = 12.0  # the disc's radius / the ball's; it holds the shadow of a sun 12 deg high
-_BEHIND = 1.2  # the plate's distance / that of the disc's far edge
-
-_PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
-
-
-def write_gltf(scene: Scene, folder: Folder) -> None:
-    """Write FILE, which holds everything but the map."""
-    binary = _Binary()
-    document = {
-        "asset": {
-            "version": "2.0",
-            "generator": SOFTWARE,
-            "extras": {"lighting": record_with_coefficients(scene.lighting)},
-        },
-        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
-        "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},
-        "scene": 0,
-        "scenes": [{"nodes": [0, 1, 2, 3, 4]}],
-        "nodes": _nodes(scene),
-        "cameras": [_camera(scene)],
-        "materials": _materials(scene),
-        "meshes": _meshes(scene, binary),
-        "textures": [{"source": 0, "sampler": 0}],
-        "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
-        "images": [binary.png(encode_plate(scene))],
-    }
-    (folder / FILE).write_bytes(binary.packed(document))
-
-
-def _nodes(scene: Scene) -> list[dict[str, Any]]:
-    """Camera, plate, sun, ground, and the spot for the user's object with the placeholder."""
-    placeholder, plate = make_placeholder(scene), scene.camera_matrix
-    plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
-    return [
-        {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
-        {"name": "Plate", "mesh": 3, "matrix": _columns(plate)},  # not the camera's child, which Babylon.js mirrors
-        {
-            "name": "Sun",
-            "matrix": _columns(scene.sun_matrix),
-            "extensions": {"KHR_lights_punctual": {"light": 0}},
-        },
-        {"name": "Ground", "mesh": 2, "translation": scene.spot.tolist()},
-        {"name": "YourObject", "translation": scene.spot.tolist(), "children": [5, 6]},
-        {"name": "Ball", "mesh": 0, "translation": placeholder.ball_center.tolist()},
-        {"name": "Stick", "mesh": 1, "translation": placeholder.stick_foot.tolist()},
-    ]
-
-
-def _columns(matrix: NDArray[Any]) -> list[float]:
-    return [float(value) for value in matrix.T.ravel()]
-
-
-def _plate_distance(scene: Scene) -> float:
-    """Metres along the camera's axis."""
-    to_spot = float(np.linalg.norm(scene.spot - scene.camera_position))
-    return _BEHIND * (to_spot + _GROUND_IN_BALLS * make_placeholder(scene).ball_radius)
-
-
-def _sun(scene: Scene) -> dict[str, Any]:
-    color, intensity = color_and_intensity(scene.sun_irradiance)
-    return {"name": "Sun", "type": "directional", "color": color.tolist(), "intensity": intensity}
-
-
-def _camera(scene: Scene) -> dict[str, Any]:
-    perspective = {
-        "yfov": float(np.radians(scene.vertical_fov)),
-        "aspectRatio": scene.width / scene.height,
-        "znear": NEAR,
-        "zfar": FAR,
-    }
-    return {"name": "Camera", "type": "perspective", "perspective": perspective}
-
-
-def _materials(scene: Scene) -> list[dict[str, Any]]:
-    return [
-        _diffuse("Placeholder", [PLACEHOLDER_ALBEDO] * 3),
-        _diffuse("Ground", scene.ground.tolist()),
-        {
-            "name": "Plate",
-            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0},
-            "extensions": {"KHR_materials_unlit": {}},
-        },
-    ]
-
-
-def _diffuse(name: str, albedo: list[float]) -> dict[str, Any]:
-    surface = {"baseColorFactor": [*albedo, 1], "metallicFactor": 0, "roughnessFactor": 1}
-    return {"name": name, "pbrMetallicRoughness": surface}
-
-
-def _meshes(scene: Scene, binary: "_Binary") -> list[dict[str, Any]]:
-    placeholder = make_placeholder(scene)
-    height = 2 * _plate_distance(scene) * float(np.tan(np.radians(scene.vertical_fov) / 2))
-    parts = [
-        ("Ball", _ball(placeholder.ball_radius), _PLACEHOLDER),
-        ("Stick", _stick(placeholder.stick_radius, placeholder.stick_height), _PLACEHOLDER),
-        ("Ground", _disc(_GROUND_IN_BALLS * placeholder.ball_radius), _GROUND),
-        ("Plate", _picture(height * scene.width / scene.height, height), _PLATE),
-    ]
-    return [{"name": name, "primitives": [binary.primitive(mesh, material)]} for name, mesh, material in parts]
-
-
-class _Binary:
-    """The file's binary part and the lists that describe it."""
-
-    def __init__(self) -> None:
-        self._data = bytearray()
-        self._views: list[dict[str, Any]] = []
-        self._accessors: list[dict[str, Any]] = []
-
-    def png(self, data: bytes) -> dict[str, Any]:
-        return {"mimeType": "image/png", "bufferView": self._view(data)}
-
-    def primitive(self, mesh: _Mesh, material: int) -> dict[str, Any]:
-        attributes = {"POSITION": self._vectors(mesh.positions), "NORMAL": self._vectors(mesh.normals)}
-        if mesh.coordinates is not None:
-            attributes["TEXCOORD_0"] = self._vectors(mesh.coordinates)
-        view = self._view(mesh.triangles.tobytes(), target=_INDICES)
-        indices = self._accessor(view, _UNSIGNED_SHORT, mesh.triangles.size, "SCALAR")
-        return {"attributes": attributes, "indices": indices, "material": material}
-
-    def packed(self, document: dict[str, Any]) -> bytes:
-        """The whole file."""
-        described = {
-            **document,
-            "accessors": self._accessors,
-            "bufferViews": self._views,
-            "buffers": [{"byteLength": len(self._data)}],
-        }
-        text = _padded(json.dumps(described, separators=(",", ":")).encode(), b" ")
-        chunks = struct.pack("<II", len(text), _JSON) + text
-        chunks += struct.pack("<II", len(self._data), _BIN) + self._data
-        return struct.pack("<III", _MAGIC, 2, 12 + len(chunks)) + chunks
-
-    def _vectors(self, values: NDArray[np.float32]) -> int:
-        view = self._view(values.tobytes(), target=_VERTICES)
-        limits = {"min": values.min(axis=0).tolist(), "max": values.max(axis=0).tolist()}
-        return self._accessor(view, _FLOAT, len(values), f"VEC{values.shape[1]}", **limits)
-
-    def _accessor(self, view: int, component: int, count: int, kind: str, **limits: list[float]) -> int:
-        self._accessors.append({"bufferView": view, "componentType": component, "count": count, "type": kind, **limits})
-        return len(self._accessors) - 1
-
-    def _view(self, data: bytes, **target: int) -> int:
-        self._views.append({"buffer": 0, "byteOffset": len(self._data), "byteLength": len(data), **target})
-        self._data += _padded(data, b"\0")
-        return len(self._views) - 1
-
-
-def _padded(data: bytes, filler: bytes) -> bytes:
-    return data + filler * (-len(data) % 4)

@@ -19,7 +19,12 @@ _HALF_ANGLE = np.radians(SUN_ANGLE / 2)
 
 
 def write_mitsuba(scene: Scene, folder: Folder) -> None:
-    """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files."""
+    """Write SCENE, which includes CAMERA, LIGHT (with the ground) and OBJECT, then COMPOSITE and the shared files.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where the files go.
+    """
     write_shared_files(scene, folder)
     for name, values in (
         (SCENE, {}),

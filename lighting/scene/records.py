@@ -1,4 +1,4 @@
-"""Scene: camera, sun, map, ground, placeholder.
+"""A photo's scene: its camera, sun, map and ground, and a placeholder for the user's object.
 
 The frame is that of geometry.py in metres: +Y up, the camera looks along -Z at azimuth 0, the ground is y = 0 and the
 camera stands over its origin at EYE_HEIGHT. Light is in the map's units, `exposure` x the sky model's radiance, which
@@ -34,8 +34,6 @@ from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, check_lighting
 
-# The parts of a scene, computed once and in one frame for every tool.
-
 SUN_ANGLE = 2 * SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
 GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
@@ -43,16 +41,17 @@ NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
 
 MAP_HEIGHT = 512  # rows of the environment map
 BALL = 0.08  # radius of the placeholder's ball on the spot, in picture heights
+PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' gray ball
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
-_LEAST_DESCENT = 0.05  # least slope of the line from camera to spot, for cameras that are level or look up
+_MIN_DESCENT = 0.05  # slope of the line from camera to spot, for cameras that are level or look up
 _HIDDEN_SPOT = (
     "The picture shows no ground where an object could stand: it would stand {:.0f} m ahead, below the picture's edge."
 )
 _SHADED_SPOT = (
     "The object would stand in the photo's shade, so the scene takes the sun from it, as far as the tool knows how."
 )
-_IN_SHADE = 0.5  # share of the sun at the spot, below which what stands there counts as in shade
+_MIN_SUNLIT = 0.5  # share of the sun at the spot, below which what stands there counts as in shade
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,31 +65,29 @@ class Scene:
     sky_irradiance: Floats  # (3,) on open level ground, without the sun
     lit_ground: NDArray[np.float32]  # (H, W) of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere
 
-    # --- camera
-
     @property
     def width(self) -> int:
-        """Width of the plate, pixels."""
+        """Of the plate, pixels."""
         return int(self.plate.shape[1])
 
     @property
     def height(self) -> int:
-        """Height of the plate, pixels."""
+        """Of the plate, pixels."""
         return int(self.plate.shape[0])
 
     @property
     def vertical_fov(self) -> float:
-        """Degrees."""
+        """Of the camera, deg."""
         return self.lighting.vertical_fov
 
     @property
     def sensor_width(self) -> float:
-        """Millimetres, for square pixels on a sensor of SENSOR_HEIGHT."""
+        """Of the camera in mm, for square pixels on a sensor of SENSOR_HEIGHT."""
         return SENSOR_HEIGHT * self.width / self.height
 
     @property
     def focal_length(self) -> float:
-        """Millimetres."""
+        """Of the camera, mm."""
         return focal_length(SENSOR_HEIGHT, self.vertical_fov)
 
     @property
@@ -100,6 +97,7 @@ class Scene:
 
     @property
     def camera_position(self) -> Floats:
+        """(3,) meters; the camera is over the origin."""
         return np.array([0.0, EYE_HEIGHT, 0.0])
 
     @property
@@ -109,8 +107,6 @@ class Scene:
         matrix = np.eye(4)
         matrix[:3] = np.stack([right, up, -forward, self.camera_position], axis=1)
         return matrix
-
-    # --- light
 
     @property
     def sun_direction(self) -> Floats:
@@ -137,15 +133,13 @@ class Scene:
         """Reflectance (3,) of the ground."""
         return ground_reflectance(self.lighting)
 
-    # --- the user's object
-
     @cached_property
     def spot(self) -> Floats:
         """Where the user's object goes: the point (3,) on the ground that the lower middle of the picture shows."""
         _, up, forward = self.camera_axes
         sight = forward - OBJECT_POSITION * np.tan(np.radians(self.vertical_fov) / 2) * up
         ahead = np.array([sight[0], 0.0, sight[2]])
-        slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _LEAST_DESCENT)
+        slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _MIN_DESCENT)
         return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * EYE_HEIGHT / slope)
 
     @cached_property
@@ -156,7 +150,7 @@ class Scene:
     @property
     def spot_in_shade(self) -> bool:
         """Whether less than half of the sun reaches it, for tools that can only light it by the sun or not."""
-        return self.spot_lit < _IN_SHADE
+        return self.spot_lit < _MIN_SUNLIT
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -198,9 +192,16 @@ def make_scene(
 ) -> Scene:
     """The scene of a photo under its lighting.
 
-    `sun` says whether direct sunlight reaches it; None leaves that to `Lighting.sun_painted`. With a
-    `place` the map shows it. Raises ParameterError for a `map_height` that `envmap.render` refuses, and for what is no
-    Lighting or Place; PhotoError for what is no Photo.
+    Args:
+        photo: the plate.
+        lighting: its light and camera.
+        map_height: rows of the environment map.
+        sun: whether direct sunlight reaches the scene; None leaves that to `Lighting.sun_painted`.
+        context: what the map shows of the place; None for sky and ground alone.
+
+    Raises:
+        ParameterError: `lighting`, `map_height` or `context` is none.
+        PhotoError: `photo` is none.
     """
     check_lighting(lighting)
     check_photo(photo)
@@ -214,14 +215,12 @@ def make_scene(
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)
 
 
-# What stands on a scene's spot until the user puts an object there: a ball and, to its right, an upright stick.
-
-PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' grey ball
-
-
 @dataclass(frozen=True, eq=False)
 class _Placeholder:
-    """Lengths in metres, points (3,) from the scene's spot, +Y up."""
+    """What is on the spot until the user puts an object there: a ball and, to its right, an upright stick.
+
+    Lengths in meters, points (3,) from the scene's spot, +Y up.
+    """
 
     ball_radius: float
 
@@ -245,6 +244,10 @@ class _Placeholder:
 
 
 def make_placeholder(scene: Scene) -> _Placeholder:
-    """The placeholder of a scene, which always takes up the same part of the picture."""
+    """The placeholder of a scene, which always takes up the same part of the picture.
+
+    Args:
+        scene: made by `make_scene`.
+    """
     distance = float(np.linalg.norm(scene.spot - scene.camera_position))
     return _Placeholder(2 * BALL * distance * float(np.tan(np.radians(scene.vertical_fov) / 2)))

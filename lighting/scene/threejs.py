@@ -6,12 +6,11 @@ as the shadow map. Its lat-long maps have +X at the centre, so the map is turned
 
 import json
 from base64 import b64encode
-from typing import Any
 
 from lighting.color import color_and_intensity
 from lighting.envmap.relighting import rotate_envmap
 from lighting.files import encode_envmap
-from lighting.records import record_with_coefficients
+from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
 from lighting.scene.writer import Folder, encode_lit_ground, encode_plate, fill_template, read_data_text
 
@@ -21,7 +20,12 @@ _YAW = -90.0  # deg, turns the map so that three.js finds -Z where our maps have
 
 
 def write_threejs(scene: Scene, folder: Folder) -> None:
-    """Write PAGE."""
+    """Write PAGE.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where the files go.
+    """
     parts = {
         "scene": json.dumps(_description(scene)).replace("<", "\\u003c"),  # no text in it ends the script
         "three": read_data_text("three.min.js"),
@@ -30,7 +34,7 @@ def write_threejs(scene: Scene, folder: Folder) -> None:
     (folder / PAGE).write_text(fill_template("viewer.html", parts), encoding="utf-8")
 
 
-def _description(scene: Scene) -> dict[str, Any]:
+def _description(scene: Scene) -> Json:
     """The values that viewer.js reads, in metres and degrees; three.js has the frame of geometry.py."""
     placeholder = make_placeholder(scene)
     color, intensity = color_and_intensity(scene.sun_irradiance)

@@ -8,7 +8,6 @@ by which Omniverse RTX and Karma know one; to others it is a diffuse plane of th
 
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,14 +32,20 @@ STAGE, SHOT_STAGE = "scene.usda", "shot.usda"
 
 ToStage = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
-APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the metre
+APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the meter
 _UP = np.array([0.0, 1.0, 0.0])
 
 
 def write_usd(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
-    """Write STAGE and the files it refers to. Raises SceneError if `up_axis` is neither Y nor Z.
+    """Write STAGE and the files it refers to.
 
-    Where Z is up the camera looks along +Y at azimuth 0.
+    Args:
+        scene: made by `make_scene`.
+        folder: where the files go.
+        up_axis: "Y", or "Z", where the camera looks along +Y at azimuth 0.
+
+    Raises:
+        SceneError: `up_axis` is neither Y nor Z.
     """
     if up_axis not in ("Y", "Z"):
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.", "up_axis", ErrorCode.UNKNOWN)
@@ -49,7 +54,11 @@ def write_usd(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
 
 
 def animate_usd(motion: CameraMotion) -> dict[str, str]:
-    """SHOT_STAGE, which lays time samples over STAGE."""
+    """SHOT_STAGE, which lays time samples over STAGE.
+
+    Args:
+        motion: of the camera.
+    """
     samples = _samples(motion.frames, map(_rows, motion.matrices))
     lens = _samples(motion.frames, (f"{length:.6g}" for length in motion.focal_lengths / APERTURE_UNIT))
     stage = f"""#usda 1.0
@@ -91,7 +100,7 @@ def _rows(matrix: Floats) -> str:
     return f"( {', '.join(f'({row})' for row in rows)} )"
 
 
-def _values(scene: Scene, up_axis: str) -> dict[str, Any]:
+def _values(scene: Scene, up_axis: str) -> dict[str, object]:
     """The values of the placeholders in data/scene.usda; lengths in metres."""
     to_stage = partial(_to_stage, up_axis)
     return {
@@ -124,7 +133,7 @@ def _camera_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
     }
 
 
-def _light_values(scene: Scene, to_stage: ToStage) -> dict[str, Any]:
+def _light_values(scene: Scene, to_stage: ToStage) -> dict[str, object]:
     color, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "sky_matrix": _matrix(to_stage([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),

@@ -1,11 +1,11 @@
-"""Folder or ZIP, atomically; shared files; collision checks."""
+"""Scenes as folders and archives that appear only when they are whole, and files that several tools share."""
 
 import json
 import os
 import shutil
 import tempfile
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.resources import files
@@ -23,7 +23,7 @@ from lighting.records import record_with_coefficients
 from lighting.scene import ENVIRONMENT, EXPORTERS, LIT_GROUND, PLATE, RECORD
 from lighting.scene.records import Scene
 
-# Files and conversions that several writers share.
+_COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
 
 
 class _File(Protocol):
@@ -40,49 +40,23 @@ class Folder(Protocol):
     def __truediv__(self, name: str, /) -> _File: ...
 
 
-def write_shared_files(scene: Scene, folder: Folder) -> None:
-    """Write SHARED_FILES."""
-    (folder / PLATE).write_bytes(encode_plate(scene))
-    (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
-    (folder / RECORD).write_text(
-        json.dumps(record_with_coefficients(scene.lighting), indent=2) + "\n", encoding="utf-8"
-    )
-    (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
-
-
-def encode_plate(scene: Scene) -> bytes:
-    """The plate as PNG."""
-    return encode_png(scene.plate, compress_level=3)
-
-
-def encode_lit_ground(scene: Scene) -> bytes:
-    """Where the plate's ground lies in sunlight, as PNG of one channel: 0 in shade, 255 in sunlight or above ground."""
-    return encode_png(np.round(255 * scene.lit_ground).astype(np.uint8))
-
-
-def read_data_text(name: str) -> str:
-    """The text of a file in lighting/data/."""
-    return (files("lighting") / "data" / name).read_text(encoding="utf-8")
-
-
-def fill_template(name: str, values: dict[str, Any]) -> str:
-    """The same with its $placeholders replaced."""
-    return Template(read_data_text(name)).substitute(values)
-
-
-# Scenes as folders and archives that appear only when they are whole.
-
-_COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
-
-
 def write_scene(
     scene: Scene, tool: str, folder: str | os.PathLike[str], *, overwrite: bool = False, **options: Any
 ) -> None:
-    """Write the scene for one of EXPORTERS to a folder, which is new or empty unless `overwrite`.
+    """Write the scene for one of EXPORTERS to a folder.
 
-    Overwriting replaces the files that the scene consists of and leaves all others in the folder alone. `options` go
-    to the tool's `write`. Raises SceneError for another tool, for what is no Scene, for a folder that cannot be
-    written, and for one with a scene for another tool, in other light, that would be left with this one's map.
+    Overwriting replaces the files that the scene consists of and leaves all others in the folder alone.
+
+    Args:
+        scene: made by `make_scene`.
+        tool: its name in EXPORTERS.
+        folder: new or empty unless `overwrite`.
+        overwrite: whether files in the folder may be replaced.
+        options: go to the tool's `write`.
+
+    Raises:
+        SceneError: the tool or the scene is none, the folder cannot be written, or it holds a scene for another tool in
+        other light, which would be left with this one's map.
     """
     if not isinstance(folder, str | os.PathLike):
         raise SceneError(
@@ -91,11 +65,11 @@ def write_scene(
     target = Path(folder).resolve()
     check_scene_folder(target, overwrite=overwrite)
     try:
-        with _beside(target) as built:
+        with _temporary_folder(target) as built:
             _write(scene, tool, built, options)
             _check_listed(tool, {path.relative_to(built).as_posix() for path in built.rglob("*") if path.is_file()})
             if target.is_dir():
-                _check_others(built, target, tool)
+                _check_other_scenes(built, target, tool)
                 _replace_files(built, target)
             else:
                 built.replace(target)
@@ -106,8 +80,15 @@ def write_scene(
 def zip_scene(scene: Scene, tool: str, **options: Any) -> bytes:
     """The same files as a ZIP archive, made in memory; without the .blend file, which needs a disk.
 
-    The same scene makes the same bytes. Raises SceneError for another tool, and for what is no
-    Scene.
+    The same scene makes the same bytes.
+
+    Args:
+        scene: made by `make_scene`.
+        tool: its name in EXPORTERS.
+        options: go to the tool's `write`.
+
+    Raises:
+        SceneError: the tool or the scene is none.
     """
     stream = BytesIO()
     with zipfile.ZipFile(stream, "w") as archive:
@@ -143,12 +124,20 @@ class _Member:
 
 
 def check_scene_folder(target: Path, *, overwrite: bool) -> None:
-    """Raise SceneError if the folder of a scene cannot be written, or is not empty and `overwrite` is false."""
+    """Check that a scene can be written to a folder.
+
+    Args:
+        target: the folder.
+        overwrite: whether it may hold files already.
+
+    Raises:
+        SceneError: it cannot be written, or is not empty and `overwrite` is false.
+    """
     if objection := output_folder_error(target, overwrite=overwrite, what="the scene", need="a scene is a folder"):
         raise SceneError(objection)
 
 
-def _write(scene: Scene, tool: str, folder: Folder, options: dict[str, Any]) -> None:
+def _write(scene: Scene, tool: str, folder: Folder, options: Mapping[str, object]) -> None:
     if tool not in EXPORTERS:
         raise SceneError(
             f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}.", "tool", ErrorCode.UNKNOWN
@@ -167,7 +156,7 @@ def _check_listed(tool: str, written: set[str]) -> None:
 
 
 @contextmanager
-def _beside(target: Path) -> Iterator[Path]:
+def _temporary_folder(target: Path) -> Iterator[Path]:
     """A temporary folder next to the target, removed at the end unless it was renamed."""
     name = tempfile.mkdtemp(prefix=".", dir=target.parent)
     built = Path(name)
@@ -178,9 +167,9 @@ def _beside(target: Path) -> Iterator[Path]:
         shutil.rmtree(name, ignore_errors=True)
 
 
-def _check_others(source: Path, target: Path, tool: str) -> None:
+def _check_other_scenes(source: Path, target: Path, tool: str) -> None:
     """Raise SceneError where the map and plate of another tool's scene would become those of another light."""
-    if not (source / RECORD).exists() or _same(source / RECORD, target / RECORD):
+    if not (source / RECORD).exists() or _same_file(source / RECORD, target / RECORD):
         return
     for other, entry in EXPORTERS.items():
         main = entry.files[0]
@@ -188,7 +177,7 @@ def _check_others(source: Path, target: Path, tool: str) -> None:
             raise SceneError(f"{target} holds a scene for {other} in other light, {main}; choose another folder.")
 
 
-def _same(one: Path, other: Path) -> bool:
+def _same_file(one: Path, other: Path) -> bool:
     return other.is_file() and one.read_bytes() == other.read_bytes()
 
 
@@ -197,3 +186,58 @@ def _replace_files(source: Path, target: Path) -> None:
         destination = target / file.relative_to(source)
         destination.parent.mkdir(parents=True, exist_ok=True)
         file.replace(destination)
+
+
+# Files that several tools share.
+
+
+def write_shared_files(scene: Scene, folder: Folder) -> None:
+    """Write SHARED_FILES.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where they go.
+    """
+    (folder / PLATE).write_bytes(encode_plate(scene))
+    (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
+    (folder / RECORD).write_text(
+        json.dumps(record_with_coefficients(scene.lighting), indent=2) + "\n", encoding="utf-8"
+    )
+    (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
+
+
+def encode_plate(scene: Scene) -> bytes:
+    """The plate as PNG.
+
+    Args:
+        scene: made by `make_scene`.
+    """
+    return encode_png(scene.plate, compress_level=3)
+
+
+def encode_lit_ground(scene: Scene) -> bytes:
+    """Where the plate's ground lies in sunlight, as PNG of one channel: 0 in shade, 255 in sunlight or above ground.
+
+    Args:
+        scene: made by `make_scene`.
+    """
+    return encode_png(np.round(255 * scene.lit_ground).astype(np.uint8))
+
+
+def read_data_text(name: str) -> str:
+    """The text of a file in lighting/data/.
+
+    Args:
+        name: of the file.
+    """
+    return (files("lighting") / "data" / name).read_text(encoding="utf-8")
+
+
+def fill_template(name: str, values: Mapping[str, object]) -> str:
+    """The text of a file in lighting/data/ with its $placeholders replaced.
+
+    Args:
+        name: of the file.
+        values: of all placeholders, by name.
+    """
+    return Template(read_data_text(name)).substitute(values)
