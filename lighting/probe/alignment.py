@@ -236,7 +236,7 @@ def _offset_errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
 def _minimum_offset(offsets: Floats, errors: Floats) -> float:
     """The offset of the least error, between the steps by a parabola, in (-180, 180]."""
     index = int(errors.argmin())
-    before, at, after = errors[index - 1], errors[index], errors[(index + 1) % len(errors)]
-    curvature = before - 2 * at + after
+    before, lowest, after = errors[index - 1], errors[index], errors[(index + 1) % len(errors)]
+    curvature = before - 2 * lowest + after
     shift = 0.5 * (before - after) / curvature if curvature > 0 else 0.0
     return float(wrap_azimuth(offsets[index] + shift * _OFFSET_STEP))

@@ -263,6 +263,6 @@ def _reduce_picture(picture: Floats, lens: Lens, height: int) -> tuple[Floats, L
     rows, columns = (-(-size // factor) for size in picture.shape[:2])
     padding = [(0, rows * factor - lens.height), (0, columns * factor - lens.width), (0, 0)]
     blocks = np.pad(picture, padding).reshape(rows, factor, columns, factor, -1)
-    centre = (lens.centre[0] / factor, lens.centre[1] / factor)
-    small = replace(lens, width=columns, height=rows, centre=centre, radius=lens.radius / factor)
+    center = (lens.centre[0] / factor, lens.centre[1] / factor)
+    small = replace(lens, width=columns, height=rows, centre=center, radius=lens.radius / factor)
     return blocks.mean(axis=(1, 3)), small

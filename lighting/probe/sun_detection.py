@@ -137,10 +137,10 @@ def _locate_region(region: Mask, value: Floats) -> DetectedSun:
     return DetectedSun(float(azimuth), float(elevation), radius)
 
 
-def _blur(image: Floats, sigma: float) -> Floats:
-    """A lat-long image (H, 2H) blurred by a Gaussian of `sigma` [deg] on the sphere, to first order."""
+def _blur(image: Floats, std: float) -> Floats:
+    """A lat-long image (H, 2H) blurred by a Gaussian of `std` [deg] on the sphere, to first order."""
     height, width = image.shape
-    rows = sigma / 180.0 * height
+    rows = std / 180.0 * height
     pad = min(math.ceil(3 * rows), height)
     opposite = np.roll(image, width // 2, axis=1)
     tall = np.concatenate([opposite[:pad][::-1], image, opposite[-pad:][::-1]])

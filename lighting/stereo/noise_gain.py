@@ -195,7 +195,7 @@ def named_normals(facing: float | None) -> tuple[list[NamedNormal], Floats]:
         slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
         orientations = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
     else:
-        front, *sides = ((facing + turn) % 360.0 for turn in (0.0, -45.0, 45.0))
+        front, *sides = ((facing + offset) % 360.0 for offset in (0.0, -45.0, 45.0))
         tilted = [("ahead", front, 0.0), ("45° up", front, 45.0), ("45° down", front, -45.0)]
         orientations = [*tilted, *((f"towards {azimuth:g}°", azimuth, 0.0) for azimuth in sides)]
     return orientations, direction(

@@ -182,8 +182,8 @@ def _slopes(normal: Image, focal: float | None) -> tuple[Floats, Floats]:
     height, width = z.shape
     right = np.arange(width) - (width - 1) / 2
     up = (height - 1) / 2 - np.arange(height)
-    towards = np.maximum(focal * z - right[None, :] * x - up[:, None] * y, _MIN_SLOPE_Z * focal)
-    return x / towards, -y / towards
+    depth_slope = np.maximum(focal * z - right[None, :] * x - up[:, None] * y, _MIN_SLOPE_Z * focal)
+    return x / depth_slope, -y / depth_slope
 
 
 def _solve_depth(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats) -> Floats:
@@ -307,12 +307,12 @@ def estimate_normals(
     pose = Pose(_heading(photos, options), options.pitch, options.roll)
     skies, turbidity = _skies(photos, options, pose)
     check_sun_moves(skies)
-    found = solve_normals(Session(photos.images, photos.mask, skies, pose), options.noise, network, progress.pixels)
+    normals = solve_normals(Session(photos.images, photos.mask, skies, pose), options.noise, network, progress.pixels)
     focal = None if photos.focal_length is None else _focal_in_pixels(photos.focal_length, *photos.mask.shape)
-    record = _make_record(found, photos.names) | {"times_utc": [str(time) for time in photos.times]}
+    record = _make_record(normals, photos.names) | {"times_utc": [str(time) for time in photos.times]}
     record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
     record |= {"sky": str(options.probes or "clear"), "turbidity": turbidity}
-    return NormalsResult(found, pose, focal, record, photos.warnings)
+    return NormalsResult(normals, pose, focal, record, photos.warnings)
 
 
 def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None:

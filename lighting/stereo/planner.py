@@ -201,8 +201,12 @@ def plan_record(skies: PlanSkies, plan: Plan) -> Json:
     if isinstance(skies, MeasuredSkies):
         return {"sky": "probes", "utc_offset": skies.utc_offset, **plan.to_dict()}
     location = skies.location
-    location_text = {"latitude": location.latitude, "longitude": location.longitude, "utc_offset": location.utc_offset}
-    return {**location_text, "sky": skies.sky, **plan.to_dict()}
+    location_record = {
+        "latitude": location.latitude,
+        "longitude": location.longitude,
+        "utc_offset": location.utc_offset,
+    }
+    return {**location_record, "sky": skies.sky, **plan.to_dict()}
 
 
 def plan_title(skies: PlanSkies, plan: Plan) -> str:

@@ -11,7 +11,6 @@ of one lens do.
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from math import atan, degrees, radians, tan
 
 import numpy as np
 
@@ -31,44 +30,52 @@ MIN_ROTATION_SHARE = 0.5  # share of matches that agree with a rotation, below w
 MAX_FOV_STDS = 3.0  # of the network's field of view, within which a walk is believed
 MIN_FOV_STD = 0.4  # deg, below which a pair's own error is not believed
 
+GUESSED_FOV_STD = 7.0  # deg, of the field of view before anything was followed
+MIN_ZOOM_AGREEMENT = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
+MIN_ZOOMED_FRAMES = 0.9  # share of a shot's frames whose zoom must be told, or the answer says that it is not sure
+FIRST_SECONDS = 1.0  # s of a shot, whose estimates tell the lens that it begins with
+MIN_PAIR_AGREEMENT = 0.9  # share of the points that must agree with a zoom alone, where one pair of frames decides
+_START_FACTORS = (1.0, 0.8, 1.25)  # times that lens, from where the zoom is followed: one far off is lost on the way
+_PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
+_REWEIGHTINGS = 8  # of re-weighting, from eight times the tolerance down to it
 
-def fit_fov(tracked: ShotObservations, clip_metadata: ClipMetadata) -> tuple[float, float]:
+
+def fit_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, float]:
     """Fit a shot's vertical field of view: the user's, or what rotations, metadata and the network agree upon.
 
     Args:
         tracked: a shot that is not zoomed.
-        clip_metadata: what is known of the clip.
+        clip: what is known of the clip.
 
     Returns:
         The field of view and its standard deviation, deg.
     """
-    prior = prior_fov(tracked, clip_metadata)[0]
-    turns = (turn for turn in _lens_rotations(tracked) if turn is not None and constrains_fov(turn, prior))
-    return _combine_fovs(tracked, clip_metadata, ((turn.vertical_fov[0], turn.fov_std) for turn in turns))
+    prior = prior_fov(tracked, clip)[0]
+    rotations = [r for r in _lens_rotations(tracked) if r is not None and constrains_fov(r, prior)]
+    return _combine_fovs(tracked, clip, ((r.vertical_fov[0], r.fov_std) for r in rotations))
 
 
 def _combine_fovs(
-    tracked: ShotObservations, clip_metadata: ClipMetadata, fovs: Iterable[tuple[float, float]]
+    tracked: ShotObservations, clip: ClipMetadata, fovs: Iterable[tuple[float, float]]
 ) -> tuple[float, float]:
     """The same where fields of view and their standard deviations [deg] are `fovs` by turns."""
-    if clip_metadata.user_input.vertical_fov is not None:
-        return clip_metadata.user_input.vertical_fov, 0.0
-    prior = prior_fov(tracked, clip_metadata)
+    if clip.user_input.vertical_fov is not None:
+        return clip.user_input.vertical_fov, 0.0
+    prior = prior_fov(tracked, clip)
     return _robust_mean([prior, *((fov, math.hypot(std, MIN_FOV_STD)) for fov, std in fovs)])
 
 
-def prior_fov(tracked: ShotObservations, clip_metadata: ClipMetadata) -> tuple[float, float]:
+def prior_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, float]:
     """Return the vertical field of view that metadata or else the network say, and its standard deviation, deg.
 
     Args:
         tracked: a shot with one estimate or more.
-        clip_metadata: what is known of the clip.
+        clip: what is known of the clip.
     """
-    if clip_metadata.user_input.use_exif and (metadata_fov := clip_metadata.metadata.vertical_fov):
+    if clip.user_input.use_exif and (metadata_fov := clip.metadata.vertical_fov):
         return metadata_fov, METADATA_FOV_STD
-    return math.exp(
-        float(np.mean([math.log(s.prediction.vertical_fov) for s in tracked.estimates.values()]))
-    ), NETWORK_FOV_STD
+    logs = [math.log(estimate.prediction.vertical_fov) for estimate in tracked.estimates.values()]
+    return math.exp(float(np.mean(logs))), NETWORK_FOV_STD
 
 
 def _robust_mean(fovs: Sequence[tuple[float, float]]) -> tuple[float, float]:
@@ -82,7 +89,7 @@ def _robust_mean(fovs: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _lens_rotations(tracked: ShotObservations) -> Iterator[RelativeRotation | None]:
-    """Turns by an unknown lens: between keyframes, or where there are few of those, by points that were followed."""
+    """Rotations by an unknown lens: between keyframes, or where those are few, by points that were followed."""
     pairs = _lens_pairs(list(tracked.keys.values()))
     for a, b in pairs:
         yield match_keyframes(a, b, None)
@@ -97,21 +104,21 @@ def _distant_frames(tracked: ShotObservations) -> list[TrackedFrame]:
     return [step for step in tracked.steps if step.next_key is not None] + followed[-1:]
 
 
-def constrains_fov(turn: RelativeRotation, prior: float) -> bool:
+def constrains_fov(rotation: RelativeRotation, prior: float) -> bool:
     """Tell whether a rotation by an unknown lens says what the lens is.
 
     A camera that walks ahead tells next to nothing of its lens, and now and then something far off. One that is zoomed
     has no lens of the whole shot.
 
     Args:
-        turn: between two pictures of one unknown lens.
+        rotation: between two pictures of one unknown lens.
         prior: deg, vertical field of view by metadata or the network.
     """
-    if turn.zoomed:
+    if rotation.zoomed:
         return False
-    is_far = abs(turn.vertical_fov[0] - prior) > MAX_FOV_STDS * NETWORK_FOV_STD
-    is_clear = not is_far if turn.translates else turn.inliers >= MIN_ROTATION_SHARE * turn.matches
-    return is_clear and turn.fov_std < 2 * NETWORK_FOV_STD
+    is_far = abs(rotation.vertical_fov[0] - prior) > MAX_FOV_STDS * NETWORK_FOV_STD
+    is_clear = not is_far if rotation.translates else rotation.inliers >= MIN_ROTATION_SHARE * rotation.matches
+    return is_clear and rotation.fov_std < 2 * NETWORK_FOV_STD
 
 
 def _median_motion(matches: Matches) -> float:
@@ -131,20 +138,6 @@ def _lens_pairs(keys: Sequence[Keyframe]) -> list[tuple[Keyframe, Keyframe]]:
     return pairs[::step]
 
 
-GUESSED_FOV_STD = 7.0  # deg, of the field of view before anything was followed
-MIN_ZOOM_AGREEMENT = 0.5  # share of the points that must agree with a zoom, or the one of the frame before stays
-MIN_ZOOMED_FRAMES = 0.9  # share of a shot's frames whose zoom must be told, or the answer says that it is not sure
-FIRST_SECONDS = 1.0  # s of a shot, whose looks tell the lens that it begins with
-MIN_PAIR_AGREEMENT = 0.9  # share of the points that must agree with a zoom alone, where one pair of frames decides
-_START_FACTORS = (
-    1.0,
-    0.8,
-    1.25,
-)  # times that lens, from which the zoom is followed: from one far off it is lost on the way
-_PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
-_REWEIGHTINGS = 8  # of re-weighting, from eight times the tolerance down to it
-
-
 @dataclass(frozen=True, eq=False)
 class UnzoomedShot:
     """A shot as if all of it had been seen through the lens of its first frame."""
@@ -155,18 +148,18 @@ class UnzoomedShot:
     zoom_share: float = 1.0  # share of the frames whose zoom their points told
 
 
-def remove_zoom(tracked: ShotObservations, clip_metadata: ClipMetadata) -> UnzoomedShot | None:
+def remove_zoom(tracked: ShotObservations, clip: ClipMetadata) -> UnzoomedShot | None:
     """Return a zoomed shot as if one lens had seen all of it; None where it is not zoomed.
 
     Args:
         tracked: a shot with one estimate or more.
-        clip_metadata: what is known of the clip.
+        clip: what is known of the clip.
     """
-    turns = _zoomed_rotations(tracked, _combine_fovs(tracked, clip_metadata, ())[0])
-    first = _combine_fovs(_first_looks(tracked), clip_metadata, ())[0]
+    rotations = _zoomed_rotations(tracked, _combine_fovs(tracked, clip, ())[0])
+    first = _combine_fovs(_first_estimates(tracked), clip, ())[0]
     best: UnzoomedShot | None = None
-    for start in _START_FACTORS if turns else ():
-        unzoomed = _track_from_fov(tracked, clip_metadata, turns, start * first)
+    for start in _START_FACTORS if rotations else ():
+        unzoomed = _track_from_fov(tracked, clip, rotations, start * first)
         if best is None or unzoomed.zoom_share > best.zoom_share:
             best = unzoomed
         if best.zoom_share >= MIN_ZOOMED_FRAMES:
@@ -174,49 +167,50 @@ def remove_zoom(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Unzoo
     return None if best is None or np.all(best.zoom == 1.0) else best
 
 
-def _first_looks(tracked: ShotObservations) -> ShotObservations:
-    """The shot with its first looks alone."""
+def _first_estimates(tracked: ShotObservations) -> ShotObservations:
+    """The shot with its first estimates alone."""
     time = {step.frame: step.time for step in tracked.steps}
     end = min(time[frame] for frame in tracked.estimates) + FIRST_SECONDS
-    return replace(
-        tracked, estimates={frame: estimate for frame, estimate in tracked.estimates.items() if time[frame] <= end}
-    )
+    return replace(tracked, estimates={f: estimate for f, estimate in tracked.estimates.items() if time[f] <= end})
 
 
 def _track_from_fov(
-    tracked: ShotObservations, clip_metadata: ClipMetadata, turns: Sequence[tuple[int, RelativeRotation]], start: float
+    tracked: ShotObservations,
+    clip: ClipMetadata,
+    rotations: Sequence[tuple[int, RelativeRotation]],
+    start: float,
 ) -> UnzoomedShot:
-    """The shot through a lens that is taken to be `start` [deg] at first, or through the one given."""
-    lens = (
-        (start, GUESSED_FOV_STD)
-        if clip_metadata.user_input.vertical_fov is None
-        else (clip_metadata.user_input.vertical_fov, 0.0)
-    )
+    """The shot through a lens that is taken to be `start` [deg] at first, or through the user's."""
+    fixed = clip.user_input.vertical_fov
+    lens = (start, GUESSED_FOV_STD) if fixed is None else (fixed, 0.0)
     for _ in range(_PASSES):
         zoom, zoom_share = _track_zoom(tracked, lens[0])
         unzoomed = _divide_by_zoom(tracked, zoom)
-        fovs = [(zoomed_fov(turn.vertical_fov[0], 1.0 / unzoomed.keys[key].zoom), turn.fov_std) for key, turn in turns]
-        lens = _combine_fovs(unzoomed, clip_metadata, fovs)
+        fovs = [
+            (zoomed_fov(rotation.vertical_fov[0], 1.0 / unzoomed.keys[key].zoom), rotation.fov_std)
+            for key, rotation in rotations
+        ]
+        lens = _combine_fovs(unzoomed, clip, fovs)
     return UnzoomedShot(unzoomed, zoom, lens, zoom_share)
 
 
 def _zoomed_rotations(tracked: ShotObservations, vertical_fov: float) -> list[tuple[int, RelativeRotation]]:
-    """Turns of zoomed cameras against keyframes of these numbers, `vertical_fov` [deg] being a guess of the lens.
+    """Rotations of zoomed cameras against keyframes of these numbers, `vertical_fov` [deg] being a guess of the lens.
 
-    None where more turns are those of a walk.
+    None where more rotations are those of a walk.
     """
     focal = focal_from_fov(vertical_fov, *tracked.size)
     candidates = []
     for step in _distant_frames(tracked):
         fit = _fit_rotation_and_zoom(step.matches, focal, np.eye(3), 1.0)
-        if fit is not None and abs(np.log(fit[1])) > 0.5 * ONE_LENS:
-            turn = estimate_rotation(
-                step.matches, tracked.size, tracked.size, (vertical_fov, vertical_fov), GUESSED_FOV_STD
-            )
-            if turn is not None and step.key in tracked.keys:
-                candidates.append((step.key, turn))
-    zoomed = [(key, turn) for key, turn in candidates if turn.zoomed]
-    return zoomed if len(zoomed) >= sum(turn.translates for _, turn in candidates) else []
+        if fit is None or abs(np.log(fit[1])) <= 0.5 * ONE_LENS or step.key not in tracked.keys:
+            continue
+        fovs = (vertical_fov, vertical_fov)
+        rotation = estimate_rotation(step.matches, tracked.size, tracked.size, fovs, GUESSED_FOV_STD)
+        if rotation is not None:
+            candidates.append((step.key, rotation))
+    zoomed = [(key, rotation) for key, rotation in candidates if rotation.zoomed]
+    return zoomed if len(zoomed) >= sum(rotation.translates for _, rotation in candidates) else []
 
 
 def _track_zoom(tracked: ShotObservations, vertical_fov: float) -> tuple[Floats, float]:
@@ -249,6 +243,7 @@ def _track_zoom(tracked: ShotObservations, vertical_fov: float) -> tuple[Floats,
 
 
 def _divide_by_zoom(tracked: ShotObservations, zoom: Floats) -> ShotObservations:
+    """The shot with all points, keyframes and fields of view divided by the frames' zooms (N,)."""
     of_key: dict[int, float] = {}
     steps = []
     for step, factor in zip(tracked.steps, zoom.tolist(), strict=True):
@@ -281,14 +276,12 @@ def zoomed_fov(vertical_fov: float, zoom: float) -> float:
         vertical_fov: deg, before the zoom.
         zoom: the new focal length by the old one, over 0.
     """
-    return degrees(2.0 * atan(tan(radians(vertical_fov) / 2.0) / zoom))
+    return math.degrees(2.0 * math.atan(math.tan(math.radians(vertical_fov) / 2.0) / zoom))
 
 
 def _unzoom_estimate(estimate: FrameEstimate, zoom: float) -> FrameEstimate:
-    prediction = estimate.prediction
-    return replace(
-        estimate, prediction=replace(prediction, vertical_fov=zoomed_fov(prediction.vertical_fov, 1.0 / zoom))
-    )
+    fov = zoomed_fov(estimate.prediction.vertical_fov, 1.0 / zoom)
+    return replace(estimate, prediction=replace(estimate.prediction, vertical_fov=fov))
 
 
 def _divide_matches(matches: Matches, a: float, b: float) -> Matches:
@@ -301,23 +294,23 @@ def _zoom_after_gap(tracked: ShotObservations, step: TrackedFrame, of_key: dict[
     if (key := tracked.keys.get(step.key)) is None:
         return last
     for before in sorted((k for k in of_key if k < step.key and k in tracked.keys), reverse=True)[:GAP_KEYFRAMES]:
-        if (turn := match_keyframes(tracked.keys[before], key, None)) is not None:
-            return of_key[before] * _focal_ratio(turn, key)
+        if (rotation := match_keyframes(tracked.keys[before], key, None)) is not None:
+            return of_key[before] * _focal_ratio(rotation, key)
     return last
 
 
-def _focal_ratio(turn: RelativeRotation, key: Keyframe) -> float:
-    """The second focal length of a turn by its first."""
-    if not turn.zoomed:
+def _focal_ratio(rotation: RelativeRotation, key: Keyframe) -> float:
+    """The second focal length of a rotation by its first."""
+    if not rotation.zoomed:
         return 1.0
-    first, second = (focal_from_fov(fov, *key.picture.shape[::-1]) for fov in turn.vertical_fov)
+    first, second = (focal_from_fov(fov, *key.picture.shape[::-1]) for fov in rotation.vertical_fov)
     return second / first
 
 
 def _fit_rotation_and_zoom(
     matches: Matches, focal: float, rotation: Floats, zoom: float, least: float = MIN_ZOOM_AGREEMENT
 ) -> tuple[Floats, float] | None:
-    """The turn (3, 3) of a frame and its focal length by its keyframe's `focal` [half diagonals]; from guesses of both.
+    """The rotation (3, 3) of a frame and its focal length by its keyframe's `focal` [half diagonals], from guesses.
 
     Gauss-Newton on both together under Geman and McClure's weights; None where less than a share `least` of the points
     obeys.
@@ -327,8 +320,8 @@ def _fit_rotation_and_zoom(
     for wider in np.geomspace(8.0, 1.0, _REWEIGHTINGS):
         rotated = a @ fitted.T
         ahead = np.maximum(-rotated[:, 2:], 1e-3)
-        at = factor * focal * rotated[:, :2] / ahead
-        error = matches.b - at
+        projected = factor * focal * rotated[:, :2] / ahead
+        error = matches.b - projected
         weight = np.square(1.0 / (1.0 + np.sum(np.square(error), axis=1) / (wider * reach) ** 2))
         jacobian = -cross_matrix(rotated)  # (N, 3, 3): by small rotations about each axis, in its columns
         by_rotation = (
@@ -337,7 +330,7 @@ def _fit_rotation_and_zoom(
             * (jacobian[:, :2] + (rotated[:, :2] / ahead)[:, :, None] * jacobian[:, 2:])
             / ahead[:, :, None]
         )
-        by_parameter = np.concatenate([by_rotation, at[:, :, None]], axis=2)
+        by_parameter = np.concatenate([by_rotation, projected[:, :, None]], axis=2)
         normal = np.einsum("n,nki,nkj->ij", weight, by_parameter, by_parameter)
         step = np.linalg.solve(normal + 1e-12 * np.eye(4), np.einsum("n,nki,nk->i", weight, by_parameter, error))
         fitted, factor = rotation_about(step[:3]) @ fitted, factor * float(np.exp(np.clip(step[3], -0.2, 0.2)))

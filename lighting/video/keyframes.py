@@ -132,7 +132,7 @@ def _close_loops(
     pairs = _near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov)
     step = max(1, math.ceil(len(pairs) / MAX_LOOPS))
     rotations = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
-    return [_Link(i, j, turn.rotation, 0.5) for i, j, turn in rotations if turn is not None]
+    return [_Link(i, j, rotation.rotation, 0.5) for i, j, rotation in rotations if rotation is not None]
 
 
 def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> list[tuple[int, int]]:
@@ -173,8 +173,8 @@ def estimate_orientations(
     numbers = [n for s in tracked.steps for n in (s.key, s.next_key) if n is not None]
     count = max(numbers) - lowest + 1
     chain = [
-        _Link(step.key - lowest, step.next_key - lowest, turn.rotation, 2.0)
-        for step, turn in zip(tracked.steps, rotations, strict=True)
+        _Link(step.key - lowest, step.next_key - lowest, rotation.rotation, 2.0)
+        for step, rotation in zip(tracked.steps, rotations, strict=True)
         if step.next_key is not None
     ]
     chain += _bridge_gaps(tracked, lowest, fov)
@@ -223,8 +223,8 @@ def _bridge_gaps(tracked: ShotObservations, lowest: int, fov: float) -> list[_Li
     for before, after in pairwise(stretches):
         for a in keys[before][-GAP_KEYFRAMES:]:
             for b in keys[after][:GAP_KEYFRAMES]:
-                if (turn := match_keyframes(a, b, fov)) is not None:
-                    links.append(_Link(a.number - lowest, b.number - lowest, turn.rotation))
+                if (rotation := match_keyframes(a, b, fov)) is not None:
+                    links.append(_Link(a.number - lowest, b.number - lowest, rotation.rotation))
     return links
 
 
@@ -259,7 +259,7 @@ def sample_gimbal(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, 
         Indices into `time`, each with heading, elevation and roll, deg.
     """
     first = np.unique((time - time[0]) // GIMBAL_INTERVAL, return_index=True)[1]
-    return [(int(i), at) for i in first if (at := gimbal.at(float(time[i]))) is not None]
+    return [(int(i), angles) for i in first if (angles := gimbal.at(float(time[i]))) is not None]
 
 
 # The camera's path.

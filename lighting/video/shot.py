@@ -81,7 +81,7 @@ class Shot:
     fov_std: float  # deg, one standard deviation of that
     zoom: Floats  # (N,) focal length by the first frame's; 1 throughout unless the lens was zoomed
     posterior: Posterior  # the sun, as the shot's first camera sees it, its tilt removed
-    ground: Floats | None  # (3,) reflectance; None where no look shows it
+    ground: Floats | None  # (3,) reflectance; None where no frame shows it
     prior: MetadataPrior
     north: float | None  # deg clockwise from true north, where azimuth 0 points; None unknown
 
@@ -106,10 +106,8 @@ def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
     time = np.array([step.time for step in tracked.steps])
     up = estimate_up(tracked, orientation, time, clip_metadata.gimbal)
     path = make_camera_path(time, orientation, reliable, leveling_rotation(up))
-    gains = chain_gains(tracked.steps)
-    return _light_shot(
-        unzoomed, clip_metadata, path, gains, tuple(_tracking_warnings(unzoomed, clip_metadata, rotations))
-    )
+    warnings = tuple(_tracking_warnings(unzoomed, clip_metadata, rotations))
+    return _light_shot(unzoomed, clip_metadata, path, chain_gains(tracked.steps), warnings)
 
 
 def _assume_no_zoom(tracked: ShotObservations, clip_metadata: ClipMetadata) -> UnzoomedShot:
@@ -120,7 +118,9 @@ def _tracking_warnings(
     unzoomed: UnzoomedShot, clip_metadata: ClipMetadata, rotations: Sequence[FrameRotation]
 ) -> Iterator[str]:
     """Sentences on why headings may be wrong though points were followed."""
-    shares = [turn.share for turn, step in zip(rotations, unzoomed.tracked.steps, strict=True) if len(step.matches)]
+    shares = [
+        rotation.share for rotation, step in zip(rotations, unzoomed.tracked.steps, strict=True) if len(step.matches)
+    ]
     fov, expected = unzoomed.lens[0], prior_fov(unzoomed.tracked, clip_metadata)[0]
     if unzoomed.zoom_share < MIN_ZOOMED_FRAMES:
         yield _ZOOM_LOST.format(100.0 * (1.0 - unzoomed.zoom_share))
@@ -133,7 +133,7 @@ def _tracking_warnings(
 def _light_shot(
     unzoomed: UnzoomedShot, clip_metadata: ClipMetadata, path: CameraPath, gains: Floats, warnings: tuple[str, ...]
 ) -> Shot:
-    """The shot along a path with gains (N, 3): the light of its looks, with the warnings `warnings`."""
+    """The shot along a path with gains (N, 3): the light of its estimates, with `warnings`."""
     tracked, (fov, fov_std) = unzoomed.tracked, unzoomed.lens
     first = clip_metadata.prior_at(float(path.time[0]), _compass_heading(path, clip_metadata.gimbal))
     position = {step.frame: i for i, step in enumerate(tracked.steps)}
@@ -152,18 +152,8 @@ def _light_shot(
     posterior = light.answer(first.observations)
     posterior = replace(posterior, prediction=replace(posterior.prediction, vertical_fov=fov))
     frames = np.array([step.frame for step in tracked.steps])
-    return Shot(
-        frames,
-        path,
-        gains,
-        fov,
-        fov_std,
-        unzoomed.zoom,
-        posterior,
-        light.ground,
-        first,
-        estimate_north(posterior, first),
-    )
+    north = estimate_north(posterior, first)
+    return Shot(frames, path, gains, fov, fov_std, unzoomed.zoom, posterior, light.ground, first, north)
 
 
 def _daylight_frames(priors: Mapping[int, MetadataPrior], first: MetadataPrior) -> set[int]:
@@ -216,12 +206,8 @@ class FrameLight:
             name: of the clip.
         """
         record = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
-        record |= {
-            "gain": list(self.gain),
-            "bridged": self.bridged,
-            "lighting": record_with_coefficients(self.lighting),
-        }
-        return json.dumps(record, allow_nan=False)
+        record |= {"gain": list(self.gain), "bridged": self.bridged}
+        return json.dumps(record | {"lighting": record_with_coefficients(self.lighting)}, allow_nan=False)
 
 
 def shot_lighting(shot: Shot) -> Lighting:

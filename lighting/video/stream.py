@@ -98,8 +98,8 @@ class _KeyframeBank:
         order = sorted(angles, key=angles.__getitem__)
         rest = order[MAX_OTHER_CHAINS:]
         start = key.number * MAX_OTHER_CHAINS % max(len(rest), 1)
-        turns = (rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]
-        return [self.keyframes[i] for i in [*order[:MAX_OTHER_CHAINS], *turns]]
+        in_turn = (rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]
+        return [self.keyframes[i] for i in [*order[:MAX_OTHER_CHAINS], *in_turn]]
 
     def add(self, new: _BankKeyframe) -> None:
         """Remember a keyframe, unless its chain has one of nearly the same direction."""

@@ -95,7 +95,7 @@ class PointTracker:
         """Begin a clip; MissingExtraError without OpenCV."""
         self._cv2 = import_opencv()
         self._stretch = self._number = -1
-        self._grey = self._key_grey = np.empty((0, 0), np.uint8)
+        self._gray = self._key_gray = np.empty((0, 0), np.uint8)
         self._corners = self._points = np.empty((0, 2), np.float32)
         self._light = np.empty((0, 0, 3), np.float32)  # of the keyframe, as `_linear` has it
         self._corner_count = 1
@@ -108,39 +108,39 @@ class PointTracker:
         Args:
             frame: the next one of the clip.
         """
-        grey, self.new_key = self._even(frame.pixels), None
-        is_kept = self._track_points(grey) if grey.shape == self._grey.shape else np.zeros(0, bool)
+        gray, self.new_key = self._even(frame.pixels), None
+        is_kept = self._track_points(gray) if gray.shape == self._gray.shape else np.zeros(0, bool)
         is_lost = bool(np.count_nonzero(is_kept) < MIN_POINTS)
         if is_lost:
             self._stretch += 1
-            self._begin_key(frame, grey)
+            self._begin_key(frame, gray)
         else:
             self._release_key()
             self._corners, self._points = self._corners[is_kept], self._points[is_kept]
-        self._grey = grey
+        self._gray = gray
         next_key = self._number + 1 if not is_lost and self._is_far() else None
-        at = (frame.index, frame.time, self._number, self._stretch)
-        step = TrackedFrame(*at, self._matches(), self._measure_gain(frame.pixels), is_lost, next_key)
+        identity = (frame.index, frame.time, self._number, self._stretch)
+        step = TrackedFrame(*identity, self._matches(), self._measure_gain(frame.pixels), is_lost, next_key)
         if next_key is not None:
-            self._begin_key(frame, grey)
+            self._begin_key(frame, gray)
         return step
 
     def _even(self, pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """Grey values of one mean and spread, whatever the exposure."""
-        grey = self._cv2.cvtColor(pixels, self._cv2.COLOR_RGB2GRAY)
-        mean, std = self._cv2.meanStdDev(grey)
+        gray = self._cv2.cvtColor(pixels, self._cv2.COLOR_RGB2GRAY)
+        mean, std = self._cv2.meanStdDev(gray)
         scale = _EVEN_STD / max(float(std[0, 0]), 4.0)
-        return np.asarray(self._cv2.convertScaleAbs(grey, alpha=scale, beta=128.0 - scale * float(mean[0, 0])))
+        return np.asarray(self._cv2.convertScaleAbs(gray, alpha=scale, beta=128.0 - scale * float(mean[0, 0])))
 
-    def _track_points(self, grey: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    def _track_points(self, gray: NDArray[np.uint8]) -> NDArray[np.bool_]:
         """Moves the points into the frame; which of them are still there."""
         if not len(self._points):
             return np.zeros(0, bool)
         flow = self._cv2.calcOpticalFlowPyrLK
-        coarse, ok, _ = flow(self._grey, grey, self._points, None, winSize=_FLOW_WINDOW, maxLevel=_FLOW_LEVELS)
+        coarse, ok, _ = flow(self._gray, gray, self._points, None, winSize=_FLOW_WINDOW, maxLevel=_FLOW_LEVELS)
         fine, ok_fine, error = flow(
-            self._key_grey,
-            grey,
+            self._key_gray,
+            gray,
             self._corners,
             coarse.copy(),
             winSize=_FLOW_WINDOW,
@@ -149,7 +149,7 @@ class PointTracker:
         )
         close = (error.ravel() < _MAX_FLOW_ERROR) & (np.linalg.norm(fine - coarse, axis=1) < _MAX_CORRECTION)
         self._points = fine
-        inside = np.all((fine > 2) & (fine < np.array(grey.shape[::-1]) - 3), axis=1)
+        inside = np.all((fine > 2) & (fine < np.array(gray.shape[::-1]) - 3), axis=1)
         return np.asarray((ok.ravel() > 0) & (ok_fine.ravel() > 0) & close & inside)
 
     def _release_key(self) -> None:
@@ -159,25 +159,25 @@ class PointTracker:
             small = resize_to(self._cv2.cvtColor(frame.pixels, self._cv2.COLOR_RGB2GRAY), FEATURE_SIDE)
             self.new_key = Keyframe(self._number, self._stretch, frame.index, frame.time, small)
 
-    def _begin_key(self, frame: Frame, grey: NDArray[np.uint8]) -> None:
+    def _begin_key(self, frame: Frame, gray: NDArray[np.uint8]) -> None:
         """Seek corners in the frame, to be followed from now on."""
         self._number += 1
-        self._key_grey = grey
-        corners = self._cv2.goodFeaturesToTrack(grey, MAX_POINTS, 0.005, max(6, max(grey.shape) // 64), blockSize=5)
+        self._key_gray = gray
+        corners = self._cv2.goodFeaturesToTrack(gray, MAX_POINTS, 0.005, max(6, max(gray.shape) // 64), blockSize=5)
         self._corners = np.empty((0, 2), np.float32) if corners is None else corners.reshape(-1, 2).astype(np.float32)
         self._points, self._corner_count = self._corners.copy(), max(len(self._corners), 1)
         self._light, _ = self._linear(frame.pixels)
         self._pending_key = frame
 
     def _is_far(self) -> bool:
-        half = 0.5 * float(np.hypot(*self._grey.shape))
+        half = 0.5 * float(np.hypot(*self._gray.shape))
         moved = float(np.median(np.linalg.norm(self._points - self._corners, axis=1))) / half
         return (
             len(self._points) < max(2 * MIN_POINTS, MIN_KEPT_SHARE * self._corner_count) or moved > MAX_KEYFRAME_MOTION
         )
 
     def _matches(self) -> Matches:
-        height, width = self._grey.shape
+        height, width = self._gray.shape
         pixel = 2.0 / float(np.hypot(width, height))
         a, b = (to_centered(v, width, height).astype(np.float32) for v in (self._corners, self._points))
         return Matches(a, b, pixel)
