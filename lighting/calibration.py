@@ -177,9 +177,8 @@ def _edges_of(gray: NDArray[np.uint8], up: Floats, focal: float) -> _Edges:
     x, y = right.take(other), upwards.take(other)
     directions = (np.arctan2(x, y) * np.float32(_DIRECTION_BINS / (2 * np.pi))).astype(np.int16).astype(np.uint8)
     size = np.sqrt(x * x + y * y)
-    return _Edges(
-        _link_corners(upright, np.abs(step), sides, gray.shape), _link_corners(other, size, directions, gray.shape)
-    )
+    verticals = _link_corners(upright, np.abs(step), sides, gray.shape)
+    return _Edges(verticals, _link_corners(other, size, directions, gray.shape))
 
 
 def _gradient(gray: NDArray[np.uint8]) -> tuple[Floats, Floats]:
@@ -301,11 +300,8 @@ def _posterior_mean(cameras: _Cameras, edges: _Edges, height: int) -> tuple[floa
         roll = float(p.sum(axis=(0, 1)) @ cameras.roll)
         horizontals = _log_likelihood_of_horizontals(edges.other, height, cameras, roll)
         p = _normalize(log + _with_outliers(horizontals[..., None]))
-    return (
-        float(np.sum(p.sum(axis=2) * cameras.elevation)),
-        float(p.sum(axis=(0, 1)) @ cameras.roll),
-        float(p.sum(axis=(1, 2)) @ cameras.log_lens),
-    )
+    elevation = float(np.sum(p.sum(axis=2) * cameras.elevation))
+    return elevation, float(p.sum(axis=(0, 1)) @ cameras.roll), float(p.sum(axis=(1, 2)) @ cameras.log_lens)
 
 
 def _normalize(log: Floats) -> Floats:
@@ -324,13 +320,9 @@ def _with_outliers(log: Floats) -> Floats:
 def _log_prior(cameras: _Cameras) -> Floats:
     """Logarithm of the density (L, E, R) of cameras by the network's answer alone, up to a constant."""
     roll_std = float(np.clip(abs(cameras.prediction.camera_roll), *_ROLL_STD_RANGE))
+    standardized = (_ELEVATION_OFFSETS / _ELEVATION_STD, _ROLL_OFFSETS / roll_std, cameras.log_lens / _LOG_LENS_STD)
     elevation, roll, lens = (
-        -0.5 * (_DEGREES_OF_FREEDOM + 1) * np.log1p((offsets / std) ** 2 / _DEGREES_OF_FREEDOM)
-        for offsets, std in (
-            (_ELEVATION_OFFSETS, _ELEVATION_STD),
-            (_ROLL_OFFSETS, roll_std),
-            (cameras.log_lens, _LOG_LENS_STD),
-        )
+        -0.5 * (_DEGREES_OF_FREEDOM + 1) * np.log1p(z**2 / _DEGREES_OF_FREEDOM) for z in standardized
     )
     return np.asarray(lens[:, None, None] + elevation[:, None] + roll)
 

@@ -15,7 +15,7 @@ from lighting.fusion.estimate import build_estimate, predict_photo
 from lighting.fusion.metadata_prior import observations_multi, observations_single
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
-from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_heading, check_headings, check_user_input
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
 from lighting.records import Estimate, Prediction, clip_color
@@ -103,8 +103,7 @@ class Estimator:
         if not callable(register) and not isinstance(register, bool):
             sentence = f"register must be True, False or a function, not {register!r}."
             raise ParameterError(sentence, "register", ErrorCode.WRONG_TYPE)
-        check_headings(len(photos), headings)
-        check_heading(len(photos), user_input.heading)
+        check_headings(len(photos), headings, user_input.heading)
         if len(photos) < 2:
             return [self(photo, user_input) for photo in photos]
         observed = observations_multi([photo.metadata for photo in photos], user_input)

@@ -12,7 +12,7 @@ from pydantic_core import PydanticCustomError
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS
-from lighting.fusion.user_input import UserInput, check_heading, check_headings, read_headings
+from lighting.fusion.user_input import UserInput, check_headings, read_headings
 from lighting.photo.reader import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Color, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
@@ -304,8 +304,7 @@ def check_photo_headings(photos: int, query: LightingQuery) -> None:
         query: has `headings` of all photos or `heading` of one.
     """
     try:
-        check_headings(photos, query.heading_values())
-        check_heading(photos, query.heading)
+        check_headings(photos, query.heading_values(), query.heading)
     except ParameterError as error:
         raise invalid_field_error(error.field or "headings", str(error), code=error.code) from error
 

@@ -352,8 +352,7 @@ def check_together(photos: int, user_input: "UserInput", together: bool, heading
         raise click.UsageError("--together needs two photos or more.")
     if headings is not None and not together:
         raise click.UsageError("--headings needs --together.")
-    from lighting.fusion.user_input import check_heading, check_headings
+    from lighting.fusion.user_input import check_headings
 
     with usage_errors():
-        check_headings(photos, headings)
-        check_heading(photos, user_input.heading)
+        check_headings(photos, headings, user_input.heading)

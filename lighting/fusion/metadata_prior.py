@@ -40,9 +40,7 @@ DECLINATION_STD = 17.0  # deg, root mean square of the magnetic declination over
 _EARTH_RADIUS_KM = 6371.0
 _MAX_DISTANCE_KM = 100.0  # within which the sun has the same direction to a degree
 _NIGHT_IN_ALL_ZONES = "Whatever the zone of their clocks, one of the photos taken together was taken at night"
-_TWILIGHT_CONSEQUENCE = (
-    "the answer is the sky of a sun on the horizon, brighter than this one, without direct sunlight."
-)
+_TWILIGHT_ANSWER = "the answer is the sky of a sun on the horizon, brighter than this one, without direct sunlight."
 
 _EVEN_ODDS_EXPOSURE = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
 _ODDS_EXPONENT = 2.5  # doublings of the odds of daylight for each EV: scenes and meters vary by a stop
@@ -164,7 +162,7 @@ def _prior(merged: PhotoMetadata, candidates: _SunCandidates, user_input: UserIn
     """The observations of merged metadata whose candidate suns may all be below the horizon."""
     highest, warnings = _max_elevation(candidates), _unused_input_warnings(merged, user_input, subject)
     if highest < -SUN_RADIUS:
-        consequence = _TWILIGHT_CONSEQUENCE if highest >= CIVIL_TWILIGHT else "time and place were not used."
+        consequence = _TWILIGHT_ANSWER if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, format_below_horizon(merged, highest) + consequence)
     heading, heading_std = _compass(merged, user_input)
     observations = replace(
@@ -175,13 +173,9 @@ def _prior(merged: PhotoMetadata, candidates: _SunCandidates, user_input: UserIn
         heading=heading,
         heading_std=heading_std,
     )
-    return MetadataPrior(
-        observations,
-        warnings,
-        sun_is_up=not CIVIL_TWILIGHT <= highest < -SUN_RADIUS,
-        is_night=bool(candidates) and highest < CIVIL_TWILIGHT,
-        location=location_of(merged) if user_input.keep_location else None,
-    )
+    is_up, is_night = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS, bool(candidates) and highest < CIVIL_TWILIGHT
+    location = location_of(merged) if user_input.keep_location else None
+    return MetadataPrior(observations, warnings, is_up, is_night, location)
 
 
 def _max_elevation(candidates: _SunCandidates) -> float:

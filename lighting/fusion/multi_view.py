@@ -58,6 +58,8 @@ from lighting.sun_grid import grid_directions, grid_solid_angle
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView
 
+    Views = Sequence[RegisteredView]
+
 ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 RELATIVE_HEADING_STD = 10.0  # deg between two compass headings of one phone, whose larger error is shared
 
@@ -80,7 +82,7 @@ def fuse_views(
     predictions: Sequence[Prediction],
     observations: Sequence[Observations],
     headings: Sequence[float] | None = None,
-    views: "Sequence[RegisteredView] | None" = None,
+    views: "Views | None" = None,
 ) -> tuple[Posterior, ...]:
     """Fuse two or more photos of one scene and light; one posterior a photo, in its own camera's frame.
 
@@ -141,9 +143,8 @@ class _Frames:
 
     def subset(self, photos: NDArray[np.intp]) -> "_Frames":
         """The same of some photos alone."""
-        return replace(
-            self, group=self.group[photos], heading=self.heading[photos], heading_std=self.heading_std[photos]
-        )
+        heading, std = self.heading[photos], self.heading_std[photos]
+        return replace(self, group=self.group[photos], heading=heading, heading_std=std)
 
     def is_connected(self, photo: int) -> bool:
         """Whether something connects this photo with another one."""
@@ -155,9 +156,7 @@ class _Frames:
 
 
 def _frames(
-    observations: Sequence[Observations],
-    headings: Sequence[float] | None,
-    views: "Sequence[RegisteredView] | None" = None,
+    observations: Sequence[Observations], headings: Sequence[float] | None, views: "Views | None" = None
 ) -> _Frames:
     """By exact headings [deg] if stated; else by matches, by compass headings where all have one, or unknown.
 
@@ -171,16 +170,15 @@ def _frames(
         return _Frames(one_group, np.array(headings, dtype=np.float64), np.zeros(count))
     if views is not None and len({view.group for view in views}) < count:
         matched = _frames_by_matches(views)
-        return (
-            _join_by_compass(matched, np.array(compass)) if len(compass) == count and matched.group.any() else matched
-        )
+        can_join = len(compass) == count and matched.group.any()
+        return _join_by_compass(matched, np.array(compass)) if can_join else matched
     if len(compass) == count:
         std = np.full(count, RELATIVE_HEADING_STD)
         return _Frames(one_group, np.array(compass), std, COMPASS_OUTLIER_RATE, EvidenceKind.HEADING)
     return _Frames(np.arange(count), np.zeros(count), np.zeros(count))
 
 
-def _frames_by_matches(views: "Sequence[RegisteredView]") -> _Frames:
+def _frames_by_matches(views: "Views") -> _Frames:
     return _Frames(
         np.array([view.group for view in views], dtype=np.intp),
         np.array([view.heading for view in views]),
@@ -210,7 +208,7 @@ def _with_registered_cameras(predictions: Sequence[Prediction], views: "Sequence
 
 
 def _registration_warnings(
-    photo: int, prediction: Prediction, frames: _Frames, views: "Sequence[RegisteredView] | None"
+    photo: int, prediction: Prediction, frames: _Frames, views: "Views | None"
 ) -> tuple[str, ...]:
     """A warning where matching left this photo or its group alone, or contradicts what is up in it."""
     if views is None:
@@ -241,10 +239,8 @@ def _share_sky(predictions: Sequence[Prediction]) -> list[Prediction]:
     logs = np.log([[max(p.turbidity, MIN_DENSITY), max(p.exposure, MIN_DENSITY)] for p in predictions])
     turbidity, exposure = map(float, np.exp(logs.mean(axis=0)))
     light = _mean_light([p.light for p in predictions])
-    return [
-        replace(p, turbidity=turbidity, exposure=exposure, light=light and _keep_photo_light(light, p.light))
-        for p in predictions
-    ]
+    common = [replace(p, turbidity=turbidity, exposure=exposure) for p in predictions]
+    return [replace(p, light=light and _keep_photo_light(light, p.light)) for p in common]
 
 
 def _mean_light(lights: Sequence[Light | None]) -> Light | None:
@@ -263,23 +259,19 @@ def _share_time(observations: Sequence[Observations]) -> list[Observations]:
     first = next((o.candidates for o in observations if o.candidates), ())
     candidates = [o.candidates or first for o in observations]
     if len({len(suns) for suns in candidates}) > 1:
-        raise ParameterError(
-            "The times of photos taken together must all have a zone, or none.", code=ErrorCode.CONTRADICTION
-        )
+        sentence = "The times of photos taken together must all have a zone, or none."
+        raise ParameterError(sentence, code=ErrorCode.CONTRADICTION)
     up = daylight_candidates(candidates)
     if first and not up:
-        raise ParameterError(
-            "Whatever the zone of their times, the sun is below the horizon in one of the photos.", code=ErrorCode.NIGHT
-        )
+        sentence = "Whatever the zone of their times, the sun is below the horizon in one of the photos."
+        raise ParameterError(sentence, code=ErrorCode.NIGHT)
     return [replace(o, candidates=tuple(suns[k] for k in up)) for o, suns in zip(observations, candidates, strict=True)]
 
 
 # Without a time: each group in its frame, and one elevation for all groups.
 
 
-def _fuse_on_grid(
-    predictions: Sequence[Prediction], observations: Sequence[Observations], frames: _Frames
-) -> list[Posterior]:
+def _fuse_on_grid(predictions: list[Prediction], observations: list[Observations], frames: _Frames) -> list[Posterior]:
     """The posteriors where no time is known."""
     by_photo: dict[int, Floats] = {}
     for group in frames.members():
@@ -299,10 +291,8 @@ def _pool_on_grid(predictions: Sequence[Prediction], frames: _Frames) -> list[Fl
         return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
     weight = effective_weights(*optical_axes(predictions, frames.heading), SUN_CORRELATION)
-    blurred = [
-        blur_grid_heading(p, float(std), frames.outlier_rate)
-        for p, std in zip(predictions, frames.heading_std, strict=True)
-    ]
+    errors = zip(predictions, frames.heading_std, strict=True)
+    blurred = [blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
     pooled = []
     for target in frames.heading:
         density = [rotate_density(p, target - h, layout) for p, h in zip(blurred, frames.heading, strict=True)]
@@ -317,12 +307,8 @@ def _share_elevation(predictions: Sequence[Prediction], probability: Sequence[Fl
         return list(probability)
     cells = angles(grid_directions(predictions[0].spec.sun_grid))[1]
     firsts = [int(group[0]) for group in frames.members()]
-    of_group = {
-        frames.group[i]: np.maximum(
-            elevation_density(replace(predictions[i], sun_probability=probability[i]), cells), MIN_DENSITY
-        )
-        for i in firsts
-    }
+    pooled = {i: replace(predictions[i], sun_probability=probability[i]) for i in firsts}
+    of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), MIN_DENSITY) for i, p in pooled.items()}
     exponent = pooling_exponent(len(of_group), ELEVATION_CORRELATION)
     common = np.exp(exponent * np.sum(np.log(list(of_group.values())), axis=0))
     shared = [p * common / of_group[number] for p, number in zip(probability, frames.group, strict=True)]
@@ -355,13 +341,10 @@ def _azimuth_probability(posterior: Posterior) -> Floats:
 # With time and place: each group in its frame, and one zone for all groups.
 
 
-def _fuse_on_rings(
-    predictions: Sequence[Prediction], observations: Sequence[Observations], frames: _Frames
-) -> list[Posterior]:
+def _fuse_on_rings(predictions: list[Prediction], observations: list[Observations], frames: _Frames) -> list[Posterior]:
     """The posteriors where time and place are known."""
-    likelihood = [
-        likelihood_by_heading(p, candidates_above_horizon(o)) for p, o in zip(predictions, observations, strict=True)
-    ]
+    candidates = map(candidates_above_horizon, observations)
+    likelihood = [likelihood_by_heading(p, suns) for p, suns in zip(predictions, candidates, strict=True)]
     prior = [compass_prior(o) for o in observations]
     by_photo: dict[int, Floats] = {}
     for group in frames.members():
@@ -380,19 +363,16 @@ def _sun_similarity(observations: Sequence[Observations]) -> Floats:
     return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / SUN_MOTION_SCALE))
 
 
-def _pool_on_rings(
-    likelihood: Sequence[Floats], prior: Sequence[Floats], headings: Floats, weight: Floats
-) -> list[Floats]:
+def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floats, weight: Floats) -> list[Floats]:
     """Weights (K, 360) of each photo when one heading gives all; compass errors are shared, so priors are averaged."""
     compasses = max(1, sum(p.min() < p.max() for p in prior))
-    log_likelihood = np.stack(
-        [_shift_headings(np.log(np.maximum(d, MIN_DENSITY)), h) for d, h in zip(likelihood, headings, strict=True)]
-    )
-    log_prior = np.sum(
-        [_shift_headings(np.log(p) / compasses, h) for p, h in zip(prior, headings, strict=True)], axis=0
-    )
-    pooled = pool_log_likelihoods(log_likelihood, weight, AZIMUTH_CORRELATION) * np.exp(log_prior - log_prior.max())
-    return [_shift_headings(pooled, -h) for h in headings]
+    logs = [np.log(np.maximum(density, MIN_DENSITY)) for density in likelihood]
+    log_likelihood = [_shift_headings(log, h) for log, h in zip(logs, headings, strict=True)]
+    log_priors = [_shift_headings(np.log(p) / compasses, h) for p, h in zip(prior, headings, strict=True)]
+    log_prior = np.sum(log_priors, axis=0)
+    pooled = pool_log_likelihoods(np.stack(log_likelihood), weight, AZIMUTH_CORRELATION)
+    posterior = pooled * np.exp(log_prior - log_prior.max())
+    return [_shift_headings(posterior, -h) for h in headings]
 
 
 def _share_zone(weights: Sequence[Floats], frames: _Frames) -> list[Floats]:

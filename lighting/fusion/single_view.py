@@ -163,9 +163,8 @@ def fuse_with_gravity(leveled: GravityFused) -> Posterior:
     else:
         posterior = posterior_on_grid(prediction, observations, prediction.sun_probability)
     compass = None if observations.heading is None else (observations.heading, observations.heading_std)
-    contradictions = consistency_warnings(
-        prediction, candidates, likelihood, compass, observations.vertical_fov, observations.subject
-    )
+    lens, subject = observations.vertical_fov, observations.subject
+    contradictions = consistency_warnings(prediction, candidates, likelihood, compass, lens, subject)
     return replace(posterior, warnings=(*contradictions, *leveled.warnings))
 
 
@@ -256,11 +255,8 @@ def candidates_above_horizon(observations: Observations) -> Floats:
     candidates = np.array(observations.candidates, dtype=np.float64).reshape(-1, 2)
     up = candidates[candidates[:, 0] >= 0.0]
     if len(candidates) and not len(up):
-        raise ParameterError(
-            f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon.",
-            "time",
-            ErrorCode.NIGHT,
-        )
+        sentence = f"At this time and place the sun is {-candidates[:, 0].max():.1f}° below the horizon."
+        raise ParameterError(sentence, "time", ErrorCode.NIGHT)
     return up
 
 
@@ -306,10 +302,8 @@ def posterior_on_grid(prediction: Prediction, observations: Observations, probab
         probability: (N,) of the network's cells, sums to 1.
     """
     sun = sun_from_prediction(replace(prediction, sun_probability=probability))
-    cells = grid_directions(prediction.spec.sun_grid)
-    return Posterior(
-        _with_lens(prediction, observations), sun, cells, probability, _used_evidence(prediction, observations)
-    )
+    cells, used = grid_directions(prediction.spec.sun_grid), _used_evidence(prediction, observations)
+    return Posterior(_with_lens(prediction, observations), sun, cells, probability, used)
 
 
 def posterior_on_rings(prediction: Prediction, observations: Observations, weight: Floats) -> Posterior:
@@ -322,14 +316,9 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
     """
     p = weight / weight.sum()
     directions = _ring_directions(candidates_above_horizon(observations)).reshape(-1, 3)
-    return Posterior(
-        _with_lens(prediction, observations),
-        sun_from_rings(directions, p.ravel()),
-        directions,
-        p.ravel(),
-        _used_evidence(prediction, observations),
-        camera_heading=heading_from_probability(p.sum(axis=0)),
-    )
+    sun, heading = sun_from_rings(directions, p.ravel()), heading_from_probability(p.sum(axis=0))
+    used = _used_evidence(prediction, observations)
+    return Posterior(_with_lens(prediction, observations), sun, directions, p.ravel(), used, camera_heading=heading)
 
 
 def _ring_directions(candidates: Floats) -> Floats:
@@ -427,9 +416,8 @@ def _tilt_to_ephemeris(posterior: Posterior, prediction: Prediction, tilt_std: f
         return posterior
     grid = prediction.spec.sun_grid
     visible = bayes_direction(prediction.sun_probability, grid)
-    lobe = soft_label(
-        direction(posterior.sun.azimuth, posterior.sun.elevation), _lobe_std(prediction, visible) ** -2, grid
-    )
+    known = direction(posterior.sun.azimuth, posterior.sun.elevation)
+    lobe = soft_label(known, _lobe_std(prediction, visible) ** -2, grid)
     (azimuth, elevation), (true_azimuth, true_elevation) = (angles(s) for s in (visible, bayes_direction(lobe, grid)))
     lateral, vertical = float(wrap_azimuth(true_azimuth - azimuth)), float(true_elevation - elevation)
     if abs(lateral) > _MAX_SUN_DIFFERENCE[0] or abs(vertical) > _MAX_SUN_DIFFERENCE[1]:

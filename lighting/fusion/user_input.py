@@ -84,18 +84,25 @@ def check_user_input(value: object) -> None:
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
-def check_headings(photos: int, headings: Sequence[float] | None) -> None:
+def check_headings(photos: int, headings: Sequence[float] | None, heading: float | None = None) -> None:
     """Raise ParameterError unless there is one heading for each of several photos, or none at all.
 
     Args:
         photos: how many there are.
         headings: deg, finite numbers; None where they are not stated.
+        heading: deg, that of one photo; None where it is not stated.
     """
     if not isinstance(headings, Sequence | np.ndarray | None):
         sentence = f"headings are a list of degrees, not {reprlib.repr(headings)}."
         raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
-    if headings is None:
-        return
+    if headings is not None:
+        _check_each_heading(photos, headings)
+    if heading is not None and photos > 1:
+        sentence = "heading is that of one photo; photos taken together have headings."
+        raise ParameterError(sentence, "heading", ErrorCode.CONTRADICTION)
+
+
+def _check_each_heading(photos: int, headings: Sequence[float]) -> None:
     if photos == 1:
         sentence = "headings are those of several photos; one photo has a heading."
         raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
@@ -106,18 +113,6 @@ def check_headings(photos: int, headings: Sequence[float] | None) -> None:
         if not is_finite(angle.item() if isinstance(angle, np.generic) else angle):
             sentence = f"A heading must be a finite number, not {reprlib.repr(angle)}."
             raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
-
-
-def check_heading(photos: int, heading: float | None) -> None:
-    """Raise ParameterError where the heading of one photo is stated for several.
-
-    Args:
-        photos: how many there are.
-        heading: deg; None where it is not stated.
-    """
-    if heading is not None and photos > 1:
-        sentence = "heading is that of one photo; photos taken together have headings."
-        raise ParameterError(sentence, "heading", ErrorCode.CONTRADICTION)
 
 
 def read_headings(text: str) -> list[float]:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.fusion.user_input import UserInput
+from lighting.fusion.user_input import UserInput, check_headings, read_headings
 from tests.helpers.predictions import MORNING
 
 
@@ -42,3 +42,32 @@ def test_the_impossible_and_the_contradictory_are_refused_in_one_sentence(said: 
 def test_numbers_of_numpy_are_taken() -> None:
     place: dict[str, Any] = {"latitude": np.float32(48.5), "longitude": np.int64(11)}
     assert UserInput(**place) == UserInput(latitude=48.5, longitude=11)
+
+
+@pytest.mark.parametrize("headings", [90.0, 0, {0.0, 90.0}])
+def test_what_is_no_list_of_headings_is_refused(headings: Any) -> None:
+    with pytest.raises(ParameterError, match=r"^headings are a list of degrees, not .*\.$"):
+        check_headings(2, headings)
+
+
+@pytest.mark.parametrize(
+    ("photos", "headings", "heading", "sentence"),
+    [
+        (1, [0.0], None, "one photo has a heading"),
+        (3, [0.0, 1.0], None, "3 photos need 3 headings, not 2"),
+        (2, [0.0, math.inf], None, "must be a finite number"),
+        (2, None, 10.0, "photos taken together have headings"),
+    ],
+)
+def test_headings_are_those_of_several_photos(
+    photos: int, headings: list[float] | None, heading: float | None, sentence: str
+) -> None:
+    with pytest.raises(ParameterError, match=sentence):
+        check_headings(photos, headings, heading)
+
+
+def test_headings_are_read_from_a_text() -> None:
+    assert read_headings("0,45.5,-90") == [0.0, 45.5, -90.0]
+    for text in ("0;45", "0,", "0,400"):
+        with pytest.raises(ParameterError):
+            read_headings(text)
