@@ -188,9 +188,7 @@ def _from_axis(lens: Lens, directions: Floats) -> Floats:
 _MAX_SAMPLES, _MAX_SAMPLES_OF_SMALL = 4, 6  # per side of a pixel, of maps from and under
 _SMALL_HEIGHT = 256  # rows
 _MIN_OVERSAMPLING = 1.5  # times finer than the map a picture stays at least
-_MIN_CLIPPED_SHARE = (
-    1e-3  # of a map's pixel covered by clipped pixels: even the smallest sun in the largest pixel is more
-)
+_MIN_CLIPPED_SHARE = 1e-3  # of a map's pixel, from which it is clipped: the smallest sun in the largest pixel is more
 _ROWS_AT_ONCE = 16  # mapped at once
 
 

@@ -49,19 +49,12 @@ def _max_terraced_value(step: float) -> float:
 
 MIN_VALUE, MAX_VALUE = 0.04, 0.7  # of white in the longer exposure: dark pixels say little, bright ones may bend
 MIN_SAMPLES = 24  # values that a ratio is measured from
-MIN_VARIANCE_RATIO = (
-    20.0  # variance of these values / that of noise, from which on a line's slope is less than 5 % too flat
-)
+MIN_VARIANCE_RATIO = 20.0  # variance of the values / of noise, from which a line's slope is less than 5 % too flat
 MAX_RATIO_ERROR = 0.2  # relative, of a ratio that is worth telling
-MIN_SURE_SAMPLES, MAX_SURE_ERROR = (
-    1000,
-    0.02,
-)  # values from which on, and error up to which, a ratio counts as well measured
+MIN_SURE_SAMPLES, MAX_SURE_ERROR = 1000, 0.02  # values, and relative error, of a well measured ratio
 MAX_SAMPLES = 20_000  # used of them
 MIN_LINEAR_EXPONENT = 0.75  # log of the measured ratio / log of EXIF's, below which the pixels are coded by a curve
-MAX_EXIF_DIFFERENCE = (
-    0.08  # relative, between EXIF's ratio and the pixels', that is worth a warning: third stops round to 7 %
-)
+MAX_EXIF_DIFFERENCE = 0.08  # relative, of EXIF's ratio and the pixels'; third stops round to 7 %
 MIN_EXPOSURE_STEP = 1.2  # between exposures, for their ratio to tell a curve
 _REWEIGHTINGS = 8  # of re-weighted least squares
 _CURVE = {True: "srgb", False: "linear"}

@@ -31,9 +31,7 @@ MIN_SKY = 0.25  # sr, 4 % of the dome
 MIN_CLIPPED = 0.9  # linear: from here on a pixel, averaged from larger ones, may hold clipped values
 SAMPLES = 1500  # directions of equal solid angle that enter the fit
 CHANNEL_WEIGHT = np.array([0.2, 0.6, 0.2])  # in the error: much like luminance, since cameras saturate a blue sky
-ERROR_SCALE = (
-    0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ from the model by 0.1
-)
+ERROR_SCALE = 0.2  # of log(picture / model) at which a pixel has half its weight; clear skies differ by 0.1
 GAIN_PULL = 0.5  # of the channels' gains towards each other: white balance is unknown, but not arbitrary
 
 MAX_RESIDUAL = 0.2  # `SkyFit.residual` from which on a fit is not trusted

@@ -273,9 +273,7 @@ def _differ(a: float | None, b: float | None) -> bool:
     return a is not None and b is not None and abs(a - b) > _MAX_EXPOSURE_DIFFERENCE * max(a, b)
 
 
-_MIN_VARIATION = (
-    0.02  # share of the brightest, below which what differs may be noise; an hour of clear sky leaves 0.025
-)
+_MIN_VARIATION = 0.02  # share of the brightest, below which it may be noise; an hour of clear sky leaves 0.025
 _BRIGHT_QUANTILE = 0.999  # quantile of the values that counts as the brightest
 _MAX_PIXELS = 20_000  # pixels that are looked at
 

@@ -82,9 +82,7 @@ GRID_SIZE = 3000  # normals, 2.6 deg apart
 MIN_OTHER_ANGLE = 25.0  # deg, from the best normal to the nearest that counts as another answer
 
 _BLOCK_RESIDUALS = 1 << 19  # residuals held at once: few enough to stay in a processor's cache
-_MAX_UNTHREADED = (
-    1 << 18
-)  # multiplications of a matrix product up to which OpenBLAS, numpy's library, starts no threads
+_MAX_UNTHREADED = 1 << 18  # multiplications of a matrix product up to which OpenBLAS (numpy's) starts no threads
 _EPSILON = np.float32(1e-12)
 
 
@@ -264,10 +262,7 @@ def _fit_albedo(images: Image, shading: Image) -> Image:
 MAX_RESIDUAL_RATIO = 2.0  # times the noise, the residual from which on shadows are thought of
 
 _SHADOW_GRID_SIZE = 700  # normals, 5.4 deg apart
-_SHADOW_PENALTY, _MOMENT_PENALTY = (
-    3.0,
-    0.3,
-)  # how unlikely a shadow is, and each photo more that it lasts, as logarithms
+_SHADOW_PENALTY, _MOMENT_PENALTY = 3.0, 0.3  # logarithms: of a shadow, and of each photo that it lasts
 _MIN_SUNNY = 3  # photos in the sun, for a normal
 _MAX_PATTERNS = 16  # at most
 

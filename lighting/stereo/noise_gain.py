@@ -166,9 +166,7 @@ def _sphere_normals(count: int) -> Floats:
 NamedNormal = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
 
 NORMAL_COUNT = 180  # over the whole sphere, of which those of interest count
-MAX_VISIBLE_ANGLE = (
-    80.0  # deg from the facing direction within which a camera before the surface sees orientations well
-)
+MAX_VISIBLE_ANGLE = 80.0  # deg from the facing direction, within which a camera sees orientations well
 
 _COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
 

@@ -145,9 +145,7 @@ def _resize_picture(picture: Any, width: int, height: int, pixel_format: str) ->
 FRAME_SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 DECODING_THREADS = 2  # that decode a clip
 _DURATION_TAG = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
-_MIN_JUMP_BACK = (
-    3.0  # frames by which times jump back where two recordings are joined; by less where they are out of order
-)
+_MIN_JUMP_BACK = 3.0  # frames by which times jump back between joined recordings; less is out of order
 _MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
 _MAX_MISSING_END = 0.75  # s that may be missing at the end of a whole clip
 

@@ -264,9 +264,7 @@ def sample_gimbal(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, 
 
 # The camera's path.
 
-SMOOTHING_WINDOW = (
-    5  # frames over which a parabola is fitted; tracking trembles from frame to frame, hands do more slowly
-)
+SMOOTHING_WINDOW = 5  # frames that a parabola is fitted to; tracking trembles faster than hands do
 
 
 @dataclass(frozen=True, eq=False)

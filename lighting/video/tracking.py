@@ -17,7 +17,6 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import geometry
 from lighting.color import SRGB_LINEAR
 from lighting.fusion.metadata_prior import (
     MetadataPrior,
@@ -26,7 +25,7 @@ from lighting.fusion.metadata_prior import (
     observations_of_frame,
 )
 from lighting.fusion.user_input import UserInput
-from lighting.geometry import Floats
+from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Prediction
 from lighting.registration.features import Features, Matches, detect_features, import_opencv, resize_to, to_centered
@@ -43,6 +42,17 @@ MAX_KEYFRAME_MOTION = 0.35  # half diagonals that points move in the median befo
 MAX_FEATURES = 800  # of a keyframe, to be found again by
 FEATURE_SIDE = 400  # pixels of the longer side in which those are sought
 
+TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
+BLUR_TOLERANCES = 6.0  # tolerances that points may be off where a picture is blurred
+MAX_PARALLAX_SHARE = 0.7  # share of points that agree so far with a rotation, below which the camera may have moved
+MIN_TIGHT_SHARE = 0.6  # share of these within half the tolerance, from which other things move, not the camera
+MIN_MOTION_SHARE = 0.85  # share of the points that must then agree with a motion; things that move do not
+MIN_LOCAL_SHARE = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
+MIN_RELIABLE_SHARE = 0.3  # share of followed points that must agree with a rotation
+MIN_RELIABLE_POINTS = 12  # of them
+
+_REWEIGHTINGS = 6  # of re-weighting, from eight times the tolerance down to it
+_EXACT_PRIOR = 1e18  # inverse variance of the logarithm of a focal length that is known
 _FLOW_WINDOW = (15, 15)
 _FLOW_LEVELS = 4  # of the pyramid: a point may move by a fifth of the picture from one frame to the next
 _MAX_CORRECTION = 3.0  # pixels by which the comparison with the keyframe may move a point
@@ -50,9 +60,8 @@ _MAX_FLOW_ERROR = 12.0  # grey values by which a point's surroundings may differ
 _EVEN_STD = 50.0  # grey values, the standard deviation to which every frame is brought: gains do not disturb
 _LIGHT_SIDE = 160  # pixels of the longer side in which a gain is measured
 _MIN_LIT_SHARE = 0.02  # share of the picture that must be neither black nor clipped
-_LINEAR_TABLE = np.where(
-    (np.arange(256) > 8) & (np.arange(256) < 248), SRGB_LINEAR, np.float32(np.nan)
-)  # by coded value
+_CODES = np.arange(256)
+_LINEAR_TABLE = np.where((_CODES > 8) & (_CODES < 248), SRGB_LINEAR, np.float32(np.nan))  # NaN where black or clipped
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +212,7 @@ class PointTracker:
     def _linear(self, pixels: NDArray[np.uint8]) -> tuple[NDArray[np.float32], float]:
         """Linear values (h, w, 3) of the picture made small, NaN where it is black or clipped, and how small it is."""
         height, width = pixels.shape[:2]
-        scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), geometry.shrink_size(width, height, _LIGHT_SIDE)
+        scale, size = min(1.0, _LIGHT_SIDE / max(height, width)), shrink_size(width, height, _LIGHT_SIDE)
         small = self._cv2.resize(self._cv2.LUT(pixels, _LINEAR_TABLE), size, interpolation=self._cv2.INTER_AREA)
         return np.asarray(small), scale
 
@@ -232,25 +241,10 @@ def chain_gains(steps: Sequence[TrackedFrame]) -> Floats:
 
 # Rotation of a frame against its keyframe.
 
-TOLERANCE = 1.5  # pixels; beyond it a point counts for ever less
-BLUR_TOLERANCES = 6.0  # tolerances that points may be off where a picture is blurred
-MAX_PARALLAX_SHARE = (
-    0.7  # share of points that agree so far with a rotation, below which the camera may have moved as well
-)
-MIN_TIGHT_SHARE = (
-    0.6  # share of the agreeing points within half the tolerance, from which on others move and the camera does not
-)
-MIN_MOTION_SHARE = 0.85  # share of the points that must then agree with a motion; things that move do not
-MIN_LOCAL_SHARE = 0.5  # share of points that agree with a rotation nearby, below which it is sought from the beginning
-MIN_RELIABLE_SHARE = 0.3  # share of followed points that must agree with a turn
-MIN_RELIABLE_POINTS = 12  # of them
-_REWEIGHTINGS = 6  # of re-weighting, from eight times the tolerance down to it
-_EXACT_PRIOR = 1e18  # inverse variance of the logarithm of a focal length that is known
-
 
 @dataclass(frozen=True, eq=False)
 class FrameRotation:
-    """A frame's turn against a keyframe."""
+    """A frame's rotation against a keyframe."""
 
     rotation: Floats  # (3, 3) directions in the keyframe's camera to the frame's
     share: float  # of the points that agree within twice TOLERANCE
@@ -297,14 +291,12 @@ def _is_parallax(a: Floats, b: Floats, rotation: Floats, reach: float) -> bool:
     """
     distance = np.linalg.norm(b - a @ rotation.T, axis=1)
     close = np.count_nonzero(distance < 2.0 * reach)
-    return bool(
-        np.mean(distance < BLUR_TOLERANCES * reach) < MAX_PARALLAX_SHARE
-        and np.count_nonzero(distance < 0.5 * reach) < MIN_TIGHT_SHARE * close
-    )
+    tight = np.count_nonzero(distance < 0.5 * reach)
+    return bool(np.mean(distance < BLUR_TOLERANCES * reach) < MAX_PARALLAX_SHARE and tight < MIN_TIGHT_SHARE * close)
 
 
 def _walking_rotation(matches: Matches, focal: float, agreeing: int) -> FrameRotation | None:
-    """The turn of a camera that walked, where clearly more points tell it than agree with a rotation alone."""
+    """The rotation of a camera that walked, where clearly more points tell it than agree with a rotation alone."""
     consistent = prefers_translation(matches, agreeing)
     motion = None if consistent is None else essential_motion(consistent, (focal, focal), (1.0,), _EXACT_PRIOR)
     if motion is None or (count := int(np.count_nonzero(motion.inliers))) < MIN_MOTION_SHARE * len(matches):
@@ -328,7 +320,7 @@ def _refine_rotation(a: Floats, b: Floats, rotation: Floats, reach: float) -> Fr
 class FrameEstimate:
     """What one frame shows by itself."""
 
-    prediction: Prediction  # its sky in the colour that the frame shows
+    prediction: Prediction  # its sky in the color that the frame shows
     ground: Floats | None = None  # (3,) reflectance, where the frame shows enough of it
     by_lens: "FrameEstimate | None" = None  # the same by a camera with the clip's known lens, where it has one
 
