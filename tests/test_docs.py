@@ -23,13 +23,13 @@ from lighting.validation import OPTIONAL_RANGES, RANGES
 from server.app import create_app
 from server.settings import Settings
 from tests.helpers.pages import DOCS, README, ROOT, anchors, blocks, links, text
-from tests.helpers.processes import commands
+from tests.helpers.processes import list_commands
 
 MOST_LINES = 170  # of README: more than that is not read
 EVERY_PAGE = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "node_modules", "runs"} & set(p.parts))
 COMMANDS = sorted(
     (f"{name} {part}".strip(), leaf)
-    for name, command in commands().items()
+    for name, command in list_commands().items()
     for part, leaf in (command.commands.items() if isinstance(command, click.Group) else [("", command)])
 )
 OPTIONS = sorted(
@@ -133,7 +133,7 @@ def test_the_commands_of_the_pages_are_right_usage(
     program, name, *arguments = shlex.split(line, comments=True)
     assert program == "lighting"
     with click.Context(cli, info_name="lighting", help_option_names=["-h", "--help"]) as parent:
-        commands()[name].make_context(name, arguments, parent=parent)
+        list_commands()[name].make_context(name, arguments, parent=parent)
     photos = [argument for argument in arguments if argument.startswith("examples/")]
     assert all(list(Path().glob(photo)) for photo in photos)
 

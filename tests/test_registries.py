@@ -20,7 +20,7 @@ from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server.app import create_app
 from server.settings import Settings
-from tests.helpers.processes import error_of, runners_run
+from tests.helpers.processes import error_of, invoke_command
 from tests.toy_sky import EASTERN
 from tests.toy_tool import PICTURE, TEXT, TOY
 
@@ -67,14 +67,14 @@ def is_eastern(image: np.ndarray[Any, Any]) -> bool:
 
 def test_the_command_line_paints_the_sky(record_path: Path, tmp_path: Path) -> None:
     arguments: list[str | Path] = ["render", record_path, "--height", "32", "--no-sun"]
-    assert runners_run(*arguments, "-o", tmp_path / "plain.exr").exit_code == 0
-    assert runners_run(*arguments, "-o", tmp_path / "toy.exr", "--sky", "eastern").exit_code == 0
+    assert invoke_command(*arguments, "-o", tmp_path / "plain.exr").exit_code == 0
+    assert invoke_command(*arguments, "-o", tmp_path / "toy.exr", "--sky", "eastern").exit_code == 0
     plain, toy = (read_exr(tmp_path / f"{name}.exr") for name in ("plain", "toy"))
     assert not is_eastern(plain[0])
     assert is_eastern(toy[0])
     assert toy[1] is not None
     assert toy[1].sky_model == "eastern"
-    assert "eastern" in error_of(runners_run(*arguments, "-o", tmp_path / "x.exr", "--sky", "blue"), 2)
+    assert "eastern" in error_of(invoke_command(*arguments, "-o", tmp_path / "x.exr", "--sky", "blue"), 2)
 
 
 def test_the_service_paints_the_sky(client: TestClient) -> None:
@@ -92,12 +92,12 @@ def test_the_service_paints_the_sky(client: TestClient) -> None:
 
 def test_the_command_line_writes_the_scene(photo_path: Path, record_path: Path, tmp_path: Path) -> None:
     arguments: list[str | Path] = ["scene", photo_path, "--for", "toy", "--lighting", record_path, "-q"]
-    assert runners_run(*arguments, "-o", tmp_path / "out", "--unit", "cm").exit_code == 0
+    assert invoke_command(*arguments, "-o", tmp_path / "out", "--unit", "cm").exit_code == 0
     assert (tmp_path / "out" / TEXT).read_text() == "sun -40 35\ncamera 160 cm\n"
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [PICTURE, TEXT]
-    said = error_of(runners_run(*arguments, "-o", tmp_path / "other", "--up-axis", "z"), 2)
+    said = error_of(invoke_command(*arguments, "-o", tmp_path / "other", "--up-axis", "z"), 2)
     assert said == "--up-axis goes with --for usd."
-    said = error_of(runners_run("scene", photo_path, "--for", "usd", "--unit", "m", "-o", tmp_path / "other"), 2)
+    said = error_of(invoke_command("scene", photo_path, "--for", "usd", "--unit", "m", "-o", tmp_path / "other"), 2)
     assert said == "--unit goes with --for toy."
 
 
@@ -110,7 +110,7 @@ def test_the_scene_replaces_neither_photo_nor_record(photo_path: Path, record_pa
         record = record_path.rename(record_path.with_name(TEXT))
     before = photo.read_bytes(), record.read_bytes()
     arguments: list[str | Path] = ["scene", photo, "--for", "toy", "--lighting", record, "--overwrite"]
-    said = error_of(runners_run(*arguments, "-o", photo.parent), 2)
+    said = error_of(invoke_command(*arguments, "-o", photo.parent), 2)
     assert said == f"The scene would replace {photo if own == 'photo' else record}; choose another folder."
     assert (photo.read_bytes(), record.read_bytes()) == before
 

@@ -23,21 +23,21 @@ from starlette.types import ASGIApp
 from lighting.cli import cli
 from lighting.records import Lighting
 
-MANY = 150  # photos, so that a batch can be stopped half-way
+MANY_PHOTOS = 150  # photos, so that a batch can be stopped half-way
 
 
-def run(*arguments: object) -> Result:
+def run_batch(*arguments: object) -> Result:
     return CliRunner().invoke(cli, ["batch", "--workers", "1", *map(str, arguments)], prog_name="lighting")
 
 
-def records(out: Path) -> list[dict[str, Any]]:
+def read_records(out: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in (out / "lighting.jsonl").read_text().splitlines()]
 
 
 LIGHTING = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.021, sun_visibility=0.9)
 
 
-def commands() -> dict[str, click.Command]:
+def list_commands() -> dict[str, click.Command]:
     """The commands by name."""
     context = click.Context(cli)
     found = {name: cli.get_command(context, name) for name in cli.list_commands(context)}
@@ -45,12 +45,12 @@ def commands() -> dict[str, click.Command]:
     return {name: command for name, command in found.items() if command}
 
 
-def runners_run(*arguments: str | Path, stdin: bytes | None = None) -> Result:
+def invoke_command(*arguments: str | Path, stdin: bytes | None = None) -> Result:
     """A command in this process; what is no click exception propagates."""
     return CliRunner().invoke(cli, [str(a) for a in arguments], input=stdin, prog_name="lighting")
 
 
-def sub(*arguments: str | Path, stdin: bytes = b"", **options: Any) -> subprocess.CompletedProcess[bytes]:
+def run_command(*arguments: str | Path, stdin: bytes = b"", **options: Any) -> subprocess.CompletedProcess[bytes]:
     """A command in a process of its own."""
     command = [sys.executable, "-m", "lighting", *map(str, arguments)]
     return subprocess.run(command, input=stdin, capture_output=True, timeout=60, check=False, **options)
@@ -68,7 +68,7 @@ def error_of(result: Result, status: int = 1) -> str:
     return line.removeprefix("Error: ")
 
 
-def terminal(*arguments: str | Path, stdout_too: bool) -> tuple[int, bytes]:
+def run_in_terminal(*arguments: str | Path, stdout_too: bool) -> tuple[int, bytes]:
     """Exit status and what a terminal shows of a command whose stderr, and perhaps stdout, it is."""
     master, slave = pty.openpty()
     fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("4H", 24, 100, 0, 0))
@@ -90,7 +90,7 @@ def terminal(*arguments: str | Path, stdout_too: bool) -> tuple[int, bytes]:
 PATIENCE = 10.0  # seconds
 
 
-def ended(pid: int) -> bool:
+def has_ended(pid: int) -> bool:
     """Whether a process is gone, or only its status is left."""
     try:
         return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
@@ -101,13 +101,13 @@ def ended(pid: int) -> bool:
 def wait_until_ended(pid: int) -> None:
     """Wait for the end of a process; AssertionError where it goes on."""
     deadline = time.monotonic() + PATIENCE
-    while not ended(pid):
+    while not has_ended(pid):
         assert time.monotonic() < deadline, f"process {pid} goes on"
         time.sleep(0.02)
 
 
 @contextmanager
-def running(app: ASGIApp, http: Any) -> Iterator[int]:
+def serve_app(app: ASGIApp, http: Any) -> Iterator[int]:
     """The port on which uvicorn serves an application by a protocol, as its setting `http` has it."""
     server = uvicorn.Server(uvicorn.Config(app, port=0, http=http, log_level="error", lifespan="off"))
     thread = threading.Thread(target=server.run, daemon=True)

@@ -12,7 +12,7 @@ from lighting.files.exr import read_exr_attributes
 from lighting.model import Model
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
-from tests.helpers.processes import sub
+from tests.helpers.processes import run_command
 
 PHOTO = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
 
@@ -37,8 +37,8 @@ def numbers(record: Any) -> list[float]:
 def test_commands_of_one_photo_give_one_answer(tmp_path: Path) -> None:
     """To the last digit: the network begins early or late, and answers alone."""
     expected = answer_of(Model.load(for_one_photo=True))
-    printed = json.loads(sub("estimate", PHOTO, "--json").stdout)["lighting"]
-    assert sub("envmap", PHOTO, "-o", tmp_path / "sky.exr", "--height", "64").returncode == 0
+    printed = json.loads(run_command("estimate", PHOTO, "--json").stdout)["lighting"]
+    assert run_command("envmap", PHOTO, "-o", tmp_path / "sky.exr", "--height", "64").returncode == 0
     written = json.loads(read_exr_attributes(tmp_path / "sky.exr")["lighting.json"])
     assert plain(printed) == expected
     assert plain(written) == expected
@@ -48,10 +48,10 @@ def test_commands_of_one_photo_give_one_answer(tmp_path: Path) -> None:
 def test_several_photos_have_the_answer_of_one_that_python_gives(tmp_path: Path) -> None:
     """A network prepared for many photos gives the same as one for a single photo but for the sixth digit."""
     expected = answer_of(Model.load())
-    lines = sub("estimate", PHOTO, PHOTO, "--json").stdout.splitlines()
+    lines = run_command("estimate", PHOTO, PHOTO, "--json").stdout.splitlines()
     (tmp_path / "photos").mkdir()
     (tmp_path / "photos" / "a.jpg").write_bytes(PHOTO.read_bytes())
-    assert sub("batch", tmp_path / "photos", tmp_path / "out", "-q").returncode == 0
+    assert run_command("batch", tmp_path / "photos", tmp_path / "out", "-q").returncode == 0
     lines += (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines()
     assert [plain(json.loads(line)["lighting"]) for line in lines] == [expected] * 3
     alone = answer_of(Model.load(for_one_photo=True))

@@ -11,7 +11,7 @@ import lighting.start as start_module
 from lighting.errors import ModelError
 from lighting.model import Model, packaged_model
 from lighting.start import start_network, started_session
-from tests.helpers.processes import sub
+from tests.helpers.processes import run_command
 
 STARTED = """
 import gc, os, sys
@@ -92,8 +92,8 @@ def test_what_keeps_the_network_from_loading_is_said_when_it_is_needed(
 @pytest.mark.slow
 def test_the_command_answers_by_the_network_that_began_to_load(photo_path: Path) -> None:
     """The same line as by the same file given as another network, which loads later."""
-    early = sub("estimate", photo_path, "--json")
-    late = sub("estimate", photo_path, "--json", "--model", packaged_model())
+    early = run_command("estimate", photo_path, "--json")
+    late = run_command("estimate", photo_path, "--json", "--model", packaged_model())
     assert early.returncode == 0
     assert json.loads(early.stdout)["lighting"]["model"]["name"] == "outdoor"
     assert early.stdout == late.stdout

@@ -16,7 +16,7 @@ from server import h11_protocol
 from server.h11_protocol import _READ_BYTES, MAX_CHUNKS, MAX_HEADER_BYTES, MIN_MEAN_CHUNK, BoundedProtocol
 from server.limits import PendingResponses
 from server.schemas import Problem
-from tests.helpers.processes import running
+from tests.helpers.processes import serve_app
 
 SECONDS = 1.0
 LARGE = 50_000_000  # bytes of an answer: more than the sockets of both sides keep
@@ -46,7 +46,7 @@ def pending() -> PendingResponses:
 @pytest.fixture(scope="module")
 def port(pending: PendingResponses) -> Iterator[int]:
     http: Any = partial(BoundedProtocol, head_seconds=SECONDS, answer_rate=10_000_000, pending=pending)
-    with running(app, http) as number:
+    with serve_app(app, http) as number:
         yield number
 
 

@@ -18,7 +18,7 @@ from server import middleware
 from server.app import create_app
 from server.middleware import DrainBodyMiddleware
 from server.settings import Settings
-from tests.helpers.processes import running
+from tests.helpers.processes import serve_app
 from tests.server.conftest import client_of, problem, sample
 
 JPEG = {"Content-Type": "image/jpeg"}
@@ -114,7 +114,7 @@ async def refusing(_scope: Scope, _receive: Receive, send: Send) -> None:
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
-    with running(DrainBodyMiddleware(refusing), "h11") as number:
+    with serve_app(DrainBodyMiddleware(refusing), "h11") as number:
         yield number
 
 

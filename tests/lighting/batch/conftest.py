@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import encode, scene
-from tests.helpers.processes import MANY
+from tests.helpers.processes import MANY_PHOTOS
 
 
 @pytest.fixture
@@ -31,6 +31,6 @@ def many(tmp_path: Path) -> Path:
     folder = tmp_path / "many"
     folder.mkdir()
     (folder / "0000.jpg").write_bytes(encode(scene(640, 480)))
-    for number in range(1, MANY):
+    for number in range(1, MANY_PHOTOS):
         os.link(folder / "0000.jpg", folder / f"{number:04}.jpg")
     return folder

@@ -28,19 +28,19 @@ from lighting.model import Model
 from lighting.photo.reader import read_photo
 from lighting.records import record_with_coefficients
 from tests.conftest import encode, scene, write_network
-from tests.helpers.processes import MANY, records, run
+from tests.helpers.processes import MANY_PHOTOS, read_records, run_batch
 
 
 @pytest.mark.slow
 def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path) -> None:
     for name in ("a.gif", "b.JXL"):
         (photos / name).touch()
-    result = run(photos, tmp_path / "out", "--model", network)
+    result = run_batch(photos, tmp_path / "out", "--model", network)
     assert (result.exit_code, result.stdout) == (1, "")
     failures, summary = result.stderr.splitlines()
     assert failures == f"Photos that failed: 1; the reasons are in {tmp_path / 'out'}."
     assert re.fullmatch(r"4 done, 1 failed, 2 skipped \(1 \.gif, 1 \.jxl\); [\d.]+ photos a second\.", summary)
-    found = {record.pop("file"): record for record in records(tmp_path / "out")}
+    found = {record.pop("file"): record for record in read_records(tmp_path / "out")}
     assert sorted(found) == find_photos(str(photos))[1]
     assert found.pop("bad.jpg")["error"].startswith("The file is not a JPEG")
     estimator = Estimator(Model.load(network))
@@ -52,9 +52,12 @@ def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path
 
 @pytest.mark.slow
 def test_maps_lie_under_the_photos_own_names(photos: Path, tmp_path: Path, network: Path) -> None:
-    assert run(photos / "**" / "a.jpg", tmp_path / "out", "--envmap", "--height", 32, "--model", network).exit_code == 0
+    assert (
+        run_batch(photos / "**" / "a.jpg", tmp_path / "out", "--envmap", "--height", 32, "--model", network).exit_code
+        == 0
+    )
     assert sorted(path.name for path in tmp_path.glob("out/**/*.exr")) == ["a.jpg.exr", "a.jpg.exr"]
-    for record in records(tmp_path / "out"):
+    for record in read_records(tmp_path / "out"):
         image, lighting = read_exr(tmp_path / "out" / f"{record['file']}.exr")
         assert image.shape == (32, 64, 3)
         assert lighting is not None
@@ -64,8 +67,8 @@ def test_maps_lie_under_the_photos_own_names(photos: Path, tmp_path: Path, netwo
 @pytest.mark.slow
 def test_maps_take_the_options_of_render(photos: Path, tmp_path: Path, network: Path) -> None:
     options = ["--envmap", "--height", 64, "--no-sun", "--yaw", 90, "--model", network]
-    assert run(photos / "a.jpg", tmp_path / "out", *options).exit_code == 0
-    (record,) = records(tmp_path / "out")
+    assert run_batch(photos / "a.jpg", tmp_path / "out", *options).exit_code == 0
+    (record,) = read_records(tmp_path / "out")
     (tmp_path / "record.json").write_text(json.dumps(record))
     arguments = [tmp_path / "record.json", "-o", tmp_path / "same.exr", "--height", 64, "--no-sun", "--yaw", 90]
     assert CliRunner().invoke(cli, ["render", *map(str, arguments)]).exit_code == 0
@@ -82,9 +85,9 @@ def test_a_name_too_long_for_its_map_fails_alone(tmp_path: Path, network: Path) 
     names = ["a.jpg", "m" * 244 + ".jpg", "n" * 248 + ".jpg"]  # with .exr the second just fits a name of 255
     for name in names:
         (folder / name).write_bytes(encode(scene(64, 64)))
-    result = run(folder, tmp_path / "out", "--envmap", "--height", 16, "--model", network)
+    result = run_batch(folder, tmp_path / "out", "--envmap", "--height", 16, "--model", network)
     assert result.exit_code == 1
-    failed = {record["file"]: record.get("error") for record in records(tmp_path / "out")}
+    failed = {record["file"]: record.get("error") for record in read_records(tmp_path / "out")}
     assert failed == dict(zip(names, [None, None, "The photo's name is too long for a map of that name."], strict=True))
     assert len(list(tmp_path.glob("out/*.exr"))) == 2
 
@@ -96,48 +99,48 @@ def test_a_photo_whose_map_has_the_name_of_a_folder_fails_alone(tmp_path: Path, 
     for name in ("a.jpg", "b.jpg"):
         (folder / name).write_bytes(encode(scene(64, 64)))
     (tmp_path / "out" / "a.jpg.exr").mkdir(parents=True)
-    assert run(folder, tmp_path / "out", "--envmap", "--height", 16, "--model", network).exit_code == 1
-    failed = {record["file"]: record.get("error") for record in records(tmp_path / "out")}
+    assert run_batch(folder, tmp_path / "out", "--envmap", "--height", 16, "--model", network).exit_code == 1
+    failed = {record["file"]: record.get("error") for record in read_records(tmp_path / "out")}
     assert failed == {"a.jpg": "A folder in the results has the name of the photo's map.", "b.jpg": None}
 
 
 @pytest.mark.slow
 def test_what_failed_is_tried_again(photos: Path, tmp_path: Path, network: Path) -> None:
     arguments = (photos, tmp_path / "out", "--model", network)
-    assert run(*arguments).exit_code == 1
-    before = records(tmp_path / "out")
-    assert run(*arguments).exit_code == 1
-    assert sorted(map(str, records(tmp_path / "out"))) == sorted(map(str, before))
+    assert run_batch(*arguments).exit_code == 1
+    before = read_records(tmp_path / "out")
+    assert run_batch(*arguments).exit_code == 1
+    assert sorted(map(str, read_records(tmp_path / "out"))) == sorted(map(str, before))
     (photos / "bad.jpg").write_bytes(encode(scene(64, 64)))
-    assert run(*arguments).exit_code == 0
-    assert {r["file"] for r in records(tmp_path / "out") if "lighting" in r} == {r["file"] for r in before}
-    assert len(records(tmp_path / "out")) == len(before)
+    assert run_batch(*arguments).exit_code == 0
+    assert {r["file"] for r in read_records(tmp_path / "out") if "lighting" in r} == {r["file"] for r in before}
+    assert len(read_records(tmp_path / "out")) == len(before)
 
 
 @pytest.mark.slow
 def test_what_is_known_of_all_photos_counts_and_is_kept(photos: Path, tmp_path: Path, network: Path) -> None:
     out = tmp_path / "out"
     said = (photos / "a.jpg", out, "--model", network, "--fov", 44, "--no-exif")
-    assert run(*said).exit_code == 0
-    (record,) = records(out)
+    assert run_batch(*said).exit_code == 0
+    (record,) = read_records(out)
     assert record["lighting"]["camera"]["vertical_fov"] == 44.0
     assert json.loads((out / "batch.json").read_text())["metadata"] == {"use_exif": False, "vertical_fov": 44.0}
-    assert run(*said[:-2], 45, "--no-exif").stderr.endswith(
+    assert run_batch(*said[:-2], 45, "--no-exif").stderr.endswith(
         "other settings (metadata); choose another folder, or --overwrite.\n"
     )
-    assert run(*said[:-1], "--lat", 91, "--lon", 0).exit_code == 2
+    assert run_batch(*said[:-1], "--lat", 91, "--lon", 0).exit_code == 2
 
 
 @pytest.mark.slow
 def test_a_missing_network_is_one_sentence(photos: Path, tmp_path: Path) -> None:
-    result = run(photos, tmp_path / "out", "--model", tmp_path / "no.onnx")
+    result = run_batch(photos, tmp_path / "out", "--model", tmp_path / "no.onnx")
     assert (result.exit_code, result.stderr) == (1, f"Error: There is no network at {tmp_path / 'no.onnx'}.\n")
 
 
 @pytest.mark.slow
 def test_a_damaged_network_is_one_sentence(photos: Path, tmp_path: Path) -> None:
     (tmp_path / "bad.onnx").write_bytes(b"nonsense")
-    result = run(photos, tmp_path / "out", "--model", tmp_path / "bad.onnx")
+    result = run_batch(photos, tmp_path / "out", "--model", tmp_path / "bad.onnx")
     assert result.exit_code == 1
     assert "is not an ONNX network that can be read" in result.stderr
     assert len(result.stderr.splitlines()) == 1
@@ -145,11 +148,11 @@ def test_a_damaged_network_is_one_sentence(photos: Path, tmp_path: Path) -> None
 
 @pytest.mark.slow
 def test_finished_photos_are_not_redone(photos: Path, tmp_path: Path, network: Path) -> None:
-    assert run(photos, tmp_path / "out", "--model", network).exit_code == 1
+    assert run_batch(photos, tmp_path / "out", "--model", network).exit_code == 1
     lines = (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines(keepends=True)
     before = b"".join(line for line in lines if b'"error"' not in line)
     (photos / "new.jpg").write_bytes(encode(scene(100, 80)))
-    assert run(photos, tmp_path / "out", "--model", network).exit_code == 1
+    assert run_batch(photos, tmp_path / "out", "--model", network).exit_code == 1
     after = (tmp_path / "out" / "lighting.jsonl").read_bytes()
     assert after.startswith(before)
     assert [json.loads(line)["file"] for line in after[len(before) :].splitlines()] == ["bad.jpg", "new.jpg"]
@@ -157,10 +160,10 @@ def test_finished_photos_are_not_redone(photos: Path, tmp_path: Path, network: P
 
 @pytest.mark.slow
 def test_overwrite_starts_anew(photos: Path, tmp_path: Path, network: Path) -> None:
-    assert run(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
+    assert run_batch(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
     (photos / "bad.jpg").unlink()
-    assert run(photos, tmp_path / "out", "--overwrite", "--model", network).exit_code == 0
-    assert len(records(tmp_path / "out")) == 4
+    assert run_batch(photos, tmp_path / "out", "--overwrite", "--model", network).exit_code == 0
+    assert len(read_records(tmp_path / "out")) == 4
     assert not (tmp_path / "out" / "lighting.parquet").exists()
 
 
@@ -174,27 +177,27 @@ def test_results_of_another_job_are_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     write_network(tmp_path / "other.onnx", bias=1.0)
-    assert run(photos, "out", "--model", network).exit_code == 1
+    assert run_batch(photos, "out", "--model", network).exit_code == 1
     source = photos / "below" if change == ["--source"] else photos
-    result = run(source, "out", "--model", network, *([] if change == ["--source"] else change))
+    result = run_batch(source, "out", "--model", network, *([] if change == ["--source"] else change))
     assert result.exit_code == 1
     assert (
         result.stderr
         == f"Error: out holds results of other settings ({named}); choose another folder, or --overwrite.\n"
     )
-    assert len(records(tmp_path / "out")) == 5
+    assert len(read_records(tmp_path / "out")) == 5
 
 
 @pytest.mark.slow
 def test_a_folder_without_one_photo_done_takes_other_settings(photos: Path, tmp_path: Path, network: Path) -> None:
     (tmp_path / "damaged.onnx").write_bytes(b"nonsense")
     out = tmp_path / "out"
-    assert run(photos, out, "--model", tmp_path / "damaged.onnx").exit_code == 1
+    assert run_batch(photos, out, "--model", tmp_path / "damaged.onnx").exit_code == 1
     assert (out / "batch.json").exists()
-    assert run(photos / "bad.jpg", out, "--model", network).exit_code == 1
-    assert [set(record) for record in records(out)] == [{"file", "error"}]
-    assert run(photos / "a.jpg", out, "--model", network, "--fov", 44).exit_code == 0
-    assert [record["file"] for record in records(out)] == ["a.jpg"]
+    assert run_batch(photos / "bad.jpg", out, "--model", network).exit_code == 1
+    assert [set(record) for record in read_records(out)] == [{"file", "error"}]
+    assert run_batch(photos / "a.jpg", out, "--model", network, "--fov", 44).exit_code == 0
+    assert [record["file"] for record in read_records(out)] == ["a.jpg"]
 
 
 @pytest.mark.slow
@@ -202,7 +205,7 @@ def test_what_ray_did_is_refused(photos: Path, tmp_path: Path, network: Path) ->
     (tmp_path / "lighting.parquet").mkdir()
     (tmp_path / "batch.json").write_text('{"engine": "ray"}\n')
     (tmp_path / "lighting.parquet" / "part.parquet").touch()
-    result = run(photos / "a.jpg", tmp_path, "--model", network)
+    result = run_batch(photos / "a.jpg", tmp_path, "--model", network)
     assert result.exit_code == 1
     assert "holds results of other settings (engine, " in result.stderr
 
@@ -216,15 +219,15 @@ def test_a_photo_of_night_failed_and_could_be_read(tmp_path: Path, network: Path
     }
     (tmp_path / "night.jpg").write_bytes(encode(scene(160, 120), exif=exif.tobytes()))
     out = tmp_path / "out"
-    result = run(tmp_path / "night.jpg", out, "--lat", 48, "--lon", 11, "--model", network)
+    result = run_batch(tmp_path / "night.jpg", out, "--lat", 48, "--lon", 11, "--model", network)
     assert result.stderr.splitlines()[0] == f"Photos that failed: 1; the reasons are in {out}."
-    assert "too dark for these skies" in records(out)[0]["error"]
+    assert "too dark for these skies" in read_records(out)[0]["error"]
 
 
 @pytest.mark.slow
 def test_a_journal_without_settings_is_refused(photos: Path, tmp_path: Path, network: Path) -> None:
     (tmp_path / "lighting.jsonl").write_text("somebody's\n")
-    result = run(photos, tmp_path, "--model", network)
+    result = run_batch(photos, tmp_path, "--model", network)
     assert result.exit_code == 1
     assert "holds results, but no batch.json" in result.stderr
     assert (tmp_path / "lighting.jsonl").read_text() == "somebody's\n"
@@ -246,13 +249,13 @@ def test_a_stopped_batch_goes_on(many: Path, tmp_path: Path, network: Path, sign
     assert first.returncode != 0
     assert b"Traceback" not in error
     before = (out / "lighting.jsonl").read_bytes()
-    assert 20 <= before.count(b"\n") < MANY
+    assert 20 <= before.count(b"\n") < MANY_PHOTOS
     second = subprocess.run(list(map(str, command)), capture_output=True, timeout=120, check=False)
     assert (second.returncode, second.stderr.count(b"\n")) == (0, 1)
-    assert re.search(rf"{MANY} done, 0 failed, 0 skipped; \d+ by an earlier run, ".encode(), second.stderr)
+    assert re.search(rf"{MANY_PHOTOS} done, 0 failed, 0 skipped; \d+ by an earlier run, ".encode(), second.stderr)
     assert (out / "lighting.jsonl").read_bytes().startswith(before[: before.rindex(b"\n") + 1])
-    assert Counter(record["file"] for record in records(out)) == Counter(find_photos(str(many))[1])
-    assert all(read_exr(out / f"{number:04}.jpg.exr")[0].shape == (16, 32, 3) for number in range(MANY))
+    assert Counter(record["file"] for record in read_records(out)) == Counter(find_photos(str(many))[1])
+    assert all(read_exr(out / f"{number:04}.jpg.exr")[0].shape == (16, 32, 3) for number in range(MANY_PHOTOS))
 
 
 @pytest.mark.slow
@@ -262,7 +265,7 @@ def test_what_killed_runs_left_under_temporary_names_is_removed(photos: Path, tm
     left = [out / f".0123456789abcdef{end}" for end in (".exr", ".json", ".jsonl")]
     for path in (*left, out / "below" / ".fedcba9876543210.exr", out / ".own.exr"):
         path.touch()
-    run(photos, out, "--envmap", "--height", 16, "--model", network)
+    run_batch(photos, out, "--envmap", "--height", 16, "--model", network)
     assert [path.name for path in out.rglob(".*")] == [".own.exr"]
 
 
@@ -275,9 +278,9 @@ def test_a_killed_worker_costs_nothing(many: Path, tmp_path: Path, network: Path
     wait_for_lines(out / "lighting.jsonl", 20)
     os.kill(workers_of(running.pid)[0], signal.SIGKILL)
     _, error = running.communicate(timeout=120)
-    assert (running.returncode, error.startswith(f"{MANY} done, 0 failed, 0 skipped;".encode())) == (0, True)
-    assert Counter(record["file"] for record in records(out)) == Counter(find_photos(str(many))[1])
-    assert all("lighting" in record for record in records(out))
+    assert (running.returncode, error.startswith(f"{MANY_PHOTOS} done, 0 failed, 0 skipped;".encode())) == (0, True)
+    assert Counter(record["file"] for record in read_records(out)) == Counter(find_photos(str(many))[1])
+    assert all("lighting" in record for record in read_records(out))
 
 
 def wait_for_lines(path: Path, count: int) -> None:

@@ -14,7 +14,7 @@ from lighting.errors import BatchError, MissingExtraError
 from lighting.records import Lighting
 from lighting.validation import RANGES
 from tests.conftest import encode, scene
-from tests.helpers.processes import records, run
+from tests.helpers.processes import read_records, run_batch
 
 FAILED = json.dumps({"file": "c.jpg", "error": "No."})
 LINES = [json.dumps({"file": name, "lighting": {}}) for name in ("a.jpg", "b/ä.jpg")]
@@ -130,12 +130,12 @@ LIGHT = Lighting(10.0, 20.0, 3.0, 1.0)
 
 @pytest.mark.slow
 def test_parquet_holds_the_same_numbers(photos: Path, tmp_path: Path, network: Path) -> None:
-    assert run(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
+    assert run_batch(photos, tmp_path / "out", "--parquet", "--model", network).exit_code == 1
     table = read_table(tmp_path / "out" / "lighting.parquet")
     assert table.column_names[:2] == ["file", "error"]
     assert set(RANGES) < set(table.column_names)
     rows = {row["file"]: row for row in table.to_pylist()}
-    for record in records(tmp_path / "out"):
+    for record in read_records(tmp_path / "out"):
         row = rows.pop(record["file"])
         assert row["error"] == record.get("error")
         assert row["sun_azimuth"] == (record["lighting"]["sun"]["azimuth"] if "lighting" in record else None)
@@ -148,7 +148,7 @@ def test_a_table_that_is_there_keeps_up_with_the_results(tmp_path: Path, network
     folder.mkdir()
     for name, options in (("a.jpg", ["--parquet"]), ("b.jpg", [])):
         (folder / name).write_bytes(encode(scene(64, 64)))
-        assert run(folder, out, *options, "--model", network).exit_code == 0
+        assert run_batch(folder, out, *options, "--model", network).exit_code == 0
     assert read_table(out / "lighting.parquet")["file"].to_pylist() == ["a.jpg", "b.jpg"]
 
 
@@ -157,14 +157,14 @@ def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -
     folder = tmp_path / "photos"
     folder.mkdir()
     (folder / os.fsdecode(b"caf\xe9.jpg")).write_bytes(encode(scene(64, 64)))
-    assert run(folder, tmp_path / "out", "--parquet", "--model", network).exit_code == 0
+    assert run_batch(folder, tmp_path / "out", "--parquet", "--model", network).exit_code == 0
     (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
     assert row["file"] == "caf\\udce9.jpg"
 
 
 def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    result = run(photos, tmp_path / "out", "--parquet")
+    result = run_batch(photos, tmp_path / "out", "--parquet")
     assert result.exit_code == 1
     assert result.stderr == "Error: Parquet needs pyarrow: pip install 'outdoor-lighting[parquet]'.\n"
     assert not (tmp_path / "out").exists()

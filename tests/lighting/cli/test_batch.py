@@ -8,19 +8,19 @@ import pytest
 from click.testing import CliRunner
 
 from lighting.cli import cli
-from tests.helpers.processes import run
+from tests.helpers.processes import run_batch
 
 
 @pytest.mark.parametrize("options", [["--height", 64], ["--yaw", 0], ["--surroundings"], ["--address", "auto"]])
 def test_options_that_would_do_nothing_are_refused(tmp_path: Path, options: list[object]) -> None:
-    result = run(tmp_path, tmp_path / "out", *options)
+    result = run_batch(tmp_path, tmp_path / "out", *options)
     assert result.exit_code == 2
     assert "need" in result.stderr
     assert not (tmp_path / "out").exists()
 
 
 def test_results_in_a_file_are_refused(photo_path: Path) -> None:
-    result = run(photo_path.parent, photo_path)
+    result = run_batch(photo_path.parent, photo_path)
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr == f"Error: {photo_path} is a file; the results need a folder.\n"
 
@@ -29,7 +29,7 @@ def test_results_in_a_file_are_refused(photo_path: Path) -> None:
 def test_a_folder_in_place_of_the_table_is_refused_first(photo_path: Path, tmp_path: Path, option: str) -> None:
     out = tmp_path / "out"
     (out / "lighting.parquet").mkdir(parents=True)
-    result = run(photo_path, out, option)
+    result = run_batch(photo_path, out, option)
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr == (
         f"Error: {out}/lighting.parquet is a folder, as --engine ray writes it; choose another one for the results.\n"
@@ -41,7 +41,7 @@ def test_a_table_in_a_folder_that_does_not_exist_is_refused_first(photo_path: Pa
     out = tmp_path / "out"
     out.mkdir()
     (out / "lighting.parquet").symlink_to(tmp_path / "none" / "table.parquet")
-    result = run(photo_path, out, "--parquet")
+    result = run_batch(photo_path, out, "--parquet")
     assert (result.exit_code, result.stdout) == (1, "")
     assert result.stderr == (
         f"Error: {out}/lighting.parquet is a link to a file in {tmp_path}/none, which is no folder.\n"
@@ -74,6 +74,6 @@ def test_ray_without_pyarrow_is_one_sentence(tmp_path: Path, monkeypatch: pytest
 
 
 def test_help_says_what_is_written() -> None:
-    help_text = " ".join(run("--help").stdout.split())
+    help_text = " ".join(run_batch("--help").stdout.split())
     assert "receives lighting.jsonl" in help_text
     assert "--engine [pool|ray]" in help_text

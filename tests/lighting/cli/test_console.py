@@ -14,30 +14,30 @@ from lighting.files.exr import read_exr, write_exr
 from lighting.records import Lighting
 from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
-from tests.helpers.processes import LIGHTING, error_of, runners_run, sub, terminal
+from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command, run_in_terminal
 
 
 @pytest.mark.parametrize(("name", "magic"), [("a.exr", b"v/1\x01"), ("a.HDR", b"#?RADIANCE"), ("a.png", b"\x89PNG")])
 def test_envmap_writes_by_suffix(network: Path, photo_path: Path, tmp_path: Path, name: str, magic: bytes) -> None:
-    result = runners_run("envmap", photo_path, "-o", tmp_path / name, "--height", "64", "--model", network)
+    result = invoke_command("envmap", photo_path, "-o", tmp_path / name, "--height", "64", "--model", network)
     assert (result.exit_code, result.stderr) == (0, "")
     assert (tmp_path / name).read_bytes().startswith(magic)
-    assert result.stdout == runners_run("estimate", photo_path, "--model", network).stdout
+    assert result.stdout == invoke_command("estimate", photo_path, "--model", network).stdout
     assert {p.name for p in tmp_path.iterdir()} == {"photo.jpg", name}
 
 
 @pytest.mark.parametrize("command", [["estimate"], ["info"], ["render", "-o", "a.exr"], ["preview", "-o", "a.png"]])
 def test_an_input_without_a_name_is_refused(command: list[str]) -> None:
     """It would be the current folder."""
-    assert error_of(runners_run(*command, "")).endswith("The name of the file is empty.")
+    assert error_of(invoke_command(*command, "")).endswith("The name of the file is empty.")
 
 
 def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path: Path) -> None:
     line = json.dumps({"file": "photo.jpg", "lighting": LIGHTING.to_dict()}).encode()
-    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32")
-    runners_run("render", "-", "-o", tmp_path / "b.exr", "--height", "32", stdin=line)
-    runners_run("render", "-", "-o", tmp_path / "c.exr", "--height", "32", stdin=b"\xef\xbb\xbf" + line)
-    runners_run(
+    invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "32")
+    invoke_command("render", "-", "-o", tmp_path / "b.exr", "--height", "32", stdin=line)
+    invoke_command("render", "-", "-o", tmp_path / "c.exr", "--height", "32", stdin=b"\xef\xbb\xbf" + line)
+    invoke_command(
         "render", "-", "-o", tmp_path / "d.exr", "--height", "32", stdin=line.decode().encode("utf-16")
     )  # PowerShell's
     maps = [read_exr(tmp_path / f"{name}.exr") for name in "abcd"]
@@ -76,7 +76,7 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
     ids=range(16),
 )
 def test_a_bad_record_is_one_sentence(tmp_path: Path, text: str, sentence: str) -> None:
-    result = runners_run("render", "-", "-o", tmp_path / "a.exr", stdin=text.encode("latin-1"))
+    result = invoke_command("render", "-", "-o", tmp_path / "a.exr", stdin=text.encode("latin-1"))
     assert error_of(result).startswith(sentence)
     assert list(tmp_path.iterdir()) == []
 
@@ -92,7 +92,7 @@ def test_a_record_out_of_range_is_named(photo_path: Path, tmp_path: Path) -> Non
         ["scene", photo_path, "--for", "usd", "--lighting", path, "-o", out],
     ]
     for command in commands:
-        assert error_of(runners_run(*command)) == f"{path}: sky.turbidity is 11; it must lie in 1 to 10."
+        assert error_of(invoke_command(*command)) == f"{path}: sky.turbidity is 11; it must lie in 1 to 10."
     assert not out.exists()
 
 
@@ -102,17 +102,17 @@ def test_inputs_are_never_overwritten(network: Path, tmp_path: Path) -> None:
     (tmp_path / "link.png").symlink_to(photo)
     for output in (photo, tmp_path / "link.png", tmp_path / ".." / tmp_path.name / "photo.png"):
         for command in ("envmap", "preview"):
-            text = error_of(runners_run(command, photo, "-o", output, "--model", network), 2)
+            text = error_of(invoke_command(command, photo, "-o", output, "--model", network), 2)
             assert text == "The input and the outputs must be different files."
     same = tmp_path / "a.png"
-    error_of(runners_run("envmap", photo, "-o", same, "--preview", same, "--model", network), 2)
-    error_of(runners_run("envmap", photo, "-o", "-", "--preview", "-", "--model", network), 2)
+    error_of(invoke_command("envmap", photo, "-o", same, "--preview", same, "--model", network), 2)
+    error_of(invoke_command("envmap", photo, "-o", "-", "--preview", "-", "--model", network), 2)
     assert photo.read_bytes() == encode(scene(96, 64), "PNG")
 
 
 def test_a_bad_photo_leaves_an_older_output_alone(network: Path, tmp_path: Path) -> None:
     (tmp_path / "a.exr").write_bytes(b"older")
-    text = error_of(runners_run("envmap", "-", "-o", tmp_path / "a.exr", "--model", network, stdin=b"bad"))
+    text = error_of(invoke_command("envmap", "-", "-o", tmp_path / "a.exr", "--model", network, stdin=b"bad"))
     assert text == "stdin: The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.exr": b"older"}
 
@@ -125,7 +125,7 @@ def test_a_write_that_fails_is_one_sentence_and_leaves_nothing(
 
     monkeypatch.setattr(Path, "replace", full)
     assert "No space left on device" in error_of(
-        runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
+        invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
     )
     assert [p.name for p in tmp_path.iterdir()] == ["lighting.json"]
 
@@ -168,24 +168,24 @@ def test_a_record_without_radii_claims_none() -> None:
 
 
 def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path) -> None:
-    result = runners_run("estimate", "absent.jpg", photo_path, "--model", network)
+    result = invoke_command("estimate", "absent.jpg", photo_path, "--model", network)
     assert len(result.stdout.splitlines()) == 1
     assert result.stderr.splitlines() == [
         "Error: absent.jpg: No such file or directory.",
         "1 of 2 photos failed.",
     ]
     assert result.exit_code == 1
-    assert runners_run("estimate", "", "--model", network).stderr == "Error: '': The name of the file is empty.\n"
+    assert invoke_command("estimate", "", "--model", network).stderr == "Error: '': The name of the file is empty.\n"
 
 
 def test_a_name_that_is_not_text_is_shown_escaped(network: Path, tmp_path: Path) -> None:
     name = os.fsencode(tmp_path) + b"/caf\xe9.jpg"
     Path(os.fsdecode(name)).write_bytes(encode(scene(96, 64)))
-    words = sub("estimate", os.fsdecode(name), "--model", network)
+    words = run_command("estimate", os.fsdecode(name), "--model", network)
     assert words.returncode == 0
-    line = sub("estimate", "--json", os.fsdecode(name), "--model", network).stdout
+    line = run_command("estimate", "--json", os.fsdecode(name), "--model", network).stdout
     assert os.fsencode(json.loads(line)["file"]) == name
-    refused = sub("envmap", os.fsdecode(name), "-o", os.fsdecode(name), "--model", network)
+    refused = run_command("envmap", os.fsdecode(name), "-o", os.fsdecode(name), "--model", network)
     assert refused.returncode == 2
     assert b"Traceback" not in refused.stderr
 
@@ -193,17 +193,17 @@ def test_a_name_that_is_not_text_is_shown_escaped(network: Path, tmp_path: Path)
 def test_what_the_terminal_cannot_show_is_escaped(network: Path, tmp_path: Path) -> None:
     photo = tmp_path / "日.jpg"
     photo.write_bytes(encode(scene(96, 64)))
-    result = sub("estimate", photo, "--model", network, env={**os.environ, "PYTHONIOENCODING": "latin-1"})
+    result = run_command("estimate", photo, "--model", network, env={**os.environ, "PYTHONIOENCODING": "latin-1"})
     assert (result.returncode, result.stderr) == (0, b"")
     assert b"\\u65e5.jpg: sun " in result.stdout
 
 
 def test_progress_shows_on_a_terminal_alone(network: Path, photo_path: Path) -> None:
     photos = ["estimate", str(photo_path), str(photo_path), "--model", str(network)]
-    assert b"2/2" in terminal(*photos, stdout_too=False)[1]
-    assert terminal(*photos, "--quiet", stdout_too=False) == (0, b"")
-    assert terminal("estimate", photo_path, "--model", network, stdout_too=False) == (0, b"")
-    assert b"2/2" not in terminal(*photos, stdout_too=True)[1]
+    assert b"2/2" in run_in_terminal(*photos, stdout_too=False)[1]
+    assert run_in_terminal(*photos, "--quiet", stdout_too=False) == (0, b"")
+    assert run_in_terminal("estimate", photo_path, "--model", network, stdout_too=False) == (0, b"")
+    assert b"2/2" not in run_in_terminal(*photos, stdout_too=True)[1]
 
 
 EVIL = "a\x1b]0;owned\x07\x9b2J\u202egnp.jpg"
@@ -225,7 +225,7 @@ def test_no_escape_in_a_name_reaches_the_terminal(command: str, content: str, ne
     output: list[str | Path] = ["-o", tmp_path / "out.png"] if command in ("envmap", "render") else []
     output = ["--for", "mitsuba", "-o", tmp_path / "out"] if command == "scene" else output
     model: list[str | Path] = ["--model", network] if command not in ("info", "render") else []
-    result = runners_run(*command.split(), photo, *output, *model)
+    result = invoke_command(*command.split(), photo, *output, *model)
     assert not _CONTROLS.search(result.output.replace("\n", ""))
     assert "owned" in result.output
 
@@ -235,10 +235,10 @@ def test_neither_does_one_in_a_usage_error_or_a_batch(network: Path, tmp_path: P
     (tmp_path / "photos" / EVIL).write_bytes(b"no photo")
     out = tmp_path / "o\x1b[2Jut"
     for result in (
-        runners_run("batch", tmp_path / "photos", out, "--model", network, "--workers", "1"),
-        runners_run("batch", tmp_path / EVIL, out, "--model", network),
-        runners_run("render", "a.json", "-o", EVIL),
-        runners_run("preview", "a.jpg", EVIL, "-o", "b.png"),
+        invoke_command("batch", tmp_path / "photos", out, "--model", network, "--workers", "1"),
+        invoke_command("batch", tmp_path / EVIL, out, "--model", network),
+        invoke_command("render", "a.json", "-o", EVIL),
+        invoke_command("preview", "a.jpg", EVIL, "-o", "b.png"),
     ):
         assert result.exit_code
         assert "\\x1b" in result.output
@@ -249,8 +249,8 @@ def test_neither_does_one_in_the_name_of_a_clip_or_a_probe(network: Path, tmp_pa
     clip = write_clip(tmp_path / f"{EVIL}.mp4", pan(4, 2.0))
     write_exr(tmp_path / f"{EVIL}.exr", render(LIGHTING, 32))
     for result in (
-        runners_run("video", clip, "-o", tmp_path / "out", "--height", "16", "--model", network),
-        runners_run("probe", "fit", tmp_path / f"{EVIL}.exr"),
+        invoke_command("video", clip, "-o", tmp_path / "out", "--height", "16", "--model", network),
+        invoke_command("probe", "fit", tmp_path / f"{EVIL}.exr"),
     ):
         assert result.exit_code == 0, result.output
         assert SHOWN in result.output

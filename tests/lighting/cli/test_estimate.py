@@ -12,13 +12,13 @@ from PIL import Image
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr
 from lighting.records import Lighting, record_with_coefficients
-from tests.helpers.processes import LIGHTING, error_of, runners_run, sub
+from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
 
 
 def test_a_bad_photo_does_not_stop_the_others(network: Path, photo_path: Path, tmp_path: Path) -> None:
     (tmp_path / "bad.jpg").write_bytes(b"bad")
     bad, absent = tmp_path / "bad.jpg", tmp_path / "absent.jpg"
-    result = runners_run("estimate", "--json", bad, photo_path, absent, tmp_path, "--model", network)
+    result = invoke_command("estimate", "--json", bad, photo_path, absent, tmp_path, "--model", network)
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert [line["file"] for line in lines] == [str(p) for p in (bad, photo_path, absent, tmp_path)]
     assert [set(line) for line in lines] == [{"file", "error"}, {"file", "lighting"}, *[{"file", "error"}] * 2]
@@ -35,18 +35,19 @@ def test_a_bad_photo_does_not_stop_the_others(network: Path, photo_path: Path, t
 
 def test_one_bad_photo_is_not_counted(network: Path) -> None:
     assert (
-        error_of(runners_run("estimate", "absent.jpg", "--model", network)) == "absent.jpg: No such file or directory."
+        error_of(invoke_command("estimate", "absent.jpg", "--model", network))
+        == "absent.jpg: No such file or directory."
     )
 
 
 def test_estimate_reads_stdin(network: Path, photo_path: Path, expected: Lighting) -> None:
-    result = runners_run("estimate", "--json", "-", "--model", network, stdin=photo_path.read_bytes())
+    result = invoke_command("estimate", "--json", "-", "--model", network, stdin=photo_path.read_bytes())
     assert json.loads(result.stdout) == {"file": "-", "lighting": record_with_coefficients(expected)}
-    assert error_of(runners_run("estimate", "-", "--model", network, stdin=b"")) == "stdin: The photo is empty."
+    assert error_of(invoke_command("estimate", "-", "--model", network, stdin=b"")) == "stdin: The photo is empty."
 
 
 def test_stdin_is_one_photo() -> None:
-    assert error_of(runners_run("estimate", "-", "-"), 2) == "Only one of the photos can be stdin."
+    assert error_of(invoke_command("estimate", "-", "-"), 2) == "Only one of the photos can be stdin."
 
 
 def test_the_only_photo_that_can_be_read_is_answered_though_headings_are_given(
@@ -54,13 +55,13 @@ def test_the_only_photo_that_can_be_read_is_answered_though_headings_are_given(
 ) -> None:
     (tmp_path / "bad.jpg").write_bytes(b"bad")
     photos = photo_path, tmp_path / "bad.jpg"
-    result = runners_run("estimate", "--json", "--together", "--headings", "0,90", *photos, "--model", network)
+    result = invoke_command("estimate", "--json", "--together", "--headings", "0,90", *photos, "--model", network)
     assert [set(json.loads(line)) for line in result.stdout.splitlines()] == [{"file", "error"}, {"file", "lighting"}]
     assert result.exit_code == 1
 
 
 def test_estimate_says_where_the_light_comes_from(network: Path, photo_path: Path, expected: Lighting) -> None:
-    result = runners_run("estimate", photo_path, "--model", network)
+    result = invoke_command("estimate", photo_path, "--model", network)
     assert result.exit_code == 0
     (line,) = result.stdout.splitlines()
     assert result.stderr == ""
@@ -79,39 +80,39 @@ def test_estimate_says_where_the_light_comes_from(network: Path, photo_path: Pat
 
 
 def test_estimate_as_json(network: Path, photo_path: Path, expected: Lighting) -> None:
-    result = runners_run("estimate", "--json", photo_path, photo_path, "--model", network)
+    result = invoke_command("estimate", "--json", photo_path, photo_path, "--model", network)
     first, second = map(json.loads, result.stdout.splitlines())
     assert first == second == {"file": str(photo_path), "lighting": record_with_coefficients(expected)}
     assert (result.exit_code, result.stderr) == (0, "")
 
 
 def test_a_bad_network_is_one_sentence(photo_path: Path) -> None:
-    text = error_of(runners_run("estimate", photo_path, photo_path, "--model", photo_path))
+    text = error_of(invoke_command("estimate", photo_path, photo_path, "--model", photo_path))
     assert text == f"{photo_path} is not an ONNX network that can be read: Protobuf parsing failed."
 
 
 def test_envmap_is_the_render_of_the_estimate(
     network: Path, photo_path: Path, tmp_path: Path, expected: Lighting
 ) -> None:
-    runners_run("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--model", network)
+    invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--model", network)
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting == expected
     assert image == pytest.approx(render(expected, 32), rel=1e-4)
 
 
 def test_quiet_envmap_prints_nothing(network: Path, photo_path: Path, tmp_path: Path) -> None:
-    result = runners_run("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "16", "--model", network, "-q")
+    result = invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "16", "--model", network, "-q")
     assert (result.exit_code, result.output) == (0, "")
 
 
 @pytest.mark.parametrize("flag", ["--sun", "--no-sun"])
 def test_the_sun_is_a_choice(record_path: Path, tmp_path: Path, flag: str) -> None:
-    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", flag)
+    invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", flag)
     assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(render(LIGHTING, 64, sun=flag == "--sun"), rel=1e-4)
 
 
 def test_yaw_turns_the_map_and_the_record_in_it(record_path: Path, tmp_path: Path) -> None:
-    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", "--yaw", "-180")
+    invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", "--yaw", "-180")
     image, lighting = read_exr(tmp_path / "a.exr")
     assert image == pytest.approx(np.roll(render(LIGHTING, 64), 64, axis=1), rel=1e-4)
     assert lighting is not None
@@ -121,10 +122,10 @@ def test_yaw_turns_the_map_and_the_record_in_it(record_path: Path, tmp_path: Pat
 @pytest.mark.slow
 def test_preview_draws_a_png(network: Path, photo_path: Path, tmp_path: Path) -> None:
     alone, beside = tmp_path / "alone.png", tmp_path / "beside.png"
-    result = runners_run("preview", photo_path, "-o", alone, "--model", network)
+    result = invoke_command("preview", photo_path, "-o", alone, "--model", network)
     assert (result.exit_code, result.output) == (0, "")
     options = ["--height", "64", "--yaw", "45", "--preview", str(beside)]
-    assert runners_run("envmap", photo_path, "-o", tmp_path / "a.exr", "--model", network, *options).exit_code == 0
+    assert invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--model", network, *options).exit_code == 0
     with Image.open(alone) as first, Image.open(beside) as second:
         assert first.format == "PNG"
         assert min(first.size) > 500
@@ -133,17 +134,17 @@ def test_preview_draws_a_png(network: Path, photo_path: Path, tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_preview_to_stdout(network: Path, photo_path: Path) -> None:
-    result = runners_run("preview", "-", "-o", "-", "--model", network, stdin=photo_path.read_bytes())
+    result = invoke_command("preview", "-", "-o", "-", "--model", network, stdin=photo_path.read_bytes())
     with Image.open(BytesIO(result.stdout_bytes)) as drawing:
         assert drawing.format == "PNG"
     assert result.stderr == ""
 
 
 def test_a_chain_of_pipes(network: Path, photo_path: Path) -> None:
-    record = sub("estimate", "--json", "-", "--model", network, stdin=photo_path.read_bytes())
-    envmap = sub("render", "-", "-o", "-", "--height", "32", stdin=record.stdout)
+    record = run_command("estimate", "--json", "-", "--model", network, stdin=photo_path.read_bytes())
+    envmap = run_command("render", "-", "-o", "-", "--height", "32", stdin=record.stdout)
     assert read_exr(BytesIO(envmap.stdout))[0].shape == (32, 64, 3)
-    direct = sub("envmap", "-", "-o", "-", "--height", "32", "--model", network, stdin=photo_path.read_bytes())
+    direct = run_command("envmap", "-", "-o", "-", "--height", "32", "--model", network, stdin=photo_path.read_bytes())
     assert direct.stdout == envmap.stdout
     assert [p.returncode for p in (record, envmap, direct)] == [0, 0, 0]
     assert [p.stderr for p in (record, envmap, direct)] == [b"", b"", b""]
@@ -153,7 +154,7 @@ def test_a_chain_of_pipes(network: Path, photo_path: Path) -> None:
 def test_the_place_is_in_the_map_where_the_network_predicts_it(
     lit_network: Path, photo_path: Path, tmp_path: Path, flag: str | None
 ) -> None:
-    runners_run(
+    invoke_command(
         *("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32"),
         *filter(None, [flag]),
         "--model",
@@ -170,23 +171,27 @@ def test_a_preview_shows_the_place_unless_the_sky_alone_is_wanted(
 ) -> None:
     drawn = []
     for name, flags in (("a.png", []), ("b.png", ["--surroundings"]), ("c.png", ["--no-surroundings"])):
-        assert runners_run("preview", photo_path, "-o", tmp_path / name, *flags, "--model", lit_network).exit_code == 0
+        assert (
+            invoke_command("preview", photo_path, "-o", tmp_path / name, *flags, "--model", lit_network).exit_code == 0
+        )
         drawn.append((tmp_path / name).read_bytes())
     assert drawn[0] == drawn[1] != drawn[2]
 
 
 def test_the_place_can_be_asked_of_any_network(network: Path, photo_path: Path, tmp_path: Path) -> None:
-    runners_run("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--surroundings", "--model", network)
+    invoke_command(
+        "envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--surroundings", "--model", network
+    )
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting is not None
     assert not np.allclose(image, render(lighting, 32), rtol=1e-3)
 
 
 def test_the_sky_is_a_choice(record_path: Path, tmp_path: Path) -> None:
-    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--sky", "cie-12")
+    invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--sky", "cie-12")
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting == replace(LIGHTING, sky_model="cie-12")
     np.testing.assert_allclose(image, render(lighting, 32), rtol=1e-4)
     assert "is not one of hosek-wilkie" in error_of(
-        runners_run("render", record_path, "-o", "a.exr", "--sky", "blue"), 2
+        invoke_command("render", record_path, "-o", "a.exr", "--sky", "blue"), 2
     )

@@ -10,7 +10,7 @@ import click
 import pytest
 
 from lighting.version import __version__
-from tests.helpers.processes import commands, runners_run, sub
+from tests.helpers.processes import invoke_command, list_commands, run_command
 
 COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
 
@@ -18,27 +18,27 @@ COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
 @pytest.mark.parametrize("flag", ["-h", "--help"])
 @pytest.mark.parametrize("command", [[], *([c] for c in COMMANDS)], ids=lambda c: " ".join(c) or "lighting")
 def test_help_is_everywhere(command: list[str], flag: str) -> None:
-    result = runners_run(*command, flag)
+    result = invoke_command(*command, flag)
     assert result.exit_code == 0
     assert result.stdout.startswith(f"Usage: {' '.join(['lighting', *command])} ")
 
 
 def test_help_names_every_command_whole() -> None:
-    text = runners_run("--help").stdout
+    text = invoke_command("--help").stdout
     for command in COMMANDS:
         assert f"\n  {command} " in text
     assert "..." not in text.split("Commands:")[1]
 
 
 def test_every_option_has_help() -> None:
-    assert set(COMMANDS) < set(commands())
-    for command in commands().values():
+    assert set(COMMANDS) < set(list_commands())
+    for command in list_commands().values():
         for option in command.params:
             assert isinstance(option, click.Argument) or getattr(option, "help", None), (command.name, option.name)
 
 
 def test_version() -> None:
-    assert runners_run("--version").stdout == f"lighting, version {__version__}\n"
+    assert invoke_command("--version").stdout == f"lighting, version {__version__}\n"
 
 
 def test_help_imports_nothing_heavy() -> None:
@@ -56,7 +56,7 @@ def test_help_imports_nothing_heavy() -> None:
 def test_help_answers_at_once() -> None:
     """0.4 s is promised. Processor time, since the machine may be busy with other things."""
     before = os.times()
-    assert sub("--help").returncode == 0
+    assert run_command("--help").returncode == 0
     after = os.times()
     spent = after.children_user + after.children_system - before.children_user - before.children_system
     assert 0 < spent < 0.4
@@ -73,21 +73,21 @@ def test_help_answers_at_once() -> None:
     ],
 )
 def test_wrong_usage_is_status_2(arguments: list[str]) -> None:
-    assert runners_run(*arguments).exit_code == 2
+    assert invoke_command(*arguments).exit_code == 2
 
 
 def test_debug_shows_the_traceback(photo_path: Path) -> None:
-    plain, debug = (sub(*flag, "estimate", photo_path, "--model", "absent.onnx") for flag in ([], ["--debug"]))
+    plain, debug = (run_command(*flag, "estimate", photo_path, "--model", "absent.onnx") for flag in ([], ["--debug"]))
     assert plain.stderr == b"Error: There is no network at absent.onnx.\n"
     assert b"Traceback" in debug.stderr
     assert plain.returncode == debug.returncode == 1
 
 
 def test_statuses_of_real_processes(network: Path, photo_path: Path) -> None:
-    assert sub("estimate", photo_path, "--model", network).returncode == 0
-    failed = sub("estimate", "absent.jpg", "--model", network)
+    assert run_command("estimate", photo_path, "--model", network).returncode == 0
+    failed = run_command("estimate", "absent.jpg", "--model", network)
     assert (failed.returncode, failed.stderr) == (1, b"Error: absent.jpg: No such file or directory.\n")
-    assert sub("estimate").returncode == 2
+    assert run_command("estimate").returncode == 2
 
 
 def test_a_reader_that_leaves_early_is_no_error(network: Path, photo_path: Path) -> None:

@@ -10,22 +10,24 @@ import pytest
 from lighting.files.exr import read_exr
 from lighting.records import record_with_coefficients
 from tests.conftest import TINY
-from tests.helpers.processes import LIGHTING, error_of, runners_run, sub
+from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
 
 METADATA = ["local_time", "utc_offset", "utc_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
 METADATA += ["camera_elevation", "camera_roll", "gravity_source", "gravity_spread", "exposure_value"]
 
 
 def test_info_of_a_map_can_be_rendered_again(record_path: Path, tmp_path: Path) -> None:
-    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--yaw", "90")
-    described = runners_run("info", tmp_path / "a.exr")
-    runners_run("render", "-", "-o", tmp_path / "b.exr", "--height", "32", stdin=described.stdout_bytes)
+    invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--yaw", "90")
+    described = invoke_command("info", tmp_path / "a.exr")
+    invoke_command("render", "-", "-o", tmp_path / "b.exr", "--height", "32", stdin=described.stdout_bytes)
     assert read_exr(tmp_path / "b.exr")[0] == pytest.approx(read_exr(tmp_path / "a.exr")[0], rel=1e-2)
 
 
 def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, tmp_path: Path) -> None:
-    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
-    photo, net, envmap = (json.loads(runners_run("info", f).stdout) for f in (photo_path, network, tmp_path / "a.exr"))
+    invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
+    photo, net, envmap = (
+        json.loads(invoke_command("info", f).stdout) for f in (photo_path, network, tmp_path / "a.exr")
+    )
     assert photo.pop("metadata") == {**dict.fromkeys(METADATA), "location": False}
     assert photo == {"file": str(photo_path), "kind": "photo", "format": "JPEG", "width": 320, "height": 240}
     assert net == {"file": str(network), "kind": "network", **json.loads(TINY.to_json())}
@@ -34,60 +36,60 @@ def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, t
 
 
 def test_only_what_is_twice_as_wide_as_high_is_a_map(record_path: Path, tmp_path: Path) -> None:
-    runners_run("render", record_path, "-o", tmp_path / "a.hdr", "--height", "16")
+    invoke_command("render", record_path, "-o", tmp_path / "a.hdr", "--height", "16")
     OpenEXR.File({}, {"RGB": np.ones((20, 30, 3), np.float32)}).write(str(tmp_path / "b.exr"))
-    envmap, picture = (json.loads(runners_run("info", tmp_path / name).stdout) for name in ("a.hdr", "b.exr"))
+    envmap, picture = (json.loads(invoke_command("info", tmp_path / name).stdout) for name in ("a.hdr", "b.exr"))
     assert envmap == {"file": str(tmp_path / "a.hdr"), "kind": "environment map", "width": 32, "height": 16}
     assert (picture["kind"], picture["width"], picture["height"]) == ("picture", 30, 20)
 
 
 def test_info_of_a_record(record_path: Path, tmp_path: Path) -> None:
-    described = json.loads(runners_run("info", record_path).stdout)
+    described = json.loads(invoke_command("info", record_path).stdout)
     assert described == {
         "file": str(record_path),
         "kind": "lighting record",
         "lighting": record_with_coefficients(LIGHTING),
     }
     (tmp_path / "bad.json").write_text("[1")
-    error_of(runners_run("info", tmp_path / "bad.json"))
+    error_of(invoke_command("info", tmp_path / "bad.json"))
 
 
 def test_an_hdr_picture_is_known_by_its_first_bytes(record_path: Path, tmp_path: Path) -> None:
-    runners_run("render", record_path, "-o", tmp_path / "a.hdr", "--height", "16")
+    invoke_command("render", record_path, "-o", tmp_path / "a.hdr", "--height", "16")
     whole = (tmp_path / "a.hdr").read_bytes()
-    assert json.loads(runners_run("info", "-", stdin=whole).stdout) == {
+    assert json.loads(invoke_command("info", "-", stdin=whole).stdout) == {
         "file": "-",
         "kind": "environment map",
         "width": 32,
         "height": 16,
     }
-    assert error_of(runners_run("info", "-", stdin=whole[:200])) == "stdin: The HDR picture is cut short or damaged."
+    assert error_of(invoke_command("info", "-", stdin=whole[:200])) == "stdin: The HDR picture is cut short or damaged."
     (tmp_path / "b.hdr").write_bytes(b"no picture")
-    assert error_of(runners_run("info", tmp_path / "b.hdr")).endswith(
+    assert error_of(invoke_command("info", tmp_path / "b.hdr")).endswith(
         "b.hdr: The file is not a Radiance HDR picture with its top row first."
     )
 
 
 def test_info_reads_stdin(photo_path: Path) -> None:
-    assert json.loads(runners_run("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
+    assert json.loads(invoke_command("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
     record = json.dumps(record_with_coefficients(LIGHTING)).encode()
     for mark in (b"", b"\xef\xbb\xbf"):
-        assert json.loads(runners_run("info", "-", stdin=mark + record).stdout)["lighting"] == record_with_coefficients(
-            LIGHTING
-        )
+        assert json.loads(invoke_command("info", "-", stdin=mark + record).stdout)[
+            "lighting"
+        ] == record_with_coefficients(LIGHTING)
 
 
 def test_a_damaged_map_is_named(tmp_path: Path) -> None:
     (tmp_path / "cut.exr").write_bytes(b"\x76\x2f\x31\x01" + bytes(40))
-    assert error_of(runners_run("info", tmp_path / "cut.exr")).startswith(f"{tmp_path / 'cut.exr'}: ")
+    assert error_of(invoke_command("info", tmp_path / "cut.exr")).startswith(f"{tmp_path / 'cut.exr'}: ")
 
 
 def test_of_a_map_whose_pixels_are_damaged_nothing_else_is_said(record_path: Path, tmp_path: Path) -> None:
     """OpenEXR would print what its decoder found, on both streams."""
-    runners_run("render", record_path, "-o", tmp_path / "a.exr", "--height", "64")
+    invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "64")
     whole = (tmp_path / "a.exr").read_bytes()
     (tmp_path / "a.exr").write_bytes(whole[:-3000] + bytes(2000) + whole[-1000:])
-    found = sub("info", tmp_path / "a.exr")
+    found = run_command("info", tmp_path / "a.exr")
     assert (found.returncode, found.stdout) == (1, b"")
     assert found.stderr.decode() == (
         f"Error: {tmp_path / 'a.exr'}: The EXR file cannot be read: it is damaged or of an unknown kind.\n"
@@ -97,11 +99,11 @@ def test_of_a_map_whose_pixels_are_damaged_nothing_else_is_said(record_path: Pat
 @pytest.mark.parametrize("data", [b"", b"text", b"v/1\x01 and no more"])
 def test_info_of_what_is_neither_is_one_sentence(data: bytes, tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(data)
-    error_of(runners_run("info", tmp_path / "file"))
-    error_of(runners_run("info", tmp_path / "absent"))
-    error_of(runners_run("info", tmp_path))
+    error_of(invoke_command("info", tmp_path / "file"))
+    error_of(invoke_command("info", tmp_path / "absent"))
+    error_of(invoke_command("info", tmp_path))
 
 
 @pytest.mark.parametrize("command", [["info", "/dev/zero"], ["render", "/dev/zero", "-o", "map.exr"]])
 def test_a_file_without_an_end_is_read_as_far_as_it_may_be(command: list[str]) -> None:
-    assert "larger than" in error_of(runners_run(*command))
+    assert "larger than" in error_of(invoke_command(*command))

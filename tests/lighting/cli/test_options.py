@@ -17,7 +17,7 @@ from lighting.records import record_with_coefficients
 from tests.conftest import encode, munich, scene
 from tests.helpers.photos import drone as gimbal
 from tests.helpers.photos import phone as phone_held
-from tests.helpers.processes import error_of, runners_run, terminal
+from tests.helpers.processes import error_of, invoke_command, run_in_terminal
 
 COORDINATES = re.compile(r"48[.:]1|11[.:]5|latitude|longitude")
 MORNING = ["--time", "2024-06-01T09:10+02:00", "--lat", "48.1375", "--lon", "11.575"]
@@ -40,18 +40,18 @@ def records(result: Result) -> list[dict[str, Any]]:
 
 
 def test_metadata_count_unless_turned_off(phone: Path, photo_path: Path, network: Path) -> None:
-    (known,) = records(runners_run("estimate", "--json", "--model", network, phone))
+    (known,) = records(invoke_command("estimate", "--json", "--model", network, phone))
     assert known["evidence"] == ["pixels", "time+place", "heading", "focal length"]
     assert known["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
     assert known["camera"]["vertical_fov"] == pytest.approx(53.06, abs=0.01)
     assert len(known["camera"]["heading_probability"]) == 360
-    (pixels,) = records(runners_run("estimate", "--json", "--no-exif", "--model", network, phone))
-    assert [pixels] == records(runners_run("estimate", "--json", "--model", network, photo_path))
+    (pixels,) = records(invoke_command("estimate", "--json", "--no-exif", "--model", network, phone))
+    assert [pixels] == records(invoke_command("estimate", "--json", "--model", network, photo_path))
     assert pixels["evidence"] == ["pixels"]
 
 
 def test_info_says_what_a_photo_knows_but_not_where(phone: Path) -> None:
-    result = runners_run("info", phone)
+    result = invoke_command("info", phone)
     known = json.loads(result.stdout)["metadata"]
     assert known["utc_time"] == "2024-06-01T07:10:00+00:00"
     assert (known["local_time"], known["utc_offset"]) == ("2024-06-01T09:10:00", 2.0)
@@ -69,23 +69,23 @@ def test_how_the_camera_was_held_counts_unless_turned_off(network: Path, tmp_pat
     upright = held(tmp_path, "phone.jpg", "JPEG", exif=phone_held(0.0, -0.98, 0.17, 6).tobytes())
     drone = held(tmp_path, "drone.jpg", "JPEG", xmp=gimbal("-8.00"))
     for photo, elevation, source in ((upright, 9.8, "accelerometer"), (drone, -8.0, "gimbal")):
-        facts = json.loads(runners_run("info", photo).stdout)["metadata"]
+        facts = json.loads(invoke_command("info", photo).stdout)["metadata"]
         assert (facts["camera_elevation"], facts["camera_roll"]) == pytest.approx((elevation, 0.0), abs=0.1)
         assert facts["gravity_source"] == source
         pixels, known = (
-            records(runners_run("estimate", "--json", *how, "--model", network, photo))[0]
+            records(invoke_command("estimate", "--json", *how, "--model", network, photo))[0]
             for how in (["--no-exif"], [])
         )
         assert (pixels["evidence"], known["evidence"]) == (["pixels"], ["pixels", "gravity"])
         said, both = pixels["camera"]["elevation"], known["camera"]["elevation"]
         assert abs(both - elevation) < 0.2 * abs(said - elevation)
-    (heading,) = records(runners_run("estimate", "--json", *MORNING, "--model", network, drone))
+    (heading,) = records(invoke_command("estimate", "--json", *MORNING, "--model", network, drone))
     assert heading["evidence"] == ["pixels", "time+place", "heading", "gravity"]
 
 
 def test_a_camera_that_contradicts_the_picture_is_a_warning(network: Path, tmp_path: Path) -> None:
     on_its_side = held(tmp_path, "turned.jpg", "JPEG", exif=phone_held(0.0, -1.0, 0.0, 1).tobytes())
-    result = runners_run("estimate", "--model", network, on_its_side)
+    result = invoke_command("estimate", "--model", network, on_its_side)
     assert result.exit_code == 0
     assert "with a roll of 90°" in result.stderr
     assert "the photo may be cropped, turned or edited" in result.stderr
@@ -93,17 +93,19 @@ def test_a_camera_that_contradicts_the_picture_is_a_warning(network: Path, tmp_p
 
 
 def test_the_library_gives_the_same(phone: Path, network: Path) -> None:
-    (record,) = records(runners_run("estimate", "--json", "--model", network, "--fov", "40", "--heading", "10", phone))
+    (record,) = records(
+        invoke_command("estimate", "--json", "--model", network, "--fov", "40", "--heading", "10", phone)
+    )
     light = Estimator(Model.load(network))(read_photo(phone), UserInput(vertical_fov=40.0, heading=10.0))
     assert record == record_with_coefficients(light.lighting)
 
 
 def test_what_is_said_counts_for_a_photo_without_metadata(phone: Path, photo_path: Path, network: Path) -> None:
-    (said,) = records(runners_run("estimate", "--json", "--model", network, *MORNING, photo_path))
+    (said,) = records(invoke_command("estimate", "--json", "--model", network, *MORNING, photo_path))
     assert said["evidence"] == ["pixels", "time+place"]
     assert said["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
     (all_said,) = records(
-        runners_run("estimate", "--json", "--no-exif", "--model", network, *MORNING, "--fov", "40", phone)
+        invoke_command("estimate", "--json", "--no-exif", "--model", network, *MORNING, "--fov", "40", phone)
     )
     assert all_said["evidence"] == ["pixels", "time+place", "focal length"]
     assert all_said["camera"]["vertical_fov"] == 40.0
@@ -111,17 +113,17 @@ def test_what_is_said_counts_for_a_photo_without_metadata(phone: Path, photo_pat
 
 def test_an_offset_narrows_a_local_time(tmp_path: Path, network: Path) -> None:
     local = write(tmp_path, "local.jpg", OffsetTimeOriginal=None)
-    (there,) = records(runners_run("estimate", "--json", "--model", network, "--utc-offset", "+02:00", local))
+    (there,) = records(invoke_command("estimate", "--json", "--model", network, "--utc-offset", "+02:00", local))
     assert there["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
-    (wide,) = records(runners_run("estimate", "--json", "--model", network, local))
+    (wide,) = records(invoke_command("estimate", "--json", "--model", network, local))
     assert wide["evidence"] == there["evidence"]
     assert wide["sun"]["radius_90"] > there["sun"]["radius_90"]
 
 
 def test_words_name_heading_and_evidence(phone: Path, photo_path: Path, network: Path) -> None:
-    words = runners_run("estimate", "--model", network, phone).stdout
+    words = invoke_command("estimate", "--model", network, phone).stdout
     assert re.search(r", heading \d+° \(50 % within \d+°\); from pixels, time\+place, heading, focal length$", words)
-    assert "from pixels" not in runners_run("estimate", "--model", network, photo_path).stdout
+    assert "from pixels" not in invoke_command("estimate", "--model", network, photo_path).stdout
 
 
 # The place
@@ -131,14 +133,14 @@ def test_words_name_heading_and_evidence(phone: Path, photo_path: Path, network:
 def test_no_output_tells_the_place_unasked(phone: Path, network: Path, tmp_path: Path) -> None:
     exr, png = tmp_path / "sky.exr", tmp_path / "preview.png"
     outputs = [
-        runners_run("estimate", "--model", network, phone).output,
-        runners_run("estimate", "--json", "--model", network, phone).output,
-        runners_run(
+        invoke_command("estimate", "--model", network, phone).output,
+        invoke_command("estimate", "--json", "--model", network, phone).output,
+        invoke_command(
             "--debug", "envmap", "--model", network, phone, "-o", exr, "--height", "16", "--preview", png
         ).output,
-        runners_run("info", exr).output,
-        runners_run("info", phone).output,
-        runners_run("estimate", "--model", network, "--time", "2024-12-24T23:00Z", phone).output,
+        invoke_command("info", exr).output,
+        invoke_command("info", phone).output,
+        invoke_command("estimate", "--model", network, "--time", "2024-12-24T23:00Z", phone).output,
         exr.read_bytes().decode("latin-1"),
         png.read_bytes().decode("latin-1"),
     ]
@@ -148,11 +150,12 @@ def test_no_output_tells_the_place_unasked(phone: Path, network: Path, tmp_path:
 
 def test_the_place_is_kept_if_asked_for(phone: Path, network: Path, tmp_path: Path) -> None:
     place = {"latitude": pytest.approx(48.1375), "longitude": pytest.approx(11.575)}
-    (record,) = records(runners_run("estimate", "--json", "--keep-location", "--model", network, phone))
+    (record,) = records(invoke_command("estimate", "--json", "--keep-location", "--model", network, phone))
     assert record["place"] == place
     exr = tmp_path / "sky.exr"
     assert (
-        runners_run("envmap", "--model", network, "--keep-location", phone, "-o", exr, "--height", "16").exit_code == 0
+        invoke_command("envmap", "--model", network, "--keep-location", phone, "-o", exr, "--height", "16").exit_code
+        == 0
     )
     light = read_exr(exr)[1]
     assert light is not None
@@ -164,7 +167,7 @@ def test_a_turned_map_keeps_the_suns_compass_azimuth(phone: Path, network: Path,
     found = []
     for yaw in ("0", "-90"):
         assert (
-            runners_run(
+            invoke_command(
                 "envmap", "--model", network, phone, "-o", tmp_path / "a.exr", "--height=16", "--yaw", yaw
             ).exit_code
             == 0
@@ -184,7 +187,7 @@ def test_photos_together_agree_on_the_sky(phone: Path, tmp_path: Path, network: 
     other = tmp_path / "other.jpg"
     other.write_bytes(encode(scene(200, 300)[::-1].copy()))
     args: list[str | Path] = ["estimate", "--json", "--model", network, phone, other]
-    apart, together = records(runners_run(*args)), records(runners_run(*args, "--together"))
+    apart, together = records(invoke_command(*args)), records(invoke_command(*args, "--together"))
     assert apart[0]["sky"]["turbidity"] != apart[1]["sky"]["turbidity"]
     assert together[0]["sky"]["turbidity"] == together[1]["sky"]["turbidity"]
     assert together[1]["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
@@ -204,13 +207,13 @@ def test_headings_turn_one_sun_to_the_other(phone: Path, tmp_path: Path, network
         "--headings",
         "20,65",
     ]
-    first, second = records(runners_run(*args))
+    first, second = records(invoke_command(*args))
     assert (first["sun"]["azimuth"] - second["sun"]["azimuth"]) % 360 == pytest.approx(45.0, abs=1.0)
     assert (second["camera"]["heading"] - first["camera"]["heading"]) % 360 == pytest.approx(45.0, abs=1.0)
 
 
 def test_unknown_headings_are_inferred(photo_path: Path, network: Path) -> None:
-    result = runners_run("estimate", "--no-exif", "--model", network, "--together", photo_path, photo_path)
+    result = invoke_command("estimate", "--no-exif", "--model", network, "--together", photo_path, photo_path)
     assert result.stdout.count("° clockwise from the first photo") == 2
 
 
@@ -224,7 +227,7 @@ def test_a_photo_that_cannot_be_read_is_left_out(phone: Path, tmp_path: Path, ne
         tmp_path / "bad.jpg",
         write(tmp_path, "b.jpg"),
     ]
-    result = runners_run("estimate", "--json", "--model", network, *args)
+    result = invoke_command("estimate", "--json", "--model", network, *args)
     assert result.exit_code == 1
     error, *good = map(json.loads, result.stdout.splitlines())
     assert "error" in error
@@ -257,42 +260,42 @@ def test_a_photo_that_cannot_be_read_is_left_out(phone: Path, tmp_path: Path, ne
     ],
 )
 def test_contradictions_are_wrong_usage(arguments: list[str], words: str) -> None:
-    assert words in error_of(runners_run("estimate", "a.jpg", *arguments), 2)
+    assert words in error_of(invoke_command("estimate", "a.jpg", *arguments), 2)
 
 
 @pytest.mark.parametrize("command", ["envmap", "preview"])
 def test_the_other_commands_refuse_them_too(command: str, tmp_path: Path) -> None:
     assert "--lat is 95" in error_of(
-        runners_run(command, "a.jpg", "-o", tmp_path / "a.png", "--lat", "95", "--lon", "0"), 2
+        invoke_command(command, "a.jpg", "-o", tmp_path / "a.png", "--lat", "95", "--lon", "0"), 2
     )
 
 
 def test_the_polar_night_is_one_sentence(phone: Path, network: Path) -> None:
     place = ["--time", "2024-12-21T12:00Z", "--lat", "75", "--lon", "15"]
-    error = error_of(runners_run("estimate", "--model", network, *place, phone))
+    error = error_of(invoke_command("estimate", "--model", network, *place, phone))
     assert "nautical twilight of the polar night; civil twilight ends at 6°" in error
-    result = runners_run("estimate", "--json", "--model", network, *place, phone)
+    result = invoke_command("estimate", "--json", "--model", network, *place, phone)
     assert result.exit_code == 1
     assert "below the horizon" in json.loads(result.stdout)["error"]
 
 
 def test_night_in_the_metadata_is_a_warning(tmp_path: Path, network: Path) -> None:
     night = write(tmp_path, "night.jpg", DateTimeOriginal="2024:06:01 23:50:00")
-    result = runners_run("estimate", "--model", network, night)
+    result = invoke_command("estimate", "--model", network, night)
     assert result.exit_code == 0
     (warning,) = result.stderr.splitlines()
     assert warning.startswith(f"Warning: {night}: At that time and place the sun is ")
-    assert runners_run("estimate", "--quiet", "--model", network, night).stderr == ""
-    assert "sun is" in runners_run("preview", "--model", network, night, "-o", tmp_path / "a.png").stderr
-    assert runners_run("preview", "--quiet", "--model", network, night, "-o", tmp_path / "a.png").stderr == ""
-    (record,) = records(runners_run("estimate", "--json", "--quiet", "--model", network, night))
+    assert invoke_command("estimate", "--quiet", "--model", network, night).stderr == ""
+    assert "sun is" in invoke_command("preview", "--model", network, night, "-o", tmp_path / "a.png").stderr
+    assert invoke_command("preview", "--quiet", "--model", network, night, "-o", tmp_path / "a.png").stderr == ""
+    (record,) = records(invoke_command("estimate", "--json", "--quiet", "--model", network, night))
     assert record["evidence"] == ["pixels", "focal length"]
     assert len(record["warnings"]) == 1
 
 
 def test_a_scene_takes_the_same_metadata(phone: Path, photo_path: Path, network: Path, tmp_path: Path) -> None:
     def evidence(name: str, *arguments: str | Path) -> list[str]:
-        done = runners_run("scene", *arguments, "--for", "mitsuba", "-o", tmp_path / name, "--model", network)
+        done = invoke_command("scene", *arguments, "--for", "mitsuba", "-o", tmp_path / name, "--model", network)
         assert done.exit_code == 0, done.output
         said: list[str] = json.loads((tmp_path / name / "lighting.json").read_text())["evidence"]
         return said
@@ -300,7 +303,7 @@ def test_a_scene_takes_the_same_metadata(phone: Path, photo_path: Path, network:
     assert evidence("known", phone) == ["pixels", "time+place", "heading", "focal length"]
     assert evidence("pixels", phone, "--no-exif") == ["pixels"]
     record = tmp_path / "known" / "lighting.json"
-    refused = runners_run(
+    refused = invoke_command(
         "scene", photo_path, "--for", "usd", "--lighting", record, "--fov", "50", "-o", tmp_path / "no"
     )
     assert refused.exit_code == 2
@@ -319,7 +322,7 @@ def test_a_bad_output_is_refused_before_any_work(command: list[str], tmp_path: P
         ("device.png", "is a pipe or a device, not a file."),
         ("absent/a.png", "There is no folder "),
     ):
-        result = runners_run(*command, "absent.jpg", "-o", tmp_path / name)
+        result = invoke_command(*command, "absent.jpg", "-o", tmp_path / name)
         assert sentence in error_of(result, 2)
 
 
@@ -342,7 +345,7 @@ def test_results_go_to_a_folder_that_has_a_name(
     monkeypatch.chdir(tmp_path)
     Path("lighting.jsonl").write_text("a day's work\n")
     overwrite = [] if command[0] == "probe" else ["--overwrite"]
-    result = runners_run(*command, name, *overwrite)
+    result = invoke_command(*command, name, *overwrite)
     assert ("stdout" if name else "is empty.") in error_of(result, 2)
     assert [(p.name, p.read_text()) for p in tmp_path.iterdir()] == [("lighting.jsonl", "a day's work\n")]
 
@@ -359,41 +362,41 @@ def test_results_go_to_a_folder_that_has_a_name(
     ids=lambda options: f"{options[0]} {options[-1]}",
 )
 def test_a_file_that_an_option_names_has_a_name(options: list[str]) -> None:
-    assert error_of(runners_run(*options, ""), 2).endswith(": the name of the file is empty.")
+    assert error_of(invoke_command(*options, ""), 2).endswith(": the name of the file is empty.")
 
 
 @pytest.mark.parametrize("command", [["estimate", "absent.jpg", "--fit", "time"]], ids=lambda c: c[2])
 def test_a_removed_option_says_what_there_is_instead(command: list[str]) -> None:
     name = command[2]
-    assert f"{name} was removed: --together with time and place says" in error_of(runners_run(*command), 2)
-    assert name not in runners_run(command[0], "--help").stdout
+    assert f"{name} was removed: --together with time and place says" in error_of(invoke_command(*command), 2)
+    assert name not in invoke_command(command[0], "--help").stdout
 
 
 @pytest.mark.parametrize("value", ["0", "15", "33", "14", "4098", "-512", "1e3", "nan", ""])
 def test_a_bad_height_is_wrong_usage(value: str, tmp_path: Path) -> None:
-    assert runners_run("render", "absent.json", "-o", tmp_path / "a.exr", "--height", value).exit_code == 2
+    assert invoke_command("render", "absent.json", "-o", tmp_path / "a.exr", "--height", value).exit_code == 2
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "north"])
 def test_a_bad_yaw_is_wrong_usage(value: str, tmp_path: Path) -> None:
-    assert runners_run("render", "absent.json", "-o", tmp_path / "a.exr", "--yaw", value).exit_code == 2
+    assert invoke_command("render", "absent.json", "-o", tmp_path / "a.exr", "--yaw", value).exit_code == 2
 
 
 def test_a_terminal_is_spared_binary_data(network: Path, photo_path: Path) -> None:
-    status, shown = terminal("envmap", photo_path, "-o", "-", "--model", network, stdout_too=True)
+    status, shown = run_in_terminal("envmap", photo_path, "-o", "-", "--model", network, stdout_too=True)
     assert status == 2
     assert b"Binary data needs a file or a pipe, not a terminal." in shown
 
 
 def test_help_names_every_compression() -> None:
-    shown = runners_run("render", "--help").stdout
+    shown = invoke_command("render", "--help").stdout
     assert all(name in shown for name in COMPRESSIONS)
 
 
 def test_a_bad_or_idle_compression_is_wrong_usage(tmp_path: Path) -> None:
-    bad = runners_run("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "dwaa")
+    bad = invoke_command("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "dwaa")
     assert "'dwaa' is not known; it must be one of zip, pxr24, none." in error_of(bad, 2)
-    removed = runners_run("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "piz")
+    removed = invoke_command("render", "absent.json", "-o", tmp_path / "a.exr", "--compression", "piz")
     assert "'piz' was removed; none changes no value either." in error_of(removed, 2)
-    idle = runners_run("render", "absent.json", "-o", tmp_path / "a.hdr", "--compression", "pxr24")
+    idle = invoke_command("render", "absent.json", "-o", tmp_path / "a.hdr", "--compression", "pxr24")
     assert "--compression goes with .exr alone." in error_of(idle, 2)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from lighting.cli.process import silence_libraries
-from tests.helpers.processes import LIGHTING, sub
+from tests.helpers.processes import LIGHTING, run_command
 
 ENDED = """
 import atexit, sys
@@ -65,8 +65,8 @@ def test_what_cannot_be_written_fails_as_ever(record_path: Path) -> None:
 
 
 def test_a_whole_map_goes_through_a_pipe(record_path: Path, tmp_path: Path) -> None:
-    written = sub("render", record_path, "-o", tmp_path / "a.exr", "--height", "256")
-    piped = sub("render", record_path, "-o", "-", "--height", "256")
+    written = run_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "256")
+    piped = run_command("render", record_path, "-o", "-", "--height", "256")
     assert (written.returncode, piped.returncode) == (0, 0)
     assert piped.stdout == (tmp_path / "a.exr").read_bytes()
     assert LIGHTING.model_name.encode() in piped.stdout

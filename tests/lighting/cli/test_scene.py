@@ -11,7 +11,7 @@ from lighting.envmap.render import render
 from lighting.files.exr import read_exr
 from lighting.records import record_with_coefficients
 from lighting.scene import EXPORTERS, RECORD, Exporter
-from tests.helpers.processes import error_of, runners_run
+from tests.helpers.processes import error_of, invoke_command
 from tests.helpers.scenes import LIGHT
 
 
@@ -23,7 +23,7 @@ def record_path(tmp_path: Path) -> Path:
 
 
 def test_the_command_estimates_the_light(network: Path, photo_path: Path, tmp_path: Path) -> None:
-    result = runners_run("scene", photo_path, "--for", "mitsuba", "-o", tmp_path / "out", "--model", network)
+    result = invoke_command("scene", photo_path, "--for", "mitsuba", "-o", tmp_path / "out", "--model", network)
     assert result.exit_code == 0, result.output
     assert result.stdout.startswith(str(photo_path))
     record = json.loads((tmp_path / "out" / "lighting.json").read_text())
@@ -37,7 +37,7 @@ def test_the_map_shows_the_place_unless_the_sky_alone_is_wanted(
 ) -> None:
     arguments: list[str | Path] = ["scene", photo_path, "--for", "mitsuba", "--height", "32", "--model", lit_network]
     for folder, flags in (("place", []), ("sky", ["--no-surroundings"])):
-        assert runners_run(*arguments, *flags, "-o", tmp_path / folder).exit_code == 0
+        assert invoke_command(*arguments, *flags, "-o", tmp_path / folder).exit_code == 0
     place, sky = (read_exr(tmp_path / folder / "environment.exr") for folder in ("place", "sky"))
     assert sky[1] is not None
     assert sky[0] == pytest.approx(render(sky[1], 32, disc=False), rel=1e-3)
@@ -48,7 +48,7 @@ def test_the_command_takes_a_record_in_place_of_an_estimate(
     photo_path: Path, record_path: Path, tmp_path: Path
 ) -> None:
     out = tmp_path / "out"
-    result = runners_run(
+    result = invoke_command(
         "scene", photo_path, "--for", "usd", "--lighting", record_path, "-o", out, "-q", "--up-axis", "z"
     )
     assert (result.exit_code, result.output) == (0, "")
@@ -59,13 +59,15 @@ def test_the_command_takes_a_record_in_place_of_an_estimate(
 def test_warnings_of_the_light_are_on_stderr(photo_path: Path, tmp_path: Path) -> None:
     (tmp_path / "l.json").write_text(json.dumps(replace(LIGHT, warnings=("It was night.",)).to_dict()))
     arguments: list[str | Path] = ["scene", photo_path, "--for", "usd", "--lighting", tmp_path / "l.json"]
-    assert runners_run(*arguments, "-o", tmp_path / "a").stderr == f"Warning: {photo_path}: It was night.\n"
-    assert runners_run(*arguments, "-o", tmp_path / "b", "-q").stderr == ""
+    assert invoke_command(*arguments, "-o", tmp_path / "a").stderr == f"Warning: {photo_path}: It was night.\n"
+    assert invoke_command(*arguments, "-o", tmp_path / "b", "-q").stderr == ""
 
 
 def test_an_object_that_the_picture_does_not_show_has_a_warning(photo_path: Path, tmp_path: Path) -> None:
     (tmp_path / "l.json").write_text(json.dumps(replace(LIGHT, camera_elevation=40.0).to_dict()))
-    result = runners_run("scene", photo_path, "--for", "usd", "--lighting", tmp_path / "l.json", "-o", tmp_path / "a")
+    result = invoke_command(
+        "scene", photo_path, "--for", "usd", "--lighting", tmp_path / "l.json", "-o", tmp_path / "a"
+    )
     assert result.stderr.startswith(f"Warning: {photo_path}: The picture shows no ground where an object could stand")
 
 
@@ -91,7 +93,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
         "-o",
         tmp_path / output,
     ]
-    assert sentence in error_of(runners_run(*arguments))
+    assert sentence in error_of(invoke_command(*arguments))
     assert sorted(tmp_path.iterdir()) == before
 
 
@@ -108,7 +110,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
     ],
 )
 def test_wrong_usage_is_one_sentence(photo_path: Path, tmp_path: Path, arguments: list[str], sentence: str) -> None:
-    assert sentence in error_of(runners_run("scene", photo_path, "-o", tmp_path / "out", *arguments), 2)
+    assert sentence in error_of(invoke_command("scene", photo_path, "-o", tmp_path / "out", *arguments), 2)
     assert not (tmp_path / "out").exists()
 
 
@@ -123,9 +125,9 @@ def test_a_scene_never_replaces_the_photo(photo_path: Path, record_path: Path, t
     again.symlink_to(photo)
     arguments: list[str | Path] = ["--lighting", record_path, "-o", shot, "--overwrite", "-q"]
     for named in (photo, again):
-        said = error_of(runners_run("scene", named, *arguments, "--for", "usd"), 2)
+        said = error_of(invoke_command("scene", named, *arguments, "--for", "usd"), 2)
         assert said == f"The scene would replace {named}; choose another folder."
-    assert runners_run("scene", photo, *arguments, "--for", "gltf").exit_code == 0
+    assert invoke_command("scene", photo, *arguments, "--for", "gltf").exit_code == 0
     assert sorted(path.name for path in shot.iterdir()) == sorted([name, "scene.glb"])
     assert photo.read_bytes() == before
 
@@ -135,7 +137,7 @@ def test_a_scene_never_replaces_the_record_that_it_reads(photo_path: Path, recor
     """What is not written into a scene's record was lost, such as the file's own notes."""
     before = record_path.read_bytes()
     arguments: list[str | Path] = ["scene", photo_path, "--for", tool, "--lighting", record_path]
-    said = error_of(runners_run(*arguments, "-o", record_path.parent, "--overwrite"), 2)
+    said = error_of(invoke_command(*arguments, "-o", record_path.parent, "--overwrite"), 2)
     assert said == f"The scene would replace {record_path}; choose another folder."
     assert record_path.read_bytes() == before
 
@@ -149,15 +151,15 @@ def test_a_scene_of_an_added_tool_replaces_no_input(
     monkeypatch.setitem(EXPORTERS, "toy", toy)
     before = replaced.read_bytes()
     arguments: list[str | Path] = ["scene", photo_path, "--for", "toy", "--lighting", record_path, "--overwrite"]
-    assert f"would replace {replaced}" in error_of(runners_run(*arguments, "-o", replaced.parent), 2)
+    assert f"would replace {replaced}" in error_of(invoke_command(*arguments, "-o", replaced.parent), 2)
     assert replaced.read_bytes() == before
-    assert runners_run(*arguments, "-o", tmp_path / "elsewhere", "-q").exit_code == 0
+    assert invoke_command(*arguments, "-o", tmp_path / "elsewhere", "-q").exit_code == 0
     assert (tmp_path / "elsewhere" / replaced.name).read_text() == "toy"
 
 
 def test_a_bad_photo_is_one_sentence(tmp_path: Path, record_path: Path) -> None:
     (tmp_path / "bad.jpg").write_bytes(b"no photo")
-    result = runners_run(
+    result = invoke_command(
         "scene", tmp_path / "bad.jpg", "--for", "usd", "--lighting", record_path, "-o", tmp_path / "out"
     )
     assert "not a JPEG" in error_of(result)

@@ -11,7 +11,7 @@ from PIL import Image
 
 from lighting.cli import cli
 from lighting.files.exr import write_exr
-from tests.helpers.processes import error_of, runners_run, terminal
+from tests.helpers.processes import error_of, invoke_command, run_in_terminal
 from tests.helpers.skies import gray_blocks, write_photo
 
 
@@ -30,41 +30,41 @@ PLACE = ("--lat", "47", "--lon", "8", "--heading", "0", "--utc-offset", "2")
 @pytest.mark.parametrize("option", ["--heading", "--pitch", "--roll", "--noise", "--turbidity", "--lat", "--lon"])
 @pytest.mark.parametrize("value", ["nan", "inf", "400"])
 def test_numbers_out_of_range_are_wrong_usage(day: Path, tmp_path: Path, option: str, value: str) -> None:
-    result = runners_run("stereo", "normals", day, *PLACE, option, value, "-o", tmp_path / "out")
+    result = invoke_command("stereo", "normals", day, *PLACE, option, value, "-o", tmp_path / "out")
     assert f"Invalid value for '{option}'" in error_of(result, 2)
 
 
 def test_the_results_do_not_go_to_the_photos(day: Path, tmp_path: Path) -> None:
     (tmp_path / "same").symlink_to(day)
     for folder in (day, tmp_path / "same"):
-        result = runners_run("stereo", "normals", day, *PLACE, "-o", folder, "--overwrite")
+        result = invoke_command("stereo", "normals", day, *PLACE, "-o", folder, "--overwrite")
         assert error_of(result, 2) == f"{folder} holds the photos; the results need another folder."
     assert len(list(day.iterdir())) == 3
 
 
 def test_the_results_do_not_go_to_stdout(day: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    assert "which stdout cannot be." in error_of(runners_run("stereo", "normals", day, *PLACE, "-o", "-"), 2)
+    assert "which stdout cannot be." in error_of(invoke_command("stereo", "normals", day, *PLACE, "-o", "-"), 2)
 
 
 def test_the_results_need_an_empty_folder_whose_parent_is_there(day: Path, tmp_path: Path) -> None:
-    said = error_of(runners_run("stereo", "normals", day, *PLACE, "-o", tmp_path))
+    said = error_of(invoke_command("stereo", "normals", day, *PLACE, "-o", tmp_path))
     assert said == f"{tmp_path} is not empty; --overwrite replaces the results in it."
-    said = error_of(runners_run("stereo", "normals", day, *PLACE, "-o", day / "0.jpg"))
+    said = error_of(invoke_command("stereo", "normals", day, *PLACE, "-o", day / "0.jpg"))
     assert said == f"{day / '0.jpg'} is a file; the results need a folder."
-    said = error_of(runners_run("stereo", "normals", day, *PLACE, "-o", tmp_path / "none" / "out"))
+    said = error_of(invoke_command("stereo", "normals", day, *PLACE, "-o", tmp_path / "none" / "out"))
     assert said == f"There is no folder {tmp_path / 'none'}."
     assert [path.name for path in tmp_path.iterdir()] == ["day"]
 
 
 def test_photos_reduced_to_a_point_are_one_sentence(day: Path, tmp_path: Path) -> None:
-    said = error_of(runners_run("stereo", "normals", day, *PLACE, "--size", "1", "-o", tmp_path / "out"))
+    said = error_of(invoke_command("stereo", "normals", day, *PLACE, "--size", "1", "-o", tmp_path / "out"))
     assert said == "0.jpg is reduced to 1 x 1 pixels; normals need 2 or more each way."
 
 
 def test_times_in_another_coding_are_one_sentence(day: Path, tmp_path: Path) -> None:
     (day / "times.csv").write_bytes("file,time\nMärz.jpg,2024-06-21T10:00\n".encode("latin-1"))
-    said = error_of(runners_run("stereo", "normals", day, *PLACE, "-o", tmp_path / "out"))
+    said = error_of(invoke_command("stereo", "normals", day, *PLACE, "-o", tmp_path / "out"))
     assert said == f"{day / 'times.csv'} is not a CSV file in UTF-8."
 
 
@@ -73,7 +73,7 @@ def test_a_photo_without_colours_is_named(day: Path, tmp_path: Path) -> None:
 
     header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"Y": np.ones((8, 8), np.float32)}).write(str(day / "depth.exr"))
-    said = error_of(runners_run("stereo", "normals", day, *PLACE, "-o", tmp_path / "out"))
+    said = error_of(invoke_command("stereo", "normals", day, *PLACE, "-o", tmp_path / "out"))
     assert said == "depth.exr: The EXR file has no channel R, G, B; it needs R, G and B."
 
 
@@ -88,7 +88,7 @@ def test_a_bad_probe_is_named(day: Path, tmp_path: Path) -> None:
     options = ("--probes", tmp_path / "probes", "--heading", "0", "--utc-offset", "0")
     for hour in range(3):
         write_photo(day / f"{hour}.jpg", gray_blocks(), datetime(2024, 6, 21, 8) + timedelta(hours=hour))
-    said = error_of(runners_run("stereo", "normals", day, *options, "-o", tmp_path / "out"))
+    said = error_of(invoke_command("stereo", "normals", day, *options, "-o", tmp_path / "out"))
     assert said == f"{file}: The map holds values that are not finite numbers."
 
 
@@ -195,4 +195,4 @@ def test_of_a_probe_whose_pixels_are_damaged_nothing_else_is_said(
 
 def test_the_days_of_a_range_pass_on_a_terminal() -> None:
     days = ("--date", "2026-06-21", "--until", "2026-06-22")
-    assert b"2/2" in terminal("stereo", "plan", *STEREO_PLAN_PLACE, *days, stdout_too=True)[1]
+    assert b"2/2" in run_in_terminal("stereo", "plan", *STEREO_PLAN_PLACE, *days, stdout_too=True)[1]

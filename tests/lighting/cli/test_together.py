@@ -8,7 +8,7 @@ import pytest
 
 from tests.conftest import encode, munich
 from tests.helpers.cameras import picture, texture
-from tests.helpers.processes import runners_run
+from tests.helpers.processes import invoke_command
 
 pytest.importorskip("cv2")
 AHEAD, ASIDE = (0.0, 2.0, 0.0), (25.0, -1.0, 1.0)
@@ -27,7 +27,7 @@ def pair(tmp_path: Path) -> list[Path]:
 
 
 def test_photos_taken_together_are_turned_by_what_they_show(pair: list[Path], network: Path) -> None:
-    result = runners_run("estimate", "--together", "--json", "--no-exif", "--model", network, *pair)
+    result = invoke_command("estimate", "--together", "--json", "--no-exif", "--model", network, *pair)
     first, second = (json.loads(line)["lighting"] for line in result.stdout.splitlines())
     assert first["evidence"] == ["pixels", "turns", "other photos"]
     assert second["camera"]["relative_heading"] == pytest.approx(25.0, abs=0.5)
@@ -37,7 +37,7 @@ def test_photos_taken_together_are_turned_by_what_they_show(pair: list[Path], ne
 
 
 def test_headings_that_are_given_win(pair: list[Path], network: Path) -> None:
-    result = runners_run(
+    result = invoke_command(
         "estimate", "--together", "--headings", "0,90", "--json", "--no-exif", "--model", network, *pair
     )
     assert all(
@@ -47,7 +47,7 @@ def test_headings_that_are_given_win(pair: list[Path], network: Path) -> None:
 
 def test_photos_of_different_places_are_said_to_share_nothing(tmp_path: Path, network: Path) -> None:
     strangers = [write(tmp_path, "a.jpg", AHEAD), write(tmp_path, "b.jpg", AHEAD, seed=1)]
-    result = runners_run("estimate", "--together", "--no-exif", "--model", network, *strangers)
+    result = invoke_command("estimate", "--together", "--no-exif", "--model", network, *strangers)
     assert result.exit_code == 0
     assert result.stderr.count("Nothing in it was found in the other photos") == 2
 
@@ -56,7 +56,7 @@ def test_without_opencv_a_warning_says_what_is_missing(
     pair: list[Path], network: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("lighting.registration.features.has_opencv", lambda: False)
-    result = runners_run("estimate", "--together", "--no-exif", "--model", network, *pair)
+    result = invoke_command("estimate", "--together", "--no-exif", "--model", network, *pair)
     assert result.exit_code == 0
     assert result.stderr.count("OpenCV is not installed: pip install 'outdoor-lighting[turns]'.") == 1
     assert "turns" not in result.stdout
