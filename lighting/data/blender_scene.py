@@ -18,14 +18,16 @@ from typing import Any
 import bpy
 from mathutils import Matrix, Vector
 
-LIT_BY_THE_SUN = "Lit by the Sun"  # what its collection is called where it leaves out the object
+Json = dict[str, Any]  # of scene.json
+
+LIT_BY_THE_SUN = "Lit by the Sun"  # what its collection is called where it excludes the object
 
 
 def _main() -> None:
     arguments = {"--save", "--render"} & set(sys.argv)
     if arguments:  # nothing of an open file is at stake
         bpy.ops.wm.read_factory_settings(use_empty=True)
-    folder = script_folder()
+    folder = _script_folder()
     scene = build_scene(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
     if arguments:
         for other in [other for other in bpy.data.scenes if other != scene]:
@@ -38,41 +40,47 @@ def _main() -> None:
         bpy.ops.render.render(write_still=True)
 
 
-def script_folder() -> Path:
+def _script_folder() -> Path:
     """Where this file lies, also when Blender's text editor runs it."""
     text = bpy.data.texts.get(Path(__file__).name)
     return Path(bpy.path.abspath(text.filepath) if text and text.filepath else __file__).resolve().parent
 
 
-def build_scene(numbers: dict[str, Any], folder: Path, scene: Any = None) -> Any:
-    """The scene given, or a new one that is made the current one; a compositor that it has stays as it is."""
+def build_scene(numbers: Json, folder: Path, scene: Any = None) -> Any:
+    """The scene of the photo; a compositor that it has stays as it is.
+
+    Args:
+        numbers: of scene.json.
+        folder: with the pictures beside it.
+        scene: to build it in; None for a new one, which is made the current one.
+    """
     if scene is None:
         scene = bpy.data.scenes.new("Photo")
         if bpy.context.window:
             bpy.context.window.scene = scene
-    plate = load_image(folder / numbers["plate"], "sRGB")
-    environment = load_image(folder / numbers["environment"], "Linear Rec.709")
-    set_up_render(scene, numbers)
-    add_camera(scene, numbers["camera"], plate)
-    sun = add_sun_lamp(scene, numbers["sun"])
-    scene.world = make_world(numbers["sky"], environment)
-    ground = add_ground(scene, numbers["ground"])
+    plate = _load_image(folder / numbers["plate"], "sRGB")
+    environment = _load_image(folder / numbers["environment"], "Linear Rec.709")
+    _set_up_render(scene, numbers)
+    _add_camera(scene, numbers["camera"], plate)
+    sun = _add_sun_lamp(scene, numbers["sun"])
+    scene.world = _make_world(numbers["sky"], environment)
+    ground = _add_ground(scene, numbers["ground"])
     if numbers["spot_in_shade"]:
-        keep_from_object(sun, ground, numbers["shade"])
-    add_placeholder(scene, numbers["placeholder"])
+        _keep_sun_from_object(sun, ground, numbers["shade"])
+    _add_placeholder(scene, numbers["placeholder"])
     if not has_compositor(scene):
-        lit = load_image(folder / numbers["lit_ground"], "Non-Color")
-        composite_over(scene, plate, lit, numbers["shade"])
+        lit = _load_image(folder / numbers["lit_ground"], "Non-Color")
+        _composite_over(scene, plate, lit, numbers["shade"])
     return scene
 
 
-def load_image(path: Path, color_space: str) -> Any:
+def _load_image(path: Path, color_space: str) -> Any:
     image = bpy.data.images.load(str(path), check_existing=True)
     image.colorspace_settings.name = color_space
     return image
 
 
-def set_up_render(scene: Any, numbers: dict[str, Any]) -> None:
+def _set_up_render(scene: Any, numbers: Json) -> None:
     """Cycles over a transparent film, and a view transform that leaves the plate's values as they are."""
     bpy.ops.preferences.addon_enable(module="cycles")
     scene.render.engine = "CYCLES"
@@ -88,14 +96,14 @@ def set_up_render(scene: Any, numbers: dict[str, Any]) -> None:
     scene.view_settings.exposure, scene.view_settings.gamma = 0.0, 1.0
 
 
-def add_object(scene: Any, name: str, data: Any, parent: Any = None) -> Any:
+def _add_object(scene: Any, name: str, data: Any, parent: Any = None) -> Any:
     made = bpy.data.objects.new(name, data)
     scene.collection.objects.link(made)
     made.parent = parent
     return made
 
 
-def add_camera(scene: Any, numbers: dict[str, Any], plate: Any) -> None:
+def _add_camera(scene: Any, numbers: Json, plate: Any) -> None:
     data = bpy.data.cameras.new("Camera")
     data.sensor_fit = "VERTICAL"
     data.sensor_width, data.sensor_height = numbers["sensor"]
@@ -103,43 +111,48 @@ def add_camera(scene: Any, numbers: dict[str, Any], plate: Any) -> None:
     data.clip_start, data.clip_end = numbers["clip"]
     data.show_background_images = True
     data.background_images.new().image = plate
-    camera = add_object(scene, "Camera", data)
+    camera = _add_object(scene, "Camera", data)
     camera.matrix_world = Matrix(numbers["matrix"])
     scene.camera = camera
 
 
-def add_sun_lamp(scene: Any, numbers: dict[str, Any]) -> Any:
+def _add_sun_lamp(scene: Any, numbers: Json) -> Any:
     data = bpy.data.lights.new("Sun", "SUN")
     data.angle = math.radians(numbers["angle"])
-    sun = add_object(scene, "Sun", data)
+    sun = _add_object(scene, "Sun", data)
     aim_sun(sun, numbers)
     return sun
 
 
-def aim_sun(sun: Any, numbers: dict[str, Any]) -> None:
-    """Turn the sun to its direction and give it its light."""
+def aim_sun(sun: Any, numbers: Json) -> None:
+    """Aim the sun and give it its light.
+
+    Args:
+        sun: the lamp's object.
+        numbers: "direction" (3,), "colour" (3,) and "irradiance", +Z up.
+    """
     sun.data.color, sun.data.energy = numbers["colour"], numbers["irradiance"]
     sun.rotation_euler = Vector(numbers["direction"]).to_track_quat("Z", "Y").to_euler()
     sun.location = [10.0 * value for value in numbers["direction"]]  # where to find it; a sun shines from everywhere
 
 
-def make_world(numbers: dict[str, Any], environment: Any) -> Any:
+def _make_world(numbers: Json, environment: Any) -> Any:
     """The map and, to blend to, Blender's own sky."""
     world = bpy.data.worlds.new("Sky of the photo")
-    nodes, links = cleared_nodes(world)
+    nodes, links = _clear_nodes(world)
     switch = nodes.new("ShaderNodeValue")
     switch.label = switch.name = "Native sky"
     switch.outputs[0].default_value = 0.0
     mix, output = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeOutputWorld")
     links.new(switch.outputs[0], mix.inputs[0])
-    links.new(environment_background(nodes, links, environment, numbers["yaw"]), mix.inputs[1])
-    links.new(native_background(nodes, links, numbers["native"]), mix.inputs[2])
+    links.new(_environment_background(nodes, links, environment, numbers["yaw"]), mix.inputs[1])
+    links.new(_native_background(nodes, links, numbers["native"]), mix.inputs[2])
     links.new(mix.outputs[0], output.inputs["Surface"])
-    arrange_nodes(nodes)
+    _arrange_nodes(nodes)
     return world
 
 
-def environment_background(nodes: Any, links: Any, environment: Any, yaw: float) -> Any:
+def _environment_background(nodes: Any, links: Any, environment: Any, yaw: float) -> Any:
     coordinates, mapping = nodes.new("ShaderNodeTexCoord"), nodes.new("ShaderNodeMapping")
     mapping.inputs["Rotation"].default_value[2] = math.radians(yaw)
     texture, background = nodes.new("ShaderNodeTexEnvironment"), nodes.new("ShaderNodeBackground")
@@ -150,7 +163,7 @@ def environment_background(nodes: Any, links: Any, environment: Any, yaw: float)
     return background.outputs[0]
 
 
-def native_background(nodes: Any, links: Any, numbers: dict[str, Any]) -> Any:
+def _native_background(nodes: Any, links: Any, numbers: Json) -> Any:
     sky, background = nodes.new("ShaderNodeTexSky"), nodes.new("ShaderNodeBackground")
     sky.sky_type = "HOSEK_WILKIE"
     sky.sun_direction = numbers["sun_direction"]
@@ -160,7 +173,7 @@ def native_background(nodes: Any, links: Any, numbers: dict[str, Any]) -> Any:
     return background.outputs[0]
 
 
-def cleared_nodes(owner: Any) -> tuple[Any, Any]:
+def _clear_nodes(owner: Any) -> tuple[Any, Any]:
     """Nodes and links of a world or a material."""
     if owner.node_tree is None:
         owner.use_nodes = True
@@ -168,34 +181,34 @@ def cleared_nodes(owner: Any) -> tuple[Any, Any]:
     return owner.node_tree.nodes, owner.node_tree.links
 
 
-def arrange_nodes(nodes: Any) -> None:
+def _arrange_nodes(nodes: Any) -> None:
     """Side by side, in the order in which they were made."""
     for index, node in enumerate(nodes):
         node.location = (220.0 * (index % 4), -320.0 * (index // 4))
 
 
-def diffuse(name: str, albedo: list[float]) -> Any:
+def _diffuse_material(name: str, albedo: list[float]) -> Any:
     material = bpy.data.materials.new(name)
-    nodes, links = cleared_nodes(material)
+    nodes, links = _clear_nodes(material)
     surface, output = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
     surface.inputs["Color"].default_value = (*albedo, 1.0)
     links.new(surface.outputs[0], output.inputs["Surface"])
-    arrange_nodes(nodes)
+    _arrange_nodes(nodes)
     return material
 
 
-def add_ground(scene: Any, numbers: dict[str, Any]) -> Any:
+def _add_ground(scene: Any, numbers: Json) -> Any:
     reach = numbers["radius"]
     mesh = bpy.data.meshes.new("Ground")
     corners = [(-reach, -reach, 0.0), (reach, -reach, 0.0), (reach, reach, 0.0), (-reach, reach, 0.0)]
     mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
-    mesh.materials.append(diffuse("Ground", numbers["albedo"]))
-    ground = add_object(scene, "Ground", mesh)
+    mesh.materials.append(_diffuse_material("Ground", numbers["albedo"]))
+    ground = _add_object(scene, "Ground", mesh)
     ground.is_shadow_catcher = True
     return ground
 
 
-def keep_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
+def _keep_sun_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
     """Let the sun light the ground alone, and the ground light the object as ground in shade does.
 
     Shadows on the ground stay, since the camera sees the ground as it was. `shade` is the sky's share of open ground's
@@ -211,38 +224,38 @@ def keep_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
     tree.links.new(switch.outputs[0], unseen.inputs[0])
     tree.links.new(path.outputs["Is Camera Ray"], unseen.inputs[1])
     color = next(node for node in tree.nodes if node.type == "BSDF_DIFFUSE").inputs["Color"]
-    tree.links.new(blended(tree, "MULTIPLY", tuple(color.default_value), (*shade, 1.0), unseen.outputs[0]), color)
-    arrange_nodes(tree.nodes)
+    tree.links.new(_blend(tree, "MULTIPLY", tuple(color.default_value), (*shade, 1.0), unseen.outputs[0]), color)
+    _arrange_nodes(tree.nodes)
 
 
-def add_placeholder(scene: Any, numbers: dict[str, Any]) -> None:
+def _add_placeholder(scene: Any, numbers: Json) -> None:
     """A ball and a stick under an empty at the spot for one's own object."""
-    material = diffuse("Placeholder", numbers["albedo"])
-    spot = add_object(scene, "Your object here", None)
+    material = _diffuse_material("Placeholder", numbers["albedo"])
+    spot = _add_object(scene, "Your object here", None)
     spot.location = numbers["spot"]
     spot.empty_display_size = numbers["ball_radius"]
     for name, mesh, location in (
-        ("Ball", ball_mesh(numbers["ball_radius"]), (0.0, 0.0, numbers["ball_radius"])),
-        ("Stick", stick_mesh(numbers["stick_radius"], numbers["stick_height"]), numbers["stick_foot"]),
+        ("Ball", _ball_mesh(numbers["ball_radius"]), (0.0, 0.0, numbers["ball_radius"])),
+        ("Stick", _stick_mesh(numbers["stick_radius"], numbers["stick_height"]), numbers["stick_foot"]),
     ):
         mesh.materials.append(material)
-        add_object(scene, name, mesh, spot).location = location
+        _add_object(scene, name, mesh, spot).location = location
 
 
-def ball_mesh(radius: float) -> Any:
-    profile = [(radius * math.sin(t), -radius * math.cos(t)) for t in steps(math.pi, 48)]
-    return revolved_mesh("Ball", profile, 96, smooth=True)
+def _ball_mesh(radius: float) -> Any:
+    profile = [(radius * math.sin(t), -radius * math.cos(t)) for t in _steps(math.pi, 48)]
+    return _revolved_mesh("Ball", profile, 96, smooth=True)
 
 
-def stick_mesh(radius: float, height: float) -> Any:
-    return revolved_mesh("Stick", [(0.0, 0.0), (radius, 0.0), (radius, height), (0.0, height)], 32, smooth=False)
+def _stick_mesh(radius: float, height: float) -> Any:
+    return _revolved_mesh("Stick", [(0.0, 0.0), (radius, 0.0), (radius, height), (0.0, height)], 32, smooth=False)
 
 
-def steps(end: float, count: int) -> list[float]:
+def _steps(end: float, count: int) -> list[float]:
     return [end * index / count for index in range(count + 1)]
 
 
-def revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, smooth: bool) -> Any:
+def _revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *, smooth: bool) -> Any:
     """The surface that a profile of (radius, height) makes when it is turned about the vertical."""
     angles = [2 * math.pi * spoke / spokes for spoke in range(spokes)]
     points = [(r * math.cos(angle), r * math.sin(angle), z) for r, z in profile for angle in angles]
@@ -258,46 +271,46 @@ def revolved_mesh(name: str, profile: list[tuple[float, float]], spokes: int, *,
     return mesh
 
 
-def composite_over(scene: Any, plate: Any, lit: Any, shade: list[float]) -> None:
+def _composite_over(scene: Any, plate: Any, lit: Any, shade: list[float]) -> None:
     """The plate, stretched to the render's size and times the coloured shadow on the ground; over it the object.
 
     `lit` shows where the plate's ground lies in sunlight; `shade` is the sky's share of open ground's light.
     """
     scene.view_layers[0].cycles.use_pass_shadow_catcher = True
-    tree, output = compositor(scene)
+    tree, output = _compositor(scene)
     nodes, links = tree.nodes, tree.links
-    behind, sunlit = fitted(tree, plate), fitted(tree, lit)
+    behind, sunlit = _fit_image(tree, plate), _fit_image(tree, lit)
     layers, over = nodes.new("CompositorNodeRLayers"), nodes.new("CompositorNodeAlphaOver")
     layers.scene = scene
     below, above = [socket for socket in over.inputs if socket.type == "RGBA"]
-    shadow = shadow_on(tree, layers.outputs["Shadow Catcher"], sunlit, (*shade, 1.0))
-    links.new(blended(tree, "MULTIPLY", behind, shadow), below)
+    shadow = _shadow_on(tree, layers.outputs["Shadow Catcher"], sunlit, (*shade, 1.0))
+    links.new(_blend(tree, "MULTIPLY", behind, shadow), below)
     links.new(layers.outputs["Image"], above)
     links.new(over.outputs["Image"], output.inputs["Image"])
-    arrange_nodes(nodes)
+    _arrange_nodes(nodes)
 
 
-def fitted(tree: Any, image: Any) -> Any:
+def _fit_image(tree: Any, image: Any) -> Any:
     """An image, stretched to the render's size."""
     picture, fit = tree.nodes.new("CompositorNodeImage"), tree.nodes.new("CompositorNodeScale")
     picture.image = image
-    fit_to_render(fit)
+    _fit_to_render(fit)
     tree.links.new(picture.outputs["Image"], fit.inputs["Image"])
     return fit.outputs["Image"]
 
 
-def shadow_on(tree: Any, shadow: Any, lit: Any, shade: tuple[float, ...]) -> Any:
+def _shadow_on(tree: Any, shadow: Any, lit: Any, shade: tuple[float, ...]) -> Any:
     """The shadow on ground that the sun lights as far as `lit` says: it takes no sun from ground that has none.
 
     What a shadow leaves up to `shade` counts as the sky's light, and what it leaves beyond as the sun's.
     """
-    sky = blended(tree, "DARKEN", shadow, shade)
-    sun = blended(tree, "MULTIPLY", blended(tree, "SUBTRACT", shadow, sky), lit)
-    left = blended(tree, "ADD", sky, sun)
-    return blended(tree, "DIVIDE", left, blended(tree, "MIX", shade, (1.0, 1.0, 1.0, 1.0), lit))
+    sky = _blend(tree, "DARKEN", shadow, shade)
+    sun = _blend(tree, "MULTIPLY", _blend(tree, "SUBTRACT", shadow, sky), lit)
+    left = _blend(tree, "ADD", sky, sun)
+    return _blend(tree, "DIVIDE", left, _blend(tree, "MIX", shade, (1.0, 1.0, 1.0, 1.0), lit))
 
 
-def blended(tree: Any, kind: str, a: Any, b: Any, share: Any = 1.0) -> Any:
+def _blend(tree: Any, kind: str, a: Any, b: Any, share: Any = 1.0) -> Any:
     """Two pictures or colours (4,) in one; `share` is how much of the blend replaces the first."""
     shared = bpy.app.version >= (5, 0, 0) or tree.type == "SHADER"
     mix = tree.nodes.new("ShaderNodeMix" if shared else "CompositorNodeMixRGB")
@@ -315,13 +328,17 @@ def blended(tree: Any, kind: str, a: Any, b: Any, share: Any = 1.0) -> Any:
 
 
 def has_compositor(scene: Any) -> bool:
-    """Whether the scene's pictures go through nodes already."""
+    """Whether the scene's pictures go through nodes already.
+
+    Args:
+        scene: of Blender.
+    """
     if hasattr(scene, "compositing_node_group"):
         return scene.compositing_node_group is not None
     return scene.use_nodes and scene.node_tree is not None and len(scene.node_tree.nodes) > 0
 
 
-def compositor(scene: Any) -> tuple[Any, Any]:
+def _compositor(scene: Any) -> tuple[Any, Any]:
     """The scene's node tree and the node that takes the picture; they changed in Blender 5."""
     if hasattr(scene, "compositing_node_group"):
         tree = bpy.data.node_groups.new("Over the plate", "CompositorNodeTree")
@@ -333,7 +350,7 @@ def compositor(scene: Any) -> tuple[Any, Any]:
     return scene.node_tree, scene.node_tree.nodes.new("CompositorNodeComposite")
 
 
-def fit_to_render(node: Any) -> None:
+def _fit_to_render(node: Any) -> None:
     if "Type" in node.inputs:
         node.inputs["Type"].default_value = "Render Size"
     else:

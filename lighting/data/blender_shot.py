@@ -16,19 +16,21 @@ from typing import Any
 import bpy
 from mathutils import Matrix
 
+Json = dict[str, Any]  # of scene.json and shot.json
+
 
 def _main() -> None:
     folder = Path(__file__).resolve().parent
-    still = load(folder / "scene.py")
+    still = _load(folder / "scene.py")
     if "--save" in sys.argv:
         bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = still.build_scene(json.loads((folder / "scene.json").read_text(encoding="utf-8")), folder)
-    move(scene, json.loads((folder / "shot.json").read_text(encoding="utf-8")), folder)
+    _move_camera(scene, json.loads((folder / "shot.json").read_text(encoding="utf-8")), folder)
     if "--save" in sys.argv:
         bpy.ops.wm.save_as_mainfile(filepath=str(folder / "shot.blend"), relative_remap=True)
 
 
-def load(path: Path) -> Any:
+def _load(path: Path) -> Any:
     """The module in a file."""
     spec = importlib.util.spec_from_file_location(path.stem, path)
     assert spec is not None
@@ -38,27 +40,27 @@ def load(path: Path) -> Any:
     return module
 
 
-def move(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
+def _move_camera(scene: Any, numbers: Json, folder: Path) -> None:
     """Key frames for the camera, and the clip behind it."""
     camera, frames = scene.camera, numbers["frames"]
     camera.rotation_mode = "QUATERNION"
     scene.render.fps = max(1, round(numbers["frame_rate"]))
     scene.render.fps_base = scene.render.fps / numbers["frame_rate"]
     scene.frame_start, scene.frame_end = 1, max(1, round(frames[-1]))
-    before = None
+    previous = None
     for frame, rows, length in zip(frames, numbers["matrices"], numbers["focal_lengths"], strict=True):
         rotation = Matrix(rows).to_quaternion()
-        if before is not None:
-            rotation.make_compatible(before)
-        camera.rotation_quaternion = before = rotation
+        if previous is not None:
+            rotation.make_compatible(previous)
+        camera.rotation_quaternion = previous = rotation
         camera.keyframe_insert("rotation_quaternion", frame=frame)
         camera.data.lens = length
         camera.data.keyframe_insert("lens", frame=frame)
-    hang_clip(scene, numbers, folder)
+    _hang_clip(scene, numbers, folder)
     scene.frame_set(1)
 
 
-def hang_clip(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
+def _hang_clip(scene: Any, numbers: Json, folder: Path) -> None:
     """The clip in place of the still plate, where it lies where it lay."""
     path = (folder / numbers["clip"]).resolve()
     if not path.is_file():
@@ -67,10 +69,10 @@ def hang_clip(scene: Any, numbers: dict[str, Any], folder: Path) -> None:
     clip.frame_start = 1 - numbers["first_frame"]
     for background in scene.camera.data.background_images:
         background.source, background.clip = "MOVIE_CLIP", clip
-    composite_clip_over(scene, clip)
+    _composite_clip_over(scene, clip)
 
 
-def composite_clip_over(scene: Any, clip: Any) -> None:
+def _composite_clip_over(scene: Any, clip: Any) -> None:
     """The clip in place of the still plate in what is rendered, too."""
     tree = scene.compositing_node_group if hasattr(scene, "compositing_node_group") else scene.node_tree
     plate = next(node for node in tree.nodes if node.bl_idname == "CompositorNodeImage")

@@ -21,40 +21,40 @@ FOLDER = Path(__file__).resolve().parent
 
 def _main(samples: str = "64", variant: str = "scalar_rgb") -> None:
     mi.set_variant(variant)
-    plate = linear(mi.Bitmap(str(FOLDER / "plate.png")))
-    lit = lit_ground(plate.shape[1], plate.shape[0])
-    sky, sun = lights(int(samples), "camera.xml", "light.xml", "object.xml")
-    empty_sky, empty_sun = lights(int(samples), "camera.xml", "light.xml")
-    covered = np.clip(rendered(16, "camera.xml", "object.xml")[..., 3:], 0, 1)
+    plate = _linear(mi.Bitmap(str(FOLDER / "plate.png")))
+    lit = _lit_ground(plate.shape[1], plate.shape[0])
+    sky, sun = _sky_and_sun(int(samples), "camera.xml", "light.xml", "object.xml")
+    empty_sky, empty_sun = _sky_and_sun(int(samples), "camera.xml", "light.xml")
+    covered = np.clip(_render(16, "camera.xml", "object.xml")[..., 3:], 0, 1)
     shadowed = plate * (sky + lit * sun) / np.maximum(empty_sky + lit * empty_sun, 1e-6)
-    picture = covered * (sky + sun_on_object() * sun) + (1 - covered) * shadowed
+    picture = covered * (sky + _sun_on_object() * sun) + (1 - covered) * shadowed
     mi.util.write_bitmap(str(FOLDER / "composite.png"), mi.Bitmap(picture.astype(np.float32)), write_async=False)
 
 
-def linear(picture: Any) -> Any:
+def _linear(picture: Any) -> Any:
     return np.array(picture.convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.Float32, srgb_gamma=False))
 
 
-def lit_ground(width: int, height: int) -> Any:
+def _lit_ground(width: int, height: int) -> Any:
     """How much of the sun reaches the photo's ground (H, W, 1), 0 to 1."""
     values = np.array(mi.Bitmap(str(FOLDER / "lit_ground.png"))).astype(np.float32) / 255
     fitted = mi.Bitmap(values.reshape(*values.shape[:2], 1)).resample([width, height])
     return np.clip(np.array(fitted).reshape(height, width, 1), 0, 1)
 
 
-def sun_on_object() -> float:
+def _sun_on_object() -> float:
     """How much of the sun reaches the object, 0 to 1."""
     root = ElementTree.parse(FOLDER / "object.xml").getroot()
     return next(float(part.attrib["value"]) for part in root.iter("default") if part.get("name") == "sun_on_object")
 
 
-def lights(samples: int, *parts: str) -> tuple[Any, Any]:
+def _sky_and_sun(samples: int, *parts: str) -> tuple[Any, Any]:
     """Linear pixels (H, W, 3) of a scene of these files without the sun, and what the sun adds to them."""
-    sky = rendered(samples, *parts, sun_radiance="0 0 0")[..., :3]
-    return sky, rendered(samples, *parts)[..., :3] - sky
+    sky = _render(samples, *parts, sun_radiance="0 0 0")[..., :3]
+    return sky, _render(samples, *parts)[..., :3] - sky
 
 
-def rendered(samples: int, *parts: str, **values: str) -> Any:
+def _render(samples: int, *parts: str, **values: str) -> Any:
     """Linear pixels (H, W, 4) of a scene of these files; the same seed gives what they share the same noise."""
     names = "".join(f'<include filename="{FOLDER / part}"/>' for part in parts)
     scene = mi.load_string(f'<scene version="3.0.0">{names}</scene>', samples=samples, **values)
