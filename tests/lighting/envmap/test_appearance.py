@@ -15,7 +15,7 @@ from lighting.envmap.appearance import (
     sky_white_balance,
 )
 from lighting.records import Lighting
-from tests.helpers.lights import stated_light
+from tests.helpers.lights import SKY_IRRADIANCE, stated_light
 
 LEVEL = np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(33.0)) * np.array([1.9, 1.5, 0.9])
 
@@ -81,11 +81,11 @@ def test_quantiles_are_numpys(count: int) -> None:
     assert _quantiles(values, (0.25, 0.75)) == pytest.approx(np.quantile(values, (0.25, 0.75)))
 
 
-SAID = np.array([0.4, 0.5, 0.8])  # of given_light
+SKY = np.array(SKY_IRRADIANCE)
 SUNSET = np.array([0.3, 0.2, 0.1])
 
 
-def sky_colour_photo(sky: Sequence[float] | np.ndarray, detail: float = 0.0) -> np.ndarray:
+def photo_of_sky(sky: Sequence[float] | np.ndarray, detail: float = 0.0) -> np.ndarray:
     """A sky of one colour over dark ground; `detail` alternates its brightness from pixel to pixel."""
     linear = np.full((60, 80, 3), 0.03, np.float32)
     rows, columns = np.indices((30, 80))
@@ -97,61 +97,63 @@ def overcast(**changes: float) -> Lighting:
     return stated_light(sky_cover=1.0, **changes)
 
 
-def seen_sky(picture: np.ndarray, light: Lighting) -> np.ndarray:
+def balanced_sky(picture: np.ndarray, light: Lighting) -> np.ndarray:
     """The sky's irradiance with the factors that the photo gives."""
     factors = sky_white_balance(picture, light)
     assert factors is not None
     return np.asarray(factors * np.array(light.sky_irradiance))
 
 
-def colour_of(values: np.ndarray) -> np.ndarray:
+def relative_to_green(values: np.ndarray) -> np.ndarray:
     return np.asarray(values / values[1])
 
 
 def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
-    found = seen_sky(sky_colour_photo(SUNSET), overcast())
+    found = balanced_sky(photo_of_sky(SUNSET), overcast())
     trust = 0.11 + 0.51
-    expected = colour_of(SAID) * (colour_of(SUNSET) / colour_of(SAID)).clip(0.5, 2.0) ** trust
-    assert colour_of(found) == pytest.approx(expected, rel=0.02)
+    expected = relative_to_green(SKY) * (relative_to_green(SUNSET) / relative_to_green(SKY)).clip(0.5, 2.0) ** trust
+    assert relative_to_green(found) == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize(("cover", "trust"), [(0.0, 0.11), (0.5, 0.11 + 0.51 / 4), (1.0, 0.11 + 0.51)])
 def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust: float) -> None:
     light = stated_light(sky_cover=cover)
-    off = sky_color_ratio(sky_colour_photo(SUNSET), light)
+    off = sky_color_ratio(photo_of_sky(SUNSET), light)
     assert off is not None
     assert np.ptp(off) > 0.3
-    assert colour_of(seen_sky(sky_colour_photo(SUNSET), light)) == pytest.approx(colour_of(SAID) * off**trust, rel=1e-6)
+    assert relative_to_green(balanced_sky(photo_of_sky(SUNSET), light)) == pytest.approx(
+        relative_to_green(SKY) * off**trust, rel=1e-6
+    )
 
 
 def test_its_brightness_stays() -> None:
     for light in (overcast(), stated_light()):
-        found = seen_sky(sky_colour_photo(SUNSET), light)
-        assert luminance(found) == pytest.approx(luminance(SAID), rel=1e-6)
+        found = balanced_sky(photo_of_sky(SUNSET), light)
+        assert luminance(found) == pytest.approx(luminance(SKY), rel=1e-6)
 
 
 def test_a_clear_sky_changes_less_and_towards_the_photo() -> None:
     clear, cloudy = (
-        seen_sky(sky_colour_photo(SUNSET), stated_light(sky_cover=0.0)),
-        seen_sky(sky_colour_photo(SUNSET), overcast()),
+        balanced_sky(photo_of_sky(SUNSET), stated_light(sky_cover=0.0)),
+        balanced_sky(photo_of_sky(SUNSET), overcast()),
     )
-    reds = [colour_of(sky)[0] for sky in (SAID, clear, cloudy, SUNSET)]
+    reds = [relative_to_green(sky)[0] for sky in (SKY, clear, cloudy, SUNSET)]
     assert reds == sorted(reds)
     assert reds[1] > 1.03 * reds[0]
 
 
 def test_a_sky_of_the_colour_that_was_said_changes_nothing() -> None:
-    found = seen_sky(sky_colour_photo(SAID / np.pi), overcast())
-    assert found == pytest.approx(SAID, rel=0.02)
+    found = balanced_sky(photo_of_sky(SKY / np.pi), overcast())
+    assert found == pytest.approx(SKY, rel=0.02)
 
 
 @pytest.mark.parametrize(
     ("picture", "changes"),
     [
-        pytest.param(sky_colour_photo(SUNSET / 8), {}, id="a wall, too dark for sky"),
-        pytest.param(sky_colour_photo([0.99, 0.99, 0.99]), {}, id="clipped"),
-        pytest.param(sky_colour_photo(SUNSET, detail=0.5), {}, id="leaves, not smooth"),
-        pytest.param(sky_colour_photo(SUNSET), {"camera_elevation": -50.0}, id="looks down"),
+        pytest.param(photo_of_sky(SUNSET / 8), {}, id="a wall, too dark for sky"),
+        pytest.param(photo_of_sky([0.99, 0.99, 0.99]), {}, id="clipped"),
+        pytest.param(photo_of_sky(SUNSET, detail=0.5), {}, id="leaves, not smooth"),
+        pytest.param(photo_of_sky(SUNSET), {"camera_elevation": -50.0}, id="looks down"),
         pytest.param(np.zeros((40, 60, 3), np.uint8), {}, id="black"),
         pytest.param(np.zeros((1, 1, 3), np.uint8), {}, id="one pixel"),
         pytest.param(np.zeros((3000, 1, 3), np.uint8), {}, id="one column"),
@@ -162,13 +164,13 @@ def test_without_sky_nothing_is_known(picture: np.ndarray, changes: dict[str, fl
 
 
 def test_a_black_sky_stays_black() -> None:
-    factors = sky_white_balance(sky_colour_photo(SUNSET), replace(overcast(), sky_irradiance=(0.0, 0.0, 0.0)))
+    factors = sky_white_balance(photo_of_sky(SUNSET), replace(overcast(), sky_irradiance=(0.0, 0.0, 0.0)))
     assert factors is not None
     assert np.isfinite(factors).all()
 
 
 def test_sky_colour_without_irradiances_nothing_is_known() -> None:
-    assert sky_white_balance(sky_colour_photo(SUNSET), Lighting(0.0, 30.0, 3.0, 1.0)) is None
+    assert sky_white_balance(photo_of_sky(SUNSET), Lighting(0.0, 30.0, 3.0, 1.0)) is None
 
 
 def test_a_sky_without_green_gives_bounded_factors() -> None:

@@ -98,7 +98,7 @@ CASE = Path(__file__).with_name("surroundings.json")  # what the page follows
 PHOTO = np.random.default_rng(3).integers(0, 256, (60, 80, 3)).astype(np.uint8)
 
 
-def around(light: Lighting) -> np.ndarray:
+def coarse_panorama(light: Lighting) -> np.ndarray:
     """The bare map at 12 x 24 cells."""
     return np.asarray(render(light, 48, sun=False).reshape(12, 4, 24, 4, 3).mean(axis=(1, 3)), dtype=np.float32)
 
@@ -120,34 +120,36 @@ def test_the_irradiances_stay(known: bool, pitch: float) -> None:
 
 def test_the_sun_is_painted_once_and_last() -> None:
     light = stated_light()
-    place = PhotoContext(PHOTO, around(light))
+    context = PhotoContext(PHOTO, coarse_panorama(light))
     with_disc, without = (
-        render_with_surroundings(light, place, HEIGHT),
-        render_with_surroundings(light, place, HEIGHT, disc=False),
+        render_with_surroundings(light, context, HEIGHT),
+        render_with_surroundings(light, context, HEIGHT, disc=False),
     )
     disc = with_disc - without
     np.testing.assert_allclose(disc.max(), (render(light, HEIGHT) - render(light, HEIGHT, disc=False)).max(), rtol=1e-3)
     assert without.max() < 0.05 * with_disc.max()
-    assert (render_with_surroundings(light, place, HEIGHT, sun=False) <= without + 1).all()
+    assert (render_with_surroundings(light, context, HEIGHT, sun=False) <= without + 1).all()
 
 
 @pytest.mark.parametrize("factor", [0.1, 8.0])
 def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: float) -> None:
     light = stated_light(sky_cover=0.2)
     brighter = edit_lighting(light, {"exposure": factor * light.exposure})
-    place = PhotoContext(PHOTO, around(light) * np.linspace(0.3, 1.5, 24, dtype=np.float32)[:, None], light.exposure)
-    expected = factor * render_with_surroundings(light, place, HEIGHT, disc=False)
-    assert render_with_surroundings(brighter, place, HEIGHT, disc=False) == pytest.approx(expected, rel=2e-3)
+    context = PhotoContext(
+        PHOTO, coarse_panorama(light) * np.linspace(0.3, 1.5, 24, dtype=np.float32)[:, None], light.exposure
+    )
+    expected = factor * render_with_surroundings(light, context, HEIGHT, disc=False)
+    assert render_with_surroundings(brighter, context, HEIGHT, disc=False) == pytest.approx(expected, rel=2e-3)
 
 
 @pytest.mark.parametrize("moved", [180.0, -90.0])
 def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
     light = replace(stated_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0)  # the photo shows ground
-    estimate = Estimate(light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), around(light))
-    place = photo_context(estimate, PHOTO)
-    assert place is not None
+    estimate = Estimate(light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), coarse_panorama(light))
+    context = photo_context(estimate, PHOTO)
+    assert context is not None
     there = (light.sun_azimuth + moved + 180.0) % 360.0 - 180.0
-    sky = render_with_surroundings(edit_lighting(light, {"sun_azimuth": there}), place, HEIGHT, disc=False)[
+    sky = render_with_surroundings(edit_lighting(light, {"sun_azimuth": there}), context, HEIGHT, disc=False)[
         : HEIGHT // 2, :, 1
     ]
     brightest = (sky.sum(axis=0).argmax() + 0.5) / (2 * HEIGHT) * 360.0 - 180.0
@@ -156,7 +158,7 @@ def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
 
 def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
     light = stated_light()
-    cells = around(light)
+    cells = coarse_panorama(light)
     cells[4:6, :6] *= 0.2  # trees to the left
     image = render_with_surroundings(light, PhotoContext(np.zeros((32, 32, 3), np.uint8), cells), HEIGHT, disc=False)
     bare = render(light, HEIGHT, disc=False)
@@ -168,7 +170,7 @@ def test_dark_cells_are_dark_and_the_rest_pays_for_them() -> None:
 @pytest.mark.parametrize("half", [slice(0, 6), slice(6, 12)])
 def test_the_place_differs_less_from_the_bare_map_than_the_network_says(half: slice) -> None:
     light = replace(stated_light(), camera_elevation=-80.0, vertical_fov=10.0)  # the photo hides little
-    cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
+    cells, nothing = coarse_panorama(light), np.zeros((32, 32, 3), np.uint8)
     plain = surroundings_gain(light, PhotoContext(nothing, cells))
     cells[half, :12] *= np.float32(4.0)
     there = (surroundings_gain(light, PhotoContext(nothing, cells)) / plain)[2 * half.start + 1]
@@ -178,7 +180,7 @@ def test_the_place_differs_less_from_the_bare_map_than_the_network_says(half: sl
 @pytest.mark.parametrize(("half", "kept"), [(slice(0, 6), 1.0), (slice(6, 12), 0.7)])
 def test_colours_of_the_place_are_weaker_below_the_horizon(half: slice, kept: float) -> None:
     light = replace(stated_light(), camera_elevation=-80.0, vertical_fov=10.0)
-    cells, nothing = around(light), np.zeros((32, 32, 3), np.uint8)
+    cells, nothing = coarse_panorama(light), np.zeros((32, 32, 3), np.uint8)
     plain = surroundings_gain(light, PhotoContext(nothing, cells))
     cells[half, :12] *= np.array([1.5, 1.0, 0.75], np.float32)
     there = (surroundings_gain(light, PhotoContext(nothing, cells)) / plain)[2 * half.start + 1]
@@ -188,7 +190,7 @@ def test_colours_of_the_place_are_weaker_below_the_horizon(half: slice, kept: fl
 def test_the_photo_lies_ahead_in_its_own_values() -> None:
     light = stated_light()
     grey = np.full((60, 80, 3), 100, np.uint8)
-    image = render_with_surroundings(light, PhotoContext(grey, around(light)), HEIGHT)
+    image = render_with_surroundings(light, PhotoContext(grey, coarse_panorama(light)), HEIGHT)
     assert image[HEIGHT // 2 - 3, HEIGHT] == pytest.approx([0.127] * 3, rel=0.02)
     assert image[HEIGHT // 2 + 3, HEIGHT] == pytest.approx([0.127] * 3, rel=0.02)
 
@@ -203,7 +205,7 @@ def test_a_light_without_irradiances_keeps_those_of_its_map() -> None:
 def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None:
     light = replace(stated_light(), camera_elevation=-80.0, vertical_fov=10.0)
     bare = render(light, HEIGHT, disc=False)
-    image = render_with_surroundings(light, PhotoContext(PHOTO, around(light)), HEIGHT, disc=False)
+    image = render_with_surroundings(light, PhotoContext(PHOTO, coarse_panorama(light)), HEIGHT, disc=False)
     upper = slice(0, HEIGHT // 2)
     assert np.median(np.abs(image[upper] / bare[upper] - 1)) < 0.05
 
@@ -220,15 +222,15 @@ def test_a_photo_is_read_again_only_where_the_map_shows_more_of_it(height: int, 
         sides.append(side)
         return PHOTO.repeat(2, axis=0).repeat(2, axis=1)
 
-    place = photo_context_for_height(estimate(around(stated_light())), PHOTO, height, finer)
-    assert place is not None
+    context = photo_context_for_height(estimate(coarse_panorama(stated_light())), PHOTO, height, finer)
+    assert context is not None
     assert sides == asked
-    assert (place.photo is PHOTO) == (not asked)
+    assert (context.photo is PHOTO) == (not asked)
 
 
 @pytest.mark.parametrize(("known", "wanted", "shows"), [(True, None, True), (False, None, False), (True, False, False)])
 def test_the_place_is_shown_where_it_is_known_or_wanted(known: bool, wanted: bool | None, shows: bool) -> None:
-    answer = estimate(around(stated_light()) if known else None)
+    answer = estimate(coarse_panorama(stated_light()) if known else None)
     assert (photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, surroundings=wanted) is not None) == shows
     assert photo_context_for_height(answer, PHOTO, 96, PHOTO.repeat, surroundings=True) is not None
 
@@ -237,7 +239,8 @@ def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
     light = replace(stated_light(), camera_elevation=0.0)
     dark, red = np.full((60, 80, 3), 40, np.uint8), np.full((60, 80, 3), (160, 40, 40), np.uint8)
     maps = [
-        render_with_surroundings(light, PhotoContext(photo, around(light)), HEIGHT, disc=False) for photo in (dark, red)
+        render_with_surroundings(light, PhotoContext(photo, coarse_panorama(light)), HEIGHT, disc=False)
+        for photo in (dark, red)
     ]
     beside, behind = (slice(40, 46), slice(HEIGHT + 26, HEIGHT + 30)), (slice(40, 46), slice(0, 4))
     tints = [[float((m[at][..., 0] / m[at][..., 1]).mean()) for at in (beside, behind)] for m in maps]
@@ -246,22 +249,22 @@ def test_what_the_photo_shows_at_its_edge_goes_on_beside_it() -> None:
 
 
 def case() -> dict[str, Any]:
-    """A photo in its place, for those who lay it around the camera in another language."""
+    """A photo in its surroundings, for those who lay it around the camera in another language."""
     light = replace(stated_light(sky_cover=0.3), camera_elevation=8.0, camera_roll=-3.0, vertical_fov=50.0)
     y, x = np.mgrid[:48, :64]
     photo = np.stack([120 + x, 200 - 2 * y, np.where(y < 20, 250, 60)], axis=-1).astype(np.uint8)
-    cells = around(light) * (1 + 0.6 * np.sin(np.arange(24) / 3)[:, None]).astype(np.float32)
-    place = PhotoContext(photo, cells, light.exposure, light)
+    cells = coarse_panorama(light) * (1 + 0.6 * np.sin(np.arange(24) / 3)[:, None]).astype(np.float32)
+    context = PhotoContext(photo, cells, light.exposure, light)
     moved = edit_lighting(light, {"sun_azimuth": 150.0, "sun_elevation": 20.0})
     return {
         "camera": {"elevation": 8.0, "roll": -3.0, "vertical_fov": 50.0},
         "photo": base64.b64encode(photo.tobytes()).decode(),
-        "factors": base64.b64encode(surroundings_gain(light, place).tobytes()).decode(),
+        "factors": base64.b64encode(surroundings_gain(light, context).tobytes()).decode(),
         "maps": [
             {
                 "sun": [one.sun_azimuth, one.sun_elevation],
                 "bare": base64.b64encode(render(one, 32, disc=False).tobytes()).decode(),
-                "map": base64.b64encode(render_with_surroundings(one, place, 32, disc=False).tobytes()).decode(),
+                "map": base64.b64encode(render_with_surroundings(one, context, 32, disc=False).tobytes()).decode(),
             }
             for one in (light, moved)
         ],
@@ -270,11 +273,11 @@ def case() -> dict[str, Any]:
 
 def test_the_case_that_others_follow_is_up_to_date() -> None:
     """`python -m tests.lighting.envmap.test_surroundings` writes it anew."""
-    said, now = json.loads(CASE.read_text()), case()
-    assert said["camera"] == now["camera"]
-    assert said["photo"] == now["photo"]
-    assert [one["sun"] for one in said["maps"]] == [one["sun"] for one in now["maps"]]
-    for then, today in zip(floats(said), floats(now), strict=True):
+    stored, now = json.loads(CASE.read_text()), case()
+    assert stored["camera"] == now["camera"]
+    assert stored["photo"] == now["photo"]
+    assert [one["sun"] for one in stored["maps"]] == [one["sun"] for one in now["maps"]]
+    for then, today in zip(floats(stored), floats(now), strict=True):
         np.testing.assert_allclose(then, today, rtol=1e-3, atol=1e-4)
 
 
@@ -300,23 +303,23 @@ def test_where_a_sun_was_nothing_is_left_of_its_glow_and_far_off_the_place_stays
 if __name__ == "__main__":
     CASE.write_text(json.dumps(case()))
 
-VIEWS_LIGHT = stated_light(sky_cover=0.2)
-PLACE = PhotoContext(np.full((40, 60, 3), 90, np.uint8))
+CLOUDY_LIGHT = stated_light(sky_cover=0.2)
+CONTEXT = PhotoContext(np.full((40, 60, 3), 90, np.uint8))
 
 
 def test_a_view_is_the_map_of_its_record() -> None:
-    image, light = render_view(VIEWS_LIGHT, 32)
-    assert light is VIEWS_LIGHT
-    np.testing.assert_array_equal(image, render(VIEWS_LIGHT, 32))
+    image, light = render_view(CLOUDY_LIGHT, 32)
+    assert light is CLOUDY_LIGHT
+    np.testing.assert_array_equal(image, render(CLOUDY_LIGHT, 32))
 
 
 def test_another_sky_is_in_the_record() -> None:
-    image, light = render_view(VIEWS_LIGHT, 32, sky="preetham")
-    assert light == replace(VIEWS_LIGHT, sky_model="preetham")
+    image, light = render_view(CLOUDY_LIGHT, 32, sky="preetham")
+    assert light == replace(CLOUDY_LIGHT, sky_model="preetham")
     np.testing.assert_array_equal(image, render(light, 32))
 
 
 def test_the_place_turns_with_the_map() -> None:
-    image, light = render_view(VIEWS_LIGHT, 32, yaw=90.0, context=PLACE)
-    np.testing.assert_array_equal(image, rotate_envmap(render_with_surroundings(VIEWS_LIGHT, PLACE, 32), 90.0))
-    assert light.sun_azimuth == pytest.approx(VIEWS_LIGHT.sun_azimuth + 90.0)
+    image, light = render_view(CLOUDY_LIGHT, 32, yaw=90.0, context=CONTEXT)
+    np.testing.assert_array_equal(image, rotate_envmap(render_with_surroundings(CLOUDY_LIGHT, CONTEXT, 32), 90.0))
+    assert light.sun_azimuth == pytest.approx(CLOUDY_LIGHT.sun_azimuth + 90.0)

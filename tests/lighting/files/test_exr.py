@@ -176,7 +176,7 @@ def test_values_are_rounded_in_place_once() -> None:
     assert prepare_compression(tame, "zip")[1] is tame
 
 
-EXR_LIGHT = Lighting(
+RECORDED_LIGHT = Lighting(
     sun_azimuth=-41.2,
     sun_elevation=33.0,
     turbidity=3.4,
@@ -188,15 +188,15 @@ EXR_LIGHT = Lighting(
 
 
 @pytest.fixture(scope="module")
-def exr_image() -> NDArray[np.float32]:
+def rounded_map() -> NDArray[np.float32]:
     """Rounded as `zip` does, which then changes nothing."""
-    return prepare_compression(render(EXR_LIGHT, 32), "zip")[1]
+    return prepare_compression(render(RECORDED_LIGHT, 32), "zip")[1]
 
 
 @pytest.fixture(scope="module")
-def data(exr_image: NDArray[np.float32]) -> bytes:
+def data(rounded_map: NDArray[np.float32]) -> bytes:
     stream = io.BytesIO()
-    write_exr(stream, exr_image, EXR_LIGHT)
+    write_exr(stream, rounded_map, RECORDED_LIGHT)
     return stream.getvalue()
 
 
@@ -224,39 +224,39 @@ def file_size_limit(size: int) -> Iterator[None]:
 # Writing and reading back
 
 
-def test_round_trip_is_exact(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
-    write_exr(tmp_path / "map.exr", exr_image, EXR_LIGHT, compression="none")
+def test_round_trip_is_exact(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
+    write_exr(tmp_path / "map.exr", rounded_map, RECORDED_LIGHT, compression="none")
     read, lighting = read_exr(tmp_path / "map.exr")
     assert read.dtype == np.float32
-    np.testing.assert_array_equal(read, exr_image)
-    assert lighting == EXR_LIGHT
+    np.testing.assert_array_equal(read, rounded_map)
+    assert lighting == RECORDED_LIGHT
 
 
-def test_round_trip_through_a_stream(exr_image: NDArray[np.float32], data: bytes) -> None:
+def test_round_trip_through_a_stream(rounded_map: NDArray[np.float32], data: bytes) -> None:
     read, lighting = read_exr(io.BytesIO(data))
-    np.testing.assert_array_equal(read, exr_image)
-    assert lighting == EXR_LIGHT
+    np.testing.assert_array_equal(read, rounded_map)
+    assert lighting == RECORDED_LIGHT
 
 
-def test_a_stream_that_cannot_seek_will_do(exr_image: NDArray[np.float32]) -> None:
+def test_a_stream_that_cannot_seek_will_do(rounded_map: NDArray[np.float32]) -> None:
     reader, writer = os.pipe()
     with os.fdopen(reader, "rb") as source, os.fdopen(writer, "wb") as target:
-        small = exr_image[:, ::8][::8]
+        small = rounded_map[:, ::8][::8]
         write_exr(target, small, compression="none")
         target.close()
         np.testing.assert_array_equal(read_exr(source)[0], small)
 
 
-def test_without_lighting_there_is_none(exr_image: NDArray[np.float32]) -> None:
+def test_without_lighting_there_is_none(rounded_map: NDArray[np.float32]) -> None:
     stream = io.BytesIO()
-    write_exr(stream, exr_image)
+    write_exr(stream, rounded_map)
     assert read_exr(io.BytesIO(stream.getvalue()))[1] is None
 
 
-def test_any_float_layout_is_accepted(exr_image: NDArray[np.float32]) -> None:
+def test_any_float_layout_is_accepted(rounded_map: NDArray[np.float32]) -> None:
     stream = io.BytesIO()
-    write_exr(stream, exr_image.astype(np.float64)[:, ::-1], compression="none")
-    np.testing.assert_array_equal(read_exr(io.BytesIO(stream.getvalue()))[0], exr_image[:, ::-1])
+    write_exr(stream, rounded_map.astype(np.float64)[:, ::-1], compression="none")
+    np.testing.assert_array_equal(read_exr(io.BytesIO(stream.getvalue()))[0], rounded_map[:, ::-1])
 
 
 def test_header(data: bytes) -> None:
@@ -266,17 +266,17 @@ def test_header(data: bytes) -> None:
     assert header["software"] == f"outdoor-lighting {__version__}"
     assert header["chromaticities"] == pytest.approx((0.64, 0.33, 0.3, 0.6, 0.15, 0.06, 0.3127, 0.329))
     for name in RANGES:
-        assert header[f"lighting.{name}"] == pytest.approx(getattr(EXR_LIGHT, name), rel=1e-6)
-    assert header["lighting.sun_direction"] == pytest.approx(EXR_LIGHT.sun_direction, abs=1e-6)
-    assert json.loads(header["lighting.json"]) == record_with_coefficients(EXR_LIGHT)
+        assert header[f"lighting.{name}"] == pytest.approx(getattr(RECORDED_LIGHT, name), rel=1e-6)
+    assert header["lighting.sun_direction"] == pytest.approx(RECORDED_LIGHT.sun_direction, abs=1e-6)
+    assert json.loads(header["lighting.json"]) == record_with_coefficients(RECORDED_LIGHT)
 
 
-def test_header_of_what_more_is_known(exr_image: NDArray[np.float32]) -> None:
+def test_header_of_what_more_is_known(rounded_map: NDArray[np.float32]) -> None:
     known = replace(
-        EXR_LIGHT, evidence=("pixels", "time+place"), warnings=("Hm.",), camera_heading=123.0, latitude=48.0
+        RECORDED_LIGHT, evidence=("pixels", "time+place"), warnings=("Hm.",), camera_heading=123.0, latitude=48.0
     )
     stream = io.BytesIO()
-    write_exr(stream, exr_image, known)
+    write_exr(stream, rounded_map, known)
     header = OpenEXR.File(io.BytesIO(stream.getvalue())).header()
     assert header["lighting.evidence"] == "pixels, time+place"
     assert header["lighting.camera_heading"] == 123.0
@@ -291,32 +291,32 @@ def test_channels_are_32_bit_r_g_b(data: bytes) -> None:
     assert all(channel.pixels.dtype == np.float32 for channel in channels.values())
 
 
-def test_mitsuba_reads_it(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
+def test_mitsuba_reads_it(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
     mitsuba = pytest.importorskip("mitsuba")
     mitsuba.set_variant("scalar_rgb")
-    write_exr(tmp_path / "map.exr", exr_image, EXR_LIGHT, compression="none")
-    np.testing.assert_array_equal(np.array(mitsuba.Bitmap(str(tmp_path / "map.exr"))), exr_image)
+    write_exr(tmp_path / "map.exr", rounded_map, RECORDED_LIGHT, compression="none")
+    np.testing.assert_array_equal(np.array(mitsuba.Bitmap(str(tmp_path / "map.exr"))), rounded_map)
 
 
 # Reading what others wrote
 
 
-def test_half_floats_are_read(exr_image: NDArray[np.float32]) -> None:
-    half = np.minimum(exr_image, 100).astype(np.float16)
+def test_half_floats_are_read(rounded_map: NDArray[np.float32]) -> None:
+    half = np.minimum(rounded_map, 100).astype(np.float16)
     read, lighting = read_exr(io.BytesIO(encoded({"RGB": half})))
     assert read.dtype == np.float32
     np.testing.assert_array_equal(read, half.astype(np.float32))
     assert lighting is None
 
 
-def test_alpha_and_mixed_types_are_read(exr_image: NDArray[np.float32]) -> None:
-    planes = {name: np.ascontiguousarray(exr_image[..., i]) for i, name in enumerate("RGB")}
+def test_alpha_and_mixed_types_are_read(rounded_map: NDArray[np.float32]) -> None:
+    planes = {name: np.ascontiguousarray(rounded_map[..., i]) for i, name in enumerate("RGB")}
     data = encoded({**planes, "R": planes["R"].astype(np.float16), "A": np.ones_like(planes["R"])})
-    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0][..., 1:], exr_image[..., 1:])
+    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0][..., 1:], rounded_map[..., 1:])
 
 
-def test_missing_channels_are_named(exr_image: NDArray[np.float32]) -> None:
-    data = encoded({"G": np.ascontiguousarray(exr_image[..., 0]), "Z": np.ascontiguousarray(exr_image[..., 1])})
+def test_missing_channels_are_named(rounded_map: NDArray[np.float32]) -> None:
+    data = encoded({"G": np.ascontiguousarray(rounded_map[..., 0]), "Z": np.ascontiguousarray(rounded_map[..., 1])})
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file has no channel R, B; it needs R, G and B\.$"):
         read_exr(io.BytesIO(data))
 
@@ -324,8 +324,8 @@ def test_missing_channels_are_named(exr_image: NDArray[np.float32]) -> None:
 @pytest.mark.parametrize(
     "text", ["{", "[]", "{}", '{"sun": {"azimuth": 0, "elevation": 200}, "sky": {}}', "3", 100_000 * "["]
 )
-def test_a_damaged_record_is_one_sentence(exr_image: NDArray[np.float32], text: str) -> None:
-    data = encoded({"RGB": exr_image}, **{"lighting.json": text})
+def test_a_damaged_record_is_one_sentence(rounded_map: NDArray[np.float32], text: str) -> None:
+    data = encoded({"RGB": rounded_map}, **{"lighting.json": text})
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file's lighting\.json cannot be read: "):
         read_exr(io.BytesIO(data))
 
@@ -346,9 +346,9 @@ def test_what_is_neither_a_path_nor_a_binary_stream_is_refused(source: Any) -> N
 
 
 @pytest.mark.parametrize("target", [None, 3, b"map.exr"], ids=["none", "number", "bytes"])
-def test_nothing_is_written_to_what_is_neither(exr_image: NDArray[np.float32], target: Any) -> None:
+def test_nothing_is_written_to_what_is_neither(rounded_map: NDArray[np.float32], target: Any) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^An EXR is written to a path or a binary stream, not [a-zA-Z]+\.$"):
-        write_exr(target, exr_image)
+        write_exr(target, rounded_map)
 
 
 @pytest.mark.parametrize("share", [0.001, 0.01, 0.05, 0.2, 0.5, 0.9, 0.999])
@@ -359,9 +359,9 @@ def test_cut_files_are_refused_quietly(data: bytes, share: float, capfd: pytest.
 
 
 @pytest.mark.parametrize("packing", [OpenEXR.NO_COMPRESSION, OpenEXR.ZIP_COMPRESSION, OpenEXR.PIZ_COMPRESSION])
-def test_rows_may_be_stored_from_the_bottom_up(exr_image: NDArray[np.float32], packing: Any) -> None:
-    data = encoded({"RGB": exr_image}, compression=packing, lineOrder=OpenEXR.DECREASING_Y)
-    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0], exr_image)
+def test_rows_may_be_stored_from_the_bottom_up(rounded_map: NDArray[np.float32], packing: Any) -> None:
+    data = encoded({"RGB": rounded_map}, compression=packing, lineOrder=OpenEXR.DECREASING_Y)
+    np.testing.assert_array_equal(read_exr(io.BytesIO(data))[0], rounded_map)
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
         read_exr(io.BytesIO(data[:-1]))
 
@@ -369,12 +369,12 @@ def test_rows_may_be_stored_from_the_bottom_up(exr_image: NDArray[np.float32], p
 @pytest.mark.parametrize("order", [OpenEXR.INCREASING_Y, OpenEXR.DECREASING_Y])
 @pytest.mark.parametrize("missing", [0, 7, 31])
 def test_a_chunk_that_was_never_written_is_noticed(
-    exr_image: NDArray[np.float32], order: Any, missing: int, capfd: pytest.CaptureFixture[str]
+    rounded_map: NDArray[np.float32], order: Any, missing: int, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """Its place in the table is 0, as programs leave it that were stopped while they wrote."""
-    data = bytearray(encoded({"RGB": exr_image}, compression=OpenEXR.NO_COMPRESSION, lineOrder=order))
-    row = 8 + 12 * exr_image.shape[1]
-    table = len(data) - (row + 8) * len(exr_image)
+    data = bytearray(encoded({"RGB": rounded_map}, compression=OpenEXR.NO_COMPRESSION, lineOrder=order))
+    row = 8 + 12 * rounded_map.shape[1]
+    table = len(data) - (row + 8) * len(rounded_map)
     data[table + 8 * missing : table + 8 * missing + 8] = bytes(8)
     with pytest.raises(EnvironmentMapError, match=r"^The EXR file is cut short or damaged\.$"):
         read_exr(io.BytesIO(data))
@@ -392,19 +392,19 @@ def test_a_damaged_header_is_refused_in_plain_words(data: bytes) -> None:
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_a_map_of_numbers_that_are_not_finite_is_named(
-    tmp_path: Path, exr_image: NDArray[np.float32], value: float
+    tmp_path: Path, rounded_map: NDArray[np.float32], value: float
 ) -> None:
-    spoilt = exr_image.copy()
+    spoilt = rounded_map.copy()
     spoilt[3, 4, 1] = value
     write_exr(tmp_path / "a.exr", spoilt)
     with pytest.raises(EnvironmentMapError, match=r"a\.exr: The map holds values that are not finite numbers\.$"):
         read_envmap(tmp_path / "a.exr")
-    write_exr(tmp_path / "a.exr", exr_image, compression="none")
-    np.testing.assert_array_equal(read_envmap(tmp_path / "a.exr"), exr_image)
+    write_exr(tmp_path / "a.exr", rounded_map, compression="none")
+    np.testing.assert_array_equal(read_envmap(tmp_path / "a.exr"), rounded_map)
 
 
-def test_what_is_no_map_is_named_once(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
-    (tmp_path / "a.exr").write_bytes(encoded({"RGB": np.ascontiguousarray(exr_image[:, :5])}))
+def test_what_is_no_map_is_named_once(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
+    (tmp_path / "a.exr").write_bytes(encoded({"RGB": np.ascontiguousarray(rounded_map[:, :5])}))
     with pytest.raises(EnvironmentMapError, match=r"a\.exr: An environment map has the shape"):
         read_envmap(tmp_path / "a.exr")
     with pytest.raises(EnvironmentMapError, match=r"^[^:]*none\.exr cannot be read: No such file or directory\.$"):
@@ -446,7 +446,7 @@ def test_a_full_disk_leaves_nothing(tmp_path: Path) -> None:
         pytest.raises(EnvironmentMapError, match=r"map\.exr cannot be written: [A-Z][^.]*\.$"),
         file_size_limit(20_000),
     ):
-        write_exr(target, noise, EXR_LIGHT)
+        write_exr(target, noise, RECORDED_LIGHT)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -460,16 +460,16 @@ def test_a_failing_write_keeps_the_old_file(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [target]
 
 
-def test_a_missing_folder_is_one_sentence(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
+def test_a_missing_folder_is_one_sentence(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
     with pytest.raises(EnvironmentMapError, match=r"map\.exr cannot be written: No such file or directory\.$"):
-        write_exr(tmp_path / "none" / "map.exr", exr_image)
+        write_exr(tmp_path / "none" / "map.exr", rounded_map)
 
 
 @pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() == 0, reason="root may write anywhere")
-def test_an_unwritable_folder_is_one_sentence(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
+def test_an_unwritable_folder_is_one_sentence(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(EnvironmentMapError, match=r"map\.exr cannot be written: Permission denied\.$"):
-        write_exr(tmp_path / "map.exr", exr_image)
+        write_exr(tmp_path / "map.exr", rounded_map)
     tmp_path.chmod(0o700)
 
 
@@ -480,30 +480,30 @@ def test_other_shapes_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> Non
     assert list(tmp_path.iterdir()) == []
 
 
-def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, exr_image: NDArray[np.float32]) -> None:
+def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
     for thing in ("sky.exr", [[0.0]], None):
         with pytest.raises(EnvironmentMapError, match="has the shape"):
             write_exr(tmp_path / "a.exr", cast(Any, thing))
     with pytest.raises(ParameterError, match="A Lighting is needed, not dict"):
-        write_exr(tmp_path / "a.exr", exr_image, cast(Any, {"sun": {}}))
+        write_exr(tmp_path / "a.exr", rounded_map, cast(Any, {"sun": {}}))
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("attributes", [{"place": {"a": 1}}, {"": 1.0}, {"compression": "foo"}, {3: 4.0}])
 def test_attributes_that_no_exr_can_have_are_refused(
-    tmp_path: Path, exr_image: NDArray[np.float32], attributes: dict[Any, Any]
+    tmp_path: Path, rounded_map: NDArray[np.float32], attributes: dict[Any, Any]
 ) -> None:
     with pytest.raises(EnvironmentMapError, match=r"^The attributes cannot be those of an EXR: "):
-        write_exr(tmp_path / "a.exr", exr_image, attributes=attributes)
+        write_exr(tmp_path / "a.exr", rounded_map, attributes=attributes)
     assert not list(tmp_path.iterdir())
 
 
-def test_header_of_the_strength_of_the_light(exr_image: NDArray[np.float32]) -> None:
+def test_header_of_the_strength_of_the_light(rounded_map: NDArray[np.float32]) -> None:
     known = replace(
-        EXR_LIGHT, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), sky_cover=0.2, suitable=0.9
+        RECORDED_LIGHT, sun_irradiance=(3.0, 2.0, 1.0), sky_irradiance=(0.4, 0.5, 0.8), sky_cover=0.2, suitable=0.9
     )
     stream = io.BytesIO()
-    write_exr(stream, exr_image, known)
+    write_exr(stream, rounded_map, known)
     header = OpenEXR.File(io.BytesIO(stream.getvalue())).header()
     assert header["lighting.sun_irradiance"] == pytest.approx((3.0, 2.0, 1.0))
     assert header["lighting.sky_cover"] == pytest.approx(0.2)

@@ -27,15 +27,15 @@ SIN_20, COS_20 = math.sin(math.radians(20)), math.cos(math.radians(20))
 SIN_10, COS_10 = math.sin(math.radians(10)), math.cos(math.radians(10))
 
 
-def facts_of(
+def metadata_of(
     block: Image.Exif | None = None, xmp: bytes = b"", picture: Any = LYING, kind: str = "JPEG"
 ) -> PhotoMetadata:
     options = {} if block is None else {"exif": block.tobytes()}
     return read_photo(encode(picture, kind, **options, **(with_xmp(xmp, kind) if xmp else {}))).metadata
 
 
-def tilt(facts: PhotoMetadata) -> Any:
-    return facts.camera_elevation, facts.camera_roll
+def tilt(metadata: PhotoMetadata) -> Any:
+    return metadata.camera_elevation, metadata.camera_roll
 
 
 # The phone's axes: x to the right of its screen, y to its top, z out of the screen; the vector is that of gravity.
@@ -60,10 +60,10 @@ def tilt(facts: PhotoMetadata) -> Any:
 def test_how_a_phone_was_held(
     vector: tuple[float, float, float], orientation: int, elevation: float, roll: float
 ) -> None:
-    facts = facts_of(phone(*vector, orientation))
-    assert tilt(facts) == pytest.approx((elevation, roll), abs=0.02)
-    assert facts.gravity_source == "accelerometer"
-    assert facts.gravity_spread == pytest.approx(1.0, abs=0.01)
+    metadata = metadata_of(phone(*vector, orientation))
+    assert tilt(metadata) == pytest.approx((elevation, roll), abs=0.02)
+    assert metadata.gravity_source == "accelerometer"
+    assert metadata.gravity_spread == pytest.approx(1.0, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +78,7 @@ def test_how_a_phone_was_held(
     ],
 )
 def test_real_phones(vector: tuple[float, float, float], orientation: int, elevation: float, roll: float) -> None:
-    assert tilt(facts_of(phone(*vector, orientation))) == pytest.approx((elevation, roll), abs=0.1)
+    assert tilt(metadata_of(phone(*vector, orientation))) == pytest.approx((elevation, roll), abs=0.1)
 
 
 @pytest.mark.parametrize("orientation", range(1, 9))
@@ -95,36 +95,36 @@ def test_up_turns_as_the_pixels_do(orientation: int) -> None:
 def test_pixels_that_a_program_turned_upright() -> None:
     """It writes orientation 1, or none, and keeps the note."""
     for orientation in (None, 1):
-        upright = facts_of(phone(SIN_10, -COS_10, 0.0, orientation), picture=STANDING)
+        upright = metadata_of(phone(SIN_10, -COS_10, 0.0, orientation), picture=STANDING)
         assert tilt(upright) == pytest.approx((0.0, 10.0), abs=0.02)
-        half_turn = facts_of(phone(COS_10, SIN_10, 0.0, orientation))
+        half_turn = metadata_of(phone(COS_10, SIN_10, 0.0, orientation))
         assert tilt(half_turn) == pytest.approx((0.0, 10.0), abs=0.02)
-    on_its_side = facts_of(phone(0.0, -1.0, 0.0, 1))
+    on_its_side = metadata_of(phone(0.0, -1.0, 0.0, 1))
     assert abs(on_its_side.camera_roll or 0.0) == pytest.approx(90.0)
 
 
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP", "TIFF", "HEIF", "AVIF"])
 def test_a_phone_in_every_kind_of_file(kind: str) -> None:
     """Those of HEIF and AVIF turn the pixels as they decode and say orientation 1."""
-    facts = facts_of(phone(0.0, -COS_20, SIN_20, 6), kind=kind)
-    assert tilt(facts) == pytest.approx((20.0, 0.0), abs=0.02)
+    metadata = metadata_of(phone(0.0, -COS_20, SIN_20, 6), kind=kind)
+    assert tilt(metadata) == pytest.approx((20.0, 0.0), abs=0.02)
 
 
 @pytest.mark.parametrize(("z", "elevation"), [(-1.0, -90.0), (1.0, 90.0)])
 def test_a_camera_that_looks_straight_down_or_up_has_no_roll(z: float, elevation: float) -> None:
-    assert tilt(facts_of(phone(0.02, -0.02, z, 6))) == (pytest.approx(elevation, abs=2.0), None)
+    assert tilt(metadata_of(phone(0.02, -0.02, z, 6))) == (pytest.approx(elevation, abs=2.0), None)
 
 
 def test_a_shaken_phone_is_less_sure_or_says_nothing() -> None:
-    shaken = facts_of(phone(0.0, -1.05, 0.0, 6))
+    shaken = metadata_of(phone(0.0, -1.05, 0.0, 6))
     assert shaken.gravity_spread == pytest.approx(math.hypot(1.0, math.degrees(0.05)), abs=0.01)
     for size in (0.85, 1.15, 0.0, 100_000.0):
-        assert facts_of(phone(0.0, -size, 0.0, 6)) == facts_of(phone(0.0, 0.0, 0.0))
+        assert metadata_of(phone(0.0, -size, 0.0, 6)) == metadata_of(phone(0.0, 0.0, 0.0))
 
 
 def test_only_the_back_camera_counts() -> None:
     def known(**said: Any) -> bool:
-        return facts_of(phone(0.0, -1.0, 0.0, 6, **said)).camera_elevation is not None
+        return metadata_of(phone(0.0, -1.0, 0.0, 6, **said)).camera_elevation is not None
 
     assert known()
     assert known(lens="iPhone X Rückkamera", front=0)
@@ -139,7 +139,7 @@ def test_a_crop_does_not_say_how_the_camera_was_held() -> None:
     for noted, known in (((4032, 3024), True), ((4032, 2268), False)):
         block = phone(-1.0, 0.0, 0.0, 1)
         block.get_ifd(0x8769).update({BASE.ExifImageWidth: noted[0], BASE.ExifImageHeight: noted[1]})
-        assert (facts_of(block).camera_elevation is not None) is known
+        assert (metadata_of(block).camera_elevation is not None) is known
 
 
 # Drones
@@ -148,18 +148,18 @@ def test_a_crop_does_not_say_how_the_camera_was_held() -> None:
 @pytest.mark.parametrize("kind", ["JPEG", "PNG", "WEBP", "TIFF", "HEIF", "AVIF"])
 @pytest.mark.parametrize("elements", [False, True])
 def test_a_gimbal_in_every_kind_of_file(kind: str, elements: bool) -> None:
-    facts = facts_of(xmp=drone("-20.40", "+10.00", "-90.50", elements), kind=kind)
-    assert tilt(facts) == pytest.approx((-20.4, 10.0))
-    assert (facts.gravity_source, facts.gravity_spread) == ("gimbal", 1.0)
-    assert (facts.heading, facts.heading_reference) == (269.5, "true")
+    metadata = metadata_of(xmp=drone("-20.40", "+10.00", "-90.50", elements), kind=kind)
+    assert tilt(metadata) == pytest.approx((-20.4, 10.0))
+    assert (metadata.gravity_source, metadata.gravity_spread) == ("gimbal", 1.0)
+    assert (metadata.heading, metadata.heading_reference) == (269.5, "true")
 
 
 @pytest.mark.parametrize(("pitch", "roll"), [(35.0, 0.0), (-60.0, 8.0), (5.0, -30.0)])
 def test_a_gimbals_angles_are_those_of_the_camera(pitch: float, roll: float) -> None:
-    facts = facts_of(xmp=drone(f"{pitch:+.2f}", f"{roll:+.2f}"))
-    assert facts.camera_elevation is not None
-    assert facts.camera_roll is not None
-    found = camera_axes(0.0, facts.camera_elevation, facts.camera_roll)
+    metadata = metadata_of(xmp=drone(f"{pitch:+.2f}", f"{roll:+.2f}"))
+    assert metadata.camera_elevation is not None
+    assert metadata.camera_roll is not None
+    found = camera_axes(0.0, metadata.camera_elevation, metadata.camera_roll)
     assert found == pytest.approx(camera_axes(0.0, pitch, roll), abs=1e-6)
 
 
@@ -170,24 +170,24 @@ def test_a_drone_that_looks_down() -> None:
         ("-90.00", "+180.00", "-150.00"),
         ("-90.10", "+0.00", "+30.00"),
     ):
-        facts = facts_of(xmp=drone(pitch, roll, yaw))
-        assert tilt(facts) == (pytest.approx(-90.0, abs=0.2), None)
-        assert facts.heading == pytest.approx(30.0)
+        metadata = metadata_of(xmp=drone(pitch, roll, yaw))
+        assert tilt(metadata) == (pytest.approx(-90.0, abs=0.2), None)
+        assert metadata.heading == pytest.approx(30.0)
 
 
 def test_the_compass_of_exif_comes_first() -> None:
-    facts = facts_of(munich(), drone("-20.00"))
-    assert (facts.heading, facts.heading_reference) == (60.0, "magnetic")
-    assert facts.camera_elevation == pytest.approx(-20.0)
+    metadata = metadata_of(munich(), drone("-20.00"))
+    assert (metadata.heading, metadata.heading_reference) == (60.0, "magnetic")
+    assert metadata.camera_elevation == pytest.approx(-20.0)
 
 
 @pytest.mark.parametrize(
     ("pitch", "elevation"), [("90", 0.0), ("0", -90.0), ("60.5", -29.5), ("105", 15.0), ("-30", None), ("200", None)]
 )
 def test_pix4d_counts_pitch_from_straight_down(pitch: str, elevation: float | None) -> None:
-    facts = facts_of(xmp=packet(PIX4D, {"Pitch": pitch, "Roll": "0", "Yaw": "12.5"}))
-    assert facts.camera_elevation == (None if elevation is None else pytest.approx(elevation))
-    assert facts.heading == 12.5
+    metadata = metadata_of(xmp=packet(PIX4D, {"Pitch": pitch, "Roll": "0", "Yaw": "12.5"}))
+    assert metadata.camera_elevation == (None if elevation is None else pytest.approx(elevation))
+    assert metadata.heading == 12.5
 
 
 # EXIF
@@ -195,15 +195,15 @@ def test_pix4d_counts_pitch_from_straight_down(pitch: str, elevation: float | No
 
 @pytest.mark.parametrize("angle", [-33.5, 0.0, 90.0])
 def test_the_elevation_angle_of_exif(angle: float) -> None:
-    facts = facts_of(exif({BASE.CameraElevationAngle: IFDRational(int(10 * angle), 10)}))
-    assert tilt(facts) == (pytest.approx(angle), None)
-    assert facts.gravity_source == "elevation angle"
+    metadata = metadata_of(exif({BASE.CameraElevationAngle: IFDRational(int(10 * angle), 10)}))
+    assert tilt(metadata) == (pytest.approx(angle), None)
+    assert metadata.gravity_source == "elevation angle"
 
 
 def test_the_accelerometer_comes_first() -> None:
     block = phone(0.0, -COS_20, SIN_20, 6)
     block.get_ifd(0x8769)[BASE.CameraElevationAngle] = IFDRational(-5, 1)
-    assert facts_of(block, drone("-40.00")).camera_elevation == pytest.approx(20.0, abs=0.02)
+    assert metadata_of(block, drone("-40.00")).camera_elevation == pytest.approx(20.0, abs=0.02)
 
 
 # Hostile input
@@ -232,14 +232,14 @@ GOOD = apple_note(0.0, -1.0, 0.0)
     ],
 )
 def test_a_damaged_note_counts_as_absent(note: bytes) -> None:
-    assert facts_of(with_note(note, 1)) == ABSENT
+    assert metadata_of(with_note(note, 1)) == ABSENT
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "361", "1e400", "", "level", "-90.00 0"])
 def test_impossible_gimbals_count_as_absent(value: str) -> None:
     for angles in ((value, "0.1", "0.1"), ("0.1", value, "0.1"), ("0.1", "0.1", value)):
-        assert facts_of(xmp=drone(*angles)) == ABSENT
-    assert facts_of(xmp=drone("+0.00", "+0.00", "+0.00")) == ABSENT  # nothing measured it
+        assert metadata_of(xmp=drone(*angles)) == ABSENT
+    assert metadata_of(xmp=drone("+0.00", "+0.00", "+0.00")) == ABSENT  # nothing measured it
 
 
 @pytest.mark.parametrize(
@@ -268,5 +268,5 @@ def test_no_note_whatever_raises(note: bytes, orientation: int | None) -> None:
     image = Image.fromarray(LYING)
     block = with_note(b"Apple iOS\0\0\x01MM" + note, orientation)
     image.getexif = lambda: block  # type: ignore[method-assign]
-    facts = read_metadata(image, 160, 120)
-    assert facts.camera_elevation is None or -90.0 <= facts.camera_elevation <= 90.0
+    metadata = read_metadata(image, 160, 120)
+    assert metadata.camera_elevation is None or -90.0 <= metadata.camera_elevation <= 90.0

@@ -111,20 +111,20 @@ SCENE = scene(160, 120)
 BASE, GPS = ExifTags.Base, ExifTags.GPS
 
 
-def facts_of(block: Image.Exif, picture: Any = SCENE, file_format: str = "JPEG") -> PhotoMetadata:
+def metadata_of(block: Image.Exif, picture: Any = SCENE, file_format: str = "JPEG") -> PhotoMetadata:
     return read_photo(encode(picture, file_format, exif=block.tobytes())).metadata
 
 
 @pytest.mark.parametrize("file_format", ["JPEG", "PNG", "WEBP", "HEIF"])
 def test_what_a_phone_notes(file_format: str) -> None:
-    facts = facts_of(munich(), file_format=file_format)
-    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
-    assert facts.utc_offset == 2.0
-    assert facts.utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
-    assert facts.latitude == pytest.approx(48 + 8 / 60 + 15 / 3600)
-    assert facts.longitude == pytest.approx(11 + 34 / 60 + 30 / 3600)
-    assert (facts.heading, facts.heading_reference) == (60.0, "magnetic")
-    assert facts.focal_length == 26.0
+    metadata = metadata_of(munich(), file_format=file_format)
+    assert metadata.local_time == datetime(2024, 6, 1, 9, 10)
+    assert metadata.utc_offset == 2.0
+    assert metadata.utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert metadata.latitude == pytest.approx(48 + 8 / 60 + 15 / 3600)
+    assert metadata.longitude == pytest.approx(11 + 34 / 60 + 30 / 3600)
+    assert (metadata.heading, metadata.heading_reference) == (60.0, "magnetic")
+    assert metadata.focal_length == 26.0
 
 
 def test_a_photo_without_exif_has_no_facts() -> None:
@@ -140,50 +140,52 @@ def test_the_repr_does_not_tell_the_place() -> None:
 
 
 def test_the_southwest_is_negative() -> None:
-    facts = facts_of(munich(GPSLatitudeRef="S", GPSLongitudeRef="w"))
-    assert facts.latitude == pytest.approx(-48.1375)
-    assert facts.longitude == pytest.approx(-11.575)
+    metadata = metadata_of(munich(GPSLatitudeRef="S", GPSLongitudeRef="w"))
+    assert metadata.latitude == pytest.approx(-48.1375)
+    assert metadata.longitude == pytest.approx(-11.575)
 
 
 def test_a_local_time_without_zone_stays_local() -> None:
-    facts = facts_of(munich(OffsetTimeOriginal=None))
-    assert facts.local_time == datetime(2024, 6, 1, 9, 10)
-    assert facts.utc_offset is None
-    assert facts.utc_time is None
+    metadata = metadata_of(munich(OffsetTimeOriginal=None))
+    assert metadata.local_time == datetime(2024, 6, 1, 9, 10)
+    assert metadata.utc_offset is None
+    assert metadata.utc_time is None
 
 
 def test_the_satellites_time_is_utc() -> None:
     time = {"GPSDateStamp": "2024:06:01", "GPSTimeStamp": (7.0, 9.0, 58.5)}
-    facts = facts_of(munich(OffsetTimeOriginal=None, **time))
-    assert facts.utc_time == datetime(2024, 6, 1, 7, 9, 58, 500000, tzinfo=UTC)
-    assert facts_of(munich(DateTimeOriginal=None, **time)).utc_time == facts.utc_time
-    assert facts_of(munich(**time)).utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    metadata = metadata_of(munich(OffsetTimeOriginal=None, **time))
+    assert metadata.utc_time == datetime(2024, 6, 1, 7, 9, 58, 500000, tzinfo=UTC)
+    assert metadata_of(munich(DateTimeOriginal=None, **time)).utc_time == metadata.utc_time
+    assert metadata_of(munich(**time)).utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
 
 
 def test_a_gps_time_of_zeros_is_unknown() -> None:
     time = {"DateTimeOriginal": None, "GPSDateStamp": "2024:06:01"}
-    assert facts_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 0.0))).utc_time is None
-    just_after = facts_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 1.0))).utc_time
+    assert metadata_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 0.0))).utc_time is None
+    just_after = metadata_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 1.0))).utc_time
     assert just_after == datetime(2024, 6, 1, 0, 0, 1, tzinfo=UTC)
 
 
 def test_the_day_a_film_was_scanned_counts_if_nothing_better_does() -> None:
-    facts = facts_of(munich(DateTimeOriginal=None, DateTimeDigitized="1998-04-05 16:20:00", OffsetTimeOriginal=None))
-    assert facts.local_time == datetime(1998, 4, 5, 16, 20)
+    metadata = metadata_of(
+        munich(DateTimeOriginal=None, DateTimeDigitized="1998-04-05 16:20:00", OffsetTimeOriginal=None)
+    )
+    assert metadata.local_time == datetime(1998, 4, 5, 16, 20)
 
 
 def test_the_offset_of_a_scan_is_not_that_of_the_picture() -> None:
     scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
-    facts = facts_of(munich(OffsetTimeOriginal=None, **scan))
-    assert (facts.local_time, facts.utc_offset, facts.utc_time) == (datetime(2024, 6, 1, 9, 10), None, None)
+    metadata = metadata_of(munich(OffsetTimeOriginal=None, **scan))
+    assert (metadata.local_time, metadata.utc_offset, metadata.utc_time) == (datetime(2024, 6, 1, 9, 10), None, None)
     same = {"DateTimeDigitized": "2024:06:01 09:10:00", "OffsetTimeDigitized": "+02:00"}
-    assert facts_of(munich(OffsetTimeOriginal=None, **same)).utc_offset == 2.0
+    assert metadata_of(munich(OffsetTimeOriginal=None, **same)).utc_offset == 2.0
 
 
 def test_a_blank_time_hides_no_good_one() -> None:
     scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
-    facts = facts_of(munich(DateTimeOriginal="    :  :     :  :  ", **scan))
-    assert (facts.local_time, facts.utc_offset) == (datetime(2023, 2, 3, 12, 0), -8.0)
+    metadata = metadata_of(munich(DateTimeOriginal="    :  :     :  :  ", **scan))
+    assert (metadata.local_time, metadata.utc_offset) == (datetime(2023, 2, 3, 12, 0), -8.0)
 
 
 @pytest.mark.parametrize(
@@ -212,16 +214,16 @@ def test_a_blank_time_hides_no_good_one() -> None:
     ],
 )
 def test_a_bad_tag_is_an_absent_one(name: str, value: object, lost: str) -> None:
-    good = facts_of(munich())
+    good = metadata_of(munich())
     image = Image.fromarray(SCENE)
     image.info["exif"] = b""
     block = munich(**{name: value})
     image.getexif = lambda: block  # type: ignore[method-assign]  # what a file cannot hold as such
-    facts = read_metadata(image, 160, 120)
+    metadata = read_metadata(image, 160, 120)
     assert getattr(good, lost) is not None
-    assert getattr(facts, lost) is None
+    assert getattr(metadata, lost) is None
     told = [field for field, value in vars(good).items() if value is not None]
-    assert sum(getattr(facts, field) is None for field in told) <= 3
+    assert sum(getattr(metadata, field) is None for field in told) <= 3
 
 
 SETTINGS = {"ExposureTime": 1 / 125, "FNumber": 16.0, "ISOSpeedRatings": 100}
@@ -242,19 +244,19 @@ SETTINGS = {"ExposureTime": 1 / 125, "FNumber": 16.0, "ISOSpeedRatings": 100}
 )
 def test_exposure_value_by_the_cameras_settings(other: dict[str, Any], exposure_value: float | None) -> None:
     block = exif({ExifTags.Base[name]: value for name, value in {**SETTINGS, **other}.items()})
-    assert facts_of(block).exposure_value == (exposure_value and pytest.approx(exposure_value, abs=0.01))
+    assert metadata_of(block).exposure_value == (exposure_value and pytest.approx(exposure_value, abs=0.01))
 
 
 @pytest.mark.parametrize("absent", SETTINGS)
 def test_all_of_an_exposures_settings_must_be_noted(absent: str) -> None:
     """A lens without contacts notes no f-number."""
     block = exif({ExifTags.Base[name]: value for name, value in SETTINGS.items() if name != absent})
-    assert facts_of(block).exposure_value is None
+    assert metadata_of(block).exposure_value is None
 
 
 def test_zero_north_zero_east_is_nowhere() -> None:
-    facts = facts_of(munich(GPSLatitude=(0.0, 0.0, 0.0), GPSLongitude=(0.0, 0.0, 0.0)))
-    assert facts.latitude is facts.longitude is None
+    metadata = metadata_of(munich(GPSLatitude=(0.0, 0.0, 0.0), GPSLongitude=(0.0, 0.0, 0.0)))
+    assert metadata.latitude is metadata.longitude is None
 
 
 # The lens
@@ -291,9 +293,9 @@ def test_field_of_view_is_that_of_the_upright_photo(orientation: int) -> None:
     ("noted", "known"), [((4032, 3024), True), ((3024, 4032), True), ((4032, 2268), False), ((0, 3024), True)]
 )
 def test_a_crop_has_no_known_field_of_view(noted: tuple[int, int], known: bool) -> None:
-    facts = facts_of(munich(ExifImageWidth=noted[0], ExifImageHeight=noted[1]))
-    assert (facts.vertical_fov is not None) is known
-    assert facts.focal_length == 26.0
+    metadata = metadata_of(munich(ExifImageWidth=noted[0], ExifImageHeight=noted[1]))
+    assert (metadata.vertical_fov is not None) is known
+    assert metadata.focal_length == 26.0
 
 
 # Hostile input
@@ -326,11 +328,11 @@ TAGS = st.sampled_from(
 def test_any_value_of_any_tag_gives_facts(tags: dict[int, Any]) -> None:
     image = Image.new("RGB", (40, 60))
     image.getexif = lambda: exif(tags, tags)  # type: ignore[method-assign]
-    facts = read_metadata(image, 40, 60)
-    assert facts.vertical_fov is None or 5.0 <= facts.vertical_fov <= 120.0
-    assert (facts.latitude is None) is (facts.longitude is None)
-    assert facts.latitude is None or abs(facts.latitude) <= 90
-    assert facts.heading is None or 0 <= facts.heading < 360
+    metadata = read_metadata(image, 40, 60)
+    assert metadata.vertical_fov is None or 5.0 <= metadata.vertical_fov <= 120.0
+    assert (metadata.latitude is None) is (metadata.longitude is None)
+    assert metadata.latitude is None or abs(metadata.latitude) <= 90
+    assert metadata.heading is None or 0 <= metadata.heading < 360
 
 
 GOOD = munich().tobytes()
