@@ -38,14 +38,23 @@ class ProjectedPhoto:
     weight: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 outside it
 
     def over(self, image: Image, gain: float) -> "ProjectedPhoto":
-        """The same times a gain. Where the photo is clipped and the map (H, 2H, 3) brighter, the map's value counts."""
+        """The same times a gain. Where the photo is clipped and the map brighter, the map's value counts.
+
+        Args:
+            image: (H, 2H, 3) the map.
+            gain: over 0.
+        """
         clipped = max_channel(self.linear) > CLIPPED
         linear = self.linear * np.float32(gain)
         np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
         return ProjectedPhoto(self.rows, self.columns, linear, self.weight)
 
     def within(self, rows: slice) -> "ProjectedPhoto | None":
-        """The part of it in those rows of the map; None where there is none."""
+        """The part of it in some rows of the map; None where it has none.
+
+        Args:
+            rows: of the map.
+        """
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
         if top >= bottom:
             return None

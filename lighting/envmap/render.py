@@ -45,11 +45,17 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     check_height(height)
     painted = lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
-    if lighting.sky_irradiance is None and lighting.sky_model == SKY_MODEL:
-        level = _fill_model_sky(image[: height // 2], lighting, painted)
+    upper, lower = image[: height // 2], image[height // 2 :]
+    by_model = lighting.sky_irradiance is None and lighting.sky_model == SKY_MODEL  # others have no unit of their own
+    level = sky_irradiance(lighting)
+    if by_model:
+        _render_clear_sky(upper, lighting)
     else:
-        level = _fill_stated_sky(image[: height // 2], lighting, painted)
-    _fill_ground(image[height // 2 :], ground_reflectance(lighting) / math.pi * level)
+        _render_mixed_sky(upper, lighting, level)
+    if painted:
+        level = level + (disc_power(lighting)[1] if by_model else _level_sun_irradiance(lighting))
+    lower[0] = ground_reflectance(lighting) / math.pi * level
+    lower[1:] = lower[0]  # copying whole rows is fastest
     if painted and disc:
         add_sun(image, lighting)
     return image
@@ -87,7 +93,11 @@ def level_irradiance(lighting: Lighting) -> Floats:
     Args:
         lighting: whose sun counts, painted or not.
     """
-    return sky_irradiance(lighting) + sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
+    return sky_irradiance(lighting) + _level_sun_irradiance(lighting)
+
+
+def _level_sun_irradiance(lighting: Lighting) -> Floats:
+    return sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
 
 
 def ground_reflectance(lighting: Lighting) -> Floats:
@@ -130,27 +140,6 @@ def check_height(height: int) -> None:
     if not whole or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
         predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
         raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE)
-
-
-def _fill_model_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
-    """Fill the upper half (H / 2, 2H, 3) by the model alone; the irradiance (3,) of the ground."""
-    direct = disc_power(lighting)[1] if painted else np.zeros(3)
-    _render_clear_sky(upper, lighting)
-    return np.asarray(direct + clear_irradiance(lighting))
-
-
-def _fill_stated_sky(upper: Image, lighting: Lighting, painted: bool) -> Floats:
-    """The same for a sky whose irradiance is stated, or whose model has no unit of its own."""
-    power = sun_irradiance(lighting) if painted else np.zeros(3)
-    sky = sky_irradiance(lighting)
-    _render_mixed_sky(upper, lighting, sky)
-    return np.asarray(sky + power * max(float(lighting.sun_direction[1]), 0.0))
-
-
-def _fill_ground(image: Image, radiance: Floats) -> None:
-    """Fill the lower half (H / 2, 2H, 3) with one color (3,); copying whole rows is fastest."""
-    image[0] = radiance
-    image[1:] = image[0]
 
 
 def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> None:

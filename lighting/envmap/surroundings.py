@@ -66,11 +66,19 @@ class PhotoContext:
         object.__setattr__(self, "photo", check_pixels(self.photo))
 
     def gain(self, lighting: Lighting) -> float:
-        """The factor that brings photo and panorama to the exposure of a light that may have changed since."""
+        """The factor that brings photo and panorama to the exposure of a light.
+
+        Args:
+            lighting: that may have changed since.
+        """
         return 1.0 if self.exposure is None else lighting.exposure / max(self.exposure, EPSILON_IRRADIANCE)
 
     def light_at_exposure(self, lighting: Lighting) -> Lighting:
-        """A light that may have changed since, at the exposure of the photo."""
+        """A light at the exposure of the photo.
+
+        Args:
+            lighting: that may have changed since.
+        """
         return lighting if self.exposure is None else edit_lighting(lighting, {"exposure": self.exposure})
 
 

@@ -315,13 +315,11 @@ def _lighting_in(header: Mapping[str, Any]) -> Lighting | None:
     if text is None:
         return None
     try:
-        record = json.loads(text)
-    except (ValueError, TypeError, RecursionError) as error:
-        raise EnvironmentMapError("The EXR file's lighting.json cannot be read: it is not JSON.") from error
-    try:
-        return Lighting.from_dict(record)
+        return Lighting.from_dict(json.loads(text))
     except ParameterError as error:
         raise EnvironmentMapError(f"The EXR file's lighting.json cannot be read: {error}") from error
+    except (ValueError, TypeError, RecursionError) as error:
+        raise EnvironmentMapError("The EXR file's lighting.json cannot be read: it is not JSON.") from error
 
 
 def _read(source: WriteTarget) -> bytes:

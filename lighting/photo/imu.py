@@ -122,16 +122,9 @@ def tilt_from_elevation_angle(tags: Mapping[int, Any]) -> CameraTilt | None:
 def _rotate_to_upright(up: _Vector, orientation: int) -> _Vector:
     """The vector in the upright picture, of the one in the picture as it is stored."""
     right, top, into = up
-    across, above = {
-        1: (right, top),
-        2: (-right, top),
-        3: (-right, -top),
-        4: (right, -top),
-        5: (-top, -right),
-        6: (top, -right),
-        7: (top, right),
-        8: (-top, right),
-    }.get(orientation, (right, top))
+    flipped = (right, top), (-right, top), (-right, -top), (right, -top)
+    transposed = (-top, -right), (top, -right), (top, right), (-top, right)
+    across, above = (*flipped, *transposed)[orientation - 1 if 1 <= orientation <= 8 else 0]
     return across, above, into
 
 

@@ -17,17 +17,9 @@ from PIL import Image
 
 from lighting.color import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError, require_extra
+from lighting.photo import pixels as photo_pixels
 from lighting.photo.containers import photo_page
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
-from lighting.photo.pixels import (
-    check_bit_depth,
-    gray_16_bit,
-    is_gamma_encoded,
-    make_upright,
-    profile_to_rec709,
-    tiff_tags,
-    undo_upright,
-)
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -103,13 +95,13 @@ def linear_from_array(pixels: Pixels) -> LinearPhoto:
 
 def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto:
     stored = _stored(file.read_bytes())
-    samples = make_upright(stored.samples, stored.orientation) if upright else stored.samples
+    samples = photo_pixels.make_upright(stored.samples, stored.orientation) if upright else stored.samples
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
     linear = _linear(samples, coded)
-    if (matrix := profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
+    if (matrix := photo_pixels.profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
-    doubtful = full > 255 and curve is None and is_gamma_encoded(stored.header)
+    doubtful = full > 255 and curve is None and photo_pixels.is_gamma_encoded(stored.header)
     return LinearPhoto(
         linear,
         white=float(srgb_decode(_CLIPPED_FROM)) if coded else _CLIPPED_FROM,
@@ -127,11 +119,11 @@ def _stored(data: bytes) -> _Stored:
     page = photo_page(data)
     first_page = page.as_first(data) if page else data
     image = _open(first_page)
-    check_bit_depth(image, all_bits=True)
+    photo_pixels.check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
         return _Stored(_samples(image, first_page), image, image, read_orientation(image))
     exif_source, orientation = _open(first_page if page and page.has_exif else data), read_orientation(image)
-    samples = undo_upright(_samples(image, first_page), orientation)  # Pillow has rotated it
+    samples = photo_pixels.undo_upright(_samples(image, first_page), orientation)  # Pillow has rotated it
     if page and not page.has_orientation:
         orientation = read_orientation(exif_source)
     return _Stored(samples, image, exif_source, orientation)
@@ -165,7 +157,7 @@ def _samples(image: Any, data: bytes) -> NDArray[Any]:
     """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for gray, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
     if image.mode.startswith("I;16") or image.mode == "I":
-        return gray_16_bit(image, tiff_tags(image))[..., None]
+        return photo_pixels.gray_16_bit(image, photo_pixels.tiff_tags(image))[..., None]
     if modes == {_GRAY_ALPHA}:
         image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
         high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]
