@@ -1,4 +1,4 @@
-"""Training days and samples."""
+"""What the network of normals learns from: surfaces photographed on random days, as planes and true normals."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
@@ -30,8 +30,8 @@ from lighting.stereo.network import BY_IMAGE, NormalFeatures, normal_features
 HELD_OUT_LATITUDES = ((33.0, 37.0), (45.0, 49.0))  # deg; training days are elsewhere
 IMAGES = 8
 
-_LOWEST_SUN = 5.0  # deg, of the images that training draws
-_SOUTHERNMOST, _NORTHERNMOST = -60.0, 62.0  # deg
+_MIN_SUN_ELEVATION = 5.0  # deg, of the images that training draws
+_LATITUDES = (-60.0, 62.0)  # deg
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,12 @@ class CaptureDay:
 
 
 def utc_times(date: str, hours: Floats) -> NDArray[np.datetime64]:
-    """UTC times (T,) of hours (T,) of a date such as 2024-03-21."""
+    """UTC times (T,) of a date.
+
+    Args:
+        date: such as 2024-03-21.
+        hours: (T,) h of that day, 0 to 24.
+    """
     seconds = np.round(np.asarray(hours, dtype=np.float64) * 3600).astype("timedelta64[s]")
     return np.datetime64(date, "s") + seconds
 
@@ -65,7 +70,7 @@ def _random_day(rng: np.random.Generator) -> CaptureDay:
     while True:
         day = _draw(rng)
         elevation = np.degrees(np.arcsin(day.suns()[:, 1]))
-        if elevation.min() > _LOWEST_SUN:
+        if elevation.min() > _MIN_SUN_ELEVATION:
             return day
 
 
@@ -73,9 +78,9 @@ def _draw(rng: np.random.Generator) -> CaptureDay:
     count = IMAGES if rng.random() < 0.7 else int(rng.integers(3, IMAGES + 1))
     hours = np.linspace(rng.uniform(7.5, 10.5), rng.uniform(13.5, 16.5), count) + rng.normal(0, 0.1, count)
     date = np.datetime64("2024-01-01") + rng.integers(366).astype("timedelta64[D]")
-    latitude = rng.uniform(_SOUTHERNMOST, _NORTHERNMOST)
+    latitude = rng.uniform(*_LATITUDES)
     while any(low <= abs(latitude) <= high for low, high in HELD_OUT_LATITUDES):
-        latitude = rng.uniform(_SOUTHERNMOST, _NORTHERNMOST)
+        latitude = rng.uniform(*_LATITUDES)
     sunny = 0.0 if latitude > 0 else 180.0  # the camera that sees the lit side looks to the pole
     heading = sunny + rng.normal(0, 40) if rng.random() < 0.6 else rng.uniform(0, 360)
     pose = Pose(heading, rng.normal(0, 10) if rng.random() < 0.5 else 0.0)
@@ -105,9 +110,9 @@ _SIZES = (160, 320)  # pixels, of the whole picture
 _CANDIDATES = 1200  # normals that the search tries here
 _SKY_HEIGHT = 24  # rows of the skies' maps
 _MESH_SHARE = 0.5
-_VIEWS = 240  # of meshes that are kept
-_NEW = 0.25  # share of mesh samples for which one more is made
-_FULL = 0.3  # least share of a crop that the surface covers
+_MAX_VIEWS = 240  # of meshes that are kept
+_NEW_VIEW_SHARE = 0.25  # share of mesh samples for which one more is made
+_MIN_COVERAGE = 0.3  # least share of a crop that the surface covers
 
 
 @dataclass(frozen=True)
@@ -122,7 +127,14 @@ class Sample:
 
 
 def read_meshes(folder: Path) -> list[TriangleMesh]:
-    """The meshes to train on in a folder; DataError if it holds none."""
+    """The meshes of a folder that training may see.
+
+    Args:
+        folder: of OBJ files.
+
+    Raises:
+        DataError: if it holds none.
+    """
     files = [file for file in sorted(folder.glob("*.obj")) if not is_held_out(file)]
     if not files:
         raise DataError(f"{folder} holds no OBJ files to learn from.")
@@ -130,17 +142,24 @@ def read_meshes(folder: Path) -> list[TriangleMesh]:
 
 
 def generate_samples(meshes: list[TriangleMesh], seed: int) -> Iterator[Sample]:
-    """Samples without end; the same seed gives the same ones."""
+    """Samples without end; the same seed gives the same ones.
+
+    Args:
+        meshes: to learn from beside reliefs; may be empty.
+        seed: of all that is random.
+    """
     rng = np.random.default_rng(seed)
     views: list[Surface] = []
     while True:
-        surface = _seen(meshes, views, rng) if meshes and rng.random() < _MESH_SHARE else random_relief(_size(rng), rng)
-        yield from _of_surface(surface, _random_day(rng), rng)
+        surface = (
+            _view_mesh(meshes, views, rng) if meshes and rng.random() < _MESH_SHARE else random_relief(_size(rng), rng)
+        )
+        yield from _crop_samples(surface, _random_day(rng), rng)
 
 
-def _seen(meshes: list[TriangleMesh], views: list[Surface], rng: np.random.Generator) -> Surface:
+def _view_mesh(meshes: list[TriangleMesh], views: list[Surface], rng: np.random.Generator) -> Surface:
     """A new view of a mesh or, since they take long to make, mostly an earlier one turned or mirrored."""
-    if len(views) < _VIEWS and (not views or rng.random() < _NEW):
+    if len(views) < _MAX_VIEWS and (not views or rng.random() < _NEW_VIEW_SHARE):
         views.append(project_mesh(meshes[rng.integers(len(meshes))], random_rotation(rng), _size(rng), rng))
         return views[-1]
     return rotate_surface(views[rng.integers(len(views))], int(rng.integers(4)), mirrored=bool(rng.integers(2)))
@@ -150,11 +169,11 @@ def _size(rng: np.random.Generator) -> int:
     return int(rng.integers(*_SIZES))
 
 
-def _of_surface(surface: Surface, day: CaptureDay, rng: np.random.Generator) -> Iterator[Sample]:
-    skies, told = day.skies(_SKY_HEIGHT), _believed(day, rng)
-    table = make_candidates(told.skies(_SKY_HEIGHT), told.pose, _CANDIDATES)
-    shadows, glossy, coloured = rng.random() < 0.6, rng.random() < 0.4, rng.random() < 0.3
-    table = table if coloured else _grey(table)
+def _crop_samples(surface: Surface, day: CaptureDay, rng: np.random.Generator) -> Iterator[Sample]:
+    skies, believed = day.skies(_SKY_HEIGHT), _believed(day, rng)
+    table = make_candidates(believed.skies(_SKY_HEIGHT), believed.pose, _CANDIDATES)
+    shadows, glossy, color = rng.random() < 0.6, rng.random() < 0.4, rng.random() < 0.3
+    table = table if color else _grey(table)
     noise = float(np.exp(rng.normal(np.log(0.01), 0.5)))
     for window in _windows(surface, rng):
         mask = surface.mask[window]
@@ -164,8 +183,8 @@ def _of_surface(surface: Surface, day: CaptureDay, rng: np.random.Generator) -> 
         gloss = rng.uniform(0.02, 0.15) if glossy else 0.0
         material = Material(_albedo(surface.mask.shape, rng)[window][mask], gloss, rng.uniform(8, 60))
         images = shade_surface(normals, skies, day.pose, material, lit, quick=True)
-        images = images if coloured else images.mean(axis=2, keepdims=True)
-        yield _sample(images, mask, normals, (table, world_to_camera(told.suns(), told.pose), noise), rng)
+        images = images if color else images.mean(axis=2, keepdims=True)
+        yield _sample(images, mask, normals, (table, world_to_camera(believed.suns(), believed.pose), noise), rng)
 
 
 def _grey(table: Candidates) -> Candidates:
@@ -177,12 +196,12 @@ def _grey(table: Candidates) -> Candidates:
 def _windows(surface: Surface, rng: np.random.Generator) -> Iterator[tuple[slice, slice]]:
     """Places of crops that hold enough of the surface."""
     height, width = surface.mask.shape
-    found = 0
+    count = 0
     for _ in range(8 * CROPS):
         top, left = rng.integers(0, [height - CROP + 1, width - CROP + 1])
         window = slice(top, top + CROP), slice(left, left + CROP)
-        if surface.mask[window].mean() > _FULL and found < CROPS:
-            found += 1
+        if surface.mask[window].mean() > _MIN_COVERAGE and count < CROPS:
+            count += 1
             yield window
 
 
@@ -201,13 +220,13 @@ def _sample(
     images: Image,
     mask: NDArray[np.bool_],
     normals: Image,
-    told: tuple[Candidates, NDArray[Any], float],
+    search_input: tuple[Candidates, NDArray[Any], float],
     rng: np.random.Generator,
 ) -> Sample:
-    table, suns, noise = told
-    sigma = noise * float(images.max())
-    noisy = np.maximum(images + rng.normal(0, sigma, images.shape), 0).astype(np.float32)
-    planes = normal_features(noisy, mask, suns, search_normals(noisy, table, sigma), sigma)
+    table, suns, noise_std = search_input
+    pixel_std = noise_std * float(images.max())
+    noisy = np.maximum(images + rng.normal(0, pixel_std, images.shape), 0).astype(np.float32)
+    planes = normal_features(noisy, mask, suns, search_normals(noisy, table, pixel_std), pixel_std)
     truth = np.zeros((3, *mask.shape), dtype=np.float16)
     truth[:, mask] = normals.T
     return _padded(planes, suns, truth)

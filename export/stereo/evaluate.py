@@ -1,4 +1,4 @@
-"""Errors on held-out objects.
+"""Errors of normals on shapes and latitudes that training never saw.
 
 Every figure is of simulated photos under Hosek-Wilkie skies, median / mean angle in degrees over all pixels; none is of
 real photographs.
@@ -47,14 +47,14 @@ class Trial:
     day: CaptureDay
     shadows: bool = False  # whether the surface shades itself from the sun
     gloss: float = 0.0
-    colour: bool = False  # three channels in place of one
+    color: bool = False  # three channels in place of one
     noise: float = 0.01  # standard deviation, of the brightest pixel
     heading_error: float = 0.0  # deg
     clock_error: float = 0.0  # min
     turbidity_error: float = 0.0
-    fitted: bool = False  # whether the turbidity is found from the photos
+    fitted: bool = False  # whether the turbidity is fitted to the photos
 
-    def told(self) -> CaptureDay:
+    def believed(self) -> CaptureDay:
         """The day as its photographer believes it to be."""
         day = self.day
         late = np.timedelta64(round(60 * self.clock_error), "s")
@@ -63,8 +63,8 @@ class Trial:
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What was found of one shape."""
+class _Result:
+    """The normals of one shape."""
 
     subject: Subject
     search: Image  # (H, W, 3), normals
@@ -80,7 +80,13 @@ class _Found:
 
 
 def photograph_subject(subject: Subject, trial: Trial, skies: Skies) -> Image:
-    """Images (T, H, W, C) without noise."""
+    """Images (T, H, W, C) without noise.
+
+    Args:
+        subject: the shape.
+        trial: its day, shadows and gloss.
+        skies: T skies of one channel or three.
+    """
     surface, pose = subject.surface, trial.day.pose
     lit = None
     if trial.shadows:
@@ -93,10 +99,16 @@ def photograph_subject(subject: Subject, trial: Trial, skies: Skies) -> Image:
     return images
 
 
-def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[_Found]:
-    """Shapes that stand side by side in the photos of one day, solved together."""
-    told, skies = trial.told(), trial.day.skies()
-    skies = skies if trial.colour else gray_skies(skies)
+def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | None) -> list[_Result]:
+    """Shapes side by side in the photos of one day, solved together.
+
+    Args:
+        subjects: the shapes.
+        trial: how the session goes.
+        network: that improves the search; None for the search alone.
+    """
+    believed, skies = trial.believed(), trial.day.skies()
+    skies = skies if trial.color else gray_skies(skies)
     sheet, windows = _side_by_side([photograph_subject(subject, trial, skies) for subject in subjects])
     mask = np.zeros(sheet.shape[1:3], dtype=bool)
     for subject, window in zip(subjects, windows, strict=True):
@@ -104,15 +116,15 @@ def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | No
     noise = np.random.default_rng(7).normal(0, trial.noise * sheet.max(), sheet.shape).astype(np.float32)
     images = np.maximum(sheet + noise, 0)
 
-    def believed(turbidity: float, height: int = 32) -> Session:
-        seen = replace(told, turbidity=turbidity).skies(height)
-        return Session(images, mask, seen if trial.colour else gray_skies(seen), told.pose)
+    def solver_input(turbidity: float, height: int = 32) -> Session:
+        skies = replace(believed, turbidity=turbidity).skies(height)
+        return Session(images, mask, skies if trial.color else gray_skies(skies), believed.pose)
 
-    turbidity = fit_turbidity(believed) if trial.fitted else told.turbidity
-    alone, planes = solve_with_planes(believed(turbidity, 64))
+    turbidity = fit_turbidity(solver_input) if trial.fitted else believed.turbidity
+    alone, planes = solve_with_planes(solver_input(turbidity, 64))
     both = alone if network is None else apply_network(alone, network, planes)
     return [
-        _Found(subject, alone.normal[window], both.normal[window], both.error[window])
+        _Result(subject, alone.normal[window], both.normal[window], both.error[window])
         for subject, window in zip(subjects, windows, strict=True)
     ]
 
@@ -130,7 +142,12 @@ def _side_by_side(pictures: list[Image]) -> tuple[Image, list[tuple[slice, slice
 
 
 def normal_angles(a: Floats, b: Floats) -> Image:
-    """Angles [deg] between unit vectors (P, 3)."""
+    """Angles (P,) [deg] between unit vectors.
+
+    Args:
+        a: (P, 3).
+        b: (P, 3).
+    """
     half = np.linalg.norm(a - b, axis=-1) / 2
     return np.asarray(np.degrees(2 * np.arcsin(np.minimum(half, 1))), dtype=np.float32)
 
@@ -170,7 +187,18 @@ _CHANGES: dict[Table, tuple[str, dict[str, dict[str, Any]]]] = {
 def evaluate_normals(
     data: Path, network: Network, say: Say, *, quick: bool = False, tables: Sequence[Table] = TABLES
 ) -> None:
-    """Print tables; `quick` thins the shapes of `seasons` too. LightingError where no shape is at hand."""
+    """Print tables of errors on shapes that training never saw.
+
+    Args:
+        data: folder with `scanned_objects` and `meshes`.
+        network: to score.
+        say: takes each part as text.
+        quick: thin the shapes of `seasons` like those of the other tables.
+        tables: of TABLES.
+
+    Raises:
+        LightingError: where no shape is at hand.
+    """
     coarse = list(read_subjects(data, COARSE))
     if not coarse:
         raise LightingError(f"{data} holds no scanned_objects and no meshes.")
@@ -186,33 +214,33 @@ def _seasons(shapes: Sequence[Subject], network: Network, say: Say) -> None:
     """By group of shapes, channels and cast shadows; then the shapes one by one, and their depths."""
     say("\nSearch and network by season; eight photos from 9 to 16 h, 1 % noise, level camera that looks north\n")
     _head(("shapes", "channels", "cast shadows"), say)
-    plain: list[list[_Found]] = []
+    plain: list[list[_Result]] = []
     for group in dict.fromkeys(shape.group for shape in shapes):
         chosen = [shape for shape in shapes if shape.group == group]
-        for colour, shadows in ((False, False), (False, True), (True, False), (True, True)):
-            trials = [Trial(day, shadows=shadows, colour=colour) for day in SEASONS.values()]
-            found = [run_session(chosen, trial, network) for trial in trials]
-            plain += [] if colour or shadows else [list(row) for row in zip(*found, strict=True)]
-            names = (group, "3" if colour else "1", "yes" if shadows else "no")
-            _row(names, [_cell(season) for season in found], say)
+        for color, shadows in ((False, False), (False, True), (True, False), (True, True)):
+            trials = [Trial(day, shadows=shadows, color=color) for day in SEASONS.values()]
+            results = [run_session(chosen, trial, network) for trial in trials]
+            plain += [] if color or shadows else [list(row) for row in zip(*results, strict=True)]
+            names = (group, "3" if color else "1", "yes" if shadows else "no")
+            _row(names, [_cell(season) for season in results], say)
     _each(plain, say)
 
 
-def _each(found: Sequence[Sequence[_Found]], say: Say) -> None:
+def _each(results: Sequence[Sequence[_Result]], say: Say) -> None:
     say("\nThe same by shape; one channel, no cast shadows\n")
     _head(("shape",), say)
-    for seasons in found:
+    for seasons in results:
         _row((seasons[0].subject.name,), [_cell([season]) for season in seasons], say)
     say("\nMean error of the integrated depth [mm] on the scanned objects: of true normals, search, network\n")
     _head(("shape",), say)
-    for seasons in found:
+    for seasons in results:
         if seasons[0].subject.scale:
             _row((seasons[0].subject.name,), [_depth(season) for season in seasons], say)
 
 
-def _depth(found: _Found) -> str:
-    surface, scale = found.subject.surface, found.subject.scale
-    depths = (integrate_normals(normals, surface.mask) for normals in (surface.normals, found.search, found.network))
+def _depth(result: _Result) -> str:
+    surface, scale = result.subject.surface, result.subject.scale
+    depths = (integrate_normals(normals, surface.mask) for normals in (surface.normals, result.search, result.network))
     return ", ".join(f"{scale * depth_error(depth, surface.height, surface.mask):.1f}" for depth in depths)
 
 
@@ -235,9 +263,9 @@ def _trial(season: int, change: dict[str, Any]) -> Trial:
     return Trial(day, **rest)
 
 
-def _cell(found: Sequence[_Found]) -> str:
+def _cell(results: Sequence[_Result]) -> str:
     """Median / mean error of the search, and of search and network together."""
-    return ", ".join(_both(parts) for parts in zip(*(shape.errors() for shape in found), strict=True))
+    return ", ".join(_both(parts) for parts in zip(*(shape.errors() for shape in results), strict=True))
 
 
 def _both(parts: Iterable[Image]) -> str:
@@ -261,7 +289,11 @@ SIDE = 512  # pixels
 
 
 def print_speed(say: Callable[[str], None]) -> None:
-    """Print wall and processor seconds of the search alone and with the network, for one channel and for three."""
+    """Print wall and processor seconds of the search alone and with the network, for one channel and for three.
+
+    Args:
+        say: takes each line.
+    """
     day = SEASONS["47° N, June"]
     y, x = np.mgrid[:SIDE, :SIDE] / (SIDE / 2) - 1
     normals = np.stack([0.6 * x, -0.6 * y, np.sqrt(1 - 0.36 * (x * x + y * y))], axis=-1).reshape(-1, 3)

@@ -33,7 +33,7 @@ from lighting.stereo.schedule import (
 LIFTS = (10, 15, 20, 30, 45, 60, 75, 90)  # deg out of the solar plane
 DEGREES_PER_HOUR = 15
 FULL_ARC = 6  # h
-FAINT = 0.001  # noise of the simulations, of the brightest light: small enough for errors to grow in proportion
+NOISE_STD = 0.001  # noise of the simulations, of the brightest light: small enough for errors to grow in proportion
 SHOTS = 8
 _TRIALS = 64  # simulated noises of a window, shared among draws of the clouds
 _ITERATIONS = 3
@@ -50,9 +50,9 @@ class _Case:
 
     def light(self, *, coarse: bool = False) -> SkyDay:
         """Its light, scaled to the brightest clear sky."""
-        found = modelled_day(self.place, self.day, self.sky, coarse=coarse)
+        day = modelled_day(self.place, self.day, self.sky, coarse=coarse)
         scale = clear_brightness(self.place, [self.day])
-        return replace(found, skies=_scaled(found.skies, 1 / scale))
+        return replace(day, skies=_scaled(day.skies, 1 / scale))
 
 
 CASES = (
@@ -85,28 +85,28 @@ def _spread_of_noise(day: SkyDay, hours: float, noise: float, draws: int) -> tup
     matrix = illumination_matrices(skies, normals)[..., 0]
     resolved = noise * angular_std(invert_symmetric(gram_matrix(matrix)), normals) < 0.05
     normals, matrix = normals[resolved], matrix[resolved]
-    found = _estimates(skies, normals, noise, draws, np.random.default_rng(5))
-    scatter = (found - normals).std(axis=0) / (noise * noise_gain(matrix))
-    turn = np.radians(_rms(angle_between(found, normals)))
+    estimate = _estimates(skies, normals, noise, draws, np.random.default_rng(5))
+    scatter = (estimate - normals).std(axis=0) / (noise * noise_gain(matrix))
+    rotation = np.radians(_rms(angle_between(estimate, normals)))
     expected = noise * angular_std(invert_symmetric(gram_matrix(matrix)), normals)
-    return float(scatter.mean()), float((turn / expected).mean())
+    return float(scatter.mean()), float((rotation / expected).mean())
 
 
 def _estimates(skies: Skies, normals: Floats, noise: float, draws: int, rng: np.random.Generator) -> Floats:
     """Normals x albedo (draws, N, 3) from noisy pixels (draws, N, T): least squares, with the light of the normal
-    found before, from the true one on."""
+    estimated before, from the true one on."""
     matrix = illumination_matrices(skies, normals)[..., 0]
     bright = np.einsum("ntk,nk->nt", matrix, normals)
     noisy = bright + noise * rng.standard_normal((draws, *bright.shape))
-    found = _solve(matrix, noisy)
+    estimate = _solve(matrix, noisy)
     for _ in range(_ITERATIONS):
-        unit = found / np.linalg.norm(found, axis=-1, keepdims=True)
-        found = _solve(illumination_matrices(skies, unit)[..., 0], noisy)
-    return found
+        unit = estimate / np.linalg.norm(estimate, axis=-1, keepdims=True)
+        estimate = _solve(illumination_matrices(skies, unit)[..., 0], noisy)
+    return estimate
 
 
 @dataclass(frozen=True)
-class _Studied:
+class _PlannedCase:
     """A case with its light and its plan."""
 
     case: _Case
@@ -114,40 +114,44 @@ class _Studied:
     plan: Plan
 
 
-def _study(case: _Case, *, coarse: bool = False) -> _Studied:
+def _study(case: _Case, *, coarse: bool = False) -> _PlannedCase:
     """The case planned."""
     day = case.light(coarse=coarse)
-    return _Studied(case, day, make_plan([case.day], lambda *_: day, PlanRequest(shots=SHOTS), reference=1.0))
+    return _PlannedCase(case, day, make_plan([case.day], lambda *_: day, PlanRequest(shots=SHOTS), reference=1.0))
 
 
 def _simulated(light: Floats, normals: Floats, draws: int) -> float:
     """Error [deg] of normals (N, 3) from noisy pixels, by least squares with their mean light vectors (N, K, T, 3):
     the median over normals and draws of the clouds of the root mean square."""
     bright = np.einsum("nctk,nk->nct", light, normals)
-    noisy = bright + FAINT * np.random.default_rng(7).standard_normal((draws, *bright.shape))
-    found = _solve(light, noisy) + 1e-30  # where nothing is resolved a direction like any other
-    return float(np.median(_rms(angle_between(found, np.broadcast_to(normals[:, None], found.shape)))))
+    noisy = bright + NOISE_STD * np.random.default_rng(7).standard_normal((draws, *bright.shape))
+    estimate = _solve(light, noisy) + 1e-30  # where nothing is resolved a direction like any other
+    return float(np.median(_rms(angle_between(estimate, np.broadcast_to(normals[:, None], estimate.shape)))))
 
 
-def _choice(studied: _Studied, hours: int) -> tuple[float, float]:
+def _choice(planned: _PlannedCase, hours: int) -> tuple[float, float]:
     """The simulated error [deg] in the plan's window, and the least over windows; of clouds that the plan never saw."""
-    day, normals = studied.day, normals_of_interest(None)
+    day, normals = planned.day, normals_of_interest(None)
     if len(day.clouds) > 1:
         day = replace(day, clouds=draw_sunshine(CLOUD_DRAWS, SPELLS, seed=1).astype(np.intp))
     windows, light = list_windows(day, hours, SHOTS), day.light(normals)
-    (chosen,) = (window for window in studied.plan.windows if window.hours == hours)
+    (chosen,) = (window for window in planned.plan.windows if window.hours == hours)
     draws = -(-_TRIALS // len(day.clouds))
     errors = [_simulated(light[:, windows.moments[:, i]], normals, draws) for i in range(len(windows))]
     return errors[int(np.flatnonzero(windows.start == chosen.start)[0])], min(errors)
 
 
 def print_noise_gain(echo: Callable[[str], None]) -> None:
-    """Print all of it, part by part."""
+    """Print what the gain predicts beside what simulated noise does.
+
+    Args:
+        echo: takes each part as text.
+    """
     echo(_triplets())
     echo(_noise())
-    studied = [_study(case) for case in (*CASES, CLOUDY)]
-    echo(_hours(studied))
-    echo(_choices(studied))
+    planned = [_study(case) for case in (*CASES, CLOUDY)]
+    echo(_hours(planned))
+    echo(_choices(planned))
 
 
 def _triplets() -> str:
@@ -168,23 +172,23 @@ def _triplets() -> str:
 def _noise() -> str:
     lines = ["Scatter of noisy pixels / predicted, 6 hours about noon, 8 photos: of the components, of the turn"]
     for case in CASES:
-        components, turn = _spread_of_noise(case.light(coarse=True), 6, FAINT, 200)
+        components, turn = _spread_of_noise(case.light(coarse=True), 6, NOISE_STD, 200)
         lines.append(f"  {case.name:20}{components:7.3f}{turn:7.3f}")
     return "\n".join(lines)
 
 
-def _hours(studied: Sequence[_Studied]) -> str:
+def _hours(planned: Sequence[_PlannedCase]) -> str:
     lines = ["Median noise gain in the best window, 8 photos, by hours", " " * 34 + "".join(f"{h:>7} h" for h in HOURS)]
-    for each in studied:
+    for each in planned:
         gains = [window.gain for window in each.plan.windows]
         row = "".join(f"{gain:9.1f}" for gain in gains)
         lines.append(f"  {each.case.name:22}{each.case.sky:10}{row}   1 h / 6 h {gains[0] / gains[-1]:.1f}")
     return "\n".join(lines)
 
 
-def _choices(studied: Sequence[_Studied]) -> str:
+def _choices(planned: Sequence[_PlannedCase]) -> str:
     lines = ["Simulated error in the plan's window / in the best window, at a noise of 0.1 % [deg]"]
-    for each in studied:
+    for each in planned:
         pairs = [(hours, *_choice(each, hours)) for hours in HOURS]
         row = "  ".join(f"{hours} h {chosen:.2f}/{best:.2f} = {chosen / best:.2f}" for hours, chosen, best in pairs)
         lines.append(f"  {each.case.name:22}{each.case.sky:7}{row}")

@@ -33,7 +33,16 @@ class _Served(nn.Module):
 
 
 def export_normals(run: Path, target: Path, version: str) -> float:
-    """Write the averaged network of a run; returns the largest difference to torch, ModelError over TOLERANCE."""
+    """Write the averaged network of a run; returns the largest difference to torch.
+
+    Args:
+        run: folder of the run.
+        target: ONNX file to write.
+        version: of the network.
+
+    Raises:
+        ModelError: where torch and onnxruntime differ by more than TOLERANCE.
+    """
     import onnx
 
     network = averaged_network(run)
@@ -83,5 +92,5 @@ def _parity(network: NormalsNetwork, path: Path) -> float:
     with torch.inference_mode():
         expected = _Served(network)(torch.from_numpy(by_image)[None], torch.from_numpy(shared)[None])
     normal, error = Network.load(path, threads=1).predict(NormalFeatures(by_image, shared))
-    found = (np.moveaxis(normal, -1, 0), np.radians(error))
-    return float(max(np.abs(a[0].numpy() - b).max() for a, b in zip(expected, found, strict=True)))
+    answer = (np.moveaxis(normal, -1, 0), np.radians(error))
+    return float(max(np.abs(a[0].numpy() - b).max() for a, b in zip(expected, answer, strict=True)))

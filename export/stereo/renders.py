@@ -1,9 +1,7 @@
-"""Shaded pictures of surfaces.
+"""Shaded pictures of surfaces on a day: skies by mean light vectors, the sun with cast shadows and gloss.
 
 Light that one part of the surface reflects onto another is left out, and the surface does not hide the sky from
 itself; the ground below the horizon lights it.
-
-They lie beside the project where they are at hand, and never in it.
 """
 
 from collections.abc import Iterator
@@ -19,8 +17,6 @@ from export.stereo.surfaces import Surface, is_held_out, project_mesh, random_ro
 from lighting.geometry import Floats
 from lighting.stereo.grid_search import Pose, camera_to_world, sample_visible_normals, world_to_camera
 from lighting.stereo.light_vectors import Skies, sky_light_vectors, sun_light_vectors
-
-# Pictures of a surface on a day: skies' light by mean light vectors, the sun's with cast shadows and gloss.
 
 FloatImage = NDArray[np.float32]
 
@@ -39,9 +35,14 @@ class Material:
 
 
 def cast_shadows(surface: Surface, pixels: NDArray[np.intp], suns: Floats) -> NDArray[np.bool_]:
-    """Whether each sun reaches each pixel (P, T); `pixels` (P, 2) holds rows and columns, suns (T, 3) camera frame.
+    """Whether each sun reaches each pixel (P, T).
 
     Rays are marched over the heights in steps that grow. What the camera sees is solid half a picture deep.
+
+    Args:
+        surface: the shape.
+        pixels: (P, 2) rows and columns.
+        suns: (T, 3) unit vectors in the camera frame.
     """
     height = np.where(surface.mask, surface.height, -np.inf).astype(np.float32)
     reached = np.ones((len(pixels), len(suns)), dtype=bool)
@@ -80,9 +81,15 @@ def shade_surface(
     *,
     quick: bool = False,
 ) -> FloatImage:
-    """Brightnesses (P, T, C) of pixels with normals (P, 3) in the camera frame; `lit` (P, T) is from `cast_shadows`.
+    """Brightnesses (P, T, C) of pixels.
 
-    A quick picture takes the skies' light from the nearest of _GRID normals, within half a per cent.
+    Args:
+        normals: (P, 3) unit vectors in the camera frame.
+        skies: T skies of C channels.
+        pose: of the camera.
+        material: of the pixels.
+        lit: (P, T) of `cast_shadows`; None where the sun reaches all.
+        quick: take the skies' light from the nearest of _GRID normals, within half a per cent.
     """
     world = camera_to_world(normals, pose).astype(np.float32)
     by_sky = _quick_sky(skies, normals, pose) if quick else _exact_sky(skies, world)
@@ -117,10 +124,12 @@ def _gloss(normals: FloatImage, skies: Skies, pose: Pose, material: Material) ->
     return np.asarray(scale * lobe[..., None] * skies.sun_irradiance)
 
 
-OBJECTS = ("bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
+# Shapes to photograph: scanned objects and meshes, which lie beside the project and never in it.
+
+SCANNED_OBJECTS = ("bear", "buddha", "cat", "cow", "goblet", "harvest", "pot1", "pot2", "reading")
 
 _MARGIN = 8  # pixels around an object
-_VIEW = 224  # pixels each way of a mesh's view
+_VIEW_SIDE = 224  # pixels each way of a mesh's view
 
 
 @dataclass(frozen=True)
@@ -134,8 +143,13 @@ class Subject:
 
 
 def read_subjects(data: Path, step: int = 1) -> Iterator[Subject]:
-    """The shapes of a folder with `scanned_objects` and `meshes`, every `step`th pixel of each; none where it lacks."""
-    for name in OBJECTS:
+    """The shapes of a folder with `scanned_objects` and `meshes`; none where it lacks both.
+
+    Args:
+        data: the folder.
+        step: every so many pixels of each, both ways.
+    """
+    for name in SCANNED_OBJECTS:
         if (data / "scanned_objects" / name).is_dir():
             yield _thinned(_scanned(data / "scanned_objects" / name), step)
     for file in sorted((data / "meshes").glob("*.obj")):
@@ -147,7 +161,9 @@ def _views(file: Path) -> Iterator[Subject]:
     """Two views of a mesh, the same every time."""
     rng, mesh = np.random.default_rng(0), read_mesh(file)
     for number in (1, 2):
-        yield Subject(f"{file.stem} {number}", "held-out meshes", project_mesh(mesh, random_rotation(rng), _VIEW, rng))
+        yield Subject(
+            f"{file.stem} {number}", "held-out meshes", project_mesh(mesh, random_rotation(rng), _VIEW_SIDE, rng)
+        )
 
 
 def _scanned(folder: Path) -> Subject:
@@ -160,7 +176,7 @@ def _scanned(folder: Path) -> Subject:
     scale = float(np.median(depth[mask]) / np.loadtxt(folder / "K.txt")[0, 0])
     height = np.where(mask, -depth / scale, np.nan).astype(np.float32)
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
-    window = tuple(slice(max(0, found[0] - _MARGIN), found[-1] + 1 + _MARGIN) for found in (rows, columns))
+    window = tuple(slice(max(0, inside[0] - _MARGIN), inside[-1] + 1 + _MARGIN) for inside in (rows, columns))
     whole = Surface(np.asarray(normals * mask[..., None], dtype=np.float32), height, mask)
     return Subject(folder.name, "scanned objects", _cut(whole, window), scale)
 

@@ -1,4 +1,4 @@
-"""Procedural and mesh surfaces.
+"""Surfaces to light: what one camera sees of a mesh or of a made relief, as normals and heights.
 
 The camera is orthographic, so that a picture's pixels are the unit of all three axes: x right, y up, z to the camera.
 """
@@ -12,8 +12,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
-
-# Surfaces to light: what one camera sees of a mesh or of a made relief, as normals and heights.
 
 Image = NDArray[np.float32]
 TriangleMesh = tuple[Image, NDArray[np.intp]]  # vertices (V, 3) and triangles (F, 3)
@@ -33,12 +31,20 @@ class Surface:
 
 
 def is_held_out(path: Path) -> bool:
-    """Whether an OBJ file holds one of HELD_OUT, by its name up to the first hyphen or underscore."""
+    """Whether an OBJ file holds one of HELD_OUT, by its name up to the first hyphen or underscore.
+
+    Args:
+        path: of the file.
+    """
     return path.stem.split("-")[0].split("_")[0] in HELD_OUT
 
 
 def read_mesh(path: Path) -> TriangleMesh:
-    """Vertices (V, 3) and triangles (F, 3) of an OBJ file; faces of more corners are cut into fans."""
+    """The mesh of an OBJ file; faces of more corners are cut into fans.
+
+    Args:
+        path: of the file.
+    """
     vertices: list[list[float]] = []
     triangles: list[tuple[int, int, int]] = []
     for line in path.read_text().splitlines():
@@ -111,7 +117,14 @@ def _nearest(points: Image, normals: Image, size: int) -> Surface:
 
 
 def random_rotation(rng: np.random.Generator) -> Floats:
-    """A rotation (3, 3), all equally likely (Shoemake, Uniform Random Rotations, 1992)."""
+    """A rotation (3, 3), all equally likely [1].
+
+    Args:
+        rng: draws four normal values.
+
+    References:
+        [1] Shoemake, Uniform Random Rotations, Graphics Gems III, 1992.
+    """
     w, x, y, z = (q := rng.normal(size=4)) / np.linalg.norm(q)
     return np.array(
         [
@@ -132,7 +145,13 @@ def _of_height(height: Image, mask: NDArray[np.bool_]) -> Surface:
 
 
 def rotate_surface(surface: Surface, quarters: int, *, mirrored: bool = False) -> Surface:
-    """The surface turned counter-clockwise by quarters of a turn, after a mirror swapped left and right."""
+    """The surface rotated about the viewing direction, counter-clockwise.
+
+    Args:
+        surface: the shape.
+        quarters: of a full rotation.
+        mirrored: whether left and right change places first.
+    """
     normals, height, mask = surface.normals, surface.height, surface.mask
     if mirrored:
         normals, height, mask = normals[:, ::-1] * np.array([-1, 1, 1], np.float32), height[:, ::-1], mask[:, ::-1]
@@ -146,7 +165,12 @@ def rotate_surface(surface: Surface, quarters: int, *, mirrored: bool = False) -
 
 
 def random_relief(size: int, rng: np.random.Generator) -> Surface:
-    """A shape of `size` pixels each way, of a kind and with details drawn at random."""
+    """A shape of a kind and with details drawn at random.
+
+    Args:
+        size: pixels each way.
+        rng: of all that is random.
+    """
     kind = _KINDS[rng.choice(len(_KINDS), p=_SHARES)]
     height = kind(size, rng)
     if rng.random() < 0.4:

@@ -132,7 +132,11 @@ class _Run:
 def train_normals(config: Config) -> Path:
     """Train, or go on with, the run in a folder; returns its checkpoint.
 
-    DataError for a folder without meshes to learn from, and for a checkpoint of no such run.
+    Args:
+        config: how it trains and where.
+
+    Raises:
+        DataError: for a folder without meshes to learn from, and for a checkpoint of no such run.
     """
     torch.set_num_threads(config.threads)
     meshes = read_meshes(Path(config.meshes)) if config.meshes else []
@@ -261,7 +265,14 @@ def _write_log(folder: Path, run: _Run) -> None:
 
 
 def averaged_network(folder: Path) -> NormalsNetwork:
-    """The network with a run's averaged weights, ready to answer; DataError for what is no such run."""
+    """The network with a run's averaged weights, ready to answer.
+
+    Args:
+        folder: of the run.
+
+    Raises:
+        DataError: for what is no such run.
+    """
     network = NormalsNetwork()
     network.load_state_dict(_saved(folder)["average"])
     return network.eval()

@@ -13,7 +13,7 @@ from export.stereo.evaluate import (
     TABLES,
     Trial,
     _cell,
-    _Found,
+    _Result,
     _trial,
     evaluate_normals,
     normal_angles,
@@ -27,18 +27,18 @@ from lighting.stereo.solver import Session
 
 
 class Errors:
-    """A shape whose errors are told."""
+    """A shape with these errors."""
 
     def __init__(self, *errors: list[float]) -> None:
-        self.told = tuple(np.array(error) for error in errors)
+        self.angles = tuple(np.array(error) for error in errors)
 
     def errors(self) -> Any:
-        return self.told
+        return self.angles
 
 
 def test_a_cell_holds_median_and_mean_over_all_shapes() -> None:
     shapes = [Errors([1.0, 2.0], [1.0, 1.0]), Errors([3.0, 10.0, 4.0], [1.0, 1.0, 6.0])]
-    assert _cell(cast(list[_Found], shapes)) == "3.0 / 4.0, 1.0 / 2.0"
+    assert _cell(cast(list[_Result], shapes)) == "3.0 / 4.0, 1.0 / 2.0"
 
 
 def test_a_row_changes_its_season() -> None:
@@ -48,7 +48,7 @@ def test_a_row_changes_its_season() -> None:
     assert len(few.day.times) == 3
     assert (few.day.times[0], few.day.times[-1]) == (plain.day.times[0], plain.day.times[-1])
     assert few.day.turbidity == 4
-    assert few.told().turbidity == 3
+    assert few.believed().turbidity == 3
 
 
 def test_every_table_has_a_name_and_a_folder_without_shapes_is_refused(tmp_path: Path) -> None:
@@ -93,11 +93,11 @@ def test_a_session_of_two_shapes_in_june_meets_the_target_of_the_search() -> Non
 
 def test_a_photographer_is_told_wrong_what_a_trial_says() -> None:
     day = SEASONS["47° N, June"]
-    told = Trial(day, heading_error=2.0, clock_error=5.0, turbidity_error=-1.0).told()
-    assert told.pose.heading == day.pose.heading + 2
-    assert (told.times - day.times == np.timedelta64(300, "s")).all()
-    assert told.turbidity == day.turbidity - 1
-    assert told.latitude == day.latitude
+    believed = Trial(day, heading_error=2.0, clock_error=5.0, turbidity_error=-1.0).believed()
+    assert believed.pose.heading == day.pose.heading + 2
+    assert (believed.times - day.times == np.timedelta64(300, "s")).all()
+    assert believed.turbidity == day.turbidity - 1
+    assert believed.latitude == day.latitude
 
 
 def test_angles_are_between_unit_vectors() -> None:

@@ -39,7 +39,7 @@ def test_scanned_objects_are_cut_to_their_mask(tmp_path: Path) -> None:
 
 
 def test_only_held_out_meshes_are_scored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("export.stereo.renders._VIEW", 24)
+    monkeypatch.setattr("export.stereo.renders._VIEW_SIDE", 24)
     (tmp_path / "meshes").mkdir()
     for name in ("spot", "boot"):
         (tmp_path / "meshes" / f"{name}.obj").write_text(OCTAHEDRON)
