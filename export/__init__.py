@@ -8,13 +8,5 @@ PATH = click.Path(path_type=Path)  # a folder, or a file to read
 FILE = click.Path(path_type=Path, dir_okay=False)  # to write
 
 PHOTO_SET_PARTS = ("pairs", "sets")  # of `report photo-sets`
-CLIP_KINDS = (  # by what is hard in a clip
-    "pan",
-    "tilt",
-    "hand",
-    "moving things",
-    "crowd",
-    "motion blur",
-    "exposure",
-    "zoom",
-)
+# Of `report video`, by what is hard in a clip.
+CLIP_KINDS = ("pan", "tilt", "hand", "moving things", "crowd", "motion blur", "exposure", "zoom", "walk")

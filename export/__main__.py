@@ -177,12 +177,7 @@ def _merge(runs: tuple[Path, ...], out: Path) -> None:
 @_option("--camera", "Run of a further network, which answers for the camera instead of the others.", multiple=True)
 @_option("--elevation-scale", "Degrees of `prior`. [default: no prior]", click.FloatRange(10), math.inf)
 def _onnx(
-    runs: tuple[Path, ...],
-    out: Path | None,
-    temperature: float,
-    version: str | None,
-    camera: tuple[Path, ...],
-    elevation_scale: float,
+    runs: tuple[Path, ...], out: Path | None, version: str | None, camera: tuple[Path, ...], **numbers: float
 ) -> None:
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
     from export.networks.onnx_export import write_onnx
@@ -190,9 +185,7 @@ def _onnx(
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
-    difference = write_onnx(
-        runs, target, temperature=temperature, version=version, cameras=camera, elevation_scale=elevation_scale
-    )
+    difference = write_onnx(runs, target, version=version, cameras=camera, **numbers)
     click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 

@@ -131,8 +131,8 @@ def _tone_locally(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
     coarse = tuple(max(2, round(side / rng.uniform(8, 30))) for side in light.shape[::-1])
     base = np.asarray(Image.fromarray(light).resize(coarse, _BOX).resize(light.shape[::-1], _BICUBIC))
     flatter, crisper = rng.uniform(0.4, 0.95), rng.uniform(0.9, 1.4)
-    middle = float(light.mean())
-    change = (flatter - 1) * (base - middle) + (crisper - 1) * (light - base)
+    mean = float(light.mean())
+    change = (flatter - 1) * (base - mean) + (crisper - 1) * (light - base)
     return np.asarray(linear * np.exp(change)[..., None], dtype=np.float32)
 
 

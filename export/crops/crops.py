@@ -52,16 +52,24 @@ class Stretch:
     heading: float = 0.0  # deg
 
     @property
-    def largest(self) -> float:
+    def max_growth(self) -> float:
         """The largest factor by which the panorama's pixels grow, 1 at least."""
         return max(self.upwards, self.along, 1.0 / self.along, 1.0)
 
     def apply(self, vectors: Floats) -> Floats:
-        """Vectors (..., 3) of the world as vectors of the stretched world; unit vectors do not stay unit vectors."""
+        """Vectors (..., 3) of the world in the stretched world; unit vectors do not stay unit vectors.
+
+        Args:
+            vectors: (..., 3) in the world.
+        """
         return np.asarray(vectors @ self._matrix)
 
     def invert(self, vectors: Floats) -> Floats:
-        """Vectors (..., 3) of the stretched world as vectors of the world, of any length."""
+        """Vectors (..., 3) of the stretched world in the world, of any length.
+
+        Args:
+            vectors: (..., 3) in the stretched world.
+        """
         return np.asarray(vectors @ np.linalg.inv(self._matrix).astype(vectors.dtype))
 
     @property
@@ -144,12 +152,21 @@ def sampling_weights(sources: Sequence[Source]) -> Floats:
     Args:
         sources: the N panoramas of a run.
     """
-    places = Counter(s.panorama.place for s in sources)
-    size = np.array([places[s.panorama.place] for s in sources], dtype=np.float64)
-    elevation = np.array([s.label.sun_elevation for s in sources])
+    return balanced_weights([s.panorama.place for s in sources], [s.label.sun_elevation for s in sources], 0.75)
+
+
+def balanced_weights(groups: Sequence[str], elevations: Sequence[float], power: float) -> Floats:
+    """Chances (N,) that sum to 1: groups count by the root of their size, rare sun elevations more.
+
+    Args:
+        groups: name of the group of each picture.
+        elevations: deg, of the sun of each picture; NaN without one.
+        power: by which pictures of common elevations, in steps of 15 deg, count less; 0 for not at all.
+    """
+    sizes, elevation = Counter(groups), np.array(elevations)
     bins = np.where(np.isfinite(elevation), np.nan_to_num(np.maximum(elevation, 0)) // 15, -1)
     neighbors = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
-    weight = size**-0.5 * neighbors**-0.75
+    weight = np.array([sizes[group] for group in groups], dtype=np.float64) ** -0.5 * neighbors**-power
     return np.asarray(weight / max(weight.sum(), 1e-12))
 
 
@@ -267,7 +284,7 @@ def is_resolved(source: Source, camera: Camera, rows: float) -> bool:
 
 def _finest(source: Source, camera: Camera) -> float:
     """Panorama pixels along the view's height."""
-    return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov / source.stretch.largest)
+    return float(source.levels[0].shape[0] / 180.0 * camera.vertical_fov / source.stretch.max_growth)
 
 
 def resize(image: NDArray[np.float32], width: int, height: int, kernel: Image.Resampling) -> NDArray[np.float32]:

@@ -1,7 +1,6 @@
 """Ordinary photos: crops of them, the likelihood of their suns, and the prior of elevations."""
 
 import math
-from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -12,7 +11,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.crops.cameras import PHONE_ASPECTS, Camera
-from export.crops.crops import VISIBILITY, Crop, Source, sampling_weights
+from export.crops.crops import VISIBILITY, Crop, Source, balanced_weights, sampling_weights
 from export.data.labels import read_labels_of
 from export.data.panoramas import decode_srgb, read_index
 from export.data.photos import PhotoRow, require_photo_rows
@@ -55,11 +54,7 @@ def photo_weights(photos: Sequence[PhotoSource]) -> Floats:
     Args:
         photos: the N photos of a run.
     """
-    groups = Counter(p.row.group for p in photos)
-    bins = np.array([max(p.row.sun_elevation, 0.0) // 15 for p in photos])
-    neighbors = np.array([np.count_nonzero(bins == b) for b in bins], dtype=np.float64)
-    weight = np.array([groups[p.row.group] for p in photos]) ** -0.5 * neighbors**-0.5
-    return np.asarray(weight / weight.sum())
+    return balanced_weights([p.row.group for p in photos], [p.row.sun_elevation for p in photos], 0.5)
 
 
 def crop_photo(photo: PhotoSource, rng: np.random.Generator, spec: ModelSpec, upwards: float = 1.0) -> Crop:

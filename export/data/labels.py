@@ -6,7 +6,7 @@ How good they are is reported too: suns of the picture against suns of the index
 import math
 from collections.abc import Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -36,17 +36,17 @@ class Label:
     """What training takes from a panorama; NaN where it has no value."""
 
     name: str
-    sun_azimuth: float  # deg, 0 = center column, positive to the right
-    sun_elevation: float  # deg above the horizon
-    sun_uncertainty: float  # deg, one standard deviation
-    sun_source: str  # "given" in the index, "found" in the picture, "none" if it has none or none is known
-    found_azimuth: float  # deg, what `find_sun` returned, whatever the source
-    found_elevation: float  # deg
-    turbidity: float  # 1 to 10
-    exposure: float  # linear values / sky radiance
-    fit_residual: float  # of `fit_sky`
-    fit_ok: bool  # turbidity and exposure may be trained on
-    direct: str  # whether direct sunlight reaches the scene: "yes", "partly", "no" or ""
+    sun_azimuth: float = math.nan  # deg, 0 = center column, positive to the right
+    sun_elevation: float = math.nan  # deg above the horizon
+    sun_uncertainty: float = math.nan  # deg, one standard deviation
+    sun_source: str = "none"  # "given" in the index, "found" in the picture, "none" if it has none or none is known
+    found_azimuth: float = math.nan  # deg, what `find_sun` returned, whatever the source
+    found_elevation: float = math.nan  # deg
+    turbidity: float = math.nan  # 1 to 10
+    exposure: float = math.nan  # linear values / sky radiance
+    fit_residual: float = math.nan  # of `fit_sky`
+    fit_ok: bool = False  # turbidity and exposure may be trained on
+    direct: str = ""  # whether direct sunlight reaches the scene: "yes", "partly", "no" or ""
 
 
 _COLUMNS = [field.name for field in fields(Label)]
@@ -111,20 +111,13 @@ def _label_panorama(panorama: Panorama) -> Label:
     detected = find_sun(linear)
     azimuth, elevation, std, source = _choose_sun(panorama, detected)
     fit = None if source == "none" else fit_sky(linear, direction(azimuth, max(elevation, 0.0)))
-    return Label(
-        name=panorama.name,
-        sun_azimuth=azimuth,
-        sun_elevation=elevation,
-        sun_uncertainty=std,
-        sun_source=source,
-        found_azimuth=detected.azimuth if detected else math.nan,
-        found_elevation=detected.elevation if detected else math.nan,
-        turbidity=fit.turbidity if fit else math.nan,
-        exposure=fit.exposure if fit else math.nan,
-        fit_residual=fit.residual if fit else math.nan,
-        fit_ok=bool(fit and fit.ok and std <= _MAX_STD and not panorama.sky_is_altered),
-        direct=panorama.direct,
-    )
+    label = Label(panorama.name, azimuth, elevation, std, source, direct=panorama.direct)
+    if detected:
+        label = replace(label, found_azimuth=detected.azimuth, found_elevation=detected.elevation)
+    if fit is None:
+        return label
+    fit_ok = bool(fit.ok and std <= _MAX_STD and not panorama.sky_is_altered)
+    return replace(label, turbidity=fit.turbidity, exposure=fit.exposure, fit_residual=fit.residual, fit_ok=fit_ok)
 
 
 def _choose_sun(panorama: Panorama, detected: DetectedSun | None) -> tuple[float, float, float, str]:

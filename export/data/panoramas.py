@@ -89,7 +89,7 @@ _MAX_HALF = 65504.0  # half floats end here
 
 @dataclass(frozen=True)
 class Panorama:
-    """One row of the index; None or an empty string where the index says nothing."""
+    """One row of the index; None or an empty string where the index is empty."""
 
     name: str
     path: Path  # of the picture, absolute

@@ -220,12 +220,9 @@ class RenderedTown:
             height: rows.
             seed: of the paths.
         """
-        size = (height, 2 * height)
-        image = self._trace(self.scene, _SKY_SAMPLES, size, _panorama_rays, seed)
-        if self.sky.is_overcast:
-            return image
-        image += self._trace(self.sun_scene, _SUN_SAMPLES, size, _panorama_rays, seed + 1)
-        return image + self.sky.disc(height) if self.is_sun_visible() else image
+        sky, sun = self._trace_lights((height, 2 * height), _panorama_rays, seed)
+        has_disc = not self.sky.is_overcast and self.is_sun_visible()
+        return sky + sun + self.sky.disc(height) if has_disc else sky + sun
 
     def photo(self, camera: Pinhole, seed: int) -> _TracedPhoto:
         """What a camera at EYE records, in its parts.
@@ -234,12 +231,17 @@ class RenderedTown:
             camera: its size and angles.
             seed: of the paths.
         """
-        size, pixel_rays = (camera.height, camera.width), _camera_rays(camera)
-        sky = self._trace(self.scene, _SKY_SAMPLES, size, pixel_rays, seed)
-        sun = np.zeros_like(sky)
-        if not self.sky.is_overcast:
-            sun = self._trace(self.sun_scene, _SUN_SAMPLES, size, pixel_rays, seed + 1)
+        sky, sun = self._trace_lights((camera.height, camera.width), _camera_rays(camera), seed)
         return _TracedPhoto(sky, sun, *self._ground(camera))
+
+    def _trace_lights(
+        self, size: tuple[int, int], pixel_rays: PixelRays, seed: int
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """What the sky and what the sun adds to a picture (h, w, 3) of `size`, without the sun's disc."""
+        sky = self._trace(self.scene, _SKY_SAMPLES, size, pixel_rays, seed)
+        if self.sky.is_overcast:
+            return sky, np.zeros_like(sky)
+        return sky, self._trace(self.sun_scene, _SUN_SAMPLES, size, pixel_rays, seed + 1)
 
     def _ground(self, camera: Pinhole) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
         """Which pixels (h, w) of a camera show level ground, and which of these the sun reaches."""

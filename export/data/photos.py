@@ -61,13 +61,5 @@ def _row(row: dict[str, str], table: Path, line: int) -> PhotoRow:
     if not path.is_file():
         raise DataError(f"{table}, line {line}: there is no photo {path}.")
     direct = row["direct"] if row["direct"] in ("yes", "partly", "no") else ""
-    return PhotoRow(
-        path=path,
-        group=row["group"],
-        sun_azimuth=numbers["sun_azimuth"],
-        sun_elevation=numbers["sun_elevation"],
-        azimuth_std=numbers["expected_azimuth_error"],
-        direct=direct,
-        horizontal_fov=numbers["hfov"],
-        licence=row.get("licence", ""),
-    )
+    azimuth, elevation, fov, azimuth_std = numbers.values()
+    return PhotoRow(path, row["group"], azimuth, elevation, azimuth_std, direct, fov, row.get("licence", ""))

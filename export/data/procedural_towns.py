@@ -137,11 +137,11 @@ def _car(rng: np.random.Generator, center: Floats, yaw: float) -> list[Mesh]:
 
 def _person(rng: np.random.Generator, center: Floats) -> list[Mesh]:
     """A body, legs and a head, as boxes."""
-    yaw, tall = rng.uniform(0, 360), rng.uniform(1.5, 1.9)
+    yaw, height = rng.uniform(0, 360), rng.uniform(1.5, 1.9)
     coat, skin = np.clip(np.exp(rng.normal(-1.6, 0.8, 3)), 0.02, 0.7), np.array([0.4, 0.27, 0.2])
     return [
-        _box(center, np.array([0.45, tall * 0.84, 0.28]), yaw, coat),
-        _box(center, np.array([0.2, tall, 0.22]), yaw, skin),
+        _box(center, np.array([0.45, height * 0.84, 0.28]), yaw, coat),
+        _box(center, np.array([0.2, height, 0.22]), yaw, skin),
     ]
 
 
@@ -175,18 +175,13 @@ def _road(rng: np.random.Generator, yaw: float, offset: float) -> Mesh:
     """A strip of asphalt with a dashed line, `offset` beside the camera."""
     dark, white = np.full(3, rng.uniform(0.06, 0.2)), np.full(3, 0.7)
     half = rng.uniform(2.5, 6)
-    strip = [
-        [-300, 0.02, offset - half],
-        [300, 0.02, offset - half],
-        [300, 0.02, offset + half],
-        [-300, 0.02, offset + half],
-    ]
-    start = np.arange(-90, 90, 6.0)
-    dash = [
-        [[s, 0.03, offset - 0.07], [s + 3, 0.03, offset - 0.07], [s + 3, 0.03, offset + 0.07], [s, 0.03, offset + 0.07]]
-        for s in start
-    ]
-    return Mesh(_rotate(np.array([strip, *dash], float), yaw), np.array([dark, *[white] * len(dash)]))
+
+    def rectangle(x0: float, x1: float, y: float, half: float) -> list[list[float]]:
+        return [[x0, y, offset - half], [x1, y, offset - half], [x1, y, offset + half], [x0, y, offset + half]]
+
+    dashes = [rectangle(start, start + 3, 0.03, 0.07) for start in np.arange(-90, 90, 6.0)]
+    quads = np.array([rectangle(-300, 300, 0.02, half), *dashes], float)
+    return Mesh(_rotate(quads, yaw), np.array([dark, *[white] * len(dashes)]))
 
 
 def _wall(rng: np.random.Generator, yaw: float) -> Mesh:

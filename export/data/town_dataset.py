@@ -1,7 +1,6 @@
 """A folder of rendered towns in the format of any other folder of panoramas, with exact labels."""
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -47,23 +46,14 @@ def _render_town(number: int, height: int) -> _TownPanorama:
 
 
 def _make_label(name: str, sky: Sky, lit: float) -> Label:
-    nan = math.nan
-    has_sun = not sky.is_overcast
-    is_clear = sky.sunlight > _MIN_SUNLIGHT
-    return Label(
-        name=name,
-        sun_azimuth=sky.lighting.sun_azimuth if has_sun else nan,
-        sun_elevation=sky.lighting.sun_elevation if has_sun else nan,
-        sun_uncertainty=1.0 if has_sun else nan,
-        sun_source="given" if has_sun else "none",
-        found_azimuth=nan,
-        found_elevation=nan,
-        turbidity=sky.lighting.turbidity if is_clear else nan,
-        exposure=sky.lighting.exposure if is_clear else nan,
-        fit_residual=0.0 if is_clear else nan,
-        fit_ok=is_clear,
-        direct="yes" if lit > _MIN_DIRECT else "partly" if lit > _MIN_PARTLY else "no",
-    )
+    label = Label(name, direct="yes" if lit > _MIN_DIRECT else "partly" if lit > _MIN_PARTLY else "no")
+    light = sky.lighting
+    if not sky.is_overcast:
+        label = replace(label, sun_azimuth=light.sun_azimuth, sun_elevation=light.sun_elevation)
+        label = replace(label, sun_uncertainty=1.0, sun_source="given")
+    if sky.sunlight <= _MIN_SUNLIGHT:
+        return label
+    return replace(label, turbidity=light.turbidity, exposure=light.exposure, fit_residual=0.0, fit_ok=True)
 
 
 def render_towns(folder: Path, count: int, height: int) -> None:

@@ -54,10 +54,10 @@ class _InvertedResidual(nn.Module):
         self.drop = drop
 
     def forward(self, x: Tensor) -> Tensor:
-        wide: Tensor = x if self.expand is None else nn.functional.relu6(self.expand(x), inplace=True)
+        expanded: Tensor = x if self.expand is None else nn.functional.relu6(self.expand(x), inplace=True)
         with torch.autocast(x.device.type, enabled=False):  # bfloat16 depthwise gradients are several times slower
-            wide = self.depthwise(wide.float())
-        y: Tensor = self.project(nn.functional.relu6(wide, inplace=True))
+            expanded = self.depthwise(expanded.float())
+        y: Tensor = self.project(nn.functional.relu6(expanded, inplace=True))
         if not self.residual:
             return y
         if self.training and self.drop:
@@ -93,7 +93,7 @@ class Backbone(nn.Module):
     """
 
     FROZEN = 3
-    MIDDLE = 11  # blocks after which the maps have a sixteenth of the picture's resolution
+    MIDDLE_BLOCKS = 11  # blocks after which the maps have a sixteenth of the picture's resolution
 
     def __init__(self, drop_path: float = 0.1) -> None:
         super().__init__()
@@ -121,8 +121,8 @@ class Backbone(nn.Module):
 
     def forward(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Maps (B, 112, H/16, W/16) and (B, 320, H/32, W/32) of photos (B, 3, H, W), and 1280 pooled features."""
-        middle = self.blocks[: self.MIDDLE](nn.functional.relu6(self.stem(x)))
-        last = self.blocks[self.MIDDLE :](middle)
+        middle = self.blocks[: self.MIDDLE_BLOCKS](nn.functional.relu6(self.stem(x)))
+        last = self.blocks[self.MIDDLE_BLOCKS :](middle)
         return middle, last, nn.functional.relu6(self.head(last)).mean(dim=(2, 3))
 
 

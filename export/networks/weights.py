@@ -16,17 +16,12 @@ from torch import Tensor, nn
 from export.data.panoramas import DataError
 from export.networks.outdoor import build_network, load_weights
 from lighting.files.atomic import atomic_write
-from lighting.records import ModelSpec
+from lighting.records import Json, ModelSpec
 
 RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues
 CHECKPOINT = "checkpoint.pt"
-_OPTIONAL_PARTS = {
-    "has_sun_in_view": "seen.",
-    "has_camera_bins": "camera.",
-    "has_surroundings": "light.",
-}  # a head each
-
-Json = dict[str, Any]  # a record as JSON has it
+# Heads that not every network has, by the parameter of `build_network`, and how their weights are called.
+_OPTIONAL_PARTS = {"has_sun_in_view": "seen.", "has_camera_bins": "camera.", "has_surroundings": "light."}
 
 
 def read_record(folder: Path) -> Json:
@@ -169,7 +164,7 @@ def average_weights(folders: Sequence[Path], out: Path) -> None:
     """Write `out` as the folder of a run whose weights are the mean of those of `folders`.
 
     The runs must share their beginning (`train --start`), or the mean is no useful network. Weights that only some runs
-    have, such as those of the head `seen`, are averaged over these. DataError if the networks differ or if `out`
+    have, such as those of the sun in view, are averaged over these. DataError if the networks differ or if `out`
     already holds a run.
 
     Args:
@@ -183,8 +178,8 @@ def average_weights(folders: Sequence[Path], out: Path) -> None:
     weights = [averaged_weights(f) for f in folders]
     mean = {name: _mean([w[name] for w in weights if name in w]) for w in weights for name in w}
     names = dict.fromkeys(name for r in records for name in r["panoramas"]["train"])
-    held_out = [name for name in records[0]["panoramas"]["tune"] if name not in names]
-    record = {**records[0], "panoramas": {"train": list(names), "tune": held_out}, "merged": training_history(*records)}
+    tune = [name for name in records[0]["panoramas"]["tune"] if name not in names]
+    record = {**records[0], "panoramas": {"train": list(names), "tune": tune}, "merged": training_history(*records)}
     write_run(out, record, mean)
 
 

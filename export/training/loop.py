@@ -27,6 +27,7 @@ from export.training.dataset import Batch, TrainingCrops, synthetic_sources, tra
 from export.training.distillation import TeacherEnsemble, mixup
 from export.training.losses import training_losses
 from lighting.files.atomic import atomic_write, stale_temporaries
+from lighting.records import Json
 
 _MAX_GRADIENT = 5.0  # norm
 _CAMERA_LOSSES = ("parameters", "camera")  # losses that the camera's angles enter
@@ -99,28 +100,27 @@ class _Run:
         with atomic_write(self.checkpoint) as path:
             torch.save({**{k: v.state_dict() for k, v in parts.items()}, "step": self.step}, path)
 
-    def forward(self, network: nn.Module, batch: Batch) -> dict[str, Tensor]:
-        """Losses of a batch on the device, in bfloat16 where that is safe and the processor has it."""
-        with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
-            predicted = network(batch.photo)
-        return training_losses(predicted, batch)
+    def losses(self, network: nn.Module, batch: Batch, teachers: TeacherEnsemble | None = None) -> dict[str, Tensor]:
+        """Losses of a batch on the device, in bfloat16 where that is safe and the processor has it.
 
-    def distill(self, teachers: TeacherEnsemble, batch: Batch) -> dict[str, Tensor]:
-        """Losses of a batch against its targets and against what the teachers answer."""
-        batch = mixup(batch, self.config.blended)
+        With teachers, a share of the crops is blended, and what the teachers answer is a second target of all.
+        """
+        if teachers:
+            batch = mixup(batch, self.config.blended)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
-            answers = teachers.targets(batch.photo)
-            predicted = self.network(batch.photo)
-        by_teachers = training_losses(predicted, answers)
-        return training_losses(predicted, batch) | {f"taught {name}": loss for name, loss in by_teachers.items()}
+            answers = teachers.targets(batch.photo) if teachers else None
+            predicted = network(batch.photo)
+        parts = training_losses(predicted, batch)
+        if answers is not None:
+            parts |= {f"taught {name}": loss for name, loss in training_losses(predicted, answers).items()}
+        return parts
 
     def update(self, batch: Batch) -> dict[str, Tensor]:
         """One step of the optimizer; what it leaves out by chance depends on the step, so runs resume as they were."""
         torch.manual_seed(self.step)
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * _learning_rate(self.step, self.steps, self.config.warmup)
-        losses = self.distill(self.teachers, batch) if self.teachers else self.forward(self.network, batch)
-        parts = self._choose_losses(losses)
+        parts = self._choose_losses(self.losses(self.network, batch, self.teachers))
         torch.autograd.backward(torch.stack(list(parts.values())).sum())
         nn.utils.clip_grad_norm_(self.network.parameters(), _MAX_GRADIENT)
         self.optimizer.step()
@@ -153,7 +153,7 @@ class _Run:
         """Losses of the averaged weights over the held-out training places."""
         self.average.eval()
         with torch.inference_mode():
-            parts = [self.forward(self.average, batch) for batch in self.batches(dataset)]
+            parts = [self.losses(self.average, batch) for batch in self.batches(dataset)]
         return {name: float(torch.stack([p[name] for p in parts]).mean()) for name in parts[0]} if parts else {}
 
 
@@ -198,7 +198,7 @@ def _earlier_commits(config: TrainConfig) -> list[str]:
     return str(record["commit"]).split(", ")
 
 
-def _settings(config: TrainConfig) -> dict[str, Any]:
+def _settings(config: TrainConfig) -> Json:
     """A run's settings by name, its paths absolute."""
     settings = asdict(config)
     for name in PATH_SETTINGS:

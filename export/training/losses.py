@@ -23,26 +23,27 @@ def training_losses(predicted: NetworkOutput, batch: Batch) -> dict[str, Tensor]
         batch: the targets.
     """
     target = torch.cat([encode_parameters(batch.parameters[:, :5]), batch.parameters[:, 5:]], dim=1)
-    known = torch.isfinite(target)
-    target = torch.where(known, target, torch.zeros_like(target))
+    finite = torch.isfinite(target)
+    target = torch.where(finite, target, torch.zeros_like(target))
     fit = F.smooth_l1_loss(predicted.raw[:, :5].float(), target[:, :5], reduction="none", beta=0.3)
     shining = F.binary_cross_entropy_with_logits(predicted.raw[:, 5].float(), target[:, 5], reduction="none")
-    by_parameter = _masked_mean(fit, known[:, :5])
+    by_parameter = _masked_mean(fit, finite[:, :5])
     parts = {
         "sun": _sun(predicted.sun, batch),
         "parameters": (by_parameter * by_parameter.new_tensor(_PARAMETER_WEIGHTS)).sum(),
-        "visibility": _masked_mean(shining, known[:, 5]),
+        "visibility": _masked_mean(shining, finite[:, 5]),
     }
     if predicted.sun_in_view.shape[1]:
         parts["seen"] = _cross_entropy(predicted.sun_in_view, batch.sun_in_view)
     if predicted.surroundings.shape[1]:
-        finite = torch.isfinite(batch.surroundings)
         error = F.smooth_l1_loss(
             predicted.surroundings.float(), batch.surroundings.nan_to_num(), reduction="none", beta=0.3
         )
-        parts["around"] = _SURROUNDINGS_WEIGHT * _masked_mean(error.mean(dim=1), finite.all(dim=1))
+        parts["around"] = _SURROUNDINGS_WEIGHT * _masked_mean(
+            error.mean(dim=1), torch.isfinite(batch.surroundings).all(dim=1)
+        )
     if predicted.camera.shape[1]:
-        parts["camera"] = _CAMERA_WEIGHT * _camera(predicted.camera, target[:, 2:5], known[:, 2:5])
+        parts["camera"] = _CAMERA_WEIGHT * _camera(predicted.camera, target[:, 2:5], finite[:, 2:5])
     if predicted.light.shape[1]:
         parts["light"] = _LIGHT_WEIGHT * _light(predicted.light.float(), batch.light)
     return parts
@@ -63,11 +64,11 @@ def _camera(logits: Tensor, target: Tensor, known: Tensor) -> Tensor:
 
 def _light(predicted: Tensor, target: Tensor) -> Tensor:
     """The median in the logarithm of the powers, and the cloud cover."""
-    known = torch.isfinite(target)
+    finite = torch.isfinite(target)
     target = target.nan_to_num()
     error = F.smooth_l1_loss(predicted[:, :6], target[:, :6], reduction="none", beta=0.1)
     covered = F.binary_cross_entropy_with_logits(predicted[:, 6], target[:, 6], reduction="none")
-    return _masked_mean(error, known[:, :6]).sum() / 3 + _masked_mean(covered, known[:, 6])
+    return _masked_mean(error, finite[:, :6]).sum() / 3 + _masked_mean(covered, finite[:, 6])
 
 
 def _cross_entropy(logits: Tensor, target: Tensor) -> Tensor:

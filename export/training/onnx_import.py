@@ -12,16 +12,17 @@ from typing import Any
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor, nn
 from torch.utils.data import DataLoader
 
 from export.crops.crops import load_sources
 from export.data.panoramas import DataError
 from export.networks.outdoor import HEADS, Outdoor, build_network
-from export.networks.weights import Json, check_new, write_run
+from export.networks.weights import check_new, write_run
 from export.training.config import TrainConfig
 from export.training.dataset import TrainingCrops, training_panoramas
-from lighting.records import ModelSpec
+from lighting.records import Json, ModelSpec
 
 _GROUPS = ("networks", "cameras")  # in the order in which a file's networks are numbered
 _CROPS = 768  # that the statistics are taken from
@@ -98,7 +99,7 @@ def _prefixes(tensors: Iterable[str]) -> list[str]:
     return [f"{group}.{number}." for group, number in sorted(groups, key=lambda k: (_GROUPS.index(k[0]), int(k[1])))]
 
 
-def _weights(network: nn.Module, tensors: dict[str, Any], prefix: str) -> dict[str, Tensor]:
+def _weights(network: nn.Module, tensors: dict[str, NDArray[Any]], prefix: str) -> dict[str, Tensor]:
     """State of a network from a file's tensors; batch normalisation is left to change nothing but to add the bias."""
     state: dict[str, Tensor] = {}
     folded: dict[str, Tensor] = {}
@@ -128,7 +129,7 @@ def _before(name: str) -> str:
     return f"{parent}.{int(index) - 1}"
 
 
-def _find_tensor(tensors: dict[str, Any], name: str) -> Tensor | None:
+def _find_tensor(tensors: dict[str, NDArray[Any]], name: str) -> Tensor | None:
     """A tensor of the file in single precision, stored as it is, in half precision, or as bytes with a scale.
 
     Networks that share first layers, which training leaves as they are, have them under the name of one of them.

@@ -7,6 +7,7 @@ probability of one half raises a false alarm for _FALSE_ALARMS of the photos of 
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -115,8 +116,9 @@ def _describe_photos(head: _Head, networks: Sequence[Outdoor], data: Path, spec:
         return ""
     photos = [resize_to_input(read_photo(data / row["file"]), spec) for row in read_table(table, ("file",))]
     shares = [
-        100 * float((head.logits(_features(networks, spec, (np.rot90(p, turn) for p in photos))) < 0).float().mean())
-        for turn in range(4)
+        100
+        * float((head.logits(_features(networks, spec, (np.rot90(p, quarters) for p in photos))) < 0).float().mean())
+        for quarters in range(4)
     ]
     upright, left, down, right = (f"{share:.1f}" for share in shares)
     return (
@@ -134,13 +136,8 @@ def _panorama_crops(sources: Sequence[Source], count: int, spec: ModelSpec) -> I
 
 def _features(networks: Sequence[Outdoor], spec: ModelSpec, pictures: Iterable[Picture]) -> Tensor:
     """Pooled features (N, 1280 a network) of pictures (h, w, 3)."""
-    features, waiting = [], []
-    for picture in pictures:
-        waiting.append(torch.from_numpy(pad_to_input(np.ascontiguousarray(picture), spec)))
-        if len(waiting) == _BATCH:
-            features.append(_pooled(networks, waiting))
-            waiting = []
-    return torch.cat([*features, _pooled(networks, waiting)] if waiting else features)
+    photos = (torch.from_numpy(pad_to_input(np.ascontiguousarray(picture), spec)) for picture in pictures)
+    return torch.cat([_pooled(networks, batch) for batch in iter(lambda: list(islice(photos, _BATCH)), [])])
 
 
 def _pooled(networks: Sequence[Outdoor], photos: list[Tensor]) -> Tensor:

@@ -50,12 +50,12 @@ def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path
 def test_commands_say_which_panoramas_are_missing_in_one_sentence(data: Path, network: Path, tmp_path: Path) -> None:
     (tmp_path / "panoramas").symlink_to(data / "panoramas")
     (tmp_path / INDEX).write_text((data / INDEX).read_text().replace(",val,", ",train,"))
-    asked = ["--labels", str(data / "labels.csv"), "--model", str(network)]
+    options = ["--labels", str(data / "labels.csv"), "--model", str(network)]
     for command, folder, message in (
-        (["evaluate", *asked, "--out", str(tmp_path / "out")], tmp_path, "is of the split val"),
-        (["fit", "sky-color", *asked], data, "The network states no light"),
-        (["fit", "ground", *asked], data, "The network states no light"),
-        (["fit", "sun-color", *asked], data, "has no HDR panorama in `train` that is sunny or overcast"),
+        (["evaluate", *options, "--out", str(tmp_path / "out")], tmp_path, "is of the split val"),
+        (["fit", "sky-color", *options], data, "The network states no light"),
+        (["fit", "ground", *options], data, "The network states no light"),
+        (["fit", "sun-color", *options], data, "has no HDR panorama in `train` that is sunny or overcast"),
         (["report", "video", "--model", str(network)], tmp_path, "is of the split val"),
         (["report", "photo-sets", "pairs"], tmp_path, "is left in `val`"),
     ):

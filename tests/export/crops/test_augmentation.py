@@ -108,42 +108,42 @@ def test_companions_are_other_places_under_the_same_light() -> None:
         at("f", nan, "no"),
         at("g", 16.0),
     ]
-    found = cutmix_partners(sources, np.arange(1.0, 9.0))
-    assert [list(numbers) for numbers, _ in found] == [[2, 7], [2], [0, 1], [3], [4], [6], [5], [0]]
-    np.testing.assert_allclose(found[0][1], [3 / 11, 1.0])
-    assert all(chances[-1] == pytest.approx(1.0) for _, chances in found)
+    partners = cutmix_partners(sources, np.arange(1.0, 9.0))
+    assert [list(numbers) for numbers, _ in partners] == [[2, 7], [2], [0, 1], [3], [4], [6], [5], [0]]
+    np.testing.assert_allclose(partners[0][1], [3 / 11, 1.0])
+    assert all(chances[-1] == pytest.approx(1.0) for _, chances in partners)
 
 
 def test_panoramas_that_are_never_drawn_are_nobodys_companion() -> None:
-    found = cutmix_partners([at("a", 20.0), at("b", 21.0), at("c", 60.0)], np.array([1.0, 0.0, 0.0]))
-    assert [list(numbers) for numbers, _ in found] == [[0], [0], [2]]
-    assert all(chances[-1] == 1.0 for _, chances in found)
+    partners = cutmix_partners([at("a", 20.0), at("b", 21.0), at("c", 60.0)], np.array([1.0, 0.0, 0.0]))
+    assert [list(numbers) for numbers, _ in partners] == [[0], [0], [2]]
+    assert all(chances[-1] == 1.0 for _, chances in partners)
 
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_both_cameras_see_their_sun_in_the_same_place(mirrored: bool) -> None:
     one, other = source(), source("ldr", sun=label())
-    turned = replace(other, levels=(np.roll(other.levels[0], 100, axis=1),), label=label(40.0 + 100 / 512 * 360))
+    rotated = replace(other, levels=(np.roll(other.levels[0], 100, axis=1),), label=label(40.0 + 100 / 512 * 360))
     camera = Camera(30.0, 15.0, 6.0, 60.0, 4 / 3, mirrored)
     first = crop_panorama(one, camera, EXAMPLES_SPEC)
-    seen = set()
+    mirrored_views = set()
     for index in range(12):
-        second_camera = matching_camera(camera, one, turned, crop_rng("same view", index, "test"))
-        second = crop_panorama(turned, second_camera, EXAMPLES_SPEC)
-        seen.add(second_camera.mirrored)
+        second_camera = matching_camera(camera, one, rotated, crop_rng("same view", index, "test"))
+        second = crop_panorama(rotated, second_camera, EXAMPLES_SPEC)
+        mirrored_views.add(second_camera.mirrored)
         assert second.sun_azimuth == pytest.approx(first.sun_azimuth)
         assert second.camera.roll == pytest.approx(first.camera.roll)
         np.testing.assert_allclose(brightest(second), brightest(first), atol=2.0)
-    assert seen == {False, True}
+    assert mirrored_views == {False, True}
 
 
 def test_without_a_sun_the_second_camera_looks_anywhere() -> None:
     one, other = at("a", float("nan"), "no"), at("b", float("nan"), "no")
     one = replace(one, label=replace(one.label, sun_azimuth=float("nan")))
     camera = Camera(30.0, 15.0, 6.0, 60.0, 4 / 3)
-    seen = [matching_camera(camera, one, other, crop_rng("no sun", i, "test")) for i in range(20)]
-    assert np.ptp([c.azimuth for c in seen]) > 180
-    assert {(c.elevation, c.roll, c.vertical_fov) for c in seen} == {(15.0, 6.0, 60.0)}
+    mirrored_views = [matching_camera(camera, one, other, crop_rng("no sun", i, "test")) for i in range(20)]
+    assert np.ptp([c.azimuth for c in mirrored_views]) > 180
+    assert {(c.elevation, c.roll, c.vertical_fov) for c in mirrored_views} == {(15.0, 6.0, 60.0)}
 
 
 def test_a_joined_crop_shows_both_places_and_the_first_ones_sun() -> None:

@@ -33,9 +33,9 @@ def test_cameras_stay_inside_their_protocol(draw: object) -> None:
 
 def test_aimed_cameras_hold_the_sun() -> None:
     rng = np.random.default_rng(1)
-    held = 0
+    in_view = 0
     for azimuth, elevation in [(0.0, 5.0), (100.0, 30.0), (-170.0, 45.0)]:
         for _ in range(20):
             camera = aimed_camera(rng, azimuth, elevation)
-            held += crop(camera, azimuth - camera.azimuth, elevation).sun_pixel is not None
-    assert held > 55
+            in_view += crop(camera, azimuth - camera.azimuth, elevation).sun_pixel is not None
+    assert in_view > 55

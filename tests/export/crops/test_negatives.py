@@ -25,9 +25,9 @@ def test_listed_pictures_are_read_and_varied(tmp_path: Path) -> None:
     (tmp_path / TABLE).write_text("file,kind,source\na.png,indoor,somebody/photos:a.png\n", encoding="utf-8")
     (picture,) = read_unsuitable(tmp_path)
     assert (picture.kind, picture.group) == ("indoor", "somebody/photos")
-    shown = _vary(picture.pixels, np.random.default_rng(0), EXAMPLES_SPEC)
-    assert shown.shape == (168, 224, 3)
-    assert shown[..., 2].mean() > shown[..., 0].mean()
+    variant = _vary(picture.pixels, np.random.default_rng(0), EXAMPLES_SPEC)
+    assert variant.shape == (168, 224, 3)
+    assert variant[..., 2].mean() > variant[..., 0].mean()
     assert read_unsuitable(tmp_path / "elsewhere") == []
 
 

@@ -96,8 +96,8 @@ def test_the_scale_that_made_the_photos_is_found(scale: float) -> None:
     crops, weights = rng.uniform(0, 80, 4000), rng.uniform(0.5, 2.0, 4000)
     chance = weights * np.exp(-crops / scale)
     photos = rng.choice(crops, 40000, p=chance / chance.sum())
-    found, gain = _fit_scale(crops, weights, photos)
-    assert found == pytest.approx(scale, rel=0.15)
+    fitted, gain = _fit_scale(crops, weights, photos)
+    assert fitted == pytest.approx(scale, rel=0.15)
     assert gain > 0
 
 

@@ -42,30 +42,30 @@ def panorama(kind: str, direct: str, notes: str = "", sun: str = "visible", *, d
 
 
 def test_an_unclipped_sun_tells_both_powers() -> None:
-    found = panorama_irradiance(panorama("hdr", "yes", "max/sky 4000; sun unclipped"))
-    np.testing.assert_allclose(found.sun, sun_irradiance(SKY), rtol=0.03)
-    np.testing.assert_allclose(found.sky, sky_irradiance(SKY), rtol=0.05)
-    assert found.cover == 0.0
+    irradiance = panorama_irradiance(panorama("hdr", "yes", "max/sky 4000; sun unclipped"))
+    np.testing.assert_allclose(irradiance.sun, sun_irradiance(SKY), rtol=0.03)
+    np.testing.assert_allclose(irradiance.sky, sky_irradiance(SKY), rtol=0.05)
+    assert irradiance.cover == 0.0
 
 
 def test_a_clipped_sun_is_that_of_a_clear_sky() -> None:
-    found = panorama_irradiance(panorama("ldr", "yes"))
-    np.testing.assert_allclose(found.sky, sky_irradiance(SKY), rtol=0.06)
-    np.testing.assert_allclose(found.sun, found.sky * clear_sun_to_sky_ratio(25))
+    irradiance = panorama_irradiance(panorama("ldr", "yes"))
+    np.testing.assert_allclose(irradiance.sky, sky_irradiance(SKY), rtol=0.06)
+    np.testing.assert_allclose(irradiance.sun, irradiance.sky * clear_sun_to_sky_ratio(25))
 
 
 def test_without_direct_sun_the_sun_is_weak() -> None:
-    found = panorama_irradiance(panorama("ldr", "no", sun="none", disc=False))
-    np.testing.assert_allclose(found.sun, _COVERED_SUN * found.sky)
-    assert found.cover == 1.0
+    irradiance = panorama_irradiance(panorama("ldr", "no", sun="none", disc=False))
+    np.testing.assert_allclose(irradiance.sun, _COVERED_SUN * irradiance.sky)
+    assert irradiance.cover == 1.0
 
 
 def test_a_white_sky_tells_no_power() -> None:
     white = panorama("ldr", "partly")
     white.levels[0][:128] = 255
-    found = panorama_irradiance(white)
-    assert np.isnan(found.sky).all()
-    assert np.isnan(found.sun).all()
+    irradiance = panorama_irradiance(white)
+    assert np.isnan(irradiance.sky).all()
+    assert np.isnan(irradiance.sun).all()
 
 
 def test_the_integral_is_that_of_a_level_plane() -> None:

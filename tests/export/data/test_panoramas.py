@@ -45,8 +45,8 @@ def test_all_columns_of_a_rendered_folder(tmp_path: Path) -> None:
 
 
 def test_an_empty_number_is_none_and_a_number_is_read(tmp_path: Path) -> None:
-    given = {**ROW, "sun": "visible", "sun_azimuth": "-12.5", "sun_elevation": "40", "sun_uncertainty": ""}
-    (panorama,) = read_index(write_index(tmp_path, given))
+    row = {**ROW, "sun": "visible", "sun_azimuth": "-12.5", "sun_elevation": "40", "sun_uncertainty": ""}
+    (panorama,) = read_index(write_index(tmp_path, row))
     assert (panorama.sun_azimuth, panorama.sun_elevation, panorama.sun_uncertainty) == (-12.5, 40.0, None)
 
 
@@ -154,7 +154,8 @@ def patch_with(monkeypatch: pytest.MonkeyPatch, folder: Path, *lines: str, heade
     monkeypatch.setattr("export.data.panoramas.PATCH", path)
 
 
-GIVEN = {**ROW, "sun": "visible", "sun_azimuth": "10", "sun_elevation": "40", "sun_uncertainty": "3", "direct": "yes"}
+VISIBLE_ROW = {**ROW, "sun": "visible", "sun_azimuth": "10", "sun_elevation": "40"}
+VISIBLE_ROW |= {"sun_uncertainty": "3", "direct": "yes"}
 
 
 def test_the_projects_own_patch_can_be_read() -> None:
@@ -166,7 +167,7 @@ def test_a_patch_changes_the_fields_that_it_fills_and_ignores_unknown_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     patch_with(monkeypatch, tmp_path, "a,,-170,,,partly,half a turn off", "b,,1,2,3,,of another folder")
-    (panorama,) = read_index(write_index(tmp_path, GIVEN))
+    (panorama,) = read_index(write_index(tmp_path, VISIBLE_ROW))
     assert (panorama.sun, panorama.sun_azimuth, panorama.sun_elevation) == ("visible", -170.0, 40.0)
     assert (panorama.sun_uncertainty, panorama.direct) == (3.0, "partly")
 
@@ -182,7 +183,7 @@ def test_a_sun_that_is_taken_back_loses_its_direction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, sun: str
 ) -> None:
     patch_with(monkeypatch, tmp_path, f"a,{sun},,,,,a lamp")
-    (panorama,) = read_index(write_index(tmp_path, GIVEN))
+    (panorama,) = read_index(write_index(tmp_path, VISIBLE_ROW))
     assert panorama.sun == sun
     assert panorama.sun_azimuth is panorama.sun_elevation is panorama.sun_uncertainty is None
 

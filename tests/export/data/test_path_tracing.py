@@ -45,12 +45,12 @@ def test_an_llvm_that_ends_the_process_is_not_taken(tmp_path: Path, monkeypatch:
 @pytest.mark.usefixtures("llvm")
 def test_the_sky_is_seen_where_it_is() -> None:
     sky, height = clear(), 64
-    seen = RenderedTown(plain(4.0), NOTHING, sky).panorama(height, 0)
+    traced = RenderedTown(plain(4.0), NOTHING, sky).panorama(height, 0)
     upper = sky.radiance[: HEIGHT // 2].reshape(height // 2, 4, 2 * height, 4, 3).mean(axis=(1, 3))
     near = angle_between(latlong_directions(height)[: height // 2], sky.lighting.sun_direction) < 12
-    ratio = (seen[: height // 2] / upper)[~near]
+    ratio = (traced[: height // 2] / upper)[~near]
     assert np.percentile(np.abs(ratio - 1), 90) < 0.03
-    peak = latlong_directions(height).reshape(-1, 3)[seen.sum(axis=2).argmax()]
+    peak = latlong_directions(height).reshape(-1, 3)[traced.sum(axis=2).argmax()]
     assert angle_between(peak, sky.lighting.sun_direction) < 3.0
 
 
@@ -75,11 +75,11 @@ def test_a_shadow_falls_away_from_the_sun() -> None:
     toward = direction(60.0, 0.0)[[0, 2]]
     tower = _box(15 * toward, np.array([6.0, 30.0, 6.0]), -60.0, np.array(ALBEDO))
     scene = RenderedTown(_join([plain(), tower]), NOTHING, sky)
-    here, aside = np.array([[0.0, EYE, 0.0]]), np.array([[*(20 * toward[::-1] * [1, -1])]])
-    aside = np.array([[aside[0, 0], EYE, aside[0, 1]]])
-    assert scene.sunlit_share(here) == 0.0
-    assert scene.sunlit_share(aside) == 1.0
-    assert scene.sunlit_share(np.concatenate([here, aside])) == 0.5
+    camera, sunlit = np.array([[0.0, EYE, 0.0]]), np.array([[*(20 * toward[::-1] * [1, -1])]])
+    sunlit = np.array([[sunlit[0, 0], EYE, sunlit[0, 1]]])
+    assert scene.sunlit_share(camera) == 0.0
+    assert scene.sunlit_share(sunlit) == 1.0
+    assert scene.sunlit_share(np.concatenate([camera, sunlit])) == 0.5
     assert scene.is_clear()
 
 

@@ -26,9 +26,9 @@ from tests.helpers.panoramas import ALBEDO, NOTHING, plain
 
 
 def test_a_box_stands_on_the_ground_and_turns() -> None:
-    stood = _box(np.array([10.0, -4.0]), np.array([2.0, 3.0, 6.0]), 90.0, np.array(ALBEDO)).corners.reshape(-1, 3)
-    np.testing.assert_allclose(stood.min(axis=0), [7, 0, -5], atol=1e-9)
-    np.testing.assert_allclose(stood.max(axis=0), [13, 3, -3], atol=1e-9)
+    box = _box(np.array([10.0, -4.0]), np.array([2.0, 3.0, 6.0]), 90.0, np.array(ALBEDO)).corners.reshape(-1, 3)
+    np.testing.assert_allclose(box.min(axis=0), [7, 0, -5], atol=1e-9)
+    np.testing.assert_allclose(box.max(axis=0), [13, 3, -3], atol=1e-9)
 
 
 def test_meshes_join_turn_and_move() -> None:

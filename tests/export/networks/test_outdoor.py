@@ -107,8 +107,8 @@ def test_a_new_network_sees_no_sun() -> None:
     """Its bias says so: most pictures show none."""
     network = Outdoor(SPEC, 1024).eval()
     with torch.inference_mode():
-        seen = network(torch.zeros(1, 3, SPEC.height, SPEC.width)).sun_in_view.softmax(dim=1)
-    assert float(seen[0, 0]) > 0.5
+        in_view = network(torch.zeros(1, 3, SPEC.height, SPEC.width)).sun_in_view.softmax(dim=1)
+    assert float(in_view[0, 0]) > 0.5
 
 
 def test_heads_that_are_not_asked_for_are_not_there() -> None:
@@ -158,11 +158,11 @@ def test_cells_look_where_the_cameras_pixels_do(camera: Camera) -> None:
     height, width = one.linear.shape[:2]
     expected = camera_directions(Pinhole(width, height, camera.vertical_fov, 0.0, camera.elevation, camera.roll))
     top, left = (EXAMPLES_SPEC.height - height) // 2, (EXAMPLES_SPEC.width - width) // 2
-    found = rays(one)[0].reshape(EXAMPLES_SPEC.height // CELL, EXAMPLES_SPEC.width // CELL, 3).numpy()
+    directions = rays(one)[0].reshape(EXAMPLES_SPEC.height // CELL, EXAMPLES_SPEC.width // CELL, 3).numpy()
     for row, column in [(7, 7), (6, 8), (8, 5)]:
         y, x = (row + 0.5) * CELL - top, (column + 0.5) * CELL - left
         between = expected[round(y) - 1 : round(y) + 1, round(x) - 1 : round(x) + 1].reshape(-1, 3).mean(axis=0)
-        assert angle_between(found[row, column], between) < 0.3
+        assert angle_between(directions[row, column], between) < 0.3
 
 
 @pytest.mark.parametrize("camera", VIEWS)
@@ -181,10 +181,10 @@ def test_what_is_not_seen_changes_nothing_and_half_a_doubt_counts_half() -> None
     one = crop(VIEWS[0], 8.0, 17.0)
     sun = torch.rand(1, len(GRID_DIRECTIONS)).softmax(dim=1)
     nowhere = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, False)).float()[None]
-    seen = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
+    in_view = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
     torch.testing.assert_close(fuse_sun_in_view(sun, nowhere, rays(one), GRID_DIRECTIONS), sun)
-    half = fuse_sun_in_view(sun, (nowhere + seen) / 2, rays(one), GRID_DIRECTIONS)
-    torch.testing.assert_close(half, (sun + fuse_sun_in_view(sun, seen, rays(one), GRID_DIRECTIONS)) / 2)
+    half = fuse_sun_in_view(sun, (nowhere + in_view) / 2, rays(one), GRID_DIRECTIONS)
+    torch.testing.assert_close(half, (sun + fuse_sun_in_view(sun, in_view, rays(one), GRID_DIRECTIONS)) / 2)
 
 
 def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> None:

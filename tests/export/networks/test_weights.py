@@ -89,11 +89,11 @@ def test_history_lists_each_run_once_and_no_paths() -> None:
 def test_of_the_runs_and_places_that_a_run_learnt_from_the_names_alone_are_listed() -> None:
     one = record(10)
     one["config"] |= {"start": "/home/me/runs/first", "synthetic": "runs/towns/", "teachers": ["/a/b", "c"]}
-    (told,) = training_history(one)
-    assert (told["start"], told["synthetic"], told["teachers"]) == ("first", "towns", ["b", "c"])
-    older = {**told, "start": "/work/first", "synthetic": "", "teachers": []}  # as runs listed them before
+    (run,) = training_history(one)
+    assert (run["start"], run["synthetic"], run["teachers"]) == ("first", "towns", ["b", "c"])
+    older = {**run, "start": "/work/first", "synthetic": "", "teachers": []}  # as runs listed them before
     assert [run["start"] for run in training_history(record(20, before=[older]))[:1]] == ["first"]
-    assert len(training_history(one, record(30, merged=[{**told, "start": "/home/me/runs/first"}]))) == 1
+    assert len(training_history(one, record(30, merged=[{**run, "start": "/home/me/runs/first"}]))) == 1
 
 
 def test_the_training_data_are_one_sentence() -> None:

@@ -44,18 +44,18 @@ def test_a_run_leaves_what_reproduces_it(trained: Path, config: TrainConfig) -> 
 def test_a_run_is_resumed_with_its_own_settings_alone(
     config: TrainConfig, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own = replace(config, out=str(tmp_path), crops=8, batch=4)
-    train_network(own)
+    short = replace(config, out=str(tmp_path), crops=8, batch=4)
+    train_network(short)
     record = json.loads((tmp_path / RECORD).read_text())
     with pytest.raises(DataError, match=r"holds a run with another crops and licensed_only; choose another --out"):
-        train_network(replace(own, crops=4, licensed_only=True))
-    train_network(replace(own, workers=0, checkpoint_minutes=9.0))
+        train_network(replace(short, crops=4, licensed_only=True))
+    train_network(replace(short, workers=0, checkpoint_minutes=9.0))
     again = json.loads((tmp_path / RECORD).read_text())
     assert again["commit"] == record["commit"]
     assert again["config"] == {**record["config"], "workers": 0, "checkpoint_minutes": 9.0}
     monkeypatch.setitem(train_network.__globals__, "commit", lambda: "one that trained nothing")
     moved = shutil.copytree(tmp_path, tmp_path / "moved")
-    train_network(replace(own, out=str(moved)))
+    train_network(replace(short, out=str(moved)))
     assert json.loads((moved / RECORD).read_text())["commit"] == record["commit"]
 
 
@@ -105,16 +105,16 @@ def test_what_belongs_to_another_network_or_time_is_one_sentence(
 def test_a_path_may_be_written_another_way_when_a_run_is_resumed(
     config: TrainConfig, trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    own = replace(config, out=str(trained))
+    short = replace(config, out=str(trained))
     folder = Path(config.data)
     monkeypatch.chdir(folder.parent)
-    relative = replace(own, data=folder.name, labels=f"{folder.name}/../{folder.name}/labels.csv")
-    assert _earlier_commits(relative) == _earlier_commits(own)
+    relative = replace(short, data=folder.name, labels=f"{folder.name}/../{folder.name}/labels.csv")
+    assert _earlier_commits(relative) == _earlier_commits(short)
     monkeypatch.chdir(tmp_path)
     with pytest.raises(DataError, match="another data and labels"):
         _earlier_commits(relative)
     with pytest.raises(DataError, match="another teachers and start and synthetic"):
-        _earlier_commits(replace(own, start=".", synthetic=".", teachers=(".",)))
+        _earlier_commits(replace(short, start=".", synthetic=".", teachers=(".",)))
 
 
 def test_a_batch_can_be_learnt_by_heart(config: TrainConfig) -> None:
@@ -224,13 +224,13 @@ def test_crops_of_a_stretched_world_have_other_pictures_and_suns(config: TrainCo
 
 
 def test_a_run_that_would_train_nothing_is_refused_and_leaves_no_folder(config: TrainConfig, tmp_path: Path) -> None:
-    asked = replace(config, out=str(tmp_path / "run"), crops=8)
+    requested = replace(config, out=str(tmp_path / "run"), crops=8)
     with pytest.raises(DataError, match=r"8 crops do not fill one step of 32, so nothing would be trained\.$"):
-        train_network(replace(asked, batch=32))
+        train_network(replace(requested, batch=32))
     with pytest.raises(DataError, match="no photo to learn from"):
-        train_network(replace(asked, photos_share=0.5))
+        train_network(replace(requested, photos_share=0.5))
     with pytest.raises(DataError, match="cannot be read"):
-        train_network(replace(asked, labels=str(tmp_path / "none.csv")))
+        train_network(replace(requested, labels=str(tmp_path / "none.csv")))
     assert not (tmp_path / "run").exists()
 
 

@@ -22,9 +22,9 @@ def test_unknown_targets_cost_nothing() -> None:
     batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, sun, nothing, nothing, torch.tensor([False, False]))
     predicted = NetworkOutput(logits, raw, logits, nothing, nothing, nothing, nothing)
     parts = training_losses(predicted, batch)
-    found = {name: part.item() for name, part in parts.items()}
+    costs = {name: part.item() for name, part in parts.items()}
     expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
-    assert found == pytest.approx(expected, abs=1e-6)
+    assert costs == pytest.approx(expected, abs=1e-6)
     assert "seen" not in training_losses(predicted._replace(sun_in_view=nothing), batch)
     torch.autograd.backward(sum(parts.values(), torch.zeros(())))
     assert raw.grad is not None

@@ -36,8 +36,8 @@ def test_shared_first_layers_are_found_under_the_other_networks_names(trained: P
     network, _ = _read_onnx_network(file, 0)
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
-        expected, found = read_network(trained)(photo), network.eval()(photo)
-    assert (found.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
+        expected, answer = read_network(trained)(photo), network.eval()(photo)
+    assert (answer.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
 
 
 def test_the_shipped_networks_can_be_read_back_with_their_heads() -> None:
@@ -59,12 +59,12 @@ def test_a_network_read_back_answers_as_before(trained: Path, trained_network: P
     network, metadata = _read_onnx_network(trained_network, 0)
     photo = torch.randn(4, 3, 224, 224)
     with torch.inference_mode():
-        expected, found = read_network(trained)(photo), network.eval()(photo)
-        assert (found.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
-        assert (found.raw - expected.raw).abs().max() < ROUNDED * expected.raw.abs().max()
+        expected, answer = read_network(trained)(photo), network.eval()(photo)
+        assert (answer.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
+        assert (answer.raw - expected.raw).abs().max() < ROUNDED * expected.raw.abs().max()
         _recalibrate_batch_norm(network, [photo])
         again = network(photo)
-    torch.testing.assert_close(again.sun, found.sun, rtol=1e-3, atol=1e-4)
+    torch.testing.assert_close(again.sun, answer.sun, rtol=1e-3, atol=1e-4)
     for module in network.modules():
         if isinstance(module, nn.BatchNorm2d) and module.weight.requires_grad:
             assert module.running_mean is not None

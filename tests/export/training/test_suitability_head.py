@@ -38,9 +38,9 @@ def test_pictures_are_judged_by_heads_that_saw_none_of_their_owner() -> None:
         owners[20 * owner : 20 * owner + 20, owner] -= 8
     fold = _folds([name for name in ("c", "a", "b") for _ in range(5)], 4, len(made))
     assert fold.tolist() == [*[0] * 20, *[1] * 20, *[2] * 20, *[-1] * 60]
-    seen = _caught(good, other, torch.cat([owners, made]), fold)
-    assert list(seen) == [*_RATES]
-    rare, more = (values.reshape(6, 20).mean(axis=1) for values in seen.values())
+    caught = _caught(good, other, torch.cat([owners, made]), fold)
+    assert list(caught) == [*_RATES]
+    rare, more = (values.reshape(6, 20).mean(axis=1) for values in caught.values())
     assert rare[0] > 0.9
     assert rare[3:].min() > 0.9
     assert max(rare[1], rare[2]) < 0.3
@@ -60,15 +60,15 @@ def test_the_head_is_written_where_networks_are_read(trained: Path, tmp_path: Pa
         count = 1280 * len(together)
         head = _fit(torch.randn(50, count) + 1, torch.randn(50, count), torch.randn(50, count) + 1)
         _write(together, head)
-        said = []
+        logits = []
         for run, part in zip(together, pooled.chunk(2, dim=1), strict=False):
             network = read_network(run)
             assert isinstance(network, Outdoor)
             assert network.suitable is not None
             with torch.inference_mode():
-                said.append(network.suitable(part)[:, 0])
+                logits.append(network.suitable(part)[:, 0])
         expected = head.logits(pooled[:, :count])
-        np.testing.assert_allclose(torch.stack(said).mean(dim=0), expected, rtol=1e-4, atol=1e-4)
+        np.testing.assert_allclose(torch.stack(logits).mean(dim=0), expected, rtol=1e-4, atol=1e-4)
 
 
 def test_networks_without_light_are_refused_and_left_alone(trained: Path, data: Path) -> None:
