@@ -19,13 +19,13 @@ from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
-LIGHT_OUTPUT = (  # of output `light`: irradiances in the photo's linear units, then two shares
+_LIGHT_OUTPUT = (  # of output `light`: irradiances in the photo's linear units, then two shares
     *("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue"),
     *("cover", "suitable"),
 )
 OUTPUTS = ("sun_probability", "parameters")
 OPTIONAL_OUTPUTS = {  # of which `around` needs `light`
-    "light": (len(LIGHT_OUTPUT),),
+    "light": (len(_LIGHT_OUTPUT),),
     "around": SURROUNDINGS_SHAPE,
 }
 MODEL_CARD = "MODEL_CARD.md"  # beside a network's file

@@ -432,7 +432,7 @@ def map_context(
     return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings)
 
 
-def check_compression(output: str, compression: str | None) -> None:
+def check_compression_option(output: str, compression: str | None) -> None:
     """Raise UsageError for a compression where no file takes one.
 
     Args:

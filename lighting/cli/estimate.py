@@ -7,7 +7,7 @@ import click
 
 from lighting.cli import cli
 from lighting.cli.console import (
-    check_compression,
+    check_compression_option,
     estimate_photo,
     format_summary,
     load_estimator,
@@ -169,7 +169,7 @@ def _envmap(
 ) -> None:
     """Estimate the light of PHOTO and render its environment map."""
     refuse_collisions(photo, output, preview)
-    check_compression(output, view["compression"])
+    check_compression_option(output, view["compression"])
     with prefix_errors(photo):
         data = read_photo_bytes(photo)
         picture, estimate = estimate_photo(data, user_input, model, warm_up)
@@ -192,7 +192,7 @@ def _render(record: str, output: str, **view: Any) -> None:
     LIGHTING.json holds one record, or one line that "estimate --json" printed.
     """
     refuse_collisions(record, output)
-    check_compression(output, view["compression"])
+    check_compression_option(output, view["compression"])
     write_output_map(output, read_lighting(record), **view)
 
 
