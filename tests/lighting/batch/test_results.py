@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from pyarrow.parquet import read_table
 
+from lighting.batch.job import BatchJob
+from lighting.batch.ray import _filesystem_at, _open_results
 from lighting.batch.results import _read_records, open_journal, require_parquet, table_row, table_schema, write_parquet
 from lighting.errors import BatchError, MissingExtraError
 from lighting.records import Lighting
@@ -210,3 +212,34 @@ def test_the_strength_of_the_light_has_columns_of_its_own() -> None:
     assert table["sun_irradiance"].to_pylist() == [[3.0, 2.0, 1.0], None]
     assert table["sky_model"].to_pylist() == ["hosek-wilkie", None]
     assert (table["suitable"].to_pylist(), table["sky_cover"].to_pylist()) == ([0.9, None], [None, None])
+
+
+@pytest.fixture
+def ray_job(tmp_path: Path, network: Path) -> BatchJob:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "batch.json").write_text("{}\n")
+    return BatchJob(str(tmp_path), str(tmp_path / "out"), str(network), engine="ray")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "refused"),
+    [
+        ("lighting.jsonl", '{"file": "a.jpg", "error": "No."}\n', False),
+        ("lighting.jsonl", '{"file": "a.jpg", "lighting": {}}\n', True),
+        ("lighting.parquet/part.parquet", "", True),
+        ("lighting.parquet", "", True),
+    ],
+)
+def test_results_of_other_settings_are_refused_on_ray(
+    ray_job: BatchJob, name: str, content: str, refused: bool
+) -> None:
+    file = Path(ray_job.out, name)
+    file.parent.mkdir(exist_ok=True)
+    file.write_text(content)
+    if refused:
+        with pytest.raises(BatchError, match="other settings"):
+            _open_results(*_filesystem_at(ray_job.out), ray_job, overwrite=False)
+    else:
+        _open_results(*_filesystem_at(ray_job.out), ray_job, overwrite=False)
+        assert '"engine": "ray"' in Path(ray_job.out, "batch.json").read_text()
+    assert file.read_text() == content
