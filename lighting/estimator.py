@@ -124,7 +124,14 @@ class Estimator:
         *,
         match: bool | RegisterFn = False,
     ) -> list[Estimate]:
-        """Call `estimate_views`, of which this is the old name."""
+        """Call `estimate_views`, of which this is the old name.
+
+        Args:
+            photos: as there.
+            given: `user_input` there.
+            headings: as there.
+            match: `register` there.
+        """
         from lighting.deprecation import warn_of_old_name
 
         warn_of_old_name("lighting.Estimator.together")

@@ -12,11 +12,13 @@ from typing import Any
 
 from lighting.runtime import keep_memory
 
-_BRIEF = frozenset({"estimate", "envmap", "preview", "render"})  # commands that mostly end in less than a second
-_OF_ONE_PHOTO = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
-_WITHOUT_NETWORK = ("-h", "--help", "--model", "--lighting")  # options that run none or another
+_BRIEF_COMMANDS = frozenset(
+    {"estimate", "envmap", "preview", "render"}
+)  # commands that mostly end in less than a second
+_ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
+_OPTIONS_WITHOUT_NETWORK = ("-h", "--help", "--model", "--lighting")  # options that run none or another
 _DATA = Path(__file__).parent / "data"
-_GARBAGE = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
+_GC_THRESHOLD = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
 
 
 def prepare_process(arguments: Sequence[str]) -> None:
@@ -27,10 +29,10 @@ def prepare_process(arguments: Sequence[str]) -> None:
     Args:
         arguments: of the command line, without the program's name.
     """
-    if _BRIEF.isdisjoint(arguments):
+    if _BRIEF_COMMANDS.isdisjoint(arguments):
         return
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(_GARBAGE)
+    gc.set_threshold(_GC_THRESHOLD)
     keep_memory()
 
 
@@ -70,10 +72,10 @@ def start_network(arguments: Sequence[str]) -> None:
     Args:
         arguments: of the command line, without the program's name.
     """
-    if not arguments or arguments[0] not in _OF_ONE_PHOTO:
+    if not arguments or arguments[0] not in _ONE_PHOTO_COMMANDS:
         return
     command, *others = arguments
-    if any(other.startswith(_WITHOUT_NETWORK) for other in others):
+    if any(other.startswith(_OPTIONS_WITHOUT_NETWORK) for other in others):
         return
     if command == "estimate" and sum(map(_is_file, others)) > 1:  # which take a network prepared for many runs
         return
@@ -88,12 +90,12 @@ def _is_file(name: str) -> bool:
 
 
 def started_session() -> Any:
-    """The session that `start_network` began to make, for one use; None where it began none."""
+    """Return the session that `start_network` began to make, for one use; None where it began none."""
     return _started.pop().result() if _started else None
 
 
 class _ClosedStdout(io.TextIOBase):
-    """What takes the place of a stdout that is closed: an answer is not lost without a word."""
+    """A stdout that is closed: an answer is not lost without a word."""
 
     def write(self, text: str) -> int:
         if not text:
@@ -102,9 +104,9 @@ class _ClosedStdout(io.TextIOBase):
 
 
 def replace_closed_streams() -> None:
-    """Put something in the place of streams that the caller closed: what is said on stderr is lost, on stdout it fails.
+    """Replace streams that the caller closed: what is written to stderr is lost, to stdout it fails.
 
-    Their numbers are held, too: otherwise the next file that is opened gets one, and what a library prints goes there.
+    Their numbers are taken, too: otherwise the next file that is opened gets one, and what a library prints goes there.
     """
     for number in range(3):
         try:

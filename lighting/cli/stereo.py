@@ -96,7 +96,9 @@ def _plan(
         click.echo(_format_plan(skies, plan))
 
 
-def _skies(first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **place: Any) -> "PlanSkies":
+def _skies(
+    first: datetime | None, last: datetime | None, probes: Path | None, sky: Any, **location: Any
+) -> "PlanSkies":
     """The skies to plan for; wrong usage where what they need is missing or would do nothing."""
     from lighting.stereo.planner import MeasuredSkies, ModelledSkies
 
@@ -106,12 +108,12 @@ def _skies(first: datetime | None, last: datetime | None, probes: Path | None, s
     if probes:
         if sky:
             raise click.UsageError("--sky is a modelled one; --probes takes measured ones.")
-        if place["latitude"] is not None or place["longitude"] is not None:
+        if location["latitude"] is not None or location["longitude"] is not None:
             raise click.UsageError("--lat and --lon are of modelled skies; --probes takes measured ones.")
-        return MeasuredSkies(probes, *days, utc_offset=place["utc_offset"] or 0.0)
-    if days[0] is None or place["latitude"] is None or place["longitude"] is None:
+        return MeasuredSkies(probes, *days, utc_offset=location["utc_offset"] or 0.0)
+    if days[0] is None or location["latitude"] is None or location["longitude"] is None:
         raise click.UsageError("A plan needs --lat, --lon and --date, or --probes.")
-    return ModelledSkies(first=days[0], last=days[1] or days[0], sky=sky or "clear", **place)
+    return ModelledSkies(first=days[0], last=days[1] or days[0], sky=sky or "clear", **location)
 
 
 def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":
