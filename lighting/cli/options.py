@@ -138,11 +138,11 @@ def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str
 
 def _compression(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
     from lighting.errors import EnvironmentMapError
-    from lighting.files.exr import check_compression
+    from lighting.files.exr import check_exr_compression
 
     try:
         if name is not None:
-            check_compression(name)
+            check_exr_compression(name)
     except EnvironmentMapError as error:
         raise click.BadParameter(str(error)) from error
     return name

@@ -115,12 +115,12 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
             counts as it is; the sky's power follows the cover. ParameterError for one out of range.
     """
     check_lighting(lighting)
-    values: dict[str, Any] = dict(changes)
+    values: Any = dict(changes)
     changed = replace(lighting, **values)
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return changed
     models = {"sun_irradiance": _model_sun_irradiance, "sky_irradiance": _model_sky_irradiance}
-    rescaled: dict[str, Any] = {}
+    rescaled: Any = {}
     for name, by_model in models.items():
         if name not in changes:
             before, after = np.maximum(by_model(lighting), EPSILON_IRRADIANCE), by_model(changed)

@@ -51,7 +51,7 @@ _MAX_CHUNKS = 1 << 16  # of a file, each of a row or more: a map of more rows wo
 _SET_EFFORT = "_ZN7Imf_3_529setDefaultZipCompressionLevelEi"  # Imf::setDefaultZipCompressionLevel(int) of OpenEXR 3.5
 
 
-def check_compression(compression: str) -> None:
+def check_exr_compression(compression: str) -> None:
     """Raise EnvironmentMapError for what is not among COMPRESSIONS; of one that was, it says what to use instead.
 
     Args:
@@ -71,7 +71,7 @@ def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[A
         image: (H, W, 3).
         compression: one of COMPRESSIONS, else EnvironmentMapError.
     """
-    check_compression(compression)
+    check_exr_compression(compression)
     library = _library()
     if compression == "zip" and any((rows.view(np.uint32) & ~_MASK).any() for rows in _bands(image)):
         rounded = np.empty_like(image)

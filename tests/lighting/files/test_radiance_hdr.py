@@ -1,15 +1,90 @@
-"""Radiance files against those that this project writes, and a plain one."""
+"""Radiance files against those that this project writes, plain ones, and other readers."""
 
+import io
 from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
+from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError
-from lighting.files import write_envmap
+from lighting.files import encode_envmap, write_envmap
 from lighting.files.radiance_hdr import decode_hdr
+from tests.helpers.lights import model_light
 
+Map = NDArray[np.float32]
+
+LIGHT = model_light()
 MAP = np.geomspace(1e-6, 1e5, 3 * 16 * 32, dtype=np.float32).reshape(16, 32, 3)
+
+
+@pytest.fixture(scope="module")
+def image() -> Map:
+    return render(LIGHT, 64)
+
+
+def decode_independently(data: bytes) -> Map:
+    """Another reader of what we write: run-length coded scanlines, top to bottom, left to right."""
+    head, _, body = data.partition(b"\n\n")
+    size, _, body = body.partition(b"\n")
+    assert head.startswith(b"#?RADIANCE\n")
+    assert b"FORMAT=32-bit_rle_rgbe" in head.split(b"\n")
+    down, height, right, width = size.split()
+    assert (down, right) == (b"-Y", b"+X")
+    stream = io.BytesIO(body)
+    rows = [_decode_row(stream, int(width)) for _ in range(int(height))]
+    assert stream.read() == b""
+    rgbe = np.array(rows).transpose(0, 2, 1)
+    return np.ldexp(rgbe[..., :3].astype(np.float32), rgbe[..., 3:].astype(np.int32) - 136)
+
+
+def _decode_row(stream: io.BytesIO, width: int) -> list[NDArray[np.uint8]]:
+    assert stream.read(4) == bytes((2, 2, width >> 8, width & 255))
+    channels = []
+    for _ in range(4):
+        line = b""
+        while len(line) < width:
+            count = stream.read(1)[0]
+            line += stream.read(1) * (count - 128) if count > 128 else stream.read(count)
+        assert len(line) == width
+        channels.append(np.frombuffer(line, np.uint8))
+    return channels
+
+
+def rgbe_error(read: Map, image: Map) -> float:
+    """The largest error relative to each pixel's brightest channel, whose mantissa has 8 bits."""
+    return float((np.abs(read - image).max(axis=-1) / image.max(axis=-1)).max())
+
+
+def test_hdr_comes_back_the_right_way_round(image: Map) -> None:
+    assert rgbe_error(decode_independently(encode_envmap(image, LIGHT, "hdr")), image) <= 1 / 255
+
+
+def test_hdr_holds_the_extremes() -> None:
+    image = np.zeros((4, 256, 3), dtype=np.float32)[:, :8]
+    image[0, 0] = [1e9, 1.0, 0.0]
+    image[1, 1] = [1e-12, 3e-12, 0.0]
+    image[2, 2] = [0.999999, 0.5, 0.25]
+    image[3, 3] = [-1.0, 1e-45, 1e-45]
+    read = decode_independently(encode_envmap(image, None, "hdr"))
+    assert rgbe_error(read[[0, 1, 2], [0, 1, 2]], image[[0, 1, 2], [0, 1, 2]]) <= 1 / 255
+    assert not read[3].any()
+
+
+def test_hdr_codes_noise_and_flat_rows() -> None:
+    noise = np.random.default_rng(0).random((140, 280, 3), dtype=np.float32)
+    noise[70:] = 0.25
+    data = encode_envmap(noise, None, "hdr")
+    assert rgbe_error(decode_independently(data), noise) <= 1 / 255
+    assert len(data) < 1.02 * 70 * 280 * 4 + 70 * 30
+
+
+def test_mitsuba_reads_the_hdr(tmp_path: Path, image: Map) -> None:
+    mitsuba = pytest.importorskip("mitsuba")
+    mitsuba.set_variant("scalar_rgb")
+    write_envmap(tmp_path / "map.hdr", image, LIGHT)
+    assert rgbe_error(np.array(mitsuba.Bitmap(str(tmp_path / "map.hdr"))), image) <= 1 / 255
 
 
 def test_what_is_written_is_read_to_its_eight_bits(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.geometry import direction, latlong_directions
-from lighting.sky import SKY_MODELS, Weather, sky_shape
+from lighting.sky import SKY_MODELS, Weather, format_sky_models, sky_angles, sky_shape
 from lighting.sky.perez import perez_weather
 
 SUN = direction(0.0, 40.0)
@@ -37,3 +37,18 @@ def test_the_all_weather_model_reads_the_weather_from_the_light() -> None:
 def test_another_model_is_refused() -> None:
     with pytest.raises(ParameterError, match=r"^The sky model 'cie-16' is not known; it must be one of hosek-wilkie"):
         sky_shape("cie-16", SUN, SUN, CLEAR)
+
+
+def test_advanced_models_are_named_as_a_range() -> None:
+    text = format_sky_models(" and ")
+    assert text.startswith("hosek-wilkie, preetham, ")
+    assert text.endswith("cie-overcast and cie-1 to cie-15")
+
+
+def test_angles_are_those_from_the_sun_and_from_the_zenith() -> None:
+    up, sun_angle, sun_zenith = sky_angles([direction(0.0, 40.0), direction(180.0, 0.0)], SUN, "sky")
+    assert up == pytest.approx([np.sin(np.radians(40.0)), 0.0])
+    assert np.degrees(sun_angle) == pytest.approx([0.0, 140.0], abs=1e-4)
+    assert np.degrees(sun_zenith) == pytest.approx(50.0)
+    with pytest.raises(ParameterError, match=r"^The sun is below the horizon; the toy sky needs it above\.$"):
+        sky_angles(SUN, direction(0.0, -1.0), "toy sky")
