@@ -23,11 +23,11 @@ from server.responses import WARNINGS_HEADER
 from server.schemas import LightingRecord, Problem
 from server.settings import Settings, read_settings
 
-TAGS = [
+_TAGS = [
     {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
     {"name": "operations", "description": "For operators."},
 ]
-EXPOSED_HEADERS = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
+_EXPOSED_HEADERS = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
         summary="Where the sun is, what the sky is like and how the camera stood, from one outdoor photo.",
         version=__version__,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-        openapi_tags=TAGS,
+        openapi_tags=_TAGS,
         docs_url=None,  # these documentation pages load scripts from another host
         redoc_url=None,
         redirect_slashes=False,  # to whatever the client calls its Host
@@ -88,7 +88,7 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
             allow_origins=service.settings.cors_origins,
             allow_methods=["GET", "POST"],
             allow_headers=["Authorization", "Content-Type", "If-None-Match", "X-Request-ID"],
-            expose_headers=EXPOSED_HEADERS,
+            expose_headers=_EXPOSED_HEADERS,
         )
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(middleware.AccessLogMiddleware, service=service)

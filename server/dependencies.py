@@ -30,7 +30,7 @@ from server.settings import Settings
 
 T = TypeVar("T")
 
-NO_HEIC = "The service does not read HEIC; send the photo as JPEG."  # the one kind that needs more than Pillow
+_NO_HEIC = "The service does not read HEIC; send the photo as JPEG."  # the one kind that needs more than Pillow
 NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
 ROTATION_INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
 
@@ -162,7 +162,7 @@ class Service:
                 data, max_bytes=limits.max_bytes, max_pixels=limits.max_pixels, target=target, seconds=seconds
             )
         except PhotoExtraError as error:
-            raise PhotoError(NO_HEIC) from error
+            raise PhotoError(_NO_HEIC) from error
 
     def estimate(
         self,

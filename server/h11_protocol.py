@@ -20,7 +20,7 @@ from server.problems import ProblemKind
 
 MAX_CHUNKS = 4096  # of a body, unless they hold MIN_MEAN_CHUNK bytes in the mean
 MIN_MEAN_CHUNK = 64  # bytes
-AMBIGUOUS_LENGTH = "Content-Length and Transfer-Encoding both say where the body ends; send one of them"
+_AMBIGUOUS_LENGTH = "Content-Length and Transfer-Encoding both say where the body ends; send one of them"
 
 MAX_HEADER_BYTES = 16384  # of a request line and its headers
 RESPONSE_GRACE = 30.0  # seconds in which a response may be taken more slowly than at its minimum rate
@@ -51,7 +51,7 @@ class _Connection(h11.Connection):
             self.chunked = b"transfer-encoding" in names
             self._chunks = self._size = 0
             if self.chunked and b"content-length" in names:
-                raise h11.RemoteProtocolError(AMBIGUOUS_LENGTH)
+                raise h11.RemoteProtocolError(_AMBIGUOUS_LENGTH)
         elif isinstance(event, h11.Data):
             self._count(event)
         return event

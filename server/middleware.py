@@ -18,10 +18,10 @@ from server.limits import BusyError
 from server.problems import ProblemError, route_path
 from server.schemas import Status
 
-UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics")
-SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
-UNMATCHED_ROUTE = "unmatched"  # label of requests that match no route
-LABELED_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
+_UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics")
+_SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
+_UNMATCHED_ROUTE = "unmatched"  # label of requests that match no route
+_LABELED_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
 DRAIN_SECONDS = 5.0  # for the rest of a body, as long as a connection that stays open is kept
 _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
 
@@ -92,10 +92,10 @@ class AccessLogMiddleware:
 
     def _count(self, scope: Scope, status: int, seconds: float) -> None:
         route = _route_template(scope)
-        if route in UNMEASURED_ROUTES:
+        if route in _UNMEASURED_ROUTES:
             return
-        method = scope["method"] if scope["method"] in LABELED_METHODS else "other"
-        label = "any" if route == UNMATCHED_ROUTE else method
+        method = scope["method"] if scope["method"] in _LABELED_METHODS else "other"
+        label = "any" if route == _UNMATCHED_ROUTE else method
         self.service.metrics.requests.labels(label, route, status).inc()
         self.service.metrics.latency.labels(route).observe(seconds)
         outcome = f"{status} {scope['problem']}" if scope.get("problem") else status
@@ -104,7 +104,7 @@ class AccessLogMiddleware:
 
 def _route_template(scope: Scope) -> str:
     """The template of a request's path; FastAPI's own route of the OpenAPI document names none, but an endpoint."""
-    return str(getattr(scope.get("route"), "path", route_path(scope) if scope.get("endpoint") else UNMATCHED_ROUTE))
+    return str(getattr(scope.get("route"), "path", route_path(scope) if scope.get("endpoint") else _UNMATCHED_ROUTE))
 
 
 def _request_id(headers: Headers) -> str:
@@ -135,7 +135,7 @@ class ExceptionMiddleware:
         except (Exception, asyncio.CancelledError) as error:
             if scope["type"] != "http" or started:
                 raise
-            problem = BusyError(SHUTDOWN_DETAIL) if isinstance(error, asyncio.CancelledError) else error
+            problem = BusyError(_SHUTDOWN_DETAIL) if isinstance(error, asyncio.CancelledError) else error
             response = await problems.problem_response(Request(scope), problem)
             await response(scope, receive, send)
 

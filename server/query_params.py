@@ -137,7 +137,7 @@ class MapQuery(Query):
         return self
 
 
-class IrradianceQuery(Query):
+class _IrradianceQuery(Query):
     """Irradiances and colors, which otherwise follow from the sky model or from the photo."""
 
     sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
@@ -160,7 +160,7 @@ class IrradianceQuery(Query):
         return cover
 
 
-class EditQuery(IrradianceQuery):
+class _EditQuery(_IrradianceQuery):
     """Parameters of sky and camera that replace the estimate; irradiances that are not among them follow the sky."""
 
     sun_azimuth: Annotated[float | None, SUN_AZIMUTH] = None
@@ -180,10 +180,10 @@ class EditQuery(IrradianceQuery):
 
     def changes(self) -> dict[str, float | Color]:
         """The fields of Lighting that the client replaces, by name."""
-        return self.model_dump(include=set(EditQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
+        return self.model_dump(include=set(_EditQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
 
 
-class SurroundingsQuery(Query):
+class _SurroundingsQuery(Query):
     """Whether a photo's map shows its surroundings."""
 
     surroundings: FlagOrAuto = Field(
@@ -191,15 +191,15 @@ class SurroundingsQuery(Query):
     )
 
 
-class PreviewQuery(UserInputQuery, SurroundingsQuery):
+class PreviewQuery(UserInputQuery, _SurroundingsQuery):
     """The preview of a photo."""
 
 
-class EnvmapQuery(MapQuery, UserInputQuery, EditQuery, SurroundingsQuery):
+class EnvmapQuery(MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
     """The map of a photo."""
 
 
-class SkyParameters(IrradianceQuery):
+class _SkyParameters(_IrradianceQuery):
     """The parameters of a sky."""
 
     sun_azimuth: SunAzimuth
@@ -213,7 +213,7 @@ class SkyParameters(IrradianceQuery):
         return Lighting(**self.model_dump(include={field.name for field in fields(Lighting)}))
 
 
-class SkyQuery(MapQuery, SkyParameters):
+class SkyQuery(MapQuery, _SkyParameters):
     """A sky from parameters alone."""
 
     sun: Flag = Field(True, description="paint the sun's disc")
@@ -257,11 +257,11 @@ class SceneQuery(_ToolOptionsQuery):
         return self.model_dump(include=set(EXPORTERS[self.tool].options))
 
 
-class PhotoSceneQuery(SceneQuery, UserInputQuery, EditQuery, SurroundingsQuery):
+class PhotoSceneQuery(SceneQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
     """The scene of a photo."""
 
 
-class SkySceneQuery(SceneQuery, SkyParameters):
+class SkySceneQuery(SceneQuery, _SkyParameters):
     """A scene from parameters alone."""
 
     sun: Flag = Field(True, description="include direct sunlight")
@@ -315,6 +315,6 @@ def refuse_photo_parameters(query: EnvmapQuery) -> None:
     Args:
         query: the parameters of a request with a lighting record instead of a photo.
     """
-    for name in (*UserInputQuery.model_fields, *EditQuery.model_fields, "surroundings"):
+    for name in (*UserInputQuery.model_fields, *_EditQuery.model_fields, "surroundings"):
         if name in query.explicit_fields():
             raise invalid_field_error(name, "It goes with a photo; a lighting record is rendered as it is.")

@@ -27,7 +27,7 @@ FORM_TYPE = "multipart/form-data"
 JSON_TYPE = "application/json"
 PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif", "image/tiff", "image/avif")
 PHOTO_FIELD = "photo"
-MAX_FIELDS = 16  # of a form, files included unless a request may have more
+_MAX_FIELDS = 16  # of a form, files included unless a request may have more
 UPLOAD_GRACE = 5.0  # seconds in which a body may be slower than its minimum rate
 
 
@@ -149,8 +149,8 @@ class RequestBody:
         parser = _FormParser(
             self.request.headers,
             self._chunks(self.limits.max_bytes),
-            max_files=max(max_photos, MAX_FIELDS),
-            max_fields=MAX_FIELDS,
+            max_files=max(max_photos, _MAX_FIELDS),
+            max_fields=_MAX_FIELDS,
         )
         parser.spool_max_size = self.limits.max_bytes + 1  # in memory, never on disk
         try:

@@ -35,25 +35,25 @@ from server.responses import (
 )
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 
-BINARY_SCHEMA = {"type": "string", "format": "binary"}
-FORM_SCHEMA = {
+_BINARY_SCHEMA = {"type": "string", "format": "binary"}
+_FORM_SCHEMA = {
     "type": "object",
     "required": [PHOTO_FIELD],
-    "properties": {PHOTO_FIELD: BINARY_SCHEMA},
+    "properties": {PHOTO_FIELD: _BINARY_SCHEMA},
     "additionalProperties": False,
 }
-PHOTO_BODY: Json = {
-    FORM_TYPE: {"schema": FORM_SCHEMA},
-    **{photo_type: {"schema": BINARY_SCHEMA} for photo_type in PHOTO_TYPES},
+_PHOTO_BODY: Json = {
+    FORM_TYPE: {"schema": _FORM_SCHEMA},
+    **{photo_type: {"schema": _BINARY_SCHEMA} for photo_type in PHOTO_TYPES},
 }
-PHOTOS_SCHEMA = {"type": "array", "items": BINARY_SCHEMA, "minItems": 1}  # the app adds how many at most
-PHOTOS_FORM: Json = {FORM_TYPE: {"schema": {**FORM_SCHEMA, "properties": {PHOTO_FIELD: PHOTOS_SCHEMA}}}}
-RECORD_BODY: Json = {JSON_TYPE: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
-MAP_RESPONSE: Json = {"content": {entry.media_type: {"schema": BINARY_SCHEMA} for entry in MAP_FORMATS.values()}}
-PNG_RESPONSE: Json = {"content": {"image/png": {"schema": BINARY_SCHEMA}}}
-JPEG_RESPONSE: Json = {"content": {"image/jpeg": {"schema": BINARY_SCHEMA}}}
-SCENE_RESPONSE: Json = {
-    "content": {ZIP_TYPE: {"schema": BINARY_SCHEMA}},
+_PHOTOS_SCHEMA = {"type": "array", "items": _BINARY_SCHEMA, "minItems": 1}  # the app adds how many at most
+_PHOTOS_FORM: Json = {FORM_TYPE: {"schema": {**_FORM_SCHEMA, "properties": {PHOTO_FIELD: _PHOTOS_SCHEMA}}}}
+_RECORD_BODY: Json = {JSON_TYPE: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
+_MAP_RESPONSE: Json = {"content": {entry.media_type: {"schema": _BINARY_SCHEMA} for entry in MAP_FORMATS.values()}}
+_PNG_RESPONSE: Json = {"content": {"image/png": {"schema": _BINARY_SCHEMA}}}
+_JPEG_RESPONSE: Json = {"content": {"image/jpeg": {"schema": _BINARY_SCHEMA}}}
+_SCENE_RESPONSE: Json = {
+    "content": {ZIP_TYPE: {"schema": _BINARY_SCHEMA}},
     "headers": {
         WARNINGS_HEADER: {
             "description": "Where there is any, a JSON array of sentences about the scene and its light",
@@ -61,8 +61,8 @@ SCENE_RESPONSE: Json = {
         }
     },
 }
-NOT_MODIFIED_RESPONSE: Json = {"description": "The client's copy is still good"}
-PHOTO_PROBLEMS = problem_responses(400, 408, 413, 415, 422, 429, 500, 503)
+_NOT_MODIFIED_RESPONSE: Json = {"description": "The client's copy is still good"}
+_PHOTO_PROBLEMS = problem_responses(400, 408, 413, 415, 422, 429, 500, 503)
 
 router = APIRouter(prefix="/v1", tags=["lighting"])
 
@@ -76,8 +76,8 @@ def _body(content: Json) -> Json:
     "/lighting",
     summary="The light of a photo, or of several photos of one place and light",
     response_model=LightingEstimate | LightingEstimates,
-    responses=PHOTO_PROBLEMS,
-    openapi_extra=_body(PHOTO_BODY | PHOTOS_FORM),
+    responses=_PHOTO_PROBLEMS,
+    openapi_extra=_body(_PHOTO_BODY | _PHOTOS_FORM),
 )
 async def estimate_lighting(
     request: Request, admission: AdmissionDep, photos: UploadsDep, query: Annotated[LightingQuery, Query()]
@@ -95,7 +95,7 @@ async def estimate_lighting(
     "/envmap",
     summary="The environment map of a sky",
     response_class=Response,
-    responses={200: MAP_RESPONSE, 304: NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
+    responses={200: _MAP_RESPONSE, 304: _NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
 )
 async def render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
@@ -110,8 +110,8 @@ async def render_envmap(request: Request, admission: AdmissionDep, query: Annota
     "/envmap",
     summary="The environment map of a photo or of a lighting record",
     response_class=Response,
-    responses={200: MAP_RESPONSE, **PHOTO_PROBLEMS},
-    openapi_extra=_body(PHOTO_BODY | RECORD_BODY),
+    responses={200: _MAP_RESPONSE, **_PHOTO_PROBLEMS},
+    openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
 async def estimate_envmap(
     request: Request, admission: AdmissionDep, query: Annotated[EnvmapQuery, Query()]
@@ -131,9 +131,9 @@ async def estimate_envmap(
     "/photo",
     summary="A photo upright, as JPEG",
     response_class=Response,
-    responses={200: JPEG_RESPONSE, **PHOTO_PROBLEMS},
+    responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS},
     dependencies=[Depends(refuse_parameters)],
-    openapi_extra=_body(PHOTO_BODY),
+    openapi_extra=_body(_PHOTO_BODY),
 )
 async def show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
@@ -144,8 +144,8 @@ async def show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
     "/preview",
     summary="A picture of a photo's light",
     response_class=Response,
-    responses={200: PNG_RESPONSE, **PHOTO_PROBLEMS},
-    openapi_extra=_body(PHOTO_BODY),
+    responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS},
+    openapi_extra=_body(_PHOTO_BODY),
 )
 async def draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotated[PreviewQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
@@ -156,7 +156,7 @@ async def draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotate
     "/scene",
     summary="A scene for another tool, of a sky",
     response_class=Response,
-    responses={200: SCENE_RESPONSE, 304: NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
+    responses={200: _SCENE_RESPONSE, 304: _NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
 )
 async def render_scene(request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
@@ -171,8 +171,8 @@ async def render_scene(request: Request, admission: AdmissionDep, query: Annotat
     "/scene",
     summary="A scene for another tool, of a photo",
     response_class=Response,
-    responses={200: SCENE_RESPONSE, **PHOTO_PROBLEMS},
-    openapi_extra=_body(PHOTO_BODY),
+    responses={200: _SCENE_RESPONSE, **_PHOTO_PROBLEMS},
+    openapi_extra=_body(_PHOTO_BODY),
 )
 async def estimate_scene(
     admission: AdmissionDep, photo: PhotoDep, query: Annotated[PhotoSceneQuery, Query()]

@@ -37,10 +37,10 @@ def _rgb_field(meaning: str, example: list[float]) -> Any:
 
 
 # Of a list of any length only the first wrong item is named: half a million would take a second.
-Numbers = Annotated[list[float], FailFast()]
-Texts = Annotated[list[str], FailFast()]
+_Numbers = Annotated[list[float], FailFast()]
+_Texts = Annotated[list[str], FailFast()]
 
-LINK = "/v1/envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
+_LINK = "/v1/envmap?sun_azimuth=-41.2&sun_elevation=33.0&turbidity=3.4&exposure=5.0&ground_albedo=0.3&sun=true"
 
 
 class Part(BaseModel):
@@ -57,7 +57,7 @@ class ModelPart(Part):
 class SunPart(Part):
     azimuth: SunAzimuth
     elevation: SunElevation
-    direction: Numbers = Field([], description="unit vector towards the sun; computed from the angles")
+    direction: _Numbers = Field([], description="unit vector towards the sun; computed from the angles")
     visibility: Annotated[
         float, parameter_range("sun_visibility", "probability of direct sunlight on the scene", 0.93)
     ] = 1.0
@@ -73,10 +73,10 @@ class SunPart(Part):
 class CoefficientsPart(Part):
     """The sky's nine coefficients of each channel, and the radiance of each."""
 
-    r: Numbers = []
-    g: Numbers = []
-    b: Numbers = []
-    radiance: Numbers = []
+    r: _Numbers = []
+    g: _Numbers = []
+    b: _Numbers = []
+    radiance: _Numbers = []
 
 
 class SkyPart(Part):
@@ -139,12 +139,12 @@ class LightingRecord(Part):
         | None
     ) = None
     camera: CameraPart = CameraPart()
-    evidence: Texts = Field(
+    evidence: _Texts = Field(
         [],
         description="the sources that the estimate uses",
         examples=[[kind.value for kind in tuple(EvidenceKind)[:6]]],
     )
-    warnings: Texts = Field([], description="sentences, mostly about metadata that contradict the pixels")
+    warnings: _Texts = Field([], description="sentences, mostly about metadata that contradict the pixels")
     place: PlacePart | None = None
 
     def to_lighting(self) -> Lighting:
@@ -153,7 +153,7 @@ class LightingRecord(Part):
 
 
 class Links(BaseModel):
-    envmap: str = Field(description="link to the environment map of this light", examples=[LINK])
+    envmap: str = Field(description="link to the environment map of this light", examples=[_LINK])
 
 
 class SunProbability(BaseModel):
@@ -178,7 +178,7 @@ class SurroundingsRecord(BaseModel):
 
 class LightingEstimate(LightingRecord):
     links: Links
-    warning_codes: Texts = Field(
+    warning_codes: _Texts = Field(
         [],
         description="what each of the `warnings` is about, in their order; absent where there are none",
         json_schema_extra={"items": {"type": "string", "enum": [code.value for code in WarningCode]}},

@@ -7,13 +7,13 @@ from fastapi.responses import HTMLResponse
 from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 
-FAVICON = Path(__file__).with_name("favicon.png")
+_FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
-GZIP_SUFFIX = ".gz"  # the end of the name of a file's gzipped copy, which server/web/pack.mjs makes
-CACHE_A_DAY = "public, max-age=86400"
-CACHE_FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
+_GZIP_SUFFIX = ".gz"  # the end of the name of a file's gzipped copy, which server/web/pack.mjs makes
+_CACHE_A_DAY = "public, max-age=86400"
+_CACHE_FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
-NOT_BUILT_HTML = """<!doctype html>
+_NOT_BUILT_HTML = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>Outdoor lighting</title></head><body>
 <h1>Outdoor lighting</h1>
 <p>The service runs. Its page is not built: run <code>npm ci &amp;&amp; npm run build</code> in
@@ -30,24 +30,24 @@ def make_page_router(bundle: Path = BUNDLE) -> APIRouter:
         bundle: the folder that vite writes; it may be built after the service has started.
     """
     router = APIRouter(include_in_schema=False)
-    icon = FAVICON.read_bytes()
+    icon = _FAVICON.read_bytes()
     root = StaticFiles(directory=bundle, check_dir=False)
     assets = StaticFiles(directory=bundle / "assets", check_dir=False)
 
     @router.get("/")
     async def page(request: Request) -> Response:
         if not (bundle / "index.html").is_file():
-            return HTMLResponse(NOT_BUILT_HTML)
+            return HTMLResponse(_NOT_BUILT_HTML)
         return await _serve_file(root, "index.html", request, "no-cache")
 
     @router.get("/favicon.ico")
     async def favicon() -> Response:
         """A sun over a horizon, as PNG, which browsers take under this name."""
-        return Response(icon, media_type="image/png", headers={"Cache-Control": CACHE_A_DAY})
+        return Response(icon, media_type="image/png", headers={"Cache-Control": _CACHE_A_DAY})
 
     @router.get("/assets/{path:path}")
     async def asset(request: Request, path: str) -> Response:
-        return await _serve_file(assets, path, request, CACHE_FOREVER)
+        return await _serve_file(assets, path, request, _CACHE_FOREVER)
 
     return router
 
@@ -60,10 +60,10 @@ async def _serve_file(files: StaticFiles, path: str, request: Request, cache_con
     request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
     response = await files.get_response(path, request.scope)
     headers = {"Accept-Ranges": "none", "Cache-Control": cache_control}
-    if files.lookup_path(path + GZIP_SUFFIX)[1]:
+    if files.lookup_path(path + _GZIP_SUFFIX)[1]:
         headers["Vary"] = "Accept-Encoding"
         if _accepts_gzip(request):
-            response = await files.get_response(path + GZIP_SUFFIX, request.scope)
+            response = await files.get_response(path + _GZIP_SUFFIX, request.scope)
             headers |= {"Content-Encoding": "gzip"} if response.status_code == 200 else {}
     response.headers.update(headers)
     return response

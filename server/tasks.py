@@ -40,10 +40,10 @@ Pixels = NDArray[np.uint8]
 FileWithWarnings = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it
 
 MID_GRAY = 128  # sRGB
-MIN_DECODE_SECONDS = 0.1  # for a photo after others that took long
-MAX_NAME_LENGTH = 100  # of a file's name that an error repeats
-UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
-UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
+_MIN_DECODE_SECONDS = 0.1  # for a photo after others that took long
+_MAX_NAME_LENGTH = 100  # of a file's name that an error repeats
+_UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
+_UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
 
 
 def estimate_photos(service: Service, files: Sequence[Upload], query: LightingQuery) -> list[PhotoAnswer]:
@@ -76,7 +76,7 @@ def _read_photos(service: Service, files: Sequence[Upload], target: int) -> list
     until = monotonic() + service.settings.decode_seconds
     for number, file in enumerate(files, 1):
         try:
-            photos.append(service.read_photo(file.data, max(until - monotonic(), MIN_DECODE_SECONDS), target))
+            photos.append(service.read_photo(file.data, max(until - monotonic(), _MIN_DECODE_SECONDS), target))
         except PhotoError as error:
             raise error if len(files) == 1 else type(error)(f"{_photo_label(number, files)}: {error}") from error
         check_cancelled()
@@ -86,7 +86,7 @@ def _read_photos(service: Service, files: Sequence[Upload], target: int) -> list
 def _photo_label(number: int, files: Sequence[Upload]) -> str:
     """One of several files, by its number and its name."""
     label = f"Photo {number} of {len(files)}"
-    return f"{label}, {name}" if (name := files[number - 1].name[:MAX_NAME_LENGTH]) else label
+    return f"{label}, {name}" if (name := files[number - 1].name[:_MAX_NAME_LENGTH]) else label
 
 
 def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: PhotoContext | None = None) -> bytes:
@@ -137,7 +137,7 @@ def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
         service: reads the photo.
         data: the bytes of a photo.
     """
-    return encode_jpeg(service.reread_photo(data, UPRIGHT_SIDE).pixels, UPRIGHT_QUALITY)
+    return encode_jpeg(service.reread_photo(data, _UPRIGHT_SIDE).pixels, _UPRIGHT_QUALITY)
 
 
 def encode_preview(service: Service, data: bytes, query: PreviewQuery) -> bytes:

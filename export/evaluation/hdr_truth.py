@@ -78,7 +78,7 @@ def _shadowed(points: Floats, rays: Floats) -> NDArray[np.bool_]:
     return np.array([np.isfinite(ray_sphere(point, rays, np.zeros(3))) for point in points])
 
 
-def render_scene(light: Floats) -> Floats:
+def relight_scene(light: Floats) -> Floats:
     """The scene (SIZE, SIZE, 3) under an environment map.
 
     Args:

@@ -20,7 +20,7 @@ from PIL import Image
 from export.crops.crops import Crop, crop_panorama, load_sources
 from export.data.labels import Label, read_labels_of
 from export.data.panoramas import DataError, read_index
-from export.evaluation.hdr_truth import HEIGHT, SIZE, pool_map, render_scene, scene_points, transfer_matrix
+from export.evaluation.hdr_truth import HEIGHT, SIZE, pool_map, relight_scene, scene_points, transfer_matrix
 from export.evaluation.metrics import Names, difference_interval, format_interval, markdown_table
 from export.evaluation.predictions import View, load_models, protocol_views
 from lighting.color import tone_map
@@ -122,13 +122,13 @@ def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     """
     loaded = load_models(models)
     lit = _lit_crops(data, labels, next(iter(loaded.values())).spec)
-    truth = [render_scene(light) for light in lit.truth]
-    pictures = {name: [render_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()}
+    truth = [relight_scene(light) for light in lit.truth]
+    pictures = {name: [relight_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()}
     training = [
         la for la in read_labels_of(read_index(data, "train"), labels) if la.fit_ok and math.isfinite(la.sun_elevation)
     ]
-    pictures["mean training sky"] = [render_scene(_mean_sky(training))] * len(truth)
-    constants = [render_scene(sky) for sky in _constant_skies(training)]
+    pictures["mean training sky"] = [relight_scene(_mean_sky(training))] * len(truth)
+    constants = [relight_scene(sky) for sky in _constant_skies(training)]
     pictures["best constant sky"] = [min(constants, key=lambda p: _median_rmse(truth, p))] * len(truth)
     _draw(lit, truth, pictures, out / "relight.png")
     scores = {n: np.array([_errors(t, p) for t, p in zip(truth, ps, strict=True)]) for n, ps in pictures.items()}

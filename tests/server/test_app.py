@@ -8,7 +8,7 @@ from starlette.testclient import TestClient
 
 from lighting.errors import ModelError
 from lighting.estimator import Estimator
-from server.app import EXPOSED_HEADERS, create_app
+from server.app import _EXPOSED_HEADERS, create_app
 from server.settings import Settings, SettingsError
 from tests.server.conftest import client_of
 
@@ -39,7 +39,7 @@ def test_an_origin_that_may_call_sees_the_exposed_headers(estimator: Estimator) 
     client = client_of(estimator, cors_origins=("https://page.example",))
     answer = client.get("/v1/model", headers={"Origin": "https://page.example"})
     assert answer.headers["access-control-allow-origin"] == "https://page.example"
-    assert answer.headers["access-control-expose-headers"] == ", ".join(EXPOSED_HEADERS)
+    assert answer.headers["access-control-expose-headers"] == ", ".join(_EXPOSED_HEADERS)
 
 
 def test_an_origin_that_may_call_may_ask_whether_its_copy_is_still_good(estimator: Estimator) -> None:

@@ -16,7 +16,7 @@ from export.evaluation.hdr_truth import (
     mean_light_map,
     mirror_photo,
     pool_map,
-    render_scene,
+    relight_scene,
     split_sun,
     true_light,
 )
@@ -40,7 +40,7 @@ def lamp(azimuth: float, elevation: float) -> np.ndarray:
 @pytest.mark.slow
 def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
     sky = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0) * np.ones(3)
-    seen = render_scene(sky)[CORNER]
+    seen = relight_scene(sky)[CORNER]
     assert (seen < PLANE_ALBEDO).all()  # the sphere hides some of the sky
     np.testing.assert_allclose(seen, PLANE_ALBEDO, rtol=0.06)
 
@@ -48,7 +48,7 @@ def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("azimuth", [-120.0, 30.0, 90.0])
 def test_the_shadow_falls_away_from_the_sun(azimuth: float) -> None:
-    seen = render_scene(lamp(azimuth, 40.0))[..., 1]
+    seen = relight_scene(lamp(azimuth, 40.0))[..., 1]
     lit = PLANE_ALBEDO / math.pi * math.sin(math.radians(40.0))
     assert seen[CORNER] == pytest.approx(lit, rel=0.05)
     columns = np.nonzero(seen < 0.01 * lit)[1]
