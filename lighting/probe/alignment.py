@@ -175,7 +175,7 @@ class ProbeOrientation:
 
     sense: int  # 1 clockwise, -1 counter-clockwise
     offset: float  # deg, in (-180, 180]
-    error: float  # root mean square of log(measured / model), cut at LIMIT
+    error: float  # root mean square of log(measured / model), cut at MAX_LOG_ERROR
     other: float  # the same for the other sense at its best
     offsets: Floats  # (S,) deg, what each scan alone would say
 
@@ -219,7 +219,7 @@ def log_errors(measured: Floats, model: Floats) -> Floats:
 
 
 def _offset_errors(scan: Scan, sense: int, offsets: Floats) -> Floats:
-    """The least error over turbidities at each offset (M,): root mean square of the logarithm, cut at LIMIT."""
+    """The least error over turbidities at each offset (M,): root mean square of the logarithm, cut at MAX_LOG_ERROR."""
     sun = direction(*scan.sun)
     directions = direction(sense * scan.azimuth + offsets[:, None], scan.elevation)
     is_clear = angle_between(directions, sun) > SUN_CLEARANCE

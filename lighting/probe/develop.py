@@ -39,7 +39,7 @@ from lighting.probe.hdr_merge import (
 )
 from lighting.probe.sky_fit import SkyFit, fit_sky
 from lighting.probe.sun_detection import Mask, SunBlob, find_sun_blob
-from lighting.records import Json, Lighting
+from lighting.records import Lighting
 from lighting.solar_position import sun_position
 
 MAX_STOPS = 40.0  # of a filter; one for the sun has 17
@@ -47,7 +47,7 @@ MAX_STOPS = 40.0  # of a filter; one for the sun has 17
 
 @dataclass(frozen=True)
 class BracketSettings:
-    """How the pictures were taken, and what is wanted of them; None is the usual, as `lens_of` has it.
+    """How the pictures were taken, and what map to make; None is the usual, as `make_lens` has it.
 
     Raises ProbeError for numbers that no picture is taken by.
     """
@@ -368,11 +368,11 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
     return path
 
 
-def _probe_attributes(probe: Probe) -> Json:
+def _probe_attributes(probe: Probe) -> dict[str, object]:
     """The header's entries: time, the ephemeris's sun, and what the sun's light rests on."""
     utc = probe.moment.time.astimezone(UTC)
     azimuth, elevation = probe.moment.sun
-    attributes: Json = {
+    attributes: dict[str, object] = {
         TIME_ATTRIBUTE: utc.isoformat(timespec="seconds"),
         "capDate": utc.strftime("%Y:%m:%d %H:%M:%S"),
         "utcOffset": 0.0,

@@ -163,7 +163,7 @@ class SkyState:
     exposure: float  # map's values / sky radiance
     residual: float  # robust spread of log(map / model) over the clear sky
     trusted: bool  # whether the fit may be
-    cover: float  # share of the sky above LOWEST that the model of the clear sky does not explain, 0 to 1
+    cover: float  # share of the sky above MIN_ELEVATION that the model of the clear sky does not explain, 0 to 1
 
     def to_dict(self) -> Json:
         """As JSON, with no more digits than the sky tells."""

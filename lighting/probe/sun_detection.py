@@ -109,11 +109,17 @@ def find_sun(linear: NDArray[np.float32]) -> DetectedSun | None:
 
 def _find_peak(small: NDArray[np.float32], above: Mask) -> DetectedSun | None:
     value = luminance(small) * above
+    region = _peak_region(value, MIN_PEAK_CONTRAST * float(np.median(value[above])))
+    return None if region is None else _locate_region(region, value)
+
+
+def _peak_region(value: Floats, least: float) -> Mask | None:
+    """What is brighter than a tenth of the peak around the peak; None where the peak is not over `least`."""
     peak = float(value.max())
-    if peak <= MIN_PEAK_CONTRAST * float(np.median(value[above])):
+    if peak <= least:
         return None
     regions = label_regions(value > 0.1 * peak)
-    return _locate_region(regions == regions[np.unravel_index(int(value.argmax()), value.shape)], value)
+    return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])
 
 
 def _find_clipped(small: NDArray[np.float32], above: Mask) -> DetectedSun | None:
@@ -210,11 +216,7 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
         best = regions == int(np.argmax(power[1:])) + 1
         cap = 2 * np.pi * (1 - np.cos(np.radians(MAX_CLIPPED_RADIUS)))
         return best if area[best].sum() < cap else None
-    peak = float(value.max())
-    if peak <= MIN_SUN_CONTRAST * float(np.median(value[value > 0])):
-        return None
-    regions = label_regions(value > 0.1 * peak)
-    return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])
+    return _peak_region(value, MIN_SUN_CONTRAST * float(np.median(value[value > 0])))
 
 
 def _background(image: NDArray[np.float32], distance: Floats, reach: float) -> Floats:

@@ -31,7 +31,7 @@ FORMATS = (*RAW_SUFFIXES, ".exr", ".jpeg", ".jpg", ".png", ".tif", ".tiff")
 
 @dataclass(frozen=True)
 class _Exposure:
-    """What a camera noted of how it took a photo; None is unknown."""
+    """How a camera took a photo; None is unknown."""
 
     seconds: float | None = None
     aperture: float | None = None  # f-number
@@ -170,14 +170,12 @@ def _check_times(times: NDArray[np.datetime64]) -> None:
 
 # Whether the camera moved.
 
-FloatImage = NDArray[np.float32]
-
 _COMPARED_SIDE = 256  # pixels, of the pictures compared
 _MAX_SHIFT = 0.012  # of the picture's longer side, from where on the camera counts as moved
 _MIN_PEAK_RATIO = 2.0  # times as high as at no shift, what the best shift must correlate
 
 
-def _check_static_camera(images: FloatImage, names: list[str]) -> None:
+def _check_static_camera(images: Pixels, names: list[str]) -> None:
     """PhotoError where a photo of several (T, H, W) fits the one before it better when shifted by _MOVED or more.
 
     Edges are compared by phase correlation (Kuglin and Hines, 1975); only a shift that fits far better counts, since
@@ -191,14 +189,14 @@ def _check_static_camera(images: FloatImage, names: list[str]) -> None:
             raise PhotoError(f"{names[index]} is shifted by {percent:.1f} % of its size; the camera must not move.")
 
 
-def _shrink_image(image: FloatImage) -> FloatImage:
+def _shrink_image(image: Pixels) -> Pixels:
     factor = max(1, max(image.shape) // _COMPARED_SIDE)
     height, width = (side // factor for side in image.shape)
     cropped = image[: height * factor, : width * factor]
     return np.asarray(cropped.reshape(height, factor, width, factor).mean(axis=(1, 3)))
 
 
-def _edge_spectrum(image: FloatImage) -> NDArray[Any]:
+def _edge_spectrum(image: Pixels) -> NDArray[Any]:
     """The spectrum of a picture's edges, whatever their sense, faded out towards the border."""
     level = np.log(image + 0.01 * image.mean() + 1e-6)
     down, right = np.gradient(level)
@@ -260,13 +258,9 @@ def _check_same_exposure(photos: list[_DayPhoto]) -> None:
             raise PhotoError(f"Of {photo.name} and {first.name} one is grey and one in colour; make them alike.")
         if _differ(photo.exposure.focal_length, first.exposure.focal_length):
             raise PhotoError(f"{photo.name} and {first.name} differ in focal length; the lens must not change.")
-        if _exposures_differ(photo.exposure, first.exposure):
+        settings = [(e.seconds, e.aperture, e.sensitivity) for e in (photo.exposure, first.exposure)]
+        if any(map(_differ, *settings)):
             raise PhotoError(f"{photo.name} and {first.name} differ in exposure; fix time, aperture and ISO.")
-
-
-def _exposures_differ(a: _Exposure, b: _Exposure) -> bool:
-    pairs = ((a.seconds, b.seconds), (a.aperture, b.aperture), (a.sensitivity, b.sensitivity))
-    return any(_differ(one, other) for one, other in pairs)
 
 
 def _differ(a: float | None, b: float | None) -> bool:
@@ -380,7 +374,7 @@ def _list_photos(folder: Path) -> list[Path]:
 def _reduce_photo(photo: _DayPhoto, size: int | None) -> _DayPhoto:
     """The photo with each side divided by a whole number, by means of blocks, which keep values linear.
 
-    Raises PhotoError where less than LEAST_SIDE is left of a side.
+    Raises PhotoError where less than MIN_SIDE is left of a side.
     """
     height, width = photo.shape
     factor = 1 if not size else -(-max(height, width) // size)

@@ -108,7 +108,7 @@ class SearchResult:
     error: Image  # (P,), expected angle [deg] of the normal to the truth
     error_rms: Image  # (P,), the same as root of the mean square
     mean: Image  # (P, 3), mean of the distribution over normals; its length is less than 1
-    other: Image  # (P, 3), the best normal that is APART from the first
+    other: Image  # (P, 3), the best normal MIN_OTHER_ANGLE or more from the first
     log_odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
 
 
@@ -214,7 +214,7 @@ def _multiply_in_rows(left: Image, right: Image) -> Image:
 
 
 def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:
-    """The likeliest normal (P, 3) APART from the best one, and its logarithm of likelihood (P,) relative to that."""
+    """The likeliest normal (P, 3) MIN_OTHER_ANGLE from the best one, and its logarithm of likelihood (P,) relative to that."""
     is_near = chords < np.float32(2 * np.sin(np.radians(MIN_OTHER_ANGLE) / 2))
     far_likelihood = np.where(is_near, np.float32(-np.inf), likelihood)
     index = far_likelihood.argmax(axis=1)

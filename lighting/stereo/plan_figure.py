@@ -53,7 +53,7 @@ def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
 
 
 def _gain_colors(gain: Floats) -> NDArray[np.uint8]:
-    """Colours (..., 3) of noise gains (...), on a logarithmic scale from LEAST_GAIN, bright, to MOST_GAIN, dark."""
+    """Colors (..., 3) of noise gains (...), on a logarithmic scale from MIN_GAIN, bright, to MAX_GAIN, dark."""
     share = np.log(np.clip(gain, MIN_GAIN, MAX_GAIN) / MIN_GAIN) / np.log(MAX_GAIN / MIN_GAIN)
     stops = np.linspace(0, 1, len(_RAMP))
     colors = [np.interp(share, stops, channel) for channel in _RAMP.T]

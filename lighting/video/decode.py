@@ -119,7 +119,7 @@ def _swaps_axes(matrix: NDArray[np.int32]) -> bool:
 
 
 def _apply_display_matrix(pixels: NDArray[np.uint8], matrix: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """Pixels (h, w, 3) turned by whole quarters, and mirrored, as a matrix of `_placing` says."""
+    """Pixels (h, w, 3) turned by whole quarters, and mirrored, as a matrix of `_display_matrix` says."""
     swapped = _swaps_axes(matrix)
     (right, down) = (matrix[1, 0], matrix[0, 1]) if swapped else (matrix[0, 0], matrix[1, 1])
     upright = pixels.transpose(1, 0, 2) if swapped else pixels

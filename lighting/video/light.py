@@ -201,7 +201,7 @@ def _log_rings(observation: FrameObservation) -> Floats:
 def _averaged_numbers(observation: FrameObservation) -> Floats:
     """What of a look is averaged, (4,) or with a Light (12,), in the linear values of the shot's first frame.
 
-    Logarithms of turbidity, exposure and field of view, the visibility, then `light_numbers`.
+    Logarithms of turbidity, exposure and field of view, the visibility, then `light_to_vector`.
     """
     p = observation.estimate.prediction
     exposure = math.log(max(p.exposure, _EPSILON_DENSITY) / max(observation.gain, _EPSILON_DENSITY))
