@@ -214,7 +214,7 @@ def _multiply_in_rows(left: Image, right: Image) -> Image:
 
 
 def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Image, Image]:
-    """The likeliest normal (P, 3) MIN_OTHER_ANGLE from the best one, and its logarithm of likelihood (P,) relative to that."""
+    """The likeliest normal (P, 3) MIN_OTHER_ANGLE from the best one, and its log-likelihood (P,) relative to that."""
     is_near = chords < np.float32(2 * np.sin(np.radians(MIN_OTHER_ANGLE) / 2))
     far_likelihood = np.where(is_near, np.float32(-np.inf), likelihood)
     index = far_likelihood.argmax(axis=1)

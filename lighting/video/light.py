@@ -34,7 +34,7 @@ from lighting.video.tracking import FrameEstimate
 
 SECTOR_WIDTH = 15.0  # deg of heading
 MIN_SECTOR_WEIGHT = 0.5  # of the sectors' mean weight, below which one counts for less
-MAX_SECTOR_LOOKS = 60.0  # looks in a sector; older ones fade, so that a stream follows sun and clouds
+MAX_SECTOR_WEIGHT = 60.0  # estimates in a sector; older ones fade, so that a stream follows sun and clouds
 _EPSILON_DENSITY = 1e-12  # density that stands for none
 
 
@@ -51,13 +51,13 @@ class FrameObservation:
 
 @dataclass
 class _Sector:
-    """Running means of the looks in one direction."""
+    """Running means of the estimates in one direction."""
 
-    weight: float = 0.0  # looks
+    weight: float = 0.0  # estimates
     log_cells: Floats = field(default_factory=lambda: np.zeros(0))  # (N,) densities over the grid, in the shot's frame
     log_rings: Floats = field(default_factory=lambda: np.zeros((0, 360)))  # (K, 360) by the heading of azimuth 0
     numbers: Floats = field(default_factory=lambda: np.zeros(0))  # what _numbers says
-    ground_looks: float = 0.0  # looks that show ground
+    ground_weight: float = 0.0  # estimates that show ground
     log_ground: Floats = field(default_factory=lambda: np.zeros(3))  # of their reflectance
 
     def add(self, count: float, log_cells: Floats, log_rings: Floats, numbers: Floats, ground: Floats | None) -> None:
@@ -66,27 +66,27 @@ class _Sector:
             self.log_rings = log_rings
         if self.weight == 0.0:
             self.log_cells, self.numbers = log_cells, numbers
-        self.weight = min(self.weight + count, MAX_SECTOR_LOOKS)
+        self.weight = min(self.weight + count, MAX_SECTOR_WEIGHT)
         share = count / self.weight
         self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
         self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
         self.numbers = self.numbers + share * (numbers - self.numbers)
         if ground is not None:
-            self.ground_looks = min(self.ground_looks + count, MAX_SECTOR_LOOKS)
-            self.log_ground = self.log_ground + count / self.ground_looks * (np.log(ground) - self.log_ground)
+            self.ground_weight = min(self.ground_weight + count, MAX_SECTOR_WEIGHT)
+            self.log_ground = self.log_ground + count / self.ground_weight * (np.log(ground) - self.log_ground)
 
 
 class ShotLight:
-    """Takes looks one by one; says at any time where the sun stands in the shot's frame."""
+    """Takes estimates one by one; says at any time where the sun is in the shot's frame."""
 
     def __init__(self) -> None:
         self._sectors: dict[int, _Sector] = {}
-        self._looks = 0
+        self._count = 0
         self._vertical_fov = 50.0
         self._last: Prediction | None = None
 
     def __bool__(self) -> bool:
-        """Whether there was a look."""
+        """Whether there was an estimate."""
         return self._last is not None
 
     def add(self, observation: FrameObservation) -> None:
@@ -95,19 +95,16 @@ class ShotLight:
         Args:
             observation: what one frame shows, and its place in the shot.
         """
-        self._looks += 1
+        self._count += 1
         self._last, self._vertical_fov = observation.estimate.prediction, observation.vertical_fov
-        parts = (
-            _log_cells(observation),
-            _log_rings(observation),
-            _averaged_numbers(observation),
-            observation.estimate.ground,
-        )
+        parts = _log_cells(observation), _log_rings(observation), _averaged_numbers(observation)
         sector = observation.heading % 360.0 / SECTOR_WIDTH
         low = math.floor(sector)
         for number, share in ((low, 1.0 - sector + low), (low + 1, sector - low)):
             if share > 0.0:
-                self._sectors.setdefault(number % round(360.0 / SECTOR_WIDTH), _Sector()).add(share, *parts)
+                self._sectors.setdefault(number % round(360.0 / SECTOR_WIDTH), _Sector()).add(
+                    share, *parts, observation.estimate.ground
+                )
 
     def answer(self, observations: Observations) -> Posterior:
         """Combine all estimates, as a camera at azimuth 0 would see the light.
@@ -122,9 +119,8 @@ class ShotLight:
         if self._last is None:
             raise ValueError("There was no look yet.")
         cells = np.stack([s.log_cells for s in self._sectors.values()])
-        weight = pool_log_likelihoods(
-            cells, self._weights(SUN_CORRELATION), SUN_CORRELATION, grid_solid_angle(self._last.spec.sun_grid)
-        )
+        area = grid_solid_angle(self._last.spec.sun_grid)
+        weight = pool_log_likelihoods(cells, self._weights(SUN_CORRELATION), SUN_CORRELATION, area)
         by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
         posterior = fuse(by_pixels, observations)
         if observations.candidates and (rings := self._rings(observations)) is not None:
@@ -132,14 +128,14 @@ class ShotLight:
         return replace(
             posterior,
             used=posterior.used
-            if self._looks == 1
+            if self._count == 1
             else (*posterior.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS),
         )
 
     @property
     def ground(self) -> Floats | None:
         """Reflectance (3,) of the ground, the mean of the directions that show it; None where none does."""
-        weight = self._present() * np.array([sector.ground_looks > 0.0 for sector in self._sectors.values()])
+        weight = self._present() * np.array([sector.ground_weight > 0.0 for sector in self._sectors.values()])
         if not weight.any():
             return None
         log_ground = np.average([s.log_ground for s in self._sectors.values()], axis=0, weights=weight)

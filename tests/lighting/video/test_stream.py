@@ -188,7 +188,7 @@ def test_what_another_place_shows_of_the_sun_does_not_count_for_the_first(model:
     assert lost is not None
     assert again is not None
     assert tracker._light is tracker._first_light
-    assert tracker._first_light.light._looks == 12  # a stretch is recognised when a second frame follows
+    assert tracker._first_light.light._count == 12  # a stretch is recognised when a second frame follows
     assert before.lighting.camera_heading == pytest.approx(48.0, abs=6.0)
     assert lost.lighting.camera_heading != pytest.approx(68.0, abs=6.0)  # the first frame's heading tells it nothing
     assert again.lighting.camera_heading == pytest.approx(34.0, abs=6.0)
