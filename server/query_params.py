@@ -99,6 +99,8 @@ class UserInputQuery(Query):
 
 
 class LightingQuery(UserInputQuery):
+    """How one photo or several are estimated, and what the answer includes."""
+
     probability: Flag = Field(False, description="add the sun's probability on its grid")
     surroundings: Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
     headings: Headings = Field(

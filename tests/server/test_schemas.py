@@ -1,11 +1,12 @@
-"""Records as pydantic checks them."""
+"""Records, and the types of their fields and of parameters, as pydantic checks them."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
-from pydantic import ValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from lighting.records import Lighting
+from server.field_types import Flag, Height, InRange, SunElevation
 from server.schemas import LightingRecord
 
 RECORD: dict[str, Any] = {
@@ -48,3 +49,32 @@ def test_an_irradiance_is_three_numbers(irradiance: object) -> None:
 def test_computed_and_unknown_fields_of_a_record_are_ignored() -> None:
     derived = {**RECORD, "sun": {**RECORD["sun"], "direction": [9.0, 9.0, 9.0]}, "unknown": 1}
     assert LightingRecord.model_validate(derived).to_lighting() == LightingRecord.model_validate(RECORD).to_lighting()
+
+
+@pytest.mark.parametrize("value", [-1, 91, "nan", "high", None])
+def test_a_number_out_of_its_range_is_refused_with_the_range(value: object) -> None:
+    with pytest.raises(ValidationError) as caught:
+        TypeAdapter(SunElevation).validate_python(value)
+    (error,) = caught.value.errors()
+    assert error["ctx"] == {"minimum": 0.0, "maximum": 90.0}
+    assert error["msg"] == "must be a number from 0 to 90"
+
+
+def test_the_range_is_in_the_document() -> None:
+    schema = TypeAdapter(Annotated[float | None, InRange(1, 2, description="any")]).json_schema()
+    assert schema == {"type": "number", "minimum": 1, "maximum": 2, "description": "any"}
+
+
+@pytest.mark.parametrize("value", [15, 17, 2050])
+def test_a_height_is_even_and_in_its_range(value: int) -> None:
+    assert TypeAdapter(Height).validate_python(512) == 512
+    with pytest.raises(ValidationError):
+        TypeAdapter(Height).validate_python(value)
+
+
+@pytest.mark.parametrize("text", ["True", "1", "yes", ""])
+def test_a_flag_is_true_or_false_alone(text: str) -> None:
+    assert TypeAdapter(Flag).validate_python("true") is True
+    assert TypeAdapter(Flag).validate_python("false") is False
+    with pytest.raises(ValidationError, match="must be true or false"):
+        TypeAdapter(Flag).validate_python(text)

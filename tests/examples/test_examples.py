@@ -1,13 +1,18 @@
-"""The example photos: their table, and how they were exposed."""
+"""The example photos: their table, how they were exposed, and what is kept of the photographs among them."""
 
 import csv
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import ExifTags, Image
 
 from examples.make_examples import COLUMNS, EXAMPLES, HERE, add_grain, develop, enlarge, truth
+from examples.reduce_photos import PHOTOS, SHOWN, THUMB, reduce_photo, thumbnail
+from tests.conftest import encode, exif, scene
+
+LARGEST = 250_000  # bytes of one example that the page offers
 
 
 def test_the_table_beside_the_photos_is_that_of_the_script() -> None:
@@ -54,3 +59,33 @@ def test_grain_is_faint_and_repeatable() -> None:
     one, same = (np.asarray(add_grain(grey, 3), dtype=int) for _ in range(2))
     assert np.array_equal(one, same)
     assert 0.8 < (one - 128).std() < 1.6
+
+
+def test_the_photographs_say_when_they_were_taken() -> None:
+    for name in PHOTOS:
+        with Image.open(HERE / "rome" / name) as photo:
+            camera = photo.getexif().get_ifd(ExifTags.IFD.Exif)
+        assert camera[ExifTags.Base.DateTimeOriginal].startswith("2024:08:10")
+
+
+def test_every_example_of_the_page_has_a_small_copy() -> None:
+    for shown in SHOWN:
+        with Image.open(HERE / "thumbs" / Path(shown).name) as picture:
+            assert picture.size == THUMB
+            assert not picture.getexif()
+
+
+def test_an_example_of_the_page_is_small() -> None:
+    for shown in SHOWN:
+        assert (HERE / shown).stat().st_size < LARGEST
+
+
+def test_reducing_keeps_size_and_exif(tmp_path: Path) -> None:
+    taken = exif(camera={ExifTags.Base.DateTimeOriginal: "2024:08:10 12:00:00"})
+    (tmp_path / "a.jpg").write_bytes(encode(scene(320, 240), exif=taken, quality=95))
+    reduce_photo(tmp_path / "a.jpg", tmp_path / "b.jpg")
+    thumbnail(tmp_path / "a.jpg", tmp_path / "c.jpg")
+    with Image.open(tmp_path / "b.jpg") as photo, Image.open(tmp_path / "c.jpg") as small:
+        assert photo.size == (320, 240)
+        assert photo.getexif().get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal] == "2024:08:10 12:00:00"
+        assert small.size == THUMB
