@@ -30,7 +30,7 @@ from lighting.records import Prediction
 
 MAX_LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
 MAX_SIDE = 448  # pixels along the longer side; more bring no better camera
-MAX_LEAN = 25.0  # deg from the expected vertical within which an edge may be a vertical
+_MAX_LEAN = 25.0  # deg from the expected vertical within which an edge may be a vertical
 
 _MIN_UPRIGHT_STEP = 6.0  # gray levels per pixel, of an edge near vertical
 _MIN_OTHER_STEP = 10.0  # gray levels per pixel, of another, of which pictures have more
@@ -169,7 +169,7 @@ def _edges_of(gray: NDArray[np.uint8], up: Floats, focal: float) -> _Edges:
     right, upwards = _gradient(gray)
     across, along = _rotate_to_vertical(right, upwards, up, focal)
     strength = np.abs(across)
-    is_upright = np.abs(along) <= np.float32(np.tan(np.radians(MAX_LEAN))) * strength
+    is_upright = np.abs(along) <= np.float32(np.tan(np.radians(_MAX_LEAN))) * strength
     upright = np.flatnonzero(is_upright & (strength > 2 * _MIN_UPRIGHT_STEP))
     step = across.take(upright)
     sides = np.where(step > 0, 0, _DIRECTION_BINS // 2).astype(np.uint8)  # which of their sides is brighter
@@ -364,7 +364,7 @@ def _log_likelihood_of_verticals(lines: _Lines, height: int, cameras: _Cameras) 
     std = np.hypot(_VERTICAL_STD, _SEGMENT_STD / lines.length).astype(np.float32)[:, None]
     bell = np.exp(-0.5 * (angle / std) ** 2) * (_VERTICAL_SHARE / (np.sqrt(2 * np.pi, dtype=np.float32) * std))
     weight = _VERTICAL_WEIGHT * np.sqrt(lines.length / height)
-    log = weight @ np.log(bell + np.float32((1 - _VERTICAL_SHARE) / MAX_LEAN))
+    log = weight @ np.log(bell + np.float32((1 - _VERTICAL_SHARE) / _MAX_LEAN))
     return np.asarray(log.reshape(up.shape[1:]))
 
 

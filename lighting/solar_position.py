@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from lighting.geometry import SUN_RADIUS, Floats
 
-SUNSET = -SUN_RADIUS - 0.5667  # deg: true elevation of the center when the upper edge appears on the horizon
+_SUNSET = -SUN_RADIUS - 0.5667  # deg: true elevation of the center when the upper edge appears on the horizon
 CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, ASTRONOMICAL_TWILIGHT = -6.0, -12.0, -18.0  # deg, where each ends
 
 _J2000 = np.datetime64("2000-01-01T12:00:00")
@@ -128,6 +128,6 @@ def _horizontal(hour_angle: Floats, declination: Floats, latitude: Floats) -> tu
 
 def _refraction(elevation: Floats) -> Floats:
     """How much higher [deg] the sun appears (Saemundsson's inverse of Bennett's formula)."""
-    bounded = np.maximum(elevation, SUNSET)
+    bounded = np.maximum(elevation, _SUNSET)
     refraction = 1.02 / (60.0 * np.tan(np.radians(bounded + 10.3 / (bounded + 5.11))))
-    return np.where(elevation >= SUNSET, refraction, 0.0)
+    return np.where(elevation >= _SUNSET, refraction, 0.0)

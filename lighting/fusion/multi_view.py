@@ -60,8 +60,8 @@ if TYPE_CHECKING:
 
     Views = Sequence[RegisteredView]
 
-ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
-RELATIVE_HEADING_STD = 10.0  # deg between two compass headings of one phone, whose larger error is shared
+_ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
+_RELATIVE_HEADING_STD = 10.0  # deg between two compass headings of one phone, whose larger error is shared
 
 _MATCH_OUTLIER_RATE = 0.01  # share of useless rotations by matches; `export report photo-sets` found none in 75 pairs
 _MAX_UP_DISAGREEMENT = 25.0  # deg, five times what nine of ten photos err in their camera's elevation
@@ -173,7 +173,7 @@ def _frames(
         can_join = len(compass) == count and matched.group.any()
         return _join_by_compass(matched, np.array(compass)) if can_join else matched
     if len(compass) == count:
-        std = np.full(count, RELATIVE_HEADING_STD)
+        std = np.full(count, _RELATIVE_HEADING_STD)
         return _Frames(one_group, np.array(compass), std, COMPASS_OUTLIER_RATE, EvidenceKind.HEADING)
     return _Frames(np.arange(count), np.zeros(count), np.zeros(count))
 
@@ -193,7 +193,7 @@ def _join_by_compass(matched: _Frames, compass: Floats) -> _Frames:
     heading, std = matched.heading.copy(), matched.heading_std.copy()
     for group in matched.members():
         heading[group] += circular_mean(wrap_azimuth(compass[group] - matched.heading[group]))
-        std[group] = np.hypot(std[group], RELATIVE_HEADING_STD / np.sqrt(len(group)))
+        std[group] = np.hypot(std[group], _RELATIVE_HEADING_STD / np.sqrt(len(group)))
     return _Frames(np.zeros_like(matched.group), heading, std, COMPASS_OUTLIER_RATE, EvidenceKind.TURNS)
 
 
@@ -309,7 +309,7 @@ def _share_elevation(predictions: Sequence[Prediction], probability: Sequence[Fl
     firsts = [int(group[0]) for group in frames.members()]
     pooled = {i: replace(predictions[i], sun_probability=probability[i]) for i in firsts}
     of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), MIN_DENSITY) for i, p in pooled.items()}
-    exponent = pooling_exponent(len(of_group), ELEVATION_CORRELATION)
+    exponent = pooling_exponent(len(of_group), _ELEVATION_CORRELATION)
     common = np.exp(exponent * np.sum(np.log(list(of_group.values())), axis=0))
     shared = [p * common / of_group[number] for p, number in zip(probability, frames.group, strict=True)]
     return [p / p.sum() for p in shared]
@@ -379,7 +379,7 @@ def _share_zone(weights: Sequence[Floats], frames: _Frames) -> list[Floats]:
     """Weights (K, 360) of each photo when the groups have no more than the candidates in common."""
     mass = [np.maximum(w.sum(axis=1, keepdims=True), MIN_DENSITY) for w in weights]
     firsts = [int(group[0]) for group in frames.members()]
-    exponent = pooling_exponent(len(firsts), ELEVATION_CORRELATION)
+    exponent = pooling_exponent(len(firsts), _ELEVATION_CORRELATION)
     zone = np.exp(exponent * np.sum(np.log([mass[i] for i in firsts]), axis=0))
     return [w / m * zone for w, m in zip(weights, mass, strict=True)]
 

@@ -42,7 +42,7 @@ from lighting.validation import RANGES
 COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
 COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that say nothing: the uniform part of the prior
 
-CAMERA_ELEVATION_STD = 3.5  # deg, of the network: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
+_CAMERA_ELEVATION_STD = 3.5  # deg, of the network: 91 (paper) and 79 % (phone) of `val` lie within 5 deg
 _CAMERA_ROLL_STD = 2.0  # deg, of the network: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
 MAX_TILT_DISAGREEMENT = 20.0  # deg; 1 % of the crops of `val` differ more from gravity (0.2 % of paper, 2 % of phone)
 _MAX_LEARNED_ELEVATION = 35.0  # deg up and down: the network learned from no steeper cameras and predicts none
@@ -102,7 +102,7 @@ class Posterior:
 
 
 @dataclass(frozen=True, eq=False)
-class GravityFused:
+class _GravityFused:
     """A photo's prediction with its camera tilted as pixels and gravity have it."""
 
     prediction: Prediction
@@ -146,7 +146,7 @@ def fuse(prediction: Prediction, observations: Observations) -> Posterior:
     return fuse_with_gravity(fuse_gravity(prediction, observations))
 
 
-def fuse_with_gravity(leveled: GravityFused) -> Posterior:
+def fuse_with_gravity(leveled: _GravityFused) -> Posterior:
     """Fuse a prediction whose camera is already tilted as gravity has it.
 
     Args:
@@ -171,7 +171,7 @@ def fuse_with_gravity(leveled: GravityFused) -> Posterior:
 # The camera's tilt by the network and by gravity.
 
 
-def fuse_gravity(prediction: Prediction, observations: Observations) -> GravityFused:
+def fuse_gravity(prediction: Prediction, observations: Observations) -> _GravityFused:
     """Tilt the prediction's camera by pixels and gravity; its sun stays where it is.
 
     Args:
@@ -179,11 +179,11 @@ def fuse_gravity(prediction: Prediction, observations: Observations) -> GravityF
         observations: from metadata and user.
     """
     if observations.gravity is None:
-        return GravityFused(prediction, observations)
+        return _GravityFused(prediction, observations)
     if (warning := _contradiction(prediction, observations.gravity, observations.subject)) is not None:
-        return GravityFused(prediction, replace(observations, gravity=None), (warning,))
+        return _GravityFused(prediction, replace(observations, gravity=None), (warning,))
     elevation, roll = _fused_tilt(prediction, observations.gravity)
-    return GravityFused(replace(prediction, camera_elevation=elevation, camera_roll=roll), observations)
+    return _GravityFused(replace(prediction, camera_elevation=elevation, camera_roll=roll), observations)
 
 
 def camera_elevation_std(gravity: Gravity | None) -> float:
@@ -193,8 +193,8 @@ def camera_elevation_std(gravity: Gravity | None) -> float:
         gravity: from the metadata; None leaves the network alone.
     """
     if gravity is None:
-        return CAMERA_ELEVATION_STD
-    return CAMERA_ELEVATION_STD * math.sqrt(_network_weight(gravity.std, CAMERA_ELEVATION_STD))
+        return _CAMERA_ELEVATION_STD
+    return _CAMERA_ELEVATION_STD * math.sqrt(_network_weight(gravity.std, _CAMERA_ELEVATION_STD))
 
 
 def _contradiction(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> CodedWarning | None:
@@ -214,7 +214,7 @@ def _contradiction(prediction: Prediction, gravity: Gravity, subject: str = "pho
 def _fused_tilt(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
     """The camera's elevation and roll [deg] by both; the roll is 0 where it looks straight up or down within 5 deg."""
     elevation_difference, roll_difference = _tilt_difference(prediction, gravity)
-    elevation = gravity.elevation + elevation_difference * _network_weight(gravity.std, CAMERA_ELEVATION_STD)
+    elevation = gravity.elevation + elevation_difference * _network_weight(gravity.std, _CAMERA_ELEVATION_STD)
     if abs(elevation) > MIN_STEEP_ELEVATION:
         return elevation, 0.0
     if gravity.roll is None:

@@ -47,7 +47,7 @@ def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMet
         merged = replace(merged, heading=user_input.heading, heading_reference=HeadingReference.TRUE)
     if user_input.vertical_fov is not None:
         merged = replace(merged, vertical_fov=user_input.vertical_fov)
-    offset = known_utc_offset(merged)
+    offset = _known_utc_offset(merged)
     return merged if offset is None else _in_zone(merged, offset)
 
 
@@ -65,7 +65,7 @@ def share_location(metadata: Sequence[PhotoMetadata]) -> list[PhotoMetadata]:
     """
     source = next((m for m in metadata if m.latitude is not None), PhotoMetadata())
     located = [replace(m, latitude=source.latitude, longitude=source.longitude) for m in metadata]
-    offset = next((hours for m in metadata if (hours := known_utc_offset(m)) is not None), None)
+    offset = next((hours for m in metadata if (hours := _known_utc_offset(m)) is not None), None)
     return located if offset is None else [_in_zone(m, offset) for m in located]
 
 
@@ -97,14 +97,14 @@ def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
     return nearest if is_offset and abs(ahead - nearest) < _MAX_CLOCK_ERROR_HOURS else None
 
 
-OffsetRule = Callable[[PhotoMetadata], float | None]
-OFFSET_RULES: dict[str, OffsetRule] = {  # how a photo tells its clock's offset from UTC; the first that answers counts
+_OffsetRule = Callable[[PhotoMetadata], float | None]
+OFFSET_RULES: dict[str, _OffsetRule] = {  # how a photo tells its clock's offset from UTC; the first that answers counts
     "stated in the file": _stated_offset,
     "clock against GPS": _offset_by_gps,
 }
 
 
-def known_utc_offset(metadata: PhotoMetadata) -> float | None:
+def _known_utc_offset(metadata: PhotoMetadata) -> float | None:
     """How far a photo's clock is ahead of UTC, by the first of OFFSET_RULES that knows it.
 
     Args:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.calibration import MAX_LEAN, MAX_SIDE, _edges_of, _Lines, calibrate_from_lines, lens_ratio
+from lighting.calibration import _MAX_LEAN, MAX_SIDE, _edges_of, _Lines, calibrate_from_lines, lens_ratio
 from lighting.geometry import Floats, Pinhole, camera_directions, up_in_camera
 from lighting.records import Prediction
 from tests.helpers.cameras import FINER, poles
@@ -171,11 +171,11 @@ def test_both_edges_of_a_bar_lean_as_it_does(leaning: float) -> None:
 
 
 def test_what_leans_too_far_or_lies_is_no_vertical() -> None:
-    assert len(found(bar(MAX_LEAN + 12.0)).length) == 0
+    assert len(found(bar(_MAX_LEAN + 12.0)).length) == 0
     assert len(found(bar(90.0)).length) == 0
 
 
-@pytest.mark.parametrize("leaning", [90.0, 80.0, 60.0, -45.0, -70.0, MAX_LEAN + 12.0])
+@pytest.mark.parametrize("leaning", [90.0, 80.0, 60.0, -45.0, -70.0, _MAX_LEAN + 12.0])
 def test_what_leans_further_is_found_apart(leaning: float) -> None:
     edges = _edges_of(bar(leaning), LEVEL, FOCAL)
     assert len(edges.upright.length) == 0

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pvlib import solarposition
 
 from lighting.geometry import angle_between, direction, wrap_azimuth
-from lighting.solar_position import SUNSET, sun_position
+from lighting.solar_position import _SUNSET, sun_position
 
 LATITUDES = [*np.linspace(-90.0, 90.0, 19), -23.44, 23.44]
 
@@ -29,7 +29,7 @@ def test_agrees_with_pvlib_from_1950_to_2050(latitude: float) -> None:
     azimuth, elevation = sun_position(times, latitude, longitude)
     apparent = whole["apparent_elevation"].to_numpy()
     apart = angle_between(direction(azimuth, elevation), direction(whole["azimuth"], apparent))
-    same_side = (elevation > SUNSET + 0.4) == (apparent > SUNSET + 0.4)  # of the step that refraction makes at SUNSET
+    same_side = (elevation > _SUNSET + 0.4) == (apparent > _SUNSET + 0.4)  # of the step that refraction makes at SUNSET
     assert same_side.mean() > 0.99
     assert apart[same_side].max() < 0.002
     turned = np.abs(wrap_azimuth(azimuth - whole["azimuth"].to_numpy()))[np.abs(apparent) < 85]
@@ -75,4 +75,4 @@ def test_refraction_lifts_the_low_sun_by_half_a_degree() -> None:
     steps = np.diff(elevation)
     rise = int(np.argmax(steps))
     assert 0.5 < steps[rise] - np.median(steps) < 0.8
-    assert elevation[rise] < SUNSET < elevation[rise + 1]
+    assert elevation[rise] < _SUNSET < elevation[rise + 1]

@@ -13,7 +13,7 @@ from lighting.fusion.likelihood import (
     pooling_exponent,
     rotate_density,
 )
-from lighting.fusion.multi_view import ELEVATION_CORRELATION
+from lighting.fusion.multi_view import _ELEVATION_CORRELATION
 from lighting.geometry import Floats, direction
 from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 
@@ -95,7 +95,7 @@ def test_overlap_falls_from_one_to_nothing() -> None:
 
 
 def test_correlated_photos_count_as_fewer() -> None:
-    assert pooling_exponent(1, ELEVATION_CORRELATION) == 1.0
+    assert pooling_exponent(1, _ELEVATION_CORRELATION) == 1.0
     assert pooling_exponent(4, 0.0) == 1.0
     assert pooling_exponent(4, 1.0) == 0.25
-    assert 8 * pooling_exponent(8, ELEVATION_CORRELATION) < 1 / ELEVATION_CORRELATION
+    assert 8 * pooling_exponent(8, _ELEVATION_CORRELATION) < 1 / _ELEVATION_CORRELATION

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.fusion.multi_view import RELATIVE_HEADING_STD, _frames, fuse_views
+from lighting.fusion.multi_view import _RELATIVE_HEADING_STD, _frames, fuse_views
 from lighting.fusion.single_view import Observations, Posterior, fuse
 from lighting.geometry import wrap_azimuth
 from lighting.records import Prediction
@@ -40,8 +40,8 @@ def test_the_compass_joins_groups_that_matches_leave_apart() -> None:
     assert not found.group.any()
     assert found.heading - found.heading[0] == pytest.approx([0.0, 10.0, 90.0], abs=10.0)
     assert found.heading[1] - found.heading[0] == pytest.approx(10.0)
-    assert found.heading_std[2] == pytest.approx(np.hypot(0.3, RELATIVE_HEADING_STD))
-    assert found.heading_std[:2] == pytest.approx([np.hypot(0.3, RELATIVE_HEADING_STD / np.sqrt(2))] * 2)
+    assert found.heading_std[2] == pytest.approx(np.hypot(0.3, _RELATIVE_HEADING_STD))
+    assert found.heading_std[:2] == pytest.approx([np.hypot(0.3, _RELATIVE_HEADING_STD / np.sqrt(2))] * 2)
 
 
 def test_without_any_each_photo_is_alone() -> None:
