@@ -17,14 +17,14 @@ from export.evaluation.metadata import COMPASS_MEDIAN, COMPASS_STD, SimulatedMet
 from export.evaluation.metrics import Truth, figures_table, median, percentage
 from lighting.circular import HEADINGS
 from lighting.decoding import sun_from_prediction, sun_from_rings
-from lighting.fusion.likelihood import density_on_ring, elevation_density, pooling_exponent, rotate_density
+from lighting.fusion.likelihood import elevation_density, pooling_exponent, rotate_density
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, Posterior
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import EvidenceKind, Prediction, SunEstimate
-from lighting.sun_grid import grid_directions
+from lighting.sun_grid import grid_directions, smooth_density
 
 SIZES = (2, 4, 8)  # views; one panorama has 8 crops
 CORRELATIONS = np.round(np.arange(0.1, 1.55, 0.1), 2)  # tried
@@ -81,7 +81,7 @@ def _views(truth: Truth, predictions: Sequence[Prediction], azimuth: Floats, mem
     rotated = [(predictions[i], float(azimuth[first] - azimuth[i])) for i in members]
     log = {
         "sun": [rotate_density(p.sun_probability, angle, layout) for p, angle in rotated],
-        "azimuth": [density_on_ring(p, sun_elevation, angle) for p, angle in rotated],
+        "azimuth": [_density_on_ring(p, sun_elevation, angle) for p, angle in rotated],
         "elevation": [elevation_density(p, angles(cells)[1]) for p, _ in rotated],
     }
     cell = int(np.argmax(cells @ sun))
@@ -89,6 +89,12 @@ def _views(truth: Truth, predictions: Sequence[Prediction], azimuth: Floats, mem
     return _Densities(
         {kind: _log(np.array(values)) for kind, values in log.items()}, true_cell, sun, half, predictions[first]
     )
+
+
+def _density_on_ring(prediction: Prediction, elevation: float, rotation: float) -> Floats:
+    """Density [1/sr] (360,) along an elevation [deg], by azimuth of a camera rotated by `rotation` [deg] clockwise."""
+    suns = direction(HEADINGS + rotation, elevation)
+    return smooth_density(prediction.sun_probability, suns, prediction.spec.sun_grid)
 
 
 def _log(density: Floats) -> Floats:

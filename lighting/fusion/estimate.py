@@ -1,4 +1,12 @@
-"""From pixels to Prediction, and from Posterior to Estimate."""
+"""From pixels to Prediction, and from Posterior to Estimate.
+
+At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9; streets and shop
+windows in bright lamplight take 8, rooms 5 to 7 [1]. Exposures tell indoors from outdoors better than pixels do [2].
+
+References:
+    [1] ANSI PH2.7, Photographic Exposure Guide.
+    [2] Boutell and Luo, CVPR 2004.
+"""
 
 from dataclasses import replace
 
@@ -7,12 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.calibration import calibrate_from_lines
 from lighting.decoding import correct_sun_color, lighting_from_prediction, predicted_sun_elevation
-from lighting.fusion.metadata_prior import (
-    MetadataPrior,
-    camera_observations,
-    dark_exposure_warnings,
-    daylight_probability,
-)
+from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.model import Model
@@ -25,6 +28,8 @@ _UNSUITABLE = (
     "the answer may mean nothing."
 )
 _MAX_SUITABLE_IN_TWILIGHT = 0.1  # where time and place have the sun below the horizon
+_EVEN_ODDS_EXPOSURE = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
+_ODDS_EXPONENT = 2.5  # doublings of the odds of daylight for each EV: scenes and meters vary by a stop
 _MAX_SUITABLE_NO_PHOTO = 0.01  # of pictures that are no photo of one view
 
 
@@ -130,12 +135,23 @@ def _with_sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrio
 def _suitable(by_pixels: float, prior: MetadataPrior) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
     exposure_value = prior.observations.exposure_value
-    by_exposure = by_pixels if exposure_value is None else by_pixels * daylight_probability(exposure_value)
+    by_exposure = by_pixels if exposure_value is None else by_pixels * _daylight_probability(exposure_value)
     return round_significant(min(by_exposure, 1.0 if prior.sun_is_up else _MAX_SUITABLE_IN_TWILIGHT))
 
 
+def _daylight_probability(exposure_value: float) -> float:
+    """Probability (0 to 1) that daylight lit a scene that took an exposure value [EV at ISO 100]."""
+    return float(1.0 / (1.0 + 2.0 ** (_ODDS_EXPONENT * (_EVEN_ODDS_EXPOSURE - exposure_value))))
+
+
 def _unsuitable_warnings(observations: Observations) -> tuple[str, ...]:
-    """Sentences about a picture that is not suitable."""
+    """Sentences about a picture that is not suitable: a dark exposure first, where daylight is the less likely."""
     exposure_value, subject = observations.exposure_value, observations.subject
-    dark = () if exposure_value is None else dark_exposure_warnings(exposure_value, subject)
-    return (*dark, _UNSUITABLE.format(subject))
+    unsuitable = _UNSUITABLE.format(subject)
+    if exposure_value is None or _daylight_probability(exposure_value) >= 0.5:
+        return (unsuitable,)
+    dark = (
+        f"The {subject} was exposed for a dark scene (EV {exposure_value:.1f} at ISO 100): night, indoors, or a dark "
+        "filter on the lens."
+    )
+    return (dark, unsuitable)

@@ -10,17 +10,15 @@ mixture of both products. Without it, a few scenes where all views err would cos
 160 panoramas of the same scenes.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from lighting.circular import HEADINGS, blur_headings
+from lighting.circular import blur_headings
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.records import Prediction
 from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
 
-SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is another witness
 ELEVATION_KERNEL_STD = 4.0  # deg, kernel of an elevation's density: the size of a cell
 MIN_DENSITY = 1e-12  # 1/sr, that stands for none where logarithms are taken
 
@@ -71,17 +69,6 @@ def _overlap(optical_axes: Floats, vertical_fov: Floats) -> Floats:
     return np.asarray(np.maximum(0.0, 1.0 - distance / width))
 
 
-def optical_axes(predictions: Sequence[Prediction], headings: Floats) -> tuple[Floats, Floats]:
-    """Optical axes (n, 3) and vertical fields of view (n,) [deg] of views.
-
-    Args:
-        predictions: of n views.
-        headings: (n,) deg clockwise in one frame.
-    """
-    elevation = [p.camera_elevation for p in predictions]
-    return direction(headings, elevation), np.array([p.vertical_fov for p in predictions])
-
-
 def pooling_exponent(count: int, correlation: float) -> float:
     """Exponent of each of several distributions whose errors correlate.
 
@@ -124,18 +111,6 @@ def rotate_density(probability: Floats, rotation: float, layout: str) -> Floats:
     """
     azimuth, elevation = angles(grid_directions(layout))
     return smooth_density(probability, direction(azimuth + rotation, elevation), layout)
-
-
-def density_on_ring(prediction: Prediction, elevation: float, rotation: float) -> Floats:
-    """Density [1/sr] (360,) along a ring of one elevation, by azimuth from 0 to 359 deg.
-
-    Args:
-        prediction: of the network.
-        elevation: deg above the horizon.
-        rotation: deg clockwise from the prediction's camera to the one whose azimuths count.
-    """
-    suns = direction(HEADINGS + rotation, elevation)
-    return smooth_density(prediction.sun_probability, suns, prediction.spec.sun_grid)
 
 
 def elevation_density(prediction: Prediction, elevation: Floats) -> Floats:

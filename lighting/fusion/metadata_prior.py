@@ -1,12 +1,4 @@
-"""Metadata -> Observations: sun candidates, heading, lens, gravity, daylight.
-
-At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9; streets and shop
-windows in bright lamplight take 8, rooms 5 to 7 [1]. Exposures tell indoors from outdoors better than pixels do [2].
-
-References:
-    [1] ANSI PH2.7, Photographic Exposure Guide.
-    [2] Boutell and Luo, CVPR 2004.
-"""
+"""Metadata -> Observations: sun candidates, heading, lens, gravity, exposure."""
 
 import math
 import threading
@@ -42,9 +34,6 @@ _MAX_DISTANCE_KM = 100.0  # within which the sun has the same direction to a deg
 _NIGHT_IN_ALL_ZONES = "Whatever the zone of their clocks, one of the photos taken together was taken at night"
 _TWILIGHT_ANSWER = "the answer is the sky of a sun on the horizon, brighter than this one, without direct sunlight."
 
-_EVEN_ODDS_EXPOSURE = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
-_ODDS_EXPONENT = 2.5  # doublings of the odds of daylight for each EV: scenes and meters vary by a stop
-
 _DECLINATION_EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
 _MIN_HORIZONTAL_FIELD = 6000.0  # nT, under which the model's authors call compasses unreliable
 _DECLINATION_LOCK = threading.Lock()  # a model stores intermediate values in itself, so threads must take turns
@@ -63,13 +52,16 @@ class MetadataPrior:
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer, deg
 
 
-def observations_from_metadata(metadata: PhotoMetadata, user_input: UserInput, subject: str = "photo") -> MetadataPrior:
+def observations_from_metadata(
+    metadata: PhotoMetadata, user_input: UserInput, subject: str = "photo", *, allow_night: bool = False
+) -> MetadataPrior:
     """The observations from a photo's metadata and its user.
 
     Args:
         metadata: of the photo's file; they never raise.
         user_input: what the user states.
         subject: what warnings call the pixels' source.
+        allow_night: whether the user's own time may be at night, as of a later frame of a clip.
 
     Raises:
         ParameterError: the user's own time or location is at night.
@@ -77,23 +69,11 @@ def observations_from_metadata(metadata: PhotoMetadata, user_input: UserInput, s
     merged = merge_user_input(metadata, user_input)
     candidates = sun_candidates(merged)
     is_stated = user_input.time is not None or user_input.latitude is not None
-    if (highest := _max_elevation(candidates)) < CIVIL_TWILIGHT and is_stated:
+    if (highest := _max_elevation(candidates)) < CIVIL_TWILIGHT and is_stated and not allow_night:
         stated = "latitude" if user_input.time is None else "time"
         sentence = format_below_horizon(merged, highest) + "too dark for these skies."
         raise ParameterError(sentence, stated, ErrorCode.NIGHT)
     return _prior(merged, candidates, user_input, subject)
-
-
-def observations_of_frame(metadata: PhotoMetadata, user_input: UserInput, subject: str) -> MetadataPrior:
-    """The same for a later frame of a clip, which may pass into the night: the user's own time does not raise.
-
-    Args:
-        metadata: of the clip at the frame's time.
-        user_input: what the user states.
-        subject: what warnings call the pixels' source.
-    """
-    merged = merge_user_input(metadata, user_input)
-    return _prior(merged, sun_candidates(merged), user_input, subject)
 
 
 def observations_single(metadata: PhotoMetadata, user_input: UserInput) -> MetadataPrior:
@@ -265,30 +245,3 @@ def _magnetic_model(epoch: int) -> "GeoMag":
     from pygeomag import GeoMag
 
     return GeoMag(base_year=epoch)
-
-
-# Whether a scene was as bright as daylight makes it, by the camera's exposure.
-
-
-def daylight_probability(exposure_value: float) -> float:
-    """Probability (0 to 1) that daylight lit a scene.
-
-    Args:
-        exposure_value: EV at ISO 100 that the scene took.
-    """
-    return float(1.0 / (1.0 + 2.0 ** (_ODDS_EXPONENT * (_EVEN_ODDS_EXPOSURE - exposure_value))))
-
-
-def dark_exposure_warnings(exposure_value: float, subject: str) -> tuple[str, ...]:
-    """A sentence for people where daylight is the less likely light.
-
-    Args:
-        exposure_value: EV at ISO 100 that the scene took.
-        subject: what the sentence calls the pixels' source.
-    """
-    if daylight_probability(exposure_value) >= 0.5:
-        return ()
-    return (
-        f"The {subject} was exposed for a dark scene (EV {exposure_value:.1f} at ISO 100): night, indoors, or a dark "
-        "filter on the lens.",
-    )

@@ -27,12 +27,10 @@ from lighting.fusion.likelihood import (
     ELEVATION_KERNEL_STD,
     MIN_DENSITY,
     SUN_CORRELATION,
-    SUN_MOTION_SCALE,
     blur_grid_heading,
     blur_ring_heading,
     effective_weights,
     elevation_density,
-    optical_axes,
     pool_log_likelihoods,
     pooling_exponent,
     rotate_density,
@@ -65,6 +63,7 @@ _RELATIVE_HEADING_STD = 10.0  # deg between two compass headings of one phone, w
 
 _MATCH_OUTLIER_RATE = 0.01  # share of useless rotations by matches; `export report photo-sets` found none in 75 pairs
 _MAX_UP_DISAGREEMENT = 25.0  # deg, five times what nine of ten photos err in their camera's elevation
+_SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is another witness
 _MIN_HEADING_STD = 0.5  # deg, of a heading over whole degrees
 
 _SEPARATE_GROUP = CodedWarning(
@@ -268,6 +267,12 @@ def _share_time(observations: Sequence[Observations]) -> list[Observations]:
     return [replace(o, candidates=tuple(suns[k] for k in up)) for o, suns in zip(observations, candidates, strict=True)]
 
 
+def _optical_axes(predictions: Sequence[Prediction], headings: Floats) -> tuple[Floats, Floats]:
+    """Optical axes (n, 3) and vertical fields of view (n,) [deg] of views at headings (n,) [deg]."""
+    elevation = [p.camera_elevation for p in predictions]
+    return direction(headings, elevation), np.array([p.vertical_fov for p in predictions])
+
+
 # Without a time: each group in its frame, and one elevation for all groups.
 
 
@@ -290,7 +295,7 @@ def _pool_on_grid(predictions: Sequence[Prediction], frames: _Frames) -> list[Fl
     if len(predictions) == 1:
         return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
-    weight = effective_weights(*optical_axes(predictions, frames.heading), SUN_CORRELATION)
+    weight = effective_weights(*_optical_axes(predictions, frames.heading), SUN_CORRELATION)
     errors = zip(predictions, frames.heading_std, strict=True)
     blurred = [blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
     pooled = []
@@ -349,7 +354,7 @@ def _fuse_on_rings(predictions: list[Prediction], observations: list[Observation
     by_photo: dict[int, Floats] = {}
     for group in frames.members():
         blurred = [blur_ring_heading(likelihood[i], float(frames.heading_std[i]), frames.outlier_rate) for i in group]
-        axes = optical_axes([predictions[i] for i in group], frames.heading[group])
+        axes = _optical_axes([predictions[i] for i in group], frames.heading[group])
         weight = effective_weights(*axes, AZIMUTH_CORRELATION, _sun_similarity([observations[i] for i in group]))
         pooled = _pool_on_rings(blurred, [prior[i] for i in group], frames.heading[group], weight)
         by_photo |= dict(zip(group.tolist(), pooled, strict=True))
@@ -360,7 +365,7 @@ def _fuse_on_rings(predictions: list[Prediction], observations: list[Observation
 def _sun_similarity(observations: Sequence[Observations]) -> Floats:
     """How alike the light of photos is (n, n), 0 to 1, by the angles between their suns."""
     suns = direction([o.candidates[0][1] for o in observations], [o.candidates[0][0] for o in observations])
-    return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / SUN_MOTION_SCALE))
+    return np.asarray(np.exp(-angle_between(suns[:, None], suns[None]) / _SUN_MOTION_SCALE))
 
 
 def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floats, weight: Floats) -> list[Floats]:

@@ -22,7 +22,6 @@ from lighting.fusion.metadata_prior import (
     MetadataPrior,
     camera_observations,
     observations_from_metadata,
-    observations_of_frame,
 )
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
@@ -381,5 +380,4 @@ class ClipMetadata:
             metadata = replace(metadata, heading=heading, heading_reference=HeadingReference.TRUE)
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
             metadata, user_input = replace(metadata, heading=None), replace(user_input, heading=None)
-        read_prior = observations_from_metadata if seconds == 0.0 else observations_of_frame
-        return read_prior(metadata, user_input, self.subject)
+        return observations_from_metadata(metadata, user_input, self.subject, allow_night=seconds != 0.0)
