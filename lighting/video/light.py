@@ -85,10 +85,6 @@ class ShotLight:
         self._vertical_fov = 50.0
         self._last: Prediction | None = None
 
-    def __bool__(self) -> bool:
-        """Whether there was an estimate."""
-        return self._last is not None
-
     def add(self, observation: FrameObservation) -> None:
         """Count an estimate, in parts for the two sectors between whose middles it lies.
 

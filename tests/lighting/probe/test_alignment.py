@@ -1,4 +1,4 @@
-"""Tests of alignment."""
+"""The orientation of cameras by suns, and of scans by skies."""
 
 from dataclasses import replace
 
@@ -71,7 +71,7 @@ def test_three_suns_leave_the_lens_as_told() -> None:
 
 
 AZIMUTH, ELEVATION = (grid.ravel() for grid in np.meshgrid(np.arange(0.0, 360.0, 30.0), [12.0, 33.0, 55.0, 75.0]))
-ORIENTATION_SUNS = ((100.0, 40.0), (135.0, 60.0), (170.0, 68.0))
+SCAN_SUNS = ((100.0, 40.0), (135.0, 60.0), (170.0, 68.0))
 
 
 def scan(sun: tuple[float, float], sense: int, offset: float) -> Scan:
@@ -82,7 +82,7 @@ def scan(sun: tuple[float, float], sense: int, offset: float) -> Scan:
 
 @pytest.mark.parametrize(("sense", "offset"), [(1, 13.0), (-1, 13.0), (-1, -170.0)])
 def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
-    found = fit_orientation([scan(sun, sense, offset) for sun in ORIENTATION_SUNS])
+    found = fit_orientation([scan(sun, sense, offset) for sun in SCAN_SUNS])
     assert found.sense == sense
     assert found.is_sure
     assert found.offset == pytest.approx(offset, abs=1.0)
@@ -90,7 +90,7 @@ def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
 
 
 def test_one_moment_leaves_the_sense_open() -> None:
-    found = fit_orientation([scan(ORIENTATION_SUNS[0], -1, 13.0)])
+    found = fit_orientation([scan(SCAN_SUNS[0], -1, 13.0)])
     assert not found.is_sure
 
 

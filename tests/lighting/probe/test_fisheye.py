@@ -1,4 +1,4 @@
-"""Tests of fisheye."""
+"""Projections of lenses, balls and panoramas, and maps made of them."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of hdr merge."""
+"""Exposure ratios, merging, and what rounding took."""
 
 from typing import Any
 
@@ -213,7 +213,7 @@ def filled(recorded: NDArray[np.float32]) -> NDArray[np.float32]:
     return _smooth_within_rounding(recorded, recorded, half, REACH)
 
 
-def rounding_bracket(values: NDArray[np.floating], step: float) -> Bracket:
+def coarse_bracket(values: NDArray[np.floating], step: float) -> Bracket:
     """Two exposures, of a fifth and of the whole."""
     three = np.repeat(values[..., None], 3, axis=-1)
     photos = [LinearPhoto(rounded(three * time, step), 0.98, step, time) for time in (0.2, 1.0)]
@@ -250,7 +250,7 @@ def test_both_sides_of_an_edge_are_smoothed_apart() -> None:
 def test_the_dark_of_a_bracket_comes_nearer_and_its_well_exposed_values_do_not_change() -> None:
     values = SKY.copy()
     values[:, 90:] = 0.3 + 0.002 * X[:, 90:]
-    shots = rounding_bracket(values, STEP)
+    shots = coarse_bracket(values, STEP)
     merged = merge_exposures(shots, np.array([0.2, 1.0]))
     found = dequantize(merged, shots, np.array([0.2, 1.0]), REACH)
     np.testing.assert_array_equal(found.radiance[:, 90:], merged.radiance[:, 90:])
@@ -261,6 +261,6 @@ def test_the_dark_of_a_bracket_comes_nearer_and_its_well_exposed_values_do_not_c
 
 @pytest.mark.parametrize("bits", [12, 14])
 def test_fine_bits_are_left_alone(bits: int) -> None:
-    shots = rounding_bracket(SKY, 1 / (2**bits - 1))
+    shots = coarse_bracket(SKY, 1 / (2**bits - 1))
     merged = merge_exposures(shots, np.array([0.2, 1.0]))
     assert dequantize(merged, shots, np.array([0.2, 1.0]), REACH) is merged

@@ -1,4 +1,4 @@
-"""Tests of sky fit."""
+"""Turbidity, exposure and cover of skies."""
 
 import numpy as np
 import pytest

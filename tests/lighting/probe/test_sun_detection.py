@@ -1,4 +1,4 @@
-"""Tests of sun detection."""
+"""The sun in panoramas and in measured skies."""
 
 import numpy as np
 import pytest

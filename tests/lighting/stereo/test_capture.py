@@ -276,7 +276,7 @@ def test_an_exr_with_values_that_are_not_finite_is_refused(tmp_path: Path) -> No
         _read_day_photo(tmp_path / "spoiled.exr")
 
 
-def probes_fill(folder: Path) -> None:
+def fill_probes(folder: Path) -> None:
     """Probes at 10, 10:30 and 11 h, each brighter than the one before."""
     for level, name in enumerate(("100000", "103000", "110000"), 1):
         (folder / "20260621" / name).mkdir(parents=True)
@@ -286,7 +286,7 @@ def probes_fill(folder: Path) -> None:
 
 
 def test_each_photo_gets_the_nearest_probe(tmp_path: Path) -> None:
-    probes_fill(tmp_path)
+    fill_probes(tmp_path)
     times = np.array(["2026-06-21T10:56", "2026-06-21T10:03", "2026-06-21T10:28"], dtype="datetime64[us]")
     skies = read_nearest_skies(tmp_path, times, 0.0)
     np.testing.assert_allclose(skies.radiance[:, -1].mean(axis=(1, 2)), [3, 1, 2], rtol=1e-3)
@@ -296,7 +296,7 @@ def test_each_photo_gets_the_nearest_probe(tmp_path: Path) -> None:
 
 
 def test_a_photo_without_a_probe_near_is_named(tmp_path: Path) -> None:
-    probes_fill(tmp_path)
+    fill_probes(tmp_path)
     with pytest.raises(EnvironmentMapError, match="within 10 minutes of 2026-06-21 10:15"):
         read_nearest_skies(tmp_path, np.array(["2026-06-21T10:15"], dtype="datetime64[us]"), 0.0)
 
@@ -304,19 +304,19 @@ def test_a_photo_without_a_probe_near_is_named(tmp_path: Path) -> None:
 NAMES = ["a", "b"]
 
 
-def still_scene() -> NDArray[np.float32]:
+def shaded_blocks() -> NDArray[np.float32]:
     return np.asarray(np.kron(np.random.default_rng(0).uniform(0.1, 0.7, (12, 16)), np.ones((8, 8))), dtype=np.float32)
 
 
 def test_other_light_from_the_same_place_passes() -> None:
     ramp = np.linspace(0.3, 1.0, 128, dtype=np.float32)
-    _check_static_camera(np.stack([still_scene() * ramp, still_scene() * ramp[::-1]]), NAMES)
+    _check_static_camera(np.stack([shaded_blocks() * ramp, shaded_blocks() * ramp[::-1]]), NAMES)
 
 
 @pytest.mark.parametrize("shift", [(0, 4), (3, 0), (-4, 5)])
 def test_a_camera_that_moved_is_named(shift: tuple[int, int]) -> None:
     with pytest.raises(PhotoError, match="b is shifted by"):
-        _check_static_camera(np.stack([still_scene(), np.roll(still_scene(), shift, axis=(0, 1))]), NAMES)
+        _check_static_camera(np.stack([shaded_blocks(), np.roll(shaded_blocks(), shift, axis=(0, 1))]), NAMES)
 
 
 def test_pictures_without_edges_say_nothing() -> None:

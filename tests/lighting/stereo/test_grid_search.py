@@ -1,4 +1,4 @@
-"""Tests of grid search."""
+"""Normals by search, also in shadow."""
 
 from typing import Any
 

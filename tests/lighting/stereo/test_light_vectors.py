@@ -1,4 +1,4 @@
-"""Tests of light vectors."""
+"""Mean light vectors, and modelled skies."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of network."""
+"""The network of normals and its planes."""
 
 from pathlib import Path
 

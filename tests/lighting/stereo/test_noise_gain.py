@@ -1,4 +1,4 @@
-"""Tests of noise gain."""
+"""Noise gain, and the orientations of a plan."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of output."""
+"""From a folder of photos to pictures, mesh and record."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tests of planner."""
+"""Plans: what they are asked, answer and draw."""
 
 from datetime import date
 from pathlib import Path
@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import angle_between, latlong_directions
-from lighting.stereo.plan_records import PlanRequest
+from lighting.stereo.plan_figure import MAX_GAIN, MIN_GAIN, _gain_colors, format_angle_error
+from lighting.stereo.plan_records import PlanRequest, SurfaceOrientation, format_clock
 from lighting.stereo.planner import (
     MAX_PROBE_GAP,
     MeasuredSkies,
@@ -101,3 +102,34 @@ def test_days_and_clocks_are_checked(tmp_path: Path) -> None:
         ModelledSkies(47.0, 10.0, JUNE, JUNE, utc_offset=20.0)
     with pytest.raises(ProbeError, match="holds no probe"):
         MeasuredSkies(tmp_path).days()
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"shots": 2}, {"noise": 0.0}, {"noise": 101.0}, {"facing": 361.0}, {"facing": float("nan")}]
+)
+def test_questions_are_checked(wrong: dict[str, float]) -> None:
+    with pytest.raises(ParameterError, match=next(iter(wrong))):
+        PlanRequest(**wrong)  # type: ignore[arg-type]
+
+
+def test_what_the_light_does_not_resolve_is_null() -> None:
+    found = SurfaceOrientation("level", 0.0, 90.0, 90.0, np.inf, (0.123456, np.inf, 1.0)).to_dict()
+    assert found["gain"] is None
+    assert found["interval_95"] == [0.1235, None, 1.0]
+
+
+def test_times_are_written_as_a_clock_shows_them() -> None:
+    assert format_clock(645.0) == "10:45"
+    assert format_clock(59.6) == "01:00"
+
+
+def test_less_gain_is_brighter_and_the_ends_of_the_scale_hold() -> None:
+    colors = _gain_colors(np.array([0.1, MIN_GAIN, 10.0, 100.0, MAX_GAIN, np.inf])).astype(int)
+    assert (np.diff(colors.sum(axis=1)) <= 0).all()
+    np.testing.assert_array_equal(colors[0], colors[1])
+    np.testing.assert_array_equal(colors[-1], colors[-2])
+
+
+def test_errors_that_say_nothing_are_not_told_as_numbers() -> None:
+    assert format_angle_error(7.25) == "7.2°"
+    assert format_angle_error(60.0) == ">45°"

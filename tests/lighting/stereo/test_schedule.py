@@ -1,4 +1,4 @@
-"""Tests of schedule."""
+"""Windows of a day, scored and ranked."""
 
 from datetime import date
 from functools import cache

@@ -1,4 +1,4 @@
-"""Tests of solver."""
+"""Maps of normals, and the turbidity of a day."""
 
 from typing import Any, cast
 

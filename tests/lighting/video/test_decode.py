@@ -1,4 +1,4 @@
-"""Tests of decode."""
+"""Clips read frame by frame: rotation, HDR, times, damage."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Tests of keyframes."""
+"""Rotations averaged, loops closed, paths smoothed."""
 
 import numpy as np
 

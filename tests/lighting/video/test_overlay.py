@@ -1,4 +1,4 @@
-"""Where words and balls stand in a preview film."""
+"""Where text and balls are drawn in a preview film."""
 
 from dataclasses import replace
 

@@ -87,7 +87,7 @@ def test_a_chain_that_is_joined_is_turned() -> None:
 
 
 BLACK = np.zeros((180, 320, 3), np.uint8)
-THERE = UserInput(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.0, longitude=11.0)
+MUNICH = UserInput(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.0, longitude=11.0)
 
 
 @pytest.fixture(scope="module")
@@ -120,8 +120,8 @@ def test_a_tracker_says_what_it_takes(wrong: dict[str, Any], said: str, model: M
 
 def test_given_is_the_old_name_of_user_input(model: Model) -> None:
     with pytest.warns(DeprecationWarning, match=r"Tracker\.given is now .*Tracker\.user_input"):
-        tracker = Tracker(model, given=THERE)
-    assert tracker._clip_metadata.user_input is THERE
+        tracker = Tracker(model, given=MUNICH)
+    assert tracker._clip_metadata.user_input is MUNICH
 
 
 def test_angles_of_a_light_have_four_digits_behind_the_point(model: Model) -> None:
@@ -180,7 +180,7 @@ def test_keyframes_of_a_stretch_are_turned_when_it_is_linked(model: Model) -> No
 
 
 def test_what_another_place_shows_of_the_sun_does_not_count_for_the_first(model: Model) -> None:
-    tracker = Tracker(model, replace(THERE, heading=30.0, vertical_fov=FOV), look_every=0.0)
+    tracker = Tracker(model, replace(MUNICH, heading=30.0, vertical_fov=FOV), look_every=0.0)
     first, other = [look(2.0 * i) for i in range(10)], [look(150.0 + 2.0 * i, seed=5) for i in range(10)]
     answers = [tracker(picture, 0.1 * i) for i, picture in enumerate([*first, *other, *first[:3]])]
     before, lost, again = (answers[i] for i in (9, 19, 22))
@@ -266,7 +266,7 @@ def test_where_all_was_dark_the_first_frame_is_the_first_that_is_not(model: Mode
 
 
 def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
-    tracker = Tracker(model, THERE, look_every=0.5)
+    tracker = Tracker(model, MUNICH, look_every=0.5)
     answers = [tracker(look(3.0 * i), 0.1 * i) for i in range(20)]
     last = answers[-1]
     assert last is not None
@@ -321,7 +321,7 @@ def test_a_frame_has_a_time(model: Model) -> None:
 
 
 def test_a_time_beyond_all_clocks_is_a_sentence(model: Model) -> None:
-    for given in (None, THERE):
+    for given in (None, MUNICH):
         with pytest.raises(ParameterError, match=r"seconds after the first, not 1e\+15"):
             Tracker(model, given)(look(0.0), 1e15)
 

@@ -1,4 +1,4 @@
-"""What phones and drones note of a clip."""
+"""What phones and drones write about a clip."""
 
 from datetime import UTC, datetime
 

@@ -1,4 +1,4 @@
-"""Tests of tracking."""
+"""Points tracked, and the rotations and gains that follow."""
 
 import numpy as np
 import pytest
@@ -92,9 +92,9 @@ def test_a_thing_that_moves_is_outvoted() -> None:
     assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ true.T))) < 0.2
 
 
-TURNING_SIZE = (640, 360)
-PIXEL = 2.0 / float(np.hypot(*TURNING_SIZE))
-FOCAL = focal_from_fov(45.0, *TURNING_SIZE)
+FRAME_SIZE = (640, 360)
+PIXEL = 2.0 / float(np.hypot(*FRAME_SIZE))
+FOCAL = focal_from_fov(45.0, *FRAME_SIZE)
 TURN = camera_from_world(4.0, 1.0, 0.5)
 
 
