@@ -1,1 +1,1 @@
-"""Environment maps of a light: rendered, turned, and with the place around."""
+"""Environment maps of a light: sky, ground, sun, and the surroundings of its photo."""

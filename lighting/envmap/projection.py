@@ -83,7 +83,7 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
     """
     picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
     camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
-    window = _window(camera, height)
+    window = _find_window(camera, height)
     if window is None:
         return None
     rows, columns = window
@@ -91,7 +91,7 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
     edge = np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER)
     ramp = np.clip(edge, 0, 1)
     weight = ramp * ramp * (3 - 2 * ramp)
-    index = _index(y, camera.height, -1) * camera.width + _index(x, camera.width, 1)
+    index = _pixel_index(y, camera.height, -1) * camera.width + _pixel_index(x, camera.width, 1)
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
     return ProjectedPhoto(rows, columns, linear, weight)
 
@@ -106,11 +106,11 @@ def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, 
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED_SIDE))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
     small = pixels[first[0] :: step, first[1] :: step]
-    return SRGB_LINEAR.take(small), _directions(photo_camera(lighting, small.shape[1], small.shape[0]))
+    return SRGB_LINEAR.take(small), _sample_directions(photo_camera(lighting, small.shape[1], small.shape[0]))
 
 
 @lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are sampled one after the other
-def _directions(camera: Pinhole) -> Floats:
+def _sample_directions(camera: Pinhole) -> Floats:
     """`camera_directions` of the sampled pixels."""
     directions = camera_directions(camera)
     directions.setflags(write=False)  # since others get it as well
@@ -138,7 +138,7 @@ def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: in
     return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
 
 
-def _window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
+def _find_window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
     """Rows and columns of a map (H, 2H) that hold the picture."""
     x, y = np.moveaxis(camera_pixel(latlong_directions(_WINDOW_ROWS), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false where NaN
@@ -166,6 +166,6 @@ def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -
     return x, y
 
 
-def _index(position: Image, count: int, sign: int) -> NDArray[np.intp]:
+def _pixel_index(position: Image, count: int, sign: int) -> NDArray[np.intp]:
     """Index of the pixel at a position of -1 to 1; `sign` -1 counts from the other end."""
     return np.asarray(np.clip((sign * position + 1) * np.float32(count / 2), 0, count - 1), dtype=np.intp)

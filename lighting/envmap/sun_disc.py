@@ -81,14 +81,14 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
         columns = np.arange(2 * height * across)
     else:
         reach = math.degrees(math.asin(math.sin(math.radians(SUN_RADIUS)) / math.cos(math.radians(elevation))))
-        columns = _cells(azimuth + 180.0 - reach, azimuth + 180.0 + reach, height * across / 180.0)
-    rows = _cells(90.0 - elevation - SUN_RADIUS, 90.0 - elevation + SUN_RADIUS, height * split / 180.0)
+        columns = _cells_between(azimuth + 180.0 - reach, azimuth + 180.0 + reach, height * across / 180.0)
+    rows = _cells_between(90.0 - elevation - SUN_RADIUS, 90.0 - elevation + SUN_RADIUS, height * split / 180.0)
     rows = rows[rows >= 0]
     fine_azimuth = (columns + 0.5) * (180.0 / (height * across)) - 180.0
     fine_elevation = 90.0 - (rows + 0.5) * (180.0 / (height * split))
     return rows // split, columns // across, direction(fine_azimuth, fine_elevation[:, None])
 
 
-def _cells(start: float, end: float, per_degree: float) -> NDArray[np.intp]:
+def _cells_between(start: float, end: float, per_degree: float) -> NDArray[np.intp]:
     """Indices of the cells between two angles [deg]."""
     return np.arange(math.floor(start * per_degree), math.ceil(end * per_degree))

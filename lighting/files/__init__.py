@@ -86,7 +86,7 @@ def write_envmap(
         lighting: for the header of an EXR; None: without.
         compression: of an EXR, one of COMPRESSIONS; the others have none.
     """
-    _writer(_format_of(target), compression)(target, image, lighting)
+    _writer_of(_format_of(target), compression)(target, image, lighting)
 
 
 def encode_envmap(
@@ -101,7 +101,7 @@ def encode_envmap(
         compression: of an EXR, one of COMPRESSIONS; the others have none.
     """
     buffer = io.BytesIO()
-    _writer(format, compression)(buffer, image, lighting)
+    _writer_of(format, compression)(buffer, image, lighting)
     return buffer.getvalue()
 
 
@@ -111,19 +111,19 @@ def _format_of(path: str | os.PathLike[str]) -> str:
         raise EnvironmentMapError(f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.")
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in MAP_FORMATS:
-        suffixes = _either([f".{name}" for name in MAP_FORMATS])
+        suffixes = _join_with_or([f".{name}" for name in MAP_FORMATS])
         raise EnvironmentMapError(f"The name {os.fspath(path)!r} must end in {suffixes}.")
     return suffix
 
 
-def _writer(name: str, compression: str) -> Callable[..., None]:
+def _writer_of(name: str, compression: str) -> Callable[..., None]:
     if name not in MAP_FORMATS:
         raise EnvironmentMapError(
-            f"The format {name!r} is not known; an environment map is {_either(list(MAP_FORMATS))}."
+            f"The format {name!r} is not known; an environment map is {_join_with_or(list(MAP_FORMATS))}."
         )
     entry = MAP_FORMATS[name]
     return partial(entry.write, compression=compression) if entry.takes_compression else entry.write
 
 
-def _either(names: list[str]) -> str:
+def _join_with_or(names: list[str]) -> str:
     return f"{', '.join(names[:-1])} or {names[-1]}"

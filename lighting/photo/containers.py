@@ -159,7 +159,7 @@ def _directory(data: bytes, offset: int, layout: _Layout) -> tuple[_Tags, int]:
 
 
 def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) -> tuple[int, ...]:
-    """The first MOST_PAGES values of a tag, which are inside it if they have room."""
+    """The first _MAX_PAGES values of a tag, which are inside it if they have room."""
     numbers = struct.Struct(f"{layout.order}{min(count, _MAX_PAGES)}{_INTEGER_TYPES[kind]}")
     if count * struct.calcsize(layout.order + _INTEGER_TYPES[kind]) <= len(inside):
         return numbers.unpack_from(inside)

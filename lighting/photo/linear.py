@@ -94,11 +94,11 @@ def linear_from_array(pixels: Pixels) -> LinearPhoto:
 
 
 def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto:
-    stored = _stored(file.read_bytes())
+    stored = _read_stored(file.read_bytes())
     samples = photo_pixels.make_upright(stored.samples, stored.orientation) if upright else stored.samples
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
-    linear = _linear(samples, coded)
+    linear = _linearize(samples, coded)
     if (matrix := photo_pixels.profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
     doubtful = full > 255 and curve is None and photo_pixels.is_gamma_encoded(stored.header)
@@ -108,22 +108,22 @@ def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto
         step=1 / full / 12.92 if coded else 1 / full,
         exposure=read_exposure(stored.exif_source),
         metadata=read_metadata(stored.exif_source, linear.shape[1], linear.shape[0]),
-        warnings=_warnings(stored.header, full == 255 and curve is None, doubtful),
+        warnings=_curve_warnings(stored.header, full == 255 and curve is None, doubtful),
         gray=samples.shape[2] == 1,
         srgb_decoded=coded,
         gamma_doubtful=doubtful,
     )
 
 
-def _stored(data: bytes) -> _Stored:
+def _read_stored(data: bytes) -> _Stored:
     page = photo_page(data)
     first_page = page.as_first(data) if page else data
     image = _open(first_page)
     photo_pixels.check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
-        return _Stored(_samples(image, first_page), image, image, read_orientation(image))
+        return _Stored(_read_samples(image, first_page), image, image, read_orientation(image))
     exif_source, orientation = _open(first_page if page and page.has_exif else data), read_orientation(image)
-    samples = photo_pixels.undo_upright(_samples(image, first_page), orientation)  # Pillow has rotated it
+    samples = photo_pixels.undo_upright(_read_samples(image, first_page), orientation)  # Pillow has rotated it
     if page and not page.has_orientation:
         orientation = read_orientation(exif_source)
     return _Stored(samples, image, exif_source, orientation)
@@ -133,7 +133,7 @@ def _open(data: bytes) -> Image.Image:
     return Image.open(io.BytesIO(data), formats=["PNG", "TIFF", "JPEG"])
 
 
-def _linear(samples: NDArray[Any], coded: bool) -> Pixels:
+def _linearize(samples: NDArray[Any], coded: bool) -> Pixels:
     """Linear values (H, W, 3), 1 at full scale, of whole numbers (H, W, 1 or 3)."""
     if coded and samples.dtype == np.uint8:
         linear = SRGB_LINEAR[samples]
@@ -143,7 +143,7 @@ def _linear(samples: NDArray[Any], coded: bool) -> Pixels:
     return np.repeat(linear, 3, axis=-1) if linear.shape[2] == 1 else linear
 
 
-def _warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple[str, ...]:
+def _curve_warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple[str, ...]:
     if header.format in ("JPEG", "MPO"):  # the latter has more pictures behind it
         return ("A JPEG holds the camera's own curve, which is linear in no known way; its values are rough.",)
     if assumed:
@@ -153,7 +153,7 @@ def _warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple[str, 
     return ()
 
 
-def _samples(image: Any, data: bytes) -> NDArray[Any]:
+def _read_samples(image: Any, data: bytes) -> NDArray[Any]:
     """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for gray, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
     if image.mode.startswith("I;16") or image.mode == "I":

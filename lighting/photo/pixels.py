@@ -81,7 +81,7 @@ def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> 
         target: pixels that the longer side keeps at least if it has them.
         orientation: 1 to 8 by EXIF; None: upright.
     """
-    pixels = _converted(image, _factor(*image.size, target))
+    pixels = _convert_to_srgb(image, _reduction_factor(*image.size, target))
     image.im = None  # type: ignore[assignment]
     return np.ascontiguousarray(make_upright(pixels, orientation))
 
@@ -107,7 +107,7 @@ def undo_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
     return make_upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))
 
 
-def _factor(width: int, height: int, target: int) -> int:
+def _reduction_factor(width: int, height: int, target: int) -> int:
     """By how much each side is divided."""
     factor = max(1, max(width, height) // target)
     while ceil(width / factor) * ceil(height / factor) > MAX_KEPT_PIXELS:
@@ -115,7 +115,7 @@ def _factor(width: int, height: int, target: int) -> int:
     return factor
 
 
-def _converted(image: Image.Image, factor: int) -> Pixels:
+def _convert_to_srgb(image: Image.Image, factor: int) -> Pixels:
     """The picture as sRGB (h, w, 3), each side divided by the factor and rounded up."""
     rows = factor * max(1, _STRIP_PIXELS // (factor * image.width))
     edges = range(0, image.height, rows)
@@ -125,21 +125,21 @@ def _converted(image: Image.Image, factor: int) -> Pixels:
     for top in edges:
         whole = len(edges) == 1
         part = image if whole else image.crop((0, top, image.width, min(top + rows, image.height)))
-        small = _eight_bits(part, tags)
+        small = _to_8_bits(part, tags)
         small = small.reduce(factor) if factor > 1 else small
         if small.mode == "RGBA":
             opaque = opaque or small.getchannel("A").getextrema() != (0, 0)
             small = Image.alpha_composite(Image.new("RGBA", small.size, _MID_GRAY), small).convert("RGB")
         else:
             opaque = True
-        out[top // factor : top // factor + small.height] = np.asarray(_srgb(small, profile))
+        out[top // factor : top // factor + small.height] = np.asarray(_apply_profile(small, profile))
     if not opaque:
         raise PhotoError("The photo is fully transparent.")
     return out
 
 
-def _eight_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
-    """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `tags_of`."""
+def _to_8_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
+    """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `tiff_tags`."""
     if image.mode.startswith("I"):
         return Image.fromarray((gray_16_bit(image, tags) >> 8).astype(np.uint8))
     if image.has_transparency_data:
@@ -213,7 +213,7 @@ def _is_linear(name: str) -> bool:
     return any(word in name.lower() for word in _LINEAR)
 
 
-def _srgb(image: Image.Image, profile: bytes | None) -> Image.Image:
+def _apply_profile(image: Image.Image, profile: bytes | None) -> Image.Image:
     """The picture as sRGB by its ICC profile, or as it stands where that is absent, unfit or damaged."""
     try:
         if profile and not _is_srgb(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):

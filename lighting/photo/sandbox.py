@@ -157,7 +157,7 @@ class DecoderProcess:
             return
         with _alarm(_START_SECONDS, self._running):
             try:
-                self._ready = pickle.load(_stream(self._running.stdout)) == _READY
+                self._ready = pickle.load(_open_pipe(self._running.stdout)) == _READY
             except (EOFError, pickle.UnpicklingError) as error:
                 raise PhotoError("The process that decodes photos does not start.") from error
 
@@ -170,7 +170,7 @@ class DecoderProcess:
         process.wait()
         for stream in (process.stdin, process.stdout):
             with suppress(OSError):  # what was written and never read
-                _stream(stream).close()
+                _open_pipe(stream).close()
 
     @property
     def _running(self) -> "Popen[bytes]":
@@ -211,7 +211,7 @@ def _borrow_decoder() -> Iterator[DecoderProcess]:
 
 
 def _request_photo(process: "Popen[bytes]", request: DecodeRequest, data: bytes) -> Photo | Exception:
-    requests, answers = _stream(process.stdin), _stream(process.stdout)
+    requests, answers = _open_pipe(process.stdin), _open_pipe(process.stdout)
     pickle.dump(request, requests)
     requests.write(data)
     requests.flush()
@@ -250,11 +250,11 @@ def _start_process() -> "Popen[bytes]":
 
         for stream in (process.stdin, process.stdout):
             with suppress(OSError):  # where a user's pipes may hold less
-                fcntl.fcntl(_stream(stream), fcntl.F_SETPIPE_SZ, _PIPE)
+                fcntl.fcntl(_open_pipe(stream), fcntl.F_SETPIPE_SZ, _PIPE)
     return process
 
 
-def _stream(stream: Any) -> Any:
+def _open_pipe(stream: Any) -> Any:
     """A pipe of a process, which Popen may leave out."""
     assert stream is not None
     return stream
@@ -264,13 +264,13 @@ def serve_decoder() -> None:
     """Answer requests until stdin ends."""
     ignore_signals()
     requests, answers = sys.stdin.buffer, claim_stdout()
-    _one_thread()
+    _decode_in_one_thread()
     own = address_space_used()
     pickle.dump(_READY, answers)
     answers.flush()
     while request := _next_request(requests):
         with exit_after(request.seconds):
-            _answer(request, requests, answers, own)
+            _answer_request(request, requests, answers, own)
             answers.flush()
 
 
@@ -282,7 +282,7 @@ def _next_request(requests: BinaryIO) -> DecodeRequest | None:
     return request
 
 
-def _answer(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
+def _answer_request(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
     source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
     try:
         size = len(source) if isinstance(source, bytes) else request.max_bytes
@@ -295,7 +295,7 @@ def _answer(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: 
     answers.write(photo.pixels.data)
 
 
-def _one_thread() -> None:
+def _decode_in_one_thread() -> None:
     """One thread per photo, since each photo that is read at a time has a decoder."""
     from PIL import AvifImagePlugin
 

@@ -67,7 +67,7 @@ def general_luminance(direction: ArrayLike, sun_direction: ArrayLike, kind: int)
 
 def _gradation(up: ArrayLike, kind: int) -> Floats:
     """1 + a exp(b / up) (...), which depends on the cosine from the zenith (...) alone; 1 at and below the horizon."""
-    a, b = _GRADATION[_type(kind)[0]]
+    a, b = _GRADATION[_groups_of_type(kind)[0]]
     cosine = np.maximum(np.asarray(up, dtype=np.float64), _MIN_COSINE)
     return np.asarray(1 + a * np.exp(b / cosine))
 
@@ -77,12 +77,12 @@ def _indicatrix(sun_angle: ArrayLike, kind: int) -> Floats:
 
     It is 1 at a right angle to the sun.
     """
-    c, d, e = _INDICATRIX[_type(kind)[1]]
+    c, d, e = _INDICATRIX[_groups_of_type(kind)[1]]
     angle = np.asarray(sun_angle, dtype=np.float64)
     return np.asarray(1 + c * (np.exp(d * angle) - np.exp(d * np.pi / 2)) + e * np.cos(angle) ** 2)
 
 
-def _type(kind: int) -> tuple[str, int]:
+def _groups_of_type(kind: int) -> tuple[str, int]:
     if not 1 <= kind <= len(_TYPES):
         raise ParameterError(
             f"The sky type is {kind}; the CIE general sky has types 1 to {len(_TYPES)}.", "kind", ErrorCode.UNKNOWN

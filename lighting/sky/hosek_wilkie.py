@@ -46,7 +46,7 @@ def sky_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: floa
     d = np.asarray(direction)
     d = d if d.dtype == np.float32 else d.astype(np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
-    coefficients, radiance = sky_parameters(_elevation(sun), turbidity, albedo)
+    coefficients, radiance = sky_parameters(_sun_elevation(sun), turbidity, albedo)
     unit_sun = (sun / np.linalg.norm(sun)).astype(d.dtype)
     up, chord = d[..., 1], np.sum((d - unit_sun) ** 2, axis=-1)
     result = np.empty_like(d)
@@ -69,13 +69,13 @@ def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tup
         turbidity: 1 to 10.
         albedo: of the ground, 0 to 1.
     """
-    elevation = _checked("sun elevation", sun_elevation)
-    weight = _bezier((elevation / 90.0) ** (1 / 3))
-    share = _checked("albedo", albedo)
-    table = _table()
+    elevation = _check_range("sun elevation", sun_elevation)
+    weight = _bezier_weights((elevation / 90.0) ** (1 / 3))
+    share = _check_range("albedo", albedo)
+    table = _load_tables()
 
     def mix(name: str) -> Floats:
-        dark, bright = _at_turbidity(table[name], turbidity)
+        dark, bright = _interpolate_turbidity(table[name], turbidity)
         return np.asarray(np.tensordot(weight, dark * (1 - share) + bright * share, axes=1))
 
     return mix("sky"), mix("sky_radiance") / CIE_Y_INTEGRAL
@@ -137,7 +137,7 @@ def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
     """
     d = np.asarray(direction, dtype=np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
-    _elevation(sun)  # refuses a sun below the horizon
+    _sun_elevation(sun)  # refuses a sun below the horizon
     half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the centre
     limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_RADIUS)) ** 2
     inside = (half < 0.5) & (limb >= 0) & (d[..., 1] >= 0)
@@ -177,7 +177,7 @@ def sun_disc_points(sun_direction: ArrayLike, rings: int = 24, spokes: int = 96)
 
 def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
     """Radiance (N, 3) at elevations (N,) [rad] and cosines (N,) of the sun's surface normal to the line of sight."""
-    table = _at_turbidity(_table()["sun"], turbidity)
+    table = _interpolate_turbidity(_load_tables()["sun"], turbidity)
     segments = len(table)
     segment = np.clip((np.cbrt(elevation * 2 / np.pi) * segments).astype(np.intp), 0, segments - 1)
     x = elevation - np.pi / 2 * (segment / segments) ** 3
@@ -187,7 +187,7 @@ def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
 
 
 @lru_cache(maxsize=1)
-def _table() -> dict[str, Floats]:
+def _load_tables() -> dict[str, Floats]:
     """The published coefficients; export/data/hosek_wilkie_table.py made the file."""
     values = np.fromfile(_DATA, "<f4").astype(np.float64)
     ends = np.cumsum([math.prod(shape) for shape in _SHAPES.values()])
@@ -195,25 +195,25 @@ def _table() -> dict[str, Floats]:
     return {name: part.reshape(shape) for (name, shape), part in zip(_SHAPES.items(), parts, strict=True)}
 
 
-def _at_turbidity(table: Floats, turbidity: float) -> Floats:
+def _interpolate_turbidity(table: Floats, turbidity: float) -> Floats:
     """The table (10, ...) between whole turbidities."""
-    position = _checked("turbidity", turbidity) - 1
+    position = _check_range("turbidity", turbidity) - 1
     low = min(int(position), len(table) - 2)
     share = position - low
     return np.asarray(table[low] * (1 - share) + table[low + 1] * share)
 
 
-def _bezier(x: float) -> Floats:
+def _bezier_weights(x: float) -> Floats:
     """Weights (6,) of the control points of a quintic Bezier curve at x in [0, 1]."""
     power = np.arange(6)
     return np.asarray(_BINOMIAL * x**power * (1 - x) ** (5 - power))
 
 
-def _elevation(sun_direction: Floats) -> float:
-    return _checked("sun elevation", float(angles(sun_direction)[1]))
+def _sun_elevation(sun_direction: Floats) -> float:
+    return _check_range("sun elevation", float(angles(sun_direction)[1]))
 
 
-def _checked(name: str, value: float) -> float:
+def _check_range(name: str, value: float) -> float:
     low, high = _RANGES[name]
     if not low - _ROUNDING <= value <= high + _ROUNDING:
         sentence = f"The {name} is {value:g}; the sky model covers {low:g} to {high:g}."

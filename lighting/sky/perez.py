@@ -56,8 +56,8 @@ def perez_luminance(direction: ArrayLike, sun_direction: ArrayLike, clearness: f
     """
     up, sun_angle, sun_zenith = sky_angles(direction, sun_direction, "all-weather sky")
     coefficients = _perez_coefficients(clearness, brightness, sun_zenith)
-    value = _luminance(coefficients, up, sun_angle)
-    zenith = _luminance(coefficients, np.asarray(1.0), np.asarray(sun_zenith))
+    value = _relative_luminance(coefficients, up, sun_angle)
+    zenith = _relative_luminance(coefficients, np.asarray(1.0), np.asarray(sun_zenith))
     return np.asarray(np.where(up >= 0, np.maximum(value / zenith, 0), 0.0))
 
 
@@ -80,7 +80,7 @@ def _perez_coefficients(clearness: float, brightness: float, sun_zenith: float) 
     `sun_zenith` [rad] is the sun's angle from the zenith, theta the direction's and gamma its angle from the sun.
     Raises ParameterError out of range.
     """
-    _check(clearness, brightness)
+    _check_weather(clearness, brightness)
     row = int(np.searchsorted(_CLEARNESS_BINS, clearness, side="right")) - 1
     delta = max(brightness, _MIN_BROKEN_BRIGHTNESS) if 1.065 < clearness < 2.8 else brightness
     x = _TABLE[row]
@@ -109,13 +109,13 @@ def _sky_brightness(diffuse: ArrayLike, sun_zenith: ArrayLike, extraterrestrial:
     return np.asarray(np.asarray(diffuse, dtype=np.float64) * air_mass / extraterrestrial)
 
 
-def _luminance(coefficients: Floats, up: Floats, sun_angle: Floats) -> Floats:
+def _relative_luminance(coefficients: Floats, up: Floats, sun_angle: Floats) -> Floats:
     a, b, c, d, e = coefficients
     gradation = 1 + a * np.exp(b / np.maximum(up, _MIN_COSINE))
     return np.asarray(gradation * (1 + c * np.exp(d * sun_angle) + e * np.cos(sun_angle) ** 2))
 
 
-def _check(clearness: float, brightness: float) -> None:
+def _check_weather(clearness: float, brightness: float) -> None:
     low, high = _BRIGHTNESS_RANGE
     if not clearness >= 1:
         sentence = f"The sky's clearness is {clearness:g}; it is 1 or more."

@@ -60,16 +60,16 @@ WRONG = [
     np.zeros((0, 0, 3), np.uint8),
 ]
 TAKERS: dict[str, Callable[[Any], object]] = {
-    "surround: light": lambda thing: render_with_surroundings(thing, PLACE, 16),
-    "surround: place": lambda thing: render_with_surroundings(LIGHT, thing, 16),
-    "place_factors: place": lambda thing: surroundings_gain(LIGHT, thing),
-    "known_place: estimate": lambda thing: photo_context(thing, PIXELS, surroundings=True),
-    "known_place: photo": lambda thing: photo_context(ESTIMATE, thing, surroundings=True),
-    "place_of: height": lambda thing: photo_context_for_height(
+    "render_with_surroundings: light": lambda thing: render_with_surroundings(thing, PLACE, 16),
+    "render_with_surroundings: context": lambda thing: render_with_surroundings(LIGHT, thing, 16),
+    "surroundings_gain: context": lambda thing: surroundings_gain(LIGHT, thing),
+    "photo_context: estimate": lambda thing: photo_context(thing, PIXELS, surroundings=True),
+    "photo_context: photo": lambda thing: photo_context(ESTIMATE, thing, surroundings=True),
+    "photo_context_for_height: height": lambda thing: photo_context_for_height(
         ESTIMATE, PIXELS, thing, lambda _: PIXELS, surroundings=True
     ),
-    "lit_ground: photo": lambda thing: ground_shadow_mask(thing, LIGHT),
-    "lit_ground: light": lambda thing: ground_shadow_mask(PIXELS, thing),
+    "ground_shadow_mask: photo": lambda thing: ground_shadow_mask(thing, LIGHT),
+    "ground_shadow_mask: light": lambda thing: ground_shadow_mask(PIXELS, thing),
     "turn: light": lambda thing: rotate_lighting(thing, 10.0),
     "turn: yaw": lambda thing: rotate_lighting(LIGHT, thing),
     "change: light": lambda thing: edit_lighting(thing, {"sun_azimuth": 3.0}),
