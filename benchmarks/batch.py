@@ -19,7 +19,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from benchmarks.common import TWELVE_MEGAPIXELS, machine, many_photos, run_lighting
+from benchmarks.common import TWELVE_MEGAPIXELS, describe_machine, make_photo_folder, run_lighting
 
 SMALL = (640, 480)
 ROUNDS = 5  # floors and pool in turn; the medians count
@@ -70,9 +70,9 @@ def memory_by_photo(photos: Path, count: int) -> Iterator[tuple[int, float]]:
         running = subprocess.Popen([sys.executable, "-m", "lighting", "batch", str(photos), out])
         journal, due = Path(out) / "lighting.jsonl", count // 10
         while running.poll() is None:
-            done = journal.read_bytes().count(b"\n") if journal.exists() else 0
-            if done >= due:
-                yield done, sum(map(_resident, [running.pid, *_children(running.pid)]))
+            completed = journal.read_bytes().count(b"\n") if journal.exists() else 0
+            if completed >= due:
+                yield completed, sum(map(_resident, [running.pid, *_children(running.pid)]))
                 due += count // 10
             time.sleep(0.2)
 
@@ -91,10 +91,10 @@ def ray_rate(photos: Path, count: int) -> dict[str, Any]:
     with tempfile.TemporaryDirectory() as out:
         whole = count / run_lighting("batch", photos, out, "--engine", "ray", "-q")
     with tempfile.TemporaryDirectory() as out:
-        done = subprocess.run(
+        completed = subprocess.run(
             [sys.executable, "-c", _RAY, str(photos), out], capture_output=True, text=True, check=True
         )
-    return {"whole": whole, "cluster up": count / float(done.stdout.split()[-1])}
+    return {"whole": whole, "cluster up": count / float(completed.stdout.split()[-1])}
 
 
 _RAY = """
@@ -114,7 +114,7 @@ print(time.perf_counter() - started)
 def print_workers(size: tuple[int, int], count: int) -> dict[str, Any]:
     """The table by workers of photos of one size; returns its figures."""
     figures: dict[str, Any] = {}
-    with many_photos(count // 4, size) as few, many_photos(count, size) as many:
+    with make_photo_folder(count // 4, size) as few, make_photo_folder(count, size) as many:
         print(f"\n{count} JPEGs of {size[0]} x {size[1]}; photos per second")
         print(f"{'workers':>8}{'whole':>9}{'running':>9}{'floors':>9}{'share':>8}")
         for workers in (1, 2):
@@ -136,7 +136,7 @@ def main() -> None:
     parser.add_argument("--memory-photos", type=int, default=10_000)
     parser.add_argument("--no-ray", action="store_true")
     options = parser.parse_args()
-    print(machine())
+    print(describe_machine())
     print_workers(TWELVE_MEGAPIXELS, options.photos)
     print_workers(SMALL, 5 * options.photos)
     if importlib.util.find_spec("ray") and not options.no_ray:
@@ -144,16 +144,17 @@ def main() -> None:
     else:
         print("\nRay: not measured" + ("" if options.no_ray else "; it is not installed"))
     if options.memory_photos:
-        with many_photos(options.memory_photos, SMALL) as photos:
+        with make_photo_folder(options.memory_photos, SMALL) as photos:
             print(f"\nMemory over {options.memory_photos} photos, MB of all processes")
             print(
-                *(f"{done}: {memory:.0f}" for done, memory in memory_by_photo(photos, options.memory_photos)), sep=", "
+                *(f"{count}: {memory:.0f}" for count, memory in memory_by_photo(photos, options.memory_photos)),
+                sep=", ",
             )
 
 
 def print_ray(count: int) -> None:
     """The pool and Ray on the same photos."""
-    with many_photos(count, TWELVE_MEGAPIXELS) as photos:
+    with make_photo_folder(count, TWELVE_MEGAPIXELS) as photos:
         pool = count / pool_seconds(photos, 2)
         ray = ray_rate(photos, count)
     print(f"\nThe same {count} photos: pool of 2 {pool:.1f} a second, Ray {json.dumps(ray)}")

@@ -29,7 +29,7 @@ def make_photo(path: Path, size: tuple[int, int] = TWELVE_MEGAPIXELS) -> Path:
 
 
 @contextmanager
-def many_photos(count: int, size: tuple[int, int] = (1024, 768)) -> Iterator[Path]:
+def make_photo_folder(count: int, size: tuple[int, int] = (1024, 768)) -> Iterator[Path]:
     """A folder of `count` photos, which are one file under many names."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name) / "photos"
@@ -40,31 +40,31 @@ def many_photos(count: int, size: tuple[int, int] = (1024, 768)) -> Iterator[Pat
         yield folder
 
 
-def milliseconds(
+def measure_milliseconds(
     parts: Mapping[str, Callable[[], Any]], runs: int, clock: Callable[[], float] = time.perf_counter
 ) -> dict[str, float]:
     """The least time of each part, which is disturbed least by other work on the machine; the parts take turns."""
-    took: dict[str, list[float]] = {name: [] for name in parts}
+    times: dict[str, list[float]] = {name: [] for name in parts}
     for run in range(runs + 1):
         for name, work in parts.items():
             started = clock()
             work()
             if run:  # the first is to warm up
-                took[name].append(clock() - started)
-    return {name: 1000 * min(times) for name, times in took.items()}
+                times[name].append(clock() - started)
+    return {name: 1000 * min(seconds) for name, seconds in times.items()}
 
 
 def run_lighting(*arguments: object) -> float:
     """Seconds that a `lighting` command takes in a process of its own; photos may fail."""
     command = [sys.executable, "-m", "lighting", *map(str, arguments)]
     started = time.perf_counter()
-    done = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
-    if done.returncode not in (0, 1):
-        raise SystemExit(f"{' '.join(command)} ended with status {done.returncode}.")
+    result = subprocess.run(command, stdout=subprocess.DEVNULL, check=False)
+    if result.returncode not in (0, 1):
+        raise SystemExit(f"{' '.join(command)} ended with status {result.returncode}.")
     return time.perf_counter() - started
 
 
-def processor_seconds(*arguments: object) -> float:
+def measure_cpu_seconds(*arguments: object) -> float:
     """Processor time [s] of all threads of a `lighting` command in a process of its own, for a busy machine."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     run_lighting(*arguments)
@@ -72,33 +72,33 @@ def processor_seconds(*arguments: object) -> float:
     return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime
 
 
-_TELL_PEAK = """
+_PRINT_PEAK = """
 import atexit, re, sys
 status = lambda: re.search("VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1]
 atexit.register(lambda: print(status(), file=sys.stderr))
-from lighting.__main__ import main
-main()
+from lighting.__main__ import run_command
+run_command()
 """
 
 
-def peak_memory(*arguments: object) -> float:
+def measure_peak_memory(*arguments: object) -> float:
     """Peak memory [MB] of a `lighting` command, read inside its process, since a child inherits its parent's peak."""
-    command = [sys.executable, "-c", _TELL_PEAK, *map(str, arguments)]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return int(done.stderr.split()[-1]) / 1024
+    command = [sys.executable, "-c", _PRINT_PEAK, *map(str, arguments)]
+    result = subprocess.run(command, capture_output=True, text=True, check=True)
+    return int(result.stderr.split()[-1]) / 1024
 
 
-def machine() -> str:
+def describe_machine() -> str:
     """One line that describes machine and versions."""
     from lighting.runtime import available_cpus
 
     return (
-        f"{time.strftime('%Y-%m-%d')}, {_processor()}, {available_cpus()} CPUs, {platform.system()}, "
+        f"{time.strftime('%Y-%m-%d')}, {_processor_name()}, {available_cpus()} CPUs, {platform.system()}, "
         f"Python {platform.python_version()}"
     )
 
 
-def _processor() -> str:
+def _processor_name() -> str:
     information = Path("/proc/cpuinfo")
     names = [line.split(":")[1].strip() for line in information.read_text().splitlines() if "model name" in line]
     return names[0] if names else platform.machine()

@@ -130,9 +130,9 @@ def measured(kind: str, size: tuple[int, int], target: int = TARGET) -> tuple[fl
 def _lines() -> Iterator[str]:
     yield f"{'kind':26}" + "".join(f"{w * h / 1e6:10g} MP" for w, h in SIZES) + f"{'admitted':>13}{'takes':>10}"
     for kind in KINDS:
-        found = [measured(kind, size) for size in SIZES]
-        _, each, most = found[-1]
-        memory = "".join(f"{per_pixel:13.2f}" for per_pixel, _, _ in found)
+        results = [measured(kind, size) for size in SIZES]
+        _, each, most = results[-1]
+        memory = "".join(f"{per_pixel:13.2f}" for per_pixel, _, _ in results)
         yield f"{kind:26}{memory}{most / 1e6:10.0f} MP{each * most / 1e6:8.1f} s"
 
 

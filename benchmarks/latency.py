@@ -39,11 +39,11 @@ from PIL import Image
 
 from benchmarks.common import (
     TWELVE_MEGAPIXELS,
-    machine,
+    describe_machine,
     make_photo,
-    milliseconds,
-    peak_memory,
-    processor_seconds,
+    measure_cpu_seconds,
+    measure_milliseconds,
+    measure_peak_memory,
     run_lighting,
 )
 from export.data.panoramas import DataError
@@ -63,7 +63,7 @@ from lighting.records import Lighting
 PARTS = ("decode", "network", "lines", "sky and sun", "place", "EXR")
 
 
-def decode_alone(path: Path) -> Image.Image:
+def decode_by_pillow(path: Path) -> Image.Image:
     """Pillow's decoding at the scale that read_photo asks for."""
     image = Image.open(path)
     image.draft(None, (TARGET, TARGET * image.height // image.width))
@@ -71,43 +71,43 @@ def decode_alone(path: Path) -> Image.Image:
     return image
 
 
-def small_grey(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def small_gray(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """Pillow's small grey picture (H, W) of pixels (h, w, 3)."""
     grey = Image.fromarray(pixels).convert("L")
     grey.thumbnail((MAX_SIDE, MAX_SIDE), Image.Resampling.BOX, reducing_gap=None)
     return np.asarray(grey)
 
 
-def gradient_alone(pixels: NDArray[np.uint8]) -> None:
+def compute_gradient(pixels: NDArray[np.uint8]) -> None:
     """The small grey picture of pixels (h, w, 3), and numpy's gradient of it."""
-    np.gradient(small_grey(pixels).astype(np.float32))
+    np.gradient(small_gray(pixels).astype(np.float32))
 
 
-def opencv_segments(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
+def opencv_detector(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
     """The small grey picture of pixels (h, w, 3), and OpenCV's line segments in it; None without OpenCV."""
     if find_spec("cv2") is None:
         return None
     import cv2
 
     detector = cv2.createLineSegmentDetector()
-    return lambda: detector.detect(small_grey(pixels))
+    return lambda: detector.detect(small_gray(pixels))
 
 
-def write_alone(image: NDArray[np.float32]) -> None:
+def write_by_openexr(image: NDArray[np.float32]) -> None:
     """OpenEXR's writing of the array, rounded and packed as write_exr does, into memory."""
     packing, pixels = prepare_compression(image, "zip")
     header = {"compression": packing, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"RGB": pixels}).write(io.BytesIO())
 
 
-def enlarge_alone(photo: NDArray[np.uint8], size: tuple[int, int], cells: NDArray[np.float32], height: int) -> None:
+def enlarge_by_pillow(photo: NDArray[np.uint8], size: tuple[int, int], cells: NDArray[np.float32], height: int) -> None:
     """Pillow's resizing of the photo (h, w, 3), and of cells (R, 2R, 3) to a map of `height` rows."""
     Image.fromarray(photo).resize(size)
     for channel in np.moveaxis(cells, 2, 0):
         Image.fromarray(channel).resize((2 * height, height), Image.Resampling.BILINEAR)
 
 
-def mitsuba_sky(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callable[[], Any]] | None:
+def mitsuba_evaluator(light: Lighting, directions: NDArray[Any]) -> tuple[str, Callable[[], Any]] | None:
     """Mitsuba's variant, and its evaluation of the same sky and disc in directions (..., 3)."""
     variant = _mitsuba_variant()
     if variant is None:
@@ -154,10 +154,10 @@ def import_profile(command: list[str]) -> dict[str, float]:
     lines = subprocess.run(profiled, capture_output=True, text=True, check=True).stderr.splitlines()
     spent: defaultdict[str, float] = defaultdict(float)
     for line in lines:
-        if found := re.match(r"import time:\s+(\d+) \|\s+\d+ \|\s+([\w.]+)", line):
-            top = found[2].split(".")[0]
+        if answer := re.match(r"import time:\s+(\d+) \|\s+\d+ \|\s+([\w.]+)", line):
+            top = answer[2].split(".")[0]
             name = "Python's own" if top in sys.stdlib_module_names or top == "site" else top
-            spent[name] += int(found[1]) / 1000
+            spent[name] += int(answer[1]) / 1000
     return spent
 
 
@@ -168,30 +168,30 @@ def measure_parts(
     estimator = Estimator()
     photo = read_photo(jpeg)
     tensor = preprocess(photo, estimator.model.spec)
-    alone = estimator.model.predict(tensor)[0]
+    prediction = estimator.model.predict(tensor)[0]
     estimate = estimator(photo)
     light = estimate.lighting
-    there = PhotoContext(photo.pixels, estimate.surroundings)
-    image = render_with_surroundings(light, there, height, sun=True)
+    context = PhotoContext(photo.pixels, estimate.surroundings)
+    image = render_with_surroundings(light, context, height, sun=True)
     assert estimate.surroundings is not None
-    around, size = estimate.surroundings, size_in_envmap(photo.pixels, light.vertical_fov, height)
+    coarse, size = estimate.surroundings, size_in_envmap(photo.pixels, light.vertical_fov, height)
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:
-        seen = read_photo(jpeg)
-        found = estimator(seen)
-        place = photo_context_for_height(
-            found, seen.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, surroundings=True
+        reread = read_photo(jpeg)
+        answer = estimator(reread)
+        surroundings = photo_context_for_height(
+            answer, reread.pixels, height, lambda side: read_photo(jpeg, target=side).pixels, surroundings=True
         )
-        assert place is not None
-        write_exr(next(exr), render_with_surroundings(found.lighting, place, height, sun=True), found.lighting)
+        assert surroundings is not None
+        write_exr(next(exr), render_with_surroundings(answer.lighting, surroundings, height, sun=True), answer.lighting)
 
     directions = latlong_directions(height)
-    mitsuba, above = mitsuba_sky(light, directions), mitsuba_sky(light, directions[: height // 2])
+    mitsuba, above = mitsuba_evaluator(light, directions), mitsuba_evaluator(light, directions[: height // 2])
     work: dict[str, Callable[[], Any]] = {
         "whole": whole,
         "decode": lambda: read_photo(jpeg),
-        "decode floor": lambda: decode_alone(jpeg),
+        "decode floor": lambda: decode_by_pillow(jpeg),
         "decode here": lambda: read_photo(jpeg.read_bytes()),
         "decode apart": lambda: read_photo_isolated(jpeg.read_bytes()),
         "network": lambda: estimator(photo),
@@ -199,45 +199,45 @@ def measure_parts(
             resize_to_input(photo, estimator.model.spec),
             estimator.model.session.run(None, {"photo": tensor}),
         ),
-        "lines": lambda: calibrate_from_lines(alone, photo.pixels),
-        "lines floor": lambda: gradient_alone(photo.pixels),
+        "lines": lambda: calibrate_from_lines(prediction, photo.pixels),
+        "lines floor": lambda: compute_gradient(photo.pixels),
         "sky and sun": lambda: render(light, height, sun=True),
         "sky and sun floor": image.copy,
-        "place": lambda: render_with_surroundings(light, there, height, sun=True),
-        "place floor": lambda: enlarge_alone(photo.pixels, size, around, height),
+        "place": lambda: render_with_surroundings(light, context, height, sun=True),
+        "place floor": lambda: enlarge_by_pillow(photo.pixels, size, coarse, height),
         "EXR": lambda: write_exr(next(exr), image, light),
-        "EXR floor": lambda: write_alone(image),
+        "EXR floor": lambda: write_by_openexr(image),
     }
-    if segments := opencv_segments(photo.pixels):
+    if segments := opencv_detector(photo.pixels):
         work["opencv"] = segments
     if mitsuba and above:
         work |= {"mitsuba": mitsuba[1], "mitsuba above": above[1]}
-    took = milliseconds(work, runs, clock)
-    took["place"] -= took["sky and sun"]  # which it paints first
-    took["network"] -= took["lines"]  # whose answer holds them
-    return took, mitsuba[0] if mitsuba else None
+    times = measure_milliseconds(work, runs, clock)
+    times["place"] -= times["sky and sun"]  # which it paints first
+    times["network"] -= times["lines"]  # whose answer holds them
+    return times, mitsuba[0] if mitsuba else None
 
 
-def print_parts(took: dict[str, float], variant: str | None) -> None:
+def print_parts(times: dict[str, float], variant: str | None) -> None:
     """The table of parts and floors, and the three ratios that matter."""
     print(f"{'':<14}{'ours':>9}{'floor':>9}   ms")
     for part in PARTS:
-        print(f"{part:<14}{took[part]:9.1f}{took[f'{part} floor']:9.1f}")
-    floors = sum(took[f"{part} floor"] for part in PARTS)
-    print(f"{'whole':<14}{took['whole']:9.1f}{floors:9.1f}   {took['whole'] / floors:.2f} times the floors")
-    apart = took["decode apart"] - took["decode here"]
-    print(f"decoding in a process of its own, as the service does: {apart:+.1f} ms")
-    if "opencv" in took:
-        print(f"OpenCV's line segments of the same picture, without a camera by them: {took['opencv']:.1f} ms")
+        print(f"{part:<14}{times[part]:9.1f}{times[f'{part} floor']:9.1f}")
+    floors = sum(times[f"{part} floor"] for part in PARTS)
+    print(f"{'whole':<14}{times['whole']:9.1f}{floors:9.1f}   {times['whole'] / floors:.2f} times the floors")
+    isolated = times["decode apart"] - times["decode here"]
+    print(f"decoding in a process of its own, as the service does: {isolated:+.1f} ms")
+    if "opencv" in times:
+        print(f"OpenCV's line segments of the same picture, without a camera by them: {times['opencv']:.1f} ms")
     if variant:
         for name, which in (("mitsuba", "all directions of the map"), ("mitsuba above", "those above the horizon")):
-            ratio = took[name] / took["sky and sun"]
-            print(f"Mitsuba's sunsky, {variant}, {which}: {took[name]:.1f} ms, {ratio:.2f} times our map")
+            ratio = times[name] / times["sky and sun"]
+            print(f"Mitsuba's sunsky, {variant}, {which}: {times[name]:.1f} ms, {ratio:.2f} times our map")
     else:
         print("Mitsuba's sunsky: not measured; it needs mitsuba and LLVM 15 or newer")
-    if variant and "opencv" in took:
-        doing = floors + took["opencv"] - took["lines floor"] + took["mitsuba above"] - took["sky and sun floor"]
-        print(f"with those two in place of the floors of lines and sky: {took['whole'] / doing:.2f} times the floors")
+    if variant and "opencv" in times:
+        doing = floors + times["opencv"] - times["lines floor"] + times["mitsuba above"] - times["sky and sun floor"]
+        print(f"with those two in place of the floors of lines and sky: {times['whole'] / doing:.2f} times the floors")
 
 
 def main() -> None:
@@ -253,7 +253,7 @@ def main() -> None:
         width, rows = TWELVE_MEGAPIXELS
         size = f"{width} x {rows} ({jpeg.stat().st_size / 1e6:.1f} MB)"
         print(f"JPEG of {size} to a map of {2 * options.height} x {options.height}")
-        print(f"fastest of {options.runs} runs, {'processor' if options.cpu else 'wall'} time; {machine()}\n")
+        print(f"fastest of {options.runs} runs, {'processor' if options.cpu else 'wall'} time; {describe_machine()}\n")
         print_parts(*measure_parts(jpeg, Path(folder), options.height, options.runs, clock))
         command = ["envmap", str(jpeg), "-o", str(exr), "--height", str(options.height)]
         print_process(command, options.runs)
@@ -262,9 +262,9 @@ def main() -> None:
 def print_process(command: list[str], runs: int) -> None:
     """Print the time of the command in a process of its own, and of its imports."""
     seconds = min(run_lighting(*command) for _ in range(runs))
-    busy = min(processor_seconds(*command) for _ in range(runs))
+    busy = min(measure_cpu_seconds(*command) for _ in range(runs))
     print(f"\nlighting envmap as a process: {1000 * seconds:.0f} ms, of the processors {1000 * busy:.0f} ms")
-    print(f"its peak memory: {peak_memory(*command):.0f} MB")
+    print(f"its peak memory: {measure_peak_memory(*command):.0f} MB")
     print("this is the checkout: modules that are not compiled yet cost 65 ms; benchmarks.processes measures a wheel")
     profile = import_profile(command)
     print(f"of that importing, as python -X importtime sees it: {sum(profile.values()):.0f} ms")

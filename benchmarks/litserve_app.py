@@ -46,8 +46,8 @@ class EnvmapAPI(litserve.LitAPI):  # type: ignore[misc]  # known in an environme
 
         photo = read_photo(data)
         estimate = self.estimator(photo)
-        place = photo_context_for_height(estimate, photo.pixels, HEIGHT, finer)
-        image, light = render_view(estimate.lighting, HEIGHT, context=place)
+        context = photo_context_for_height(estimate, photo.pixels, HEIGHT, finer)
+        image, light = render_view(estimate.lighting, HEIGHT, context=context)
         return encode_envmap(image, light)
 
     def encode_response(self, output: bytes) -> Response:

@@ -157,11 +157,11 @@ def memory(pid: int) -> float:
 def interrupt(job: Job, service: subprocess.Popen[bytes], seconds: float) -> None:
     """Send SIGTERM while 16 clients ask; every request that the service had taken must get its whole reply."""
 
-    async def asked() -> Outcome:
+    async def request_once() -> Outcome:
         asyncio.get_running_loop().call_later(seconds / 2, service.send_signal, signal.SIGTERM)
         return await ask_for(job, 16, seconds)
 
-    outcome = asyncio.run(asked())
+    outcome = asyncio.run(request_once())
     code = service.wait(START)
     print(f"SIGTERM under 16 clients: {dict(sorted(outcome.counts.items()))}, exit status {code}")
 

@@ -21,7 +21,7 @@ import onnx
 import onnxruntime
 from numpy.typing import NDArray
 
-from benchmarks.common import ROOT, machine, milliseconds
+from benchmarks.common import ROOT, describe_machine, measure_milliseconds
 from lighting.model import Model, packaged_model
 from lighting.photo.preprocess import preprocess
 from lighting.photo.reader import read_photo
@@ -131,15 +131,15 @@ def median_errors(files: dict[str, Path], data: Data) -> dict[str, float]:
     from export.evaluation.predictions import collect_truth, decode_answers, protocol_views
 
     models = {name: Model.load(file) for name, file in files.items()}
-    said: dict[str, list[Any]] = {name: [] for name in files}
+    predicted: dict[str, list[Any]] = {name: [] for name in files}
     views = protocol_views(load_sources(read_index(data.folder, "val")[: data.panoramas], data.labels), "paper")
     crops = []
     for batch, part in _batches(views):
         crops += part
         for name, model in models.items():
-            said[name] += model.predict(batch)
+            predicted[name] += model.predict(batch)
     truth = collect_truth([source.panorama for source, _ in views], crops)
-    errors = {name: sun_error(truth, decode_answers(predictions, truth.sun)) for name, predictions in said.items()}
+    errors = {name: sun_error(truth, decode_answers(predictions, truth.sun)) for name, predictions in predicted.items()}
     return {name: median(error[truth.scored]) for name, error in errors.items()}
 
 
@@ -163,15 +163,15 @@ def session(file: Path, threads: int, level: str = "all", spinning: bool = True,
     options.graph_optimization_level = LEVELS[level]
     options.log_severity_level = 3
     options.add_session_config_entry("session.intra_op.allow_spinning", "1" if spinning else "0")
-    given = {"device_type": "CPU", "num_of_threads": str(threads)} if provider == OPENVINO else {}
-    return onnxruntime.InferenceSession(str(file), options, providers=[provider], provider_options=[given])
+    provider_settings = {"device_type": "CPU", "num_of_threads": str(threads)} if provider == OPENVINO else {}
+    return onnxruntime.InferenceSession(str(file), options, providers=[provider], provider_options=[provider_settings])
 
 
 def latencies(sessions: dict[str, Any], batch: int, runs: int) -> dict[str, float]:
     """Milliseconds a photo of each session at a batch size."""
     spec = Model.load().spec
     photos = np.random.default_rng(0).normal(size=(batch, 3, spec.height, spec.width)).astype(np.float32)
-    took = milliseconds({name: partial(s.run, None, {"photo": photos}) for name, s in sessions.items()}, runs)
+    took = measure_milliseconds({name: partial(s.run, None, {"photo": photos}) for name, s in sessions.items()}, runs)
     return {name: value / batch for name, value in took.items()}
 
 
@@ -219,7 +219,8 @@ def main() -> None:
         }
         errors = median_errors(files, data) if data else {}
         print(
-            f"onnxruntime {onnxruntime.__version__}, {machine()}; ms a photo by batch size, fastest of {options.runs}\n"
+            f"onnxruntime {onnxruntime.__version__}, {describe_machine()}; "
+            f"ms a photo by batch size, fastest of {options.runs}\n"
         )
         if options.accuracy_only:
             for name, error in errors.items():

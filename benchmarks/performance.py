@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.clients import Job
-from benchmarks.common import machine, make_photo, many_photos, milliseconds, run_lighting
+from benchmarks.common import describe_machine, make_photo, make_photo_folder, measure_milliseconds, run_lighting
 from benchmarks.load import RECORD, run, started
 from lighting.envmap.render import render
 from lighting.files.exr import write_exr
@@ -34,7 +34,7 @@ def photos_table(counts: list[int]) -> Iterator[str]:
     took = {}
     with tempfile.TemporaryDirectory() as out:
         for count in sorted(counts):
-            with many_photos(count, SIZE) as photos:
+            with make_photo_folder(count, SIZE) as photos:
                 took[count] = run_lighting("batch", photos, f"{out}/{count}")
             yield f"| {count:,} | {took[count]:.1f} | {count / took[count]:.1f} |"
         line = (Path(out) / str(counts[0]) / "lighting.jsonl").stat().st_size / counts[0]
@@ -58,7 +58,7 @@ def heights_table(runs: int) -> Iterator[str]:
         for height in HEIGHTS:
             image, pixels = render(LIGHT, height), 2 * height * height
             work = {"render": lambda h=height: render(LIGHT, h), "write": lambda i=image: write_exr(target, i, LIGHT)}
-            took = milliseconds(work, max(5, min(runs, runs * 512 // height)))
+            took = measure_milliseconds(work, max(5, min(runs, runs * 512 // height)))
             system = system_share(work["render"], max(5, runs * 512 // height))
             rendered, written = (f"{took[name]:.1f} | {1e6 * took[name] / pixels:.1f}" for name in work)
             yield f"| {height} | {rendered} | {100 * system:.0f} % | {written} | {target.stat().st_size / 1e6:.2f} |"
@@ -104,7 +104,7 @@ def main() -> None:
     if unknown := set(options.parts) - set(tables):
         parser.error(f"there is no part {min(unknown)}: choose of {', '.join(tables)}")
     for part in options.parts or tables:
-        print(f"## {part}, {machine()}\n", *tables[part](), sep="\n", flush=True)
+        print(f"## {part}, {describe_machine()}\n", *tables[part](), sep="\n", flush=True)
 
 
 if __name__ == "__main__":

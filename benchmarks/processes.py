@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from benchmarks.common import EXAMPLE, ROOT, machine
+from benchmarks.common import EXAMPLE, ROOT, describe_machine
 
 COMMANDS: dict[str, tuple[str, ...]] = {
     "--help": ("--help",),
@@ -96,7 +96,7 @@ def main() -> None:
         checkouts = [ROOT, *([options.against] if options.against else [])]
         folders = [Path(name, str(number)) for number in range(len(checkouts))]
         sites = [install_wheel(checkout, folder) for checkout, folder in zip(checkouts, folders, strict=True)]
-        print(f"medians of {options.runs} runs from a wheel; {machine()}")
+        print(f"medians of {options.runs} runs from a wheel; {describe_machine()}")
         print(f"{'':<22}{'ms':>8}{'CPU ms':>10}{'MB':>8}{'  x time  x CPU ms  other MB' if options.against else ''}")
         for command, arguments in COMMANDS.items():
             print_costs(command, run_pairs(sites, arguments, Path(name), options.runs))

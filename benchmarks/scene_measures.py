@@ -39,9 +39,9 @@ class Picture:
         )
         x, y = np.clip(pixel[..., 0] - 0.5, 0, width - 1.001), np.clip(pixel[..., 1] - 0.5, 0, height - 1.001)
         column, row = x.astype(int), y.astype(int)
-        u, v, shown = x - column, y - row, luminance(self.pixels)
-        top = shown[row, column] * (1 - u) + shown[row, column + 1] * u
-        return np.asarray(top * (1 - v) + (shown[row + 1, column] * (1 - u) + shown[row + 1, column + 1] * u) * v)
+        u, v, values = x - column, y - row, luminance(self.pixels)
+        top = values[row, column] * (1 - u) + values[row, column + 1] * u
+        return np.asarray(top * (1 - v) + (values[row + 1, column] * (1 - u) + values[row + 1, column + 1] * u) * v)
 
 
 def shadow_azimuth(picture: Picture, expected: float) -> float:
@@ -49,15 +49,15 @@ def shadow_azimuth(picture: Picture, expected: float) -> float:
 
     The arcs reach AROUND to both sides of the `expected` azimuth; NaN where nothing on them is dark.
     """
-    turn = np.linspace(-AROUND, AROUND, 1001)
+    offset_angle = np.linspace(-AROUND, AROUND, 1001)
     reach = np.linspace(*picture.reach, 60)[:, None]
-    ring = picture.caster + reach[..., None] * direction(expected + turn, 0.0)
+    ring = picture.caster + reach[..., None] * direction(expected + offset_angle, 0.0)
     light = picture.light(ring)
     open_ground = np.percentile(light, 90, axis=1, keepdims=True)
     dark = np.clip(1 - light / open_ground - 0.15, 0, None)
     if dark.max() < 0.1:
         return float("nan")
-    return float(wrap_azimuth(expected + (dark * turn).sum() / dark.sum()))
+    return float(wrap_azimuth(expected + (dark * offset_angle).sum() / dark.sum()))
 
 
 def brightest_normal(normals: Floats, values: Floats) -> Floats:
@@ -79,10 +79,10 @@ def ball(picture: Picture) -> tuple[Floats, Floats]:
     towards = picture.ball - picture.position
     along = rays @ towards
     inside = along**2 - towards @ towards + picture.radius**2
-    seen = (inside > (0.3 * picture.radius) ** 2) & (along > 0)
-    distance = along[seen] - np.sqrt(inside[seen])
-    normals = (rays[seen] * distance[:, None] - towards) / picture.radius
-    return normals, luminance(picture.pixels[seen])
+    visible = (inside > (0.3 * picture.radius) ** 2) & (along > 0)
+    distance = along[visible] - np.sqrt(inside[visible])
+    normals = (rays[visible] * distance[:, None] - towards) / picture.radius
+    return normals, luminance(picture.pixels[visible])
 
 
 def shade_region(sun: Floats) -> Floats:
@@ -128,7 +128,7 @@ def _across(sun: Floats) -> Floats:
 
 def _patch(picture: Picture, point: Floats) -> float:
     """Mean luminance of a small patch of ground."""
-    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)[:, None]
+    offset_angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)[:, None]
     reach = picture.radius * np.linspace(0.02, 0.15, 6)[:, None, None]
-    offsets = reach * np.concatenate([np.cos(turn), np.zeros_like(turn), np.sin(turn)], axis=1)
+    offsets = reach * np.concatenate([np.cos(offset_angle), np.zeros_like(offset_angle), np.sin(offset_angle)], axis=1)
     return float(picture.light(point + offsets).mean())

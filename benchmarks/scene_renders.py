@@ -58,8 +58,8 @@ def _screenshot(page: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
     with tempfile.TemporaryDirectory() as profile:
         options = ["--headless", "--no-sandbox", "--hide-scrollbars", "--no-first-run", "--disable-component-update"]
         webgl = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--virtual-time-budget=20000"]
-        place = [f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}", "--screenshot=render.png"]
-        _run([program, *options, *webgl, *place, page.resolve().as_uri() + "#plain"], page.parent)
+        window = [f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}", "--screenshot=render.png"]
+        _run([program, *options, *webgl, *window, page.resolve().as_uri() + "#plain"], page.parent)
     return _read(page.parent / "render.png")
 
 
@@ -75,9 +75,9 @@ def _blender(blender: str | None, script: Path) -> list[str]:
 
 
 def _run(command: list[str], folder: Path) -> None:
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False)
-    if done.returncode:
-        raise RuntimeError(f"{command[0]} failed: {(done.stderr or done.stdout).strip()[-2000:]}")
+    result = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=SECONDS, check=False)
+    if result.returncode:
+        raise RuntimeError(f"{command[0]} failed: {(result.stderr or result.stdout).strip()[-2000:]}")
 
 
 def _read(path: Path) -> NDArray[np.uint8]:

@@ -66,12 +66,12 @@ def main() -> None:
         folder = Path(arguments.keep or temporary)
         folder.mkdir(exist_ok=True)
         scene = synthetic_scene(*arguments.sun)
-        shown, measured = renders(scene, folder, arguments.only, arguments.samples, arguments.blender)
-    shown[OURS], measured[OURS] = preview(scene)
+        renders_by_tool, measured = renders(scene, folder, arguments.only, arguments.samples, arguments.blender)
+    renders_by_tool[OURS], measured[OURS] = preview(scene)
     measured[ALONE] = preview(scene, alone=True)[1]
     _print_table(scene, measured)
     if arguments.picture:
-        contact_sheet(shown).save(arguments.picture)
+        contact_sheet(renders_by_tool).save(arguments.picture)
 
 
 def _arguments() -> argparse.Namespace:
@@ -106,14 +106,14 @@ def renders(
         "threejs": lambda made: render_threejs(made, SIZE),
         "mitsuba": lambda made: render_mitsuba(made, samples),
     }
-    shown = {}
+    renders_by_tool = {}
     for tool in filter(only.__contains__, draws):
         write_scene(scene, tool, folder / tool, overwrite=True)
         try:
-            shown[tool] = draws[tool](folder / tool)
+            renders_by_tool[tool] = draws[tool](folder / tool)
         except MissingToolError as missing:
             print(f"{tool} is left out: this machine lacks {missing}.")
-    return shown, {tool: _picture(scene, pixels) for tool, pixels in shown.items()}
+    return renders_by_tool, {tool: _picture(scene, pixels) for tool, pixels in renders_by_tool.items()}
 
 
 def _picture(scene: Scene, pixels: NDArray[np.uint8]) -> Picture:
@@ -172,13 +172,13 @@ def brightness(scene: Scene, normals: Floats) -> Floats:
 def _print_table(scene: Scene, measured: dict[str, Picture]) -> None:
     shadow = float(wrap_azimuth(scene.lighting.sun_azimuth + 180.0))
     region = shade_region(scene.sun_direction)
-    seen = np.all([unhidden(picture, region) for picture in measured.values()], axis=0)
-    print(f"{seen.mean():.0%} of the shade is in sight in all pictures.")
+    visible = np.all([unhidden(picture, region) for picture in measured.values()], axis=0)
+    print(f"{visible.mean():.0%} of the shade is in sight in all pictures.")
     print(f"{'':14} {'shadow towards':>15} {'off':>6}  {'brightest az / el':>18} {'off':>5}  {'sunlit / shaded':>15}")
     print(f"{'true':14} {shadow:14.2f}°")
     for tool, picture in measured.items():
         print(f"{tool:14} {_shadow_words(tool, picture, shadow)}  {_ball_words(scene, picture)}  ", end="")
-        print(f"{sunlit_over_shaded(picture, scene.sun_direction, region[seen]):15.2f}")
+        print(f"{sunlit_over_shaded(picture, scene.sun_direction, region[visible]):15.2f}")
 
 
 def _shadow_words(tool: str, picture: Picture, shadow: float) -> str:
@@ -190,18 +190,18 @@ def _shadow_words(tool: str, picture: Picture, shadow: float) -> str:
 
 def _ball_words(scene: Scene, picture: Picture) -> str:
     normals, values = ball(picture)
-    found, true = brightest_normal(normals, values), brightest_normal(normals, brightness(scene, normals))
-    azimuth, elevation = (float(angle) for angle in angles(found))
-    place = f"{azimuth:.1f} / {elevation:.1f}"
-    return f"{place:>18} {float(angle_between(found, true)):4.1f}°"
+    measured_normal, true = brightest_normal(normals, values), brightest_normal(normals, brightness(scene, normals))
+    azimuth, elevation = (float(angle) for angle in angles(measured_normal))
+    cell = f"{azimuth:.1f} / {elevation:.1f}"
+    return f"{cell:>18} {float(angle_between(measured_normal, true)):4.1f}°"
 
 
-def contact_sheet(shown: dict[str, Any]) -> Image.Image:
+def contact_sheet(renders_by_tool: dict[str, Any]) -> Image.Image:
     """All renders with their names, three in a row."""
     width, height = SIZE
-    rows = -(-len(shown) // 3)
+    rows = -(-len(renders_by_tool) // 3)
     sheet = Image.new("RGB", (3 * width + 16, rows * (height + CAPTION + 8) - 8), (255, 255, 255))
-    for index, (name, pixels) in enumerate(shown.items()):
+    for index, (name, pixels) in enumerate(renders_by_tool.items()):
         x, y = index % 3 * (width + 8), index // 3 * (height + CAPTION + 8)
         draw_text(sheet, (x, y), TITLES[name], TextStyle(17, (40, 40, 40)))
         sheet.paste(Image.fromarray(pixels), (x, y + CAPTION))
