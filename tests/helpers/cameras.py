@@ -12,7 +12,7 @@ PIXEL = 2.0 / float(np.hypot(*SIZE))
 Camera = tuple[float, float, float]  # azimuth, elevation, roll [deg]
 
 
-def turn(a: Camera, b: Camera) -> Floats:
+def relative_rotation(a: Camera, b: Camera) -> Floats:
     """The rotation (3, 3) of directions in the first camera's frame to the second's."""
     return np.asarray(camera_from_world(*b) @ camera_from_world(*a).T)
 
@@ -23,7 +23,7 @@ def matches(
     fov: float,
     *,
     step: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    noise: float = 0.3,
+    noise_std: float = 0.3,
     wrong: float = 0.0,
     near: float = 3.0,
     seed: int = 0,
@@ -36,11 +36,13 @@ def matches(
     world = rng.normal(size=(20000, 3))
     world *= (near * 10 ** rng.uniform(0, 1, 20000) / np.linalg.norm(world, axis=1))[:, None]
     focal = focal_from_fov(fov, *SIZE)
-    own = [world @ camera_from_world(*a).T, (world - step) @ camera_from_world(*b).T]
-    at = [project_points(v, focal) for v in own]
+    in_camera = [world @ camera_from_world(*a).T, (world - step) @ camera_from_world(*b).T]
+    at = [project_points(v, focal) for v in in_camera]
     half = np.array(SIZE) / np.hypot(*SIZE)
-    seen = np.all([(v[:, 2] < 0) & np.all(np.abs(p) < half, axis=1) for v, p in zip(own, at, strict=True)], axis=0)
-    first, second = (p[seen][:400] + rng.normal(0, noise * PIXEL, (min(400, seen.sum()), 2)) for p in at)
+    in_both = np.all(
+        [(v[:, 2] < 0) & np.all(np.abs(p) < half, axis=1) for v, p in zip(in_camera, at, strict=True)], axis=0
+    )
+    first, second = (p[in_both][:400] + rng.normal(0, noise_std * PIXEL, (min(400, in_both.sum()), 2)) for p in at)
     count = round(wrong * len(first))
     second[:count] = rng.uniform(-half, half, (count, 2))
     order = rng.permutation(len(first))

@@ -63,7 +63,7 @@ GROUND = 0.25  # the photo's linear value of open ground, which the exposure is 
 
 
 @lru_cache(maxsize=1)
-def known_scene(width: int = 480, height: int = 360) -> Scene:
+def sunlit_scene(width: int = 480, height: int = 360) -> Scene:
     """Sky, sun and plain ground under LIGHT, photographed."""
     exposure = GROUND / float(render(LIGHT, 64)[-1, 0].mean())
     lighting = replace(LIGHT, exposure=exposure)
@@ -80,7 +80,7 @@ def plain_scene(**changes: Any) -> Scene:
 @lru_cache(maxsize=1)
 def half_shaded_scene() -> Scene:
     """The same with the right half of the ground in shade, where the placeholder's shadows fall."""
-    return _shaded(slice(known_scene().width // 2, None))
+    return _shaded(slice(sunlit_scene().width // 2, None))
 
 
 @lru_cache(maxsize=1)
@@ -91,7 +91,7 @@ def shaded_spot_scene() -> Scene:
 
 def _shaded(columns: slice) -> Scene:
     """The same with the ground of these columns in shade."""
-    scene = known_scene()
+    scene = sunlit_scene()
     camera = Pinhole(scene.width, scene.height, LIGHT.vertical_fov, 0.0, LIGHT.camera_elevation, LIGHT.camera_roll)
     shaded = np.zeros((scene.height, scene.width), dtype=bool)
     shaded[:, columns] = camera_directions(camera)[:, columns, 1] < 0

@@ -27,7 +27,7 @@ from lighting.records import Lighting
 from lighting.scene.writer import zip_scene
 from scripts.blender_extension import ROOT, build, relative
 from tests.helpers.blender import PYTHON, needs_blender
-from tests.helpers.scenes import known_scene
+from tests.helpers.scenes import sunlit_scene
 
 NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
 
@@ -80,9 +80,11 @@ def test_nothing_is_imported_but_blender_numpy_and_itself(package: Path) -> None
         for name in [name for name in archive.namelist() if name.endswith(".py")]:
             tree = ast.parse(archive.read(name))
             nodes = list(ast.walk(tree))
-            found = {alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names}
-            found |= {str(n.module).split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
-            assert found - set(sys.stdlib_module_names) <= {"bpy", "bpy_extras", "mathutils", "numpy"}, name
+            imported = {
+                alias.name.split(".")[0] for node in nodes if isinstance(node, ast.Import) for alias in node.names
+            }
+            imported |= {str(n.module).split(".")[0] for n in nodes if isinstance(n, ast.ImportFrom) and not n.level}
+            assert imported - set(sys.stdlib_module_names) <= {"bpy", "bpy_extras", "mathutils", "numpy"}, name
 
 
 def test_the_same_files_make_the_same_zip(package: Path, tmp_path: Path) -> None:
@@ -165,11 +167,11 @@ class _Service(BaseHTTPRequestHandler):
     """Answers with what the test wants, and remembers what it was asked."""
 
     answer: tuple[int, bytes, dict[str, str]]
-    asked: dict[str, Any]
+    received: dict[str, Any]
 
     def do_POST(self) -> None:
         body = self.rfile.read(int(self.headers["Content-Length"]))
-        type(self).asked = {"path": self.path, "body": body, **{k.lower(): v for k, v in self.headers.items()}}
+        type(self).received = {"path": self.path, "body": body, **{k.lower(): v for k, v in self.headers.items()}}
         status, data, headers = self.answer
         self.send_response(status)
         for name, value in headers.items():
@@ -192,14 +194,14 @@ def address() -> Iterator[str]:
 def test_a_service_gets_photo_and_key_and_fills_the_folder(
     answers: Any, photo: Path, tmp_path: Path, address: str
 ) -> None:
-    _Service.answer = 200, zip_scene(known_scene(48, 36), "blender"), {}
+    _Service.answer = 200, zip_scene(sunlit_scene(48, 36), "blender"), {}
     (tmp_path / "out").mkdir()
     answers.from_service(address + "/ ", " secret\n", photo, tmp_path / "out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == NEEDED  # and no script
-    assert _Service.asked["path"] == "/v1/scene?tool=blender"
-    assert _Service.asked["body"] == b"a photo"
-    assert _Service.asked["content-type"] == "image/png"
-    assert _Service.asked["authorization"] == "Bearer secret"
+    assert _Service.received["path"] == "/v1/scene?tool=blender"
+    assert _Service.received["body"] == b"a photo"
+    assert _Service.received["content-type"] == "image/png"
+    assert _Service.received["authorization"] == "Bearer secret"
 
 
 def _zip(**files: bytes) -> bytes:
@@ -237,11 +239,11 @@ def test_another_answer_is_a_sentence(
     _Service.answer = answer
     with pytest.raises(answers.AnswerError, match=f"^{sentence}"):
         answers.from_service(address, "", photo, tmp_path)
-    assert "authorization" not in _Service.asked
+    assert "authorization" not in _Service.received
 
 
 @pytest.mark.parametrize(
-    ("place", "sentence"),
+    ("url", "sentence"),
     [
         ("file:///etc/passwd", "The service's address must begin with http"),
         ("http://", "The service's address must begin"),
@@ -255,9 +257,9 @@ def test_another_answer_is_a_sentence(
         ],
     ],
 )
-def test_no_service_is_a_sentence(answers: Any, photo: Path, tmp_path: Path, place: str, sentence: str) -> None:
+def test_no_service_is_a_sentence(answers: Any, photo: Path, tmp_path: Path, url: str, sentence: str) -> None:
     with pytest.raises(answers.AnswerError, match=f"^{sentence}"):
-        answers.from_service(place, "", photo, tmp_path)
+        answers.from_service(url, "", photo, tmp_path)
 
 
 def test_what_is_no_service_is_a_sentence(answers: Any, photo: Path, tmp_path: Path) -> None:
@@ -306,35 +308,35 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
         [PYTHON, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300
     )
     (line,) = [line for line in result.stdout.splitlines() if line.startswith("FOUND ")] or [result.stderr]
-    found, said = json.loads(line.removeprefix("FOUND ")), result.stdout + result.stderr
-    assert found["estimate"] == ["FINISHED"]
-    assert found["kept"]
-    assert {name.split(".")[0] for name in found["made"]} == {"Camera", "Ground", "Sun", "Your object here"}
-    first, moved, reset = found["first"], found["moved"], found["reset"]
+    report, printed = json.loads(line.removeprefix("FOUND ")), result.stdout + result.stderr
+    assert report["estimate"] == ["FINISHED"]
+    assert report["kept"]
+    assert {name.split(".")[0] for name in report["made"]} == {"Camera", "Ground", "Sun", "Your object here"}
+    first, moved, reset = report["first"], report["moved"], report["reset"]
     assert first["image"] == "environment.exr"
     assert first["packed"]
     assert "Ground" in first["catcher"]
     assert first["lit by the sun"] == ["Ground"]
-    assert found["lit"] == ["Lit by the Sun"]
+    assert report["lit"] == ["Lit by the Sun"]
     assert moved["sun"] == pytest.approx([-np.cos(np.radians(40)), 0, np.sin(np.radians(40))], abs=1e-5)
     names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
-    stated = Lighting.from_dict(found["record"])
+    stated = Lighting.from_dict(report["record"])
     assert stated.sky_irradiance is not None
     light = edit_lighting(stated, dict(zip(names, moved["sliders"], strict=True)))
     assert moved["energy"] == pytest.approx(float(sun_irradiance(light).max()), rel=1e-4)
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
     assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)
     assert reset == first
-    all_kept, same_parent, above, moved_along, names, lit = found["own"]
+    all_kept, same_parent, above, moved_along, names, lit = report["own"]
     assert lit == [name for name in names if name.startswith("Ground")]
     assert (all_kept, same_parent, moved_along) == (True, True, True)
     assert above == pytest.approx([0, 0, 3])  # the child's metre under a parent that the artist has scaled
     assert {name.split(".")[0] for name in names} == {"Camera", "Ground", "Sun", "Your object here"}
-    assert found["undone"] == [4, 0, 4, 0]
-    assert found["sun lamps"] == 1
-    assert found["seen"] == [True, False]
-    assert "Warning: Your object would stand in the photo's shade: the sun lights the ground alone." in said
-    assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in said
-    assert "World" in found["worlds"]  # the artist's own
-    assert found["reopened"]["sliders"][0] == 12.0
-    assert found["reopened"]["image"].startswith("Sky of the sliders")
+    assert report["undone"] == [4, 0, 4, 0]
+    assert report["sun lamps"] == 1
+    assert report["seen"] == [True, False]
+    assert "Warning: Your object would stand in the photo's shade: the sun lights the ground alone." in printed
+    assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in printed
+    assert "World" in report["worlds"]  # the artist's own
+    assert report["reopened"]["sliders"][0] == 12.0
+    assert report["reopened"]["image"].startswith("Sky of the sliders")

@@ -54,8 +54,8 @@ def test_hadolint_finds_nothing() -> None:
 def test_the_lock_file_holds_what_the_project_asks_for(extra: str) -> None:
     """Its first lines say how it is renewed."""
     locked = dict(re.findall(r"^([a-z0-9-]+)==(\S+) \\$", LOCK, re.MULTILINE))
-    wanted = PROJECT["optional-dependencies"][extra] if extra else PROJECT["dependencies"]
-    for requirement in map(Requirement, wanted):
+    requirements = PROJECT["optional-dependencies"][extra] if extra else PROJECT["dependencies"]
+    for requirement in map(Requirement, requirements):
         name = re.sub(r"[-_.]+", "-", requirement.name).lower()
         assert requirement.specifier.contains(locked[name]), name
 

@@ -86,9 +86,9 @@ def test_the_balls_stand_beside_what_fills_the_middle() -> None:
 @pytest.mark.parametrize("size", [(32, 256), (256, 32)])
 def test_a_narrow_picture_shows_the_balls(size: tuple[int, int]) -> None:
     picture = Image.new("RGB", size, (90, 120, 160))
-    shown = insert_balls(picture, LIGHT, stage())
-    assert shown.size == size
-    assert shown.getpixel((size[0] // 2, round(0.8 * size[1]) - 2)) != (90, 120, 160)
+    pasted = insert_balls(picture, LIGHT, stage())
+    assert pasted.size == size
+    assert pasted.getpixel((size[0] // 2, round(0.8 * size[1]) - 2)) != (90, 120, 160)
 
 
 def test_a_narrow_picture_has_all_balls_inside() -> None:
@@ -116,11 +116,11 @@ def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
 
 def test_the_edges_of_shadows_are_smooth() -> None:
     """As with eight times as many rays each way, to a tenth; by a ray for two pixels they would be stairs."""
-    there = replace(stage(), centers=CENTERS)
+    moved = replace(stage(), centers=CENTERS)
     fine = replace(CAMERA, width=8 * WIDTH, height=8 * HEIGHT)
-    dark = _shadow_cells(*_coarse_ground_points(CAMERA, there), there)
-    many = _shadow_factors(fine, there, np.ones((1, 1), dtype=bool)).reshape(HEIGHT, 8, WIDTH, 8).mean(axis=(1, 3))
-    share = _shadow_factors(CAMERA, there, dark)
+    dark = _shadow_cells(*_coarse_ground_points(CAMERA, moved), moved)
+    many = _shadow_factors(fine, moved, np.ones((1, 1), dtype=bool)).reshape(HEIGHT, 8, WIDTH, 8).mean(axis=(1, 3))
+    share = _shadow_factors(CAMERA, moved, dark)
     edge = (many > 0.01) & (many < 0.99)
     assert edge.sum() > 50
     assert np.abs(share - many)[edge].mean() < 0.12  # one ray a pixel: 0.21
@@ -142,16 +142,16 @@ def test_balls_on_ground_in_shade_are_in_shade() -> None:
     centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
     lit = build_sphere_scene(render(behind, 64), behind.sun_direction, centers)
     x, y = (round(float(v)) for v in camera_pixel(CENTERS[2], CAMERA))
-    seen = {}
+    positions = {}
     for name, under in (("sun", SUNLIT), ("shade", SHADED)):
         ground = np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3)).copy()
         ground[80:110, 30:130] = under
         picture = Image.fromarray(tone_map(ground))
-        seen[name] = srgb_decode(np.asarray(insert_balls(picture, behind, lit)) / 255.0)[y, x]
+        positions[name] = srgb_decode(np.asarray(insert_balls(picture, behind, lit)) / 255.0)[y, x]
     sky, sun = np.array([0.4, 0.5, 0.8]), np.array([1.9, 1.5, 0.9])
-    assert seen["shade"][1] < seen["sun"][1] / 2
-    assert seen["shade"] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sky, rel=0.6)
-    assert seen["sun"][1] - seen["shade"][1] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sun[1], rel=0.3)
+    assert positions["shade"][1] < positions["sun"][1] / 2
+    assert positions["shade"] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sky, rel=0.6)
+    assert positions["sun"][1] - positions["shade"][1] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sun[1], rel=0.3)
 
 
 def test_the_balls_are_seen() -> None:
@@ -179,9 +179,9 @@ REACH = ROW * RADIUS
 
 
 def spot_in(pixels: np.ndarray, camera: Pinhole = ROOM_CAMERA) -> tuple[float, float]:
-    found = _find_plain_spot(Image.fromarray(pixels), camera, RADIUS, ROW)
-    assert found is not None
-    return found
+    spot_of_balls = _find_plain_spot(Image.fromarray(pixels), camera, RADIUS, ROW)
+    assert spot_of_balls is not None
+    return spot_of_balls
 
 
 def test_plain_ground_has_room_in_its_lower_middle() -> None:

@@ -48,7 +48,7 @@ def path_tracer(lighting: Lighting) -> Any:
     glossy = {"type": "roughconductor", "material": "none", "specular_reflectance": color([GLOSSY_REFLECTANCE] * 3)}
     diffuse = {"type": "diffuse", "reflectance": color([DIFFUSE_REFLECTANCE] * 3)}
     surfaces = [mirror, {**glossy, "alpha": GLOSSY_ROUGHNESS}, diffuse]
-    turned = mi.ScalarTransform4f().rotate([0, 1, 0], 180)
+    rotated = mi.ScalarTransform4f().rotate([0, 1, 0], 180)
     level = mi.ScalarTransform4f().rotate([1, 0, 0], -90).scale(500)
     ground = {"type": "diffuse", "reflectance": color([lighting.ground_albedo] * 3)}
     sky = mi.Bitmap(render(lighting, 256, disc=False))
@@ -56,7 +56,7 @@ def path_tracer(lighting: Lighting) -> Any:
     balls = zip(CENTERS.tolist(), surfaces, strict=True)
     return mi.load_dict({
         "type": "scene",
-        "sky": {"type": "envmap", "bitmap": sky, "to_world": turned},
+        "sky": {"type": "envmap", "bitmap": sky, "to_world": rotated},
         "sun": {"type": "directional", **sun},
         "ground": {"type": "disk", "to_world": level, "bsdf": ground},
         **{f"ball {i}": {"type": "sphere", "center": center, "bsdf": bsdf} for i, (center, bsdf) in enumerate(balls)},
@@ -107,12 +107,12 @@ def test_the_ground_is_as_bright_as_a_path_tracer_says(azimuth: float, elevation
     points = patches(lighting)
     scene = path_tracer(lighting)
     expected = luminance(np.array([traced(scene, point) for point in points]))
-    found = luminance(ours(lighting, points))
-    np.testing.assert_allclose(found[1:4], expected[1:4], rtol=0.03)
+    radiance = luminance(ours(lighting, points))
+    np.testing.assert_allclose(radiance[1:4], expected[1:4], rtol=0.03)
     np.testing.assert_allclose(
-        found[4:], expected[4:], rtol=0.08
+        radiance[4:], expected[4:], rtol=0.08
     )  # its noise is 2 %, the glossy lobe is not quite ours
-    assert abs(found[0] - expected[0]) < 0.005 * expected[-1]
+    assert abs(radiance[0] - expected[0]) < 0.005 * expected[-1]
 
 
 WIDTH, HEIGHT, PITCH = 160, 110, -10.0
@@ -227,9 +227,9 @@ def test_the_suns_disc_is_seen_in_full_beside_a_shadow_and_not_at_all_inside(sta
 
 
 def test_the_disc_carries_the_suns_power_whatever_its_size(stage: SphereScene) -> None:
-    towards = stage.sun_direction[None]
+    to_sun = stage.sun_direction[None]
     for radius in (0.3, 1.0):
-        disc = _sky_radiance(towards, stage, radius) - _sky_radiance(towards, stage, None)
+        disc = _sky_radiance(to_sun, stage, radius) - _sky_radiance(to_sun, stage, None)
         solid_angle = 2 * np.pi * (1 - np.cos(np.radians(radius)))
         np.testing.assert_allclose(disc[0] * solid_angle, stage.sun_irradiance, rtol=1e-9)
 
@@ -241,10 +241,10 @@ def test_open_ground_far_away_has_the_radiance_of_the_map(stage: SphereScene) ->
 def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
     normal = np.array([[0.0, 1.0, 0.0]])
     ray = -direction(0.0, 60.0)[None]  # down onto the top, which throws it up and away from the camera
-    seen = shade_sphere(MIRROR, CENTERS[MIRROR] + normal, ray, stage, mirrored=False)
+    radiance = shade_sphere(MIRROR, CENTERS[MIRROR] + normal, ray, stage, mirrored=False)
     reflected = ray - 2 * (ray @ normal.T) * normal
     expected: Floats = MIRROR_REFLECTANCE * _sky_radiance(reflected, stage, None)
-    np.testing.assert_allclose(seen, expected, rtol=1e-9)
+    np.testing.assert_allclose(radiance, expected, rtol=1e-9)
 
 
 def test_the_diffuse_sphere_is_lit_on_the_suns_side(stage: SphereScene) -> None:

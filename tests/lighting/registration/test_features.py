@@ -8,7 +8,7 @@ import pytest
 from lighting.errors import MissingExtraError
 from lighting.registration.features import detect_features, has_opencv, import_opencv, match_features, to_centered
 from lighting.registration.rotations import focal_from_fov, project_points, rays_through
-from tests.helpers.cameras import SIZE, picture, texture, turn
+from tests.helpers.cameras import SIZE, picture, relative_rotation, texture
 
 pytest.importorskip("cv2")
 FLAT = np.full((480, 640, 3), 128, np.uint8)
@@ -17,13 +17,15 @@ FLAT = np.full((480, 640, 3), 128, np.uint8)
 def test_matches_obey_the_turn_in_spite_of_another_exposure() -> None:
     a, b = (0.0, 3.0, 1.0), (25.0, -2.0, -2.0)
     sphere = texture()
-    found = match_features(
+    matched = match_features(
         detect_features(picture(sphere, a, 50.0)), detect_features(picture(sphere, b, 50.0, gain=0.7))
     )
     focal = focal_from_fov(50.0, *SIZE)
-    off = np.linalg.norm(project_points(rays_through(found.a, focal) @ turn(a, b).T, focal) - found.b, axis=1)
-    assert len(found) > 50
-    assert np.mean(off < 3 * found.pixel) > 0.9
+    errors = np.linalg.norm(
+        project_points(rays_through(matched.a, focal) @ relative_rotation(a, b).T, focal) - matched.b, axis=1
+    )
+    assert len(matched) > 50
+    assert np.mean(errors < 3 * matched.pixel) > 0.9
 
 
 def test_a_flat_picture_has_no_features_and_no_matches() -> None:
@@ -33,10 +35,10 @@ def test_a_flat_picture_has_no_features_and_no_matches() -> None:
 
 
 def test_a_picture_and_itself_match_point_by_point() -> None:
-    own = detect_features(picture(texture(), (0.0, 0.0, 0.0), 50.0))
-    found = match_features(own, own)
-    assert len(found) > 100
-    assert found.a == pytest.approx(found.b)
+    features = detect_features(picture(texture(), (0.0, 0.0, 0.0), 50.0))
+    matched = match_features(features, features)
+    assert len(matched) > 100
+    assert matched.a == pytest.approx(matched.b)
 
 
 def test_large_pictures_are_shrunk() -> None:

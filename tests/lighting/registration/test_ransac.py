@@ -5,7 +5,7 @@ import pytest
 
 from lighting.registration.ransac import least_squares, ransac_rotation
 from lighting.registration.rotations import focal_from_fov, rotation_vector
-from tests.helpers.cameras import SIZE, matches, turn
+from tests.helpers.cameras import SIZE, matches, relative_rotation
 
 X = np.linspace(-1, 1, 200)
 TRUE = np.array([0.4, -1.3])
@@ -41,12 +41,12 @@ A, B = (0.0, 5.0, 2.0), (-28.0, 1.0, -1.0)
 @pytest.mark.parametrize("wrong", [0.0, 0.5])
 def test_the_rotation_is_found_among_wrong_matches(wrong: float) -> None:
     focal = focal_from_fov(50.0, *SIZE)
-    found = ransac_rotation(matches(A, B, 50.0, near=300.0, wrong=wrong), (focal, focal), [0.8, 1.0, 1.25])
-    assert found.zoom == 1.0
-    assert np.degrees(np.linalg.norm(rotation_vector(found.rotation @ turn(A, B).T))) < 1.0
+    result = ransac_rotation(matches(A, B, 50.0, near=300.0, wrong=wrong), (focal, focal), [0.8, 1.0, 1.25])
+    assert result.zoom == 1.0
+    assert np.degrees(np.linalg.norm(rotation_vector(result.rotation @ relative_rotation(A, B).T))) < 1.0
 
 
 def test_the_same_matches_give_the_same_answer() -> None:
-    seen = matches(A, B, 50.0, near=300.0, wrong=0.5)
-    first, second = (ransac_rotation(seen, (1.2, 1.2), [0.9, 1.0, 1.1]) for _ in range(2))
+    matched = matches(A, B, 50.0, near=300.0, wrong=0.5)
+    first, second = (ransac_rotation(matched, (1.2, 1.2), [0.9, 1.0, 1.1]) for _ in range(2))
     assert (first.rotation == second.rotation).all()

@@ -38,12 +38,12 @@ def test_a_lens_has_one_focal_length_however_the_camera_is_held() -> None:
 
 
 def test_points_are_where_geometry_puts_them() -> None:
-    towards = direction(np.array([10.0, 25.0]), np.array([5.0, -8.0]))
-    pixel = camera_pixel(towards, Pinhole(*SIZE, 50.0, 12.0, 3.0, 4.0))
+    directions = direction(np.array([10.0, 25.0]), np.array([5.0, -8.0]))
+    pixel = camera_pixel(directions, Pinhole(*SIZE, 50.0, 12.0, 3.0, 4.0))
     expected = (pixel - 0.5 * np.array(SIZE)) * [1, -1] * 2 / np.hypot(*SIZE)
-    assert project_points(towards @ camera_from_world(12.0, 3.0, 4.0).T, focal_from_fov(50.0, *SIZE)) == pytest.approx(
-        expected, abs=1e-9
-    )
+    assert project_points(
+        directions @ camera_from_world(12.0, 3.0, 4.0).T, focal_from_fov(50.0, *SIZE)
+    ) == pytest.approx(expected, abs=1e-9)
 
 
 def test_rays_and_points_go_both_ways() -> None:
@@ -53,9 +53,9 @@ def test_rays_and_points_go_both_ways() -> None:
 
 @given(vectors)
 def test_rotations_are_scipys(vector: np.ndarray) -> None:
-    found = rotation_about(vector)
-    assert found == pytest.approx(Rotation.from_rotvec(vector).as_matrix(), abs=1e-9)
-    assert rotation_vector(found) == pytest.approx(Rotation.from_matrix(found).as_rotvec(), abs=1e-6)
+    rotation = rotation_about(vector)
+    assert rotation == pytest.approx(Rotation.from_rotvec(vector).as_matrix(), abs=1e-9)
+    assert rotation_vector(rotation) == pytest.approx(Rotation.from_matrix(rotation).as_rotvec(), abs=1e-6)
 
 
 def test_half_a_turn_has_a_vector() -> None:
@@ -96,8 +96,8 @@ def test_a_few_wrong_levels_do_not_tilt_the_rest() -> None:
     ups = np.stack([camera_up(e, r) for e, r in zip(elevation, roll, strict=True)])
     wrong = ups.copy()
     wrong[:8] = camera_up(60.0, 40.0)
-    turned = axes @ axes[0].T
-    assert np.degrees(np.arccos(consensus_up(turned, ups) @ consensus_up(turned, wrong))) < 0.5
+    orientations = axes @ axes[0].T
+    assert np.degrees(np.arccos(consensus_up(orientations, ups) @ consensus_up(orientations, wrong))) < 0.5
 
 
 def test_a_camera_that_looks_straight_down_has_a_heading() -> None:
@@ -108,18 +108,20 @@ def test_a_camera_that_looks_straight_down_has_a_heading() -> None:
 
 @pytest.mark.parametrize("elevation", [-90.0, -89.5, -88.0, -87.0, 0.0, 87.0, 88.0, 89.5, 90.0])
 def test_azimuth_0_is_where_the_common_camera_points_however_steep_it_is(elevation: float) -> None:
-    heading, said, roll = heading_elevation_roll(np.eye(3)[None], leveling_rotation(camera_up(elevation, 0.0)))
-    assert said[0] == pytest.approx(elevation, abs=1e-4)
+    heading, leveled_elevation, roll = heading_elevation_roll(
+        np.eye(3)[None], leveling_rotation(camera_up(elevation, 0.0))
+    )
+    assert leveled_elevation[0] == pytest.approx(elevation, abs=1e-4)
     assert (heading[0], roll[0]) == pytest.approx((0.0, 0.0), abs=1e-6)
 
 
 @pytest.mark.parametrize("straight", [-90.0, 90.0])
 def test_a_camera_that_looks_straight_down_turns_with_its_picture(straight: float) -> None:
     """Its axis trembles about the vertical; its picture turns steadily."""
-    turn, tremble = np.linspace(0.0, 60.0, 31), np.radians(2.0) * np.random.default_rng(0).normal(0, 1, (31, 2))
+    headings, tremble = np.linspace(0.0, 60.0, 31), np.radians(2.0) * np.random.default_rng(0).normal(0, 1, (31, 2))
     tilt = [np.array([[1, 0, -x], [0, 1, -y], [x, y, 1]]) for x, y in tremble]
-    axes = np.stack([t @ camera_from_world(a, straight, 0.0) for t, a in zip(tilt, turn.tolist(), strict=True)])
+    axes = np.stack([t @ camera_from_world(a, straight, 0.0) for t, a in zip(tilt, headings.tolist(), strict=True)])
     heading, elevation, roll = heading_elevation_roll(axes / np.linalg.norm(axes, axis=2, keepdims=True), np.eye(3))
-    np.testing.assert_allclose(heading, turn, atol=0.3)
+    np.testing.assert_allclose(heading, headings, atol=0.3)
     np.testing.assert_allclose(roll, 0.0, atol=0.3)
     assert np.abs(elevation).min() > 84.0

@@ -18,14 +18,14 @@ from lighting.geometry import direction, to_z_up
 from lighting.scene import blender
 from lighting.scene.writer import write_scene
 from tests.helpers.blender import PYTHON, needs_blender
-from tests.helpers.scenes import half_shaded_scene, known_scene, shaded_spot_scene
+from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A scene as it is written where Blender is not installed."""
     monkeypatch.setattr(blender, "find_spec", lambda _name: None)
-    blender.write_blender(known_scene(), tmp_path)
+    blender.write_blender(sunlit_scene(), tmp_path)
     return tmp_path
 
 
@@ -70,7 +70,7 @@ def test_z_is_up_and_the_camera_looks_along_y(numbers: dict[str, Any]) -> None:
 
 
 def test_what_the_compositor_knows_of_shade(folder: Path, numbers: dict[str, Any]) -> None:
-    assert numbers["shade"] == pytest.approx(known_scene().shadow.tolist())
+    assert numbers["shade"] == pytest.approx(sunlit_scene().shadow.tolist())
     with Image.open(folder / numbers["lit_ground"]) as mask:
         assert mask.mode == "L"
 
@@ -83,7 +83,7 @@ def test_what_blender_knows_of_the_spot(folder: Path, numbers: dict[str, Any]) -
 
 def test_sun_and_lens(numbers: dict[str, Any]) -> None:
     irradiance = np.array(numbers["sun"]["colour"]) * numbers["sun"]["irradiance"]
-    assert irradiance == pytest.approx(known_scene().sun_irradiance)
+    assert irradiance == pytest.approx(sunlit_scene().sun_irradiance)
     assert numbers["sun"]["angle"] == pytest.approx(0.5358)
     height = numbers["camera"]["sensor"][1]
     assert 2 * np.degrees(np.arctan(height / 2 / numbers["camera"]["focal_length"])) == pytest.approx(50.0)
@@ -94,7 +94,7 @@ def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
     monkeypatch.setattr(blender, "read_data_text", lambda _name: "import sys; sys.exit('Error: no memory.')")
     with pytest.raises(SceneError, match=r"^Blender could not build scene\.blend: Error: no memory\.$"):
-        write_scene(known_scene(), "blender", tmp_path / "out")
+        write_scene(sunlit_scene(), "blender", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
@@ -103,12 +103,12 @@ def test_a_blender_that_fails_is_one_sentence(tmp_path: Path, monkeypatch: pytes
 def test_blender_builds_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
     monkeypatch.setattr(sys, "executable", PYTHON)
-    write_scene(known_scene(), "blender", tmp_path / "out")
+    write_scene(sunlit_scene(), "blender", tmp_path / "out")
     look = (
         "import bpy; bpy.ops.wm.open_mainfile(filepath='scene.blend'); print(sorted(o.name for o in bpy.data.objects))"
     )
-    done = subprocess.run([PYTHON, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True)
-    assert "['Ball', 'Camera', 'Ground', 'Stick', 'Sun', 'Your object here']" in done.stdout
+    result = subprocess.run([PYTHON, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True)
+    assert "['Ball', 'Camera', 'Ground', 'Stick', 'Sun', 'Your object here']" in result.stdout
 
 
 @pytest.mark.slow
@@ -130,15 +130,15 @@ def test_no_shadow_darkens_shade(folder: Path, numbers: dict[str, Any]) -> None:
 def test_an_object_in_the_photos_shade_is_in_shade(folder: Path) -> None:
     """The ball is much darker at its top than one in the sun; its shadow on sunlit ground is the same."""
     blender.write_blender(shaded_spot_scene(), folder)
-    told = json.loads((folder / "scene.json").read_text()) | {"samples": 4}
-    seen = {}
+    numbers = json.loads((folder / "scene.json").read_text()) | {"samples": 4}
+    pictures_of = {}
     for in_shade in (True, False):
-        (folder / "scene.json").write_text(json.dumps(told | {"spot_in_shade": in_shade}))
+        (folder / "scene.json").write_text(json.dumps(numbers | {"spot_in_shade": in_shade}))
         subprocess.run([PYTHON, "scene.py", "--render"], cwd=folder, capture_output=True, check=True)
-        seen[in_shade] = srgb_decode(np.asarray(Image.open(folder / "render.png").convert("RGB")) / 255.0)
+        pictures_of[in_shade] = srgb_decode(np.asarray(Image.open(folder / "render.png").convert("RGB")) / 255.0)
     top, shadow = np.s_[238:250, 223:254], np.s_[308:316, 284:292]
-    assert seen[True][top].mean() < 0.7 * seen[False][top].mean()
-    assert seen[True][shadow] == pytest.approx(seen[False][shadow], rel=0.1, abs=0.005)
+    assert pictures_of[True][top].mean() < 0.7 * pictures_of[False][top].mean()
+    assert pictures_of[True][shadow] == pytest.approx(pictures_of[False][shadow], rel=0.1, abs=0.005)
 
 
 @pytest.mark.slow
@@ -149,10 +149,10 @@ def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(folder: Path
         "lit = bpy.data.objects['Sun'].light_linking.receiver_collection;"
         "print(lit and (lit.name, [thing.name for thing in lit.objects]))"
     )
-    found = []
-    for scene in (shaded_spot_scene(), known_scene()):
+    lit = []
+    for scene in (shaded_spot_scene(), sunlit_scene()):
         blender.write_blender(scene, folder)
         subprocess.run([PYTHON, "scene.py", "--save"], cwd=folder, capture_output=True, check=True)
-        done = subprocess.run([PYTHON, "-c", look], cwd=folder, capture_output=True, text=True, check=True)
-        found.append(done.stdout.splitlines()[-1])
-    assert found == ["('Lit by the Sun', ['Ground'])", "None"]
+        result = subprocess.run([PYTHON, "-c", look], cwd=folder, capture_output=True, text=True, check=True)
+        lit.append(result.stdout.splitlines()[-1])
+    assert lit == ["('Lit by the Sun', ['Ground'])", "None"]

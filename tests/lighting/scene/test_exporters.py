@@ -52,15 +52,15 @@ def test_a_file_that_the_entry_does_not_list_is_never_written(tmp_path: Path, mo
 
     monkeypatch.setitem(EXPORTERS, "toy", Exporter(write, files=("toy.txt",)))
     (tmp_path / "photo.jpg").write_text("the user's")
-    said = r"^The exporter for toy wrote photo\.jpg, which its entry does not list\.$"
-    with pytest.raises(SceneError, match=said):
+    sentence = r"^The exporter for toy wrote photo\.jpg, which its entry does not list\.$"
+    with pytest.raises(SceneError, match=sentence):
         write_scene(plain_scene(), "toy", tmp_path, overwrite=True)
-    with pytest.raises(SceneError, match=said):
+    with pytest.raises(SceneError, match=sentence):
         zip_scene(plain_scene(), "toy")
     assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [("photo.jpg", "the user's")]
 
 
 def test_the_list_of_tools_needs_no_numpy() -> None:
     code = "import sys, lighting.scene; print(list(lighting.scene.EXPORTERS), 'numpy' in sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == f"{list(EXPORTERS)} False\n"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert result.stdout == f"{list(EXPORTERS)} False\n"

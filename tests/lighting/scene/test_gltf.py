@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.scene import gltf
-from tests.helpers.scenes import known_scene
+from tests.helpers.scenes import sunlit_scene
 
 NODE = Path(__file__).parents[2] / "node"
 NOTED = {"IMAGE_NPOT_DIMENSIONS", "UNSUPPORTED_EXTENSION", "UNUSED_OBJECT"}  # a photo's size; what it does not know
@@ -45,27 +45,27 @@ def validated(file: Path) -> dict[str, Any]:
     program = shutil.which("node")
     if program is None or not (NODE / "node_modules" / "gltf-validator").is_dir():
         pytest.skip("node or the Khronos validator is not installed: npm ci --prefix tests/node")
-    done = subprocess.run([program, NODE / "validate.cjs", file], capture_output=True, text=True, check=True)
-    return dict(json.loads(done.stdout)["issues"])
+    result = subprocess.run([program, NODE / "validate.cjs", file], capture_output=True, text=True, check=True)
+    return dict(json.loads(result.stdout)["issues"])
 
 
 @pytest.mark.slow
 def test_the_khronos_validator_finds_neither_errors_nor_warnings(tmp_path: Path) -> None:
-    gltf.write_gltf(known_scene(), tmp_path)
+    gltf.write_gltf(sunlit_scene(), tmp_path)
     issues = validated(tmp_path / gltf.FILE)
     assert (issues["numErrors"], issues["numWarnings"], issues["numHints"]) == (0, 0, 0), issues["messages"]
     assert {message["code"] for message in issues["messages"]} <= NOTED
 
 
 def test_the_validator_does_find_faults(tmp_path: Path) -> None:
-    gltf.write_gltf(known_scene(), tmp_path)
+    gltf.write_gltf(sunlit_scene(), tmp_path)
     file = tmp_path / gltf.FILE
     file.write_bytes(file.read_bytes().replace(b'"intensity":', b'"intensitx":').replace(b'"camera":0', b'"camera":7'))
     assert validated(file)["numErrors"] >= 1
 
 
 def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     gltf.write_gltf(scene, tmp_path)
     document, _ = document_of(tmp_path)
     assert matrix(node(document, "Camera")) == pytest.approx(scene.camera_matrix)
@@ -75,7 +75,7 @@ def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
 
 
 def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     gltf.write_gltf(scene, tmp_path)
     document, _ = document_of(tmp_path)
     shining = matrix(node(document, "Sun")) @ [0, 0, -1, 0]
@@ -87,13 +87,13 @@ def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -
 
 
 def test_no_direct_sun_is_a_light_of_no_intensity(tmp_path: Path) -> None:
-    gltf.write_gltf(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    gltf.write_gltf(replace(sunlit_scene(), sun_irradiance=np.zeros(3)), tmp_path)
     (light,) = document_of(tmp_path)[0]["extensions"]["KHR_lights_punctual"]["lights"]
     assert (light["intensity"], light["color"]) == (0, [1, 1, 1])
 
 
 def test_the_plate_is_the_photo_and_fills_the_view(tmp_path: Path) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     gltf.write_gltf(scene, tmp_path)
     document, binary = document_of(tmp_path)
     view = document["bufferViews"][document["images"][0]["bufferView"]]

@@ -16,7 +16,7 @@ from lighting.envmap.projection import photo_camera
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.records import Scene, make_placeholder
-from tests.helpers.scenes import LIGHT, half_shaded_scene, known_scene, shaded_spot_scene
+from tests.helpers.scenes import LIGHT, half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 mi: Any = mitsuba_renderer
 
@@ -27,7 +27,7 @@ WIDTH, HEIGHT = 160, 120
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     mi.set_variant("scalar_rgb")
     path = tmp_path_factory.mktemp("scene")
-    mitsuba.write_mitsuba(known_scene(), path)
+    mitsuba.write_mitsuba(sunlit_scene(), path)
     return path
 
 
@@ -62,7 +62,7 @@ def shown(picture: NDArray[Any], scene: Scene, points: NDArray[Any], reach: int 
 
 @pytest.mark.slow
 def test_open_ground_has_the_radiance_of_the_map(picture: NDArray[np.float32]) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     open_ground = (
         scene.spot + np.array([[-6.0, 0, 0], [-5.0, 0, -1.0], [0, 0, -8.0]]) * make_placeholder(scene).ball_radius
     )
@@ -72,7 +72,7 @@ def test_open_ground_has_the_radiance_of_the_map(picture: NDArray[np.float32]) -
 
 @pytest.mark.slow
 def test_the_shadow_lies_opposite_the_sun(picture: NDArray[np.float32]) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     turn = np.arange(-36, 37, 3.0)  # the stick's shadow stays outside
     ring = scene.spot + 2.2 * make_placeholder(scene).ball_radius * direction(LIGHT.sun_azimuth + 180.0 + turn, 0.0)
     light = shown(picture, scene, ring, 0)
@@ -83,7 +83,7 @@ def test_the_shadow_lies_opposite_the_sun(picture: NDArray[np.float32]) -> None:
 
 @pytest.mark.slow
 def test_the_camera_sees_the_map_as_the_photo_did(picture: NDArray[np.float32]) -> None:
-    small = np.asarray(Image.fromarray(known_scene().plate).resize((WIDTH, HEIGHT), Image.Resampling.BOX))
+    small = np.asarray(Image.fromarray(sunlit_scene().plate).resize((WIDTH, HEIGHT), Image.Resampling.BOX))
     tone = np.asarray(mi.Bitmap(picture).convert(mi.Bitmap.PixelFormat.RGB, mi.Struct.Type.UInt8, srgb_gamma=True))
     assert np.abs(tone[:20].astype(int) - small[:20]).max() <= 3
 

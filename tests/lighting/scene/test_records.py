@@ -28,7 +28,7 @@ from lighting.geometry import (
 from lighting.photo.reader import Photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.scene.records import PLACEHOLDER_ALBEDO, make_placeholder, make_scene
-from tests.helpers.scenes import LIGHT, PLAIN, half_shaded_scene, known_scene, plain_scene, shaded_spot_scene
+from tests.helpers.scenes import LIGHT, PLAIN, half_shaded_scene, plain_scene, shaded_spot_scene, sunlit_scene
 
 
 def test_z_up_keeps_right_handedness() -> None:
@@ -58,7 +58,7 @@ def test_a_scene_is_made_of_a_lighting_and_not_of_an_estimate() -> None:
 
 
 def test_the_camera_matrix_agrees_with_the_rays_of_the_photo() -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     rays = camera_directions(Pinhole(480, 360, scene.vertical_fov, elevation=-12.0, roll=4.0))
     x = 0.5 * scene.sensor_width / scene.focal_length * (1 - 1 / 480)
     y = np.tan(np.radians(scene.vertical_fov) / 2) * (1 - 1 / 360)
@@ -132,18 +132,20 @@ def test_without_direct_sun_there_is_no_sun_light() -> None:
 
 
 def test_the_sun_lies_where_the_record_says() -> None:
-    assert angle_between(known_scene().sun_direction, direction(-40.0, 35.0)) < 1e-6
+    assert angle_between(sunlit_scene().sun_direction, direction(-40.0, 35.0)) < 1e-6
 
 
 def test_the_place_is_in_the_map_with_the_same_light() -> None:
     cells = np.random.default_rng(2).uniform(0.1, 1.0, (12, 24, 3)).astype(np.float32)
     plain = plain_scene()
-    placed = make_scene(Photo(PLAIN, 40, 30, "PNG"), plain.lighting, map_height=32, context=PhotoContext(PLAIN, cells))
-    assert not np.allclose(placed.environment, plain.environment)
+    in_place = make_scene(
+        Photo(PLAIN, 40, 30, "PNG"), plain.lighting, map_height=32, context=PhotoContext(PLAIN, cells)
+    )
+    assert not np.allclose(in_place.environment, plain.environment)
     weight = (latlong_solid_angle(32) * np.sin(np.radians(latlong_angles(32)[1])))[:16, None, None]
-    level = [(scene.environment[:16] * weight).sum(axis=(0, 1)) for scene in (placed, plain)]
+    level = [(scene.environment[:16] * weight).sum(axis=(0, 1)) for scene in (in_place, plain)]
     assert level[0] == pytest.approx(level[1], rel=1e-2)
-    assert placed.sun_irradiance == pytest.approx(plain.sun_irradiance)
+    assert in_place.sun_irradiance == pytest.approx(plain.sun_irradiance)
 
 
 def test_where_a_channel_has_no_light_its_shadow_is_none() -> None:
@@ -156,14 +158,14 @@ def test_where_a_channel_has_no_light_its_shadow_is_none() -> None:
 
 
 def test_the_spot_is_lit_as_the_plates_ground_around_it() -> None:
-    assert known_scene().spot_lit == 1.0
+    assert sunlit_scene().spot_lit == 1.0
     assert half_shaded_scene().spot_lit == pytest.approx(0.5, abs=0.1)
     assert shaded_spot_scene().spot_lit == 0.0
-    assert (known_scene().spot_in_shade, shaded_spot_scene().spot_in_shade) == (False, True)
+    assert (sunlit_scene().spot_in_shade, shaded_spot_scene().spot_in_shade) == (False, True)
 
 
 def test_a_spot_in_shade_has_a_warning() -> None:
-    assert known_scene().warnings == ()
+    assert sunlit_scene().warnings == ()
     (shaded,) = shaded_spot_scene().warnings
     assert shaded.startswith("The object would stand in the photo's shade, so the scene takes the sun from it")
 
@@ -180,10 +182,10 @@ def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
 @pytest.mark.parametrize("stops", [-3.0, 3.0])
 def test_shade_is_where_the_photo_has_it_whatever_the_exposure_of_the_scene(stops: float) -> None:
     scene = half_shaded_scene()
-    photo, shown = Photo(scene.plate, scene.width, scene.height, "PNG"), scene.lighting.exposure
-    light = edit_lighting(scene.lighting, {"exposure": shown * 2.0**stops})
-    place = PhotoContext(scene.plate, exposure=shown)
-    assert np.array_equal(make_scene(photo, light, map_height=32, context=place).lit_ground, scene.lit_ground)
+    photo, exposure = Photo(scene.plate, scene.width, scene.height, "PNG"), scene.lighting.exposure
+    light = edit_lighting(scene.lighting, {"exposure": exposure * 2.0**stops})
+    context = PhotoContext(scene.plate, exposure=exposure)
+    assert np.array_equal(make_scene(photo, light, map_height=32, context=context).lit_ground, scene.lit_ground)
 
 
 def test_a_scene_without_sun_has_no_spot_in_shade() -> None:

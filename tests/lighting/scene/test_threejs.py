@@ -29,7 +29,7 @@ from lighting.records import record_with_coefficients
 from lighting.scene import gltf, threejs
 from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene, make_placeholder
 from tests.helpers.browser import drawings
-from tests.helpers.scenes import half_shaded_scene, known_scene, shaded_spot_scene
+from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 Pictures = dict[str, NDArray[Any]]
 
@@ -62,16 +62,16 @@ THREE_VIEWS = """
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
     """The page as it opens, the glTF file in three.js, and the map as the page's background."""
     folder = tmp_path_factory.mktemp("page")
-    scene = known_scene()
+    scene = sunlit_scene()
     threejs.write_threejs(scene, folder)
     gltf.write_gltf(scene, folder)
     glb = base64.b64encode((folder / gltf.FILE).read_bytes()).decode()
-    found = drawings(folder / threejs.PAGE, THREE_VIEWS.replace("GLB", glb), scene.width, scene.height)
-    assert list(found) == ["page", "gltf", "map"]
-    return found
+    drawn = drawings(folder / threejs.PAGE, THREE_VIEWS.replace("GLB", glb), scene.width, scene.height)
+    assert list(drawn) == ["page", "gltf", "map"]
+    return drawn
 
 
-def seen_at(picture: NDArray[Any], scene: Scene, points: NDArray[Any]) -> NDArray[Any]:
+def pixel_at(picture: NDArray[Any], scene: Scene, points: NDArray[Any]) -> NDArray[Any]:
     """Linear colours (..., 3) that a picture shows at points (..., 3)."""
     light = scene.lighting
     x, y = np.moveaxis(
@@ -95,20 +95,20 @@ def seen_at(picture: NDArray[Any], scene: Scene, points: NDArray[Any]) -> NDArra
 def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
     """Azimuth [deg] of the stick's shadow: the darkness' centroid on arcs around its foot."""
     expected = scene.lighting.sun_azimuth + 180.0
-    turn = np.linspace(-8, 8, 401)
+    offsets = np.linspace(-8, 8, 401)
     placeholder = make_placeholder(scene)
     length = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     reach = length * np.linspace(0.4, 0.9, 40)[:, None, None]
     light = luminance(
-        seen_at(picture, scene, scene.spot + placeholder.stick_foot + reach * direction(expected + turn, 0.0))
+        pixel_at(picture, scene, scene.spot + placeholder.stick_foot + reach * direction(expected + offsets, 0.0))
     )
     dark = np.maximum(0.85 - light / light.max(), 0)
     assert dark.max() > 0.2
-    return float(expected + (dark * turn).sum() / dark.sum())
+    return float(expected + (dark * offsets).sum() / dark.sum())
 
 
 def test_text_of_a_record_stays_text(tmp_path: Path) -> None:
-    scene, hostile = known_scene(), "</script><script>alert(1)</script><!--"
+    scene, hostile = sunlit_scene(), "</script><script>alert(1)</script><!--"
     threejs.write_threejs(scene, tmp_path)
     harmless = (tmp_path / threejs.PAGE).read_text()
     threejs.write_threejs(replace(scene, lighting=replace(scene.lighting, warnings=(hostile,))), tmp_path)
@@ -124,7 +124,7 @@ def test_text_of_a_record_stays_text(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_the_plate_is_unchanged_where_nothing_stands(pictures: Pictures) -> None:
-    page, plate = pictures["page"].astype(int), known_scene().plate.astype(int)
+    page, plate = pictures["page"].astype(int), sunlit_scene().plate.astype(int)
     assert page.shape == plate.shape
     upper, left = slice(0, page.shape[0] // 2), slice(0, page.shape[1] // 3)
     assert np.abs(page - plate)[upper].max() <= 1
@@ -135,17 +135,17 @@ def test_the_plate_is_unchanged_where_nothing_stands(pictures: Pictures) -> None
 @pytest.mark.slow
 @pytest.mark.parametrize("view", ["page", "gltf"])
 def test_the_sticks_shadow_points_away_from_the_sun(pictures: Pictures, view: str) -> None:
-    scene = known_scene()
-    found = shadow_azimuth(pictures[view], scene)
-    assert abs(wrap_azimuth(found - scene.lighting.sun_azimuth - 180.0)) < 0.5
+    scene = sunlit_scene()
+    drawn = shadow_azimuth(pictures[view], scene)
+    assert abs(wrap_azimuth(drawn - scene.lighting.sun_azimuth - 180.0)) < 0.5
 
 
 @pytest.mark.slow
 def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     away = -scene.sun_direction * [1, 0, 1] / scene.sun_direction[1]
     inside = scene.spot + make_placeholder(scene).ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
-    ratio = seen_at(pictures["page"], scene, inside) / seen_at(scene.plate, scene, inside)
+    ratio = pixel_at(pictures["page"], scene, inside) / pixel_at(scene.plate, scene, inside)
     assert ratio == pytest.approx(scene.shadow, rel=0.03)
 
 
@@ -162,23 +162,23 @@ def test_no_shadow_darkens_shade(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_sun(tmp_path: Path) -> None:
     scene = shaded_spot_scene()
-    seen = {}
-    for name, of in (("shade", scene), ("sun", known_scene())):
+    pictures_of = {}
+    for name, of in (("shade", scene), ("sun", sunlit_scene())):
         (tmp_path / name).mkdir()
         threejs.write_threejs(of, tmp_path / name)
-        seen[name] = drawings(tmp_path / name / threejs.PAGE, CLICKED, scene.width, scene.height)
+        pictures_of[name] = drawings(tmp_path / name / threejs.PAGE, CLICKED, scene.width, scene.height)
     center, radius = scene.spot + make_placeholder(scene).ball_center, make_placeholder(scene).ball_radius
     to_camera = scene.camera_position - center
     normal = to_camera / np.linalg.norm(to_camera)
     dark = scene.environment.copy()
     dark[len(dark) // 2 :] *= scene.shadow
     light = sky_irradiance(replace(scene, environment=dark), normal)
-    found = seen_at(seen["shade"]["page"], scene, center + radius * normal)
-    assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
+    drawn = pixel_at(pictures_of["shade"]["page"], scene, center + radius * normal)
+    assert luminance(drawn) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
     for name, window in (("page", np.s_[290:, 280:]), ("moved", np.s_[:, 330:])):  # shadows on lit ground; all
-        change = np.abs(seen["shade"][name][window].astype(int) - seen["sun"][name][window])
+        change = np.abs(pictures_of["shade"][name][window].astype(int) - pictures_of["sun"][name][window])
         assert change.max() <= 1
-    assert np.abs(seen["shade"]["moved"].astype(int) - scene.plate)[230:, 330:].max() > 30  # the object is there
+    assert np.abs(pictures_of["shade"]["moved"].astype(int) - scene.plate)[230:, 330:].max() > 30  # the object is there
 
 
 @pytest.mark.slow
@@ -186,11 +186,11 @@ def test_the_page_finds_the_same_share_of_the_sun(tmp_path: Path) -> None:
     """Shown as a grey background."""
     scene = half_shaded_scene()
     threejs.write_threejs(scene, tmp_path)
-    told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
-    script = SHARE.replace("WHOLE", str(told["sunIntensity"]))
-    shown = drawings(tmp_path / threejs.PAGE, script, scene.width, scene.height)["share"]
+    values = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
+    script = SHARE.replace("WHOLE", str(values["sunIntensity"]))
+    share_drawn = drawings(tmp_path / threejs.PAGE, script, scene.width, scene.height)["share"]
     assert 0.4 < scene.spot_lit < 0.6
-    assert srgb_decode(shown[0, 0] / 255.0) == pytest.approx(scene.spot_lit, abs=0.02)
+    assert srgb_decode(share_drawn[0, 0] / 255.0) == pytest.approx(scene.spot_lit, abs=0.02)
 
 
 SHARE = """
@@ -213,7 +213,7 @@ CLICKED = """
 @pytest.mark.parametrize("view", ["page", "gltf"])
 def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, view: str) -> None:
     """Where the camera sees it in the sun, and where it faces away from the sun."""
-    scene = known_scene()
+    scene = sunlit_scene()
     placeholder = make_placeholder(scene)
     center = scene.spot + placeholder.ball_center
     to_camera = scene.camera_position - center
@@ -221,8 +221,8 @@ def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, vie
     for normal in (scene.sun_direction + to_camera, 2 * to_camera - scene.sun_direction):
         normal = normal / np.linalg.norm(normal)
         light = sky_irradiance(scene, normal) + max(float(normal @ scene.sun_direction), 0.0) * scene.sun_irradiance
-        found = seen_at(pictures[view], scene, center + placeholder.ball_radius * normal)
-        assert luminance(found) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
+        drawn = pixel_at(pictures[view], scene, center + placeholder.ball_radius * normal)
+        assert luminance(drawn) == pytest.approx(luminance(PLACEHOLDER_ALBEDO / np.pi * light), rel=0.1)
 
 
 def sky_irradiance(scene: Scene, normal: NDArray[Any]) -> NDArray[Any]:
@@ -233,7 +233,7 @@ def sky_irradiance(scene: Scene, normal: NDArray[Any]) -> NDArray[Any]:
 
 @pytest.mark.slow
 def test_the_map_lies_behind_the_page_as_the_photo_does(pictures: Pictures) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     light = scene.lighting
     rays = camera_directions(
         Pinhole(scene.width, scene.height, light.vertical_fov, 0.0, light.camera_elevation, light.camera_roll)
@@ -244,13 +244,13 @@ def test_the_map_lies_behind_the_page_as_the_photo_does(pictures: Pictures) -> N
 
 
 def description(page: str) -> dict[str, Any]:
-    found = re.search(r'<script id="scene" type="application/json">(.*?)</script>', page, re.DOTALL)
-    assert found is not None
-    return dict(json.loads(found[1]))
+    drawn = re.search(r'<script id="scene" type="application/json">(.*?)</script>', page, re.DOTALL)
+    assert drawn is not None
+    return dict(json.loads(drawn[1]))
 
 
 def test_the_page_holds_all_it_needs(tmp_path: Path) -> None:
-    threejs.write_threejs(known_scene(), tmp_path)
+    threejs.write_threejs(sunlit_scene(), tmp_path)
     page = (tmp_path / threejs.PAGE).read_text(encoding="utf-8")
     assert [path.name for path in tmp_path.iterdir()] == [threejs.PAGE]
     assert re.findall(r"<(?:script|link|img)[^>]*(?:src|href)=", page) == []
@@ -259,15 +259,15 @@ def test_the_page_holds_all_it_needs(tmp_path: Path) -> None:
 
 
 def test_what_the_page_is_told(tmp_path: Path) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     threejs.write_threejs(scene, tmp_path)
-    told = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
-    assert told["sunIntensity"] * np.array(told["sunColour"]) == pytest.approx(scene.sun_irradiance)
-    assert np.reshape(told["cameraMatrix"], (4, 4)) == pytest.approx(scene.camera_matrix)
-    assert told["lighting"] == record_with_coefficients(scene.lighting)
-    plate = Image.open(BytesIO(base64.b64decode(told["plate"].split(",")[1])))
+    values = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
+    assert values["sunIntensity"] * np.array(values["sunColour"]) == pytest.approx(scene.sun_irradiance)
+    assert np.reshape(values["cameraMatrix"], (4, 4)) == pytest.approx(scene.camera_matrix)
+    assert values["lighting"] == record_with_coefficients(scene.lighting)
+    plate = Image.open(BytesIO(base64.b64decode(values["plate"].split(",")[1])))
     assert np.array_equal(np.asarray(plate), scene.plate)
-    lit = Image.open(BytesIO(base64.b64decode(told["litGround"].split(",")[1])))
+    lit = Image.open(BytesIO(base64.b64decode(values["litGround"].split(",")[1])))
     assert (lit.mode, lit.size) == ("L", (256, 192))
 
 

@@ -14,14 +14,14 @@ from lighting.files.exr import read_exr
 from lighting.geometry import latlong_directions
 from lighting.scene import EXPORTERS, usd
 from lighting.scene.records import make_placeholder
-from tests.helpers.scenes import known_scene, shaded_spot_scene
+from tests.helpers.scenes import shaded_spot_scene, sunlit_scene
 
 BOTH_AXES = pytest.mark.parametrize("up_axis", EXPORTERS["usd"].options["up_axis"].choices)
 
 
 def opened(folder: Path, up_axis: str) -> Any:
     folder.mkdir(exist_ok=True)
-    usd.write_usd(known_scene(), folder, up_axis=up_axis)
+    usd.write_usd(sunlit_scene(), folder, up_axis=up_axis)
     return Usd.Stage.Open(str(folder / usd.STAGE))
 
 
@@ -59,7 +59,7 @@ def test_the_checker_does_find_faults(tmp_path: Path) -> None:
 
 @BOTH_AXES
 def test_the_camera_stands_and_sees_as_the_scene_says(tmp_path: Path, up_axis: str) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     stage = opened(tmp_path, up_axis)
     camera = UsdGeom.Camera(stage.GetPrimAtPath("/World/Camera")).GetCamera(Usd.TimeCode.Default())
     frustum = camera.frustum
@@ -73,7 +73,7 @@ def test_the_camera_stands_and_sees_as_the_scene_says(tmp_path: Path, up_axis: s
 
 @BOTH_AXES
 def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path, up_axis: str) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     stage = opened(tmp_path, up_axis)
     sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun"))
     backwards = to_world(stage, "/World/Sun").TransformDir(Gf.Vec3d(0, 0, 1))  # it shines along -Z
@@ -104,9 +104,9 @@ def is_lit(stage: Any, part: str) -> bool:
 @BOTH_AXES
 def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str) -> None:
     """A map with one bright pixel, by OpenEXR's definition: +Z at the centre, longitude falls to the right."""
-    environment = np.zeros_like(known_scene().environment)
+    environment = np.zeros_like(sunlit_scene().environment)
     environment[30, 400] = 1.0
-    usd.write_usd(replace(known_scene(), environment=environment), tmp_path, up_axis=up_axis)
+    usd.write_usd(replace(sunlit_scene(), environment=environment), tmp_path, up_axis=up_axis)
     stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
     dome = UsdLux.DomeLight(stage.GetPrimAtPath("/World/Sky"))
     assert dome.GetTextureFormatAttr().Get() == "latlong"
@@ -121,7 +121,7 @@ def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str)
 
 @BOTH_AXES
 def test_ground_and_placeholder_lie_where_the_scene_has_them(tmp_path: Path, up_axis: str) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     placeholder = make_placeholder(scene)
     stage = opened(tmp_path, up_axis)
     ball = to_world(stage, "/World/YourObject/Ball").ExtractTranslation()
@@ -137,7 +137,7 @@ def test_ground_and_placeholder_lie_where_the_scene_has_them(tmp_path: Path, up_
 
 
 def test_the_plate_is_a_guide_that_fills_the_view(tmp_path: Path) -> None:
-    scene = known_scene()
+    scene = sunlit_scene()
     stage = opened(tmp_path, "Y")
     plate = UsdGeom.Mesh(stage.GetPrimAtPath("/World/Camera/Plate"))
     assert plate.GetPurposeAttr().Get() == "guide"
@@ -149,7 +149,7 @@ def test_the_plate_is_a_guide_that_fills_the_view(tmp_path: Path) -> None:
 
 
 def test_without_direct_sun_the_light_stays_and_is_dark(tmp_path: Path) -> None:
-    usd.write_usd(replace(known_scene(), sun_irradiance=np.zeros(3)), tmp_path)
+    usd.write_usd(replace(sunlit_scene(), sun_irradiance=np.zeros(3)), tmp_path)
     stage = Usd.Stage.Open(str(tmp_path / usd.STAGE))
     sun = UsdLux.DistantLight(stage.GetPrimAtPath("/World/Sun"))
     assert sun.GetIntensityAttr().Get() == 0
@@ -158,5 +158,5 @@ def test_without_direct_sun_the_light_stays_and_is_dark(tmp_path: Path) -> None:
 
 def test_another_up_axis_is_refused_before_anything_is_written(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match="must be Y or Z"):
-        usd.write_usd(known_scene(), tmp_path, up_axis="X")
+        usd.write_usd(sunlit_scene(), tmp_path, up_axis="X")
     assert list(tmp_path.iterdir()) == []

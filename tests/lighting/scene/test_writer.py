@@ -23,7 +23,7 @@ from lighting.scene.writer import (
     write_shared_files,
     zip_scene,
 )
-from tests.helpers.scenes import PLAIN, known_scene, plain_scene
+from tests.helpers.scenes import PLAIN, plain_scene, sunlit_scene
 
 
 def test_a_new_folder_holds_the_scene_alone(tmp_path: Path) -> None:
@@ -59,12 +59,12 @@ def test_the_folder_may_be_the_current_one_or_a_link(tmp_path: Path, monkeypatch
     here = tmp_path / "here"
     here.mkdir()
     monkeypatch.chdir(here)
-    write_scene(known_scene(), "gltf", ".")
+    write_scene(sunlit_scene(), "gltf", ".")
     assert list(here.iterdir())
     other, link = tmp_path / "other", tmp_path / "link"
     other.mkdir()
     link.symlink_to(other)
-    write_scene(known_scene(), "gltf", link)
+    write_scene(sunlit_scene(), "gltf", link)
     assert link.is_symlink()
     assert sorted(p.name for p in other.iterdir()) == sorted(p.name for p in here.iterdir())
 
