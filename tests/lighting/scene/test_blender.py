@@ -104,9 +104,7 @@ def test_blender_builds_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
     monkeypatch.setattr(sys, "executable", PYTHON)
     write_scene(sunlit_scene(), "blender", tmp_path / "out")
-    look = (
-        "import bpy; bpy.ops.wm.open_mainfile(filepath='scene.blend'); print(sorted(o.name for o in bpy.data.objects))"
-    )
+    look = "import os, bpy; bpy.ops.wm.open_mainfile(filepath=os.path.abspath('scene.blend')); print(sorted(o.name for o in bpy.data.objects))"
     result = subprocess.run([PYTHON, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True)
     assert "['Ball', 'Camera', 'Ground', 'Stick', 'Sun', 'Your object here']" in result.stdout
 
@@ -145,7 +143,7 @@ def test_an_object_in_the_photos_shade_is_in_shade(folder: Path) -> None:
 @needs_blender
 def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(folder: Path) -> None:
     look = (
-        "import bpy; bpy.ops.wm.open_mainfile(filepath='scene.blend');"
+        "import os, bpy; bpy.ops.wm.open_mainfile(filepath=os.path.abspath('scene.blend'));"
         "lit = bpy.data.objects['Sun'].light_linking.receiver_collection;"
         "print(lit and (lit.name, [thing.name for thing in lit.objects]))"
     )
