@@ -104,7 +104,10 @@ def test_blender_builds_its_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(blender, "find_spec", lambda name: ModuleSpec(name, None))
     monkeypatch.setattr(sys, "executable", PYTHON)
     write_scene(sunlit_scene(), "blender", tmp_path / "out")
-    look = "import os, bpy; bpy.ops.wm.open_mainfile(filepath=os.path.abspath('scene.blend')); print(sorted(o.name for o in bpy.data.objects))"
+    look = (
+        "import os, bpy; bpy.ops.wm.open_mainfile(filepath=os.path.abspath('scene.blend'));"
+        "print(sorted(o.name for o in bpy.data.objects))"
+    )
     result = subprocess.run([PYTHON, "-c", look], cwd=tmp_path / "out", capture_output=True, text=True, check=True)
     assert "['Ball', 'Camera', 'Ground', 'Stick', 'Sun', 'Your object here']" in result.stdout
 
