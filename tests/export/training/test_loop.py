@@ -217,7 +217,7 @@ def test_crops_of_a_stretched_world_have_other_pictures_and_suns(config: TrainCo
     spec = network_specs("1.0.0")["outdoor"]
     as_it_is, other = (TrainingCrops(sources, spec, replace(stretched, stretched=share)) for share in (0.0, 1.0))
     assert all(as_it_is._draw_sources(index) == other._draw_sources(index) for index in range(8))
-    for part in ("photo", "sun", "around"):
+    for part in ("photo", "sun", "surroundings"):
         assert not any(torch.equal(getattr(as_it_is[i], part), getattr(other[i], part)) for i in range(4))
     train_network(stretched)
     assert training_history(read_record(Path(stretched.out)))[0]["stretched"] == 1.0
