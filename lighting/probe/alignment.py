@@ -9,7 +9,7 @@ from one direction or counter-clockwise from another, for a clear sky is the sam
 moves on, the right answer stays and the wrong one moves at twice the sun's pace. So all moments are fitted together.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -103,23 +103,16 @@ def _fit_series(lens: Lens, pixels: Floats, suns: Floats, arc: float) -> Alignme
     best, reach = _fit_rotation(lens, pixels, suns), _FOV_REACH
     for step in _FOV_STEPS:
         factors = np.arange(-reach, reach + step / 2, step)
-        best = _best(best, (_fit_rotation(_with_fov(best.lens, factor), pixels, suns) for factor in factors))
+        lenses = [replace(best.lens, fov=min(best.lens.fov * (1 + factor), 359.0)) for factor in factors]
+        best = min([best, *(_fit_rotation(each, pixels, suns) for each in lenses)], key=_robust_rms)
         reach = step
     return best
-
-
-def _best(first: Alignment, others: Iterable[Alignment]) -> Alignment:
-    return min([first, *others], key=_robust_rms)
 
 
 def _robust_rms(alignment: Alignment) -> float:
     """What is made small: the root mean square with the worst suns counted as outliers."""
     worst = np.maximum(_OUTLIER_MEDIANS * np.median(alignment.residuals), _MIN_OUTLIER)
     return float(np.sqrt(np.mean(np.minimum(alignment.residuals, worst) ** 2)))
-
-
-def _with_fov(lens: Lens, factor: float) -> Lens:
-    return replace(lens, fov=min(lens.fov * (1 + factor), 359.0))
 
 
 def _fit_rotation(lens: Lens, pixels: Floats, suns: Floats) -> Alignment:
@@ -170,7 +163,7 @@ class Scan:
 
 
 @dataclass(frozen=True, eq=False)
-class ProbeOrientation:
+class _ProbeOrientation:
     """True azimuth = sense x filed azimuth + offset."""
 
     sense: int  # 1 clockwise, -1 counter-clockwise
@@ -185,7 +178,7 @@ class ProbeOrientation:
         return self.other > _MIN_ERROR_RATIO * self.error
 
 
-def fit_orientation(scans: Sequence[Scan]) -> ProbeOrientation:
+def fit_orientation(scans: Sequence[Scan]) -> _ProbeOrientation:
     """Fit sense and offset of the azimuths of an instrument that did not move, all scans together.
 
     Args:
@@ -204,7 +197,7 @@ def fit_orientation(scans: Sequence[Scan]) -> ProbeOrientation:
     sense = min(joint, key=lambda s: float(joint[s].min()))
     offset = float(_minimum_offset(offsets, joint[sense]))
     offsets_alone = np.array([_minimum_offset(offsets, each) for each in errors[sense]])
-    return ProbeOrientation(sense, offset, float(joint[sense].min()), float(joint[-sense].min()), offsets_alone)
+    return _ProbeOrientation(sense, offset, float(joint[sense].min()), float(joint[-sense].min()), offsets_alone)
 
 
 def log_errors(measured: Floats, model: Floats) -> Floats:

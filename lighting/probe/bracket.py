@@ -262,14 +262,14 @@ def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
     root = Path(folder)
     if not root.is_dir():
         raise ProbeError(f"There is no folder {root}.", "folder", ErrorCode.MISSING)
-    probes = [_read_probe_file(path, zone) for path in root.glob(f"*/*/{PROBE_FILE}") if _is_dated(path)]
+    probes = [
+        _read_probe_file(path, zone)
+        for path in root.glob(f"*/*/{PROBE_FILE}")
+        if _DAY.fullmatch(path.parts[-3]) and _MOMENT.fullmatch(path.parts[-2])
+    ]
     if not probes:
         raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {PROBE_FILE} inside.")
     return sorted(probes, key=lambda probe: probe.time)
-
-
-def _is_dated(path: Path) -> bool:
-    return bool(_DAY.fullmatch(path.parts[-3]) and _MOMENT.fullmatch(path.parts[-2]))
 
 
 def _read_probe_file(path: Path, zone: tzinfo) -> _ProbeFile:

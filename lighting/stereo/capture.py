@@ -125,11 +125,6 @@ def _photo_times(folder: Path, photos: list[_DayPhoto], utc_offset: float | None
     return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
 
 
-def _missing_files(folder: Path, names: Sequence[str]) -> list[str]:
-    """The files that `times.csv` lists and that are not among the names."""
-    return [name for name in _listed_times(folder / TIMES_FILE) if name not in names]
-
-
 def _listed_times(file: Path) -> dict[str, datetime]:
     if not file.exists():
         return {}
@@ -426,10 +421,9 @@ def _photo_warnings(photos: list[_DayPhoto], lost: float) -> tuple[str, ...]:
 
 
 def _day_warnings(folder: Path, photos: list[_DayPhoto], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
-    warnings = [
-        f"{TIMES_FILE} lists {name}, which is not there."
-        for name in _missing_files(folder, [photo.name for photo in photos])
-    ]
+    names = {photo.name for photo in photos}
+    listed = _listed_times(folder / TIMES_FILE)
+    warnings = [f"{TIMES_FILE} lists {name}, which is not there." for name in listed if name not in names]
     if not _light_varies(images, mask):
         warnings.append(
             "All that the photos show brightens and darkens alike, as under an overcast sky or within half an hour: "

@@ -11,6 +11,7 @@ Brightness is in the units of the maps: a white patch (rho = 1) under a uniform 
 hemisphere has brightness 1.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -53,6 +54,16 @@ class Skies:
             moments: (M,) indices, in the order that is wanted.
         """
         return Skies(self.radiance[moments], self.sun_direction[moments], self.sun_irradiance[moments])
+
+    @classmethod
+    def join(cls, parts: Sequence["Skies"]) -> "Skies":
+        """Return the moments of several skies of one size, one after another.
+
+        Args:
+            parts: one or more.
+        """
+        names = ("radiance", "sun_direction", "sun_irradiance")
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in names))
 
 
 def skies_from_maps(maps: ArrayLike, sun_direction: ArrayLike) -> Skies:

@@ -136,12 +136,6 @@ def _ply_header(points: int, faces: int) -> bytes:
     return "\n".join(lines).encode("ascii")
 
 
-def _write_record(target: Path, record: Json) -> None:
-    """Write what is known of the day as JSON."""
-    with atomic_write(target) as path:
-        path.write_text(json.dumps(record, indent=2) + "\n", encoding="utf-8")
-
-
 # Depth from normals.
 
 _MIN_SLOPE_Z = 0.05  # the least n_z that slopes are taken from
@@ -326,7 +320,8 @@ def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None
     folder.mkdir(exist_ok=True)
     _write_map(folder, result.map, result.pose)
     _write_mesh(folder / MESH_FILE, vertices, result.map)
-    _write_record(folder / RECORD_FILE, result.record)
+    with atomic_write(folder / RECORD_FILE) as path:
+        path.write_text(json.dumps(result.record, indent=2) + "\n", encoding="utf-8")
 
 
 def _surface_points(result: NormalsResult) -> Floats:

@@ -11,7 +11,6 @@ from lighting.preview.drawing import (
     MUTED,
     PANEL,
     TEXT,
-    Srgb,
     TextStyle,
     draw_lines,
     draw_polygon,
@@ -169,7 +168,9 @@ def _draw_orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None
         draw_text(canvas, (_RIGHT, y), name, TextStyle(18, TEXT if number == 0 else MUTED, anchor="lm"))
         for column, error in enumerate(errors):
             x = _FIRST + column * _STEP + _SPHERE
-            draw_text(canvas, (x, y), format_angle_error(error), TextStyle(20, _error_color(error), anchor="rm"))
+            draw_text(
+                canvas, (x, y), format_angle_error(error), TextStyle(20, TEXT if error < 10 else MUTED, anchor="rm")
+            )
 
 
 def format_angle_error(error: float) -> str:
@@ -179,7 +180,3 @@ def format_angle_error(error: float) -> str:
         error: deg, at least 0.
     """
     return f">{MAX_USEFUL_ERROR:g}°" if error > MAX_USEFUL_ERROR else f"{error:.1f}°"
-
-
-def _error_color(error: float) -> Srgb:
-    return TEXT if error < 10 else MUTED

@@ -83,11 +83,7 @@ def read_skies(files: list[Path]) -> Skies:
     parts = [_read_sky(file) for file in files]
     if len({sky.radiance.shape for sky in parts}) > 1:
         raise EnvironmentMapError("The probes differ in size; all must have the same number of rows.")
-    return Skies(
-        np.concatenate([sky.radiance for sky in parts]),
-        np.concatenate([sky.sun_direction for sky in parts]),
-        np.concatenate([sky.sun_irradiance for sky in parts]),
-    )
+    return Skies.join(parts)
 
 
 def _read_sky(file: Path) -> Skies:

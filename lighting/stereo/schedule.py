@@ -125,16 +125,8 @@ def _sky_variants(clear: Skies, weather: Weather) -> tuple[Skies, NDArray[np.int
     """The variants of all moments, and which of them each draw of the clouds shows."""
     if weather == "mixed":
         hidden, shining = (broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True))
-        return _concatenate_skies(hidden, shining), draw_sunshine(CLOUD_DRAWS, SPELLS, seed=0).astype(np.intp)
+        return Skies.join([hidden, shining]), draw_sunshine(CLOUD_DRAWS, SPELLS, seed=0).astype(np.intp)
     return clear if weather == "clear" else overcast_skies(clear), ONE_SKY
-
-
-def _concatenate_skies(a: Skies, b: Skies) -> Skies:
-    return Skies(
-        np.concatenate([a.radiance, b.radiance]),
-        np.concatenate([a.sun_direction, b.sun_direction]),
-        np.concatenate([a.sun_irradiance, b.sun_irradiance]),
-    )
 
 
 def _utc_times(location: ClockLocation, day: date, minutes: Floats) -> NDArray[np.datetime64]:
@@ -321,11 +313,6 @@ def make_plan(
     return Plan(best.date, question, windows, scores, _window_table(best, light, normals, question))
 
 
-def _brightest_light(light: Floats) -> float:
-    """The length of the longest mean light vector (..., 3)."""
-    return float(np.linalg.norm(light, axis=-1).max())
-
-
 @dataclass(frozen=True)
 class _DaySummary:
     """What a first look at a day found."""
@@ -346,10 +333,9 @@ def _summarize_day(day: date, read: DayReader, question: PlanRequest, *, coarse:
     light = day_light.light(normals)
     windows = [list_windows(day_light, hours, question.shots) for hours in HOURS]
     angular_std = np.array([score_windows(each, light, normals).angular_std.min(initial=np.inf) for each in windows])
+    brightest = float(np.linalg.norm(light, axis=-1).max())  # the longest mean light vector
     objection = f"On {day} light is never there for an hour on end; photometric stereo needs that."
-    return _DaySummary(
-        angular_std, any(map(len, windows)), _brightest_light(light), objection, None if coarse else day_light
-    )
+    return _DaySummary(angular_std, any(map(len, windows)), brightest, objection, None if coarse else day_light)
 
 
 def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanRequest, scale: float) -> Iterable[Window]:

@@ -99,7 +99,9 @@ def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
     """
     if not tracked.estimates:
         raise VideoError("No frame of the shot is bright enough for daylight.")
-    unzoomed = remove_zoom(tracked, clip_metadata) or _assume_no_zoom(tracked, clip_metadata)
+    unzoomed = remove_zoom(tracked, clip_metadata) or UnzoomedShot(
+        tracked.with_fixed_lens(), np.ones(len(tracked.steps)), fit_fov(tracked, clip_metadata)
+    )
     tracked, fov = unzoomed.tracked, unzoomed.lens[0]
     rotations = estimate_frame_rotations(tracked, fov)
     orientation, reliable = estimate_orientations(tracked, rotations, fov)
@@ -108,10 +110,6 @@ def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
     path = make_camera_path(time, orientation, reliable, leveling_rotation(up))
     warnings = tuple(_tracking_warnings(unzoomed, clip_metadata, rotations))
     return _light_shot(unzoomed, clip_metadata, path, chain_gains(tracked.steps), warnings)
-
-
-def _assume_no_zoom(tracked: ShotObservations, clip_metadata: ClipMetadata) -> UnzoomedShot:
-    return UnzoomedShot(tracked.with_fixed_lens(), np.ones(len(tracked.steps)), fit_fov(tracked, clip_metadata))
 
 
 def _tracking_warnings(
