@@ -260,9 +260,9 @@ def _match_luminance(values: Floats, other: Floats) -> Floats:
     return values * (float(luminance(other)) / float(luminance(values)))
 
 
-def _elevation_factors(predicted: float, known: float) -> Floats:
-    """Factors (3,) by which clear suns differ at a known elevation and at the predicted one [deg]."""
-    after, before = (float(np.clip(e, *_LOW_ELEVATIONS)) for e in (min(known, predicted), predicted))
+def _elevation_factors(predicted: float, fused: float) -> Floats:
+    """Factors (3,) by which clear suns differ at the fused elevation and at the predicted one [deg]."""
+    after, before = (float(np.clip(e, *_LOW_ELEVATIONS)) for e in (min(fused, predicted), predicted))
     return np.ones(3) if after == before else (_clear_sun(after) / _clear_sun(before)) ** _ELEVATION_EXPONENT
 
 

@@ -416,8 +416,8 @@ def _tilt_to_ephemeris(posterior: Posterior, prediction: Prediction, tilt_std: f
         return posterior
     grid = prediction.spec.sun_grid
     visible = bayes_direction(prediction.sun_probability, grid)
-    known = direction(posterior.sun.azimuth, posterior.sun.elevation)
-    lobe = soft_label(known, _lobe_std(prediction, visible) ** -2, grid)
+    ephemeris = direction(posterior.sun.azimuth, posterior.sun.elevation)
+    lobe = soft_label(ephemeris, _lobe_std(prediction, visible) ** -2, grid)
     (azimuth, elevation), (true_azimuth, true_elevation) = (angles(s) for s in (visible, bayes_direction(lobe, grid)))
     lateral, vertical = float(wrap_azimuth(true_azimuth - azimuth)), float(true_elevation - elevation)
     if abs(lateral) > _MAX_SUN_DIFFERENCE[0] or abs(vertical) > _MAX_SUN_DIFFERENCE[1]:

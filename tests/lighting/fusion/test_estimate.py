@@ -62,12 +62,12 @@ def test_the_sun_is_a_compass() -> None:
 def test_the_suns_colour_follows_its_known_elevation() -> None:
     """Pixels that have it at 37 deg, a record of the hour in which it sets."""
     ahead = soft_label([0.0, 0.6, -0.8], 80.0, TINY.sun_grid)
-    said = replace(prediction(ahead), light=Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0))
+    predicted = replace(prediction(ahead), light=Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0))
     evening = observations_from_metadata(
         replace(METADATA, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput()
     )
     alone, told = (
-        build_estimate(fuse(said, k.observations), k).lighting
+        build_estimate(fuse(predicted, k.observations), k).lighting
         for k in (observations_from_metadata(PhotoMetadata(), UserInput()), evening)
     )
     assert told.sun_elevation < 10
@@ -88,8 +88,8 @@ def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
     )
     suns = [soft_label([0.0, math.sin(e), -math.cos(e)], 80.0, TINY.sun_grid) for e in np.radians([37.0, 8.0])]
     light = Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0)
-    said = [replace(prediction(sun), light=light) for sun in suns]
-    fused = fuse_views(said, [evening.observations] * 2, [0.0, 0.0])
+    predicted = [replace(prediction(sun), light=light) for sun in suns]
+    fused = fuse_views(predicted, [evening.observations] * 2, [0.0, 0.0])
     first, second = (build_estimate(f, evening).lighting.sun_irradiance for f in fused)
     assert first == second
     assert first is not None
@@ -117,16 +117,16 @@ SIZE = (400, 300)
 
 
 def sunny(elevation: float, azimuth: float, sun: float) -> Prediction:
-    """A camera that is said to look 4 deg too high, with a sure sun."""
+    """A camera that is predicted to look 4 deg too high, with a sure sun."""
     return replace(
         lobe_prediction(azimuth, sun, 300.0), camera_elevation=elevation + 4.0, camera_roll=0.0, vertical_fov=50.0
     )
 
 
-def with_glare(said: Prediction, azimuth: float, sun: float) -> NDArray[np.uint8]:
-    """Poles seen by a level camera, and a white disc where the said camera has the sun."""
+def with_glare(predicted: Prediction, azimuth: float, sun: float) -> NDArray[np.uint8]:
+    """Poles seen by a level camera, and a white disc where the predicted camera has the sun."""
     pixels = poles(0.0, 0.0, 50.0, SIZE)
-    camera = Pinhole(*SIZE, 50.0, 0.0, said.camera_elevation, 0.0)
+    camera = Pinhole(*SIZE, 50.0, 0.0, predicted.camera_elevation, 0.0)
     x, y = camera_pixel(direction(azimuth, sun), camera)
     rows, columns = np.mgrid[: SIZE[1], : SIZE[0]]
     pixels[np.hypot(rows - y, columns - x) < 16] = 255
@@ -135,10 +135,10 @@ def with_glare(said: Prediction, azimuth: float, sun: float) -> NDArray[np.uint8
 
 @pytest.mark.parametrize("sun", [8.0, 14.0])
 def test_a_sun_in_the_picture_stays_on_its_pixel_by_the_corrected_camera(sun: float) -> None:
-    said = sunny(0.0, 10.0, sun)
-    known = refine_camera(said, with_glare(said, 10.0, sun))
+    predicted = sunny(0.0, 10.0, sun)
+    known = refine_camera(predicted, with_glare(predicted, 10.0, sun))
     assert known.camera_elevation == pytest.approx(0.0, abs=1.0)
-    before = camera_axes(0.0, said.camera_elevation, said.camera_roll) @ direction(10.0, sun)
+    before = camera_axes(0.0, predicted.camera_elevation, predicted.camera_roll) @ direction(10.0, sun)
     after = camera_axes(0.0, known.camera_elevation, known.camera_roll) @ seen_sun(known)
     assert np.degrees(np.arccos(np.clip(before @ after, -1, 1))) < 1.5
     assert angle_between(seen_sun(known), direction(10.0, sun - 4.0)) < 1.5
@@ -146,10 +146,10 @@ def test_a_sun_in_the_picture_stays_on_its_pixel_by_the_corrected_camera(sun: fl
 
 
 def test_a_sun_outside_the_picture_stays_where_it_is() -> None:
-    said = sunny(0.0, 170.0, 40.0)
-    known = refine_camera(said, poles(0.0, 0.0, 50.0, SIZE))
+    predicted = sunny(0.0, 170.0, 40.0)
+    known = refine_camera(predicted, poles(0.0, 0.0, 50.0, SIZE))
     assert known.camera_elevation == pytest.approx(0.0, abs=1.0)
-    assert known.sun_probability is said.sun_probability
+    assert known.sun_probability is predicted.sun_probability
 
 
 def test_a_network_s_answer_has_the_camera_by_the_straight_lines(network: Path) -> None:
@@ -178,5 +178,5 @@ def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> N
     assert predict_photo(model, stated, UserInput(use_exif=False)).camera_elevation == by_lens[None]
 
 
-def seen_sun(said: Prediction) -> Floats:
-    return bayes_direction(said.sun_probability, said.spec.sun_grid)
+def seen_sun(predicted: Prediction) -> Floats:
+    return bayes_direction(predicted.sun_probability, predicted.spec.sun_grid)

@@ -71,8 +71,8 @@ SUITS = replace(prediction(), light=Light(np.ones(3), np.ones(3), 0.0, 0.99))
 DARK = "The photo was exposed for a dark scene (EV 5.0 at ISO 100): night, indoors, or a dark filter on the lens."
 
 
-def answered(facts: PhotoMetadata, given: UserInput | None = None) -> Lighting:
-    found = observations_from_metadata(facts, given or UserInput())
+def answered(metadata: PhotoMetadata, given: UserInput | None = None) -> Lighting:
+    found = observations_from_metadata(metadata, given or UserInput())
     return build_estimate(fuse(SUITS, found.observations), found).lighting
 
 
@@ -143,9 +143,9 @@ def test_nothing_known_is_no_evidence() -> None:
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": None, "local_time": None}])
 def test_a_time_without_place_gives_no_sun_nor_the_other_way_round(lost: dict[str, None]) -> None:
-    facts = replace(METADATA, **lost)
-    assert observations_of(facts).candidates == ()
-    assert observations_from_metadata(facts, UserInput()).warnings == ()
+    metadata = replace(METADATA, **lost)
+    assert observations_of(metadata).candidates == ()
+    assert observations_from_metadata(metadata, UserInput()).warnings == ()
 
 
 def test_the_offset_of_the_user_ends_the_doubt() -> None:
@@ -172,8 +172,8 @@ def test_an_unknown_declination_widens_the_heading(lost: dict[str, Any]) -> None
 
 
 def test_an_unknown_reference_widens_the_heading_by_the_declination() -> None:
-    facts = replace(METADATA, heading_reference=None, latitude=47.6, longitude=-122.3)  # Seattle
-    found = observations_of(facts)
+    metadata = replace(METADATA, heading_reference=None, latitude=47.6, longitude=-122.3)  # Seattle
+    found = observations_of(metadata)
     assert found.heading == 60.0
     assert found.heading_std == pytest.approx(math.hypot(COMPASS_STD, 15.3), abs=0.2)
 
@@ -184,15 +184,15 @@ def test_a_heading_that_is_said_counts_for_more() -> None:
 
 
 @pytest.mark.parametrize(
-    ("facts", "said", "part"),
+    ("metadata", "stated", "part"),
     [
         (PhotoMetadata(), {"time": MORNING}, "time"),
         (PhotoMetadata(), {"latitude": 1.0, "longitude": 2.0}, "place"),
         (replace(METADATA, local_time=None), {"utc_offset": 1.0}, "offset"),
     ],
 )
-def test_what_is_said_in_vain_is_told(facts: PhotoMetadata, said: dict[str, Any], part: str) -> None:
-    (warning,) = observations_from_metadata(facts, UserInput(**said)).warnings
+def test_what_is_said_in_vain_is_told(metadata: PhotoMetadata, stated: dict[str, Any], part: str) -> None:
+    (warning,) = observations_from_metadata(metadata, UserInput(**stated)).warnings
     assert f"The {part}" in warning
     assert "not used" in warning
 
@@ -219,11 +219,11 @@ def test_night_in_the_photo_is_told_and_not_used() -> None:
     assert "48" not in warning
 
 
-@pytest.mark.parametrize("said", [{"time": NIGHT}, {"latitude": -48.0, "longitude": -170.0}])
-def test_night_by_what_the_user_says_is_refused(said: dict[str, Any]) -> None:
-    facts = METADATA if "time" in said else replace(METADATA, utc_time=MORNING.replace(hour=11))
+@pytest.mark.parametrize("stated", [{"time": NIGHT}, {"latitude": -48.0, "longitude": -170.0}])
+def test_night_by_what_the_user_says_is_refused(stated: dict[str, Any]) -> None:
+    metadata = METADATA if "time" in stated else replace(METADATA, utc_time=MORNING.replace(hour=11))
     with pytest.raises(ParameterError, match=r"below the horizon \(.*night; civil twilight ends at 6°.*\.$"):
-        observations_from_metadata(facts, UserInput(**said))
+        observations_from_metadata(metadata, UserInput(**stated))
 
 
 def test_twilight_puts_the_sun_on_the_horizon_without_light() -> None:

@@ -79,27 +79,33 @@ def azimuth_errors(answers: tuple[Posterior, ...], sun: float, turns: tuple[floa
 def test_the_order_of_the_photos_does_not_matter(
     suns: tuple[tuple[float, float], ...], headings: tuple[float, ...] | None
 ) -> None:
-    said = [lobe_prediction(50.0, 35.0, 10.0), lobe_prediction(-60.0, 45.0, 30.0), lobe_prediction(-120.0, 40.0, 5.0)]
+    predicted = [
+        lobe_prediction(50.0, 35.0, 10.0),
+        lobe_prediction(-60.0, 45.0, 30.0),
+        lobe_prediction(-120.0, 40.0, 5.0),
+    ]
     evidence = [Observations(suns)] * 3
     order = [2, 0, 1]
-    there = fuse_views(said, evidence, headings)
-    back = fuse_views([said[i] for i in order], evidence, [headings[i] for i in order] if headings else None)
+    there = fuse_views(predicted, evidence, headings)
+    back = fuse_views([predicted[i] for i in order], evidence, [headings[i] for i in order] if headings else None)
     for i, j in enumerate(order):
         assert back[i].probability == pytest.approx(there[j].probability, abs=1e-9)
 
 
 def test_known_headings_bring_the_suns_into_one_frame_and_narrow_them() -> None:
-    said = views(60.0, TURNS)
-    answers = fuse_views(said, [TOGETHER_NOTHING] * 3, TURNS)
+    predicted = views(60.0, TURNS)
+    answers = fuse_views(predicted, [TOGETHER_NOTHING] * 3, TURNS)
     assert max(azimuth_errors(answers, 60.0, TURNS)) < 2.0
-    assert all(a.sun.radius_90 < fuse(p, TOGETHER_NOTHING).sun.radius_90 for a, p in zip(answers, said, strict=True))
+    assert all(
+        a.sun.radius_90 < fuse(p, TOGETHER_NOTHING).sun.radius_90 for a, p in zip(answers, predicted, strict=True)
+    )
     assert answers[0].used == ("pixels", "other photos")
 
 
 def test_turns_by_matches_serve_nearly_as_well_as_exact_ones() -> None:
-    said = views(60.0, TURNS)
-    exact = fuse_views(said, [TOGETHER_NOTHING] * 3, TURNS)
-    matched = fuse_views(said, [TOGETHER_NOTHING] * 3, None, together_placed((0, 0, 0)))
+    predicted = views(60.0, TURNS)
+    exact = fuse_views(predicted, [TOGETHER_NOTHING] * 3, TURNS)
+    matched = fuse_views(predicted, [TOGETHER_NOTHING] * 3, None, together_placed((0, 0, 0)))
     for a, b in zip(matched, exact, strict=True):
         assert abs(float(wrap_azimuth(a.sun.azimuth - b.sun.azimuth))) < 0.3
         assert a.used == ("pixels", "turns", "other photos")
@@ -164,8 +170,8 @@ def test_one_gross_compass_error_is_outvoted(suns: tuple[tuple[float, float], ..
 
 
 def test_unknown_headings_share_the_elevation_and_are_inferred() -> None:
-    said = [lobe_prediction(-100.0, 50.0, 60.0), lobe_prediction(20.0, 30.0, 60.0)]
-    answers = fuse_views(said, [TOGETHER_NOTHING] * 2)
+    predicted = [lobe_prediction(-100.0, 50.0, 60.0), lobe_prediction(20.0, 30.0, 60.0)]
+    answers = fuse_views(predicted, [TOGETHER_NOTHING] * 2)
     assert [a.sun.elevation for a in answers] == pytest.approx([40.0, 40.0], abs=2.5)
     assert [a.sun.azimuth for a in answers] == pytest.approx([-100.0, 20.0], abs=2.0)
     assert answers[1].relative_heading is not None
@@ -204,18 +210,18 @@ def test_with_time_and_place_the_group_has_one_heading() -> None:
 def test_a_time_lapse_follows_the_suns_motion() -> None:
     """A still camera at heading 30 sees two sides of the sky, one of them wrong; only the true one moves as the sun."""
     suns = [(30.0, 90.0), (50.0, 130.0), (55.0, 190.0), (35.0, 250.0)]
-    said = []
+    predicted = []
     for elevation, compass in suns:
         both = (
             lobe_prediction(compass - 30.0, elevation, 60.0).sun_probability
             + lobe_prediction(-75.0, elevation, 60.0).sun_probability
         )
-        said.append(grid_prediction(both / 2))
-    answers = fuse_views(said, [Observations((sun,)) for sun in suns], [0.0] * 4)
+        predicted.append(grid_prediction(both / 2))
+    answers = fuse_views(predicted, [Observations((sun,)) for sun in suns], [0.0] * 4)
     for answer in answers:
         assert answer.camera_heading is not None
         assert answer.camera_heading.best == pytest.approx(30.0, abs=2.0)
-    alone = fuse(said[0], Observations((suns[0],))).camera_heading
+    alone = fuse(predicted[0], Observations((suns[0],))).camera_heading
     assert alone is not None
     assert alone.radius_90 > 90.0 > 20.0 > answers[0].camera_heading.radius_90  # type: ignore[union-attr]
 

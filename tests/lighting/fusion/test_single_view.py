@@ -38,10 +38,10 @@ azimuths = st.floats(-180.0, 180.0)
 
 
 def test_without_evidence_the_answer_is_that_of_the_pixels() -> None:
-    said = lobe_prediction(40.0, 30.0)
-    fused = fuse(said, Observations())
-    assert lighting_from_prediction(fused.prediction, fused.sun) == lighting_from_prediction(said)
-    assert fused.probability is said.sun_probability
+    predicted = lobe_prediction(40.0, 30.0)
+    fused = fuse(predicted, Observations())
+    assert lighting_from_prediction(fused.prediction, fused.sun) == lighting_from_prediction(predicted)
+    assert fused.probability is predicted.sun_probability
     assert fused.used == ("pixels",)
     assert fused.camera_heading is None
     assert fused.warnings == ()
@@ -125,9 +125,9 @@ def test_the_compass_settles_which_of_two_modes_is_right() -> None:
 
 
 def test_the_focal_length_replaces_the_field_of_view_and_nothing_else() -> None:
-    said = lobe_prediction(40.0, 30.0)
-    fused = fuse(said, Observations(vertical_fov=62.0))
-    assert replace(fused.prediction, vertical_fov=50.0) == said
+    predicted = lobe_prediction(40.0, 30.0)
+    fused = fuse(predicted, Observations(vertical_fov=62.0))
+    assert replace(fused.prediction, vertical_fov=50.0) == predicted
     assert fused.prediction.vertical_fov == 62.0
     assert fused.used == ("pixels", "focal length")
 
@@ -166,20 +166,20 @@ PHONE = PhotoMetadata(
 )
 
 
-def said(elevation: float = 4.0, roll: float = -1.0) -> Prediction:
+def camera_prediction(elevation: float = 4.0, roll: float = -1.0) -> Prediction:
     return replace(grid_prediction(UNIFORM), camera_elevation=elevation, camera_roll=roll)
 
 
 def apart(above: float, aside: float = 0.0) -> str | None:
-    return _contradiction(said(), Gravity(4.0 + above, -1.0 + aside, 1.0))
+    return _contradiction(camera_prediction(), Gravity(4.0 + above, -1.0 + aside, 1.0))
 
 
 def test_both_are_weighted_by_their_errors() -> None:
-    both = _fused_tilt(said(10.0, 6.0), Gravity(0.0, 0.0, 1.0))
+    both = _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, 0.0, 1.0))
     assert both == pytest.approx((10.0 * 1.0 / (1.0 + 3.5**2), 6.0 * 1.0 / (1.0 + 2.0**2)))
-    assert _fused_tilt(said(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
-    assert _fused_tilt(said(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
-    assert _fused_tilt(said(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
+    assert _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, None, 1.0)) == (both[0], 6.0)
+    assert _fused_tilt(camera_prediction(10.0, 6.0), Gravity(0.0, 0.0, 3.5))[0] == pytest.approx(5.0)
+    assert _fused_tilt(camera_prediction(0.0, 179.0), Gravity(0.0, -179.0, 2.0))[1] == pytest.approx(180.0)
     assert camera_elevation_std(None) == _CAMERA_ELEVATION_STD
     assert camera_elevation_std(Gravity(0.0, 0.0, 1.0)) == pytest.approx((1.0 + 3.5**-2.0) ** -0.5)
 
@@ -187,12 +187,12 @@ def test_both_are_weighted_by_their_errors() -> None:
 def test_a_steep_camera_has_no_roll_and_the_network_does_not_contradict_it() -> None:
     """It learnt elevations within 35 deg, and says as much as it can."""
     down = Gravity(-90.0, None, 1.0)
-    assert _contradiction(said(-33.0, 8.0), down) is None
-    elevation, roll = _fused_tilt(said(-33.0, 8.0), down)
+    assert _contradiction(camera_prediction(-33.0, 8.0), down) is None
+    elevation, roll = _fused_tilt(camera_prediction(-33.0, 8.0), down)
     assert elevation == pytest.approx(-90.0, abs=0.5)
     assert roll == 0.0
-    assert _contradiction(said(0.0), down) is not None
-    assert _fused_tilt(said(-30.0), Gravity(-60.0, 20.0, 1.0)) == pytest.approx((-59.6, 15.8), abs=0.1)
+    assert _contradiction(camera_prediction(0.0), down) is not None
+    assert _fused_tilt(camera_prediction(-30.0), Gravity(-60.0, 20.0, 1.0)) == pytest.approx((-59.6, 15.8), abs=0.1)
 
 
 @pytest.mark.parametrize(("above", "aside"), [(19.0, 0.0), (-19.0, 0.0), (0.0, 19.0), (13.0, 13.0)])
@@ -203,11 +203,11 @@ def test_what_chance_explains_is_no_contradiction(above: float, aside: float) ->
 @pytest.mark.parametrize(("above", "aside"), [(21.0, 0.0), (-21.0, 0.0), (0.0, 91.0), (0.0, 180.0), (15.0, 15.0)])
 def test_what_chance_does_not_explain_is_told_and_not_used(above: float, aside: float) -> None:
     gravity = Gravity(4.0 + above, -1.0 + aside, 1.0)
-    pixels = said()
+    pixels = camera_prediction()
     stood = fuse_gravity(pixels, Observations(gravity=gravity))
     assert stood.prediction is pixels
     assert stood.observations == Observations()
-    fused = fuse(said(), Observations(gravity=gravity))
+    fused = fuse(camera_prediction(), Observations(gravity=gravity))
     assert fused.used == ("pixels",)
     assert "cropped, turned or edited" in fused.warnings[0]
     assert warning_code(fused.warnings[0]) == "gravity-contradicted"
@@ -218,14 +218,14 @@ def test_the_sentence_names_both() -> None:
     assert (apart(-40.0, 3.0) or "").startswith(
         "By its metadata the camera looks 36° down with a roll of 2°, by the pixels it looks 4° up with a roll of -1°:"
     )
-    said_alone = _contradiction(said(), Gravity(-36.0, None, 1.0)) or ""
+    said_alone = _contradiction(camera_prediction(), Gravity(-36.0, None, 1.0)) or ""
     assert "looks 36° down, by the pixels it looks 4° up:" in said_alone
 
 
 def test_facts_become_evidence_and_the_record_says_so() -> None:
     found = observations_from_metadata(PHONE, UserInput())
     assert found.observations.gravity == camera_observations(PHONE, UserInput()).gravity == Gravity(-6.0, 5.0, 1.0)
-    light = build_estimate(fuse_single_view(said(), found.observations), found).lighting
+    light = build_estimate(fuse_single_view(camera_prediction(), found.observations), found).lighting
     assert light.evidence == ("pixels", "focal length", "gravity")
     assert light.camera_elevation == pytest.approx(-5.2, abs=0.1)
     assert light.camera_roll == pytest.approx(3.8, abs=0.1)
@@ -235,8 +235,8 @@ def test_facts_become_evidence_and_the_record_says_so() -> None:
 def test_the_pixels_alone_where_metadata_are_not_to_be_used() -> None:
     found = observations_from_metadata(PHONE, UserInput(use_exif=False))
     assert found.observations.gravity is camera_observations(PHONE, UserInput(use_exif=False)).gravity is None
-    light = build_estimate(fuse_single_view(said(), found.observations), found).lighting
-    assert light == lighting_from_prediction(said())
+    light = build_estimate(fuse_single_view(camera_prediction(), found.observations), found).lighting
+    assert light == lighting_from_prediction(camera_prediction())
 
 
 def test_a_sun_outside_the_picture_stays_where_it_is() -> None:
@@ -280,7 +280,7 @@ def test_photos_together_use_it_each() -> None:
         Observations(),
         Observations(gravity=Gravity(4.0, 90.0, 1.0)),
     ]
-    answers = fuse_views([said()] * 3, evidence, [0.0, 30.0, 60.0])
+    answers = fuse_views([camera_prediction()] * 3, evidence, [0.0, 30.0, 60.0])
     assert ["gravity" in a.used for a in answers] == [True, False, False]
     assert [round(a.prediction.camera_elevation, 1) for a in answers] == [-5.2, 4.0, 4.0]
     assert [len(a.warnings) for a in answers] == [0, 0, 1]
@@ -295,8 +295,8 @@ def seen(azimuth: float = AZIMUTH, elevation: float = ELEVATION) -> Prediction:
     return lobe_prediction(azimuth, elevation, SHARP)
 
 
-def pixel(said: Prediction, sun: tuple[float, float], vertical_fov: float) -> np.ndarray:
-    camera = Pinhole(400, 300, vertical_fov, 0.0, said.camera_elevation, said.camera_roll)
+def pixel(predicted: Prediction, sun: tuple[float, float], vertical_fov: float) -> np.ndarray:
+    camera = Pinhole(400, 300, vertical_fov, 0.0, predicted.camera_elevation, predicted.camera_roll)
     return camera_pixel(direction(*sun), camera)
 
 
@@ -310,54 +310,55 @@ def test_only_a_sharp_sun_inside_the_picture_is_seen() -> None:
 
 @pytest.mark.parametrize("vertical_fov", [40.0, 65.0])
 def test_the_sun_keeps_its_pixel_through_another_lens(vertical_fov: float) -> None:
-    said = seen()
-    fused = fuse_single_view(said, Observations(vertical_fov=vertical_fov))
-    before = pixel(said, (AZIMUTH, ELEVATION), 50.0)
-    after = pixel(said, (fused.sun.azimuth, fused.sun.elevation), vertical_fov)
+    predicted = seen()
+    fused = fuse_single_view(predicted, Observations(vertical_fov=vertical_fov))
+    before = pixel(predicted, (AZIMUTH, ELEVATION), 50.0)
+    after = pixel(predicted, (fused.sun.azimuth, fused.sun.elevation), vertical_fov)
     assert np.hypot(*(after - before)) < 10
     assert fused.probability.sum() == pytest.approx(1.0, abs=1e-5)
 
 
 def test_the_camera_is_tilted_towards_the_elevation_of_time_and_place() -> None:
-    said = seen()
-    fused = fuse_single_view(said, Observations(((ELEVATION - 6.0, 200.0),)))
-    assert said.camera_elevation - 6.0 < fused.prediction.camera_elevation < said.camera_elevation - 4.0
-    higher = fuse_single_view(said, Observations(((ELEVATION + 6.0, 200.0),)))
-    assert higher.prediction.camera_elevation > said.camera_elevation + 4.0
+    predicted = seen()
+    fused = fuse_single_view(predicted, Observations(((ELEVATION - 6.0, 200.0),)))
+    assert predicted.camera_elevation - 6.0 < fused.prediction.camera_elevation < predicted.camera_elevation - 4.0
+    higher = fuse_single_view(predicted, Observations(((ELEVATION + 6.0, 200.0),)))
+    assert higher.prediction.camera_elevation > predicted.camera_elevation + 4.0
 
 
 @pytest.mark.parametrize("elevation", [0.5, 2.0, 5.0, 9.0])
 def test_a_camera_that_is_right_stays_so_where_the_horizon_cuts_the_sun_s_probability(elevation: float) -> None:
-    said = seen(elevation=elevation)
-    fused = fuse_single_view(said, Observations(((elevation, 200.0),)))
-    assert fused.prediction.camera_elevation == pytest.approx(said.camera_elevation, abs=1.0)
+    predicted = seen(elevation=elevation)
+    fused = fuse_single_view(predicted, Observations(((elevation, 200.0),)))
+    assert fused.prediction.camera_elevation == pytest.approx(predicted.camera_elevation, abs=1.0)
 
 
 def test_the_mark_then_stands_near_the_seen_sun() -> None:
     """Both together: the focal length and the ephemeris."""
-    said = seen()
-    fused = fuse_single_view(said, Observations(((12.0, 200.0),), vertical_fov=62.0))
-    before = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    predicted = seen()
+    fused = fuse_single_view(predicted, Observations(((12.0, 200.0),), vertical_fov=62.0))
+    before = pixel(predicted, (AZIMUTH, ELEVATION), 50.0)
     after = pixel(fused.prediction, (fused.sun.azimuth, fused.sun.elevation), 62.0)
     assert np.hypot(*(after - before)) < 12
 
 
 @pytest.mark.parametrize("elevation", [40.0, 60.0])
 def test_a_sun_of_another_place_does_not_tilt_the_camera(elevation: float) -> None:
-    said = seen()
+    predicted = seen()
     assert (
-        fuse_single_view(said, Observations(((elevation, 200.0),))).prediction.camera_elevation == said.camera_elevation
+        fuse_single_view(predicted, Observations(((elevation, 200.0),))).prediction.camera_elevation
+        == predicted.camera_elevation
     )
 
 
 def test_without_a_seen_sun_nothing_changes() -> None:
     evidence = Observations(((30.0, 200.0),), vertical_fov=65.0)
-    for said in (
+    for predicted in (
         grid_prediction(UNIFORM),
         lobe_prediction(AZIMUTH, ELEVATION, 20.0),
         lobe_prediction(150.0, 30.0, SHARP),
     ):
-        one, other = fuse_single_view(said, evidence), fuse(said, evidence)
+        one, other = fuse_single_view(predicted, evidence), fuse(predicted, evidence)
         assert one.prediction == other.prediction
         assert one.sun == other.sun
         assert angle_between(one.directions, other.directions).max() == 0
@@ -365,12 +366,14 @@ def test_without_a_seen_sun_nothing_changes() -> None:
 
 def test_a_sun_whose_pixel_is_not_white_is_not_moved_by_the_lens() -> None:
     """As where a thin cloud spreads it: the network then knows its direction by more than a pixel."""
-    said, evidence = seen(), Observations(vertical_fov=65.0)
+    predicted, evidence = seen(), Observations(vertical_fov=65.0)
     grey = np.full((300, 400, 3), 120, np.uint8)
-    x, y = pixel(said, (AZIMUTH, ELEVATION), 50.0)
+    x, y = pixel(predicted, (AZIMUTH, ELEVATION), 50.0)
     white = grey.copy()
     white[int(y) - 5 : int(y) + 6, int(x) - 5 : int(x) + 6] = 255
-    assert fuse_single_view(said, evidence, grey).sun == fuse(said, evidence).sun
+    assert fuse_single_view(predicted, evidence, grey).sun == fuse(predicted, evidence).sun
     assert (
-        fuse_single_view(said, evidence, white).sun == fuse_single_view(said, evidence).sun != fuse(said, evidence).sun
+        fuse_single_view(predicted, evidence, white).sun
+        == fuse_single_view(predicted, evidence).sun
+        != fuse(predicted, evidence).sun
     )

@@ -42,9 +42,9 @@ def test_a_zone_of_the_past_counts_where_clocks_followed_it(latitude: float, lon
     """Photos of Caracas of 2010 without an offset were half an hour, and the sun 7°, off."""
     assert hours in candidate_utc_offsets(latitude, longitude)
     assert hours not in candidate_utc_offsets(latitude + 20.0, longitude)
-    facts = replace(ZONELESS, latitude=latitude, longitude=longitude, local_time=datetime(2010, 2, 1, 12, 0))
+    metadata = replace(ZONELESS, latitude=latitude, longitude=longitude, local_time=datetime(2010, 2, 1, 12, 0))
     sun = sun_at(datetime(2010, 2, 1, 12, 0, tzinfo=timezone(timedelta(hours=hours))), latitude, longitude)
-    assert any(sun == candidate for candidate in observations_of(facts).candidates)
+    assert any(sun == candidate for candidate in observations_of(metadata).candidates)
 
 
 @given(st.floats(-90, 90), st.floats(-180, 180))
@@ -57,8 +57,10 @@ def test_every_place_has_its_own_zone(latitude: float, longitude: float) -> None
 
 def test_what_is_said_takes_the_place_of_the_facts() -> None:
     there = timezone(timedelta(hours=-4))
-    said = UserInput(time=datetime(2023, 3, 3, 15, 0, tzinfo=there), latitude=40.7, longitude=-74.0, vertical_fov=33.0)
-    found = observations_from_metadata(METADATA, said)
+    stated = UserInput(
+        time=datetime(2023, 3, 3, 15, 0, tzinfo=there), latitude=40.7, longitude=-74.0, vertical_fov=33.0
+    )
+    found = observations_from_metadata(METADATA, stated)
     (sun,) = found.observations.candidates
     assert sun == sun_at(datetime(2023, 3, 3, 19, 0, tzinfo=UTC), 40.7, -74.0)
     assert found.observations.vertical_fov == 33.0
@@ -71,8 +73,8 @@ def test_a_local_time_that_is_said_does_not_borrow_the_photos_zone() -> None:
 
 
 def test_photos_together_share_place_and_zone() -> None:
-    facts = [replace(ZONELESS, latitude=None, longitude=None), METADATA, replace(ZONELESS, latitude=1.0)]
-    for fact in share_location(facts):
+    metadata = [replace(ZONELESS, latitude=None, longitude=None), METADATA, replace(ZONELESS, latitude=1.0)]
+    for fact in share_location(metadata):
         assert (fact.latitude, fact.longitude, fact.utc_time) == (METADATA.latitude, METADATA.longitude, MORNING)
 
 
@@ -99,8 +101,8 @@ def test_a_clock_that_runs_wrong_tells_no_zone_and_refuses_nothing() -> None:
     sure, unsure = (k.observations for k in observations_multi([by_satellite, ZONELESS], UserInput()))
     assert len(sure.candidates) == 1
     assert unsure.candidates == ()  # takes the other's
-    _, said = (k.observations for k in observations_multi([by_satellite, ZONELESS], UserInput(utc_offset=2.0)))
-    assert len(said.candidates) == 1
+    _, stated = (k.observations for k in observations_multi([by_satellite, ZONELESS], UserInput(utc_offset=2.0)))
+    assert len(stated.candidates) == 1
 
 
 def test_time_and_place_give_one_sun() -> None:

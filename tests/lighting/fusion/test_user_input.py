@@ -12,7 +12,7 @@ from tests.helpers.predictions import MORNING
 
 
 @pytest.mark.parametrize(
-    "said",
+    "stated",
     [
         {"latitude": 90.1, "longitude": 0.0},
         {"latitude": 0.0, "longitude": math.nan},
@@ -34,9 +34,9 @@ from tests.helpers.predictions import MORNING
         {"keep_location": "no"},
     ],
 )
-def test_the_impossible_and_the_contradictory_are_refused_in_one_sentence(said: dict[str, Any]) -> None:
+def test_the_impossible_and_the_contradictory_are_refused_in_one_sentence(stated: dict[str, Any]) -> None:
     with pytest.raises(ParameterError, match=r"^[^\n]*\.$"):
-        UserInput(**said)
+        UserInput(**stated)
 
 
 def test_numbers_of_numpy_are_taken() -> None:
