@@ -53,14 +53,16 @@ class SurfaceOrientation:
 
 @dataclass(frozen=True)
 class Window:
-    hours: int
+    """A window of a day, and what it promises."""
+
+    hours: int  # its length
     start: float  # min since midnight
-    end: float
+    end: float  # min since midnight
     error: float  # deg, expected error of the normal, median over the orientations of interest, 90 at most
     gain: float  # lambda_max, median
     rotation_free_gain: float  # 1 / sigma_min, median
     orientations: tuple[SurfaceOrientation, ...]
-    sphere: Floats  # (S, S), lambda_max over the half sphere seen, see `half_sphere`
+    sphere: Floats  # (S, S), lambda_max over the half sphere seen, see `half_sphere_normals`
 
     def to_dict(self) -> Json:
         """As JSON, times by the clock of the place."""
@@ -87,6 +89,8 @@ class WindowTable:
 
 @dataclass(frozen=True)
 class DayScore:
+    """How good a day is."""
+
     day: date
     errors: tuple[float, ...]  # deg, least of each length of HOURS, 90 where none fits
 
@@ -97,6 +101,8 @@ class DayScore:
 
 @dataclass(frozen=True)
 class Plan:
+    """The best of several days, and its windows."""
+
     day: date  # the best
     question: PlanRequest
     windows: tuple[Window, ...]  # the best of each length of HOURS that fits the day

@@ -53,6 +53,8 @@ FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 
 @dataclass(frozen=True)
 class ClockLocation:
+    """A location, and the clock by which its days and times are stated."""
+
     latitude: float  # deg, positive north
     longitude: float  # deg, positive east
     utc_offset: float  # h, of the clock that days and times are told by
