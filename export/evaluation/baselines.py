@@ -25,7 +25,12 @@ MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of v
 
 
 def baseline_answers(truth: Truth, training: Sequence[Label]) -> dict[str, Answers]:
-    """Each baseline's answers; the constants are the best for the training panoramas."""
+    """Each baseline's answers; the constants are the best for the training panoramas.
+
+    Args:
+        truth: of N crops, of which the number alone counts.
+        training: labels of the panoramas of `train`.
+    """
     count = len(truth.scored)
     elevation = _sun_elevations(training)
     fitted = [label for label in training if label.fit_ok]
@@ -60,7 +65,13 @@ def _best_constant(elevation: Floats) -> float:
 
 
 def place_figures(truth: Truth, answers: Answers, heights: dict[str, Bools]) -> dict[str, float]:
-    """Sun figures over scored crops by place, and those of each group of true elevations (N,) by its places."""
+    """Sun figures over scored crops by place, and those of each group by its places: deg and %.
+
+    Args:
+        truth: of N crops that all have a sun.
+        answers: of the same crops.
+        heights: (N,) which crops belong to each group of true elevations.
+    """
     error, bias, weight = sun_error(truth, answers), elevation_error(truth, answers), _place_weights(truth.place)
     figures = {
         "places": float(len(np.unique(truth.place))),
@@ -76,7 +87,12 @@ def place_figures(truth: Truth, answers: Answers, heights: dict[str, Bools]) -> 
 
 
 def visibility_by_place(truth: Truth, answers: Answers) -> float:
-    """Area under the ROC curve of direct sunlight, yes against no, over all crops by place."""
+    """Area under the ROC curve of direct sunlight, yes against no, over all crops by place.
+
+    Args:
+        truth: of N crops.
+        answers: of the same crops.
+    """
     known = np.isin(truth.visibility, (0.0, 1.0))
     return auc(answers.visibility[known], truth.visibility[known] == 1.0, _place_weights(truth.place[known]))
 

@@ -23,6 +23,10 @@ def write_card(evaluation: Evaluation, options: Options) -> Path:
     """Write the card and the figures of the first network beside it, its reliability diagram into docs/.
 
     Returns the card's path.
+
+    Args:
+        evaluation: its report and figures.
+        options: of that evaluation; its first network is ours.
     """
     model = options.models[0]
     target, docs = model.parent / MODEL_CARD, ROOT / "docs"

@@ -43,7 +43,12 @@ class _ViewPredictions:
 
 
 def protocol_views(sources: Sequence[Source], protocol: str) -> list[View]:
-    """CROPS_EACH views of each panorama by a protocol, at even steps of azimuth from a random start."""
+    """CROPS_EACH views of each panorama, at even steps of azimuth from a random start.
+
+    Args:
+        sources: panoramas with their labels.
+        protocol: of PROTOCOLS, "paper" or "phone".
+    """
     views: list[View] = []
     for source in sources:
         start = crop_rng(source.panorama.name, 0, "azimuth").uniform(-180, 180)
@@ -55,7 +60,11 @@ def protocol_views(sources: Sequence[Source], protocol: str) -> list[View]:
 
 
 def sun_centered_views(sources: Sequence[Source]) -> list[View]:
-    """SUN_VIEWS_EACH views of each panorama that shows its sun, turned until they see it."""
+    """SUN_VIEWS_EACH views of each panorama that shows its sun, rotated until they see it.
+
+    Args:
+        sources: panoramas with their labels.
+    """
     views: list[View] = []
     for source in (source for source in sources if source.panorama.sun == "visible"):
         for index in range(SUN_VIEWS_EACH):
@@ -77,7 +86,12 @@ def _predict_crops(model: Model, views: Sequence[View]) -> tuple[Truth, list[Pre
 
 
 def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredictions:
-    """The truth about the views, and what each network says of them alone and as users get it."""
+    """The truth about views, and what each network predicts of them alone and as users get it.
+
+    Args:
+        models: networks by name, ours first.
+        views: panoramas and cameras.
+    """
     results = {name: _predict_crops(model, views) for name, model in models.items()}
     truth, first = next(iter(results.values()))
     network = {name: predictions for name, (_, predictions) in results.items()}
@@ -98,7 +112,12 @@ def _photo_pixels(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
 
 
 def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:
-    """The targets of crops as arrays."""
+    """The targets of N crops as arrays.
+
+    Args:
+        panoramas: N, of each crop.
+        crops: N.
+    """
     sun = np.array([c.sun_direction for c in crops])
     uncertainty = np.array([c.sun_std for c in crops])
     return Truth(
@@ -124,7 +143,12 @@ def _name_view(panorama: Panorama, crop: Crop) -> str:
 
 
 def decode_answers(predictions: Sequence[Prediction], sun: Floats) -> Answers:
-    """Predictions decoded as users get them, with the negative log likelihood of the true suns (N, 3)."""
+    """Predictions decoded as users get them, with the negative log likelihood of the true suns.
+
+    Args:
+        predictions: N.
+        sun: (N, 3) true directions, NaN where there is none.
+    """
     lights = [lighting_from_prediction(p) for p in predictions]
     probability = np.array([p.sun_probability for p in predictions])
     known = np.isfinite(sun[:, 0])
@@ -145,7 +169,14 @@ def decode_answers(predictions: Sequence[Prediction], sun: Floats) -> Answers:
 
 
 def load_models(paths: Sequence[Path]) -> dict[str, Model]:
-    """ONNX networks by name, in the given order."""
+    """ONNX networks by name, in the order of their files.
+
+    Args:
+        paths: of the files.
+
+    Raises:
+        DataError: if two share name and version.
+    """
     return _by_name([Model.load(path) for path in paths])
 
 
