@@ -84,10 +84,7 @@ def _paper_sections(scored: ScoredCrops, out: Path, *, failures: bool) -> list[s
         pictures = [tone_map(crop_panorama(*scored.views[failure.index], spec).linear) for failure in worst]
         with atomic_write(out / "failures.png") as temporary:
             _contact_sheet(worst, pictures).save(temporary, "PNG")
-    return [
-        _turbidity_report("paper", scored.truth, ours, scored.answers[CONSTANT], kind),
-        _failures_report(worst),
-    ]
+    return [_turbidity_report("paper", scored.truth, ours, scored.answers[CONSTANT], kind), _failures_report(worst)]
 
 
 # The worst crops, sorted by cause: as counts and as a CSV file.

@@ -14,9 +14,8 @@ from numpy.typing import NDArray
 
 from export.crops.crops import crop_rng
 from export.evaluation.metrics import (
-    Answers,
     Truth,
-    answers_from_sun,
+    answers_from_estimates,
     azimuth_error,
     difference_interval,
     elevation_error,
@@ -33,7 +32,7 @@ from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observations, Posterior, fuse_single_view
 from lighting.fusion.timezones import candidate_utc_offsets
 from lighting.fusion.user_input import NO_USER_INPUT
-from lighting.geometry import Floats, angles, direction, wrap_azimuth
+from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.imu import TILT_STD
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import EvidenceKind, Prediction, WarningCode, warning_code
@@ -245,7 +244,7 @@ def in_view_evidence(truth: Truth, predictions: Sequence[ByLens], pictures: Sequ
         chosen = [_choose_lens(prediction, name) for prediction in predictions]
         fused = [fuse_single_view(*photo) for photo in zip(chosen, observations, pictures, strict=True)]
         tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
-        error = sun_error(truth, _sun_answers(fused))
+        error = sun_error(truth, answers_from_estimates([f.sun for f in fused]))
         rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": percentage(tilt < 5)}
     return figures_table(rows)
 
@@ -261,13 +260,9 @@ def _name_parts(parts: tuple[str, ...]) -> str:
     return " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place")
 
 
-def _sun_answers(fused: Sequence[Posterior]) -> Answers:
-    return answers_from_sun(direction([f.sun.azimuth for f in fused], [f.sun.elevation for f in fused]))
-
-
 def _figures(truth: Truth, fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
     """Median errors, and the share of truths inside the regions; true headings (N,) [deg]."""
-    answers = _sun_answers(fused)
+    answers = answers_from_estimates([f.sun for f in fused])
     error = sun_error(truth, answers)
     fov = np.array([f.prediction.vertical_fov for f in fused])
     tilt = np.array([f.prediction.camera_elevation for f in fused])
@@ -275,9 +270,9 @@ def _figures(truth: Truth, fused: Sequence[Posterior], headings: Floats) -> dict
         "sun": median(error),
         "azimuth": median(np.abs(azimuth_error(truth, answers))),
         "elevation": median(np.abs(elevation_error(truth, answers))),
-        "in 50 % region": percentage(error <= [f.sun.radius_50 for f in fused]),
-        "in 90 % region": percentage(error <= [f.sun.radius_90 for f in fused]),
-        "radius 90": median(np.array([f.sun.radius_90 for f in fused])),
+        "in 50 % region": percentage(error <= answers.radius_50),
+        "in 90 % region": percentage(error <= answers.radius_90),
+        "radius 90": median(answers.radius_90),
         "camera elevation": median(np.abs(tilt - truth.camera[:, 0])),
         "fov": median(np.abs(fov - truth.camera[:, 2])),
         **_heading_figures(fused, headings),
@@ -294,7 +289,8 @@ def _heading_figures(fused: Sequence[Posterior], headings: Floats) -> dict[str, 
 
 
 def _azimuth_sentence(truth: Truth, pixels: Sequence[Posterior], timed: Sequence[Posterior]) -> str:
-    errors = [np.abs(azimuth_error(truth, _sun_answers(fused))) for fused in (timed, pixels)]
+    answers = (answers_from_estimates([f.sun for f in fused]) for fused in (timed, pixels))
+    errors = [np.abs(azimuth_error(truth, a)) for a in answers]
     ends = format_interval(difference_interval(errors[0], errors[1], truth.panorama))
     return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {ends}."
 

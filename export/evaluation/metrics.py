@@ -12,7 +12,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import Floats, angle_between, angles, wrap_azimuth
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
+from lighting.records import SunEstimate
 
 # What is true of a set of crops, and what a method says about them, as arrays; angles in deg.
 
@@ -51,12 +52,12 @@ class Answers:
     exposure: Floats  # (N,)
 
 
-def select_crops(record: Record, chosen: Bools) -> Record:
+def select_crops(record: Record, chosen: Bools | NDArray[np.intp]) -> Record:
     """The same record, of the chosen crops alone.
 
     Args:
         record: of N crops.
-        chosen: (N,).
+        chosen: (N,), or the indices of some.
     """
     return type(record)(**{f.name: getattr(record, f.name)[chosen] for f in fields(record)})
 
@@ -71,6 +72,21 @@ def answers_from_sun(sun: Floats, **fields_of_answers: Floats) -> Answers:
     unknown = np.full(len(sun), np.nan)
     values = {f.name: unknown for f in fields(Answers)} | {"camera": np.full((len(sun), 3), np.nan), "sun": sun}
     return Answers(**(values | fields_of_answers))
+
+
+def answers_from_estimates(suns: Sequence[SunEstimate], **fields_of_answers: Floats) -> Answers:
+    """Answers of a method that states the sun with its radii, some other fields, and nothing else.
+
+    Args:
+        suns: N.
+        fields_of_answers: (N, ...) values of further fields of Answers.
+    """
+    return answers_from_sun(
+        direction([sun.azimuth for sun in suns], [sun.elevation for sun in suns]),
+        radius_50=np.array([sun.radius_50 for sun in suns]),
+        radius_90=np.array([sun.radius_90 for sun in suns]),
+        **fields_of_answers,
+    )
 
 
 # Accuracy figures of answers against the truth, as functions of arrays; angles in deg.

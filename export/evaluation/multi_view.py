@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from export.crops.crops import crop_rng
 from export.evaluation.metadata import COMPASS_MEDIAN, COMPASS_STD, SimulatedMetadata, keep_evidence
-from export.evaluation.metrics import Truth, figures_table, median, percentage
+from export.evaluation.metrics import (
+    Truth,
+    answers_from_estimates,
+    elevation_error,
+    figures_table,
+    median,
+    percentage,
+    select_crops,
+    sun_error,
+)
 from lighting.circular import HEADINGS
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.fusion.likelihood import elevation_density, pooling_exponent, rotate_density
@@ -255,16 +264,16 @@ def _figures(
     """Median errors over all crops of all groups, and the share of truths inside the regions."""
     members = np.concatenate(groups)
     posteriors = [posterior for group in fused for posterior in group]
-    sun = direction([p.sun.azimuth for p in posteriors], [p.sun.elevation for p in posteriors])
-    error = angle_between(truth.sun[members], sun)
+    answers, grouped = answers_from_estimates([p.sun for p in posteriors]), select_crops(truth, members)
+    error = sun_error(grouped, answers)
     headings = [_heading_errors(azimuth[group], fused_group) for group, fused_group in zip(groups, fused, strict=True)]
     return {
         "crops": float(len(posteriors)),
         "sun": median(error),
-        "elevation": median(np.abs(angles(sun)[1] - angles(truth.sun[members])[1])),
-        "in 50 % region": percentage(error <= [p.sun.radius_50 for p in posteriors]),
-        "in 90 % region": percentage(error <= [p.sun.radius_90 for p in posteriors]),
-        "turbidity": median(np.abs([p.prediction.turbidity for p in posteriors] - truth.turbidity[members])),
+        "elevation": median(np.abs(elevation_error(grouped, answers))),
+        "in 50 % region": percentage(error <= answers.radius_50),
+        "in 90 % region": percentage(error <= answers.radius_90),
+        "turbidity": median(np.abs([p.prediction.turbidity for p in posteriors] - grouped.turbidity)),
         "relative heading": median(np.concatenate(headings)),
     }
 

@@ -150,22 +150,30 @@ def decode_answers(predictions: Sequence[Prediction], sun: Floats) -> Answers:
         sun: (N, 3) true directions, NaN where there is none.
     """
     lights = [lighting_from_prediction(p) for p in predictions]
-    probability = np.array([p.sun_probability for p in predictions])
-    known = np.isfinite(sun[:, 0])
-    nll = np.full(len(predictions), np.nan)
-    nll[known] = -np.log(
-        np.maximum(nearest_cell_density(probability[known], sun[known], predictions[0].spec.sun_grid), MIN_DENSITY)
-    )
     return Answers(
         sun=np.array([light.sun_direction for light in lights]),
         radius_50=np.array([light.radius_50 for light in lights]),
         radius_90=np.array([light.radius_90 for light in lights]),
-        nll=nll,
+        nll=sun_nll(predictions, sun),
         camera=np.array([[li.camera_elevation, li.camera_roll, li.vertical_fov] for li in lights]),
         visibility=np.array([light.sun_visibility for light in lights]),
         turbidity=np.array([light.turbidity for light in lights]),
         exposure=np.array([light.exposure for light in lights]),
     )
+
+
+def sun_nll(predictions: Sequence[Prediction], sun: Floats) -> Floats:
+    """Negative log likelihood (N,) [nat, of 1/sr] of true suns, NaN where there is none.
+
+    Args:
+        predictions: N.
+        sun: (N, 3) true directions, NaN where there is none.
+    """
+    probability, layout = np.array([p.sun_probability for p in predictions]), predictions[0].spec.sun_grid
+    scored = np.isfinite(sun[:, 0])
+    nll = np.full(len(predictions), np.nan)
+    nll[scored] = -np.log(np.maximum(nearest_cell_density(probability[scored], sun[scored], layout), MIN_DENSITY))
+    return nll
 
 
 def load_models(paths: Sequence[Path]) -> dict[str, Model]:

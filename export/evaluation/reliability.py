@@ -17,20 +17,20 @@ from numpy.typing import NDArray
 from export.evaluation.metrics import (
     Bools,
     Truth,
-    answers_from_sun,
+    answers_from_estimates,
     figures_table,
     percentage,
     select_crops,
     sun_figures,
 )
 from export.evaluation.multi_view import place_halves
-from export.evaluation.predictions import MIN_DENSITY
+from export.evaluation.predictions import MIN_DENSITY, sun_nll
 from export.evaluation.report import IN_VIEW, sun_bins
 from lighting.decoding import bayes_direction, sun_from_prediction
 from lighting.files.atomic import atomic_write
-from lighting.geometry import Floats, angle_between, direction
+from lighting.geometry import Floats, angle_between
 from lighting.records import Prediction
-from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle, nearest_cell_density
+from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle
 
 LEVELS = tuple(range(5, 100, 5))  # %, drawn
 QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
@@ -57,20 +57,11 @@ def _density_levels(predictions: Sequence[Prediction], sun: Floats) -> Floats:
     return np.asarray(denser.sum(axis=1) / probability.sum(axis=1))
 
 
-def _cone_levels(predictions: Sequence[Prediction], sun: Floats) -> Floats:
-    """Probability (N,) of the cone around each answer that just reaches the true sun (N, 3)."""
-    return np.array([_cone_level(p, s) for p, s in zip(predictions, sun, strict=True)])
-
-
 def _cone_level(prediction: Prediction, sun: Floats) -> float:
-    layout = prediction.spec.sun_grid
-    answer = bayes_direction(prediction.sun_probability, layout)
-    return float(
-        np.interp(
-            angle_between(sun, answer),
-            *cumulative_by_angle(prediction.sun_probability, grid_directions(layout), answer),
-        )
-    )
+    """Probability of the cone around the answer that just reaches the true sun (3,)."""
+    probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
+    answer = bayes_direction(probability, prediction.spec.sun_grid)
+    return float(np.interp(angle_between(sun, answer), *cumulative_by_angle(probability, cells, answer)))
 
 
 def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, Floats]:
@@ -83,8 +74,9 @@ def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[
     scored = select_crops(truth, truth.scored)
     predictions = list(compress(predictions, truth.scored))
     levels = _density_levels(predictions, scored.sun)
+    cones = np.array([_cone_level(p, sun) for p, sun in zip(predictions, scored.sun, strict=True)])
     by_group = {name: levels[chosen] for name, chosen in sun_bins(scored).items()}
-    return {DENSEST: levels, **by_group, CONE: _cone_levels(predictions, scored.sun)}
+    return {DENSEST: levels, **by_group, CONE: cones}
 
 
 def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
@@ -180,17 +172,12 @@ def temperature_report(protocol: str, truth: Truth, predictions: Sequence[Predic
 def _temperature_row(
     truth: Truth, predictions: Sequence[Prediction], learning: Bools, tested: Bools
 ) -> dict[str, float]:
-    divisor = _fit_temperature(list(compress(predictions, learning)), truth.sun[learning])
-    tested_predictions, tested_truth = list(compress(predictions, tested)), select_crops(truth, tested)
-    before, after = (
-        _tempered_figures(tested_truth, [_tempered(p, t) for p in tested_predictions]) for t in (1.0, divisor)
-    )
-    both = {f"{name}, {when}": of[name] for name in COLUMNS for when, of in (("before", before), ("after", after))}
-    return {
-        "fitted to": float(np.count_nonzero(learning)),
-        "temperature": divisor,
-        "crops": float(len(tested_predictions)),
-        **both,
+    fitted = _fit_temperature(list(compress(predictions, learning)), truth.sun[learning])
+    test_predictions, test_truth = list(compress(predictions, tested)), select_crops(truth, tested)
+    row = {"fitted to": float(np.count_nonzero(learning)), "temperature": fitted, "crops": float(len(test_predictions))}
+    before, after = (_tempered_figures(test_truth, [_tempered(p, t) for p in test_predictions]) for t in (1.0, fitted))
+    return row | {
+        f"{name}, {when}": of[name] for name in COLUMNS for when, of in (("before", before), ("after", after))
     }
 
 
@@ -219,14 +206,5 @@ def _tempered(prediction: Prediction, temperature: float) -> Prediction:
 def _tempered_figures(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, float]:
     """COLUMNS over crops that all have a sun."""
     suns = [sun_from_prediction(p) for p in predictions]
-    probability = np.array([p.sun_probability for p in predictions])
-    values = answers_from_sun(
-        direction([s.azimuth for s in suns], [s.elevation for s in suns]),
-        radius_50=np.array([s.radius_50 for s in suns]),
-        radius_90=np.array([s.radius_90 for s in suns]),
-        nll=-np.log(
-            np.maximum(nearest_cell_density(probability, truth.sun, predictions[0].spec.sun_grid), MIN_DENSITY)
-        ),
-    )
-    measured = sun_figures(truth, values)
-    return {name: measured[column] for name, column in COLUMNS.items()}
+    figures = sun_figures(truth, answers_from_estimates(suns, nll=sun_nll(predictions, truth.sun)))
+    return {name: figures[column] for name, column in COLUMNS.items()}

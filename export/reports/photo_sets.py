@@ -234,10 +234,7 @@ def _sets_section(model: Model, panoramas: Sequence[Panorama]) -> str:
     lit = [one for one in sets if one.sun is not None]
     tables = [figures_table({"all": _set_figures(sets)}, digits=2)]
     if lit:
-        tables += [
-            f"The sun of {len(lit)} sets",
-            figures_table({h: _sun_figures(lit, h) for h in HEADINGS}, digits=2),
-        ]
+        tables += [f"The sun of {len(lit)} sets", figures_table({h: _sun_figures(lit, h) for h in HEADINGS}, digits=2)]
     return "\n\n".join([f"## Sets of 3 to 5 overlapping photos ({len(sets)} places)", *tables])
 
 

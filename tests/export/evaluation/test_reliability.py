@@ -9,7 +9,7 @@ from PIL import Image
 from export.evaluation.reliability import (
     CONE,
     DENSEST,
-    _cone_levels,
+    _cone_level,
     _density_levels,
     _fit_temperature,
     _inside,
@@ -52,7 +52,7 @@ def test_cones_are_those_of_the_reported_radii() -> None:
     predictions, sun = drawn(60, 8.0)
     answers = [sun_from_prediction(p) for p in predictions]
     error = angle_between(sun, direction([a.azimuth for a in answers], [a.elevation for a in answers]))
-    levels = _cone_levels(predictions, sun)
+    levels = np.array([_cone_level(p, s) for p, s in zip(predictions, sun, strict=True)])
     np.testing.assert_array_equal(levels <= 0.5, error <= [a.radius_50 for a in answers])
     np.testing.assert_array_equal(levels <= 0.9, error <= [a.radius_90 for a in answers])
 

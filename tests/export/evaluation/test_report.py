@@ -1,4 +1,4 @@
-"""Tests of report."""
+"""Tests of the report and of the model card."""
 
 import json
 from pathlib import Path
@@ -9,6 +9,7 @@ from PIL import Image
 
 from export.data.panoramas import DataError
 from export.evaluation.metrics import answers_from_sun, camera_figures, sun_figures
+from export.evaluation.model_card import TEMPLATE, _publish
 from export.evaluation.report import (
     _by_scene,
     _intervals_table,
@@ -127,3 +128,18 @@ def test_a_protocol_counts_its_crops_and_names_every_method() -> None:
     assert sum(line.startswith("| ours |") for line in text.splitlines()) > 4
     assert "by the networks alone, without the straight lines" in text
     assert "32 crops of 4 panoramas" in in_view_report(truth, said, "| what metadata add |")
+
+
+def test_the_picture_goes_to_the_documents_and_is_linked_from_the_card(tmp_path: Path) -> None:
+    (tmp_path / "docs").mkdir()
+    (tmp_path / "lighting" / "data").mkdir(parents=True)
+    picture = tmp_path / "reliability.png"
+    picture.write_bytes(b"curves")
+    link = _publish(picture, tmp_path / "docs", tmp_path / "lighting" / "data" / "MODEL_CARD.md")
+    assert link == "../../docs/reliability.png"
+    assert (tmp_path / "lighting" / "data" / link).read_bytes() == b"curves"
+
+
+def test_the_template_shows_the_diagram_before_the_figures() -> None:
+    text = TEMPLATE.read_text(encoding="utf-8")
+    assert text.index("{reliability}") < text.index("{report}")

@@ -1,12 +1,14 @@
-"""Tests of evaluate."""
+"""Tests of the errors of normals and of the commands of `stereo`."""
 
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import export.stereo.evaluate as evaluation
+from export.stereo import stereo_group
 from export.stereo.dataset import CaptureDay, utc_times
 from export.stereo.evaluate import (
     SEASONS,
@@ -103,3 +105,23 @@ def test_a_photographer_is_told_wrong_what_a_trial_says() -> None:
 def test_angles_are_between_unit_vectors() -> None:
     a, b = np.array([[1.0, 0, 0], [0, 0, 1]]), np.array([[0, 1.0, 0], [0, 0, 1]])
     np.testing.assert_allclose(normal_angles(a, b), [90, 0], atol=1e-5)
+
+
+def test_the_group_lists_its_commands() -> None:
+    listed = CliRunner().invoke(stereo_group, ["--help"]).stdout
+    for name in ("evaluate", "gain", "onnx", "speed", "train"):
+        assert f"  {name} " in listed
+
+
+def test_tables_are_checked_and_listed() -> None:
+    result = CliRunner().invoke(stereo_group, ["evaluate", "--data", "shapes", "--table", "seasonal"])
+    assert result.exit_code == 2
+    assert "seasonal is none of seasons, wrong" in result.stderr
+    listed = CliRunner().invoke(stereo_group, ["evaluate", "--help"]).stdout
+    assert all(table in listed for table in TABLES)
+
+
+def test_a_folder_without_shapes_is_named(tmp_path: Path) -> None:
+    result = CliRunner().invoke(stereo_group, ["evaluate", "--data", str(tmp_path)])
+    assert result.exit_code != 0
+    assert "holds no scanned_objects" in str(result.exception)

@@ -1,4 +1,4 @@
-"""Tests of train."""
+"""Tests of the network of normals, its training and its ONNX file."""
 
 from itertools import islice
 from pathlib import Path
@@ -9,7 +9,9 @@ import torch
 
 from export.data.panoramas import DataError
 from export.stereo.dataset import generate_samples
+from export.stereo.onnx_export import TOLERANCE, _parity, _Served
 from export.stereo.train import Config, NormalsNetwork, _batch, averaged_network, train_normals
+from lighting.stereo.network import BY_IMAGE, SHARED, _packaged_network
 
 
 def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None:
@@ -61,3 +63,17 @@ def test_a_folder_without_meshes_to_learn_from_is_refused(tmp_path: Path) -> Non
     with pytest.raises(DataError, match=r"holds no OBJ files to learn from\.$"):
         train_normals(Config(out=str(run), meshes=str(tmp_path), minutes=0.001))
     assert not run.exists()
+
+
+def test_a_file_of_another_network_differs() -> None:
+    assert _parity(NormalsNetwork().eval(), _packaged_network()) > 10 * TOLERANCE
+
+
+def test_what_is_served_has_every_image() -> None:
+    torch.manual_seed(0)
+    network = NormalsNetwork().eval()
+    by_image, shared = torch.randn(1, 4, BY_IMAGE, 16, 16), torch.rand(1, SHARED, 16, 16)
+    with torch.inference_mode():
+        served, whole = _Served(network)(by_image, shared), network(by_image, torch.ones(1, 4), shared)
+    assert torch.equal(served[0], whole[0])
+    assert torch.equal(served[1], whole[1])
