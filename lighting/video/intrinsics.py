@@ -23,7 +23,7 @@ from lighting.video.tracking import TOLERANCE, ClipMetadata, FrameEstimate, Keyf
 
 MAX_PAIRS = 10  # of keyframes, from which the lens is learnt
 MIN_PAIRS = 4  # fewer keyframes tell too little of the lens
-MIN_MEDIAN_MOTION = 0.1  # half diagonals that points move, below which a turn says nothing of the lens
+MIN_MEDIAN_MOTION = 0.1  # half diagonals that points move, below which a rotation says nothing of the lens
 NETWORK_FOV_STD = 5.0  # deg, one standard deviation of the network's field of view
 METADATA_FOV_STD = 2.5  # deg, of a focal length in the metadata: stabilisation crops the picture
 MIN_ROTATION_SHARE = 0.5  # share of matches that agree with a rotation, below which it tells nothing of the lens
@@ -58,7 +58,7 @@ def fit_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, float
 def _combine_fovs(
     tracked: ShotObservations, clip: ClipMetadata, fovs: Iterable[tuple[float, float]]
 ) -> tuple[float, float]:
-    """The same where fields of view and their standard deviations [deg] are `fovs` by turns."""
+    """The same from fields of view and their standard deviations [deg] that rotations say."""
     if clip.user_input.vertical_fov is not None:
         return clip.user_input.vertical_fov, 0.0
     prior = prior_fov(tracked, clip)

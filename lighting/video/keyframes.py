@@ -36,12 +36,12 @@ MAX_LOOP_ANGLE = 0.5  # of the vertical field of view, up to which two keyframes
 MAX_LOOPS = 60  # compared in a shot
 MAX_AVERAGED_KEYFRAMES = 1200  # beyond which the chain is left as it is: the graph would take too much memory
 _MAX_ROUNDS = 12  # of the averaging, at most
-_OUTLIER_ANGLE = 0.5  # deg, beyond which a turn counts for ever less
+_OUTLIER_ANGLE = 0.5  # deg, beyond which a rotation counts for ever less
 
 
 @dataclass(frozen=True, eq=False)
 class _Link:
-    """A turn between two keyframes."""
+    """A rotation between two keyframes."""
 
     a: int
     b: int
@@ -128,7 +128,7 @@ def _rotation_steps(
 def _close_loops(
     keys: Sequence[Keyframe], orientation: Floats, part: NDArray[np.intp], vertical_fov: float
 ) -> list[_Link]:
-    """Turns by features between keyframes that look nearly the same way and are not neighbours."""
+    """Rotations by features between keyframes that look nearly the same way and are not neighbours."""
     pairs = _near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov)
     step = max(1, math.ceil(len(pairs) / MAX_LOOPS))
     rotations = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
@@ -216,7 +216,7 @@ def estimate_frame_rotations(tracked: ShotObservations, fov: float) -> list[Fram
 
 
 def _bridge_gaps(tracked: ShotObservations, lowest: int, fov: float) -> list[_Link]:
-    """Turns over the gaps between stretches."""
+    """Rotations over the gaps between stretches."""
     stretches = sorted({k.stretch for k in tracked.keys.values()})
     keys = {s: [k for k in tracked.keys.values() if k.stretch == s] for s in stretches}
     links = []
