@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Sequence
-from datetime import datetime
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +23,7 @@ from lighting.errors import ProbeError
 from lighting.formatting import format_side
 
 if TYPE_CHECKING:
+    from lighting.fusion.user_input import UserInput
     from lighting.probe.bracket import Bracket, BracketFiles
     from lighting.probe.develop import BracketSettings, Moment, Probe
     from lighting.probe.sky_fit import SkyState
@@ -85,17 +86,18 @@ def _merge(
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
     filled in the SkyDB's layout, YYYYMMDD/HHMMSS/envmap.exr by UTC.
     """
+    from lighting.fusion.user_input import UserInput
     from lighting.probe.bracket import group_brackets, read_bracket_files
 
     _check_output(output, series)
     _check_lens(options)
-    when = [options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")]
-    _check_time_and_place(*when)
-    if series and when[0] is not None:
+    with usage_errors():
+        stated = UserInput(**{name: options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")})
+    if series and stated.time is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
     settings = _settings(options)
     shots = group_brackets(exposures) if series else [read_bracket_files(_files(exposures))]
-    moments = [_moment(shot, *when) for shot in shots]
+    moments = [_moment(shot, stated) for shot in shots]
     _check_targets(shots, moments, output)
     if series:
         _merge_series(shots, moments, settings, output, quiet)
@@ -138,16 +140,6 @@ def _settings(options: "Json") -> "BracketSettings":
         return BracketSettings(**options)
 
 
-def _check_time_and_place(
-    time: datetime | None, utc_offset: float | None, latitude: float | None, longitude: float | None
-) -> None:
-    """Raise UsageError where the stated time and place contradict each other."""
-    from lighting.fusion.user_input import UserInput
-
-    with usage_errors():
-        UserInput(time=time, utc_offset=utc_offset, latitude=latitude, longitude=longitude)
-
-
 def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"], output: str) -> None:
     """Raise UsageError where a probe would replace an exposure or another probe."""
     from lighting.probe.develop import probe_output_path
@@ -165,23 +157,15 @@ def _files(exposures: Sequence[Path]) -> list[Path]:
     return [file for path in exposures for file in (list_pictures(path) if path.is_dir() else [path])]
 
 
-def _moment(
-    shot: "BracketFiles",
-    time: datetime | None,
-    utc_offset: float | None,
-    latitude: float | None,
-    longitude: float | None,
-) -> "Moment":
-    from dataclasses import replace
-
+def _moment(shot: "BracketFiles", stated: "UserInput") -> "Moment":
+    """When and where a bracket was taken: as the user states, else by EXIF."""
     from lighting.probe.develop import Moment
 
-    timed = replace(shot, time=time) if time is not None else shot
-    if latitude is None or longitude is None:
-        latitude, longitude = shot.latitude, shot.longitude
-    if latitude is None or longitude is None:
+    timed = shot if stated.time is None else replace(shot, time=stated.time)
+    location = shot if stated.latitude is None else stated
+    if location.latitude is None or location.longitude is None:
         raise click.UsageError("The place is not in EXIF; tell it with --lat and --lon.")
-    return Moment(timed.aware_time(utc_offset), latitude, longitude)
+    return Moment(timed.aware_time(stated.utc_offset), location.latitude, location.longitude)
 
 
 def _merge_one(shot: "BracketFiles", moment: "Moment", settings: "BracketSettings", output: str, quiet: bool) -> None:
