@@ -1,4 +1,4 @@
-"""Tests of drawing."""
+"""Lines, marks and text, by the pixels that they cover."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of object insertion."""
+"""Balls in a photo: where they are, their shadows and their light."""
 
 from dataclasses import replace
 from functools import lru_cache

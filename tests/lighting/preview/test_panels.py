@@ -1,4 +1,4 @@
-"""Tests of panels."""
+"""The preview's panels and layout."""
 
 from dataclasses import replace
 

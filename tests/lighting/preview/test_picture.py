@@ -1,4 +1,4 @@
-"""Tests of picture."""
+"""The whole preview and its words."""
 
 from io import BytesIO
 

@@ -1,4 +1,4 @@
-"""Tests of spheres."""
+"""Spheres under a map, against a path tracer and by their look."""
 
 from functools import lru_cache
 from typing import Any

@@ -53,3 +53,14 @@ def test_a_photo_alone_stays_where_it_is() -> None:
     oriented = average_rotations((2,), {})
     assert (oriented.rotations == np.eye(3)).all()
     assert (oriented.covariance == 0.0).all()
+
+
+def test_photos_without_a_pair_are_groups_of_one() -> None:
+    assert connected_components(3, {}) == [(0,), (1,), (2,)]
+
+
+def test_the_surer_of_two_ways_counts_for_more() -> None:
+    """Across a loop whose one pair is off, orientations keep nearer to the pairs of small standard deviation."""
+    pairs = {(0, 1): edge(0, 1), (1, 2): edge(1, 2), (0, 2): edge(0, 2, (0.0, 0.3, 0.0), std=2.0)}
+    oriented = average_rotations((0, 1, 2), pairs)
+    assert max(errors(np.concatenate([oriented.rotations, [CAMERAS[3] @ CAMERAS[0].T]]))) < 0.01

@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from lighting.errors import MissingExtraError
-from lighting.registration.features import detect_features, has_opencv, import_opencv, match_features, to_centered
+from lighting.registration.features import (
+    detect_features,
+    has_opencv,
+    import_opencv,
+    match_features,
+    resize_to,
+    to_centered,
+)
 from lighting.registration.rotations import focal_from_fov, project_points, rays_through
 from tests.helpers.cameras import SIZE, picture, relative_rotation, texture
 
@@ -56,3 +63,8 @@ def test_without_opencv_one_sentence_says_what_to_install(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "cv2", None)
     with pytest.raises(MissingExtraError, match=r"outdoor-lighting\[turns\]"):
         import_opencv()
+
+
+def test_small_pictures_keep_their_size() -> None:
+    small = np.arange(12, dtype=np.uint8).reshape(3, 4)
+    assert np.array_equal(resize_to(small, 4), small)

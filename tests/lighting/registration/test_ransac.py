@@ -1,4 +1,4 @@
-"""Tests of ransac."""
+"""RANSAC among wrong matches, and robust least squares."""
 
 import numpy as np
 import pytest
@@ -50,3 +50,15 @@ def test_the_same_matches_give_the_same_answer() -> None:
     matched = matches(A, B, 50.0, near=300.0, wrong=0.5)
     first, second = (ransac_rotation(matched, (1.2, 1.2), [0.9, 1.0, 1.1]) for _ in range(2))
     assert (first.rotation == second.rotation).all()
+
+
+def test_a_strong_prior_keeps_a_parameter_where_it_is_expected() -> None:
+    prior, expected = np.array([1e12, 0.0]), np.array([0.0, 0.0])
+    fit = least_squares(lambda p: p[0] + p[1] * X - (TRUE[0] + TRUE[1] * X), np.zeros(2), 1.0, prior, expected)
+    assert fit.parameters == pytest.approx([0.0, TRUE[1]], abs=0.02)
+    assert fit.covariance[0, 0] < 1e-9
+
+
+def test_residuals_at_the_answer_are_returned() -> None:
+    fit = least_squares(lambda p: p[0] + p[1] * X - (TRUE[0] + TRUE[1] * X), np.zeros(2), 1.0)
+    assert np.abs(fit.residuals).max() < 1e-6

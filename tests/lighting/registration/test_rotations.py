@@ -1,4 +1,4 @@
-"""Tests of rotations."""
+"""Rays, rotations and a common vertical, against scipy and geometry."""
 
 import numpy as np
 import pytest

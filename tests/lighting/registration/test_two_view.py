@@ -1,4 +1,4 @@
-"""Tests of two view."""
+"""Pairs of cameras that rotate, move or zoom: what their matches tell."""
 
 from dataclasses import replace
 

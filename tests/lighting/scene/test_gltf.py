@@ -1,4 +1,4 @@
-"""Tests of gltf."""
+"""The glTF file, by its numbers and by the validator of Khronos."""
 
 import json
 import shutil

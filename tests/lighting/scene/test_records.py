@@ -1,4 +1,4 @@
-"""Tests of records."""
+"""A scene's camera, light, spot and placeholder."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Tests of writer."""
+"""Scenes as folders and archives: whole or not at all, and nobody else's files."""
 
 import json
 import zipfile
