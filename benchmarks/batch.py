@@ -30,10 +30,11 @@ from pathlib import Path
 from statistics import median
 from PIL import Image
 from lighting.model import Model
-from lighting.photo import TARGET, read_photo, to_tensor
+from lighting.photo.preprocess import preprocess
+from lighting.photo.reader import TARGET, read_photo
 path, count = Path(sys.argv[1]), int(sys.argv[2])
 model = Model.load(threads=1)
-tensor = to_tensor(read_photo(path), model.spec)
+tensor = preprocess(read_photo(path), model.spec)
 started = time.perf_counter()
 for _ in range(count):
     image = Image.open(path)

@@ -17,8 +17,8 @@ from xml.parsers import expat
 
 from PIL import ExifTags, Image
 
+import lighting.photo.imu as imu
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo import imu
 
 _Tags = Mapping[int, Any]
 _Value = TypeVar("_Value")
