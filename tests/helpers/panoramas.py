@@ -171,3 +171,30 @@ def clear(elevation: float = 40.0, sunlight: float = 1.0) -> Sky:
     radiance = render(lighting, HEIGHT, sun=False)
     radiance[HEIGHT // 2 :] = 0.0
     return Sky(radiance, lighting, sunlight)
+
+
+# The light of an HDR panorama.
+
+SUN_IRRADIANCE, SKY_IRRADIANCE, GROUND_COLOR = (20.0, 15.0, 9.0), (0.4, 0.5, 0.8), (0.12, 0.11, 0.1)
+HDR_LIGHT = Lighting(
+    70.0, 40.0, 3.0, 1.0, sun_irradiance=SUN_IRRADIANCE, sky_irradiance=SKY_IRRADIANCE, ground_color=GROUND_COLOR
+)
+HDR_PANORAMA = render(HDR_LIGHT, 256)
+
+# A mesh as an OBJ file.
+
+OCTAHEDRON = """v 1 0 0
+v -1 0 0
+v 0 1 0
+v 0 -1 0
+v 0 0 1
+v 0 0 -1
+f 1 3 5
+f 3 2 5
+f 2 4 5
+f 4 1 5
+f 3/1 1/1 6/1
+f 2 3 6
+f 4 2 6
+f 1 4 6
+"""

@@ -23,6 +23,7 @@ from export.evaluation.hdr_truth import (
 from lighting.envmap.render import render
 from lighting.geometry import angle_between, direction, latlong_directions, latlong_solid_angle
 from lighting.records import Lighting
+from tests.helpers.panoramas import GROUND_COLOR, HDR_PANORAMA, SKY_IRRADIANCE, SUN_IRRADIANCE
 
 CORNER = (2, 2)  # a pixel of the plane, far behind the sphere
 
@@ -65,27 +66,24 @@ def test_pooling_keeps_the_power_of_the_sun() -> None:
     assert small.shape == (HEIGHT, 2 * HEIGHT, 3)
 
 
-SUN, SKY, GROUND = (20.0, 15.0, 9.0), (0.4, 0.5, 0.8), (0.12, 0.11, 0.1)
-LIGHT = Lighting(70.0, 40.0, 3.0, 1.0, sun_irradiance=SUN, sky_irradiance=SKY, ground_color=GROUND)
-PANORAMA = render(LIGHT, 256)
-
-
 def test_sun_sky_and_ground_are_told_apart_in_the_crops_frame_and_exposure() -> None:
-    light = true_light(split_sun(PANORAMA, direction(71.0, 41.0)), 30.0, 2.0)
+    light = true_light(split_sun(HDR_PANORAMA, direction(71.0, 41.0)), 30.0, 2.0)
     assert light.sun_direction is not None
     assert angle_between(light.sun_direction, direction(40.0, 40.0)) < 0.6
-    assert light.sun_irradiance == pytest.approx(2 * np.array(SUN), rel=0.03)
-    assert light.sky_irradiance == pytest.approx(2 * np.array(SKY), rel=0.03)
-    level = np.array(SKY) + np.sin(np.radians(40.0)) * np.array(SUN)
-    assert light.ground == pytest.approx(2 * np.array(GROUND) / np.pi * level, rel=1e-3)
+    assert light.sun_irradiance == pytest.approx(2 * np.array(SUN_IRRADIANCE), rel=0.03)
+    assert light.sky_irradiance == pytest.approx(2 * np.array(SKY_IRRADIANCE), rel=0.03)
+    level = np.array(SKY_IRRADIANCE) + np.sin(np.radians(40.0)) * np.array(SUN_IRRADIANCE)
+    assert light.ground == pytest.approx(2 * np.array(GROUND_COLOR) / np.pi * level, rel=1e-3)
     assert level_irradiances(light.image)[0] == pytest.approx(2 * level, rel=0.02)
 
 
 def test_without_direct_light_the_whole_sky_is_sky() -> None:
-    light = true_light(split_sun(PANORAMA, None), 0.0, 1.0)
+    light = true_light(split_sun(HDR_PANORAMA, None), 0.0, 1.0)
     assert light.sun_direction is None
     assert not light.sun_irradiance.any()
-    assert light.sky_irradiance == pytest.approx(np.array(SKY) + np.sin(np.radians(40.0)) * np.array(SUN), rel=0.01)
+    assert light.sky_irradiance == pytest.approx(
+        np.array(SKY_IRRADIANCE) + np.sin(np.radians(40.0)) * np.array(SUN_IRRADIANCE), rel=0.01
+    )
 
 
 def test_a_mirrored_photo_repeats_itself_all_around() -> None:

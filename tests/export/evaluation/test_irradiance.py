@@ -7,9 +7,9 @@ from export.evaluation.hdr_truth import HEIGHT, split_sun, true_light
 from export.evaluation.irradiance import ORACLES, _Guess, _objects_table, _strengths_table
 from lighting.envmap.render import render
 from lighting.records import Lighting
-from tests.export.evaluation.test_hdr_truth import LIGHT, PANORAMA
+from tests.helpers.panoramas import HDR_LIGHT, HDR_PANORAMA
 
-TRUTH = [true_light(split_sun(PANORAMA, LIGHT.sun_direction), 0.0, 1.0)] * 3
+TRUTH = [true_light(split_sun(HDR_PANORAMA, HDR_LIGHT.sun_direction), 0.0, 1.0)] * 3
 
 
 def guess(light: Lighting) -> _Guess:
@@ -25,7 +25,7 @@ def test_a_light_half_as_strong_is_one_stop_too_dark() -> None:
         70.0, 40.0, 3.0, 1.0, sun_irradiance=(10.0, 7.5, 4.5), sky_irradiance=(0.4, 0.5, 0.8),
         ground_color=(0.06, 0.055, 0.05),
     )  # fmt: skip
-    table = _strengths_table(TRUTH, {"ours": guess(half), "map": _Guess(guess(LIGHT).maps)})
+    table = _strengths_table(TRUTH, {"ours": guess(half), "map": _Guess(guess(HDR_LIGHT).maps)})
     ours, other = cells(table, 0), cells(table, 1)
     assert ours[0] == "ours"
     assert float(ours[3]) == pytest.approx(0.0, abs=0.06)  # sky

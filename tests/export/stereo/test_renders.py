@@ -10,7 +10,7 @@ from export.stereo.renders import Material, cast_shadows, read_subjects, shade_s
 from export.stereo.surfaces import _of_height
 from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import Skies
-from tests.export.stereo.test_surfaces import OCTAHEDRON
+from tests.helpers.panoramas import OCTAHEDRON
 
 
 def scanned(folder: Path) -> None:

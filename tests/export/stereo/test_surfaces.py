@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from export.stereo.surfaces import _of_height, project_mesh, random_relief, random_rotation, read_mesh, rotate_surface
+from tests.helpers.panoramas import OCTAHEDRON
 
 
 def test_reliefs_have_unit_normals_where_their_mask_is() -> None:
@@ -15,23 +16,6 @@ def test_reliefs_have_unit_normals_where_their_mask_is() -> None:
         np.testing.assert_allclose(length[surface.mask], 1, rtol=1e-5)
         assert not length[~surface.mask].any()
         assert surface.mask.any()
-
-
-OCTAHEDRON = """v 1 0 0
-v -1 0 0
-v 0 1 0
-v 0 -1 0
-v 0 0 1
-v 0 0 -1
-f 1 3 5
-f 3 2 5
-f 2 4 5
-f 4 1 5
-f 3/1 1/1 6/1
-f 2 3 6
-f 4 2 6
-f 1 4 6
-"""
 
 
 def test_a_mesh_is_seen_from_in_front(tmp_path: Path) -> None:
