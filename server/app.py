@@ -11,12 +11,12 @@ from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
 from lighting.estimator import Estimator
+from lighting.records import Json
 from lighting.version import __version__
 from server import middleware, problems, routes, static_page
 from server.auth import SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
-from server.problems import Json
 from server.query_params import refuse_duplicates
 from server.request_body import FORM_TYPE, PHOTO_FIELD
 from server.responses import WARNINGS_HEADER

@@ -15,6 +15,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.records import Json
 from lighting.validation import parameter_name
 from server.limits import BusyError, TooManyUploadsError
 
@@ -23,7 +24,6 @@ RETRY_SECONDS = "1"
 MAX_ERRORS = 20  # that a response names: a body of 64 kB can have 30,000
 
 FieldLocation = Literal["query", "form", "body"]  # the URL, a form's parts, a JSON body
-Json = dict[str, Any]  # a JSON object, or a part of the OpenAPI document
 
 log = logging.getLogger(__name__)
 

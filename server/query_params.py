@@ -14,7 +14,7 @@ from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS
 from lighting.fusion.user_input import UserInput, check_headings, read_headings
 from lighting.photo.reader import MIN_SIDE
-from lighting.records import GROUND_ALBEDO, Color, Lighting
+from lighting.records import GROUND_ALBEDO, Color, Json, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
 from lighting.scene.records import PLATE_SIDE
 from lighting.validation import parameter_name
@@ -54,7 +54,7 @@ from server.field_types import (
     parameter_range,
     with_field_errors,
 )
-from server.problems import InvalidField, Json, invalid_field_error, invalid_fields_error
+from server.problems import InvalidField, invalid_field_error, invalid_fields_error
 
 SUN_BY_DEFAULT = "by default where the light states its power, or where it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples

@@ -14,6 +14,7 @@ from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
 from lighting.model import figures_path
 from lighting.records import (
+    Json,
     Lighting,
     ModelSpec,
     SunDistribution,
@@ -26,7 +27,6 @@ from lighting.sun_grid import grid_directions
 from lighting.validation import COLOR_RANGES
 from lighting.version import __version__
 from server.dependencies import PhotoAnswer, Service
-from server.problems import Json
 from server.query_params import LightingQuery, Query
 
 WARNINGS_HEADER = "Lighting-Warnings"

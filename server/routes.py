@@ -6,12 +6,13 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 
 from lighting.files import MAP_FORMATS
+from lighting.records import Json
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import tasks
 from server.dependencies import AdmissionDep, PhotoDep, ServiceDep, UploadsDep
-from server.problems import Json, problem_responses
+from server.problems import problem_responses
 from server.query_params import (
     EnvmapQuery,
     LightingQuery,
