@@ -182,11 +182,13 @@ def _onnx(
     """Write the averaged network of one or several runs as ONNX, and compare it with torch."""
     from export.networks.onnx_export import write_onnx
     from export.networks.weights import read_spec
+    from lighting.model import weights_path
 
     spec = read_spec(runs[0])
     target = out or runs[0] / f"{spec.name}-{version or spec.version}.onnx"
     difference = write_onnx(runs, target, version=version, cameras=camera, **numbers)
-    click.echo(f"{target}: {target.stat().st_size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
+    size = sum(file.stat().st_size for file in (target, weights_path(target)))
+    click.echo(f"{target}: {size / 1e6:.1f} MB, largest difference to torch {difference:.1e}")
 
 
 @export_cli.command("evaluate")
