@@ -132,10 +132,7 @@ def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple
 def _lighting_from_fit(spot: SunBlob, fit: SkyFit) -> Lighting:
     """The model's sky of a fit, as a record that can be rendered."""
     return Lighting(
-        sun_azimuth=spot.azimuth,
-        sun_elevation=max(spot.elevation, 0.0),
-        turbidity=fit.turbidity,
-        exposure=fit.exposure,
+        sun_azimuth=spot.azimuth, sun_elevation=max(spot.elevation, 0.0), turbidity=fit.turbidity, exposure=fit.exposure
     )
 
 

@@ -175,10 +175,7 @@ def _first_estimates(tracked: ShotObservations) -> ShotObservations:
 
 
 def _track_from_fov(
-    tracked: ShotObservations,
-    clip: ClipMetadata,
-    rotations: Sequence[tuple[int, RelativeRotation]],
-    start: float,
+    tracked: ShotObservations, clip: ClipMetadata, rotations: Sequence[tuple[int, RelativeRotation]], start: float
 ) -> UnzoomedShot:
     """The shot through a lens that is taken to be `start` [deg] at first, or through the user's."""
     fixed = clip.user_input.vertical_fov

@@ -239,8 +239,7 @@ def estimate_up(tracked: ShotObservations, orientation: Floats, time: Floats, gi
     """
     if samples := sample_gimbal(gimbal, time):
         return consensus_up(
-            orientation[[i for i, _ in samples]],
-            np.stack([camera_up(angles[1], angles[2]) for _, angles in samples]),
+            orientation[[i for i, _ in samples]], np.stack([camera_up(angles[1], angles[2]) for _, angles in samples])
         )
     position = {step.frame: i for i, step in enumerate(tracked.steps)}
     predictions = [estimate.prediction for estimate in tracked.estimates.values()]

@@ -45,12 +45,7 @@ from lighting.video.keyframes import (
 from lighting.video.light import FrameObservation, ShotLight
 from lighting.video.observation import NETWORK_INTERVAL, observe_shots
 from lighting.video.telemetry import Gimbal
-from lighting.video.tracking import (
-    ClipMetadata,
-    FrameRotation,
-    ShotObservations,
-    chain_gains,
-)
+from lighting.video.tracking import ClipMetadata, FrameRotation, ShotObservations, chain_gains
 
 MIN_AGREEMENT = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
 _NIGHT_FALLS = (

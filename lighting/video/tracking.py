@@ -18,11 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import SRGB_LINEAR
-from lighting.fusion.metadata_prior import (
-    MetadataPrior,
-    camera_observations,
-    observations_from_metadata,
-)
+from lighting.fusion.metadata_prior import MetadataPrior, camera_observations, observations_from_metadata
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
