@@ -140,15 +140,11 @@ class BracketFiles:
             ProbeError: the time or its zone is not known.
         """
         if self.time is None:
-            raise ProbeError(
-                f"{self.files[0]} does not say when it was taken; tell the time.", "time", ErrorCode.MISSING
-            )
+            sentence = f"{self.files[0]} does not say when it was taken; tell the time."
+            raise ProbeError(sentence, "time", ErrorCode.MISSING)
         if self.time.tzinfo is None and utc_offset is None:
-            raise ProbeError(
-                f"{self.files[0]} has a local time of no known zone; tell its offset from UTC.",
-                "utc_offset",
-                ErrorCode.MISSING,
-            )
+            sentence = f"{self.files[0]} has a local time of no known zone; tell its offset from UTC."
+            raise ProbeError(sentence, "utc_offset", ErrorCode.MISSING)
         return self.time if self.time.tzinfo else to_utc(self.time, utc_offset or 0.0)
 
 
@@ -288,7 +284,6 @@ def _parse_time_attribute(text: str, path: Path, zone: tzinfo) -> datetime:
     try:
         time = datetime.fromisoformat(text)
     except ValueError as error:
-        raise ProbeError(
-            f"{path}: {TIME_ATTRIBUTE} is {reprlib.repr(text)}, which is no time.", code=ErrorCode.MALFORMED
-        ) from error
+        sentence = f"{path}: {TIME_ATTRIBUTE} is {reprlib.repr(text)}, which is no time."
+        raise ProbeError(sentence, code=ErrorCode.MALFORMED) from error
     return time if time.tzinfo else time.replace(tzinfo=zone)

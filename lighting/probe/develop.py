@@ -68,13 +68,11 @@ class BracketSettings:
         _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
         check_lens(self.kind, self.fov, self.radius)
         if not 0.0 <= self.nd <= MAX_STOPS:
-            raise ProbeError(
-                f"The filter has {self.nd:g} stops; it must have 0 to {MAX_STOPS:g}.", "nd", ErrorCode.OUT_OF_RANGE
-            )
+            sentence = f"The filter has {self.nd:g} stops; it must have 0 to {MAX_STOPS:g}."
+            raise ProbeError(sentence, "nd", ErrorCode.OUT_OF_RANGE)
         if self.pitch is not None and not -90.0 <= self.pitch <= 90.0:
-            raise ProbeError(
-                f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90.", "pitch", ErrorCode.OUT_OF_RANGE
-            )
+            sentence = f"The camera looks {self.pitch:g} deg up; that must lie in -90 to 90."
+            raise ProbeError(sentence, "pitch", ErrorCode.OUT_OF_RANGE)
 
 
 @dataclass(frozen=True)
@@ -99,9 +97,8 @@ def _check_day(moment: Moment) -> None:
     """Raise ProbeError where the sun is below the horizon."""
     if moment.sun[1] < 0:
         time = moment.time.isoformat(timespec="minutes")
-        raise ProbeError(
-            f"At {time} the sun is {-moment.sun[1]:.0f} deg below the horizon: it is night.", code=ErrorCode.NIGHT
-        )
+        sentence = f"At {time} the sun is {-moment.sun[1]:.0f} deg below the horizon: it is night."
+        raise ProbeError(sentence, code=ErrorCode.NIGHT)
 
 
 def _check_finite(what: str, *numbers: float | None) -> None:
@@ -203,11 +200,8 @@ def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> P
     if settings.yaw is not None:
         return _finish_probe(bracket_hdr, yaw_rotation(settings.yaw), None, moment, settings)
     if bracket_hdr.spot is None:
-        raise ProbeError(
-            "No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw.",
-            "yaw",
-            ErrorCode.MISSING,
-        )
+        sentence = "No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw."
+        raise ProbeError(sentence, "yaw", ErrorCode.MISSING)
     observed = (bracket_hdr.spot.azimuth, bracket_hdr.spot.elevation)
     alignment = align_by_sun(bracket_hdr.lens, observed, moment.sun)
     return _finish_probe(bracket_hdr, alignment.rotation, alignment, moment, settings)
@@ -358,9 +352,8 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ProbeError(
-                f"{path.parent} cannot be made: {error.strerror or error}.", code=ErrorCode.UNWRITABLE
-            ) from error
+            sentence = f"{path.parent} cannot be made: {error.strerror or error}."
+            raise ProbeError(sentence, code=ErrorCode.UNWRITABLE) from error
     write_exr(path, probe.image, attributes=_probe_attributes(probe))
     return path
 

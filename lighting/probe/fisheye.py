@@ -83,17 +83,13 @@ def check_lens(kind: LensKind, fov: float | None, radius: float | None) -> None:
         ProbeError: no lens of the kind has them.
     """
     if fov is not None and not 0 < fov <= 360:
-        raise ProbeError(
-            f"The lens's field of view is {fov:g} deg; it must be over 0 and up to 360.", "fov", ErrorCode.OUT_OF_RANGE
-        )
+        sentence = f"The lens's field of view is {fov:g} deg; it must be over 0 and up to 360."
+        raise ProbeError(sentence, "fov", ErrorCode.OUT_OF_RANGE)
     if fov == 360 and kind == "equisolid":
         raise ProbeError("The field of view of an equisolid lens must be under 360 deg.", "fov", ErrorCode.OUT_OF_RANGE)
     if radius is not None and not radius > 0:
-        raise ProbeError(
-            f"The radius of the lens's circle is {radius:g} pixels; it must be over 0.",
-            "radius",
-            ErrorCode.OUT_OF_RANGE,
-        )
+        sentence = f"The radius of the lens's circle is {radius:g} pixels; it must be over 0."
+        raise ProbeError(sentence, "radius", ErrorCode.OUT_OF_RANGE)
 
 
 def project_to_lens(lens: Lens, directions: ArrayLike) -> Floats:

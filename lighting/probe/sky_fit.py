@@ -193,9 +193,8 @@ def describe_sky(image: NDArray[np.float32], sun: tuple[float, float] | None = N
     _check_sky(image)
     azimuth, elevation = sun or _find_sun_direction(image)
     if elevation < 0:
-        raise ProbeError(
-            f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit.", code=ErrorCode.NIGHT
-        )
+        sentence = f"The sun is {-elevation:.0f} deg below the horizon: there is no daylight sky to fit."
+        raise ProbeError(sentence, code=ErrorCode.NIGHT)
     fit = fit_sky(image, direction(azimuth, elevation))
     if fit is None:
         raise ProbeError("Too little clear sky is seen to fit a model to: the sky is overcast or hidden.")

@@ -375,9 +375,8 @@ def _reduce_photo(photo: _DayPhoto, size: int | None) -> _DayPhoto:
     factor = 1 if not size else -(-max(height, width) // size)
     rows, columns = height // factor, width // factor
     if min(rows, columns) < MIN_SIDE:
-        raise PhotoError(
-            f"{photo.name} is reduced to {columns} x {rows} pixels; normals need {MIN_SIDE} or more each way."
-        )
+        sentence = f"{photo.name} is reduced to {columns} x {rows} pixels; normals need {MIN_SIDE} or more each way."
+        raise PhotoError(sentence)
     if factor == 1:
         return photo
     cut = photo.pixels[: rows * factor, : columns * factor].reshape(rows, factor, columns, factor, -1)

@@ -341,11 +341,8 @@ def _surface_points(result: NormalsResult) -> Floats:
 def _heading(photos: DayPhotos, options: NormalsOptions) -> float:
     heading = photos.heading if options.heading is None else options.heading
     if heading is None:
-        raise ParameterError(
-            "The photos do not say which way the camera looked; give --heading in degrees from north.",
-            "heading",
-            ErrorCode.MISSING,
-        )
+        sentence = "The photos do not say which way the camera looked; give --heading in degrees from north."
+        raise ParameterError(sentence, "heading", ErrorCode.MISSING)
     return heading
 
 
@@ -370,9 +367,8 @@ def _sun_directions(photos: DayPhotos, options: NormalsOptions) -> Floats:
     check_location(*location)
     latitude, longitude = location if None not in location else (photos.location or location)
     if latitude is None or longitude is None:
-        raise ParameterError(
-            "The photos do not say where they were taken; give --lat and --lon.", "latitude", ErrorCode.MISSING
-        )
+        sentence = "The photos do not say where they were taken; give --lat and --lon."
+        raise ParameterError(sentence, "latitude", ErrorCode.MISSING)
     suns = sun_directions(photos.times, latitude, longitude)
     if (suns[:, 1] <= 0).any():
         night = photos.names[int(np.argmin(suns[:, 1]))]

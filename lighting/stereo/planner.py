@@ -62,9 +62,8 @@ def day_maps(folder: Path, day: date, utc_offset: float = 0.0) -> dict[float, Pa
 def _read_day(day: date, files: Mapping[float, Path]) -> SkyDay:
     """The probes of one day by minutes since midnight; ParameterError where there are fewer than two of it."""
     if len(files) < 2:
-        raise ParameterError(
-            f"There is one probe of {day}; a plan needs two or more of a day.", code=ErrorCode.INSUFFICIENT
-        )
+        sentence = f"There is one probe of {day}; a plan needs two or more of a day."
+        raise ParameterError(sentence, code=ErrorCode.INSUFFICIENT)
     minutes = np.array(sorted(files))
     skies = gray_skies(read_skies([files[minute] for minute in minutes]))
     tolerance = min(float(np.diff(minutes).max()), MAX_PROBE_GAP) / 2
@@ -115,11 +114,8 @@ class ModelledSkies:
         check_range("latitude", self.latitude, *OPTIONAL_RANGES["latitude"])
         check_range("longitude", self.longitude, *OPTIONAL_RANGES["longitude"])
         if self.sky not in _SKY_TEXT:
-            raise ParameterError(
-                f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY_TEXT)}.",
-                "sky",
-                ErrorCode.UNKNOWN,
-            )
+            sentence = f"The sky {self.sky!r} is not known; it must be one of {', '.join(_SKY_TEXT)}."
+            raise ParameterError(sentence, "sky", ErrorCode.UNKNOWN)
         if self.utc_offset is not None:
             check_range("utc_offset", self.utc_offset, *UTC_OFFSET_RANGE)
         for name, day in (("first", self.first), ("last", self.last)):
@@ -155,11 +151,8 @@ class MeasuredSkies:
         chosen = {day: files for day, files in days.items() if first <= day <= last}
         if not chosen:
             when = f"on {first}" if first == last else f"from {first} to {last}"
-            raise ParameterError(
-                f"{self.folder} has no probes {when}; it has some from {min(days)} to {max(days)}.",
-                "first",
-                ErrorCode.MISSING,
-            )
+            sentence = f"{self.folder} has no probes {when}; it has some from {min(days)} to {max(days)}."
+            raise ParameterError(sentence, "first", ErrorCode.MISSING)
         return chosen
 
 

@@ -271,11 +271,8 @@ def days_between(first: date, last: date) -> list[date]:
     if count < 1:
         raise ParameterError(f"The last day, {last}, is before the first, {first}.", "last", ErrorCode.CONTRADICTION)
     if count > MAX_DAYS:
-        raise ParameterError(
-            f"From {first} to {last} are {count} days; a plan covers {MAX_DAYS} at most.",
-            "last",
-            ErrorCode.OUT_OF_RANGE,
-        )
+        sentence = f"From {first} to {last} are {count} days; a plan covers {MAX_DAYS} at most."
+        raise ParameterError(sentence, "last", ErrorCode.OUT_OF_RANGE)
     return [first + timedelta(days=i) for i in range(count)]
 
 
