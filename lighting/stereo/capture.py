@@ -6,9 +6,10 @@ resembles.
 """
 
 import csv
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -103,12 +104,12 @@ def _read_exposure(path: Path) -> _Exposure:
         return _Exposure()
     base = ExifTags.Base
     names = (base.ExposureTime, base.FNumber, base.ISOSpeedRatings, base.FocalLength)
-    return _Exposure(*(_read_number(tags.get, name) for name in names))
+    return _Exposure(*(_read_number(tags.get(name)) for name in names))
 
 
-def _read_number(get: Callable[[int], Any], tag: int) -> float | None:
+def _read_number(tag: Any) -> float | None:
     try:
-        value = float(get(tag))
+        value = float(tag)
     except (ArithmeticError, TypeError, ValueError):
         return None
     return value if np.isfinite(value) and value > 0 else None
@@ -170,32 +171,28 @@ _MAX_SHIFT = 0.012  # of the picture's longer side, from where on the camera cou
 _MIN_PEAK_RATIO = 2.0  # times as high as at no shift, what the best shift must correlate
 
 
-def _check_static_camera(images: Pixels, names: list[str]) -> None:
+def _check_static_camera(images: Pixels, names: Sequence[str]) -> None:
     """PhotoError where a photo of several (T, H, W) fits the one before it better when shifted by _MOVED or more.
 
     Edges are compared by phase correlation (Kuglin and Hines, 1975); only a shift that fits far better counts, since
     shadows move too.
     """
     spectra = [_edge_spectrum(_shrink_image(image)) for image in images]
-    for index in range(1, len(spectra)):
-        shift = _measure_shift(spectra[index - 1], spectra[index])
-        if shift > _MAX_SHIFT:
-            percent = 100 * shift
-            raise PhotoError(f"{names[index]} is shifted by {percent:.1f} % of its size; the camera must not move.")
+    for name, pair in zip(names[1:], pairwise(spectra), strict=True):
+        if (shift := _measure_shift(*pair)) > _MAX_SHIFT:
+            raise PhotoError(f"{name} is shifted by {100 * shift:.1f} % of its size; the camera must not move.")
 
 
 def _shrink_image(image: Pixels) -> Pixels:
     factor = max(1, max(image.shape) // _COMPARED_SIDE)
     height, width = (side // factor for side in image.shape)
-    cropped = image[: height * factor, : width * factor]
-    return np.asarray(cropped.reshape(height, factor, width, factor).mean(axis=(1, 3)))
+    blocks = image[: height * factor, : width * factor].reshape(height, factor, width, factor)
+    return np.asarray(blocks.mean(axis=(1, 3)))
 
 
 def _edge_spectrum(image: Pixels) -> NDArray[Any]:
     """The spectrum of a picture's edges, whatever their sense, faded out towards the border."""
-    level = np.log(image + 0.01 * image.mean() + 1e-6)
-    down, right = np.gradient(level)
-    edges = np.hypot(down, right)
+    edges = np.hypot(*np.gradient(np.log(image + 0.01 * image.mean() + 1e-6)))
     edges = np.minimum(edges, np.quantile(edges, 0.98))
     window = np.hanning(edges.shape[0])[:, None] * np.hanning(edges.shape[1])[None, :]
     return np.asarray(np.fft.fft2((edges - edges.mean()) * window))
@@ -338,25 +335,16 @@ def read_day_photos(
     _check_same_exposure(photos)
     _check_times(times)
     inside = _make_mask(folder, mask, photos[0].pixels.shape[:2])
-    images = np.stack([shot.pixels for shot in photos])
-    _check_static_camera(images.mean(axis=-1), [shot.name for shot in photos])
+    images, names = np.stack([shot.pixels for shot in photos]), tuple(shot.name for shot in photos)
+    _check_static_camera(images.mean(axis=-1), names)
     unclipped, lost = _exclude_clipped(inside, photos)
     metadata = [shot.metadata for shot in photos]
-    return DayPhotos(
-        names=tuple(shot.name for shot in photos),
-        images=images,
-        times=times,
-        mask=unclipped,
-        location=next((location for f in metadata if (location := location_of(f))), None),
-        heading=next(
-            (f.heading for f in metadata if f.heading is not None and f.heading_reference == HeadingReference.TRUE),
-            None,
-        ),
-        focal_length=next(
-            (f.focal_length for f in metadata if f.vertical_fov is not None), None
-        ),  # not of cropped ones
-        warnings=(*_photo_warnings(photos, lost), *_day_warnings(folder, photos, images, unclipped)),
-    )
+    location = next((place for m in metadata if (place := location_of(m))), None)
+    headings = (m.heading for m in metadata if m.heading_reference == HeadingReference.TRUE)
+    heading = next((degrees for degrees in headings if degrees is not None), None)
+    focal_length = next((m.focal_length for m in metadata if m.vertical_fov is not None), None)  # not of cropped ones
+    warnings = (*_photo_warnings(photos, lost), *_day_warnings(folder, names, images, unclipped))
+    return DayPhotos(names, images, times, unclipped, location, heading, focal_length, warnings)
 
 
 def _list_photos(folder: Path) -> list[Path]:
@@ -408,24 +396,21 @@ def _exclude_clipped(inside: NDArray[np.bool_], photos: list[_DayPhoto]) -> tupl
     return inside & ~clipped, lost_share
 
 
-def _photo_warnings(photos: list[_DayPhoto], lost: float) -> tuple[str, ...]:
-    warnings = []
+def _photo_warnings(photos: list[_DayPhoto], lost: float) -> Iterator[str]:
     if any(photo.coded for photo in photos):
-        warnings.append("JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals.")
+        yield "JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals."
     if any(photo.exposure.seconds is None for photo in photos):
-        warnings.append("Not every photo says its exposure; it is taken to be the same in all.")
+        yield "Not every photo says its exposure; it is taken to be the same in all."
     if lost:
-        warnings.append(f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out.")
-    return tuple(warnings)
+        yield f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out."
 
 
-def _day_warnings(folder: Path, photos: list[_DayPhoto], images: Pixels, mask: NDArray[np.bool_]) -> list[str]:
-    names = {photo.name for photo in photos}
-    listed = _listed_times(folder / TIMES_FILE)
-    warnings = [f"{TIMES_FILE} lists {name}, which is not there." for name in listed if name not in names]
+def _day_warnings(folder: Path, names: Sequence[str], images: Pixels, mask: NDArray[np.bool_]) -> Iterator[str]:
+    for name in _listed_times(folder / TIMES_FILE):
+        if name not in names:
+            yield f"{TIMES_FILE} lists {name}, which is not there."
     if not _light_varies(images, mask):
-        warnings.append(
+        yield (
             "All that the photos show brightens and darkens alike, as under an overcast sky or within half an hour: "
             "unless the thing is flat, its normals are worthless."
         )
-    return warnings

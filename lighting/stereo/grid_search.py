@@ -19,6 +19,7 @@ World axes are those of the maps: +Y up, true north at -Z, east at +X.
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -153,18 +154,14 @@ def search_normals(
         progress: passes the results of blocks on as they come.
         threads: that share the blocks.
     """
-    units, size = _normalize_brightness(table), max(1, _BLOCK_RESIDUALS // len(table.normals))
+    length = np.sqrt(np.sum(table.brightness**2, axis=-1, keepdims=True))
+    units = np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _EPSILON), 1, 2))  # (C, T, K)
+    size = max(1, _BLOCK_RESIDUALS // len(table.normals))
     blocks = [images[start : start + size] for start in range(0, len(images), size)] or [images]
     with ThreadPoolExecutor(threads) as pool:
         results = pool.map(lambda block: _search_block(block, table, noise, units), blocks)
         parts = list(progress(results, len(blocks)))
     return SearchResult(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(SearchResult)))
-
-
-def _normalize_brightness(table: Candidates) -> Image:
-    """Brightnesses (C, T, K) scaled to length 1 over the moments."""
-    length = np.sqrt(np.sum(table.brightness**2, axis=-1, keepdims=True))
-    return np.ascontiguousarray(np.swapaxes(table.brightness / np.maximum(length, _EPSILON), 1, 2))
 
 
 def _search_block(images: Image, table: Candidates, noise: float, units: Image) -> SearchResult:
@@ -221,9 +218,7 @@ def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Ima
     return normals[index], np.maximum(far_likelihood[np.arange(len(index)), index], np.float32(-1e4))
 
 
-def _refine_normals(
-    images: Image, table: Candidates, best: NDArray[np.intp], noise: float
-) -> tuple[Image, Image, Image]:
+def _refine_normals(images: Image, table: Candidates, best: NDArray[Any], noise: float) -> tuple[Image, Image, Image]:
     """Normal (P, 3), albedo (P, C) and what they leave of the images (P, T, C), by one step from candidates (P,).
 
     The step is of least squares, damped by the grid's spacing, so that noise along an axis that the light does not tell
@@ -281,20 +276,15 @@ def make_shadow_candidates(skies: Skies, pose: Pose) -> Candidates | None:
     if len(is_lit) < 2:
         return None
     sunny = make_candidates(skies, pose, _SHADOW_GRID_SIZE)
-    shaded = make_candidates(
-        replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance)), pose, _SHADOW_GRID_SIZE
-    )
+    sunless = replace(skies, sun_irradiance=np.zeros_like(skies.sun_irradiance))
+    shaded = make_candidates(sunless, pose, _SHADOW_GRID_SIZE)
     light = np.where(is_lit[:, None, :, None, None], sunny.light, shaded.light)
     brightness = np.where(is_lit[None, :, None, :], sunny.brightness[:, None], shaded.brightness[:, None])
     hidden_count = (~is_lit).sum(axis=1)
     prior = sunny.prior - np.where(hidden_count > 0, _SHADOW_PENALTY + _MOMENT_PENALTY * hidden_count, 0)[:, None]
-    return Candidates(
-        np.tile(sunny.normals, (len(is_lit), 1)),
-        light.reshape(-1, *light.shape[2:]),
-        brightness.reshape(len(brightness), -1, len(skies)),
-        prior.ravel().astype(np.float32),
-        sunny.spacing,
-    )
+    normals, light = np.tile(sunny.normals, (len(is_lit), 1)), light.reshape(-1, *light.shape[2:])
+    brightness = brightness.reshape(len(brightness), -1, len(skies))
+    return Candidates(normals, light, brightness, prior.ravel().astype(np.float32), sunny.spacing)
 
 
 def _shadow_patterns(moments: int) -> NDArray[np.bool_]:
@@ -302,8 +292,7 @@ def _shadow_patterns(moments: int) -> NDArray[np.bool_]:
     longest = moments - _MIN_SUNNY
     some = range(1, longest + 1, max(1, -(-2 * longest // _MAX_PATTERNS)))
     number = np.arange(moments)
-    rows = [number >= 0, *(number >= hidden for hidden in some), *(number < moments - hidden for hidden in some)]
-    return np.stack(rows)
+    return np.stack([number >= 0, *(number >= hidden for hidden in some), *(number < moments - h for h in some)])
 
 
 def search_with_shadows(

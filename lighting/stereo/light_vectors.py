@@ -105,9 +105,8 @@ def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:
     """
     directions = np.asarray(normals, dtype=np.float64)
     flat = directions.reshape(-1, 3)
-    result = sky_light_vectors(skies.radiance, flat) + sun_light_vectors(
-        skies.sun_direction, skies.sun_irradiance, flat
-    )
+    by_sun = sun_light_vectors(skies.sun_direction, skies.sun_irradiance, flat)
+    result = sky_light_vectors(skies.radiance, flat) + by_sun
     return result.reshape(*directions.shape[:-1], *result.shape[1:])
 
 
@@ -213,7 +212,8 @@ def clear_skies(
     directions = np.asarray(suns, dtype=np.float64)
     if (directions[:, 1] < 0).any():
         raise ParameterError("The sun is below the horizon; there is no light to model.", code=ErrorCode.NIGHT)
-    sky = np.stack([_clear_sky(sun, turbidity, ground_albedo, height) for sun in directions])
+    above = latlong_directions(height)[: height // 2].astype(np.float32)
+    sky = np.stack([sky_radiance(above, sun, turbidity, ground_albedo) for sun in directions])
     disc = np.stack([_disc_irradiance(sun, turbidity) for sun in directions])
     level = _horizontal_irradiance(sky) + disc * directions[:, 1:2]
     return Skies(_add_ground(sky, level, ground_albedo), directions, disc)
@@ -228,8 +228,9 @@ def overcast_skies(clear: Skies) -> Skies:
     References:
         [1] Kasten and Czeplak, Solar Energy 24, 1980.
     """
-    level = OVERCAST_SHARE * _ground_irradiance(clear)
     height = clear.radiance.shape[1]
+    by_sun = clear.sun_irradiance * np.maximum(clear.sun_direction[:, 1:2], 0)
+    level = OVERCAST_SHARE * (_horizontal_irradiance(clear.radiance[:, : height // 2]) + by_sun)
     relative = overcast_luminance(latlong_directions(height)[: height // 2])[..., None]
     sky = relative * (level / _horizontal_irradiance(relative))[:, None, None]
     return Skies(_add_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
@@ -273,12 +274,6 @@ def _horizontal_irradiance(sky: NDArray[np.floating[Any]]) -> Floats:
     return np.asarray(by_row @ row_irradiance(2 * rows)[:rows])
 
 
-def _clear_sky(sun: Floats, turbidity: float, ground_albedo: float, height: int) -> NDArray[np.floating[Any]]:
-    """The upper half (H / 2, 2H, 3) of a map without the disc."""
-    above = latlong_directions(height)[: height // 2].astype(np.float32)
-    return sky_radiance(above, sun, turbidity, ground_albedo)
-
-
 def _disc_irradiance(sun: Floats, turbidity: float) -> Floats:
     """Irradiance (3,) of the part of the disc above the horizon on a plane that faces it."""
     points, weight = sun_disc_points(sun, *_DISC_POINTS)
@@ -289,9 +284,3 @@ def _add_ground(sky: Floats, level: Floats, albedo: float) -> NDArray[np.float32
     """Whole maps (T, H, 2H, C) of skies (T, H / 2, 2H, C) over ground with irradiance (T, C)."""
     ground = np.broadcast_to(albedo / np.pi * level[:, None, None], sky.shape)
     return np.concatenate([sky, ground], axis=1).astype(np.float32)
-
-
-def _ground_irradiance(skies: Skies) -> Floats:
-    """Irradiance (T, C) of level ground, the sun included."""
-    sky = _horizontal_irradiance(skies.radiance[:, : skies.radiance.shape[1] // 2])
-    return np.asarray(sky + skies.sun_irradiance * np.maximum(skies.sun_direction[:, 1:2], 0))

@@ -59,14 +59,9 @@ def normal_features(
 
 def _search_planes(search: SearchResult, size: Image, noise: float) -> Image:
     """The planes (SHARED, P) of the search."""
-    numbers = (
-        np.log1p(search.residual / noise),
-        np.tanh(search.log_odds / 4),
-        search.error_rms / 30,
-        np.clip(np.log(size / np.median(size)), -3, 3),
-        np.clip(np.log(noise / size), -8, 0) / 4,
-        np.ones_like(size),
-    )
+    residual, odds, spread = np.log1p(search.residual / noise), np.tanh(search.log_odds / 4), search.error_rms / 30
+    brightness = np.clip(np.log(size / np.median(size)), -3, 3)
+    numbers = (residual, odds, spread, brightness, np.clip(np.log(noise / size), -8, 0) / 4, np.ones_like(size))
     vectors = (search.normal.T, search.mean.T, search.other.T)
     return np.concatenate([*vectors, np.stack(numbers)]).astype(np.float32)
 
@@ -94,8 +89,7 @@ class Network:
         """
         file = _packaged_network() if path is None else path
         session = create_session(file, threads)
-        planes = {port.name: port.shape[-3] for port in session.get_inputs()}
-        if planes != {"by_image": BY_IMAGE, "shared": SHARED}:
+        if {port.name: port.shape[-3] for port in session.get_inputs()} != {"by_image": BY_IMAGE, "shared": SHARED}:
             raise ModelError(f"{file} is not a network of normals of this version.")
         return cls(session)
 
@@ -116,20 +110,14 @@ class Network:
         return normal, error
 
     def _tile(self, features: NormalFeatures, tile: tuple[slice, slice]) -> tuple[Image, Image]:
-        padded = tuple(
-            slice(max(0, part.start - _MARGIN), min(size, part.stop + _MARGIN))
-            for part, size in zip(tile, features.shared.shape[1:], strict=True)
-        )
-        by_image, shared = (
-            _pad_planes(every[..., padded[0], padded[1]]) for every in (features.by_image, features.shared)
-        )
+        starts, ends = [max(0, part.start - _MARGIN) for part in tile], [part.stop + _MARGIN for part in tile]
+        rows, columns = map(slice, starts, ends)
+        by_image, shared = (_pad_planes(every[..., rows, columns]) for every in (features.by_image, features.shared))
         try:
             normal, error = self.session.run(("normal", "error"), {"by_image": by_image[None], "shared": shared[None]})
         except Exception as failure:  # onnxruntime's errors share no public base class
             raise ModelError(f"The network of normals failed: {failure}.") from failure
-        core = tuple(
-            slice(part.start - whole.start, part.stop - whole.start) for part, whole in zip(tile, padded, strict=True)
-        )
+        core = tuple(slice(part.start - start, part.stop - start) for part, start in zip(tile, starts, strict=True))
         return np.moveaxis(normal[0], 0, -1)[core], np.degrees(error[0, 0])[core]
 
 

@@ -196,9 +196,8 @@ def named_normals(facing: float | None) -> tuple[list[NamedNormal], Floats]:
         front, *sides = ((facing + offset) % 360.0 for offset in (0.0, -45.0, 45.0))
         tilted = [("ahead", front, 0.0), ("45° up", front, 45.0), ("45° down", front, -45.0)]
         orientations = [*tilted, *((f"towards {azimuth:g}°", azimuth, 0.0) for azimuth in sides)]
-    return orientations, direction(
-        [azimuth for _, azimuth, _ in orientations], [elevation for *_, elevation in orientations]
-    )
+    _, azimuths, elevations = zip(*orientations, strict=True)
+    return orientations, direction(azimuths, elevations)
 
 
 def half_sphere_normals(facing: float | None, size: int) -> Floats:

@@ -56,13 +56,6 @@ def check_normals_folder(folder: Path, *, overwrite: bool) -> None:
         raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
 
 
-def _write_map(folder: Path, normals: NormalMap, pose: Pose) -> None:
-    """Write the pictures, each as .png and .exr, into a folder that exists; each file appears when it is whole."""
-    for name, plane, codes in _encode_pictures(normals, pose):
-        _write_png16(folder / f"{name}.png", np.where(normals.mask[..., None], codes, 0))
-        _write_picture(folder / f"{name}.exr", plane)
-
-
 def _encode_pictures(normals: NormalMap, pose: Pose) -> list[tuple[str, Image, Floats]]:
     """Name, values (H, W, C) as they are, and as numbers of 16 bits."""
     in_mask = normals.mask[..., None]
@@ -290,19 +283,16 @@ def estimate_normals(
         ParameterError: location or heading are not known.
     """
     folder, progress = Path(folder), progress or NormalsProgress()
+    offset, size = options.utc_offset, options.size
     photos = read_day_photos(
-        folder,
-        mask=options.mask,
-        utc_offset=options.utc_offset,
-        curve=options.curve,
-        size=options.size,
-        progress=progress.photos,
+        folder, mask=options.mask, utc_offset=offset, curve=options.curve, size=size, progress=progress.photos
     )
     pose = Pose(_heading(photos, options), options.pitch, options.roll)
     skies, turbidity = _skies(photos, options, pose)
     check_sun_moves(skies)
     normals = solve_normals(Session(photos.images, photos.mask, skies, pose), options.noise, network, progress.pixels)
-    focal = None if photos.focal_length is None else _focal_in_pixels(photos.focal_length, *photos.mask.shape)
+    diagonal = float(np.hypot(*photos.mask.shape))  # pixels
+    focal = None if photos.focal_length is None else photos.focal_length / FULL_FRAME_DIAGONAL * diagonal
     record = _make_record(normals, photos.names) | {"times_utc": [str(time) for time in photos.times]}
     record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
     record |= {"sky": str(options.probes or "clear"), "turbidity": turbidity}
@@ -318,7 +308,9 @@ def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None
     """
     folder, vertices = Path(folder), _surface_points(result)
     folder.mkdir(exist_ok=True)
-    _write_map(folder, result.map, result.pose)
+    for name, plane, codes in _encode_pictures(result.map, result.pose):
+        _write_png16(folder / f"{name}.png", np.where(result.map.mask[..., None], codes, 0))
+        _write_picture(folder / f"{name}.exr", plane)
     _write_mesh(folder / MESH_FILE, vertices, result.map)
     with atomic_write(folder / RECORD_FILE) as path:
         path.write_text(json.dumps(result.record, indent=2) + "\n", encoding="utf-8")
@@ -374,11 +366,6 @@ def _sun_directions(photos: DayPhotos, options: NormalsOptions) -> Floats:
         night = photos.names[int(np.argmin(suns[:, 1]))]
         raise PhotoError(f"The sun is below the horizon in {night}; check its time and place, or leave it out.")
     return suns
-
-
-def _focal_in_pixels(length: float, height: int, width: int) -> float:
-    """Focal length [pixels] of one in 35 mm terms [mm], by the diagonal."""
-    return length / FULL_FRAME_DIAGONAL * float(np.hypot(height, width))
 
 
 def _make_record(normals: NormalMap, names: Sequence[str]) -> Json:

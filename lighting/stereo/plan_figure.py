@@ -44,7 +44,8 @@ def draw_plan(plan: Plan, title: str, subtitle: str) -> NDArray[np.uint8]:
     draw_text(canvas, (40, 76), subtitle, TextStyle(18, MUTED))
     _draw_windows(canvas, plan)
     _draw_scale(canvas)
-    draw_text(canvas, (_RIGHT, 118), _sphere_caption(plan), TextStyle(18, MUTED))
+    view = "from above, north up" if plan.question.facing is None else "as its camera sees it"
+    draw_text(canvas, (_RIGHT, 118), f"Noise gain over the sphere of normals {view}", TextStyle(18, MUTED))
     for column, window in enumerate(plan.windows):
         _draw_sphere(canvas, _FIRST + column * _STEP, window)
     _draw_orientations(canvas, plan.windows)
@@ -62,13 +63,9 @@ def _gain_colors(gain: Floats) -> NDArray[np.uint8]:
 def _draw_windows(canvas: Image.Image, plan: Plan) -> None:
     """Start of the window to the right, its end upwards."""
     left, top, side = _TRIANGLE
-    first, last = _axis_hours(plan.table)
-    draw_text(
-        canvas,
-        (left - 60, 118),
-        "Noise gain by start and end of the window, median over orientations",
-        TextStyle(18, MUTED),
-    )
+    first, last = int(np.floor(plan.table.start.min() / 60)), int(np.ceil(plan.table.end.max() / 60))  # hours
+    caption = "Noise gain by start and end of the window, median over orientations"
+    draw_text(canvas, (left - 60, 118), caption, TextStyle(18, MUTED))
     canvas.paste(_window_raster(plan.table, first, last).resize((side, side), Image.Resampling.NEAREST), (left, top))
     every = 1 if last - first <= 12 else 2 if last - first <= 16 else 3
     for hour in range(first, last + 1, every):
@@ -86,11 +83,6 @@ def _axis_position(minutes: float, table: WindowTable, first: int, last: int) ->
     """Where along an axis a time is [pixels]: the middle of its cell."""
     cells = 60 * (last - first) / table.step + 1
     return ((minutes - 60 * first) / table.step + 0.5) / cells * _TRIANGLE[2]
-
-
-def _axis_hours(table: WindowTable) -> tuple[int, int]:
-    """The first and the last hour of the axes."""
-    return int(np.floor(table.start.min() / 60)), int(np.ceil(table.end.max() / 60))
 
 
 def _window_raster(table: WindowTable, first: int, last: int) -> Image.Image:
@@ -117,22 +109,12 @@ def _draw_mark(canvas: Image.Image, spot: tuple[float, float], text: str, *, aft
 def _draw_scale(canvas: Image.Image) -> None:
     left, top, width, height = _SCALE
     gains = MIN_GAIN * (MAX_GAIN / MIN_GAIN) ** np.linspace(0, 1, width)
-    bar = Image.fromarray(np.broadcast_to(_gain_colors(gains), (height, width, 3)).copy())
-    canvas.paste(bar, (left, top))
+    canvas.paste(Image.fromarray(np.broadcast_to(_gain_colors(gains), (height, width, 3)).copy()), (left, top))
     for gain in (1, 3, 10, 30, 100, 300):
         x = left + width * np.log(gain / MIN_GAIN) / np.log(MAX_GAIN / MIN_GAIN)
-        draw_text(
-            canvas,
-            (x, top + height + 3),
-            f"{gain}" + ("+" if gain == MAX_GAIN else ""),
-            TextStyle(15, MUTED, anchor="ma"),
-        )
+        label = f"{gain}+" if gain == MAX_GAIN else f"{gain}"
+        draw_text(canvas, (x, top + height + 3), label, TextStyle(15, MUTED, anchor="ma"))
     draw_text(canvas, (left - 10, top + 6), "gain", TextStyle(15, MUTED, anchor="rm"))
-
-
-def _sphere_caption(plan: Plan) -> str:
-    view = "from above, north up" if plan.question.facing is None else "as its camera sees it"
-    return f"Noise gain over the sphere of normals {view}"
 
 
 def _draw_sphere(canvas: Image.Image, left: int, window: Window) -> None:
@@ -141,12 +123,8 @@ def _draw_sphere(canvas: Image.Image, left: int, window: Window) -> None:
     canvas.paste(picture, (left, top), mask=_disc_mask(_SPHERE))
     center = left + _SPHERE / 2
     draw_text(canvas, (center, top + _SPHERE + 14), f"{window.hours} h", TextStyle(24, TEXT, anchor="ma"))
-    draw_text(
-        canvas,
-        (center, top + _SPHERE + 46),
-        f"{format_clock(window.start)} to {format_clock(window.end)}",
-        TextStyle(15, MUTED, anchor="ma"),
-    )
+    times = f"{format_clock(window.start)} to {format_clock(window.end)}"
+    draw_text(canvas, (center, top + _SPHERE + 46), times, TextStyle(15, MUTED, anchor="ma"))
 
 
 def _disc_mask(size: int) -> Image.Image:
@@ -168,9 +146,8 @@ def _draw_orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None
         draw_text(canvas, (_RIGHT, y), name, TextStyle(18, TEXT if number == 0 else MUTED, anchor="lm"))
         for column, error in enumerate(errors):
             x = _FIRST + column * _STEP + _SPHERE
-            draw_text(
-                canvas, (x, y), format_angle_error(error), TextStyle(20, TEXT if error < 10 else MUTED, anchor="rm")
-            )
+            style = TextStyle(20, TEXT if error < 10 else MUTED, anchor="rm")
+            draw_text(canvas, (x, y), format_angle_error(error), style)
 
 
 def format_angle_error(error: float) -> str:

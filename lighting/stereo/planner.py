@@ -1,7 +1,7 @@
 """When to photograph: a plan under modelled skies of a place or under measured ones, and its record and headlines."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import date, timedelta, timezone
 from pathlib import Path
 
@@ -79,7 +79,7 @@ def read_skies(files: list[Path]) -> Skies:
     Raises:
         EnvironmentMapError: a map cannot be read, or sizes differ.
     """
-    parts = [_read_sky(file) for file in files]
+    parts = list(map(_read_sky, files))
     if len({sky.radiance.shape for sky in parts}) > 1:
         raise EnvironmentMapError("The probes differ in size; all must have the same number of rows.")
     return Skies.join(parts)
@@ -175,9 +175,11 @@ def plan_photos(skies: PlanSkies, question: PlanRequest, progress: DayProgress =
         return make_plan(list(files), lambda day, _: _read_day(day, files[day]), question, progress=progress)
     location, weather, days = skies.location, skies.sky, days_between(skies.first, skies.last)
     reference = clear_brightness(location, days)
-    return make_plan(
-        days, lambda day, coarse: modelled_day(location, day, weather, coarse=coarse), question, reference, progress
-    )
+
+    def read(day: date, coarse: bool) -> SkyDay:
+        return modelled_day(location, day, weather, coarse=coarse)
+
+    return make_plan(days, read, question, reference, progress)
 
 
 def plan_record(skies: PlanSkies, plan: Plan) -> Json:
@@ -189,13 +191,7 @@ def plan_record(skies: PlanSkies, plan: Plan) -> Json:
     """
     if isinstance(skies, MeasuredSkies):
         return {"sky": "probes", "utc_offset": skies.utc_offset, **plan.to_dict()}
-    location = skies.location
-    location_record = {
-        "latitude": location.latitude,
-        "longitude": location.longitude,
-        "utc_offset": location.utc_offset,
-    }
-    return {**location_record, "sky": skies.sky, **plan.to_dict()}
+    return {**asdict(skies.location), "sky": skies.sky, **plan.to_dict()}
 
 
 def plan_title(skies: PlanSkies, plan: Plan) -> str:
@@ -222,12 +218,9 @@ def plan_conditions(skies: PlanSkies, question: PlanRequest) -> str:
     """
     offset = skies.utc_offset if isinstance(skies, MeasuredSkies) else skies.location.utc_offset
     facing = "surface all around and up" if question.facing is None else f"surface facing {question.facing:g}°"
-    return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, times UTC{_format_offset(offset)}"
+    minutes, sign = round(abs(offset) * 60), "+" if offset >= 0 else "-"
+    clock = f"UTC{sign}{minutes // 60:02d}:{minutes % 60:02d}"
+    return f"{facing}, {question.shots} photos a window, noise {question.noise:g} %, times {clock}"
 
 
 _SKY_TEXT = {"clear": "clear sky", "overcast": "overcast", "mixed": "broken cloud"}
-
-
-def _format_offset(offset: float) -> str:
-    minutes = round(abs(offset) * 60)
-    return f"{'+' if offset >= 0 else '-'}{minutes // 60:02d}:{minutes % 60:02d}"

@@ -7,7 +7,7 @@ cancels. A window is judged by the median, over the orientations of interest and
 error of the normal.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
 from typing import Literal
@@ -114,27 +114,23 @@ def modelled_day(location: ClockLocation, day: date, weather: Weather, *, coarse
     """
     step, height = (COARSE_STEP, SKY_HEIGHT // 2) if coarse else (FINE_STEP, SKY_HEIGHT)
     minutes = np.arange(0.0, DAY_MINUTES, step)
-    suns = sun_directions(_utc_times(location, day, minutes), location.latitude, location.longitude)
+    suns = _sun_path(location, [day], minutes)
     up = suns[:, 1] > 0
     if up.sum() < 2:
         raise ParameterError(_night_sentence(location, day, day), "first", ErrorCode.NIGHT)
     minutes, suns = minutes[up], suns[up]
     clear = gray_skies(clear_skies(suns, height=height))
-    return SkyDay(day, minutes, step / 2, *_sky_variants(clear, weather))
+    if weather != "mixed":
+        return SkyDay(day, minutes, step / 2, clear if weather == "clear" else overcast_skies(clear), ONE_SKY)
+    variants = Skies.join([broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True)])
+    return SkyDay(day, minutes, step / 2, variants, draw_sunshine(CLOUD_DRAWS, SPELLS, seed=0).astype(np.intp))
 
 
-def _sky_variants(clear: Skies, weather: Weather) -> tuple[Skies, NDArray[np.intp]]:
-    """The variants of all moments, and which of them each draw of the clouds shows."""
-    if weather == "mixed":
-        hidden, shining = (broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True))
-        return Skies.join([hidden, shining]), draw_sunshine(CLOUD_DRAWS, SPELLS, seed=0).astype(np.intp)
-    return clear if weather == "clear" else overcast_skies(clear), ONE_SKY
-
-
-def _utc_times(location: ClockLocation, day: date, minutes: Floats) -> NDArray[np.datetime64]:
-    midnight = np.datetime64(day.isoformat(), "s")
+def _sun_path(location: ClockLocation, days: Sequence[date], minutes: Floats) -> Floats:
+    """Unit vectors (days x T, 3) to the sun at minutes (T,) since midnight of each day."""
+    midnights = np.array([day.isoformat() for day in days], dtype="datetime64[s]")
     seconds = np.rint(60 * (minutes - 60 * location.utc_offset)).astype("timedelta64[s]")
-    return np.asarray(midnight + seconds)
+    return sun_directions((midnights[:, None] + seconds).ravel(), location.latitude, location.longitude)
 
 
 def clear_brightness(location: ClockLocation, days: Sequence[date]) -> float:
@@ -147,9 +143,7 @@ def clear_brightness(location: ClockLocation, days: Sequence[date]) -> float:
     Raises:
         ParameterError: the sun does not rise on any.
     """
-    minutes = np.arange(0.0, DAY_MINUTES, 15.0)
-    times = np.stack([_utc_times(location, day, minutes) for day in days]).ravel()
-    suns = sun_directions(times, location.latitude, location.longitude)
+    suns = _sun_path(location, days, np.arange(0.0, DAY_MINUTES, 15.0))
     highest = suns[np.argmax(suns[:, 1])][None]
     if highest[0, 1] <= 0:
         raise ParameterError(_night_sentence(location, days[0], days[-1]), "first", ErrorCode.NIGHT)
@@ -228,24 +222,18 @@ def score_windows(windows: _Windows, light: Floats, normals: Floats) -> _WindowS
         light: (N, V x T, 3) mean light vectors of that day.
         normals: (N, 3) unit vectors.
     """
-    draws, count = len(windows.moments), len(normals)
-    step = max(1, _CHUNK // (draws * count))
-    parts = [_score_chunk(windows.moments[:, i : i + step], light, normals) for i in range(0, len(windows), step)]
-    empty = np.empty(0)
-    return _WindowScores(
-        *(np.concatenate([empty, *(getattr(part, name) for part in parts)]) for name in ("angular_std", "gain"))
-    )
-
-
-def _score_chunk(moments: NDArray[np.intp], light: Floats, normals: Floats) -> _WindowScores:
-    inverses = window_gram_inverses(light, moments)
-    stds, gain = angular_std(inverses, normals[:, None, None]), gain_from_inverse(inverses).max(axis=-1)
-    return _WindowScores(np.median(stds, axis=(0, 1)), np.median(gain, axis=(0, 1)))
+    step = max(1, _CHUNK // (len(windows.moments) * len(normals)))
+    scores = _WindowScores(np.empty(len(windows)), np.empty(len(windows)))
+    for chunk in (slice(start, start + step) for start in range(0, len(windows), step)):
+        inverses = window_gram_inverses(light, windows.moments[:, chunk])
+        scores.angular_std[chunk] = np.median(angular_std(inverses, normals[:, None, None]), axis=(0, 1))
+        scores.gain[chunk] = np.median(gain_from_inverse(inverses).max(axis=-1), axis=(0, 1))
+    return scores
 
 
 def _windows_in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _Windows:
-    moments, in_light = day.moments(start, end, shots)
-    return _Windows(start[in_light], end[in_light], moments[:, in_light])
+    moments, lit = day.moments(start, end, shots)
+    return _Windows(start[lit], end[lit], moments[:, lit])
 
 
 # The plan of the best day.
@@ -309,7 +297,10 @@ def make_plan(
     normals = normals_of_interest(question.facing)
     light = best.light(normals) / scale
     windows = tuple(_best_windows(best, light, normals, question, scale))
-    return Plan(best.date, question, windows, scores, _window_table(best, light, normals, question))
+    step = START_STEP if len(best.clouds) == 1 else 2 * START_STEP
+    listed = _all_windows(best, question.shots, step)
+    table = WindowTable(step, listed.start, listed.end, score_windows(listed, light, normals).gain)
+    return Plan(best.date, question, windows, scores, table)
 
 
 @dataclass(frozen=True)
@@ -346,31 +337,25 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         scores = score_windows(windows, light, normals)
         best = int(np.argmin(scores.angular_std))
         moments = windows.moments[:, best]
-        yield Window(
-            hours=hours,
-            start=float(windows.start[best]),
-            end=float(windows.end[best]),
-            error=float(angular_error(scores.angular_std[best], question.noise / 100)),
-            gain=float(scores.gain[best]),
-            rotation_free_gain=float(np.median(rotation_free_gain(light[:, moments]))),
-            orientations=_predict_orientations(day, moments, question, scale),
-            sphere=_sphere_gains(day, moments, question, scale),
-        )
+        start, end, gain = (float(each[best]) for each in (windows.start, windows.end, scores.gain))
+        error = float(angular_error(scores.angular_std[best], question.noise / 100))
+        free_gain = float(np.median(rotation_free_gain(light[:, moments])))
+        orientations = tuple(_predict_orientations(day, moments, question, scale))
+        sphere = _sphere_gains(day, moments, question, scale)
+        yield Window(hours, start, end, error, gain, free_gain, orientations, sphere)
 
 
 def _predict_orientations(
     day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float
-) -> tuple[SurfaceOrientation, ...]:
+) -> Iterator[SurfaceOrientation]:
     """What each named orientation gets of photos at moments (K, shots)."""
     names, normals = named_normals(question.facing)
     inverses, noise = _gram_inverses(day, moments, normals, scale), question.noise / 100
     error = np.median(angular_error(angular_std(inverses, normals[:, None]), noise), axis=1)
     gain = np.median(gain_from_inverse(inverses), axis=1)
-    interval = interval_95(gain, noise)
-    return tuple(
-        SurfaceOrientation(*name, float(e), float(g.max()), (float(i[0]), float(i[1]), float(i[2])))
-        for name, e, g, i in zip(names, error, gain, interval, strict=True)
-    )
+    for name, e, g, interval in zip(names, error, gain, interval_95(gain, noise), strict=True):
+        east, up, south = map(float, interval)
+        yield SurfaceOrientation(*name, float(e), float(g.max()), (east, up, south))
 
 
 def _sphere_gains(day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float) -> Floats:
@@ -384,9 +369,3 @@ def _gram_inverses(day: SkyDay, moments: NDArray[np.intp], normals: Floats, scal
     used, index = np.unique(moments, return_inverse=True)
     light = illumination_matrices(day.skies.at(used), normals)[..., 0] / scale
     return window_gram_inverses(light, index.reshape(moments.shape))
-
-
-def _window_table(day: SkyDay, light: Floats, normals: Floats, question: PlanRequest) -> WindowTable:
-    step = START_STEP if len(day.clouds) == 1 else 2 * START_STEP
-    windows = _all_windows(day, question.shots, step)
-    return WindowTable(step, windows.start, windows.end, score_windows(windows, light, normals).gain)

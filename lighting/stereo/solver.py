@@ -105,9 +105,8 @@ def solve_with_planes(
 
 def _session_noise(session: Session) -> float:
     """Standard deviation of what a session's skies leave unexplained, as a share of the brightest pixel."""
-    return _measure_noise(
-        _relative_pixels(session), make_candidates(session.skies, session.pose, _COARSE_GRID_SIZE), _MIN_SKY_NOISE
-    )
+    table = make_candidates(session.skies, session.pose, _COARSE_GRID_SIZE)
+    return _measure_noise(_relative_pixels(session), table, _MIN_SKY_NOISE)
 
 
 def _relative_pixels(session: Session) -> Image:
@@ -127,23 +126,16 @@ def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
     degrees_of_freedom = moments * channels - channels - _NORMAL_PARAMETERS
     if degrees_of_freedom <= 0:
         return least
-    chosen = pixels[:: max(1, len(pixels) // _NOISE_PIXELS)]
-    result = search_normals(chosen, table, least)
+    result = search_normals(pixels[:: max(1, len(pixels) // _NOISE_PIXELS)], table, least)
     std = np.sqrt(np.median(result.residual**2) * moments * channels / degrees_of_freedom)
     return float(max(least, std))
 
 
 def _make_normal_map(mask: NDArray[np.bool_], result: SearchResult, noise: float) -> NormalMap:
     albedo = result.albedo / max(float(np.quantile(result.albedo, 0.99)), 1e-9)
-    return NormalMap(
-        mask,
-        normal=_fill_mask(mask, result.normal),
-        albedo=_fill_mask(mask, albedo.astype(np.float32)),
-        error=_fill_mask(mask, result.error),
-        residual=_fill_mask(mask, result.residual),
-        network=np.zeros(mask.shape, dtype=bool),
-        noise=noise,
-    )
+    planes = (result.normal, albedo.astype(np.float32), result.error, result.residual)
+    normal, albedo, error, residual = (_fill_mask(mask, plane) for plane in planes)
+    return NormalMap(mask, normal, albedo, error, residual, np.zeros(mask.shape, dtype=bool), noise)
 
 
 def _fill_mask(mask: NDArray[np.bool_], values: Image) -> Image:
@@ -167,12 +159,8 @@ def apply_network(normals: NormalMap, network: Network, features: NormalFeatures
     """
     normal, error = network.predict(features)
     better = normals.mask & (error < _MAX_ERROR_RATIO * normals.error)
-    return replace(
-        normals,
-        normal=np.where(better[..., None], normal, normals.normal),
-        error=np.where(better, error, normals.error),
-        network=better,
-    )
+    normal, error = np.where(better[..., None], normal, normals.normal), np.where(better, error, normals.error)
+    return replace(normals, normal=normal, error=error, network=better)
 
 
 def check_sun_moves(skies: Skies) -> None:
@@ -198,7 +186,7 @@ def fit_turbidity(session_at: Callable[[float], Session]) -> float:
     Args:
         session_at: makes the session of a turbidity, 1 to 10.
     """
-    residual = np.array([_session_noise(session_at(turbidity)) for turbidity in TURBIDITIES])
+    residual = np.array([_session_noise(session) for session in map(session_at, TURBIDITIES)])
     best = int(np.clip(residual.argmin(), 1, len(residual) - 2))
     nearby = slice(best - 1, best + 2)
     curve = np.polyfit(TURBIDITIES[nearby], residual[nearby] ** 2, 2)
