@@ -174,10 +174,7 @@ def _protocol_class(service: "Service") -> Any:
 
     limits = service.settings
     return partial(
-        BoundedProtocol,
-        head_seconds=limits.header_seconds,
-        answer_rate=limits.answer_rate,
-        pending=service.pending,
+        BoundedProtocol, head_seconds=limits.header_seconds, answer_rate=limits.answer_rate, pending=service.pending
     )
 
 

@@ -18,42 +18,8 @@ from lighting.records import GROUND_ALBEDO, Color, Json, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
 from lighting.scene.records import PLATE_SIDE
 from lighting.validation import parameter_name
-from server.field_types import (
-    CAMERA_ELEVATION,
-    CAMERA_ROLL,
-    EXPOSURE,
-    GROUND_COLOR,
-    SKY_IRRADIANCE,
-    SUN_AZIMUTH,
-    SUN_ELEVATION,
-    SUN_IRRADIANCE,
-    TURBIDITY,
-    CameraElevation,
-    CameraRoll,
-    Exposure,
-    Flag,
-    FlagOrAuto,
-    FormatName,
-    GroundAlbedo,
-    Headings,
-    Height,
-    InRange,
-    Irradiances,
-    NotNull,
-    Offset,
-    Reflectances,
-    RegistryName,
-    SkyCover,
-    SkyName,
-    SunAzimuth,
-    SunElevation,
-    Time,
-    Turbidity,
-    VerticalFov,
-    field_error,
-    parameter_range,
-    with_field_errors,
-)
+from server import field_types as types
+from server.field_types import InRange, NotNull, RegistryName, field_error, parameter_range
 from server.problems import InvalidField, invalid_field_error, invalid_fields_error
 
 SUN_BY_DEFAULT = "by default where the light states its power, or where it likely shines"
@@ -74,9 +40,9 @@ class Query(BaseModel):
 class UserInputQuery(Query):
     """What the client states about a photo; it overrides the photo's metadata."""
 
-    exif: Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
-    time: Time = Field(None, description="when the photo was taken, ISO 8601, with the offset from UTC if known")
-    utc_offset: Offset = Field(None, description="offset of a local time from UTC in hours, -12 to 14")
+    exif: types.Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
+    time: types.Time = Field(None, description="when the photo was taken, ISO 8601, with the offset from UTC if known")
+    utc_offset: types.Offset = Field(None, description="offset of a local time from UTC in hours, -12 to 14")
     lat: Annotated[float | None, parameter_range("latitude", "deg, positive north; needs `lon`", 48.14)] = None
     lon: Annotated[float | None, parameter_range("longitude", "deg, positive east; needs `lat`", 11.58)] = None
     heading: Annotated[
@@ -86,11 +52,11 @@ class UserInputQuery(Query):
     fov: Annotated[
         float | None, parameter_range("vertical_fov", "deg, vertical field of view of the upright photo", 48.7)
     ] = None
-    keep_location: Flag = Field(False, description="put latitude and longitude into the answer")
+    keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 
     @model_validator(mode="after")
     def _check_consistency(self) -> Self:
-        with_field_errors(lambda _: self.user_input())("")
+        types.with_field_errors(lambda _: self.user_input())("")
         return self
 
     def user_input(self) -> UserInput:
@@ -101,12 +67,12 @@ class UserInputQuery(Query):
 class LightingQuery(UserInputQuery):
     """How one photo or several are estimated, and what the answer includes."""
 
-    probability: Flag = Field(False, description="add the sun's probability on its grid")
-    surroundings: Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
-    headings: Headings = Field(
+    probability: types.Flag = Field(False, description="add the sun's probability on its grid")
+    surroundings: types.Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
+    headings: types.Headings = Field(
         None, description="deg, where each of several photos points, clockwise from any common direction"
     )
-    match: Flag = Field(
+    match: types.Flag = Field(
         True, description="find by what several photos show in common how they are turned, unless `headings` say it"
     )
 
@@ -122,11 +88,13 @@ class LightingQuery(UserInputQuery):
 class MapQuery(Query):
     """How a map is rendered and written."""
 
-    sun: FlagOrAuto = Field(None, description=f"paint the sun's disc; {SUN_BY_DEFAULT}")
-    height: Height = 512
+    sun: types.FlagOrAuto = Field(None, description=f"paint the sun's disc; {SUN_BY_DEFAULT}")
+    height: types.Height = 512
     yaw: Annotated[float, InRange(-360, 360, description="deg, turns the map to the right, sun and record too")] = 0.0
-    format: FormatName = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
-    sky: Annotated[SkyName | None, NotNull()] = Field(None, description="another shape of the sky than the record's")
+    format: types.FormatName = Field("exr", description="OpenEXR, Radiance HDR, or PNG at the photo's exposure")
+    sky: Annotated[types.SkyName | None, NotNull()] = Field(
+        None, description="another shape of the sky than the record's"
+    )
     compression: Annotated[str, RegistryName(COMPRESSIONS)] = Field(
         "zip", description="how an EXR is packed; `pxr24` is the fastest"
     )
@@ -142,10 +110,10 @@ class MapQuery(Query):
 class _IrradianceQuery(Query):
     """Irradiances and colors, which otherwise follow from the sky model or from the photo."""
 
-    sun_irradiance: Irradiances = Field(None, description=SUN_IRRADIANCE)
-    sky_irradiance: Irradiances = Field(None, description=SKY_IRRADIANCE, validate_default=True)
-    sky_cover: Annotated[SkyCover | None, NotNull()] = None
-    ground_color: Reflectances = Field(None, description=GROUND_COLOR)
+    sun_irradiance: types.Irradiances = Field(None, description=types.SUN_IRRADIANCE)
+    sky_irradiance: types.Irradiances = Field(None, description=types.SKY_IRRADIANCE, validate_default=True)
+    sky_cover: Annotated[types.SkyCover | None, NotNull()] = None
+    ground_color: types.Reflectances = Field(None, description=types.GROUND_COLOR)
 
     @field_validator("sky_irradiance")
     @classmethod
@@ -165,12 +133,12 @@ class _IrradianceQuery(Query):
 class _EditQuery(_IrradianceQuery):
     """Parameters of sky and camera that replace the estimate; irradiances that are not among them follow the sky."""
 
-    sun_azimuth: Annotated[float | None, SUN_AZIMUTH] = None
-    sun_elevation: Annotated[float | None, SUN_ELEVATION] = None
-    turbidity: Annotated[float | None, TURBIDITY] = None
-    exposure: Annotated[float | None, EXPOSURE] = None
-    camera_elevation: Annotated[float | None, CAMERA_ELEVATION] = None
-    camera_roll: Annotated[float | None, CAMERA_ROLL] = None
+    sun_azimuth: Annotated[float | None, types.SUN_AZIMUTH] = None
+    sun_elevation: Annotated[float | None, types.SUN_ELEVATION] = None
+    turbidity: Annotated[float | None, types.TURBIDITY] = None
+    exposure: Annotated[float | None, types.EXPOSURE] = None
+    camera_elevation: Annotated[float | None, types.CAMERA_ELEVATION] = None
+    camera_roll: Annotated[float | None, types.CAMERA_ROLL] = None
     vertical_fov: Annotated[
         float | None,
         parameter_range("vertical_fov", "deg; unlike `fov` it leaves the estimate of the sun as it is", 48.7),
@@ -188,7 +156,7 @@ class _EditQuery(_IrradianceQuery):
 class _SurroundingsQuery(Query):
     """Whether a photo's map shows its surroundings."""
 
-    surroundings: FlagOrAuto = Field(
+    surroundings: types.FlagOrAuto = Field(
         None, description="show the place, not the sky alone; by default where the network predicts it"
     )
 
@@ -204,11 +172,11 @@ class EnvmapQuery(MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
 class _SkyParameters(_IrradianceQuery):
     """The parameters of a sky."""
 
-    sun_azimuth: SunAzimuth
-    sun_elevation: SunElevation
-    turbidity: Turbidity
-    exposure: Exposure = DAYLIGHT_EXPOSURE
-    ground_albedo: GroundAlbedo = GROUND_ALBEDO
+    sun_azimuth: types.SunAzimuth
+    sun_elevation: types.SunElevation
+    turbidity: types.Turbidity
+    exposure: types.Exposure = DAYLIGHT_EXPOSURE
+    ground_albedo: types.GroundAlbedo = GROUND_ALBEDO
 
     def to_lighting(self) -> Lighting:
         """The lighting with these parameters; raises ParameterError for values that contradict each other."""
@@ -218,7 +186,7 @@ class _SkyParameters(_IrradianceQuery):
 class SkyQuery(MapQuery, _SkyParameters):
     """A sky from parameters alone."""
 
-    sun: Flag = Field(True, description="paint the sun's disc")
+    sun: types.Flag = Field(True, description="paint the sun's disc")
 
 
 class _ToolQuery(Query):
@@ -244,8 +212,8 @@ else:
 class SceneQuery(_ToolOptionsQuery):
     """The tool that a scene is for, and its options."""
 
-    sun: FlagOrAuto = Field(None, description=f"include direct sunlight; {SUN_BY_DEFAULT}")
-    height: Height = 512
+    sun: types.FlagOrAuto = Field(None, description=f"include direct sunlight; {SUN_BY_DEFAULT}")
+    height: types.Height = 512
 
     @model_validator(mode="after")
     def _check_tool_options(self) -> Self:
@@ -266,10 +234,10 @@ class PhotoSceneQuery(SceneQuery, UserInputQuery, _EditQuery, _SurroundingsQuery
 class SkySceneQuery(SceneQuery, _SkyParameters):
     """A scene from parameters alone."""
 
-    sun: Flag = Field(True, description="include direct sunlight")
-    camera_elevation: CameraElevation = 0.0
-    camera_roll: CameraRoll = 0.0
-    vertical_fov: VerticalFov = 50.0
+    sun: types.Flag = Field(True, description="include direct sunlight")
+    camera_elevation: types.CameraElevation = 0.0
+    camera_roll: types.CameraRoll = 0.0
+    vertical_fov: types.VerticalFov = 50.0
     plate_width: Annotated[int, InRange(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1440
     plate_height: Annotated[int, InRange(MIN_SIDE, PLATE_SIDE, description="of the picture in pixels")] = 1080
 

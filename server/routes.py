@@ -10,30 +10,12 @@ from lighting.records import Json
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
-from server import tasks
+from server import query_params as queries
+from server import responses, tasks
 from server.dependencies import AdmissionDep, PhotoDep, ServiceDep, UploadsDep
 from server.problems import problem_responses
-from server.query_params import (
-    EnvmapQuery,
-    LightingQuery,
-    PhotoSceneQuery,
-    PreviewQuery,
-    SkyQuery,
-    SkySceneQuery,
-    check_photo_headings,
-    refuse_parameters,
-    refuse_photo_parameters,
-)
+from server.query_params import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkyQuery, SkySceneQuery
 from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, media_type, parse_record
-from server.responses import (
-    WARNINGS_HEADER,
-    ZIP_TYPE,
-    check_cache,
-    estimates_to_json,
-    map_response,
-    read_accuracy,
-    scene_response,
-)
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 
 _BINARY_SCHEMA = {"type": "string", "format": "binary"}
@@ -54,9 +36,9 @@ _MAP_RESPONSE: Json = {"content": {entry.media_type: {"schema": _BINARY_SCHEMA} 
 _PNG_RESPONSE: Json = {"content": {"image/png": {"schema": _BINARY_SCHEMA}}}
 _JPEG_RESPONSE: Json = {"content": {"image/jpeg": {"schema": _BINARY_SCHEMA}}}
 _SCENE_RESPONSE: Json = {
-    "content": {ZIP_TYPE: {"schema": _BINARY_SCHEMA}},
+    "content": {responses.ZIP_TYPE: {"schema": _BINARY_SCHEMA}},
     "headers": {
-        WARNINGS_HEADER: {
+        responses.WARNINGS_HEADER: {
             "description": "Where there is any, a JSON array of sentences about the scene and its light",
             "schema": {"type": "string", "contentMediaType": JSON_TYPE},
         }
@@ -87,9 +69,9 @@ async def estimate_lighting(
 
     Several files `photo` in one form are taken together: a burst, a panorama sweep or a drive.
     """
-    check_photo_headings(len(photos), query)
+    queries.check_photo_headings(len(photos), query)
     estimates = await admission.run(tasks.estimate_photos, admission.service, photos, query)
-    return JSONResponse(estimates_to_json(estimates, query, request.scope.get("root_path", "")))
+    return JSONResponse(responses.estimates_to_json(estimates, query, request.scope.get("root_path", "")))
 
 
 @router.get(
@@ -100,11 +82,11 @@ async def estimate_lighting(
 )
 async def render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
-    headers, unchanged = check_cache(request, admission.service, query)
+    headers, unchanged = responses.check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
     data = await admission.run(tasks.encode_envmap_of_lighting, query.to_lighting(), query)
-    return map_response(data, query.format, headers)
+    return responses.map_response(data, query.format, headers)
 
 
 @router.post(
@@ -119,13 +101,13 @@ async def estimate_envmap(
 ) -> Response:
     """From a record nothing is estimated: edit it and render again."""
     if media_type(request) == JSON_TYPE:
-        refuse_photo_parameters(query)
+        queries.refuse_photo_parameters(query)
         lighting = parse_record(await admission.body.record())
         data = await admission.run(tasks.encode_envmap_of_lighting, lighting, query)
     else:
         photo = await admission.body.photo(JSON_TYPE)
         data = await admission.run(tasks.encode_envmap_of_photo, admission.service, photo, query)
-    return map_response(data, query.format)
+    return responses.map_response(data, query.format)
 
 
 @router.post(
@@ -133,7 +115,7 @@ async def estimate_envmap(
     summary="A photo upright, as JPEG",
     response_class=Response,
     responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS},
-    dependencies=[Depends(refuse_parameters)],
+    dependencies=[Depends(queries.refuse_parameters)],
     openapi_extra=_body(_PHOTO_BODY),
 )
 async def show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
@@ -161,11 +143,11 @@ async def draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotate
 )
 async def render_scene(request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
-    headers, unchanged = check_cache(request, admission.service, query)
+    headers, unchanged = responses.check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
     data, warnings = await admission.run(tasks.zip_scene_of_sky, query)
-    return scene_response(data, warnings, headers)
+    return responses.scene_response(data, warnings, headers)
 
 
 @router.post(
@@ -182,14 +164,14 @@ async def estimate_scene(
 
     The parameters of a light replace what is estimated.
     """
-    return scene_response(*await admission.run(tasks.zip_scene_of_photo, admission.service, photo, query))
+    return responses.scene_response(*await admission.run(tasks.zip_scene_of_photo, admission.service, photo, query))
 
 
 @router.get(
     "/model",
     summary="The network that answers",
     responses=problem_responses(500, 503),
-    dependencies=[Depends(refuse_parameters)],
+    dependencies=[Depends(queries.refuse_parameters)],
 )
 async def describe_model(service: ServiceDep) -> ModelCard:
     """Its name, licence, grid and accuracy, whether photos are matched, and what this service can make."""
@@ -199,7 +181,7 @@ async def describe_model(service: ServiceDep) -> ModelCard:
         version=spec.version,
         licence=spec.licence,
         grid=spec.sun_grid,
-        accuracy=read_accuracy(spec, service.model_folder),
+        accuracy=responses.read_accuracy(spec, service.model_folder),
         matching=features.has_opencv(),
         scene_tools=list(EXPORTERS),
         sky_models=list(SKY_MODELS),

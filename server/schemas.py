@@ -10,25 +10,8 @@ from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
 from lighting.validation import OPTIONAL_RANGES
-from server.field_types import (
-    GROUND_COLOR,
-    SKY_IRRADIANCE,
-    SUN_IRRADIANCE,
-    CameraElevation,
-    CameraRoll,
-    Exposure,
-    GroundAlbedo,
-    InRange,
-    Irradiance,
-    Reflectance,
-    SkyCover,
-    SkyName,
-    SunAzimuth,
-    SunElevation,
-    Turbidity,
-    VerticalFov,
-    parameter_range,
-)
+from server import field_types as types
+from server.field_types import InRange, parameter_range
 
 
 def _rgb_field(meaning: str, example: list[float]) -> Any:
@@ -55,13 +38,13 @@ class ModelPart(Part):
 
 
 class SunPart(Part):
-    azimuth: SunAzimuth
-    elevation: SunElevation
+    azimuth: types.SunAzimuth
+    elevation: types.SunElevation
     direction: _Numbers = Field([], description="unit vector towards the sun; computed from the angles")
     visibility: Annotated[
         float, parameter_range("sun_visibility", "probability of direct sunlight on the scene", 0.93)
     ] = 1.0
-    irradiance: list[Irradiance] | None = _rgb_field(SUN_IRRADIANCE, [1.9, 1.7, 1.4])
+    irradiance: list[types.Irradiance] | None = _rgb_field(types.SUN_IRRADIANCE, [1.9, 1.7, 1.4])
     radius_50: Annotated[
         float, parameter_range("radius_50", "deg, radius around the sun that holds 50 % of the probability", 9.5)
     ] = 0.0
@@ -80,23 +63,23 @@ class CoefficientsPart(Part):
 
 
 class SkyPart(Part):
-    model: SkyName = SKY_MODEL
-    turbidity: Turbidity
-    irradiance: list[Irradiance] | None = _rgb_field(SKY_IRRADIANCE, [0.5, 0.6, 0.9])
-    cover: SkyCover | None = None
-    ground_albedo: GroundAlbedo = GROUND_ALBEDO
-    exposure: Exposure
+    model: types.SkyName = SKY_MODEL
+    turbidity: types.Turbidity
+    irradiance: list[types.Irradiance] | None = _rgb_field(types.SKY_IRRADIANCE, [0.5, 0.6, 0.9])
+    cover: types.SkyCover | None = None
+    ground_albedo: types.GroundAlbedo = GROUND_ALBEDO
+    exposure: types.Exposure
     coefficients: CoefficientsPart = Field(default_factory=CoefficientsPart, description="computed from the others")
 
 
 class GroundPart(Part):
-    color: list[Reflectance] | None = _rgb_field(GROUND_COLOR, [0.14, 0.13, 0.11])
+    color: list[types.Reflectance] | None = _rgb_field(types.GROUND_COLOR, [0.14, 0.13, 0.11])
 
 
 class CameraPart(Part):
-    elevation: CameraElevation = 0.0
-    roll: CameraRoll = 0.0
-    vertical_fov: VerticalFov = 50.0
+    elevation: types.CameraElevation = 0.0
+    roll: types.CameraRoll = 0.0
+    vertical_fov: types.VerticalFov = 50.0
     heading: Annotated[float, parameter_range("camera_heading", "deg from true north, clockwise", 134.2)] | None = (
         Field(None, description="only where time and place are known")
     )

@@ -23,17 +23,9 @@ from lighting.preview.picture import PHOTO_SIDE, preview_png
 from lighting.records import Estimate, Lighting
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
+from server import query_params as queries
 from server.dependencies import PhotoAnswer, PhotoMatcher, Service
-from server.query_params import (
-    EnvmapQuery,
-    LightingQuery,
-    MapQuery,
-    PhotoSceneQuery,
-    PreviewQuery,
-    SceneQuery,
-    SkySceneQuery,
-    UserInputQuery,
-)
+from server.query_params import MapQuery, SceneQuery
 from server.request_body import Upload
 
 Pixels = NDArray[np.uint8]
@@ -46,7 +38,7 @@ _UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
 _UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def estimate_photos(service: Service, files: Sequence[Upload], query: LightingQuery) -> list[PhotoAnswer]:
+def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingQuery) -> list[PhotoAnswer]:
     """Estimate the light of photos of one place.
 
     Args:
@@ -102,7 +94,7 @@ def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: Phot
     return encode_envmap(image, rotated, query.format, compression=query.compression)
 
 
-def encode_envmap_of_photo(service: Service, data: bytes, query: EnvmapQuery) -> bytes:
+def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQuery) -> bytes:
     """Estimate the light of a photo and encode its environment map.
 
     Args:
@@ -121,7 +113,7 @@ def encode_envmap_of_photo(service: Service, data: bytes, query: EnvmapQuery) ->
     return encode_envmap_of_lighting(edit_lighting(estimate.lighting, query.changes()), query, context)
 
 
-def _estimate_photo(service: Service, data: bytes, query: UserInputQuery) -> tuple[Photo, Estimate]:
+def _estimate_photo(service: Service, data: bytes, query: queries.UserInputQuery) -> tuple[Photo, Estimate]:
     """Read a photo and estimate its light."""
     photo = service.read_photo(data)
     check_cancelled()
@@ -140,7 +132,7 @@ def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
     return encode_jpeg(service.reread_photo(data, _UPRIGHT_SIDE).pixels, _UPRIGHT_QUALITY)
 
 
-def encode_preview(service: Service, data: bytes, query: PreviewQuery) -> bytes:
+def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -> bytes:
     """Estimate the light of a photo and draw its preview as PNG.
 
     Args:
@@ -161,7 +153,7 @@ def _zip_scene_of_plate(
     return zip_scene(scene, query.tool, **query.options()), scene.warnings
 
 
-def zip_scene_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) -> FileWithWarnings:
+def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQuery) -> FileWithWarnings:
     """Estimate the light of a photo and make a scene as a ZIP archive.
 
     Args:
@@ -176,7 +168,7 @@ def zip_scene_of_photo(service: Service, data: bytes, query: PhotoSceneQuery) ->
     return _zip_scene_of_plate(plate, lighting, query, context)
 
 
-def zip_scene_of_sky(query: SkySceneQuery) -> FileWithWarnings:
+def zip_scene_of_sky(query: queries.SkySceneQuery) -> FileWithWarnings:
     """Make a scene as a ZIP archive, with a gray image in the place of a photo.
 
     Args:

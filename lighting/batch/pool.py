@@ -23,17 +23,7 @@ from multiprocessing.resource_tracker import ensure_running
 from pathlib import Path
 from typing import Generic, TypeVar
 
-from lighting.batch.job import (
-    SETTINGS,
-    BatchJob,
-    MapOptions,
-    PhotoLight,
-    check_settings,
-    estimate_or_error,
-    job_settings,
-    load_worker_estimator,
-    write_photo_map,
-)
+from lighting.batch import job as jobs
 from lighting.batch.results import JOURNAL, TABLE, Journal, check_table, has_lights, open_journal
 from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files.atomic import atomic_write, stale_temporaries
@@ -57,7 +47,7 @@ _READY = "ready"
 
 
 @contextmanager
-def open_batch(job: BatchJob, *, overwrite: bool = False) -> Iterator[Journal]:
+def open_batch(job: jobs.BatchJob, *, overwrite: bool = False) -> Iterator[Journal]:
     """Open the journal of a job, with the results of an interrupted run.
 
     Args:
@@ -74,9 +64,9 @@ def open_batch(job: BatchJob, *, overwrite: bool = False) -> Iterator[Journal]:
     if overwrite:
         check_table(out)
     out.mkdir(parents=True, exist_ok=True)
-    settings, file = job_settings(job), out / SETTINGS
+    settings, file = jobs.job_settings(job), out / jobs.SETTINGS
     if not overwrite:
-        check_settings(file.read_bytes() if file.exists() else None, settings, _has_results(out), job.out)
+        jobs.check_settings(file.read_bytes() if file.exists() else None, settings, _has_results(out), job.out)
     with open_journal(out / JOURNAL) as journal:
         if overwrite:
             journal.clear()
@@ -94,10 +84,10 @@ def _has_results(out: Path) -> bool:
     if not journal.exists():
         return False
     with journal.open("rb") as lines:
-        return has_lights(lines) if (out / SETTINGS).exists() else any(lines)
+        return has_lights(lines) if (out / jobs.SETTINGS).exists() else any(lines)
 
 
-def run_pool(job: BatchJob, names: Sequence[str], journal: Journal, workers: int) -> Iterator[str]:
+def run_pool(job: jobs.BatchJob, names: Sequence[str], journal: Journal, workers: int) -> Iterator[str]:
     """Process the photos that are not in the journal; yields the name of each finished one.
 
     Args:
@@ -114,9 +104,9 @@ def run_pool(job: BatchJob, names: Sequence[str], journal: Journal, workers: int
         yield name
 
 
-def _remove_temporaries(job: BatchJob, names: Sequence[str]) -> None:
+def _remove_temporaries(job: jobs.BatchJob, names: Sequence[str]) -> None:
     """Remove what killed runs left unfinished under temporary names: the batch that holds the journal is alone here."""
-    files = {Path(job.out, name) for name in (SETTINGS, JOURNAL, TABLE)}
+    files = {Path(job.out, name) for name in (jobs.SETTINGS, JOURNAL, TABLE)}
     folders = {name.rpartition("/")[0] for name in names} if job.maps else set()
     maps = {Path(job.out, folder, "map.exr") for folder in folders}
     targets = (file for file in files | maps if not file.is_symlink())  # a link may lead to where others write
@@ -124,12 +114,12 @@ def _remove_temporaries(job: BatchJob, names: Sequence[str]) -> None:
         path.unlink(missing_ok=True)
 
 
-def _prepare(job: BatchJob) -> Callable[[str], tuple[str, bool]]:
+def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool]]:
     """Load the network; returns a function from a photo's name to its line of JSON and whether the photo failed."""
-    estimator = load_worker_estimator(job)
+    estimator = jobs.load_worker_estimator(job)
 
     def work(name: str) -> tuple[str, bool]:
-        answer = estimate_or_error(estimator, Path(job.source, name), job)
+        answer = jobs.estimate_or_error(estimator, Path(job.source, name), job)
         if isinstance(answer, str):
             return json_line(name, answer), True
         if job.maps and (sentence := _write_map(Path(job.out, f"{name}.exr"), answer, job.maps)):
@@ -139,11 +129,11 @@ def _prepare(job: BatchJob) -> Callable[[str], tuple[str, bool]]:
     return work
 
 
-def _write_map(path: Path, answer: PhotoLight, maps: MapOptions) -> str | None:
+def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOptions) -> str | None:
     """Write a map, or say why the system takes none of that name; raises EnvironmentMapError for other failures."""
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
-        write_photo_map(path, answer, maps)
+        jobs.write_photo_map(path, answer, maps)
     except EnvironmentMapError as error:
         if isinstance(error.__cause__, OSError) and error.__cause__.errno in MAP_NAME_ERRORS:
             return MAP_NAME_ERRORS[error.__cause__.errno]

@@ -13,19 +13,7 @@ from importlib.util import find_spec
 from time import monotonic
 from typing import Any
 
-from lighting.batch.job import (
-    PHOTO_SUFFIXES,
-    SETTINGS,
-    BatchJob,
-    PhotoLight,
-    Summary,
-    check_settings,
-    estimate_or_error,
-    find_photos,
-    job_settings,
-    load_worker_estimator,
-    write_photo_map,
-)
+from lighting.batch import job as jobs
 from lighting.batch.results import JOURNAL, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
 from lighting.records import Json
@@ -46,20 +34,26 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
         BatchError: there is no photo.
     """
     if "://" not in source:
-        return find_photos(source)
+        return jobs.find_photos(source)
     filesystem, base = _filesystem_at(source)
     from pyarrow.fs import FileSelector
 
     files = (file.path for file in filesystem.get_file_info(FileSelector(base, recursive=True)) if file.is_file)
-    names = sorted(posixpath.relpath(path, base) for path in files if path.lower().endswith(PHOTO_SUFFIXES))
+    names = sorted(posixpath.relpath(path, base) for path in files if path.lower().endswith(jobs.PHOTO_SUFFIXES))
     if not names:
         raise BatchError(f"{source} holds no photos.")
     return source, names
 
 
 def run_ray(
-    job: BatchJob, names: Sequence[str], *, address: str | None, workers: int | None, overwrite: bool, progress: bool
-) -> Summary:
+    job: jobs.BatchJob,
+    names: Sequence[str],
+    *,
+    address: str | None,
+    workers: int | None,
+    overwrite: bool,
+    progress: bool,
+) -> jobs.Summary:
     """Process the photos that are not in the results.
 
     Args:
@@ -84,20 +78,20 @@ def run_ray(
         with _connected(address):
             _map_photos(job, missing, workers, progress)
     failures = _failed_by_name(filesystem, f"{out}/{TABLE}").values()
-    return Summary(len(failures) - sum(failures), sum(failures), len(earlier), monotonic() - began)
+    return jobs.Summary(len(failures) - sum(failures), sum(failures), len(earlier), monotonic() - began)
 
 
 class _PhotoActor:
     """One estimator, from the bytes of photos to rows of the table."""
 
-    def __init__(self, job: BatchJob) -> None:
+    def __init__(self, job: jobs.BatchJob) -> None:
         self.job = job
-        self.estimator = load_worker_estimator(job)
+        self.estimator = jobs.load_worker_estimator(job)
         self.base = _filesystem_at(job.source)[1]
 
     def __call__(self, photo: Json) -> Json:
         name = posixpath.relpath(photo["path"], self.base)
-        answer = estimate_or_error(self.estimator, photo["bytes"], self.job)
+        answer = jobs.estimate_or_error(self.estimator, photo["bytes"], self.job)
         if isinstance(answer, str):
             return table_row(name, answer)
         if self.job.maps:
@@ -105,7 +99,7 @@ class _PhotoActor:
         return table_row(name, answer.lighting)
 
 
-def _map_photos(job: BatchJob, names: Sequence[str], workers: int | None, progress: bool) -> None:
+def _map_photos(job: jobs.BatchJob, names: Sequence[str], workers: int | None, progress: bool) -> None:
     import ray
 
     filesystem, base = _filesystem_at(job.source)
@@ -159,15 +153,15 @@ def _filesystem_at(path: str) -> tuple[Any, str]:
     return fs.FileSystem.from_uri(path) if "://" in path else (fs.LocalFileSystem(), realpath(path))
 
 
-def _open_results(filesystem: Any, out: str, job: BatchJob, overwrite: bool) -> None:
+def _open_results(filesystem: Any, out: str, job: jobs.BatchJob, overwrite: bool) -> None:
     """Check that the folder is for this job, and write its settings."""
     from pyarrow.fs import FileType
 
-    new = job_settings(job)
-    file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, TABLE))
+    new = jobs.job_settings(job)
+    file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (jobs.SETTINGS, TABLE))
     existing = filesystem.open_input_file(file.path).read() if file.is_file else None
     if not overwrite:
-        check_settings(existing, new, _has_results(filesystem, out), job.out)
+        jobs.check_settings(existing, new, _has_results(filesystem, out), job.out)
     elif parts.type is FileType.Directory:
         filesystem.delete_dir(parts.path)
     elif parts.is_file:
@@ -205,11 +199,11 @@ def _failed_by_name(filesystem: Any, parts: str) -> dict[str, bool]:
     return failures
 
 
-def _write_map(job: BatchJob, name: str, answer: PhotoLight) -> None:
+def _write_map(job: jobs.BatchJob, name: str, answer: jobs.PhotoLight) -> None:
     assert job.maps
     filesystem, out = _filesystem_at(job.out)
     target = f"{out}/{name}.exr"
     filesystem.create_dir(posixpath.dirname(target), recursive=True)
     with filesystem.open_output_stream(f"{target}.part") as stream:
-        write_photo_map(stream, answer, job.maps)
+        jobs.write_photo_map(stream, answer, job.maps)
     filesystem.move(f"{target}.part", target)

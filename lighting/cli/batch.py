@@ -11,15 +11,8 @@ import click
 from click.core import ParameterSource
 
 from lighting.cli import cli
+from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.options import (
-    batch_input_options,
-    check_folder_name,
-    map_options,
-    model_option,
-    quiet_option,
-    surroundings_option,
-)
 
 if TYPE_CHECKING:
     from lighting.batch.job import BatchJob, Summary
@@ -64,10 +57,10 @@ class _Options:
 
 @cli.command("batch")
 @click.argument("input")
-@click.argument("out", callback=check_folder_name)
+@click.argument("out", callback=common.check_folder_name)
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
-@map_options
-@surroundings_option
+@common.map_options
+@common.surroundings_option
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
 @click.option("--workers", type=click.IntRange(1), help="Number of processes; one per CPU by default.")
 @click.option("--overwrite", is_flag=True, help="Discard earlier results instead of resuming; maps stay.")
@@ -75,9 +68,9 @@ class _Options:
     "--engine", type=click.Choice(["pool", "ray"]), default="pool", show_default=True, help="What runs the workers."
 )
 @click.option("--address", metavar="ADDRESS", help="Address of a Ray cluster; a local one is started by default.")
-@batch_input_options
-@model_option
-@quiet_option
+@common.batch_input_options
+@common.model_option
+@common.quiet_option
 @click.pass_context
 def _batch(ctx: click.Context, /, **options: Any) -> None:
     """Estimate the light of many photos.

@@ -90,8 +90,4 @@ def _describe_image(image: "NDArray[np.float32]") -> "Json":
     return {"kind": "environment map" if width == 2 * height else "picture", "width": width, "height": height}
 
 
-_BY_SUFFIX = {
-    ".onnx": _describe_network,
-    ".json": _describe_record,
-    ".jsonl": _describe_record,
-}
+_BY_SUFFIX = {".onnx": _describe_network, ".json": _describe_record, ".jsonl": _describe_record}

@@ -9,15 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.cli import cli
+from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
-from lighting.cli.options import (
-    FiniteRange,
-    height_option,
-    parse_time_option,
-    parse_utc_offset_option,
-    quiet_option,
-    usage_errors,
-)
+from lighting.cli.options import FiniteRange
 from lighting.cli.process import silence_libraries
 from lighting.errors import ProbeError
 from lighting.formatting import format_side
@@ -60,9 +54,9 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
 @click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
-@click.option("--time", metavar="TIME", callback=parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
+@click.option("--time", metavar="TIME", callback=common.parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option(
-    "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Zone of local times: +02:00 or 2."
+    "--utc-offset", metavar="HOURS", callback=common.parse_utc_offset_option, help="Zone of local times: +02:00 or 2."
 )
 @click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
 @click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
@@ -71,16 +65,10 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 )
 @click.option("--series", is_flag=True, help="Many brackets of a camera that stood still: tilt and lens are found too.")
 @click.option("--fill-sun", "fill", is_flag=True, help="A clipped sun gets the model's power.")
-@height_option
+@common.height_option
 @click.option("-o", "--output", required=True, metavar="PATH", help="A file .exr, or a folder to fill.")
-@quiet_option
-def _merge(
-    exposures: tuple[Path, ...],
-    series: bool,
-    output: str,
-    quiet: bool,
-    **options: Any,
-) -> None:
+@common.quiet_option
+def _merge(exposures: tuple[Path, ...], series: bool, output: str, quiet: bool, **options: Any) -> None:
     """Merge bracketed EXPOSURES into one sky in the world's axes: centre column true north, right half east.
 
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
@@ -91,7 +79,7 @@ def _merge(
 
     _check_output(output, series)
     _check_lens(options)
-    with usage_errors():
+    with common.usage_errors():
         stated = UserInput(**{name: options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")})
     if series and stated.time is not None:
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
@@ -136,7 +124,7 @@ def _settings(options: "Json") -> "BracketSettings":
     """The options as the library takes them; UsageError for numbers that no picture is taken by."""
     from lighting.probe.develop import BracketSettings
 
-    with usage_errors(ProbeError):
+    with common.usage_errors(ProbeError):
         return BracketSettings(**options)
 
 

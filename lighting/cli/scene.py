@@ -8,28 +8,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lighting.cli import cli
-from lighting.cli.console import (
-    escape_path,
-    estimate_photo,
-    format_summary,
-    is_same_file,
-    prefix_errors,
-    read_lighting,
-    read_photo_bytes,
-    report_warnings,
-)
-from lighting.cli.options import (
-    RegistryChoice,
-    check_file_name,
-    height_option,
-    model_option,
-    results_folder,
-    silent_option,
-    sun_option,
-    surroundings_option,
-    user_input_options,
-)
+from lighting.cli import cli, console
+from lighting.cli import options as common
 from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
@@ -78,23 +58,23 @@ def _tool_options() -> list[click.Option]:
 @cli.command("scene", cls=_SceneCommand)
 @click.argument("photo")
 @click.option(
-    "--for", "tool", required=True, type=RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
+    "--for", "tool", required=True, type=common.RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
 )
-@results_folder
+@common.results_folder
 @click.option("--overwrite", is_flag=True, help="Replace a scene in FOLDER; other files in it stay.")
 @click.option(
     "--lighting",
     "record",
     metavar="LIGHTING.json",
-    callback=check_file_name,
+    callback=common.check_file_name,
     help="Take the light from this record, not from PHOTO.",
 )
-@height_option
-@sun_option
-@surroundings_option
-@user_input_options
-@model_option
-@silent_option
+@common.height_option
+@common.sun_option
+@common.surroundings_option
+@common.user_input_options
+@common.model_option
+@common.silent_option
 def _scene(**options: Any) -> None:
     """Write PHOTO and its light as a scene for another tool.
 
@@ -111,17 +91,17 @@ def _scene(**options: Any) -> None:
     from lighting.scene.writer import check_scene_folder, write_scene
 
     check_scene_folder(Path(chosen.output), overwrite=chosen.overwrite)
-    with prefix_errors(chosen.photo):
-        data = read_photo_bytes(chosen.photo)
+    with console.prefix_errors(chosen.photo):
+        data = console.read_photo_bytes(chosen.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        estimate = None if chosen.record else estimate_photo(data, chosen.user_input, chosen.model)[1]
-        lighting = estimate.lighting if estimate else read_lighting(chosen.record or "-")
+        estimate = None if chosen.record else console.estimate_photo(data, chosen.user_input, chosen.model)[1]
+        lighting = estimate.lighting if estimate else console.read_lighting(chosen.record or "-")
     context = photo_context(estimate, plate.pixels, surroundings=chosen.surroundings) if estimate else None
     scene = make_scene(plate, lighting, map_height=chosen.height, sun=chosen.sun, context=context)
     write_scene(scene, chosen.tool, chosen.output, overwrite=chosen.overwrite, **chosen.of_tool)
     if not chosen.quiet:
-        click.echo(format_summary(chosen.photo, lighting))
-    report_warnings(chosen.photo, scene.warnings, chosen.quiet)
+        click.echo(console.format_summary(chosen.photo, lighting))
+    console.report_warnings(chosen.photo, scene.warnings, chosen.quiet)
 
 
 def _check(options: _Options) -> None:
@@ -145,8 +125,8 @@ def _check_inputs(options: _Options) -> None:
     for source, name in product(
         filter(None, (options.photo, options.record, options.model)), EXPORTERS[options.tool].files
     ):
-        if is_same_file(str(Path(options.output, name)), source):
-            raise click.UsageError(f"The scene would replace {escape_path(source)}; choose another folder.")
+        if console.is_same_file(str(Path(options.output, name)), source):
+            raise click.UsageError(f"The scene would replace {console.escape_path(source)}; choose another folder.")
 
 
 def _check_record(options: _Options) -> None:

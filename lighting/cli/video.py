@@ -7,17 +7,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lighting.cli import cli
+from lighting.cli import options as common
 from lighting.cli.console import escape_path, refuse_collisions
-from lighting.cli.options import (
-    FiniteRange,
-    RegistryChoice,
-    height_option,
-    model_option,
-    results_folder,
-    silent_option,
-    sun_option,
-    user_input_options,
-)
+from lighting.cli.options import FiniteRange, RegistryChoice
 from lighting.formatting import format_side
 from lighting.scene import animated_tools
 
@@ -29,7 +21,7 @@ if TYPE_CHECKING:
 
 @cli.command("video")
 @click.argument("clip", metavar="SHOT.mp4")
-@results_folder
+@common.results_folder
 @click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
 @click.option(
     "--every",
@@ -42,11 +34,11 @@ if TYPE_CHECKING:
 @click.option("--for", "tool", type=RegistryChoice(animated_tools), help="Also a scene, its camera with key frames.")
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
-@height_option
-@sun_option
-@user_input_options
-@model_option
-@silent_option
+@common.height_option
+@common.sun_option
+@common.user_input_options
+@common.model_option
+@common.silent_option
 @click.pass_context
 def _video(
     ctx: click.Context,

@@ -11,20 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting import geometry
 from lighting.color import srgb_decode, tone_map
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
-from lighting.geometry import (
-    EYE_HEIGHT,
-    OBJECT_POSITION,
-    Floats,
-    Pinhole,
-    camera_directions,
-    camera_pixel,
-    clip_slice,
-    pixel_window,
-    ray_sphere,
-)
+from lighting.geometry import Floats, Pinhole
 from lighting.preview.spheres import SPACING, SphereScene, dim_sun, ground_radiance, shade_sphere, visible_sun_share
 from lighting.records import Lighting
 
@@ -83,7 +74,7 @@ def _ball_centers(camera: Pinhole, spot: tuple[float, float]) -> Floats:
     right, up, forward = camera.axes
     x, y = (np.array(spot) - [camera.width / 2, camera.height / 2]) / camera.focal_length
     sight = forward + x * right - y * up
-    depth = EYE_HEIGHT / -sight[1]
+    depth = geometry.EYE_HEIGHT / -sight[1]
     radius = _ball_radius(camera) / camera.focal_length * depth
     middle = sight * depth / radius + [0.0, 1.0, 0.0]
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
@@ -107,7 +98,7 @@ def _remaining_light(lit: NDArray[np.float32], camera: Pinhole, scene: SphereSce
 def _coarse_ground_points(camera: Pinhole, scene: SphereScene) -> tuple[Floats, NDArray[np.bool_]]:
     """Points (N, 3) of the ground that the balls change, in a picture of fewer pixels, and which (H, W) they are."""
     size = max(1, camera.width // _COARSE), max(1, camera.height // _COARSE)
-    return _ground_points(camera_directions(replace(camera, width=size[0], height=size[1])), scene)
+    return _ground_points(geometry.camera_directions(replace(camera, width=size[0], height=size[1])), scene)
 
 
 def _shadow_cells(points: Floats, near: NDArray[np.bool_], scene: SphereScene) -> NDArray[np.bool_]:
@@ -120,7 +111,7 @@ def _shadow_cells(points: Floats, near: NDArray[np.bool_], scene: SphereScene) -
 def _shadow_factors(camera: Pinhole, scene: SphereScene, dark: NDArray[np.bool_]) -> NDArray[np.float32]:
     """The share (h, w) of the sun that the balls leave each pixel; shadows lie in and around `dark` cells (H, W)."""
     share = np.ones((camera.height, camera.width), dtype=np.float32)
-    window = pixel_window(dark, camera.height, camera.width)
+    window = geometry.pixel_window(dark, camera.height, camera.width)
     if window is not None:
         points, near = _ground_points(_window_rays(camera, *window), scene)
         fine = np.ones(near.shape)
@@ -153,9 +144,9 @@ def _composite_balls(linear: NDArray[np.float32], camera: Pinhole, scene: Sphere
         depth = float(center @ camera.axes[2])
         if depth <= 0:  # behind a camera that looks straight down through a very wide lens
             continue
-        x, y = camera_pixel(center, camera)
+        x, y = geometry.camera_pixel(center, camera)
         reach = 1.2 * camera.focal_length / depth
-        rows, columns = clip_slice(y, reach, camera.height), clip_slice(x, reach, camera.width)
+        rows, columns = geometry.clip_slice(y, reach, camera.height), geometry.clip_slice(x, reach, camera.width)
         window = result[rows, columns]
         if window.size:
             _draw_ball(window, kind, _window_rays(camera, rows, columns), scene)
@@ -175,7 +166,7 @@ def _window_rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
 def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, scene: SphereScene) -> None:
     """Lay a ball over a window (h, w, 3), mixed with it where it covers a pixel in part."""
     flat = rays.reshape(-1, 3)
-    distance = ray_sphere(np.zeros(3), flat, scene.centers[kind])
+    distance = geometry.ray_sphere(np.zeros(3), flat, scene.centers[kind])
     hit = np.isfinite(distance)
     color = np.zeros_like(flat)
     color[hit] = shade_sphere(kind, flat[hit] * distance[hit, None], flat[hit], scene, mirrored=False)
@@ -211,7 +202,7 @@ def _find_plain_spot(
         return None
     gray = picture.convert("L").resize((small.width, small.height), Image.Resampling.BOX)
     y, x = np.mgrid[: small.height, : small.width] + 0.5
-    away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + OBJECT_POSITION) / 2)
+    away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + geometry.OBJECT_POSITION) / 2)
     lateral, above, below = (radii * tall * small.height for radii in (half_width, _ABOVE, _BELOW))
     differences = _box_means(_pixel_differences(np.asarray(gray, dtype=np.float32)), lateral, above, below)
     down, across = np.unravel_index(
@@ -231,7 +222,7 @@ def _foot_mask(camera: Pinhole, half: float, radius: float) -> NDArray[np.bool_]
 
     `half` is the half width of all [picture heights], `radius` a ball's [focal lengths].
     """
-    rays = camera_directions(camera)
+    rays = geometry.camera_directions(camera)
     below = rays[..., 1] < -2 * radius * (rays @ camera.axes[2])
     below[int(_MAX_FOOT_ROW * camera.height) :] = False
     lateral = np.abs(np.arange(camera.width) + 0.5 - camera.width / 2) / camera.height

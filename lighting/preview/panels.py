@@ -8,28 +8,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
-from lighting.preview.drawing import (
-    HEAT,
-    LINE,
-    MUTED,
-    PANEL,
-    TEXT,
-    WHITE,
-    TextStyle,
-    display_srgb,
-    draw_horizon,
-    draw_lines,
-    draw_outlined_lines,
-    draw_polygon,
-    draw_sun,
-    draw_suns,
-    draw_text,
-    draw_text_inside,
-    horizon_pixels,
-    rounded_mask,
-    sun_mark_color,
-    text_width,
-)
+from lighting.preview import drawing
+from lighting.preview.drawing import TEXT, WHITE, TextStyle, draw_lines, draw_suns, draw_text, draw_text_inside
 from lighting.preview.object_insertion import insert_balls, shows_ground
 from lighting.preview.spheres import SphereScene
 from lighting.records import Estimate, Lighting, SunDistribution
@@ -116,13 +96,13 @@ def draw_photo_panel(
         box: the panel's size.
         scene: balls to put on the photo's ground; None for none.
     """
-    panel = Image.new("RGB", (box.width, box.height), PANEL)
+    panel = Image.new("RGB", (box.width, box.height), drawing.PANEL)
     height, width = photo.shape[:2]
     size = fit_in_box(width, height, box.width, box.height)
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
     picture = picture if scene is None else insert_balls(picture, lighting, scene)
-    draw_horizon(picture, lighting)
-    draw_sun(picture, lighting)
+    drawing.draw_horizon(picture, lighting)
+    drawing.draw_sun(picture, lighting)
     panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
     return panel
 
@@ -139,7 +119,7 @@ def format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
     if not (balls and shows_ground(camera)):
         return _join_caption(horizon)
     long, short = (_join_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
-    return long if text_width(long, LETTERS) <= width else short
+    return long if drawing.text_width(long, LETTERS) <= width else short
 
 
 def _join_caption(contents: list[str]) -> str:
@@ -147,7 +127,7 @@ def _join_caption(contents: list[str]) -> str:
 
 
 def _shows_horizon(camera: Pinhole) -> bool:
-    x, y = horizon_pixels(camera).T
+    x, y = drawing.horizon_pixels(camera).T
     order = np.argsort(x)
     edges = np.interp([0.0, camera.width], x[order], y[order]) if len(x) else np.array([np.inf])
     return bool(edges.min() < camera.height and edges.max() > 0)
@@ -165,16 +145,16 @@ def draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: floa
         aspect: the photo's width / height.
         box: the panel's size.
     """
-    picture = Image.fromarray(display_srgb(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
+    picture = Image.fromarray(drawing.display_srgb(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
 
     def pixels(directions: Floats) -> Floats:
         return latlong_pixel(directions, box.height)
 
     frame = list(_split_at_seam(pixels(_frame_directions(lighting, aspect)), box.width))
-    draw_outlined_lines(picture, frame, WHITE, 1.5)
+    drawing.draw_outlined_lines(picture, frame, WHITE, 1.5)
     _draw_regions(picture, lighting, pixels)
     spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
-    draw_suns(picture, spots, sun_mark_color(lighting), 6.5)
+    draw_suns(picture, spots, drawing.sun_mark_color(lighting), 6.5)
     for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
         draw_text(picture, (box.width * share, box.height - 12), word, TextStyle(16, WHITE, anchor="ms", shaded=True))
     for share, anchor in ((0.008, "ls"), (0.992, "rs")):
@@ -196,19 +176,19 @@ def draw_compass(estimate: Estimate, aspect: float, size: int) -> Image.Image:
         size: of the square panel, in pixels.
     """
     lighting = estimate.lighting
-    panel = Image.new("RGB", (size, size), PANEL)
+    panel = Image.new("RGB", (size, size), drawing.PANEL)
     radius = size / 2 - 44
     heat = _draw_density(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
     corner = (round(size / 2 - radius),) * 2
-    panel.paste(heat, corner, rounded_mask(heat.size, heat.width // 2))
+    panel.paste(heat, corner, drawing.rounded_mask(heat.size, heat.width // 2))
     sideways, _, along = np.abs(lighting.sun_direction)
     _draw_rings(panel, radius)
     view = _on_dome(_frame_directions(lighting, aspect), size, radius)
-    draw_polygon(panel, view, WHITE, 0.10)
+    drawing.draw_polygon(panel, view, WHITE, 0.10)
     draw_lines(panel, [view], WHITE, 1.5, 0.6)
     _draw_regions(panel, lighting, lambda d: _on_dome(d, size, radius))
     _write_degrees(panel, radius, across=bool(sideways < along))
-    draw_suns(panel, _on_dome(lighting.sun_direction[None], size, radius), sun_mark_color(lighting), 8)
+    draw_suns(panel, _on_dome(lighting.sun_direction[None], size, radius), drawing.sun_mark_color(lighting), 8)
     return panel
 
 
@@ -220,8 +200,10 @@ def _draw_density(distribution: SunDistribution) -> Image.Image:
     dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
     density = _density(dome, distribution)
     level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_DENSITY_SIZE, _DENSITY_SIZE)
-    steps = np.linspace(0.0, 1.0, len(HEAT))
-    return Image.fromarray(np.stack([np.interp(level, steps, HEAT[:, c]) for c in range(3)], axis=-1).astype(np.uint8))
+    steps = np.linspace(0.0, 1.0, len(drawing.HEAT))
+    return Image.fromarray(
+        np.stack([np.interp(level, steps, drawing.HEAT[:, c]) for c in range(3)], axis=-1).astype(np.uint8)
+    )
 
 
 def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
@@ -241,11 +223,11 @@ def _draw_rings(panel: Image.Image, radius: float) -> None:
     spokes.append(spokes[0][:, ::-1])
     rings = [_ring_pixels(center, radius * (90 - elevation) / 90) for elevation in _RINGS]
     draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
-    draw_lines(panel, [_ring_pixels(center, radius)], LINE, 2, 1.0)
+    draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
     draw_text(panel, (center, 16), "front", TextStyle(18, TEXT, anchor="mm"))
-    draw_text(panel, (center, panel.height - 16), "behind", TextStyle(18, MUTED, anchor="mm"))
+    draw_text(panel, (center, panel.height - 16), "behind", TextStyle(18, drawing.MUTED, anchor="mm"))
     for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
-        draw_text(panel, (x, center), word, TextStyle(18, MUTED, anchor="mm"))
+        draw_text(panel, (x, center), word, TextStyle(18, drawing.MUTED, anchor="mm"))
 
 
 def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
@@ -278,14 +260,14 @@ def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
 
 def _draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
     """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
-    color = sun_mark_color(lighting)
+    color = drawing.sun_mark_color(lighting)
     labels: list[tuple[str, Floats]] = []
     for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
         rim = _circle_around_sun(lighting, radius)
         if radius <= 0 or rim[180, 1] <= 0:
             continue
         line = pixels(rim[rim[:, 1] > -0.02])
-        draw_outlined_lines(picture, list(_split_at_seam(line, picture.width)), color, width)
+        drawing.draw_outlined_lines(picture, list(_split_at_seam(line, picture.width)), color, width)
         outwards = pixels(rim[180]) - pixels(_circle_around_sun(lighting, 0.98 * radius)[180])
         outwards = outwards / np.hypot(*outwards)
         spot = pixels(rim[180]) + 14 * outwards
@@ -296,7 +278,7 @@ def _draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Fl
 
 def _avoid_overlap(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
     """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
-    room = np.array([text_width("90 %", _SHARE_LETTERS) + 6, _SHARE_LETTERS + 4])
+    room = np.array([drawing.text_width("90 %", _SHARE_LETTERS) + 6, _SHARE_LETTERS + 4])
     for other in others:
         lacking = room - (spot - other) * np.sign(outwards)
         if np.all(np.abs(spot - other) < room):

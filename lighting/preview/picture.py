@@ -13,6 +13,7 @@ from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_tilt
+from lighting.preview import panels
 from lighting.preview.drawing import (
     BACKGROUND,
     MUTED,
@@ -24,20 +25,7 @@ from lighting.preview.drawing import (
     rounded_mask,
     text_width,
 )
-from lighting.preview.panels import (
-    CAPTION,
-    GAP,
-    LETTERS,
-    MARGIN,
-    WARNING_LINE,
-    WIDTH,
-    Box,
-    draw_compass,
-    draw_map_panel,
-    draw_photo_panel,
-    format_photo_caption,
-    lay_out,
-)
+from lighting.preview.panels import GAP, LETTERS, MARGIN, WIDTH
 from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
 from lighting.records import MIN_SUITABLE, Estimate, Lighting, check_estimate
 
@@ -77,22 +65,22 @@ def _draw_preview(
     lighting = estimate.lighting
     envmap = _render_map(photo, estimate, None) if envmap is None else check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
-    plan = lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
-    compass = draw_compass(estimate, aspect, plan.compass.width)
+    plan = panels.lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
+    compass = panels.draw_compass(estimate, aspect, plan.compass.width)
     centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
     photo_scene = scene if lighting.sun_irradiance is not None else None
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
-    photo_text = format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
+    photo_text = panels.format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
     for box, caption, panel in (
-        (plan.photo, photo_text, draw_photo_panel(photo, lighting, plan.photo, photo_scene)),
+        (plan.photo, photo_text, panels.draw_photo_panel(photo, lighting, plan.photo, photo_scene)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (
             plan.envmap,
             "Environment map, the photo's view outlined",
-            draw_map_panel(envmap, lighting, aspect, plan.envmap),
+            panels.draw_map_panel(envmap, lighting, aspect, plan.envmap),
         ),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(scene, lighting, plan.spheres)),
     ):
@@ -103,9 +91,9 @@ def _draw_preview(
     return np.asarray(canvas)
 
 
-def _paste_panel(canvas: Image.Image, box: Box, caption: str, panel: Image.Image) -> None:
+def _paste_panel(canvas: Image.Image, box: panels.Box, caption: str, panel: Image.Image) -> None:
     """Panel with rounded corners, its caption above."""
-    draw_text(canvas, (box.x, box.y - CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
+    draw_text(canvas, (box.x, box.y - panels.CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
     canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
 
 
@@ -118,7 +106,7 @@ def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool
     )
 
 
-def _spheres_panel(scene: SphereScene, lighting: Lighting, box: Box) -> Image.Image:
+def _spheres_panel(scene: SphereScene, lighting: Lighting, box: panels.Box) -> Image.Image:
     linear = render_sphere_scene(scene, lighting, box.width, box.height, supersampling=2)
     return Image.fromarray(display_srgb(linear)).reduce(2)
 
@@ -147,7 +135,7 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     draw_text(canvas, (WIDTH - MARGIN, MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
     draw_text(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
     for number, line in enumerate(_warning_lines(lighting)):
-        draw_text(canvas, (MARGIN, MARGIN + 70 + number * WARNING_LINE), line, TextStyle(18, TEXT))
+        draw_text(canvas, (MARGIN, MARGIN + 70 + number * panels.WARNING_LINE), line, TextStyle(18, TEXT))
 
 
 def _fit_text_size(text: str, size: int, width: float) -> int:

@@ -274,11 +274,7 @@ def _diffuse_irradiance(scene: SphereScene) -> Floats:
 
 
 def _trace(
-    origin: Floats,
-    rays: Floats,
-    scene: SphereScene,
-    leaving: int | None = None,
-    disc_radius: float | None = SUN_RADIUS,
+    origin: Floats, rays: Floats, scene: SphereScene, leaving: int | None = None, disc_radius: float | None = SUN_RADIUS
 ) -> Floats:
     """Radiance (N, 3) along rays (N, 3) from `origin` (3,) or (N, 3), on the sphere they are `leaving` if any.
 

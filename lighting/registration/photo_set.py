@@ -23,6 +23,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting import runtime
 from lighting.circular import weighted_median
 from lighting.errors import ErrorCode, LightingError, TurnsError
 from lighting.geometry import Floats, wrap_azimuth
@@ -37,14 +38,6 @@ from lighting.registration.rotations import (
     leveling_rotation,
 )
 from lighting.registration.two_view import RelativeRotation, estimate_rotation
-from lighting.runtime import (
-    address_space_used,
-    claim_stdout,
-    exit_after,
-    ignore_signals,
-    limit_address_space,
-    start_python,
-)
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -302,7 +295,7 @@ def register_views_isolated(
     """
     request = _request(views, seconds)
     try:
-        process = start_python(CODE)
+        process = runtime.start_python(CODE)
     except OSError as error:
         raise TurnsError("The process that matches photos with each other does not start.") from error
     reply = _read_reply(process, request, seconds, check)
@@ -343,8 +336,8 @@ def _read_reply(process: "Popen[bytes]", request: bytes, seconds: float, check: 
 
 def serve_registration() -> None:
     """Answer the one request on stdin; the process ends with it, or a second after nobody waits for it any more."""
-    ignore_signals()
-    requests, answers = sys.stdin.buffer, claim_stdout()
+    runtime.ignore_signals()
+    requests, answers = sys.stdin.buffer, runtime.claim_stdout()
     pickle.dump(_answer(requests), answers)
     answers.flush()
 
@@ -353,8 +346,8 @@ def _answer(requests: BinaryIO) -> tuple[RegisteredView, ...] | LightingError:
     try:
         import_opencv().setNumThreads(1)
         seconds, memory = pickle.load(requests), pickle.load(requests)
-        with exit_after(seconds):
-            limit_address_space(address_space_used() + memory)
+        with runtime.exit_after(seconds):
+            runtime.limit_address_space(runtime.address_space_used() + memory)
             return register_views(list(_shots(requests)))
     except LightingError as error:
         return error

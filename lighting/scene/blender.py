@@ -17,18 +17,7 @@ from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import to_z_up
 from lighting.records import Json
-from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE
-from lighting.scene.records import (
-    FAR,
-    GROUND_RADIUS,
-    NEAR,
-    PLACEHOLDER_ALBEDO,
-    SENSOR_HEIGHT,
-    SUN_ANGLE,
-    CameraMotion,
-    Scene,
-    make_placeholder,
-)
+from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Folder, read_data_text, write_shared_files
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
@@ -38,7 +27,7 @@ SAMPLES = 128  # of Cycles, per pixel
 YAW = -90.0  # deg about +Z, turns the viewing direction to the map's centre
 
 
-def write_blender(scene: Scene, folder: Folder) -> None:
+def write_blender(scene: records.Scene, folder: Folder) -> None:
     """Write SCRIPT, the NUMBERS that it reads and the shared files; in a folder on disk also FILE where bpy is.
 
     Args:
@@ -52,7 +41,7 @@ def write_blender(scene: Scene, folder: Folder) -> None:
         _save(folder)
 
 
-def animate_blender(motion: CameraMotion) -> dict[str, str]:
+def animate_blender(motion: records.CameraMotion) -> dict[str, str]:
     """SHOT_SCRIPT, which builds the scene and sets key frames, and the SHOT_NUMBERS that it reads.
 
     Args:
@@ -81,7 +70,7 @@ def _save(folder: Path) -> None:
         raise SceneError(f"Blender could not build {FILE}: {lines[-1]}", code=ErrorCode.FAILED)
 
 
-def _description(scene: Scene) -> Json:
+def _description(scene: records.Scene) -> Json:
     """What data/blender_scene.py reads: meters, degrees, millimeters; +Z up, the camera looks along +Y."""
     matrix = scene.camera_matrix
     matrix[:3] = to_z_up(matrix[:3].T).T
@@ -97,18 +86,18 @@ def _description(scene: Scene) -> Json:
         "size": [scene.width, scene.height],
         "camera": {
             "matrix": matrix.tolist(),
-            "sensor": [scene.sensor_width, SENSOR_HEIGHT],
+            "sensor": [scene.sensor_width, records.SENSOR_HEIGHT],
             "focal_length": scene.focal_length,
-            "clip": [NEAR, FAR],
+            "clip": [records.NEAR, records.FAR],
         },
-        "sun": {"direction": sun, "angle": SUN_ANGLE, "colour": color.tolist(), "irradiance": strength},
+        "sun": {"direction": sun, "angle": records.SUN_ANGLE, "colour": color.tolist(), "irradiance": strength},
         "sky": {"yaw": YAW, "native": _native_sky(scene)},
-        "ground": {"radius": GROUND_RADIUS, "albedo": scene.ground.tolist()},
+        "ground": {"radius": records.GROUND_RADIUS, "albedo": scene.ground.tolist()},
         "placeholder": _placeholder(scene),
     }
 
 
-def _native_sky(scene: Scene) -> Json:
+def _native_sky(scene: records.Scene) -> Json:
     return {
         "sun_direction": to_z_up(scene.sun_direction).tolist(),
         "turbidity": scene.lighting.turbidity,
@@ -117,14 +106,14 @@ def _native_sky(scene: Scene) -> Json:
     }
 
 
-def _placeholder(scene: Scene) -> Json:
+def _placeholder(scene: records.Scene) -> Json:
     """The stick's foot is relative to the spot."""
-    placeholder = make_placeholder(scene)
+    placeholder = records.make_placeholder(scene)
     return {
         "spot": to_z_up(scene.spot).tolist(),
         "ball_radius": placeholder.ball_radius,
         "stick_foot": to_z_up(placeholder.stick_foot).tolist(),
         "stick_radius": placeholder.stick_radius,
         "stick_height": placeholder.stick_height,
-        "albedo": [PLACEHOLDER_ALBEDO] * 3,
+        "albedo": [records.PLACEHOLDER_ALBEDO] * 3,
     }

@@ -73,11 +73,7 @@ def _nodes(scene: Scene) -> list[Json]:
     return [
         {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
         {"name": "Plate", "mesh": 3, "matrix": _columns(plate)},  # not the camera's child, which Babylon.js mirrors
-        {
-            "name": "Sun",
-            "matrix": _columns(scene.sun_matrix),
-            "extensions": {"KHR_lights_punctual": {"light": 0}},
-        },
+        {"name": "Sun", "matrix": _columns(scene.sun_matrix), "extensions": {"KHR_lights_punctual": {"light": 0}}},
         {"name": "Ground", "mesh": 2, "translation": scene.spot.tolist()},
         {"name": "YourObject", "translation": scene.spot.tolist(), "children": [5, 6]},
         {"name": "Ball", "mesh": 0, "translation": placeholder.ball_center.tolist()},

@@ -15,26 +15,18 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting import geometry
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
-from lighting.geometry import (
-    EYE_HEIGHT,
-    OBJECT_POSITION,
-    SUN_RADIUS,
-    Floats,
-    Pinhole,
-    camera_axes,
-    camera_pixel,
-    focal_length,
-)
+from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, check_lighting
 
-SUN_ANGLE = 2 * SUN_RADIUS  # deg
+SUN_ANGLE = 2 * geometry.SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
 GROUND_RADIUS = 500.0  # m; beyond it the map shows the same ground
 NEAR, FAR = 0.05, 2000.0  # m, the camera's clipping distances
@@ -88,17 +80,17 @@ class Scene:
     @property
     def focal_length(self) -> float:
         """Of the camera, mm."""
-        return focal_length(SENSOR_HEIGHT, self.vertical_fov)
+        return geometry.focal_length(SENSOR_HEIGHT, self.vertical_fov)
 
     @property
     def camera_axes(self) -> Floats:
         """The camera's right, up and forward unit vectors as rows (3, 3)."""
-        return camera_axes(0.0, self.lighting.camera_elevation, self.lighting.camera_roll)
+        return geometry.camera_axes(0.0, self.lighting.camera_elevation, self.lighting.camera_roll)
 
     @property
     def camera_position(self) -> Floats:
         """(3,) meters; the camera is over the origin."""
-        return np.array([0.0, EYE_HEIGHT, 0.0])
+        return np.array([0.0, geometry.EYE_HEIGHT, 0.0])
 
     @property
     def camera_matrix(self) -> Floats:
@@ -116,7 +108,7 @@ class Scene:
     @property
     def sun_matrix(self) -> Floats:
         """Sun to world (4, 4) for column vectors; the sun shines along its own -Z, from the origin."""
-        side = camera_axes(self.lighting.sun_azimuth, 0.0, 0.0)[0]
+        side = geometry.camera_axes(self.lighting.sun_azimuth, 0.0, 0.0)[0]
         matrix = np.eye(4)
         matrix[:3, :3] = np.stack([side, np.cross(self.sun_direction, side), self.sun_direction], axis=1)
         return matrix
@@ -137,10 +129,10 @@ class Scene:
     def spot(self) -> Floats:
         """Where the user's object goes: the point (3,) on the ground that the lower middle of the picture shows."""
         _, up, forward = self.camera_axes
-        sight = forward - OBJECT_POSITION * np.tan(np.radians(self.vertical_fov) / 2) * up
+        sight = forward - geometry.OBJECT_POSITION * np.tan(np.radians(self.vertical_fov) / 2) * up
         ahead = np.array([sight[0], 0.0, sight[2]])
         slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _MIN_DESCENT)
-        return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * EYE_HEIGHT / slope)
+        return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * geometry.EYE_HEIGHT / slope)
 
     @cached_property
     def spot_lit(self) -> float:
@@ -155,7 +147,7 @@ class Scene:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Those of the light, and one each where the spot lies out of the picture and where it lies in shade."""
-        x, y = camera_pixel(self._sight, self._camera)
+        x, y = geometry.camera_pixel(self._sight, self._camera)
         in_view = 0 <= x <= self.width and 0 <= y <= self.height
         hidden = () if in_view else (_HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))),)
         return (*self.lighting.warnings, *hidden, *((_SHADED_SPOT,) if self.spot_in_shade else ()))

@@ -15,17 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import Floats, to_z_up
-from lighting.scene import ENVIRONMENT, PLATE
-from lighting.scene.records import (
-    FAR,
-    GROUND_RADIUS,
-    NEAR,
-    PLACEHOLDER_ALBEDO,
-    SUN_ANGLE,
-    CameraMotion,
-    Scene,
-    make_placeholder,
-)
+from lighting.scene import ENVIRONMENT, PLATE, records
 from lighting.scene.writer import Folder, fill_template, write_shared_files
 
 STAGE, SHOT_STAGE = "scene.usda", "shot.usda"
@@ -36,7 +26,7 @@ APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the st
 _UP = np.array([0.0, 1.0, 0.0])
 
 
-def write_usd(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
+def write_usd(scene: records.Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     """Write STAGE and the files it refers to.
 
     Args:
@@ -53,7 +43,7 @@ def write_usd(scene: Scene, folder: Folder, *, up_axis: str = "Y") -> None:
     (folder / STAGE).write_text(fill_template("scene.usda", _values(scene, up_axis)), encoding="utf-8")
 
 
-def animate_usd(motion: CameraMotion) -> dict[str, str]:
+def animate_usd(motion: records.CameraMotion) -> dict[str, str]:
     """SHOT_STAGE, which lays time samples over STAGE.
 
     Args:
@@ -100,7 +90,7 @@ def _rows(matrix: Floats) -> str:
     return f"( {', '.join(f'({row})' for row in rows)} )"
 
 
-def _values(scene: Scene, up_axis: str) -> dict[str, object]:
+def _values(scene: records.Scene, up_axis: str) -> dict[str, object]:
     """The values of the placeholders in data/scene.usda; lengths in metres."""
     to_stage = partial(_to_stage, up_axis)
     return {
@@ -119,7 +109,7 @@ def _to_stage(up_axis: str, vectors: ArrayLike) -> NDArray[np.float64]:
     return np.asarray(rotated, dtype=np.float64)
 
 
-def _camera_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
+def _camera_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
     picture = _picture_corners(scene)
     return {
         "resolution": f"({scene.width}, {scene.height})",
@@ -127,18 +117,18 @@ def _camera_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
         "focal_length": _number(scene.focal_length / APERTURE_UNIT),
         "horizontal_aperture": _number(scene.sensor_width / APERTURE_UNIT),
         "vertical_aperture": _number(scene.sensor_width * scene.height / scene.width / APERTURE_UNIT),
-        "clipping": _vector([NEAR, FAR]),
+        "clipping": _vector([records.NEAR, records.FAR]),
         "plate_points": _vectors(picture),
         "plate_extent": _extent(picture),
     }
 
 
-def _light_values(scene: Scene, to_stage: ToStage) -> dict[str, object]:
+def _light_values(scene: records.Scene, to_stage: ToStage) -> dict[str, object]:
     color, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "sky_matrix": _matrix(to_stage([[-1, 0, 0], [0, 1, 0], [0, 0, -1], [0, 0, 0]])),
         "sun_matrix": _matrix(to_stage(scene.sun_matrix[:3].T)),
-        "sun_angle": _number(SUN_ANGLE),
+        "sun_angle": _number(records.SUN_ANGLE),
         "sun_colour": _vector(color),
         "sun_intensity": _number(intensity),
         "sun_on_all": int(not scene.spot_in_shade),
@@ -146,8 +136,8 @@ def _light_values(scene: Scene, to_stage: ToStage) -> dict[str, object]:
     }
 
 
-def _ground_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
-    corners = to_stage(GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]))
+def _ground_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
+    corners = to_stage(records.GROUND_RADIUS * np.array([[-1, 0, 1], [1, 0, 1], [1, 0, -1], [-1, 0, -1]]))
     return {
         "ground_points": _vectors(corners),
         "ground_extent": _extent(corners),
@@ -156,11 +146,11 @@ def _ground_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
     }
 
 
-def _object_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
-    placeholder = make_placeholder(scene)
+def _object_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
+    placeholder = records.make_placeholder(scene)
     corner = np.array([placeholder.stick_radius, placeholder.stick_height / 2, placeholder.stick_radius])
     return {
-        "object_colour": _vector([PLACEHOLDER_ALBEDO] * 3),
+        "object_colour": _vector([records.PLACEHOLDER_ALBEDO] * 3),
         "spot": _vector(to_stage(scene.spot)),
         "ball_centre": _vector(to_stage(placeholder.ball_center)),
         "ball_radius": _number(placeholder.ball_radius),
@@ -172,12 +162,12 @@ def _object_values(scene: Scene, to_stage: ToStage) -> dict[str, str]:
     }
 
 
-def _picture_corners(scene: Scene) -> NDArray[np.float64]:
+def _picture_corners(scene: records.Scene) -> NDArray[np.float64]:
     """The plate's corners (4, 3) before the camera, in its own axes, from the lower left counter-clockwise."""
-    half_height = GROUND_RADIUS * np.tan(np.radians(scene.vertical_fov) / 2)
+    half_height = records.GROUND_RADIUS * np.tan(np.radians(scene.vertical_fov) / 2)
     half_width = half_height * scene.width / scene.height
     signs = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    return np.column_stack([signs * [half_width, half_height], np.full(4, -GROUND_RADIUS)])
+    return np.column_stack([signs * [half_width, half_height], np.full(4, -records.GROUND_RADIUS)])
 
 
 def _matrix(rows: NDArray[np.float64]) -> str:
