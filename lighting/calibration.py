@@ -94,12 +94,8 @@ def calibrate_from_lines(
     elevation, roll, log_lens = _posterior_mean(_cameras_near(prediction, _LOG_LENS_OFFSETS), edges, len(gray))
     if known_lens is not None:
         elevation, roll, _ = _posterior_mean(_cameras_near(prediction, known_lens), edges, len(gray))
-    return replace(
-        prediction,
-        camera_elevation=elevation,
-        camera_roll=roll,
-        vertical_fov=math.degrees(2 * math.atan(_tan_half_fov(prediction) * math.exp(log_lens))),
-    )
+    fov = math.degrees(2 * math.atan(_tan_half_fov(prediction) * math.exp(log_lens)))
+    return replace(prediction, camera_elevation=elevation, camera_roll=roll, vertical_fov=fov)
 
 
 def _gray(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -321,9 +317,8 @@ def _log_prior(cameras: _Cameras) -> Floats:
     """Logarithm of the density (L, E, R) of cameras by the network's answer alone, up to a constant."""
     roll_std = float(np.clip(abs(cameras.prediction.camera_roll), *_ROLL_STD_RANGE))
     standardized = (_ELEVATION_OFFSETS / _ELEVATION_STD, _ROLL_OFFSETS / roll_std, cameras.log_lens / _LOG_LENS_STD)
-    elevation, roll, lens = (
-        -0.5 * (_DEGREES_OF_FREEDOM + 1) * np.log1p(z**2 / _DEGREES_OF_FREEDOM) for z in standardized
-    )
+    freedom = _DEGREES_OF_FREEDOM
+    elevation, roll, lens = (-0.5 * (freedom + 1) * np.log1p(z**2 / freedom) for z in standardized)
     return np.asarray(lens[:, None, None] + elevation[:, None] + roll)
 
 

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,19 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, circular_mode
 from lighting.color import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
-from lighting.records import (
-    Color,
-    EvidenceKind,
-    Light,
-    Lighting,
-    Prediction,
-    SunEstimate,
-    clip_color,
-    clip_to_range,
-    round_significant,
-)
+from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
 from lighting.sky.hosek_wilkie import sun_radiance
 from lighting.sun_grid import credible_radii, grid_directions
+from lighting.validation import clip_color, clip_to_range, round_significant
 
 _CANDIDATE_CELLS = 64  # the likeliest; only they may be the answer, so that it never lies between two modes
 _MIN_CANDIDATE_SHARE = 0.05  # least probability of such a cell, as a share of the likeliest cell's
@@ -39,6 +31,7 @@ _CLEAR_TURBIDITY = 3.0  # of those suns
 _WHITE_ELEVATION = 60.0  # deg, of the clear sun that cameras show as white
 _LOW_ELEVATIONS = (3.0, 12.0)  # deg between which the sun's color follows its known elevation
 _ELEVATION_EXPONENT = 0.5  # of the ratio of clear suns' colors; fitted to the HDR panoramas of `train`
+_CLIPPED_PARAMETERS = ("sun_visibility", "turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov")
 _EPSILON_IRRADIANCE = 1e-6  # stands for none where logarithms are averaged
 
 
@@ -143,22 +136,12 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
         prediction: of the network, or fused with what else is known.
         sun: by all evidence; None: by the network's distribution.
     """
-    sun = sun or sun_from_prediction(prediction)
-    lighting = Lighting(
-        sun_azimuth=clip_to_range("sun_azimuth", sun.azimuth),
-        sun_elevation=clip_to_range("sun_elevation", sun.elevation),
-        radius_50=clip_to_range("radius_50", sun.radius_50),
-        radius_90=clip_to_range("radius_90", sun.radius_90),
-        sun_visibility=clip_to_range("sun_visibility", prediction.sun_visibility),
-        turbidity=clip_to_range("turbidity", prediction.turbidity),
-        exposure=clip_to_range("exposure", prediction.exposure),
-        camera_elevation=clip_to_range("camera_elevation", prediction.camera_elevation),
-        camera_roll=clip_to_range("camera_roll", prediction.camera_roll),
-        vertical_fov=clip_to_range("vertical_fov", prediction.vertical_fov),
-        model_name=prediction.spec.name,
-        model_version=prediction.spec.version,
-        evidence=(EvidenceKind.PIXELS,),
-    )
+    sun, spec = sun or sun_from_prediction(prediction), prediction.spec
+    raw = {"sun_azimuth": sun.azimuth, "sun_elevation": sun.elevation}
+    raw |= {name: getattr(sun, name) for name in ("radius_50", "radius_90")}
+    raw |= {name: getattr(prediction, name) for name in _CLIPPED_PARAMETERS}
+    values: Any = {name: clip_to_range(name, value) for name, value in raw.items()}
+    lighting = Lighting(**values, model_name=spec.name, model_version=spec.version, evidence=(EvidenceKind.PIXELS,))
     return _with_light(lighting, prediction.light, prediction.sun_visibility) if prediction.light else lighting
 
 
@@ -195,9 +178,7 @@ def with_ground_color(lighting: Lighting, reflectance: Floats | None) -> Lightin
         lighting: to change.
         reflectance: (3,) linear Rec.709, 0 to 1; None leaves the lighting as it is.
     """
-    if reflectance is None:
-        return lighting
-    return replace(lighting, ground_color=clip_color(reflectance, "ground_color"))
+    return lighting if reflectance is None else replace(lighting, ground_color=clip_color(reflectance, "ground_color"))
 
 
 def light_to_vector(light: Light) -> Floats:

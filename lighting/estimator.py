@@ -18,7 +18,8 @@ from lighting.fusion.single_view import Observations, camera_elevation_std, fuse
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
-from lighting.records import Estimate, Prediction, clip_color
+from lighting.records import Estimate, Prediction
+from lighting.validation import clip_color
 
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView, View
@@ -190,13 +191,10 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
         tint = np.exp(np.mean(np.log(tints), axis=0))
         skies = (clip_color(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
-    return [
-        replace(
-            estimate,
-            lighting=with_ground_color(light, estimate_ground_albedo(photo.pixels, light, estimate.surroundings)),
-        )
-        for photo, estimate, light in zip(photos, estimates, lights, strict=True)
-    ]
+    each = zip(photos, lights, estimates, strict=True)
+    grounds = [estimate_ground_albedo(photo.pixels, light, one.surroundings) for photo, light, one in each]
+    lights = list(map(with_ground_color, lights, grounds))
+    return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
 
 
 def _check_arguments(photos: object, user_input: object) -> None:
@@ -214,14 +212,9 @@ def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "
 
     fused = fuse_gravity(prediction, observations)
     camera, gravity = fused.prediction, fused.observations.gravity
-    return View(
-        photo.pixels,
-        camera.camera_elevation,
-        camera.camera_roll,
-        prediction.vertical_fov,
-        observations.vertical_fov,
-        UP_STD if gravity is None else min(UP_STD, camera_elevation_std(gravity)),
-    )
+    tilt = (camera.camera_elevation, camera.camera_roll)
+    std = UP_STD if gravity is None else min(UP_STD, camera_elevation_std(gravity))
+    return View(photo.pixels, *tilt, prediction.vertical_fov, observations.vertical_fov, std)
 
 
 def _register_here(views: "Sequence[View]") -> "Sequence[RegisteredView]":

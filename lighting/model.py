@@ -19,15 +19,10 @@ from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
-_LIGHT_OUTPUT = (  # of output `light`: irradiances in the photo's linear units, then two shares
-    *("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue"),
-    *("cover", "suitable"),
-)
+# Of output `light`: irradiances in the photo's linear units, then two shares.
+_LIGHT_OUTPUT = ("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue", "cover", "suitable")
 OUTPUTS = ("sun_probability", "parameters")
-OPTIONAL_OUTPUTS = {  # of which `around` needs `light`
-    "light": (len(_LIGHT_OUTPUT),),
-    "around": SURROUNDINGS_SHAPE,
-}
+OPTIONAL_OUTPUTS = {"light": (len(_LIGHT_OUTPUT),), "around": SURROUNDINGS_SHAPE}  # of which `around` needs `light`
 MODEL_CARD = "MODEL_CARD.md"  # beside a network's file
 
 
@@ -91,11 +86,9 @@ class Model:
             ValueError: the batch has another shape.
             ModelError: the network fails, or its answer is none.
         """
-        expected = (3, self.spec.height, self.spec.width)
-        if batch.ndim != 4 or batch.shape[1:] != expected:
-            raise ValueError(
-                f"The network takes a batch of shape (N, 3, {expected[1]}, {expected[2]}), not {batch.shape}."
-            )
+        height, width = self.spec.height, self.spec.width
+        if batch.ndim != 4 or batch.shape[1:] != (3, height, width):
+            raise ValueError(f"The network takes a batch of shape (N, 3, {height}, {width}), not {batch.shape}.")
         if len(batch) == 0:
             return []
         outputs = self._run(batch)
@@ -128,10 +121,8 @@ def model_or_packaged(model: object) -> Model:
     if model is None:
         return Model.load()
     if not isinstance(model, Model):
-        kind = type(model).__name__
-        raise ParameterError(
-            f"A Model is needed, not {kind}; in lighting.model, Model.load reads a file.", code=ErrorCode.WRONG_TYPE
-        )
+        sentence = f"A Model is needed, not {type(model).__name__}; in lighting.model, Model.load reads a file."
+        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
     return model
 
 

@@ -12,21 +12,12 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.validation as validation
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import Floats, direction
 from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
 from lighting.sky.hosek_wilkie import sky_coefficients
-from lighting.validation import (
-    COLOR_RANGES,
-    OPTIONAL_RANGES,
-    RANGES,
-    RECORD_PATHS,
-    check_color,
-    check_range,
-    convert_numpy_numbers,
-    is_finite,
-    record_path,
-)
+from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES, RECORD_PATHS, check_range
 
 Json = dict[str, Any]  # an object of JSON, as it is read or written
 Color = tuple[float, float, float]  # linear Rec.709
@@ -104,7 +95,7 @@ class ModelSpec:
         for name in ("width", "height"):
             _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
         for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and all(map(is_finite, getattr(self, name))))
+            _check_spec(name, len(getattr(self, name)) == 3 and all(map(validation.is_finite, getattr(self, name))))
         _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
@@ -123,10 +114,9 @@ class ModelSpec:
         """
         try:
             values = json.loads(text)
-            spec = cls(**{**values, "mean": tuple(values["mean"]), "std": tuple(values["std"])})
+            return cls(**{**values, "mean": tuple(values["mean"]), "std": tuple(values["std"])})
         except (ValueError, TypeError, KeyError) as error:
             raise ModelError(f"The model's metadata does not describe its input: {error}.") from error
-        return spec
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,9 +127,7 @@ class Light:
     sky_irradiance: Floats  # (3,) of a level surface by the sky without the sun
     cover: float  # 0 clear to 1 overcast
     suitable: float  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
-    surroundings: NDArray[np.float32] | None = (
-        None  # SURROUNDINGS_SHAPE, radiance all around the camera without the sun
-    )
+    surroundings: NDArray[np.float32] | None = None  # SURROUNDINGS_SHAPE, radiance all around, without the sun
 
 
 @dataclass(frozen=True)
@@ -201,18 +189,17 @@ class Lighting:
     suitable: float | None = None  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
 
     def __post_init__(self) -> None:
-        convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
-        for name, (low, high) in RANGES.items():
-            check_range(name, getattr(self, name), low, high)
-        for name, (low, high) in OPTIONAL_RANGES.items():
-            if getattr(self, name) is not None:
-                check_range(name, getattr(self, name), low, high)
+        validation.convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
+        for name, limits in (RANGES | OPTIONAL_RANGES).items():
+            if name in RANGES or getattr(self, name) is not None:
+                check_range(name, getattr(self, name), *limits)
         for name, limits in COLOR_RANGES.items():
             if getattr(self, name) is not None:
-                check_color(name, getattr(self, name), *limits)
+                validation.check_color(name, getattr(self, name), *limits)
         _check_headings(self.camera_heading_probability)
         for name in ("model_name", "model_version"):
-            _check_text(name, getattr(self, name))
+            if not isinstance(text := getattr(self, name), str):
+                raise ParameterError.about(name, f"must be a text, not {reprlib.repr(text)}.", ErrorCode.WRONG_TYPE)
         object.__setattr__(self, "evidence", tuple(map(str, _texts("evidence", self.evidence))))
         object.__setattr__(self, "warnings", _texts("warnings", self.warnings))
         if not isinstance(self.sky_model, str) or self.sky_model not in SKY_MODELS:
@@ -261,7 +248,7 @@ class Lighting:
         try:
             return cls(**values)
         except ParameterError as error:
-            raise error.renamed(record_path) from error
+            raise error.renamed(validation.record_path) from error
 
 
 def check_lighting(thing: object) -> None:
@@ -289,9 +276,7 @@ class Estimate:
 
     lighting: Lighting
     distribution: SunDistribution  # with all evidence counted
-    surroundings: NDArray[np.float32] | None = field(
-        default=None, repr=False
-    )  # SURROUNDINGS_SHAPE, radiance without the sun
+    surroundings: NDArray[np.float32] | None = field(default=None, repr=False)  # as in `Light`
 
     @property
     def evidence(self) -> tuple[str, ...]:
@@ -315,36 +300,6 @@ def check_estimate(thing: object) -> None:
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
-def round_significant(value: float) -> float:
-    """Round a value to six significant digits, as records hold it.
-
-    Args:
-        value: finite.
-    """
-    return float(f"{value:.6g}")
-
-
-def clip_to_range(name: str, value: float) -> float:
-    """Clip a value to the range that RANGES has for a field, and round it as records hold it.
-
-    Args:
-        name: field of a Lighting in RANGES.
-        value: in the field's unit.
-    """
-    return round_significant(float(np.clip(value, *RANGES[name])))
-
-
-def clip_color(values: Floats, name: str) -> Color:
-    """Clip a color to the range that COLOR_RANGES has for a field, and round it as records hold it.
-
-    Args:
-        values: (3,) red, green and blue.
-        name: field of a Lighting in COLOR_RANGES.
-    """
-    red, green, blue = (round_significant(float(v)) for v in np.clip(values, *COLOR_RANGES[name]))
-    return red, green, blue
-
-
 def _check_headings(probability: object) -> None:
     name = "camera_heading_probability"
     if not isinstance(probability, tuple):
@@ -355,11 +310,6 @@ def _check_headings(probability: object) -> None:
         raise ParameterError.about(name, predicate, ErrorCode.OUT_OF_RANGE)
     for value in probability:
         check_range(name, value, 0.0, 1.0)
-
-
-def _check_text(name: str, value: object) -> None:
-    if not isinstance(value, str):
-        raise ParameterError.about(name, f"must be a text, not {reprlib.repr(value)}.", ErrorCode.WRONG_TYPE)
 
 
 def _texts(name: str, values: object) -> tuple[str, ...]:
@@ -376,31 +326,25 @@ def _check_spec(name: str, fits: bool) -> None:
 # JSON in and out: sections hold plain numbers under short names, as RECORD_PATHS has them.
 
 
-def _sections() -> dict[str, dict[str, str]]:
-    """The groups of the JSON record that hold plain numbers: each name in it, and the attribute that it holds."""
-    groups: dict[str, dict[str, str]] = {}
-    for attribute, path in RECORD_PATHS.items():
-        if attribute in RANGES or attribute in OPTIONAL_RANGES:
-            group, name = path.split(".")
-            groups.setdefault(group, {})[name] = attribute
-    return groups
-
-
-_SECTIONS = _sections()
-_COLOR_FIELDS = {RECORD_PATHS[attribute]: attribute for attribute in COLOR_RANGES}
+# Section, name in it, and attribute of each plain number, and of each color.
+_NUMBERS = [
+    (*path.split("."), attribute)
+    for attribute, path in RECORD_PATHS.items()
+    if attribute in RANGES or attribute in OPTIONAL_RANGES
+]
+_COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 
 
 def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Json:
     """The JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown."""
     record: Json = {"model": {"name": values["model_name"], "version": values["model_version"]}}
-    for section, names in _SECTIONS.items():
-        record[section] = {
-            name: values[attribute] for name, attribute in names.items() if values[attribute] is not None
-        }
+    for section, name, attribute in _NUMBERS:
+        group = record.setdefault(section, {})
+        if values[attribute] is not None:
+            group[name] = values[attribute]
     record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
-    for path, attribute in _COLOR_FIELDS.items():
+    for section, name, attribute in _COLORS:
         if (color := values[attribute]) is not None:
-            section, name = path.split(".")
             record.setdefault(section, {})[name] = list(color)
     record["sky"]["model"] = values["sky_model"]
     if values["suitable"] is not None:
@@ -418,44 +362,36 @@ def _values_from_record(record: Mapping[str, Any]) -> Json:
     The error's field is the path in the record.
     """
     if not isinstance(record, Mapping):
-        raise ParameterError(
-            f"A lighting record must be an object, not {reprlib.repr(record)}.", code=ErrorCode.WRONG_TYPE
-        )
-    sections = {
-        name: _section(record, name, required=name in ("sun", "sky")) for name in (*_SECTIONS, "model", "ground")
-    }
-    values: Json = {
-        attribute: sections[section].get(name)
-        for section, names in _SECTIONS.items()
-        for name, attribute in names.items()
-    }
+        sentence = f"A lighting record must be an object, not {reprlib.repr(record)}."
+        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
+    names = dict.fromkeys((*(section for section, _, _ in _NUMBERS), "model", "ground"))
+    sections = {name: _section(record, name) for name in names}
+    values: Json = {attribute: sections[section].get(name) for section, name, attribute in _NUMBERS}
     for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
         if values[name] is None:
             path = RECORD_PATHS[name]
             raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
     values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
     values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
-    values["camera_heading_probability"] = _numbers(
-        sections["camera"], "heading_probability", "camera.heading_probability"
-    )
-    for path, attribute in _COLOR_FIELDS.items():
-        section, name = path.split(".")
-        values[attribute] = _numbers(sections[section], name, path) or None
+    values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
+    values |= {attribute: _numbers(sections, section, name) or None for section, name, attribute in _COLORS}
     values["sky_model"] = sections["sky"].get("model")
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _numbers(section: Mapping[str, Any], name: str, path: str) -> tuple[float, ...]:
-    numbers = () if section.get(name) is None else section[name]
+def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str) -> tuple[float, ...]:
+    numbers = sections[section].get(name)
+    if numbers is None:
+        return ()
     if not isinstance(numbers, list | tuple):
         predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
-        raise ParameterError.about(path, predicate, ErrorCode.WRONG_TYPE)
+        raise ParameterError.about(f"{section}.{name}", predicate, ErrorCode.WRONG_TYPE)
     return tuple(numbers)
 
 
-def _section(record: Mapping[str, Any], name: str, *, required: bool = False) -> Mapping[str, Any]:
+def _section(record: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     section = record.get(name)
-    if section is None and not required:
+    if section is None and name not in ("sun", "sky"):
         return {}
     if not isinstance(section, Mapping):
         code = ErrorCode.MISSING if section is None else ErrorCode.WRONG_TYPE

@@ -12,9 +12,7 @@ from typing import Any
 
 from lighting.runtime import keep_memory
 
-_BRIEF_COMMANDS = frozenset(
-    {"estimate", "envmap", "preview", "render"}
-)  # commands that mostly end in less than a second
+_BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
 _ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
 _OPTIONS_WITHOUT_NETWORK = ("-h", "--help", "--model", "--lighting")  # options that run none or another
 _DATA = Path(__file__).parent / "data"

@@ -1,4 +1,4 @@
-"""The ranges and units of what describes a light, and the checks of values against them.
+"""The ranges and units of what describes a light, checks of values against them, and values clipped to them.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables;
 JSON groups them (RECORD_PATHS), and some are short where people type them (SHORT_NAMES).
@@ -9,6 +9,7 @@ import reprlib
 from typing import TypeGuard
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from lighting.errors import ErrorCode, ParameterError
 
@@ -166,6 +167,36 @@ def check_location(latitude: float | None, longitude: float | None) -> None:
     if (latitude is None) != (longitude is None):
         missing = "latitude" if latitude is None else "longitude"
         raise ParameterError("A latitude needs a longitude and the other way round.", missing, ErrorCode.MISSING)
+
+
+def round_significant(value: float) -> float:
+    """Round a value to six significant digits, as records hold it.
+
+    Args:
+        value: finite.
+    """
+    return float(f"{value:.6g}")
+
+
+def clip_to_range(name: str, value: float) -> float:
+    """Clip a value to the range that RANGES has for a field, and round it as records hold it.
+
+    Args:
+        name: field of a Lighting in RANGES.
+        value: in the field's unit.
+    """
+    return round_significant(float(np.clip(value, *RANGES[name])))
+
+
+def clip_color(values: ArrayLike, name: str) -> tuple[float, float, float]:
+    """Clip a color to the range that COLOR_RANGES has for a field, and round it as records hold it.
+
+    Args:
+        values: (3,) red, green and blue.
+        name: field of a Lighting in COLOR_RANGES.
+    """
+    red, green, blue = (round_significant(float(v)) for v in np.clip(values, *COLOR_RANGES[name]))
+    return red, green, blue
 
 
 def convert_numpy_numbers(record: object, *names: str) -> None:

@@ -13,18 +13,10 @@ from lighting.envmap.latlong import Image
 from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
 from lighting.model import figures_path
-from lighting.records import (
-    Json,
-    Lighting,
-    ModelSpec,
-    SunDistribution,
-    record_with_coefficients,
-    round_significant,
-    warning_code,
-)
+from lighting.records import Json, Lighting, ModelSpec, SunDistribution, record_with_coefficients, warning_code
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
-from lighting.validation import COLOR_RANGES
+from lighting.validation import COLOR_RANGES, round_significant
 from lighting.version import __version__
 from server.dependencies import PhotoAnswer, Service
 from server.query_params import LightingQuery, Query

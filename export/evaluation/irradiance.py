@@ -37,7 +37,8 @@ from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array
-from lighting.records import Estimate, Lighting, ModelSpec, clip_color
+from lighting.records import Estimate, Lighting, ModelSpec
+from lighting.validation import clip_color
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
 MIN_SUN_SHARE = 0.1  # of the sky's level irradiance, from which a sun counts as painted

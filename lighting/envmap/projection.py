@@ -6,18 +6,10 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR
 from lighting.envmap.latlong import Image, max_channel
-from lighting.geometry import (
-    Floats,
-    Pinhole,
-    camera_directions,
-    camera_pixel,
-    latlong_angles,
-    latlong_directions,
-    pixel_window,
-    scale_size,
-)
+from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
 
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into its surroundings
@@ -112,7 +104,7 @@ def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, 
 @lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are sampled one after the other
 def _sample_directions(camera: Pinhole) -> Floats:
     """`camera_directions` of the sampled pixels."""
-    directions = camera_directions(camera)
+    directions = geometry.camera_directions(camera)
     directions.setflags(write=False)  # since others get it as well
     return directions
 
@@ -127,7 +119,7 @@ def size_in_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -
     """
     camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
     scale = min(height / np.pi / camera.focal_length * 1.2, _MAX_SIDE / max(photo.shape[:2]))
-    return scale_size(camera.width, camera.height, scale)
+    return geometry.scale_size(camera.width, camera.height, scale)
 
 
 def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
@@ -140,9 +132,9 @@ def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: in
 
 def _find_window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
     """Rows and columns of a map (H, 2H) that hold the picture."""
-    x, y = np.moveaxis(camera_pixel(latlong_directions(_WINDOW_ROWS), camera), -1, 0)
+    x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
     inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false where NaN
-    return pixel_window(inside, height, 2 * height)
+    return geometry.pixel_window(inside, height, 2 * height)
 
 
 def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:
@@ -151,13 +143,12 @@ def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -
     A direction's part along a camera axis is the product of a term of its row and one of its column, plus one of the
     row, so that no pixel needs an angle.
     """
-    azimuth, elevation = (np.radians(angle) for angle in latlong_angles(height))
+    azimuth, elevation = (np.radians(angle) for angle in geometry.latlong_angles(height))
     azimuth, elevation = azimuth[columns], elevation[rows]
     level, up = np.cos(elevation).astype(np.float32)[:, None], np.sin(elevation).astype(np.float32)[:, None]
     side, ahead = np.sin(azimuth).astype(np.float32), -np.cos(azimuth).astype(np.float32)
-    right, above, depth = (
-        level * (axis[0] * side + axis[2] * ahead) + axis[1] * up for axis in camera.axes.astype(np.float32)
-    )
+    axes = camera.axes.astype(np.float32)
+    right, above, depth = (level * (axis[0] * side + axis[2] * ahead) + axis[1] * up for axis in axes)
     behind = depth <= 1e-6
     depth[behind] = 1
     focal = np.float32(2 * camera.focal_length)

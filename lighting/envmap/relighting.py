@@ -14,8 +14,8 @@ from lighting.envmap.render import clear_irradiance
 from lighting.envmap.sun_disc import disc_power
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.records import Color, Lighting, check_lighting, clip_color, round_significant
-from lighting.validation import RANGES
+from lighting.records import Color, Lighting, check_lighting
+from lighting.validation import RANGES, clip_color, round_significant
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 _ANGLE_DIGITS = 6  # behind the point, of rotated angles in degrees; records of estimates have fewer
@@ -53,20 +53,15 @@ def rotate_lighting(lighting: Lighting, yaw: float) -> Lighting:
     """
     check_lighting(lighting)
     _check_yaw(yaw)
-    rotated = replace(
-        lighting,
-        sun_azimuth=round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _ANGLE_DIGITS),
-        relative_heading=None if lighting.relative_heading is None else _heading(lighting.relative_heading - yaw),
-    )
+    azimuth = round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _ANGLE_DIGITS)
+    relative = None if lighting.relative_heading is None else _heading(lighting.relative_heading - yaw)
+    rotated = replace(lighting, sun_azimuth=azimuth, relative_heading=relative)
     if lighting.camera_heading is None:
         return rotated
     degrees, probability = np.arange(360.0), lighting.camera_heading_probability
     shifted = np.interp(degrees + yaw, degrees, probability, period=360.0) if probability else np.array([])
-    return replace(
-        rotated,
-        camera_heading=_heading(lighting.camera_heading - yaw),
-        camera_heading_probability=tuple(shifted.tolist()),
-    )
+    heading = _heading(lighting.camera_heading - yaw)
+    return replace(rotated, camera_heading=heading, camera_heading_probability=tuple(shifted.tolist()))
 
 
 def scale_exposure(lighting: Lighting, gain: Floats) -> Lighting:
@@ -77,12 +72,9 @@ def scale_exposure(lighting: Lighting, gain: Floats) -> Lighting:
         gain: (3,) over 0, of linear red, green and blue.
     """
     exposure = float(np.clip(lighting.exposure * float(luminance(gain)), *RANGES["exposure"]))
-    return replace(
-        lighting,
-        exposure=round_significant(exposure),
-        sun_irradiance=_scale_irradiance("sun_irradiance", lighting.sun_irradiance, gain),
-        sky_irradiance=_scale_irradiance("sky_irradiance", lighting.sky_irradiance, gain),
-    )
+    sun = _scale_irradiance("sun_irradiance", lighting.sun_irradiance, gain)
+    sky = _scale_irradiance("sky_irradiance", lighting.sky_irradiance, gain)
+    return replace(lighting, exposure=round_significant(exposure), sun_irradiance=sun, sky_irradiance=sky)
 
 
 def _check_yaw(yaw: float) -> None:
@@ -130,10 +122,8 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
 
 def _model_sun_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) by the model, or what stands for it where the model's would vanish."""
-    power, high_power = (
-        disc_power(replace(lighting, sun_elevation=elevation))[0]
-        for elevation in (max(lighting.sun_elevation, _MIN_ELEVATION), _HIGH_ELEVATION)
-    )
+    elevations = (max(lighting.sun_elevation, _MIN_ELEVATION), _HIGH_ELEVATION)
+    power, high_power = (disc_power(replace(lighting, sun_elevation=elevation))[0] for elevation in elevations)
     return np.asarray(np.maximum(power, _MIN_CHANNEL_SHARE * high_power))
 
 

@@ -155,7 +155,8 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> N
     level = irradiance_from_rows(row_irradiance(2 * len(upper))[: len(upper)], upper)
     scale_colors(upper, (1 - cover) * irradiance / np.maximum(level, EPSILON_IRRADIANCE))
     if cover > 0:
-        _add_color_rows(upper, _overcast_rows(len(upper)), cover * irradiance)
+        flat, color = upper.reshape(len(upper), -1), np.asarray(cover * irradiance, dtype=np.float32)
+        flat += _overcast_rows(len(upper))[:, 0] * np.tile(color, upper.shape[1])  # whole rows, as in `scale_colors`
 
 
 def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
@@ -170,12 +171,6 @@ def _overcast_rows(rows: int) -> Image:
     up = np.sin(np.radians(latlong_angles(2 * rows)[1][:rows]))
     radiance = (1 + 2 * up) / 3
     return np.asarray(radiance / (row_irradiance(2 * rows)[:rows] @ radiance), dtype=np.float32)[:, None, None]
-
-
-def _add_color_rows(upper: Image, rows: Image, color: Floats) -> None:
-    """Add rows (rows, 1, 1) of a color (3,) to a map, by whole rows as `scale_colors` multiplies."""
-    flat = upper.reshape(len(upper), -1)
-    flat += rows[:, 0] * np.tile(np.asarray(color, dtype=np.float32), upper.shape[1])
 
 
 def _render_sky_shape(upper: Image, lighting: Lighting) -> None:

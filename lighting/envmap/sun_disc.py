@@ -31,9 +31,8 @@ def splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
     pixels, inverse = np.unique((row[:, None] * width + column % width)[lit], return_inverse=True)
     sums = np.stack([np.bincount(inverse, share[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
     scale = power / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
-    image.reshape(-1, 3)[pixels] += np.asarray(
-        sums * scale / latlong_solid_angle(height)[pixels // width, None], dtype=np.float32
-    )
+    added = sums * scale / latlong_solid_angle(height)[pixels // width, None]
+    image.reshape(-1, 3)[pixels] += np.asarray(added, dtype=np.float32)
 
 
 def _gray_disc(directions: Floats, lighting: Lighting) -> Floats:

@@ -15,15 +15,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.envmap.latlong as latlong
 from lighting.color import check_pixels, luminance
-from lighting.envmap.latlong import (
-    EPSILON_IRRADIANCE,
-    Image,
-    irradiance_from_rows,
-    max_channel,
-    row_irradiance,
-    scale_colors,
-)
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, scale_colors
 from lighting.envmap.projection import CLIPPED, ProjectedPhoto, project_photo, sample_photo, size_in_envmap
 from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting
 from lighting.envmap.render import add_sun, check_height, render
@@ -56,9 +50,7 @@ class PhotoContext:
     """A photo and what the network predicts beside it. PhotoError for what is no photo's pixels."""
 
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
-    coarse_panorama: NDArray[np.float32] | None = (
-        None  # `Estimate.surroundings`; None: bare sky and ground beside the photo
-    )
+    coarse_panorama: NDArray[np.float32] | None = None  # `Estimate.surroundings`; None: bare sky and ground
     exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
     light: Lighting | None = None  # that light; what it makes of the surroundings stays under another sun
 
@@ -203,17 +195,14 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
         context: the photo and its surroundings.
     """
     _check_context(context)
-    return _surroundings_factors(
-        _pool_cells(render(lighting, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False)), lighting, context
-    )
+    bare = render(lighting, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False)
+    return _surroundings_factors(_pool_cells(bare), lighting, context)
 
 
 def _check_context(thing: object) -> None:
     if not isinstance(thing, PhotoContext):
-        raise ParameterError(
-            f"A PhotoContext is needed, not {type(thing).__name__}; photo_context makes one of an estimate.",
-            code=ErrorCode.WRONG_TYPE,
-        )
+        sentence = f"A PhotoContext is needed, not {type(thing).__name__}; photo_context makes one of an estimate."
+        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
 def _context_factors(image: Image, lighting: Lighting, context: PhotoContext) -> Image:
@@ -247,7 +236,9 @@ def _surroundings_factors(bare: Image, lighting: Lighting, context: PhotoContext
     """Factors (_CELL_ROWS, 2 _CELL_ROWS, 3) of panorama and photo on the cells of the bare map."""
     ratio, gain = np.ones_like(bare), context.gain(lighting)
     if context.coarse_panorama is not None:
-        _multiply_cells(ratio, _panorama_ratio(np.float32(gain) * context.coarse_panorama, bare))
+        panorama = _panorama_ratio(np.float32(gain) * context.coarse_panorama, bare)
+        for half, cells in zip(np.split(ratio, 2), np.split(panorama, 2), strict=True):  # the horizon does not blend
+            _multiply_half(half, cells)
     return np.asarray(ratio * _extrapolate_edges(ratio * bare, context.photo, lighting, gain))
 
 
@@ -306,7 +297,7 @@ def _photo_ratios(
     row = np.minimum((90.0 - elevation) / 180.0 * rows, rows - 1).astype(np.intp)
     cell = row * columns + np.minimum((azimuth + 180.0) / 360.0 * columns, columns - 1).astype(np.intp)
     colors, map_colors = photo.reshape(-1, 3), cells.reshape(-1, 3)
-    clipped = max_channel(colors) > CLIPPED
+    clipped = latlong.max_channel(colors) > CLIPPED
     colors = colors * np.float32(gain)
     colors = np.where(clipped[:, None], np.maximum(colors, map_colors[cell]), colors)
     count = np.bincount(cell, minlength=rows * columns)
@@ -321,22 +312,14 @@ def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: s
     azimuth, elevation = (np.asarray(angle, dtype=np.float32) for angle in latlong_angles(rows))
     row, column = np.nonzero(visible)
     level = np.cos(np.radians(elevation[part]))[:, None, None]
-    beside2 = (
-        level * np.asarray(wrap_azimuth(azimuth[:, None] - azimuth[column]), dtype=np.float32)
-    ) ** 2  # (P, 2R, K)
+    turn = np.asarray(wrap_azimuth(azimuth[:, None] - azimuth[column]), dtype=np.float32)
+    beside2 = (level * turn) ** 2  # (P, 2R, K)
     above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
     distance2 = np.float32(_NEAR_DEG**2) + beside2 + np.float32(_VERTICAL_STRETCH**2) * above2
     weight = distance2 ** np.float32(-_DISTANCE_POWER)
     mean = weight @ values[visible] / weight.sum(axis=2, keepdims=True)
     fading = np.exp(-np.sqrt((beside2 + 4 * above2).min(axis=2)) / np.float32(_FADE_DEG))
     return np.where(visible[..., None], values, fading[..., None] * mean).astype(np.float32)
-
-
-def _multiply_cells(image: Image, cells: Image) -> None:
-    """Multiply a map (H, 2H, 3) by cells (R, 2R, 3) that blend into each other but for the horizon."""
-    middle, horizon = len(image) // 2, len(cells) // 2
-    _multiply_half(image[:middle], cells[:horizon])
-    _multiply_half(image[middle:], cells[horizon:])
 
 
 def _multiply_half(image: Image, cells: Image) -> None:
@@ -369,7 +352,7 @@ def _interpolation_weights(
 
 def _lay_surroundings(image: Image, half: slice, cells: Image, photo: ProjectedPhoto | None, gain: float) -> None:
     """Give one half of the bare map its cells' factors, and the photo times a gain. Its irradiance stays."""
-    levels = row_irradiance(len(image))
+    levels = latlong.row_irradiance(len(image))
     target = irradiance_from_rows(levels[half], image[half])
     _multiply_half(image[half], cells)
     total = irradiance_from_rows(levels[half], image[half])

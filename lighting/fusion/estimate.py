@@ -21,7 +21,8 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.model import Model
 from lighting.photo.preprocess import is_blank, is_panorama, preprocess
 from lighting.photo.reader import Photo
-from lighting.records import MIN_SUITABLE, Estimate, EvidenceKind, Lighting, Prediction, round_significant
+from lighting.records import MIN_SUITABLE, Estimate, EvidenceKind, Lighting, Prediction
+from lighting.validation import round_significant
 
 _UNSUITABLE = (
     "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
@@ -91,16 +92,12 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
         suitable = _suitable(suitable, prior)
         warnings = (*warnings, *(_unsuitable_warnings(prior.observations) if suitable < MIN_SUITABLE else ()))
     latitude, longitude = prior.location or (None, None)
-    lighting = replace(
-        _with_headings(_with_sunlight(lighting, posterior, prior), posterior),
-        evidence=posterior.used,
-        warnings=warnings,
-        suitable=suitable,
-        latitude=latitude,
-        longitude=longitude,
+    answer = _with_headings(_with_sunlight(lighting, posterior, prior), posterior)
+    answer = replace(
+        answer, evidence=posterior.used, warnings=warnings, suitable=suitable, latitude=latitude, longitude=longitude
     )
     light = posterior.prediction.light
-    return Estimate(lighting, posterior.on_cells(), light.surroundings if light else None)
+    return Estimate(answer, posterior.on_cells(), light.surroundings if light else None)
 
 
 def _with_headings(lighting: Lighting, posterior: Posterior) -> Lighting:

@@ -8,16 +8,9 @@ from datetime import datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import lighting.fusion.timezones as timezones
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
-from lighting.fusion.timezones import (
-    drop_unzoned,
-    format_below_horizon,
-    location_of,
-    merge_user_input,
-    share_location,
-    sun_candidates,
-)
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import SUN_RADIUS, angle_between, direction
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
@@ -66,12 +59,12 @@ def observations_from_metadata(
     Raises:
         ParameterError: the user's own time or location is at night.
     """
-    merged = merge_user_input(metadata, user_input)
-    candidates = sun_candidates(merged)
+    merged = timezones.merge_user_input(metadata, user_input)
+    candidates = timezones.sun_candidates(merged)
     is_stated = user_input.time is not None or user_input.latitude is not None
     if (highest := _max_elevation(candidates)) < CIVIL_TWILIGHT and is_stated and not allow_night:
         stated = "latitude" if user_input.time is None else "time"
-        sentence = format_below_horizon(merged, highest) + "too dark for these skies."
+        sentence = timezones.format_below_horizon(merged, highest) + "too dark for these skies."
         raise ParameterError(sentence, stated, ErrorCode.NIGHT)
     return _prior(merged, candidates, user_input, subject)
 
@@ -103,8 +96,8 @@ def observations_multi(metadata: Sequence[PhotoMetadata], user_input: UserInput)
     Raises:
         ParameterError: it was night in one of them at the user's own time or location, in whatever zone.
     """
-    located = share_location(metadata)
-    zoned = located if user_input.utc_offset is not None else drop_unzoned(located)
+    located = timezones.share_location(metadata)
+    zoned = located if user_input.utc_offset is not None else timezones.drop_unzoned(located)
     priors = [observations_from_metadata(m, user_input) for m in zoned]
     if user_input.use_exif and user_input.latitude is None:
         priors = [
@@ -129,7 +122,7 @@ def camera_observations(metadata: PhotoMetadata, user_input: UserInput) -> Obser
         metadata: of the photo's file.
         user_input: what the user states.
     """
-    return _camera_observations(merge_user_input(metadata, user_input))
+    return _camera_observations(timezones.merge_user_input(metadata, user_input))
 
 
 def _camera_observations(merged: PhotoMetadata) -> Observations:
@@ -143,7 +136,7 @@ def _prior(merged: PhotoMetadata, candidates: _SunCandidates, user_input: UserIn
     highest, warnings = _max_elevation(candidates), _unused_input_warnings(merged, user_input, subject)
     if highest < -SUN_RADIUS:
         consequence = _TWILIGHT_ANSWER if highest >= CIVIL_TWILIGHT else "time and place were not used."
-        warnings = (*warnings, format_below_horizon(merged, highest) + consequence)
+        warnings = (*warnings, timezones.format_below_horizon(merged, highest) + consequence)
     heading, heading_std = _compass(merged, user_input)
     observations = replace(
         _camera_observations(merged),
@@ -154,7 +147,7 @@ def _prior(merged: PhotoMetadata, candidates: _SunCandidates, user_input: UserIn
         heading_std=heading_std,
     )
     is_up, is_night = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS, bool(candidates) and highest < CIVIL_TWILIGHT
-    location = location_of(merged) if user_input.keep_location else None
+    location = timezones.location_of(merged) if user_input.keep_location else None
     return MetadataPrior(observations, warnings, is_up, is_night, location)
 
 
@@ -180,7 +173,7 @@ def _without_time(priors: Sequence[MetadataPrior], warning: str) -> list[Metadat
 
 def _location_warnings(metadata: PhotoMetadata, used: PhotoMetadata) -> tuple[str, ...]:
     """A warning where a photo's own location is another than the one that is used for all."""
-    locations = (location_of(metadata), location_of(used))
+    locations = (timezones.location_of(metadata), timezones.location_of(used))
     points = [direction(location[1], location[0]) for location in locations if location is not None]
     if len(points) < 2:
         return ()
@@ -222,7 +215,7 @@ def _compass(metadata: PhotoMetadata, user_input: UserInput) -> tuple[float | No
 def _declination_of(metadata: PhotoMetadata) -> float | None:
     """The magnetic declination [deg] at the photo's time and location; None where they are not both known."""
     time = metadata.utc_time or metadata.local_time
-    location = location_of(metadata)
+    location = timezones.location_of(metadata)
     return None if time is None or location is None else _magnetic_declination(*location, time)
 
 

@@ -11,43 +11,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.circular as circular
+import lighting.fusion.likelihood as pooling
+import lighting.fusion.single_view as single_view
 from lighting.circular import (
     HEADINGS,
     Heading,
     blur_headings,
     circular_correlation,
-    circular_mean,
     heading_from_probability,
     von_mises,
 )
 from lighting.decoding import light_from_vector, light_to_vector, predicted_sun_elevation
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fusion.likelihood import (
-    AZIMUTH_CORRELATION,
-    ELEVATION_KERNEL_STD,
-    MIN_DENSITY,
-    SUN_CORRELATION,
-    blur_grid_heading,
-    blur_ring_heading,
-    effective_weights,
-    elevation_density,
-    pool_log_likelihoods,
-    pooling_exponent,
-    rotate_density,
-)
-from lighting.fusion.single_view import (
-    COMPASS_OUTLIER_RATE,
-    Observations,
-    Posterior,
-    candidates_above_horizon,
-    compass_prior,
-    daylight_candidates,
-    fuse_gravity,
-    fuse_with_gravity,
-    likelihood_by_heading,
-    posterior_on_grid,
-    posterior_on_rings,
-)
+from lighting.fusion.likelihood import AZIMUTH_CORRELATION, MIN_DENSITY, SUN_CORRELATION, blur_ring_heading
+from lighting.fusion.single_view import Observations, Posterior, posterior_on_grid, posterior_on_rings
 from lighting.fusion.user_input import check_headings
 from lighting.geometry import Floats, angle_between, angles, direction, up_in_camera, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Light, Prediction, SunEstimate, WarningCode
@@ -98,8 +76,8 @@ def fuse_views(
     Raises:
         ParameterError: headings are not one a photo; only some times have a zone; the sun is below the horizon.
     """
-    leveled = [fuse_gravity(p, o) for p, o in zip(predictions, observations, strict=True)]
-    singles = [fuse_with_gravity(one) for one in leveled]
+    leveled = [single_view.fuse_gravity(p, o) for p, o in zip(predictions, observations, strict=True)]
+    singles = [single_view.fuse_with_gravity(one) for one in leveled]
     predictions, observations = [one.prediction for one in leveled], [one.observations for one in leveled]
     frames = _frames(observations, headings, views)
     shared = _share_sky(_with_registered_cameras(predictions, views) if views else predictions)
@@ -109,7 +87,7 @@ def fuse_views(
     return tuple(
         replace(
             posterior,
-            warnings=(*single.warnings, *_registration_warnings(i, predictions[i], frames, views)),
+            warnings=(*single.warnings, *_match_warnings(i, predictions[i], frames, views)),
             used=_used_evidence(posterior, frames.source if frames.is_connected(i) else None),
             predicted_sun_elevation=elevation,
         )
@@ -173,27 +151,23 @@ def _frames(
         return _join_by_compass(matched, np.array(compass)) if can_join else matched
     if len(compass) == count:
         std = np.full(count, _RELATIVE_HEADING_STD)
-        return _Frames(one_group, np.array(compass), std, COMPASS_OUTLIER_RATE, EvidenceKind.HEADING)
+        return _Frames(one_group, np.array(compass), std, single_view.COMPASS_OUTLIER_RATE, EvidenceKind.HEADING)
     return _Frames(np.arange(count), np.zeros(count), np.zeros(count))
 
 
 def _frames_by_matches(views: "Views") -> _Frames:
-    return _Frames(
-        np.array([view.group for view in views], dtype=np.intp),
-        np.array([view.heading for view in views]),
-        np.array([view.heading_std for view in views]),
-        _MATCH_OUTLIER_RATE,
-        EvidenceKind.TURNS,
-    )
+    group = np.array([view.group for view in views], dtype=np.intp)
+    heading, std = np.array([view.heading for view in views]), np.array([view.heading_std for view in views])
+    return _Frames(group, heading, std, _MATCH_OUTLIER_RATE, EvidenceKind.TURNS)
 
 
 def _join_by_compass(matched: _Frames, compass: Floats) -> _Frames:
     """One frame of all groups: each is rotated as its compasses say in the mean."""
     heading, std = matched.heading.copy(), matched.heading_std.copy()
     for group in matched.members():
-        heading[group] += circular_mean(wrap_azimuth(compass[group] - matched.heading[group]))
+        heading[group] += circular.circular_mean(wrap_azimuth(compass[group] - matched.heading[group]))
         std[group] = np.hypot(std[group], _RELATIVE_HEADING_STD / np.sqrt(len(group)))
-    return _Frames(np.zeros_like(matched.group), heading, std, COMPASS_OUTLIER_RATE, EvidenceKind.TURNS)
+    return _Frames(np.zeros_like(matched.group), heading, std, single_view.COMPASS_OUTLIER_RATE, EvidenceKind.TURNS)
 
 
 def _with_registered_cameras(predictions: Sequence[Prediction], views: "Sequence[RegisteredView]") -> list[Prediction]:
@@ -206,9 +180,7 @@ def _with_registered_cameras(predictions: Sequence[Prediction], views: "Sequence
     ]
 
 
-def _registration_warnings(
-    photo: int, prediction: Prediction, frames: _Frames, views: "Views | None"
-) -> tuple[str, ...]:
+def _match_warnings(photo: int, prediction: Prediction, frames: _Frames, views: "Views | None") -> tuple[str, ...]:
     """A warning where matching left this photo or its group alone, or contradicts what is up in it."""
     if views is None:
         return ()
@@ -260,7 +232,7 @@ def _share_time(observations: Sequence[Observations]) -> list[Observations]:
     if len({len(suns) for suns in candidates}) > 1:
         sentence = "The times of photos taken together must all have a zone, or none."
         raise ParameterError(sentence, code=ErrorCode.CONTRADICTION)
-    up = daylight_candidates(candidates)
+    up = single_view.daylight_candidates(candidates)
     if first and not up:
         sentence = "Whatever the zone of their times, the sun is below the horizon in one of the photos."
         raise ParameterError(sentence, code=ErrorCode.NIGHT)
@@ -295,14 +267,14 @@ def _pool_on_grid(predictions: Sequence[Prediction], frames: _Frames) -> list[Fl
     if len(predictions) == 1:
         return [predictions[0].sun_probability]
     layout = predictions[0].spec.sun_grid
-    weight = effective_weights(*_optical_axes(predictions, frames.heading), SUN_CORRELATION)
+    weight = pooling.effective_weights(*_optical_axes(predictions, frames.heading), SUN_CORRELATION)
     errors = zip(predictions, frames.heading_std, strict=True)
-    blurred = [blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
+    blurred = [pooling.blur_grid_heading(p, float(std), frames.outlier_rate) for p, std in errors]
     pooled = []
     for target in frames.heading:
-        density = [rotate_density(p, target - h, layout) for p, h in zip(blurred, frames.heading, strict=True)]
+        density = [pooling.rotate_density(p, target - h, layout) for p, h in zip(blurred, frames.heading, strict=True)]
         log_density = np.log(np.maximum(density, MIN_DENSITY))
-        pooled.append(pool_log_likelihoods(log_density, weight, SUN_CORRELATION, grid_solid_angle(layout)))
+        pooled.append(pooling.pool_log_likelihoods(log_density, weight, SUN_CORRELATION, grid_solid_angle(layout)))
     return pooled
 
 
@@ -312,9 +284,9 @@ def _share_elevation(predictions: Sequence[Prediction], probability: Sequence[Fl
         return list(probability)
     cells = angles(grid_directions(predictions[0].spec.sun_grid))[1]
     firsts = [int(group[0]) for group in frames.members()]
-    pooled = {i: replace(predictions[i], sun_probability=probability[i]) for i in firsts}
-    of_group = {frames.group[i]: np.maximum(elevation_density(p, cells), MIN_DENSITY) for i, p in pooled.items()}
-    exponent = pooling_exponent(len(of_group), _ELEVATION_CORRELATION)
+    fused = {i: replace(predictions[i], sun_probability=probability[i]) for i in firsts}
+    of_group = {frames.group[i]: np.maximum(pooling.elevation_density(p, cells), MIN_DENSITY) for i, p in fused.items()}
+    exponent = pooling.pooling_exponent(len(of_group), _ELEVATION_CORRELATION)
     common = np.exp(exponent * np.sum(np.log(list(of_group.values())), axis=0))
     shared = [p * common / of_group[number] for p, number in zip(probability, frames.group, strict=True)]
     return [p / p.sum() for p in shared]
@@ -340,7 +312,8 @@ def _relative_heading(photo: int, posteriors: Sequence[Posterior], frames: _Fram
 def _azimuth_probability(posterior: Posterior) -> Floats:
     """Probability (360,) of the sun's azimuth over whole degrees, smoothed by the size of a cell."""
     azimuth = np.round(angles(posterior.directions)[0]).astype(int) % 360
-    return blur_headings(np.bincount(azimuth, posterior.probability, 360).astype(np.float64), ELEVATION_KERNEL_STD)
+    by_degree = np.bincount(azimuth, posterior.probability, 360).astype(np.float64)
+    return blur_headings(by_degree, pooling.ELEVATION_KERNEL_STD)
 
 
 # With time and place: each group in its frame, and one zone for all groups.
@@ -348,14 +321,15 @@ def _azimuth_probability(posterior: Posterior) -> Floats:
 
 def _fuse_on_rings(predictions: list[Prediction], observations: list[Observations], frames: _Frames) -> list[Posterior]:
     """The posteriors where time and place are known."""
-    candidates = map(candidates_above_horizon, observations)
-    likelihood = [likelihood_by_heading(p, suns) for p, suns in zip(predictions, candidates, strict=True)]
-    prior = [compass_prior(o) for o in observations]
+    candidates = map(single_view.candidates_above_horizon, observations)
+    likelihood = [single_view.likelihood_by_heading(p, suns) for p, suns in zip(predictions, candidates, strict=True)]
+    prior = [single_view.compass_prior(o) for o in observations]
     by_photo: dict[int, Floats] = {}
     for group in frames.members():
         blurred = [blur_ring_heading(likelihood[i], float(frames.heading_std[i]), frames.outlier_rate) for i in group]
         axes = _optical_axes([predictions[i] for i in group], frames.heading[group])
-        weight = effective_weights(*axes, AZIMUTH_CORRELATION, _sun_similarity([observations[i] for i in group]))
+        similarity = _sun_similarity([observations[i] for i in group])
+        weight = pooling.effective_weights(*axes, AZIMUTH_CORRELATION, similarity)
         pooled = _pool_on_rings(blurred, [prior[i] for i in group], frames.heading[group], weight)
         by_photo |= dict(zip(group.tolist(), pooled, strict=True))
     shared = _share_zone([by_photo[i] for i in range(len(by_photo))], frames)
@@ -375,7 +349,7 @@ def _pool_on_rings(likelihood: list[Floats], prior: list[Floats], headings: Floa
     log_likelihood = [_shift_headings(log, h) for log, h in zip(logs, headings, strict=True)]
     log_priors = [_shift_headings(np.log(p) / compasses, h) for p, h in zip(prior, headings, strict=True)]
     log_prior = np.sum(log_priors, axis=0)
-    pooled = pool_log_likelihoods(np.stack(log_likelihood), weight, AZIMUTH_CORRELATION)
+    pooled = pooling.pool_log_likelihoods(np.stack(log_likelihood), weight, AZIMUTH_CORRELATION)
     posterior = pooled * np.exp(log_prior - log_prior.max())
     return [_shift_headings(posterior, -h) for h in headings]
 
@@ -384,7 +358,7 @@ def _share_zone(weights: Sequence[Floats], frames: _Frames) -> list[Floats]:
     """Weights (K, 360) of each photo when the groups have no more than the candidates in common."""
     mass = [np.maximum(w.sum(axis=1, keepdims=True), MIN_DENSITY) for w in weights]
     firsts = [int(group[0]) for group in frames.members()]
-    exponent = pooling_exponent(len(firsts), _ELEVATION_CORRELATION)
+    exponent = pooling.pooling_exponent(len(firsts), _ELEVATION_CORRELATION)
     zone = np.exp(exponent * np.sum(np.log([mass[i] for i in firsts]), axis=0))
     return [w / m * zone for w, m in zip(weights, mass, strict=True)]
 

@@ -19,22 +19,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.geometry as geometry
 from lighting.circular import HEADINGS, Heading, heading_from_probability, von_mises
 from lighting.color import luminance
 from lighting.decoding import bayes_direction, sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
 from lighting.formatting import format_tilt
 from lighting.fusion.consistency import consistency_warnings
-from lighting.geometry import (
-    MIN_STEEP_ELEVATION,
-    Floats,
-    Pinhole,
-    angles,
-    camera_axes,
-    camera_pixel,
-    direction,
-    wrap_azimuth,
-)
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
 from lighting.sun_grid import grid_directions, smooth_density, soft_label, splat_to_grid
 from lighting.validation import RANGES
@@ -126,8 +118,7 @@ def fuse_single_view(
     leveled, sun = fuse_gravity(prediction, observations), visible_sun(prediction, pixels)
     if sun is None:
         return fuse_with_gravity(leveled)
-    vertical_fov = leveled.observations.vertical_fov or prediction.vertical_fov
-    probability = reproject_sun(prediction, replace(leveled.prediction, vertical_fov=vertical_fov), sun)
+    probability = reproject_sun(prediction, _with_lens(leveled.prediction, leveled.observations), sun)
     reprojected = replace(leveled.prediction, sun_probability=probability)
     posterior = fuse_with_gravity(replace(leveled, prediction=reprojected))
     return _tilt_to_ephemeris(posterior, reprojected, camera_elevation_std(leveled.observations.gravity))
@@ -215,7 +206,7 @@ def _fused_tilt(prediction: Prediction, gravity: Gravity) -> tuple[float, float]
     """The camera's elevation and roll [deg] by both; the roll is 0 where it looks straight up or down within 5 deg."""
     elevation_difference, roll_difference = _tilt_difference(prediction, gravity)
     elevation = gravity.elevation + elevation_difference * _network_weight(gravity.std, _CAMERA_ELEVATION_STD)
-    if abs(elevation) > MIN_STEEP_ELEVATION:
+    if abs(elevation) > geometry.MIN_STEEP_ELEVATION:
         return elevation, 0.0
     if gravity.roll is None:
         return elevation, prediction.camera_roll
@@ -373,7 +364,7 @@ def _has_glare(pixels: NDArray[np.uint8], prediction: Prediction, sun: Floats) -
     """Whether the picture is white about the pixel of the sun (3,) by the network's own camera."""
     height, width = pixels.shape[:2]
     camera = Pinhole(width, height, prediction.vertical_fov, 0.0, prediction.camera_elevation, prediction.camera_roll)
-    x, y = camera_pixel(sun, camera)
+    x, y = geometry.camera_pixel(sun, camera)
     reach = camera.focal_length * math.tan(math.radians(_GLARE_ANGLE))
     rows, columns = (slice(max(0, int(at - reach)), max(0, int(at + reach) + 1)) for at in (y, x))
     window = pixels[rows, columns]

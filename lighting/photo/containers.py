@@ -109,11 +109,9 @@ def photo_page(data: bytes) -> _Page | None:
         data: of any file.
     """
     layout = _layout(data)
-    pages = [] if layout is None else list(_pages(data, layout))
-    if layout is None or not pages:
-        return None
+    pages = list(_pages(data, layout)) if layout else []
     photos = [(offset, tags) for offset, tags in pages[1:] if _is_photo(tags) and _is_thumbnail(pages[0][1], tags)]
-    if not photos:
+    if layout is None or not photos:
         return None
     offset, tags = max(photos, key=lambda page: _pixel_count(page[1]))
     first_offset = slice(layout.offset.size, 2 * layout.offset.size)
@@ -168,10 +166,8 @@ def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) 
 
 def _is_photo(tags: _Tags) -> bool:
     """Whether a page is a whole picture in colors, not a sensor's, and no mask of another one."""
-    finished = (
-        _first_value(tags, _PHOTOMETRIC) not in _SENSOR_PHOTOMETRICS
-        and _first_value(tags, _COMPRESSION) not in _RAW_COMPRESSIONS
-    )
+    photometric, compression = _first_value(tags, _PHOTOMETRIC), _first_value(tags, _COMPRESSION)
+    finished = photometric not in _SENSOR_PHOTOMETRICS and compression not in _RAW_COMPRESSIONS
     return finished and not _first_value(tags, _SUBFILE) & (_REDUCED_BIT | _MASK_BIT) and _pixel_count(tags) > 0
 
 
@@ -315,8 +311,7 @@ def embedded_preview(data: bytes) -> bytes:
     Args:
         data: of a RAW file; PhotoError where it holds none.
     """
-    largest = (-1, 0)  # pixels, position
-    position = -1
+    largest, position = (-1, 0), -1  # the largest one's pixels and position
     for _ in range(_MAX_JPEGS):
         position = data.find(_JPEG_START, position + 1)
         if position < 0:

@@ -28,10 +28,7 @@ _AT_REST = (0.9, 1.1)  # g; beyond, the phone was shaken, and acceleration is no
 _DJI = "http://www.dji.com/drone-dji/1.0"
 _PIX4D = "http://pix4d.com/camera/1.0"
 _UNKNOWN = (-1, 0xFFFFFFFF)  # denominators of an elevation that is not known, as EXIF says
-_LANDSCAPE, _PORTRAIT = (
-    (1, 3),
-    (6, 8),
-)  # orientations that keep the sensor's longer side across, and that turn it upright
+_LANDSCAPE, _PORTRAIT = (1, 3), (6, 8)  # orientations that keep the sensor's longer side across, and that raise it
 
 
 @dataclass(frozen=True)

@@ -77,34 +77,19 @@ def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     camera, gps = (_directory(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
     xmp = _xmp_properties(image.info.get("xmp"))
     local_time, utc_offset = _local_time_and_offset(camera)
-    if local_time is None or utc_offset is None:
-        utc_time = _read_or_none(_gps_time, gps)
-    else:
-        utc_time = to_utc(local_time, utc_offset)
-    latitude, longitude = _read_or_none(_gps_location, gps) or (None, None)
-    heading, reference = _read_or_none(_heading, gps), _read_or_none(_heading_reference, gps)
+    utc_time = to_utc(local_time, utc_offset) if local_time and utc_offset is not None else _try_read(_gps_time, gps)
+    latitude, longitude = _try_read(_gps_location, gps) or (None, None)
+    heading, reference = _try_read(_heading, gps), _try_read(_heading_reference, gps)
     if heading is None and (heading := imu.heading_from_xmp(xmp)) is not None:
         reference = HeadingReference.TRUE
-    focal_length = _read_or_none(_focal_length, camera)
-    uncropped = _read_or_none(lambda tags: _is_uncropped(tags, width / height), camera)
+    focal_length = _try_read(_focal_length, camera)
+    uncropped = _try_read(lambda tags: _is_uncropped(tags, width / height), camera)
     fov = vertical_fov_from_focal_length(focal_length, width, height) if focal_length and uncropped else None
     tilt = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if uncropped else None
-    return PhotoMetadata(
-        local_time=local_time,
-        utc_offset=utc_offset,
-        utc_time=utc_time,
-        latitude=latitude,
-        longitude=longitude,
-        heading=heading,
-        heading_reference=reference,
-        focal_length=focal_length,
-        vertical_fov=fov,
-        camera_elevation=tilt.elevation if tilt else None,
-        camera_roll=tilt.roll if tilt else None,
-        gravity_source=tilt.source if tilt else None,
-        gravity_spread=tilt.std if tilt else None,
-        exposure_value=_read_or_none(_exposure_value, camera),
-    )
+    times, north = (local_time, utc_offset, utc_time), (heading, reference)
+    gravity = (tilt.elevation, tilt.roll, tilt.source, tilt.std) if tilt else (None, None, None, None)
+    exposure = _try_read(_exposure_value, camera)
+    return PhotoMetadata(*times, latitude, longitude, *north, focal_length, fov, *gravity, exposure)
 
 
 def read_exposure(image: Image.Image) -> float | None:
@@ -116,7 +101,7 @@ def read_exposure(image: Image.Image) -> float | None:
     Args:
         image: opened by Pillow.
     """
-    return _read_or_none(_exposure, _directory(image, ExifTags.IFD.Exif))
+    return _try_read(_exposure, _directory(image, ExifTags.IFD.Exif))
 
 
 def read_orientation(image: Image.Image) -> int | None:
@@ -194,10 +179,9 @@ def parse_utc_offset(text: str) -> float:
 
 def _check_offset(hours: float) -> None:
     """Raise ParameterError where no zone is so far from UTC."""
-    if not UTC_OFFSET_RANGE[0] <= hours <= UTC_OFFSET_RANGE[1]:
-        sentence = (
-            f"The offset from UTC is {hours:g} h; it must lie in {UTC_OFFSET_RANGE[0]:g} to {UTC_OFFSET_RANGE[1]:g}."
-        )
+    low, high = UTC_OFFSET_RANGE
+    if not low <= hours <= high:
+        sentence = f"The offset from UTC is {hours:g} h; it must lie in {low:g} to {high:g}."
         raise ParameterError(sentence, "utc_offset", ErrorCode.OUT_OF_RANGE)
 
 
@@ -223,13 +207,13 @@ def _camera_tilt(
 ) -> imu.CameraTilt | None:
     """The camera's tilt, by the first source that has it."""
     return (
-        _read_or_none(lambda t: imu.tilt_from_accelerometer(t, orientation, size), tags)
+        _try_read(lambda t: imu.tilt_from_accelerometer(t, orientation, size), tags)
         or imu.tilt_from_gimbal(xmp, orientation)
-        or _read_or_none(imu.tilt_from_elevation_angle, tags)
+        or _try_read(imu.tilt_from_elevation_angle, tags)
     )
 
 
-def _read_or_none(read: Callable[[_Tags], _Value | None], tags: _Tags) -> _Value | None:
+def _try_read(read: Callable[[_Tags], _Value | None], tags: _Tags) -> _Value | None:
     try:
         return read(tags)
     except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error):
@@ -238,9 +222,9 @@ def _read_or_none(read: Callable[[_Tags], _Value | None], tags: _Tags) -> _Value
 
 def _local_time_and_offset(tags: _Tags) -> tuple[datetime | None, float | None]:
     """The first local time that can be read, and the offset of that time: of the picture's, or of its scan's."""
-    times = [(_read_or_none(partial(_local_time, time), tags), offset) for time, offset in _TIME_TAGS]
+    times = [(_try_read(partial(_local_time, time), tags), offset) for time, offset in _TIME_TAGS]
     first = next((time for time, _ in times if time is not None), None)
-    offsets = (_read_or_none(partial(_utc_offset, offset), tags) for time, offset in times if time == first)
+    offsets = (_try_read(partial(_utc_offset, offset), tags) for time, offset in times if time == first)
     return first, next((offset for offset in offsets if offset is not None), None)
 
 

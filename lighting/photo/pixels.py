@@ -127,11 +127,9 @@ def _convert_to_srgb(image: Image.Image, factor: int) -> Pixels:
         part = image if whole else image.crop((0, top, image.width, min(top + rows, image.height)))
         small = _to_8_bits(part, tags)
         small = small.reduce(factor) if factor > 1 else small
+        opaque = opaque or small.mode != "RGBA" or small.getchannel("A").getextrema() != (0, 0)
         if small.mode == "RGBA":
-            opaque = opaque or small.getchannel("A").getextrema() != (0, 0)
             small = Image.alpha_composite(Image.new("RGBA", small.size, _MID_GRAY), small).convert("RGB")
-        else:
-            opaque = True
         out[top // factor : top // factor + small.height] = np.asarray(_apply_profile(small, profile))
     if not opaque:
         raise PhotoError("The photo is fully transparent.")

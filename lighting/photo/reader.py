@@ -168,9 +168,8 @@ def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, 
     coefficients = containers.dct_coefficients_per_pixel(data) if kind == "JPEG" else 0.0
     if not coefficients:
         return _max_pixels_of_format(kind, max_pixels), _FORMAT_NAMES[kind]
-    return min(
-        max_pixels, int(max_pixels * _BYTES_PER_PIXEL / (coefficients * _BYTES_PER_COEFFICIENT))
-    ), f"progressive {_FORMAT_NAMES[kind]}"
+    fitting = int(max_pixels * _BYTES_PER_PIXEL / (coefficients * _BYTES_PER_COEFFICIENT))
+    return min(max_pixels, fitting), f"progressive {_FORMAT_NAMES[kind]}"
 
 
 def _max_pixels_of_format(kind: str, max_pixels: int) -> int:
@@ -226,9 +225,7 @@ def _read_stream(stream: BinaryIO, limit: int) -> bytes:
 
 def _open(data: bytes, max_pixels: int) -> Image.Image:
     """The image with its header read and its size checked, before anything is decoded."""
-    formats = [*_FORMATS]
-    if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS:
-        formats = [_heif_format()]
+    formats = [_heif_format()] if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS else [*_FORMATS]
     containers.check_scans(data)
     containers.check_chunks(data)
     if size := containers.webp_size(data):
@@ -263,9 +260,8 @@ def _check_size(width: int, height: int, limit: int, kind: str) -> None:
     if min(width, height) < MIN_SIDE:
         raise PhotoError(f"The photo is {width} x {height} pixels; each side must have at least {MIN_SIDE}.")
     if max(width, height) > MAX_ASPECT * min(width, height):
-        raise PhotoError(
-            f"The photo is {width} x {height} pixels; one side may be at most {MAX_ASPECT} times the other."
-        )
+        sentence = f"The photo is {width} x {height} pixels; one side may be at most {MAX_ASPECT} times the other."
+        raise PhotoError(sentence)
 
 
 def _reason(error: Exception) -> str:

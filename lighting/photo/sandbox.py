@@ -21,16 +21,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
 
+import lighting.runtime as runtime
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, Source, memory_budget, read_bytes, read_photo
-from lighting.runtime import (
-    address_space_used,
-    claim_stdout,
-    exit_after,
-    ignore_signals,
-    limit_address_space,
-    start_python,
-)
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -180,10 +173,8 @@ class DecoderProcess:
     def _read_in_time(self, request: DecodeRequest, data: bytes) -> Photo | Exception:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
-        with (
-            _alarm(request.seconds, self._running) as expired,
-            suppress(EOFError, BrokenPipeError, pickle.UnpicklingError),
-        ):
+        death = suppress(EOFError, BrokenPipeError, pickle.UnpicklingError)
+        with _alarm(request.seconds, self._running) as expired, death:
             answer = _request_photo(self._running, request, data)
         if expired.is_set() or answer is None:
             self.start()
@@ -244,7 +235,7 @@ def _alarm(seconds: float, process: "Popen[bytes]") -> Iterator[Event]:
 
 
 def _start_process() -> "Popen[bytes]":
-    process = start_python(_WORKER_CODE, _ENVIRONMENT)
+    process = runtime.start_python(_WORKER_CODE, _ENVIRONMENT)
     if sys.platform == "linux":
         import fcntl
 
@@ -262,14 +253,14 @@ def _open_pipe(stream: Any) -> Any:
 
 def serve_decoder() -> None:
     """Answer requests until stdin ends."""
-    ignore_signals()
-    requests, answers = sys.stdin.buffer, claim_stdout()
+    runtime.ignore_signals()
+    requests, answers = sys.stdin.buffer, runtime.claim_stdout()
     _decode_in_one_thread()
-    own = address_space_used()
+    own = runtime.address_space_used()
     pickle.dump(_READY, answers)
     answers.flush()
     while request := _next_request(requests):
-        with exit_after(request.seconds):
+        with runtime.exit_after(request.seconds):
             _answer_request(request, requests, answers, own)
             answers.flush()
 
@@ -286,7 +277,7 @@ def _answer_request(request: DecodeRequest, requests: BinaryIO, answers: BinaryI
     source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
     try:
         size = len(source) if isinstance(source, bytes) else request.max_bytes
-        limit_address_space(own + memory_budget(size, request.max_pixels, request.target))
+        runtime.limit_address_space(own + memory_budget(size, request.max_pixels, request.target))
         photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
     except Exception as error:
         pickle.dump(_Reply(error=error), answers)

@@ -84,7 +84,6 @@ def _indicatrix(sun_angle: ArrayLike, kind: int) -> Floats:
 
 def _groups_of_type(kind: int) -> tuple[str, int]:
     if not 1 <= kind <= len(_TYPES):
-        raise ParameterError(
-            f"The sky type is {kind}; the CIE general sky has types 1 to {len(_TYPES)}.", "kind", ErrorCode.UNKNOWN
-        )
+        sentence = f"The sky type is {kind}; the CIE general sky has types 1 to {len(_TYPES)}."
+        raise ParameterError(sentence, "kind", ErrorCode.UNKNOWN)
     return _TYPES[kind - 1]

@@ -20,14 +20,13 @@ from lighting.records import (
     Lighting,
     ModelSpec,
     WarningCode,
-    clip_color,
     json_line,
     record_with_coefficients,
     unwrap_record,
     warning_code,
 )
 from lighting.sky.hosek_wilkie import sky_coefficients
-from lighting.validation import OPTIONAL_RANGES, RANGES
+from lighting.validation import OPTIONAL_RANGES, RANGES, clip_color
 from tests.conftest import TINY
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, ground_albedo=0.2)
