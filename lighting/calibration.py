@@ -28,6 +28,8 @@ from PIL import Image
 from lighting.geometry import Floats, focal_length, level_in_camera, shrink_size, up_in_camera
 from lighting.records import Prediction
 
+_Bytes = NDArray[np.uint8]
+
 MAX_LENS_RATIO = 1.9  # of focal lengths, over which what is known of the lens is contradicted
 MAX_SIDE = 448  # pixels along the longer side; more bring no better camera
 _MAX_LEAN = 25.0  # deg from the expected vertical within which an edge may be a vertical
@@ -72,9 +74,7 @@ def lens_ratio(a: float, b: float) -> float:
     return max(ratio, 1.0 / ratio)
 
 
-def calibrate_from_lines(
-    prediction: Prediction, pixels: NDArray[np.uint8], vertical_fov: float | None = None
-) -> Prediction:
+def calibrate_from_lines(prediction: Prediction, pixels: _Bytes, vertical_fov: float | None = None) -> Prediction:
     """The prediction with the camera by the photo's straight lines too; its sun stays where it is.
 
     With a known lens, elevation and roll are those of a camera with it, unless the pixels contradict it. The field of
@@ -85,7 +85,8 @@ def calibrate_from_lines(
         pixels: (h, w, 3) sRGB.
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
-    gray = _gray(pixels)
+    full_size = Image.fromarray(pixels).convert("L")
+    gray = np.asarray(full_size.resize(shrink_size(*full_size.size, MAX_SIDE), Image.Resampling.BOX))
     up = up_in_camera(prediction.camera_elevation, prediction.camera_roll)
     edges = _edges_of(gray, up, focal_length(len(gray), prediction.vertical_fov))
     known_lens = _known_log_lens(prediction, vertical_fov)
@@ -96,12 +97,6 @@ def calibrate_from_lines(
         elevation, roll, _ = _posterior_mean(_cameras_near(prediction, known_lens), edges, len(gray))
     fov = math.degrees(2 * math.atan(_tan_half_fov(prediction) * math.exp(log_lens)))
     return replace(prediction, camera_elevation=elevation, camera_roll=roll, vertical_fov=fov)
-
-
-def _gray(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Gray levels (h, w) of pixels (h, w, 3), at most MAX_SIDE along the longer side."""
-    gray = Image.fromarray(pixels).convert("L")
-    return np.asarray(gray.resize(shrink_size(*gray.size, MAX_SIDE), Image.Resampling.BOX))
 
 
 def _known_log_lens(prediction: Prediction, vertical_fov: float | None) -> Floats | None:
@@ -157,7 +152,7 @@ def _in_picture(direction: Floats, tan_half_fov: Floats | float) -> Floats:
     return np.stack([direction[0], direction[1], 2 * tan_half_fov * direction[2]])
 
 
-def _edges_of(gray: NDArray[np.uint8], up: Floats, focal: float) -> _Edges:
+def _edges_of(gray: _Bytes, up: Floats, focal: float) -> _Edges:
     """The edges of a picture (h, w).
 
     `up` (3,) is the world's up as the camera's right, up and forward, roughly; `focal` its focal length [pixels].
@@ -177,7 +172,7 @@ def _edges_of(gray: NDArray[np.uint8], up: Floats, focal: float) -> _Edges:
     return _Edges(verticals, _link_corners(other, size, directions, gray.shape))
 
 
-def _gradient(gray: NDArray[np.uint8]) -> tuple[Floats, Floats]:
+def _gradient(gray: _Bytes) -> tuple[Floats, Floats]:
     """Twice the steps (h - 1, w - 1) of brightness to the right and upwards, on the corners that four pixels share."""
     levels = gray.astype(np.int16)
     falling, rising = levels[1:, 1:] - levels[:-1, :-1], levels[:-1, 1:] - levels[1:, :-1]
@@ -193,18 +188,19 @@ def _rotate_to_vertical(right: Floats, upwards: Floats, up: Floats, focal: float
     return right * vertical_y - upwards * vertical_x, right * vertical_x + upwards * vertical_y
 
 
-def _link_corners(
-    corners: NDArray[np.intp], size: Floats, directions: NDArray[np.uint8], shape: tuple[int, ...]
-) -> _Lines:
+def _link_corners(corners: NDArray[np.intp], size: Floats, directions: _Bytes, shape: tuple[int, ...]) -> _Lines:
     """The edges that neighboring corners (P,) make, by the sizes (P,) and direction bins (P,) of their gradients."""
     height, width = shape
     rows, columns = np.divmod(corners, max(width - 1, 1))
-    chain, kept = _drop_small(_chains(rows * width + columns, directions, width), _MIN_PIXELS)
+    chain = _chains(rows * width + columns, directions, width)
+    large = np.bincount(chain) >= _MIN_PIXELS
+    kept = np.flatnonzero(large.take(chain))
+    chain = (np.cumsum(large) - 1).take(chain.take(kept))  # those are numbered from 0
     x, y = columns.take(kept) + (1 - 0.5 * width), (0.5 * height - 1) - rows.take(kept)
     return _fit_lines(chain, size.take(kept).astype(np.float64), x, y, height)
 
 
-def _chains(corners: NDArray[np.intp], directions: NDArray[np.uint8], width: int) -> NDArray[np.intp]:
+def _chains(corners: NDArray[np.intp], directions: _Bytes, width: int) -> NDArray[np.intp]:
     """The number (P,) of the chain that each of the ordered corners belongs to; a row has `width` cells for them.
 
     Neighbors in a row whose directions (P,) agree make a run, and each run follows one above that it touches and
@@ -232,16 +228,9 @@ def _chains(corners: NDArray[np.intp], directions: NDArray[np.uint8], width: int
     return first.take(run)
 
 
-def _agree(a: NDArray[np.uint8], b: NDArray[np.uint8]) -> NDArray[np.bool_]:
+def _agree(a: _Bytes, b: _Bytes) -> NDArray[np.bool_]:
     """Whether direction bins (P,) differ by _MAX_BIN_DIFFERENCE at most."""
     return np.asarray(a - b + np.uint8(_MAX_BIN_DIFFERENCE) <= 2 * _MAX_BIN_DIFFERENCE)
-
-
-def _drop_small(chain: NDArray[np.intp], min_pixels: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Chains of at least `min_pixels` numbered from 0, and the indices of the pixels that are theirs."""
-    large = np.bincount(chain) >= min_pixels
-    kept = np.flatnonzero(large.take(chain))
-    return (np.cumsum(large) - 1).take(chain.take(kept)), kept
 
 
 def _fit_lines(chain: NDArray[np.intp], weight: Floats, x: Floats, y: Floats, height: int) -> _Lines:

@@ -28,6 +28,7 @@ MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
 MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
 SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
+_PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
 
 
 class EvidenceKind(StrEnum):
@@ -190,7 +191,7 @@ class Lighting:
 
     def __post_init__(self) -> None:
         validation.convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
-        for name, limits in (RANGES | OPTIONAL_RANGES).items():
+        for name, limits in _PLAIN_RANGES.items():
             if name in RANGES or getattr(self, name) is not None:
                 check_range(name, getattr(self, name), *limits)
         for name, limits in COLOR_RANGES.items():
@@ -323,15 +324,8 @@ def _check_spec(name: str, fits: bool) -> None:
         raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
 
 
-# JSON in and out: sections hold plain numbers under short names, as RECORD_PATHS has them.
-
-
-# Section, name in it, and attribute of each plain number, and of each color.
-_NUMBERS = [
-    (*path.split("."), attribute)
-    for attribute, path in RECORD_PATHS.items()
-    if attribute in RANGES or attribute in OPTIONAL_RANGES
-]
+# JSON in and out: section, name in it and attribute of each plain number, and of each color.
+_NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.items() if attribute in _PLAIN_RANGES]
 _COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 
 
@@ -380,9 +374,8 @@ def _values_from_record(record: Mapping[str, Any]) -> Json:
 
 
 def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str) -> tuple[float, ...]:
-    numbers = sections[section].get(name)
-    if numbers is None:
-        return ()
+    given = sections[section].get(name)
+    numbers = () if given is None else given
     if not isinstance(numbers, list | tuple):
         predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
         raise ParameterError.about(f"{section}.{name}", predicate, ErrorCode.WRONG_TYPE)

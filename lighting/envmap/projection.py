@@ -80,8 +80,7 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
         return None
     rows, columns = window
     x, y = _map_to_picture(camera, height, rows, columns)
-    edge = np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER)
-    ramp = np.clip(edge, 0, 1)
+    ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER), 0, 1)
     weight = ramp * ramp * (3 - 2 * ramp)
     index = _pixel_index(y, camera.height, -1) * camera.width + _pixel_index(x, camera.width, 1)
     linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))

@@ -82,9 +82,7 @@ def sky_irradiance(lighting: Lighting) -> Floats:
     Args:
         lighting: stated, or by the sky model.
     """
-    if lighting.sky_irradiance is not None:
-        return np.array(lighting.sky_irradiance)
-    return clear_irradiance(lighting)
+    return clear_irradiance(lighting) if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
 
 
 def level_irradiance(lighting: Lighting) -> Floats:

@@ -77,7 +77,8 @@ def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: boo
     shines = lighting.sun_painted if sun is None else sun
     step = _predicted_step(lighting) if shines else 0.0
     gray = _block_means(luminance(SRGB_LINEAR[small].astype(np.float64)))
-    ground = _ground_blocks(gray.shape, lighting)
+    rays = camera_directions(photo_camera(lighting, gray.shape[1], gray.shape[0]))
+    ground = rays[..., 1] < -_SIN_BELOW
     if step < _MIN_STEP or ground.mean() < _MIN_GROUND:
         return np.ones((height, width), dtype=np.float32)
     stops = np.log2(np.clip(gray, *np.exp2(_LOG2_RANGE)))[ground]
@@ -155,8 +156,7 @@ def _min_lit_albedo(step: float, visibility: float) -> float:
 
 def _shrink_photo(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The photo (h, w, 3) with at most _SIDE pixels along its longer side."""
-    height, width = photo.shape[:2]
-    size = shrink_size(width, height, _MAX_SIDE)
+    size = shrink_size(photo.shape[1], photo.shape[0], _MAX_SIDE)
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
 
 
@@ -166,12 +166,6 @@ def _block_means(gray: Floats) -> Floats:
     sums = np.add.reduceat(np.add.reduceat(gray, starts[0], axis=0), starts[1], axis=1)
     sizes = [np.diff([*start, count]) for start, count in zip(starts, gray.shape, strict=True)]
     return np.asarray(sums / np.outer(*sizes))
-
-
-def _ground_blocks(blocks: tuple[int, ...], lighting: Lighting) -> NDArray[np.bool_]:
-    """Which blocks (rows, columns) of a picture show ground, if it is bare."""
-    rays = camera_directions(photo_camera(lighting, blocks[1], blocks[0]))
-    return np.asarray(rays[..., 1] < -_SIN_BELOW)
 
 
 def _otsu_classes(stops: Floats, middle: float, reach: float) -> _OtsuClasses | None:

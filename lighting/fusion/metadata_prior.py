@@ -137,15 +137,10 @@ def _prior(merged: PhotoMetadata, candidates: _SunCandidates, user_input: UserIn
     if highest < -SUN_RADIUS:
         consequence = _TWILIGHT_ANSWER if highest >= CIVIL_TWILIGHT else "time and place were not used."
         warnings = (*warnings, timezones.format_below_horizon(merged, highest) + consequence)
-    heading, heading_std = _compass(merged, user_input)
-    observations = replace(
-        _camera_observations(merged),
-        candidates=_raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else (),
-        exposure_value=merged.exposure_value,
-        subject=subject,
-        heading=heading,
-        heading_std=heading_std,
-    )
+    raised = _raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else ()
+    camera = _camera_observations(merged)
+    compass, exposure_value = _compass(merged, user_input), merged.exposure_value
+    observations = Observations(raised, *compass, camera.vertical_fov, camera.gravity, exposure_value, subject)
     is_up, is_night = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS, bool(candidates) and highest < CIVIL_TWILIGHT
     location = timezones.location_of(merged) if user_input.keep_location else None
     return MetadataPrior(observations, warnings, is_up, is_night, location)

@@ -11,13 +11,8 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, is_finite
 
-_RANGES = {
-    "utc_offset": UTC_OFFSET_RANGE,
-    "heading": (-360.0, 360.0),
-    "vertical_fov": RANGES["vertical_fov"],
-    "latitude": OPTIONAL_RANGES["latitude"],
-    "longitude": OPTIONAL_RANGES["longitude"],
-}
+_RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
+_RANGES |= {name: OPTIONAL_RANGES[name] for name in ("latitude", "longitude")}
 
 
 @dataclass(frozen=True)

@@ -102,17 +102,11 @@ def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto
     if (matrix := photo_pixels.profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
     doubtful = full > 255 and curve is None and photo_pixels.is_gamma_encoded(stored.header)
-    return LinearPhoto(
-        linear,
-        white=float(srgb_decode(_CLIPPED_FROM)) if coded else _CLIPPED_FROM,
-        step=1 / full / 12.92 if coded else 1 / full,
-        exposure=read_exposure(stored.exif_source),
-        metadata=read_metadata(stored.exif_source, linear.shape[1], linear.shape[0]),
-        warnings=_curve_warnings(stored.header, full == 255 and curve is None, doubtful),
-        gray=samples.shape[2] == 1,
-        srgb_decoded=coded,
-        gamma_doubtful=doubtful,
-    )
+    white, step = (float(srgb_decode(_CLIPPED_FROM)), 1 / full / 12.92) if coded else (_CLIPPED_FROM, 1 / full)
+    exposure = read_exposure(stored.exif_source)
+    metadata = read_metadata(stored.exif_source, linear.shape[1], linear.shape[0])
+    warnings, gray = _curve_warnings(stored.header, full == 255 and curve is None, doubtful), samples.shape[2] == 1
+    return LinearPhoto(linear, white, step, exposure, metadata, warnings, gray, coded, doubtful)
 
 
 def _read_stored(data: bytes) -> _Stored:

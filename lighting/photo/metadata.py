@@ -87,6 +87,7 @@ def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     fov = vertical_fov_from_focal_length(focal_length, width, height) if focal_length and uncropped else None
     tilt = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if uncropped else None
     times, north = (local_time, utc_offset, utc_time), (heading, reference)
+    gravity: tuple[float | None, float | None, str | None, float | None]
     gravity = (tilt.elevation, tilt.roll, tilt.source, tilt.std) if tilt else (None, None, None, None)
     exposure = _try_read(_exposure_value, camera)
     return PhotoMetadata(*times, latitude, longitude, *north, focal_length, fov, *gravity, exposure)
@@ -206,11 +207,8 @@ def _camera_tilt(
     tags: _Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]
 ) -> imu.CameraTilt | None:
     """The camera's tilt, by the first source that has it."""
-    return (
-        _try_read(lambda t: imu.tilt_from_accelerometer(t, orientation, size), tags)
-        or imu.tilt_from_gimbal(xmp, orientation)
-        or _try_read(imu.tilt_from_elevation_angle, tags)
-    )
+    by_phone = _try_read(lambda t: imu.tilt_from_accelerometer(t, orientation, size), tags)
+    return by_phone or imu.tilt_from_gimbal(xmp, orientation) or _try_read(imu.tilt_from_elevation_angle, tags)
 
 
 def _try_read(read: Callable[[_Tags], _Value | None], tags: _Tags) -> _Value | None:

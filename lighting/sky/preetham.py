@@ -43,9 +43,8 @@ _ZENITH = np.array(  # for x and y: rows by falling power of turbidity, columns 
         ],
     ]
 )
-_TO_REC709 = np.array(  # from XYZ (IEC 61966-2-1)
-    [[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]]
-)
+# From XYZ (IEC 61966-2-1).
+_TO_REC709 = np.array([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]])
 
 
 def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
@@ -56,7 +55,7 @@ def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
         sun_direction: (3,) unit vector, not below the horizon, else ParameterError.
         turbidity: 1.7 to 10, else ParameterError.
     """
-    up, sun_zenith, parts = _relative_to_zenith(direction, sun_direction, turbidity)
+    up, sun_zenith, parts = _by_zenith(direction, sun_direction, turbidity)
     zenith = _preetham_zenith(sun_zenith, turbidity)
     luminance, x, y = (parts[i] * zenith[i] for i in range(3))
     xyz = np.stack([luminance * x / y, luminance, luminance * (1 - x - y) / y], axis=-1)
@@ -65,13 +64,11 @@ def preetham_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
 
 def _preetham_luminance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> Floats:
     """Luminance / zenith's (...) along unit vectors (..., 3); 0 below the horizon. Raises as `preetham_radiance`."""
-    up, _, parts = _relative_to_zenith(direction, sun_direction, turbidity)
+    up, _, parts = _by_zenith(direction, sun_direction, turbidity)
     return np.where(up >= 0, np.maximum(parts[0], 0.0), 0.0)
 
 
-def _relative_to_zenith(
-    direction: ArrayLike, sun_direction: ArrayLike, turbidity: float
-) -> tuple[Floats, float, Floats]:
+def _by_zenith(direction: ArrayLike, sun_direction: ArrayLike, turbidity: float) -> tuple[Floats, float, Floats]:
     """Sines (...) above the horizon, the sun's zenith angle [rad], luminance, x and y (3, ...) by the zenith's."""
     low, high = TURBIDITY
     if not low <= turbidity <= high:
