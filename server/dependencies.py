@@ -119,9 +119,8 @@ class Service:
     def estimator(self) -> Estimator:
         """The loaded estimator; raises ProblemError (503) before it is loaded."""
         if self.loaded_estimator is None:
-            raise ProblemError(
-                problems.NOT_READY, "The network is not loaded yet.", {"Retry-After": problems.RETRY_SECONDS}
-            )
+            retry = {"Retry-After": problems.RETRY_SECONDS}
+            raise ProblemError(problems.NOT_READY, "The network is not loaded yet.", retry)
         return self.loaded_estimator
 
     @property

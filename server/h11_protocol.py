@@ -60,9 +60,8 @@ class _Connection(h11.Connection):
         self._chunks += data.chunk_start
         self._size += len(data.data)
         if self._chunks > MAX_CHUNKS and self._size < MIN_MEAN_CHUNK * self._chunks:
-            raise _TinyChunksError(
-                f"The body has over {MAX_CHUNKS} chunks of fewer than {MIN_MEAN_CHUNK} bytes in the mean."
-            )
+            tiny = f"fewer than {MIN_MEAN_CHUNK} bytes in the mean"
+            raise _TinyChunksError(f"The body has over {MAX_CHUNKS} chunks of {tiny}.")
 
 
 class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
@@ -125,9 +124,8 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if isinstance(error, _TinyChunksError):
             self._refuse(problems.UNREADABLE_BODY, str(error))
         elif getattr(error, "error_status_hint", 400) == problems.HEADERS_TOO_LARGE.status:
-            self._refuse(
-                problems.HEADERS_TOO_LARGE, f"The request line and the headers exceed {MAX_HEADER_BYTES} bytes."
-            )
+            detail = f"The request line and the headers exceed {MAX_HEADER_BYTES} bytes."
+            self._refuse(problems.HEADERS_TOO_LARGE, detail)
         else:
             reason = str(error or msg).partition(": bytearray")[0]  # without the bytes, which may hold a key
             self._refuse(problems.MALFORMED, f"The request cannot be read: {reason}.")

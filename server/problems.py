@@ -179,14 +179,8 @@ def _json(content: Json) -> bytes:
 
 
 def _body(kind: ProblemKind, detail: str, instance: str, request_id: str) -> Json:
-    return {
-        "type": kind.type,
-        "title": kind.title,
-        "status": kind.status,
-        "detail": detail,
-        "instance": instance,
-        "request_id": request_id,
-    }
+    kind_members = {"type": kind.type, "title": kind.title, "status": kind.status}
+    return {**kind_members, "detail": detail, "instance": instance, "request_id": request_id}
 
 
 def _problem_of(error: Exception) -> ProblemError:
@@ -226,9 +220,8 @@ def _problem_of_parameter(error: ParameterError) -> ProblemError:
 
 def _problem_of_http_exception(error: HTTPException) -> ProblemError:
     phrase = HTTPStatus(error.status_code).phrase
-    kind = _KIND_BY_STATUS.get(error.status_code) or ProblemKind(
-        phrase.lower().replace(" ", "-"), error.status_code, phrase
-    )
+    other = ProblemKind(phrase.lower().replace(" ", "-"), error.status_code, phrase)
+    kind = _KIND_BY_STATUS.get(error.status_code, other)
     return ProblemError(kind, f"{kind.title}.", error.headers)
 
 

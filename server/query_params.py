@@ -261,9 +261,8 @@ async def refuse_parameters(request: Request) -> None:
         request: one of a route that takes none.
     """
     if names := list(request.query_params):
-        raise invalid_fields_error(
-            [InvalidField(name, "query", "is not known here", ErrorCode.UNKNOWN) for name in names]
-        )
+        detail = "is not known here"
+        raise invalid_fields_error([InvalidField(name, "query", detail, ErrorCode.UNKNOWN) for name in names])
 
 
 def check_photo_headings(photos: int, query: LightingQuery) -> None:

@@ -19,12 +19,8 @@ from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, 
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 
 _BINARY_SCHEMA = {"type": "string", "format": "binary"}
-_FORM_SCHEMA = {
-    "type": "object",
-    "required": [PHOTO_FIELD],
-    "properties": {PHOTO_FIELD: _BINARY_SCHEMA},
-    "additionalProperties": False,
-}
+_FORM_FIELDS = {"properties": {PHOTO_FIELD: _BINARY_SCHEMA}, "additionalProperties": False}
+_FORM_SCHEMA = {"type": "object", "required": [PHOTO_FIELD], **_FORM_FIELDS}
 _PHOTO_BODY: Json = {
     FORM_TYPE: {"schema": _FORM_SCHEMA},
     **{photo_type: {"schema": _BINARY_SCHEMA} for photo_type in PHOTO_TYPES},

@@ -149,11 +149,8 @@ def warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | N
     from lighting.registration.features import has_opencv
 
     if together and headings is None and not quiet and not has_opencv():
-        click.echo(
-            "Warning: The photos were not matched with each other, because OpenCV is not installed: "
-            f"{install_command('turns')}.",
-            err=True,
-        )
+        reason = f"because OpenCV is not installed: {install_command('turns')}."
+        click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
 
 
 def escape_path(name: str) -> str:
@@ -181,9 +178,8 @@ def format_error(error: Exception) -> str:
         error: any.
     """
     file = getattr(error, "filename", None)
-    return escape_control_chars(
-        f"{click.format_filename(file)}: {describe_error(error)}" if file else describe_error(error)
-    )
+    prefix = f"{click.format_filename(file)}: " if file else ""
+    return escape_control_chars(prefix + describe_error(error))
 
 
 def is_broken_pipe(error: Exception) -> bool:
@@ -307,9 +303,8 @@ def parse_lighting(data: bytes, name: str) -> "Lighting":
     except ParameterError as error:
         raise error.prefixed(escape_path(name)) from error
     except (ValueError, RecursionError) as error:
-        raise ParameterError(
-            f"{escape_path(name)} {_describe_json_error(error)}.", code=ErrorCode.UNREADABLE
-        ) from error
+        sentence = f"{escape_path(name)} {_describe_json_error(error)}."
+        raise ParameterError(sentence, code=ErrorCode.UNREADABLE) from error
 
 
 def _describe_json_error(error: Exception) -> str:

@@ -68,11 +68,8 @@ def _describe_picture(file: str) -> "Json":
 def _describe_metadata(metadata: "PhotoMetadata") -> "Json":
     """The metadata that estimates use; of the place only whether it is known, since output may be passed on."""
     values = {**asdict(metadata), "location": metadata.latitude is not None}
-    return {
-        name: value.isoformat() if isinstance(value, datetime) else value
-        for name, value in values.items()
-        if name not in ("latitude", "longitude")
-    }
+    del values["latitude"], values["longitude"]
+    return {name: value.isoformat() if isinstance(value, datetime) else value for name, value in values.items()}
 
 
 def _describe_map(file: str, data: bytes) -> "Json":

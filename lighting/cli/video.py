@@ -127,11 +127,8 @@ def _format_shot(number: int, shot: "Shot") -> str:
     north = "" if shot.north is None else f", first heading {round(shot.north + path.heading[0]) % 360}°"
     frames = "1 frame" if len(shot.frames) == 1 else f"{len(shot.frames)} frames"
     bridged = f", {path.bridged.sum()} bridged" if path.bridged.any() else ""
-    zoom = (
-        f" at first, zoomed by {shot.zoom.min():.2f} to {shot.zoom.max():.2f}"
-        if shot.zoom.min() < shot.zoom.max()
-        else ""
-    )
+    low, high = shot.zoom.min(), shot.zoom.max()
+    zoom = f" at first, zoomed by {low:.2f} to {high:.2f}" if low < high else ""
     return (
         f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {frames}{bridged}: "
         f"sun {light.sun_elevation:.1f}° high and {format_side(light.sun_azimuth, 1)} of the first frame "

@@ -146,9 +146,8 @@ def draw_arrow_head(picture: Image.Image, tip: Floats, heading: Floats, color: S
     side = np.array([-heading[1], heading[0]])
     for grow, ground, opacity in ((3.0, BLACK, _SHADE_OPACITY), (0.0, color, 1.0)):
         back, wing = (22 + grow) * heading, (12 + 1.5 * grow) * side
-        draw_polygon(
-            picture, [tip + grow * heading, tip - back + wing, tip - 16 * heading, tip - back - wing], ground, opacity
-        )
+        corners = [tip + grow * heading, tip - back + wing, tip - 16 * heading, tip - back - wing]
+        draw_polygon(picture, corners, ground, opacity)
 
 
 def rounded_mask(size: tuple[int, int], radius: int) -> Image.Image:

@@ -205,9 +205,8 @@ def _find_plain_spot(
     away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + geometry.OBJECT_POSITION) / 2)
     lateral, above, below = (radii * tall * small.height for radii in (half_width, _ABOVE, _BELOW))
     differences = _box_means(_pixel_differences(np.asarray(gray, dtype=np.float32)), lateral, above, below)
-    down, across = np.unravel_index(
-        np.argmin(np.where(feet, differences + _DISTANCE_PENALTY * away, np.inf)), feet.shape
-    )
+    cost = np.where(feet, differences + _DISTANCE_PENALTY * away, np.inf)
+    down, across = np.unravel_index(np.argmin(cost), feet.shape)
     return (float(across) + 0.5) * camera.width / small.width, (float(down) + 0.5) * camera.height / small.height
 
 

@@ -99,11 +99,9 @@ def _paste_panel(canvas: Image.Image, box: panels.Box, caption: str, panel: Imag
 
 def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
     context = photo_context(estimate, photo, surroundings=surroundings)
-    return (
-        render_with_surroundings(estimate.lighting, context, MAP_HEIGHT)
-        if context
-        else render(estimate.lighting, MAP_HEIGHT)
-    )
+    if context:
+        return render_with_surroundings(estimate.lighting, context, MAP_HEIGHT)
+    return render(estimate.lighting, MAP_HEIGHT)
 
 
 def _spheres_panel(scene: SphereScene, lighting: Lighting, box: panels.Box) -> Image.Image:

@@ -306,9 +306,8 @@ def _sky_radiance(rays: Floats, scene: SphereScene, disc_radius: float | None) -
     radiance = sample_latlong(scene.sky, rays).astype(rays.dtype)
     if disc_radius is not None:
         cosine = np.cos(np.radians(disc_radius))
-        radiance[rays @ scene.sun_direction.astype(rays.dtype) > cosine] += scene.sun_irradiance / (
-            2 * np.pi * (1 - cosine)
-        )
+        hit = rays @ scene.sun_direction.astype(rays.dtype) > cosine
+        radiance[hit] += scene.sun_irradiance / (2 * np.pi * (1 - cosine))
     return radiance
 
 

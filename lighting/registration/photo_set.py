@@ -144,9 +144,8 @@ def _likely_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:
     every = list(combinations(range(len(features)), 2))
     if len(features) <= _MAX_EXHAUSTIVE:
         return every
-    coarse = [
-        replace(f, points=f.points[:_COARSE_FEATURES], descriptors=f.descriptors[:_COARSE_FEATURES]) for f in features
-    ]
+    first = slice(_COARSE_FEATURES)
+    coarse = [replace(f, points=f.points[first], descriptors=f.descriptors[first]) for f in features]
     match_counts = {(i, j): len(match_features(coarse[i], coarse[j])) for i, j in every}
     kept: set[tuple[int, int]] = set()
     for photo in range(len(features)):
@@ -160,10 +159,8 @@ def _initial_lenses(views: Sequence[ViewFeatures]) -> list[Lens]:
     priors = [view.lens_prior() for view in views]
     log_predicted = [np.log(focal) for view, (focal, _) in zip(views, priors, strict=True) if view.metadata_fov is None]
     common = float(np.exp(np.mean(log_predicted))) if log_predicted else 1.0
-    return [
-        (common if view.metadata_fov is None else focal, log_std)
-        for view, (focal, log_std) in zip(views, priors, strict=True)
-    ]
+    pairs = zip(views, priors, strict=True)
+    return [(common if view.metadata_fov is None else focal, log_std) for view, (focal, log_std) in pairs]
 
 
 def _relative_rotations(
@@ -183,9 +180,7 @@ def _relative_rotations(
 def _agree_on_lenses(views: Sequence[ViewFeatures], pairs: PairRotations, lenses: Sequence[Lens]) -> list[Lens]:
     """The lenses that the pairs agree on: one for all photos, but in groups where some are zoomed."""
     groups = connected_components(len(views), pairs)
-    zoomed = [
-        group for group in groups if any(relative.zoomed and pair[0] in group for pair, relative in pairs.items())
-    ]
+    zoomed = [group for group in groups if any(pairs[a, b].zoomed and a in group for a, b in pairs)]
     rest = tuple(i for group in groups if group not in zoomed for i in group)
     agreed = dict(enumerate(lenses))
     for family in (*zoomed, rest):
@@ -300,9 +295,8 @@ def register_views_isolated(
         raise TurnsError("The process that matches photos with each other does not start.") from error
     reply = _read_reply(process, request, seconds, check)
     if reply is None:
-        raise TurnsError(
-            f"Matching the photos with each other takes longer than {seconds:g} seconds.", code=ErrorCode.TIMEOUT
-        )
+        sentence = f"Matching the photos with each other takes longer than {seconds:g} seconds."
+        raise TurnsError(sentence, code=ErrorCode.TIMEOUT)
     try:
         answer: tuple[RegisteredView, ...] | LightingError = pickle.loads(reply)
     except (EOFError, pickle.UnpicklingError) as error:

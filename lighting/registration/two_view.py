@@ -177,9 +177,8 @@ def _fit_zoom(result: "_ZoomedPair", matches: int, lens: _Lens) -> RelativeRotat
     """The rotation of a camera that stayed where it was and was zoomed."""
     covariance = 2.0 * _STATIC_ERROR_FACTOR**2 * result.covariance  # each match counts in both photos
     uncertainty = _uncertainty(covariance, 1.0, replace(lens, focal=result.focal))
-    return _sure_enough(
-        RelativeRotation(result.rotation, *uncertainty, int(np.sum(result.inliers)), matches, zoomed=True)
-    )
+    count = int(np.sum(result.inliers))
+    return _sure_enough(RelativeRotation(result.rotation, *uncertainty, count, matches, zoomed=True))
 
 
 def _fit_motion(obeying: Matches, matches: int, lens: _Lens) -> RelativeRotation | None:
@@ -251,9 +250,8 @@ def _epipolar_inliers(matches: Matches) -> NDArray[np.bool_]:
     cv2 = import_opencv()
     unit = 1.0 / matches.pixel  # OpenCV's thresholds suit pixels
     try:
-        _, mask = cv2.findFundamentalMat(
-            matches.a * unit, matches.b * unit, cv2.USAC_MAGSAC, _EPIPOLAR_TOLERANCE, _CONFIDENCE, 5000
-        )
+        a, b = matches.a * unit, matches.b * unit
+        _, mask = cv2.findFundamentalMat(a, b, cv2.USAC_MAGSAC, _EPIPOLAR_TOLERANCE, _CONFIDENCE, 5000)
     except cv2.error:  # its way of saying that no model fits
         mask = None
     return np.zeros(len(matches), dtype=bool) if mask is None else np.asarray(mask).ravel().astype(bool)
@@ -326,9 +324,8 @@ def _refine_motion(
 
     scale = _EPIPOLAR_TOLERANCE * matches.pixel
     inverse = np.array([0.0, 0.0, 0.0, prior, 0.0, 0.0])
-    fit: LeastSquaresResult = least_squares(
-        residuals, np.zeros(6), scale, inverse, np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0, 0.0])
-    )
+    expected = np.array([0.0, 0.0, 0.0, -np.log(zoom), 0.0, 0.0])
+    fit = least_squares(residuals, np.zeros(6), scale, inverse, expected)
     return _Motion(*parts(fit.parameters), fit.covariance[:4, :4], np.abs(fit.residuals) < 2.0 * scale)
 
 
@@ -368,10 +365,8 @@ def _estimate_zoom(
     """
     half = 0.5 * (_log_growth(matches) - float(np.log(focal[1] / focal[0])))
     scaled = (focal[0] * float(np.exp(-half)), focal[1] * float(np.exp(half)))
-    candidates = [
-        _refine_zoom(matches, scaled, zoom, mean_prior) for zoom in zooms
-    ]  # a wrong start creeps along a valley
-    result = min(candidates, key=lambda t: _cost(matches, t))
+    # Several, for a wrong start creeps along a valley.
+    result = min((_refine_zoom(matches, scaled, z, mean_prior) for z in zooms), key=lambda t: _cost(matches, t))
     ratio = result.focal[1] / result.focal[0] * focal[0] / focal[1]
     return result if abs(np.log(ratio)) > ONE_LENS else None
 
@@ -381,9 +376,8 @@ def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean
     started = ransac_rotation(matches, focal, [zoom]).rotation
 
     def parts(at: Floats) -> tuple[Floats, tuple[float, float]]:
-        first, second = np.exp(
-            np.clip([at[3] - at[4], at[3] + at[4]], -_MAX_LOG_ZOOM, _MAX_LOG_ZOOM)
-        )  # a step may go too far
+        # A step may go too far.
+        first, second = np.exp(np.clip([at[3] - at[4], at[3] + at[4]], -_MAX_LOG_ZOOM, _MAX_LOG_ZOOM))
         return rotation_about(at[:3]) @ started, (float(zoom * focal[0] * first), float(zoom * focal[1] * second))
 
     def residuals(at: Floats) -> Floats:

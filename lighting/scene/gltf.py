@@ -97,12 +97,8 @@ def _sun(scene: Scene) -> Json:
 
 
 def _camera(scene: Scene) -> Json:
-    perspective = {
-        "yfov": float(np.radians(scene.vertical_fov)),
-        "aspectRatio": scene.width / scene.height,
-        "znear": NEAR,
-        "zfar": FAR,
-    }
+    yfov, aspect = float(np.radians(scene.vertical_fov)), scene.width / scene.height
+    perspective = {"yfov": yfov, "aspectRatio": aspect, "znear": NEAR, "zfar": FAR}
     return {"name": "Camera", "type": "perspective", "perspective": perspective}
 
 
@@ -156,12 +152,8 @@ class _Binary:
 
     def packed(self, document: Json) -> bytes:
         """The whole file."""
-        described = {
-            **document,
-            "accessors": self._accessors,
-            "bufferViews": self._views,
-            "buffers": [{"byteLength": len(self._data)}],
-        }
+        lists = {"accessors": self._accessors, "bufferViews": self._views}
+        described = {**document, **lists, "buffers": [{"byteLength": len(self._data)}]}
         text = _padded(json.dumps(described, separators=(",", ":")).encode(), b" ")
         chunks = struct.pack("<II", len(text), _JSON) + text
         chunks += struct.pack("<II", len(self._data), _BIN) + self._data

@@ -40,12 +40,8 @@ def _camera_values(scene: Scene) -> dict[str, object]:
     right, up, forward = scene.camera_axes
     matrix = np.eye(4)
     matrix[:3] = np.stack([-right, up, forward, scene.camera_position], axis=1)
-    return {
-        "plate_width": scene.width,
-        "plate_height": scene.height,
-        "vertical_fov": scene.vertical_fov,
-        "camera_matrix": _numbers(matrix.ravel()),
-    }
+    size = {"plate_width": scene.width, "plate_height": scene.height}
+    return {**size, "vertical_fov": scene.vertical_fov, "camera_matrix": _numbers(matrix.ravel())}
 
 
 def _light_values(scene: Scene) -> dict[str, object]:

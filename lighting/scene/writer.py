@@ -59,9 +59,8 @@ def write_scene(
         other light, which would be left with this one's map.
     """
     if not isinstance(folder, str | os.PathLike):
-        raise SceneError(
-            f"A scene is written to a folder, not to {type(folder).__name__}.", "folder", ErrorCode.WRONG_TYPE
-        )
+        sentence = f"A scene is written to a folder, not to {type(folder).__name__}."
+        raise SceneError(sentence, "folder", ErrorCode.WRONG_TYPE)
     target = Path(folder).resolve()
     check_scene_folder(target, overwrite=overwrite)
     try:
@@ -139,13 +138,11 @@ def check_scene_folder(target: Path, *, overwrite: bool) -> None:
 
 def _write(scene: Scene, tool: str, folder: Folder, options: Mapping[str, object]) -> None:
     if tool not in EXPORTERS:
-        raise SceneError(
-            f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}.", "tool", ErrorCode.UNKNOWN
-        )
+        sentence = f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}."
+        raise SceneError(sentence, "tool", ErrorCode.UNKNOWN)
     if not isinstance(scene, Scene):
-        raise SceneError(
-            f"A Scene is needed, not {type(scene).__name__}; make_scene makes one.", code=ErrorCode.WRONG_TYPE
-        )
+        sentence = f"A Scene is needed, not {type(scene).__name__}; make_scene makes one."
+        raise SceneError(sentence, code=ErrorCode.WRONG_TYPE)
     EXPORTERS[tool].write(scene, folder, **options)
 
 
@@ -200,9 +197,8 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
     """
     (folder / PLATE).write_bytes(encode_plate(scene))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
-    (folder / RECORD).write_text(
-        json.dumps(record_with_coefficients(scene.lighting), indent=2) + "\n", encoding="utf-8"
-    )
+    record = json.dumps(record_with_coefficients(scene.lighting), indent=2)
+    (folder / RECORD).write_text(record + "\n", encoding="utf-8")
     (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
 
 
