@@ -66,12 +66,8 @@ class PhotoMatcher:
         if not self.failure:
             return estimates
         warning = CodedWarning(f"{self.failure} {ROTATION_INFERRED}", WarningCode.TURN_INFERRED)
-        return [_with_warning(estimate, warning) for estimate in estimates]
-
-
-def _with_warning(estimate: Estimate, warning: CodedWarning) -> Estimate:
-    lighting = estimate.lighting
-    return replace(estimate, lighting=replace(lighting, warnings=(*lighting.warnings, warning)))
+        warned = [replace(e.lighting, warnings=(*e.lighting.warnings, warning)) for e in estimates]
+        return [replace(e, lighting=lighting) for e, lighting in zip(estimates, warned, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)

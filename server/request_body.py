@@ -146,12 +146,8 @@ class RequestBody:
 
     @asynccontextmanager
     async def _parse_form(self, max_photos: int) -> AsyncIterator[FormData]:
-        parser = _FormParser(
-            self.request.headers,
-            self._chunks(self.limits.max_bytes),
-            max_files=max(max_photos, _MAX_FIELDS),
-            max_fields=_MAX_FIELDS,
-        )
+        files, chunks = max(max_photos, _MAX_FIELDS), self._chunks(self.limits.max_bytes)
+        parser = _FormParser(self.request.headers, chunks, max_files=files, max_fields=_MAX_FIELDS)
         parser.spool_max_size = self.limits.max_bytes + 1  # in memory, never on disk
         try:
             form = await parser.parse()

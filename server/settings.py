@@ -52,10 +52,10 @@ def _to_lowercase(value: object) -> object:
     return value.lower() if isinstance(value, str) else value
 
 
-Origins = Annotated[
-    tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)
-]  # the last comes first
+# The last validator comes first.
+Origins = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)]
 SecretKeys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_keys)]
+Seconds = Annotated[float, Field(gt=0, le=_DAY_SECONDS)]
 Level = Annotated[Literal["debug", "info", "warning", "error"], BeforeValidator(_to_lowercase)]
 
 
@@ -80,9 +80,7 @@ class Settings(BaseSettings):
     max_photos: int = Field(8, ge=1, le=64, description="maximum number of photos in one request")
     uploads: int = Field(32, ge=1, description="bodies that may arrive at the same time; 503 for further ones")
     uploads_per_client: int = Field(8, ge=1, description="the same for one client's address; 429 for further ones")
-    upload_seconds: float = Field(
-        60.0, gt=0, le=_DAY_SECONDS, description="time limit for receiving a body, in seconds"
-    )
+    upload_seconds: Seconds = Field(60.0, description="time limit for receiving a body, in seconds")
     upload_rate: int = Field(
         10_000, ge=1, description="least speed of a body in bytes per second, after its first five seconds"
     )
@@ -92,20 +90,12 @@ class Settings(BaseSettings):
     unsent_bytes: int = Field(
         500_000_000, ge=1, description="bytes of answers that may wait for their clients; 503 for further requests"
     )
-    header_seconds: float = Field(
-        10.0, gt=0, le=_DAY_SECONDS, description="time limit for receiving a request's headers, in seconds"
+    header_seconds: Seconds = Field(10.0, description="time limit for receiving a request's headers, in seconds")
+    decode_seconds: Seconds = Field(
+        decoding.MAX_DECODE_SECONDS, description="time limit for decoding a request's photos, in seconds"
     )
-    decode_seconds: float = Field(
-        decoding.MAX_DECODE_SECONDS,
-        gt=0,
-        le=_DAY_SECONDS,
-        description="time limit for decoding a request's photos, in seconds",
-    )
-    match_seconds: float = Field(
-        matching.MATCHING_SECONDS,
-        gt=0,
-        le=_DAY_SECONDS,
-        description="time limit for matching a request's photos with each other, in seconds",
+    match_seconds: Seconds = Field(
+        matching.MATCHING_SECONDS, description="time limit for matching a request's photos with each other, in seconds"
     )
     shutdown_seconds: int = Field(
         30,

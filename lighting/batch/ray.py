@@ -69,7 +69,8 @@ def run_ray(
         BatchError: the folder holds results of another job.
     """
     began = monotonic()
-    _require_ray()
+    if find_spec("ray") is None:  # which is not imported yet
+        raise MissingExtraError.of(*_EXTRA)
     filesystem, out = _filesystem_at(job.out)
     _open_results(filesystem, out, job, overwrite)
     earlier = _failed_by_name(filesystem, f"{out}/{TABLE}")
@@ -137,12 +138,6 @@ def _connected(address: str | None) -> Iterator[None]:
         yield
     finally:
         ray.shutdown()
-
-
-def _require_ray() -> None:
-    """Raise MissingExtraError if Ray is not installed, without importing it."""
-    if find_spec("ray") is None:
-        raise MissingExtraError.of(*_EXTRA)
 
 
 def _filesystem_at(path: str) -> tuple[Any, str]:

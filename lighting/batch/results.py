@@ -201,7 +201,8 @@ def write_parquet(out: Path) -> None:
     from pyarrow.parquet import ParquetWriter
 
     with atomic_write(out / TABLE) as path, ParquetWriter(path, table_schema()) as writer:
-        for part in _row_groups(_rows(out / JOURNAL)):
+        rows = _rows(out / JOURNAL)
+        while part := list(islice(rows, ROW_GROUP_SIZE)):
             writer.write_table(pyarrow.Table.from_pylist(part, table_schema()))
 
 
@@ -228,8 +229,3 @@ def _rows(journal: Path) -> Iterator[Json]:
         except ParameterError as error:
             raise BatchError(f"{journal}, line {number}: {error}") from error
         yield table_row(record["file"], light)
-
-
-def _row_groups(rows: Iterator[Json]) -> Iterator[list[Json]]:
-    while part := list(islice(rows, ROW_GROUP_SIZE)):
-        yield part

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from datetime import datetime
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -203,26 +203,15 @@ def map_options(command: Command) -> Command:
     return command
 
 
-results_folder = click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="FOLDER",
-    callback=check_folder_name,
-    help="New or empty unless --overwrite.",
-)
+_required_output = partial(click.option, "-o", "--output", required=True)
+results_folder = _required_output(metavar="FOLDER", callback=check_folder_name, help="New or empty unless --overwrite.")
 surroundings_option = click.option(
     "--surroundings/--no-surroundings",
     default=None,
     help="Whether the map shows the place, not the sky alone; by default where the network predicts it.",
 )
-map_output = click.option(
-    "-o",
-    "--output",
-    required=True,
-    metavar="FILE",
-    callback=_map_file,
-    help=f'{_either(_map_suffixes())}; "-" is EXR on stdout.',
+map_output = _required_output(
+    metavar="FILE", callback=_map_file, help=f'{_either(_map_suffixes())}; "-" is EXR on stdout.'
 )
 check_png_file = _output_file(".png")
 model_option = click.option(

@@ -122,9 +122,8 @@ def _check(options: _Options) -> None:
 
 def _check_inputs(options: _Options) -> None:
     """Raise UsageError where a file of the scene would replace one that is read."""
-    for source, name in product(
-        filter(None, (options.photo, options.record, options.model)), EXPORTERS[options.tool].files
-    ):
+    sources = filter(None, (options.photo, options.record, options.model))
+    for source, name in product(sources, EXPORTERS[options.tool].files):
         if console.is_same_file(str(Path(options.output, name)), source):
             raise click.UsageError(f"The scene would replace {console.escape_path(source)}; choose another folder.")
 

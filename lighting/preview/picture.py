@@ -74,27 +74,19 @@ def _draw_preview(
     photo_text = panels.format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
+    map_panel = panels.draw_map_panel(envmap, lighting, aspect, plan.envmap)
     for box, caption, panel in (
         (plan.photo, photo_text, panels.draw_photo_panel(photo, lighting, plan.photo, photo_scene)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
-        (
-            plan.envmap,
-            "Environment map, the photo's view outlined",
-            panels.draw_map_panel(envmap, lighting, aspect, plan.envmap),
-        ),
+        (plan.envmap, "Environment map, the photo's view outlined", map_panel),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(scene, lighting, plan.spheres)),
     ):
-        _paste_panel(canvas, box, caption, panel)
+        draw_text(canvas, (box.x, box.y - panels.CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
+        canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
     for corner, (name, value) in zip(plan.cells, numbers, strict=True):
         draw_text(canvas, corner, name, TextStyle(16, MUTED))
         draw_text(canvas, (corner[0], corner[1] + 22), value, TextStyle(25, TEXT))
     return np.asarray(canvas)
-
-
-def _paste_panel(canvas: Image.Image, box: panels.Box, caption: str, panel: Image.Image) -> None:
-    """Panel with rounded corners, its caption above."""
-    draw_text(canvas, (box.x, box.y - panels.CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
-    canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
 
 
 def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
@@ -114,7 +106,7 @@ def _spheres_panel(scene: SphereScene, lighting: Lighting, box: panels.Box) -> I
 
 def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
-    visible, hedge = lighting.sun_shines, _format_hedge(lighting)
+    visible, hedge = lighting.sun_shines, "perhaps " if lighting.radius_90 > _MAX_RADIUS else ""
     where = f"{format_azimuth(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
     none = "No direct sun" if lighting.sun_visibility < _MIN_DOUBTFUL else "Probably no direct sun"
     title = f"Sun {hedge}{where}" if visible else none
@@ -139,11 +131,6 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
 def _fit_text_size(text: str, size: int, width: float) -> int:
     """The size of a text's letters, smaller where the text would be wider than that."""
     return min(size, int(size * width / text_width(text, size)))
-
-
-def _format_hedge(lighting: Lighting) -> str:
-    """What makes the sun's direction sound no surer than it is."""
-    return "perhaps " if lighting.radius_90 > _MAX_RADIUS else ""
 
 
 def _warning_lines(lighting: Lighting) -> list[str]:

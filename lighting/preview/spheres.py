@@ -183,13 +183,8 @@ def dim_sun(scene: SphereScene, share: float) -> SphereScene:
     """
     ground = scene.ground_sky + share * (scene.ground - scene.ground_sky)
     coarse = _scale_ground(scene.coarse_sky, ground / np.maximum(scene.ground, _EPSILON))
-    dimmed = replace(
-        scene,
-        coarse_sky=coarse,
-        glossy_sky=blur_envmap(coarse, GLOSSINESS),
-        sun_irradiance=share * scene.sun_irradiance,
-        ground=ground,
-    )
+    glossy, sun = blur_envmap(coarse, GLOSSINESS), share * scene.sun_irradiance
+    dimmed = replace(scene, coarse_sky=coarse, glossy_sky=glossy, sun_irradiance=sun, ground=ground)
     return _add_bounces(dimmed, _BOUNCES_DIMMED)
 
 

@@ -94,14 +94,8 @@ class View:
 
     def with_features(self) -> ViewFeatures:
         """The same with its features; MissingExtraError without OpenCV."""
-        return ViewFeatures(
-            detect_features(self.pixels),
-            self.camera_elevation,
-            self.camera_roll,
-            self.predicted_fov,
-            self.metadata_fov,
-            self.up_std,
-        )
+        tilt, fovs = (self.camera_elevation, self.camera_roll), (self.predicted_fov, self.metadata_fov)
+        return ViewFeatures(detect_features(self.pixels), *tilt, *fovs, self.up_std)
 
 
 @dataclass(frozen=True)
@@ -122,7 +116,8 @@ def register_views(views: Sequence[ViewFeatures]) -> tuple[RegisteredView, ...]:
     Args:
         views: the photos with their features.
     """
-    matched = _match_pairs(views)
+    likely = _likely_pairs([view.features for view in views])
+    matched = {(i, j): match_features(views[i].features, views[j].features) for i, j in likely}
     lenses = _initial_lenses(views)
     pairs = _relative_rotations(views, matched, lenses)
     lenses = _agree_on_lenses(views, pairs, lenses)
@@ -132,11 +127,6 @@ def register_views(views: Sequence[ViewFeatures]) -> tuple[RegisteredView, ...]:
     for number, members in enumerate(connected_components(len(views), pairs)):
         registered |= _level_group(number, average_rotations(members, pairs), views, lenses)
     return tuple(registered[i] for i in range(len(views)))
-
-
-def _match_pairs(views: Sequence[ViewFeatures]) -> dict[tuple[int, int], Matches]:
-    pairs = _likely_pairs([view.features for view in views])
-    return {(i, j): match_features(views[i].features, views[j].features) for i, j in pairs}
 
 
 def _likely_pairs(features: Sequence[Features]) -> list[tuple[int, int]]:

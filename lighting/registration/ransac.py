@@ -109,7 +109,8 @@ def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequenc
     best, result = -np.inf, _RansacResult(np.eye(3), 1.0)
     for zoom in zooms:
         a, b = rays_through(matches.a[:SCORED], zoom * focal[0]), rays_through(matches.b[:SCORED], zoom * focal[1])
-        trials = _through_pairs(a, b, _pairs(len(a), rng))
+        pairs = _pairs(len(a), rng)  # two rays each, which a trial takes as nearly as can be from `a` to `b`
+        trials = _frame(b[pairs]) @ np.swapaxes(_frame(a[pairs]), -1, -2)
         scores = _scores(trials, a, b, TOLERANCE * matches.pixel / (zoom * max(focal)))
         if scores.max() > best:
             best, result = float(scores.max()), _RansacResult(trials[int(np.argmax(scores))], zoom)
@@ -120,11 +121,6 @@ def _pairs(count: int, rng: np.random.Generator) -> NDArray[np.intp]:
     """Indices (SAMPLES, 2) of two different matches each."""
     first = rng.integers(0, count, SAMPLES)
     return np.stack([first, (first + rng.integers(1, count, SAMPLES)) % count], axis=1)
-
-
-def _through_pairs(a: Floats, b: Floats, pairs: NDArray[np.intp]) -> Floats:
-    """Rotations (T, 3, 3) that take two rays each as nearly as can be from `a` to `b`."""
-    return np.asarray(_frame(b[pairs]) @ np.swapaxes(_frame(a[pairs]), -1, -2))
 
 
 def _frame(two: Floats) -> Floats:

@@ -286,13 +286,9 @@ def essential_motion(
         zooms: factors on both focal lengths to try.
         log_zoom_prior: inverse variance of the zoom's logarithm around 0.
     """
-    candidates = [m for zoom in zooms if (m := _refine_at(matches, focal, zoom, log_zoom_prior)) is not None]
+    started = [(zoom, motion) for zoom in zooms if (motion := _essential(matches, focal, zoom)) is not None]
+    candidates = [_refine_motion(matches, focal, zoom, log_zoom_prior, *motion) for zoom, motion in started]
     return max(candidates, key=lambda m: np.count_nonzero(m.inliers), default=None)
-
-
-def _refine_at(matches: Matches, focal: tuple[float, float], zoom: float, prior: float) -> _Motion | None:
-    started = _essential(matches, focal, zoom)
-    return None if started is None else _refine_motion(matches, focal, zoom, prior, *started)
 
 
 def _essential(matches: Matches, focal: tuple[float, float], zoom: float) -> tuple[Floats, Floats] | None:
