@@ -1,5 +1,6 @@
 """The API, version 1: each route reads its parameters, has the work done and makes the response."""
 
+from functools import partial
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Request, Response
@@ -41,6 +42,7 @@ _SCENE_RESPONSE: Json = {
     },
 }
 _NOT_MODIFIED_RESPONSE: Json = {"description": "The client's copy is still good"}
+_SKY_ANSWERS = {304: _NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)}
 _PHOTO_PROBLEMS = problem_responses(400, 408, 413, 415, 422, 429, 500, 503)
 
 router = APIRouter(prefix="/v1", tags=["lighting"])
@@ -49,6 +51,10 @@ router = APIRouter(prefix="/v1", tags=["lighting"])
 def _body(content: Json) -> Json:
     """A request body for the OpenAPI document."""
     return {"requestBody": {"required": True, "content": content}}
+
+
+_get_file = partial(router.get, response_class=Response)
+_post_photo = partial(router.post, response_class=Response, openapi_extra=_body(_PHOTO_BODY))
 
 
 @router.post(
@@ -70,12 +76,7 @@ async def estimate_lighting(
     return JSONResponse(responses.estimates_to_json(estimates, query, request.scope.get("root_path", "")))
 
 
-@router.get(
-    "/envmap",
-    summary="The environment map of a sky",
-    response_class=Response,
-    responses={200: _MAP_RESPONSE, 304: _NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
-)
+@_get_file("/envmap", summary="The environment map of a sky", responses={200: _MAP_RESPONSE, **_SKY_ANSWERS})
 async def render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
     headers, unchanged = responses.check_cache(request, admission.service, query)
@@ -106,37 +107,24 @@ async def estimate_envmap(
     return responses.map_response(data, query.format)
 
 
-@router.post(
+@_post_photo(
     "/photo",
     summary="A photo upright, as JPEG",
-    response_class=Response,
     responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS},
     dependencies=[Depends(queries.refuse_parameters)],
-    openapi_extra=_body(_PHOTO_BODY),
 )
 async def show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
     return Response(await admission.run(tasks.encode_upright_jpeg, admission.service, photo), media_type="image/jpeg")
 
 
-@router.post(
-    "/preview",
-    summary="A picture of a photo's light",
-    response_class=Response,
-    responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS},
-    openapi_extra=_body(_PHOTO_BODY),
-)
+@_post_photo("/preview", summary="A picture of a photo's light", responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS})
 async def draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotated[PreviewQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
     return Response(await admission.run(tasks.encode_preview, admission.service, photo, query), media_type="image/png")
 
 
-@router.get(
-    "/scene",
-    summary="A scene for another tool, of a sky",
-    response_class=Response,
-    responses={200: _SCENE_RESPONSE, 304: _NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)},
-)
+@_get_file("/scene", summary="A scene for another tool, of a sky", responses={200: _SCENE_RESPONSE, **_SKY_ANSWERS})
 async def render_scene(request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
     headers, unchanged = responses.check_cache(request, admission.service, query)
@@ -146,12 +134,8 @@ async def render_scene(request: Request, admission: AdmissionDep, query: Annotat
     return responses.scene_response(data, warnings, headers)
 
 
-@router.post(
-    "/scene",
-    summary="A scene for another tool, of a photo",
-    response_class=Response,
-    responses={200: _SCENE_RESPONSE, **_PHOTO_PROBLEMS},
-    openapi_extra=_body(_PHOTO_BODY),
+@_post_photo(
+    "/scene", summary="A scene for another tool, of a photo", responses={200: _SCENE_RESPONSE, **_PHOTO_PROBLEMS}
 )
 async def estimate_scene(
     admission: AdmissionDep, photo: PhotoDep, query: Annotated[PhotoSceneQuery, Query()]
@@ -172,6 +156,7 @@ async def estimate_scene(
 async def describe_model(service: ServiceDep) -> ModelCard:
     """Its name, licence, grid and accuracy, whether photos are matched, and what this service can make."""
     spec = service.estimator.model.spec
+    names = {"scene_tools": list(EXPORTERS), "sky_models": list(SKY_MODELS), "map_formats": list(MAP_FORMATS)}
     return ModelCard(
         name=spec.name,
         version=spec.version,
@@ -179,7 +164,5 @@ async def describe_model(service: ServiceDep) -> ModelCard:
         grid=spec.sun_grid,
         accuracy=responses.read_accuracy(spec, service.model_folder),
         matching=features.has_opencv(),
-        scene_tools=list(EXPORTERS),
-        sky_models=list(SKY_MODELS),
-        map_formats=list(MAP_FORMATS),
+        **names,
     )
