@@ -12,7 +12,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
@@ -58,11 +57,10 @@ def read_bracket(paths: Sequence[str | Path], curve: Curve | None = None) -> Bra
     """
     if len(paths) < 2:
         raise ProbeError(f"A probe needs two exposures or more; there {'is only one' if paths else 'are none'}.")
-    files: set[Path] = set()
-    for path in paths:
-        if (file := Path(path).resolve()) in files:
+    files = [Path(path).resolve() for path in paths]
+    for i, path in enumerate(paths):
+        if files[i] in files[:i]:
             raise ProbeError(f"{path} is given twice.", code=ErrorCode.DUPLICATE)
-        files.add(file)
     photos = [_read_exposure(Path(path), curve) for path in paths]
     return make_bracket(photos, [Path(path).name for path in paths])
 
@@ -83,18 +81,12 @@ def make_bracket(photos: Sequence[LinearPhoto], names: Sequence[str] | None = No
     if len(sizes) > 1:
         listed = ", ".join(f"{width} x {height}" for height, width in sorted(sizes))
         raise ProbeError(f"The exposures differ in size: {listed} pixels.")
-    exposures = [photo.exposure for photo in photos]
-    lengths = [value for value in exposures if value is not None]
-    if len(lengths) < len(photos):
-        lengths = [_brightness(photo.pixels) for photo in photos]
+    lengths = [photo.exposure for photo in photos if photo.exposure is not None]
+    if len(lengths) < len(photos):  # by the mean of the values, each counted up to full scale
+        lengths = [float(np.minimum(photo.pixels[::4, ::4], 1.0).mean()) for photo in photos]
     order = sorted(range(len(photos)), key=lengths.__getitem__)
     all_names = names or [f"exposure {number}" for number in range(1, len(photos) + 1)]
     return Bracket(tuple(photos[i] for i in order), tuple(all_names[i] for i in order))
-
-
-def _brightness(pixels: NDArray[np.float32]) -> float:
-    """Mean of the values, each counted up to full scale."""
-    return float(np.minimum(pixels[::4, ::4], 1.0).mean())
 
 
 def _read_exposure(path: Path, curve: Curve | None) -> LinearPhoto:
@@ -102,16 +94,12 @@ def _read_exposure(path: Path, curve: Curve | None) -> LinearPhoto:
         return read_linear(path, curve)
     if curve == "srgb":
         raise PhotoError(f"{path.name} holds floats, which are linear; --curve srgb is for integers.")
-    try:
-        return linear_from_array(_read_floats(path))
-    except (PhotoError, EnvironmentMapError) as error:
-        raise PhotoError(f"{path}: {error}") from error
-
-
-def _read_floats(path: Path) -> NDArray[np.float32]:
     read = MAP_FORMATS[path.suffix.lower().removeprefix(".")].read
     assert read is not None
-    return read(path.read_bytes())
+    try:
+        return linear_from_array(read(path.read_bytes()))
+    except (PhotoError, EnvironmentMapError) as error:
+        raise PhotoError(f"{path}: {error}") from error
 
 
 # Brackets as files.
@@ -196,11 +184,11 @@ def _split_by_time(files: Sequence[Path]) -> list[list[Path]]:
         time = _capture_time(read_metadata_and_exposure(file)[0])
         if time is None:
             raise ProbeError(f"{file} has no time in EXIF; give each bracket of a series as a folder of its own.")
-        timed.append((time, file))
-    timed.sort(key=lambda pair: (pair[0].replace(tzinfo=None), pair[1]))
+        timed.append((time.replace(tzinfo=None), file))
+    timed.sort()
     groups = [[timed[0][1]]] if timed else []
     for (before, _), (time, file) in pairwise(timed):
-        if time.replace(tzinfo=None) - before.replace(tzinfo=None) > MAX_EXPOSURE_GAP:
+        if time - before > MAX_EXPOSURE_GAP:
             groups.append([])
         groups[-1].append(file)
     return groups
@@ -258,14 +246,11 @@ def probes_in(folder: str | Path, zone: tzinfo = UTC) -> list[_ProbeFile]:
     root = Path(folder)
     if not root.is_dir():
         raise ProbeError(f"There is no folder {root}.", "folder", ErrorCode.MISSING)
-    probes = [
-        _read_probe_file(path, zone)
-        for path in root.glob(f"*/*/{PROBE_FILE}")
-        if _DAY.fullmatch(path.parts[-3]) and _MOMENT.fullmatch(path.parts[-2])
-    ]
-    if not probes:
+    files = root.glob(f"*/*/{PROBE_FILE}")
+    dated = [path for path in files if _DAY.fullmatch(path.parts[-3]) and _MOMENT.fullmatch(path.parts[-2])]
+    if not dated:
         raise ProbeError(f"{root} holds no probe: none of its folders is YYYYMMDD/HHMMSS with {PROBE_FILE} inside.")
-    return sorted(probes, key=lambda probe: probe.time)
+    return sorted((_read_probe_file(path, zone) for path in dated), key=lambda probe: probe.time)
 
 
 def _read_probe_file(path: Path, zone: tzinfo) -> _ProbeFile:

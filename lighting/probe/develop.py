@@ -118,19 +118,13 @@ def _fill_sun(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> tuple
     fit = fit_sky(image, spot.direction)
     if fit is None:
         raise ProbeError("The sun cannot be filled in: too little clear sky is seen to fit the model to.")
-    lighting = _lighting_from_fit(spot, fit)
+    elevation = max(spot.elevation, 0.0)
+    lighting = Lighting(spot.azimuth, elevation, turbidity=fit.turbidity, exposure=fit.exposure)
     filled = _replace_clipped(image, clipped, spot)
     upper = len(image) // 2
     with_disc, without_disc = (render(lighting, len(image), sun=shines)[:upper] for shines in (True, False))
     filled[:upper] += with_disc - without_disc
     return filled, replace(spot, irradiance=sun_irradiance(lighting)), fit
-
-
-def _lighting_from_fit(spot: SunBlob, fit: SkyFit) -> Lighting:
-    """The model's sky of a fit, as a record that can be rendered."""
-    return Lighting(
-        sun_azimuth=spot.azimuth, sun_elevation=max(spot.elevation, 0.0), turbidity=fit.turbidity, exposure=fit.exposure
-    )
 
 
 def _replace_clipped(image: NDArray[np.float32], clipped: Mask, spot: SunBlob) -> NDArray[np.float32]:
@@ -251,16 +245,8 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
     relative = lengths.relative / 2.0**settings.nd
     merged = merge_exposures(bracket, relative)
     height, width = merged.clipped.shape
-    lens = make_lens(
-        settings.kind,
-        width,
-        height,
-        fov=settings.fov,
-        centre=settings.centre,
-        radius=settings.radius,
-        pitch=settings.pitch,
-        mirrored=settings.mirrored,
-    )
+    circle = {"fov": settings.fov, "centre": settings.centre, "radius": settings.radius}
+    lens = make_lens(settings.kind, width, height, **circle, pitch=settings.pitch, mirrored=settings.mirrored)
     merged = dequantize(merged, bracket, relative, SMOOTHING_REACH * pixels_per_degree(lens))
     spot = find_sun_blob(*resample_to_latlong(merged.radiance, merged.clipped, lens, np.eye(3), SEARCH_HEIGHT))
     return _MergedBracket(merged, lens, lengths, spot, (*bracket.warnings, *lengths.warnings))
@@ -276,18 +262,15 @@ def _finish_probe(
     """The probe of a merged bracket by the rotation (3, 3) from its camera to the world."""
     merged = bracket_hdr.merged
     image, clipped = resample_to_latlong(merged.radiance, merged.clipped, bracket_hdr.lens, rotation, settings.height)
-    spot = None if bracket_hdr.spot is None else _rotate_sun(bracket_hdr.spot, rotation)
+    spot = bracket_hdr.spot
+    if spot is not None:
+        azimuth, elevation = map(float, angles(rotation @ spot.direction))
+        spot = replace(spot, azimuth=azimuth, elevation=elevation)
     probe = Probe(image, clipped, moment, spot, False, None, alignment, bracket_hdr.ratios, bracket_hdr.warnings)
     if settings.fill and spot is not None and spot.clipped:
         filled, sun, fit = _fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)
     return replace(probe, warnings=(*probe.warnings, *_probe_warnings(probe)))
-
-
-def _rotate_sun(spot: SunBlob, rotation: Floats) -> SunBlob:
-    """The sun of a camera's frame in the world's, by the rotation (3, 3) between them."""
-    azimuth, elevation = angles(rotation @ spot.direction)
-    return replace(spot, azimuth=float(azimuth), elevation=float(elevation))
 
 
 def _probe_warnings(probe: Probe) -> Iterator[str]:
@@ -298,8 +281,7 @@ def _probe_warnings(probe: Probe) -> Iterator[str]:
         yield "The sun is clipped in every exposure; its light is estimated by the model of the sky around it."
     elif probe.spot.clipped:
         yield "The sun is clipped in every exposure: it is brighter than the map says by an unknown factor."
-    share = _clipped_sky_share(probe)
-    if share > _MAX_CLIPPED_SKY:
+    if (share := _clipped_sky_share(probe)) > _MAX_CLIPPED_SKY:
         yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
     if probe.sun_error is not None and probe.sun_error > MAX_SUN_ERROR:
         yield (

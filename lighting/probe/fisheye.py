@@ -20,12 +20,8 @@ from lighting.probe.sun_detection import Mask
 LensKind = Literal["equidistant", "equisolid", "ball", "latlong"]
 
 LENS_KINDS: tuple[LensKind, ...] = ("equidistant", "equisolid", "ball", "latlong")
-UNUSED_LENS_OPTIONS: dict[
-    LensKind, tuple[str, ...]
-] = {  # what can be told of other lenses, but does nothing with these
-    "ball": ("fov",),
-    "latlong": ("fov", "centre", "radius"),
-}
+# what can be told of other lenses, but does nothing with these
+UNUSED_LENS_OPTIONS: dict[LensKind, tuple[str, ...]] = {"ball": ("fov",), "latlong": ("fov", "centre", "radius")}
 _PITCH = {"equidistant": 90.0, "equisolid": 90.0, "ball": 0.0, "latlong": 0.0}
 
 
@@ -56,13 +52,8 @@ def make_lens(kind: LensKind, width: int, height: int, **options: Any) -> Lens:
         ProbeError: no picture has such a field of view or circle, or a panorama is not twice as wide as high.
     """
     stated = {name: value for name, value in options.items() if value is not None}
-    defaults = {
-        "centre": (width / 2, height / 2),
-        "radius": min(width, height) / 2,
-        "fov": 180.0,
-        "pitch": _PITCH[kind],
-    }
-    lens = Lens(kind, width, height, **{**defaults, **stated})
+    fullest = Lens(kind, width, height, (width / 2, height / 2), min(width, height) / 2, pitch=_PITCH[kind])
+    lens = replace(fullest, **stated)
     if kind == "latlong" and width != 2 * height:
         raise ProbeError(f"A lat-long picture is twice as wide as high, not {width} x {height} pixels.")
     check_lens(kind, lens.fov, lens.radius)
@@ -104,7 +95,8 @@ def project_to_lens(lens: Lens, directions: ArrayLike) -> Floats:
     """
     unit = np.asarray(directions, dtype=np.float64)
     if lens.kind == "latlong":
-        pixel = latlong_pixel(_to_axis(lens, unit), lens.height)
+        raised = camera_axes(0.0, lens.pitch, 0.0).T @ camera_axes(0.0, 0.0, 0.0)  # a panorama's own axis, by the pitch
+        pixel = latlong_pixel(unit @ raised, lens.height)
         return np.stack([lens.width - pixel[..., 0] if lens.mirrored else pixel[..., 0], pixel[..., 1]], axis=-1)
     right, up, forward = np.moveaxis(unit @ camera_axes(0.0, lens.pitch, 0.0).T, -1, 0)
     lateral = np.hypot(right, up)
@@ -128,7 +120,8 @@ def unproject_from_lens(lens: Lens, pixels: ArrayLike) -> Floats:
     x, y = np.moveaxis(np.asarray(pixels, dtype=np.float64), -1, 0)
     if lens.kind == "latlong":
         column = lens.width - x if lens.mirrored else x
-        return _from_axis(lens, direction((column / lens.width - 0.5) * 360.0, (0.5 - y / lens.height) * 180.0))
+        seen = direction((column / lens.width - 0.5) * 360.0, (0.5 - y / lens.height) * 180.0)
+        return np.asarray(seen @ (camera_axes(0.0, 0.0, 0.0).T @ camera_axes(0.0, lens.pitch, 0.0)))
     right, up = (x - lens.centre[0]) / lens.radius, (lens.centre[1] - y) / lens.radius
     reach = np.hypot(right, up)
     theta = _angle_of_radius(lens, np.minimum(reach, 1.0))
@@ -168,15 +161,6 @@ def _angle_of_radius(lens: Lens, reach: Floats) -> Floats:
     if lens.kind == "equisolid":
         return np.asarray(2 * np.arcsin(reach * np.sin(half / 2)))
     return np.asarray(2 * np.arccos(reach))
-
-
-def _to_axis(lens: Lens, directions: Floats) -> Floats:
-    """Directions as a panorama sees them whose own axis is raised by the pitch."""
-    return np.asarray(directions @ (camera_axes(0.0, lens.pitch, 0.0).T @ camera_axes(0.0, 0.0, 0.0)))
-
-
-def _from_axis(lens: Lens, directions: Floats) -> Floats:
-    return np.asarray(directions @ (camera_axes(0.0, 0.0, 0.0).T @ camera_axes(0.0, lens.pitch, 0.0)))
 
 
 # Resampling to a lat-long map.

@@ -97,15 +97,13 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
     if all(value is not None for value in exposures):
         relative = np.array(exposures, dtype=np.float64)
         return ExposureRatios(relative, ratios, True, _check_exif_ratios(relative, ratios, bracket.names))
-    missing = next((index for index, ratio in enumerate(ratios) if ratio is None), None)
-    if missing is not None:
-        first, second = bracket.names[missing : missing + 2]
+    if None in ratios:
+        first, second = bracket.names[ratios.index(None) :][:2]
         raise ProbeError(
             f"The exposures {first} and {second} share too few pixels that are neither clipped nor dark to measure "
             f"their ratio, and have no exposure times in EXIF."
         )
-    steps = np.array([ratio.value for ratio in ratios if ratio is not None])
-    relative = np.concatenate([[1.0], np.cumprod(steps)])
+    relative = np.array(np.cumprod([1.0, *(ratio.value for ratio in ratios if ratio is not None)]), dtype=np.float64)
     return ExposureRatios(relative / relative[-1], ratios, False, ())
 
 
@@ -123,11 +121,9 @@ def _measure_ratio(short: LinearPhoto, long: LinearPhoto) -> _ExposureRatio | No
         slope, error = y.mean() / x.mean(), short.step / 2 / x.mean()
     else:
         slope, error = _robust_slope(x, y)
-    return (
-        None
-        if slope <= 0 or error > MAX_RATIO_ERROR * slope
-        else _ExposureRatio(float(1 / slope), float(error / slope), len(index))
-    )
+    if slope <= 0 or error > MAX_RATIO_ERROR * slope:
+        return None
+    return _ExposureRatio(float(1 / slope), float(error / slope), len(index))
 
 
 def clipped_mask(photo: LinearPhoto) -> Mask:
@@ -174,15 +170,9 @@ def _check_exif_ratios(
     relative: Floats, ratios: tuple[_ExposureRatio | None, ...], names: tuple[str, ...]
 ) -> tuple[str, ...]:
     """Warnings where the pixels contradict EXIF; ProbeError where they do as a curve would."""
-    different = []
-    for expected, ratio, pair in zip(relative[1:] / relative[:-1], ratios, pairwise(names), strict=True):
-        if (
-            ratio
-            and ratio.is_sure
-            and expected > MIN_EXPOSURE_STEP
-            and abs(expected / ratio.value - 1) > MAX_EXIF_DIFFERENCE
-        ):
-            different.append((float(expected), ratio.value, pair))
+    steps = zip((relative[1:] / relative[:-1]).tolist(), ratios, pairwise(names), strict=True)
+    sure = [(t, ratio.value, pair) for t, ratio, pair in steps if ratio and ratio.is_sure and t > MIN_EXPOSURE_STEP]
+    different = [(t, value, pair) for t, value, pair in sure if abs(t / value - 1) > MAX_EXIF_DIFFERENCE]
     powers = [np.log(value) / np.log(t) for t, value, _ in different]
     if powers and not MIN_LINEAR_EXPONENT < np.median(powers) < 1 / MIN_LINEAR_EXPONENT:
         t, value, _ = different[0]
@@ -192,10 +182,8 @@ def _check_exif_ratios(
             f"The pixels are {state}: exposures that differ {t:.3g}-fold by EXIF differ {value:.3g}-fold in the "
             f"pixels; say --curve {_CURVE[coded]}."
         )
-    return tuple(
-        f"EXIF says that {second} is {t:.3g} times as long as {first}, the pixels say {value:.3g}."
-        for t, value, (first, second) in different
-    )
+    sentence = "EXIF says that {} is {:.3g} times as long as {}, the pixels say {:.3g}."
+    return tuple(sentence.format(second, t, first, value) for t, value, (first, second) in different)
 
 
 # Merging.
@@ -224,16 +212,14 @@ def merge_exposures(bracket: Bracket, relative: Floats) -> MergedHdr:
     References:
         [1] Hasinoff, Durand and Freeman, Noise-optimal capture for high dynamic range photography, CVPR 2010.
     """
-    masks = [
-        _dilate(clipped_mask(photo)) if index else clipped_mask(photo) for index, photo in enumerate(bracket.photos)
-    ]
+    shortest, *longer = map(clipped_mask, bracket.photos)
+    masks = [shortest, *map(_dilate, longer)]
     if masks[0].all():
         raise ProbeError("Every pixel is clipped in the shortest exposure; nothing can be measured.")
     if max(float(photo.pixels.max()) for photo in bracket.photos) <= 0:
         raise ProbeError("Every pixel of every exposure is black; nothing can be measured.")
     radiance = np.empty_like(bracket.photos[0].pixels)
-    for start in range(0, len(radiance), _ROWS_AT_ONCE):
-        rows = slice(start, start + _ROWS_AT_ONCE)
+    for rows in (slice(start, start + _ROWS_AT_ONCE) for start in range(0, len(radiance), _ROWS_AT_ONCE)):
         radiance[rows] = _merge_rows(bracket, relative, rows, masks)
     return MergedHdr(radiance, masks[0])
 

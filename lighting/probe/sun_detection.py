@@ -104,10 +104,8 @@ def find_sun(linear: NDArray[np.float32]) -> DetectedSun | None:
     """
     small = shrink_envmap(linear, ANALYSIS_HEIGHT)
     above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
-    return _find_clipped(small, above) if is_clipped(small) else _find_peak(small, above)
-
-
-def _find_peak(small: NDArray[np.float32], above: Mask) -> DetectedSun | None:
+    if is_clipped(small):
+        return _find_clipped(small, above)
     value = luminance(small) * above
     region = _peak_region(value, MIN_PEAK_CONTRAST * float(np.median(value[above])))
     return None if region is None else _locate_region(region, value)

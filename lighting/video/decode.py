@@ -26,10 +26,8 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
 from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, read_subtitles, subtitle_metadata
 
-TRANSFER_CURVES = {
-    16: "pq",
-    18: "hlg",
-}  # the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
+# by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
+TRANSFER_CURVES = {16: "pq", 18: "hlg"}
 BT2020_PRIMARIES = 9  # H.273's number of the primaries of BT.2020
 
 _A = 0.17883277  # a, b and c of HLG
@@ -129,14 +127,8 @@ def _apply_display_matrix(pixels: NDArray[np.uint8], matrix: NDArray[np.int32]) 
 def _resize_picture(picture: Any, width: int, height: int, pixel_format: str) -> NDArray[Any]:
     matrix = int(picture.colorspace)
     color_matrix = matrix if matrix in (1, 4, 5, 6, 7, 9) else 1 if picture.height >= _MIN_HD_HEIGHT else 5
-    resized = picture.reformat(
-        width=width,
-        height=height,
-        format=pixel_format,
-        src_colorspace=color_matrix,
-        dst_colorspace=color_matrix,
-        interpolation=_SCALING[pixel_format],
-    )
+    scaling = _SCALING[pixel_format]
+    resized = picture.reformat(width, height, pixel_format, color_matrix, color_matrix, interpolation=scaling)
     return np.asarray(resized.to_ndarray())
 
 
@@ -191,7 +183,8 @@ class Clip:
         self._container = _open_container(self.path)
         try:
             self._stream = _video_stream(self._container)
-            self._aspect = _pixel_aspect(self._stream)
+            aspect = float(self._stream.sample_aspect_ratio or 1.0)
+            self._aspect = aspect if 0.1 < aspect < 10.0 else 1.0  # how many times as wide as high a pixel is
             self._errors = 0  # packets that could not be decoded
             self._pictures = self._decode()
             self._first = self._decoded_first()
@@ -227,9 +220,8 @@ class Clip:
                 lost += 1
                 continue
             last, end = time, time + _picture_duration(picture)
-            if only is not None and index not in only:
-                continue
-            yield Frame(index, time, _upright_pixels(picture, self.side, self._aspect))
+            if only is None or index in only:
+                yield Frame(index, time, _upright_pixels(picture, self.side, self._aspect))
         self._note_damage(end, lost)
 
     def _note_damage(self, end: float, lost: int) -> None:
@@ -276,17 +268,12 @@ class Clip:
     def _describe(self) -> _ClipInfo:
         stream, first = self._stream, self._first
         width, height = _display_size(first, self._aspect)
-        metadata = {**stream.metadata, **self._container.metadata}
+        tags = {**stream.metadata, **self._container.metadata}
         subtitled, gimbal = subtitle_metadata(read_subtitles(self.path), width, height)
-        return _ClipInfo(
-            width,
-            height,
-            float(stream.average_rate or 0.0),
-            _clip_duration(self._container, stream, float(first.time or 0.0)),
-            TRANSFER_CURVES.get(int(first.color_trc), "srgb"),
-            merge_metadata(subtitled, container_metadata(metadata, width, height)),
-            gimbal,
-        )
+        metadata = merge_metadata(subtitled, container_metadata(tags, width, height))
+        rate, curve = float(stream.average_rate or 0.0), TRANSFER_CURVES.get(int(first.color_trc), "srgb")
+        duration = _clip_duration(self._container, stream, float(first.time or 0.0))
+        return _ClipInfo(width, height, rate, duration, curve, metadata, gimbal)
 
 
 def _open_container(path: Path) -> Any:
@@ -307,10 +294,9 @@ def _video_stream(container: Any) -> Any:
     moving = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]  # not a song's cover
     if not moving:
         raise VideoError("The file has no moving picture, only sound or other data.")
-    stream = moving[0]
-    stream.thread_type = "AUTO"
-    stream.codec_context.thread_count = DECODING_THREADS
-    return stream
+    moving[0].thread_type = "AUTO"
+    moving[0].codec_context.thread_count = DECODING_THREADS
+    return moving[0]
 
 
 def _clip_duration(container: Any, stream: Any, start: float) -> float:
@@ -336,9 +322,3 @@ def _check_size(width: int, height: int) -> None:
             f"The clip is {width} x {height} pixels; each side must have at least {MIN_SIDE}, "
             f"and one may be at most {MAX_ASPECT} times the other."
         )
-
-
-def _pixel_aspect(stream: Any) -> float:
-    """How many times as wide as high a pixel is."""
-    ratio = float(stream.sample_aspect_ratio or 1.0)
-    return ratio if 0.1 < ratio < 10.0 else 1.0

@@ -94,8 +94,9 @@ def _lens_rotations(tracked: ShotObservations) -> Iterator[RelativeRotation | No
     for a, b in pairs:
         yield match_keyframes(a, b, None)
     if len(pairs) < MIN_PAIRS:
-        for step in [s for s in _distant_frames(tracked) if _median_motion(s.matches) > MIN_MEDIAN_MOTION][-MIN_PAIRS:]:
-            yield estimate_rotation(step.matches, tracked.size, tracked.size)
+        distant = [step.matches for step in _distant_frames(tracked)]
+        for matches in [m for m in distant if _median_motion(m) > MIN_MEDIAN_MOTION][-MIN_PAIRS:]:
+            yield estimate_rotation(matches, tracked.size, tracked.size)
 
 
 def _distant_frames(tracked: ShotObservations) -> list[TrackedFrame]:
@@ -128,12 +129,8 @@ def _median_motion(matches: Matches) -> float:
 
 def _lens_pairs(keys: Sequence[Keyframe]) -> list[tuple[Keyframe, Keyframe]]:
     """Keyframes two apart: they overlap by half or more and are turned far enough to tell the lens."""
-    pairs = [
-        (a, keys[i + gap])
-        for gap in (2, 1)
-        for i, a in enumerate(keys)
-        if i + gap < len(keys) and keys[i + gap].stretch == a.stretch
-    ]
+    apart = [pair for gap in (2, 1) for pair in zip(keys, keys[gap:], strict=False)]
+    pairs = [(a, b) for a, b in apart if a.stretch == b.stretch]
     step = max(1, math.ceil(len(pairs) / MAX_PAIRS))
     return pairs[::step]
 
@@ -183,10 +180,8 @@ def _track_from_fov(
     for _ in range(_PASSES):
         zoom, zoom_share = _track_zoom(tracked, lens[0])
         unzoomed = _divide_by_zoom(tracked, zoom)
-        fovs = [
-            (zoomed_fov(rotation.vertical_fov[0], 1.0 / unzoomed.keys[key].zoom), rotation.fov_std)
-            for key, rotation in rotations
-        ]
+        keys = unzoomed.keys
+        fovs = [(zoomed_fov(r.vertical_fov[0], 1.0 / keys[key].zoom), r.fov_std) for key, r in rotations]
         lens = _combine_fovs(unzoomed, clip, fovs)
     return UnzoomedShot(unzoomed, zoom, lens, zoom_share)
 
@@ -202,9 +197,8 @@ def _zoomed_rotations(tracked: ShotObservations, vertical_fov: float) -> list[tu
         fit = _fit_rotation_and_zoom(step.matches, focal, np.eye(3), 1.0)
         if fit is None or abs(np.log(fit[1])) <= 0.5 * ONE_LENS or step.key not in tracked.keys:
             continue
-        fovs = (vertical_fov, vertical_fov)
-        rotation = estimate_rotation(step.matches, tracked.size, tracked.size, fovs, GUESSED_FOV_STD)
-        if rotation is not None:
+        fovs, size = (vertical_fov, vertical_fov), tracked.size
+        if (rotation := estimate_rotation(step.matches, size, size, fovs, GUESSED_FOV_STD)) is not None:
             candidates.append((step.key, rotation))
     zoomed = [(key, rotation) for key, rotation in candidates if rotation.zoomed]
     return zoomed if len(zoomed) >= sum(rotation.translates for _, rotation in candidates) else []
@@ -247,7 +241,8 @@ def _divide_by_zoom(tracked: ShotObservations, zoom: Floats) -> ShotObservations
         base = of_key.setdefault(step.key, factor)
         if step.next_key is not None:
             of_key[step.next_key] = factor
-        steps.append(replace(step, matches=_divide_matches(step.matches, base, factor)))
+        m = step.matches
+        steps.append(replace(step, matches=Matches(m.a / base, m.b / factor, m.pixel / min(base, factor))))
     of_frame = {step.frame: factor for step, factor in zip(tracked.steps, zoom.tolist(), strict=True)}
     keys = {number: replace(key, zoom=of_frame[key.frame]) for number, key in tracked.keys.items()}
     estimates = {frame: _unzoom_estimate(estimate, of_frame[frame]) for frame, estimate in tracked.estimates.items()}
@@ -279,11 +274,6 @@ def zoomed_fov(vertical_fov: float, zoom: float) -> float:
 def _unzoom_estimate(estimate: FrameEstimate, zoom: float) -> FrameEstimate:
     fov = zoomed_fov(estimate.prediction.vertical_fov, 1.0 / zoom)
     return replace(estimate, prediction=replace(estimate.prediction, vertical_fov=fov))
-
-
-def _divide_matches(matches: Matches, a: float, b: float) -> Matches:
-    """Matches of two pictures, each made smaller by its zoom."""
-    return Matches(matches.a / a, matches.b / b, matches.pixel / min(a, b))
 
 
 def _zoom_after_gap(tracked: ShotObservations, step: TrackedFrame, of_key: dict[int, float], last: float) -> float:
@@ -321,12 +311,8 @@ def _fit_rotation_and_zoom(
         error = matches.b - projected
         weight = np.square(1.0 / (1.0 + np.sum(np.square(error), axis=1) / (wider * reach) ** 2))
         jacobian = -cross_matrix(rotated)  # (N, 3, 3): by small rotations about each axis, in its columns
-        by_rotation = (
-            factor
-            * focal
-            * (jacobian[:, :2] + (rotated[:, :2] / ahead)[:, :, None] * jacobian[:, 2:])
-            / ahead[:, :, None]
-        )
+        sideways = jacobian[:, :2] + (rotated[:, :2] / ahead)[:, :, None] * jacobian[:, 2:]
+        by_rotation = factor * focal * sideways / ahead[:, :, None]
         by_parameter = np.concatenate([by_rotation, projected[:, :, None]], axis=2)
         normal = np.einsum("n,nki,nkj->ij", weight, by_parameter, by_parameter)
         step = np.linalg.solve(normal + 1e-12 * np.eye(4), np.einsum("n,nki,nk->i", weight, by_parameter, error))

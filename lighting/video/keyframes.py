@@ -9,9 +9,9 @@ of a later one.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import pairwise, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -78,8 +78,7 @@ def _chain_orientations(count: int, links: Sequence[_Link]) -> tuple[Floats, NDA
         neighbors[link.b].append((link.a, link.rotation.T))
     for start in range(count):
         queue = [start] if part[start] < 0 else []
-        if queue:
-            part[start] = start
+        part[queue] = start
         while queue:
             current = queue.pop(0)
             for other, rotation in neighbors[current]:
@@ -129,23 +128,19 @@ def _close_loops(
     keys: Sequence[Keyframe], orientation: Floats, part: NDArray[np.intp], vertical_fov: float
 ) -> list[_Link]:
     """Rotations by features between keyframes that look nearly the same way and are not neighbours."""
-    pairs = _near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov)
+    pairs = list(_near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov))
     step = max(1, math.ceil(len(pairs) / MAX_LOOPS))
     rotations = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
     return [_Link(i, j, rotation.rotation, 0.5) for i, j, rotation in rotations if rotation is not None]
 
 
-def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> list[tuple[int, int]]:
+def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> Iterator[tuple[int, int]]:
     """Pairs of keyframes that look the same way to an angle [deg], each with the nearest of those long before it."""
-    pairs = []
     for j in range(MIN_LOOP_KEYFRAMES, len(orientation)):
         older = np.flatnonzero(part[: j - MIN_LOOP_KEYFRAMES + 1] == part[j])
-        if not len(older):
-            continue
         angle = angle_between(orientation[older, 2], orientation[j, 2])
-        if angle.min() < within:
-            pairs.append((int(older[int(np.argmin(angle))]), j))
-    return pairs
+        if angle.min(initial=np.inf) < within:
+            yield int(older[int(np.argmin(angle))]), j
 
 
 # Orientations of all frames, and up.
@@ -172,19 +167,14 @@ def estimate_orientations(
     lowest = tracked.steps[0].key
     numbers = [n for s in tracked.steps for n in (s.key, s.next_key) if n is not None]
     count = max(numbers) - lowest + 1
-    chain = [
-        _Link(step.key - lowest, step.next_key - lowest, rotation.rotation, 2.0)
-        for step, rotation in zip(tracked.steps, rotations, strict=True)
-        if step.next_key is not None
-    ]
-    chain += _bridge_gaps(tracked, lowest, fov)
+    steps = zip(tracked.steps, rotations, strict=True)
+    ends = [(s.key - lowest, s.next_key - lowest, r.rotation) for s, r in steps if s.next_key is not None]
+    chain = [*(_Link(*end, 2.0) for end in ends), *_bridge_gaps(tracked, lowest, fov)]
     orientation, part = _chain_orientations(count, chain)
     keys = sorted(tracked.keys.values(), key=lambda k: k.number)
     where = np.array([k.number - lowest for k in keys], dtype=np.intp)
-    closed = [
-        replace(link, a=int(where[link.a]), b=int(where[link.b]))
-        for link in (_close_loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else [])
-    ]
+    loops = _close_loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else []
+    closed = [replace(link, a=int(where[link.a]), b=int(where[link.b])) for link in loops]
     orientation = _average_rotations(orientation, [*chain, *closed], part == np.arange(count))
     key_index = np.array([step.key - lowest for step in tracked.steps])
     frames = np.stack([t.rotation for t in rotations]) @ orientation[key_index]
@@ -203,29 +193,25 @@ def estimate_frame_rotations(tracked: ShotObservations, fov: float) -> list[Fram
     """
     focal = focal_from_fov(fov, *tracked.size)
     result: list[FrameRotation] = []
-    guess: Floats = np.eye(3)
     last = -1
     for step in tracked.steps:
-        guess = np.eye(3) if step.key != last else guess
         if step.is_start or not len(step.matches):
             result.append(FrameRotation(np.eye(3), 1.0 if step.is_start else 0.0, len(step.matches)))
         else:
+            guess = result[-1].rotation if step.key == last else np.eye(3)
             result.append(estimate_frame_rotation(step.matches, focal, guess))
-        guess, last = result[-1].rotation, step.key
+        last = step.key
     return result
 
 
-def _bridge_gaps(tracked: ShotObservations, lowest: int, fov: float) -> list[_Link]:
+def _bridge_gaps(tracked: ShotObservations, lowest: int, fov: float) -> Iterator[_Link]:
     """Rotations over the gaps between stretches."""
     stretches = sorted({k.stretch for k in tracked.keys.values()})
     keys = {s: [k for k in tracked.keys.values() if k.stretch == s] for s in stretches}
-    links = []
     for before, after in pairwise(stretches):
-        for a in keys[before][-GAP_KEYFRAMES:]:
-            for b in keys[after][:GAP_KEYFRAMES]:
-                if (rotation := match_keyframes(a, b, fov)) is not None:
-                    links.append(_Link(a.number - lowest, b.number - lowest, rotation.rotation))
-    return links
+        for a, b in product(keys[before][-GAP_KEYFRAMES:], keys[after][:GAP_KEYFRAMES]):
+            if (rotation := match_keyframes(a, b, fov)) is not None:
+                yield _Link(a.number - lowest, b.number - lowest, rotation.rotation)
 
 
 def estimate_up(tracked: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
@@ -238,9 +224,8 @@ def estimate_up(tracked: ShotObservations, orientation: Floats, time: Floats, gi
         gimbal: may be empty.
     """
     if samples := sample_gimbal(gimbal, time):
-        return consensus_up(
-            orientation[[i for i, _ in samples]], np.stack([camera_up(angles[1], angles[2]) for _, angles in samples])
-        )
+        ups = np.stack([camera_up(elevation, roll) for _, (_, elevation, roll) in samples])
+        return consensus_up(orientation[[i for i, _ in samples]], ups)
     position = {step.frame: i for i, step in enumerate(tracked.steps)}
     predictions = [estimate.prediction for estimate in tracked.estimates.values()]
     ups = np.stack([camera_up(p.camera_elevation, p.camera_roll) for p in predictions])
@@ -287,11 +272,9 @@ def make_camera_path(time: Floats, orientations: Floats, is_used: NDArray[np.boo
         leveling: (3, 3) rotation that levels the first camera.
     """
     heading, elevation, roll = heading_elevation_roll(orientations, leveling)
-    unwrapped_heading = np.empty_like(heading)
-    unwrapped_heading[is_used] = np.degrees(np.unwrap(np.radians(heading[is_used])))
-    unwrapped_roll = np.empty_like(roll)
-    unwrapped_roll[is_used] = np.degrees(np.unwrap(np.radians(roll[is_used])))
-    interpolated = (np.interp(time, time[is_used], v[is_used]) for v in (unwrapped_heading, elevation, unwrapped_roll))
+    heading, elevation, roll = heading[is_used], elevation[is_used], roll[is_used]
+    heading, roll = (np.degrees(np.unwrap(np.radians(angle))) for angle in (heading, roll))
+    interpolated = (np.interp(time, time[is_used], angle) for angle in (heading, elevation, roll))
     heading, elevation, roll = (smooth_parabolic(time, v) for v in interpolated)
     return CameraPath(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~is_used)
 

@@ -95,12 +95,11 @@ class ShotLight:
         self._last, self._vertical_fov = observation.estimate.prediction, observation.vertical_fov
         parts = _log_cells(observation), _log_rings(observation), _averaged_numbers(observation)
         sector = observation.heading % 360.0 / SECTOR_WIDTH
-        low = math.floor(sector)
+        low, count = math.floor(sector), round(360.0 / SECTOR_WIDTH)
         for number, share in ((low, 1.0 - sector + low), (low + 1, sector - low)):
             if share > 0.0:
-                self._sectors.setdefault(number % round(360.0 / SECTOR_WIDTH), _Sector()).add(
-                    share, *parts, observation.estimate.ground
-                )
+                nearest = self._sectors.setdefault(number % count, _Sector())
+                nearest.add(share, *parts, observation.estimate.ground)
 
     def answer(self, observations: Observations) -> Posterior:
         """Combine all estimates, as a camera at azimuth 0 would see the light.
@@ -121,12 +120,9 @@ class ShotLight:
         posterior = fuse(by_pixels, observations)
         if observations.candidates and (rings := self._rings(observations)) is not None:
             posterior = replace(posterior_on_rings(by_pixels, observations, rings), warnings=posterior.warnings)
-        return replace(
-            posterior,
-            used=posterior.used
-            if self._count == 1
-            else (*posterior.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS),
-        )
+        if self._count == 1:
+            return posterior
+        return replace(posterior, used=(*posterior.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS))
 
     @property
     def ground(self) -> Floats | None:
@@ -159,23 +155,18 @@ class ShotLight:
     def _averaged(self, last: Prediction) -> Prediction:
         """The numbers of all sectors, each counted once however many looks it has."""
         mean = np.average([s.numbers for s in self._sectors.values()], axis=0, weights=self._present())
-        turbidity, exposure, fov = np.exp(mean[:3])
+        turbidity, exposure, fov = map(float, np.exp(mean[:3]))
+        shown, light = float(mean[3]), light_from_vector(mean[4:]) if last.light else None
         return replace(
-            last,
-            turbidity=float(turbidity),
-            exposure=float(exposure),
-            vertical_fov=float(fov),
-            sun_visibility=float(mean[3]),
-            light=light_from_vector(mean[4:]) if last.light else None,
+            last, turbidity=turbidity, exposure=exposure, vertical_fov=fov, sun_visibility=shown, light=light
         )
 
 
 def _log_cells(observation: FrameObservation) -> Floats:
     """Log densities (N,) over the cells of a camera at azimuth 0."""
     p = observation.estimate.prediction
-    return np.asarray(
-        np.log(np.maximum(rotate_density(p.sun_probability, -observation.heading, p.spec.sun_grid), _EPSILON_DENSITY))
-    )
+    density = rotate_density(p.sun_probability, -observation.heading, p.spec.sun_grid)
+    return np.asarray(np.log(np.maximum(density, _EPSILON_DENSITY)))
 
 
 def _log_rings(observation: FrameObservation) -> Floats:

@@ -85,11 +85,10 @@ class _ClipObserver:
             self._estimate(self._frame)
 
     def _estimate(self, frame: Frame) -> None:
-        if is_dark(frame.pixels):
-            self._due = frame.time
-            return
-        self._estimates[frame.index] = estimate_frame(self._model, frame.pixels, self._vertical_fov)
-        self._due = frame.time + self._every - 1e-6
+        self._due = frame.time
+        if not is_dark(frame.pixels):
+            self._estimates[frame.index] = estimate_frame(self._model, frame.pixels, self._vertical_fov)
+            self._due = frame.time + self._every - 1e-6
 
     def _is_check_due(self, stretch: int) -> bool:
         """Whether a new stretch has just become long enough to see if it is a new shot."""
@@ -152,9 +151,8 @@ def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
         return FrameEstimate(prediction)
     if (tint := sky_white_balance(pixels, lighting_from_prediction(prediction))) is not None:
         prediction = replace(prediction, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
-    return FrameEstimate(
-        prediction, estimate_ground_albedo(pixels, lighting_from_prediction(prediction), light.surroundings)
-    )
+    ground = estimate_ground_albedo(pixels, lighting_from_prediction(prediction), light.surroundings)
+    return FrameEstimate(prediction, ground)
 
 
 def is_dark(pixels: Pixels) -> bool:

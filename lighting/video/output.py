@@ -65,9 +65,8 @@ class VideoResult:
 
     shots: list[Shot | VideoError] = field(default_factory=list)
     damage: str = ""  # a sentence, where part of the clip was lost
-    scene_warnings: dict[int, tuple[str, ...]] = field(
-        default_factory=dict
-    )  # warnings of scenes, the light's too, by shot
+    # warnings of scenes, the light's too, by shot
+    scene_warnings: dict[int, tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def failed(self) -> bool:
@@ -174,13 +173,9 @@ def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> No
     """Remove the maps of an earlier run that this one has not replaced; each says in its header that it is ours."""
     shots = {_shot_map(number) for number, shot in enumerate(result.shots, 1) if isinstance(shot, Shot)}
     written = {f"{frame:06d}.exr" for frame in frames if job.options.frames_exr}
-    old = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name) and p.name not in shots]
-    old += [
-        p
-        for p in (job.folder / FRAMES_FOLDER).glob("*.exr")
-        if _FRAME_MAP_NAME.fullmatch(p.name) and p.name not in written
-    ]
-    for path in old:
+    named = [p for p in job.folder.glob("shot-*.exr") if _SHOT_MAP_NAME.fullmatch(p.name)]
+    named += [p for p in (job.folder / FRAMES_FOLDER).glob("*.exr") if _FRAME_MAP_NAME.fullmatch(p.name)]
+    for path in (p for p in named if p.name not in shots | written):
         if path.is_file() and not path.is_symlink() and _is_ours(path):
             path.unlink()
     with suppress(OSError):  # it holds files that are none of ours, or is not there
@@ -224,14 +219,9 @@ def _write_scene(
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0
-    motion = CameraMotion(
-        matrices=_camera_matrices(shot, scene),
-        focal_lengths=scene.focal_length * shot.zoom,
-        frames=(shot.path.time - shot.path.time[0]) * rate,
-        frame_rate=rate,
-        first_frame=int(shot.frames[0]),
-        clip=os.path.relpath(clip, folder),
-    )
+    matrices, focal_lengths = _camera_matrices(shot, scene), scene.focal_length * shot.zoom
+    frames, first_frame = (shot.path.time - shot.path.time[0]) * rate, int(shot.frames[0])
+    motion = CameraMotion(matrices, focal_lengths, frames, rate, first_frame, os.path.relpath(clip, folder))
     for name, text in animate(motion).items():
         with atomic_write(folder / name) as temporary:
             temporary.write_text(text, encoding="utf-8")

@@ -61,12 +61,10 @@ class _Balls:
             lighting = light.lighting
             rotation = step * BALL_STEP - (lighting.relative_heading or 0.0)
             azimuth = (lighting.sun_azimuth - rotation + 180.0) % 360.0 - 180.0
-            turned = replace(
-                scale_exposure(lighting, np.full(3, 1 / _gain(light))), sun_azimuth=azimuth, camera_elevation=-8.0
-            )
+            unexposed = scale_exposure(lighting, np.full(3, 1 / _gain(light)))
+            turned = replace(unexposed, sun_azimuth=azimuth, camera_elevation=-8.0)
             linear = render_spheres(render(turned, _MAP_HEIGHT), turned, *self.size, supersampling=2)
-            small = linear.reshape(self.size[1], 2, self.size[0], 2, 3).mean(axis=(1, 3))
-            self.pictures[light.shot, step] = small
+            self.pictures[light.shot, step] = linear.reshape(self.size[1], 2, self.size[0], 2, 3).mean(axis=(1, 3))
         return self.pictures[light.shot, step]
 
 
@@ -136,9 +134,8 @@ class _Layout:
 def _fit_layout(width: int, panel: int) -> _Layout:
     """The layout of a picture and of balls of these widths [pixels]: they share a line where the longest words fit."""
     width_left = width - 28.0
-    size = max(
-        1, min(_FONT_SIZE, int(_FONT_SIZE * width_left / max(text_width(word, _FONT_SIZE) for word in _LONGEST_TEXT)))
-    )
+    longest = max(text_width(word, _FONT_SIZE) for word in _LONGEST_TEXT)
+    size = max(1, min(_FONT_SIZE, int(_FONT_SIZE * width_left / longest)))
     if text_width(_GAP.join(_LONGEST_TEXT), size) <= width_left - panel - _MARGIN:
         return _Layout(size, (tuple(range(len(_LONGEST_TEXT))),), _MARGIN)
     lines: list[tuple[int, ...]] = []
@@ -153,11 +150,8 @@ def _frame_text(light: FrameLight) -> tuple[str, str, str]:
     """What is told of a frame, none longer than that of _LONGEST."""
     lighting = light.lighting
     relative = round(float(wrap_azimuth(lighting.relative_heading or 0.0)), 1)
-    heading = (
-        f"turned {relative or 0.0:+.1f}°"
-        if lighting.camera_heading is None
-        else f"heading {lighting.camera_heading:.1f}°"
-    )
+    absolute = lighting.camera_heading
+    heading = f"turned {relative or 0.0:+.1f}°" if absolute is None else f"heading {absolute:.1f}°"
     bridged = " (bridged)" if light.bridged else ""
     sun = f"sun {lighting.sun_azimuth:+.1f}°, {lighting.sun_elevation:.1f}° high"
     return f"{light.time:5.1f} s", sun, heading + bridged

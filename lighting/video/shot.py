@@ -1,7 +1,7 @@
 """From a clip to its shots: the lens, the camera's path, the one sun of each, and a record of each frame."""
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -94,9 +94,9 @@ def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
     """
     if not tracked.estimates:
         raise VideoError("No frame of the shot is bright enough for daylight.")
-    unzoomed = remove_zoom(tracked, clip_metadata) or UnzoomedShot(
-        tracked.with_fixed_lens(), np.ones(len(tracked.steps)), fit_fov(tracked, clip_metadata)
-    )
+    if (unzoomed := remove_zoom(tracked, clip_metadata)) is None:
+        lens = fit_fov(tracked, clip_metadata)
+        unzoomed = UnzoomedShot(tracked.with_fixed_lens(), np.ones(len(tracked.steps)), lens)
     tracked, fov = unzoomed.tracked, unzoomed.lens[0]
     rotations = estimate_frame_rotations(tracked, fov)
     orientation, reliable = estimate_orientations(tracked, rotations, fov)
@@ -111,9 +111,8 @@ def _tracking_warnings(
     unzoomed: UnzoomedShot, clip_metadata: ClipMetadata, rotations: Sequence[FrameRotation]
 ) -> Iterator[str]:
     """Sentences on why headings may be wrong though points were followed."""
-    shares = [
-        rotation.share for rotation, step in zip(rotations, unzoomed.tracked.steps, strict=True) if len(step.matches)
-    ]
+    steps = unzoomed.tracked.steps
+    shares = [rotation.share for rotation, step in zip(rotations, steps, strict=True) if len(step.matches)]
     fov, expected = unzoomed.lens[0], prior_fov(unzoomed.tracked, clip_metadata)[0]
     if unzoomed.zoom_share < MIN_ZOOMED_FRAMES:
         yield _ZOOM_LOST.format(100.0 * (1.0 - unzoomed.zoom_share))
@@ -131,34 +130,27 @@ def _light_shot(
     first = clip_metadata.prior_at(float(path.time[0]), _compass_heading(path, clip_metadata.gimbal))
     position = {step.frame: i for i, step in enumerate(tracked.steps)}
     priors = {frame: clip_metadata.prior_at(float(path.time[position[frame]])) for frame in tracked.estimates}
-    by_day = _daylight_frames(priors, first)
+    by_day = {frame for frame, prior in priors.items() if not prior.is_night}
+    if not by_day or first.is_night:  # only in a shot that begins by day frames of night do not count
+        by_day = set(priors)
     light = ShotLight()
     for frame, estimate in tracked.estimates.items():
         if frame in by_day:
             i = position[frame]
-            gain = float(luminance(gains[i]))
-            frame_fov = zoomed_fov(fov, float(unzoomed.zoom[i]))
+            gain, frame_fov = float(luminance(gains[i])), zoomed_fov(fov, float(unzoomed.zoom[i]))
             light.add(FrameObservation(estimate, float(path.heading[i]), frame_fov, gain, priors[frame].observations))
     if night := [float(path.time[position[frame]]) for frame in priors if frame not in by_day]:
         first = replace(first, warnings=(*first.warnings, _NIGHT_FALLS.format(min(night))))
     first = replace(first, warnings=(*first.warnings, *warnings))
     posterior = light.answer(first.observations)
     posterior = replace(posterior, prediction=replace(posterior.prediction, vertical_fov=fov))
-    frames = np.array([step.frame for step in tracked.steps])
-    north = estimate_north(posterior, first)
+    frames, north = np.array([step.frame for step in tracked.steps]), estimate_north(posterior, first)
     return Shot(frames, path, gains, fov, fov_std, unzoomed.zoom, posterior, light.ground, first, north)
-
-
-def _daylight_frames(priors: Mapping[int, MetadataPrior], first: MetadataPrior) -> set[int]:
-    """The frames that count, by their metadata: in a shot that begins by day not those of night."""
-    day = {frame for frame, prior in priors.items() if not prior.is_night}
-    return day if day and not first.is_night else set(priors)
 
 
 def _compass_heading(path: CameraPath, gimbal: Gimbal) -> float | None:
     """Where azimuth 0 points by the gimbal, deg clockwise from north; None without one."""
-    samples = sample_gimbal(gimbal, path.time)
-    if not samples:
+    if not (samples := sample_gimbal(gimbal, path.time)):
         return None
     return circular_mean([heading - path.heading[i] for i, (heading, *_) in samples]) % 360.0
 
@@ -173,9 +165,7 @@ def estimate_north(posterior: Posterior, prior: MetadataPrior) -> float | None:
     Returns:
         deg clockwise from true north; None where it is unknown.
     """
-    if posterior.camera_heading is not None:
-        return posterior.camera_heading.best
-    return prior.observations.heading
+    return prior.observations.heading if posterior.camera_heading is None else posterior.camera_heading.best
 
 
 # Records of frames.
@@ -210,12 +200,9 @@ def shot_lighting(shot: Shot) -> Lighting:
         shot: a solved one.
     """
     light = with_ground_color(build_estimate(shot.posterior, shot.prior).lighting, shot.ground)
-    return replace(
-        light,
-        camera_elevation=_round_angle(shot.path.elevation[0]),
-        camera_roll=_round_angle(wrap_azimuth(shot.path.roll[0])),
-        camera_heading=None if shot.north is None else _round_heading(shot.north),
-    )
+    elevation, roll = _round_angle(shot.path.elevation[0]), _round_angle(wrap_azimuth(shot.path.roll[0]))
+    heading = None if shot.north is None else _round_heading(shot.north)
+    return replace(light, camera_elevation=elevation, camera_roll=roll, camera_heading=heading)
 
 
 def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
@@ -225,24 +212,13 @@ def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
         shot: a solved one.
         number: the shot's, counted from 1.
     """
-    base = shot_lighting(shot)
+    base, path = shot_lighting(shot), shot.path
     for i, frame in enumerate(shot.frames.tolist()):
         red, green, blue = (round(float(g), 5) for g in shot.gains[i])
-        yield FrameLight(
-            number,
-            frame,
-            float(shot.path.time[i]),
-            _lighting_of_frame(base, shot, i),
-            (red, green, blue),
-            bool(shot.path.bridged[i]),
-        )
-
-
-def _lighting_of_frame(base: Lighting, shot: Shot, i: int) -> Lighting:
-    """The shot's light as the camera of its frame `i`, counted in the shot, sees it."""
-    path, fov = shot.path, zoomed_fov(base.vertical_fov, float(shot.zoom[i]))
-    angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
-    return lighting_in_camera(scale_exposure(base, shot.gains[i]), angles, fov, shot.north)
+        angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
+        fov = zoomed_fov(base.vertical_fov, float(shot.zoom[i]))
+        lighting = lighting_in_camera(scale_exposure(base, shot.gains[i]), angles, fov, shot.north)
+        yield FrameLight(number, frame, float(path.time[i]), lighting, (red, green, blue), bool(path.bridged[i]))
 
 
 def lighting_in_camera(

@@ -113,9 +113,8 @@ class DissolveDetector:
         return Dissolve(at(first).time, at(last).time)
 
     def _compare(self, before: _ComparedFrame, middle: _ComparedFrame, after: _ComparedFrame) -> None:
-        if self._mixed and middle.number > max(self._mixed) + _MAX_UNMIXED:
-            return  # of another dissolve, or none: this one is told first
-        if self._is_mixed(before.even, middle.even, after.even):
+        is_other = bool(self._mixed) and middle.number > max(self._mixed) + _MAX_UNMIXED  # this dissolve is told first
+        if not is_other and self._is_mixed(before.even, middle.even, after.even):
             self._mixed.append(middle.number)
 
     def _compared_frame(self, frame: Frame, number: int) -> _ComparedFrame:
@@ -141,15 +140,8 @@ class DissolveDetector:
         height, width = onto.shape
         rows, columns = np.mgrid[:height, :width].astype(np.float32)
         flow: Any = self._flow.calc(onto, other, None)
-        return np.asarray(
-            self._cv2.remap(
-                other.astype(np.float32),
-                columns + flow[..., 0],
-                rows + flow[..., 1],
-                self._cv2.INTER_LINEAR,
-                borderValue=np.nan,
-            )
-        )
+        x, y, linear = columns + flow[..., 0], rows + flow[..., 1], self._cv2.INTER_LINEAR
+        return np.asarray(self._cv2.remap(other.astype(np.float32), x, y, linear, borderValue=np.nan))
 
 
 def _is_mixture(first: Floats, values: Floats, second: Floats) -> bool:
@@ -160,9 +152,7 @@ def _is_mixture(first: Floats, values: Floats, second: Floats) -> bool:
         return False
     residual = float(np.square(values - second - share * difference).mean()) + MIXTURE_NOISE
     distance = float(np.minimum(np.square(values - first), np.square(values - second)).mean())
-    if distance < max(MIN_DIFFERENCE, residual):
-        return False
-    return bool(_correlation(first, second) < MAX_CORRELATION)
+    return bool(distance >= max(MIN_DIFFERENCE, residual) and _correlation(first, second) < MAX_CORRELATION)
 
 
 def _correlation(a: Floats, b: Floats) -> float:
@@ -218,12 +208,9 @@ def split_at_dissolve(tracked: ShotObservations, dissolve: Dissolve) -> list[Sho
     ending = [*before, *(_as_lost(step, before[-1]) for step in steps[len(before) : begin])][:begin]
     beginning = [_as_lost(step, steps[after[0]]) for step in steps[begin : after[0]]]
     mixed = {step.frame for step in steps if dissolve.first <= step.time <= dissolve.last}
-    unmixed = replace(
-        tracked,
-        steps=[*ending, *beginning, *steps[after[0] :]],
-        keys={n: key for n, key in tracked.keys.items() if key.frame not in mixed},
-        estimates={frame: estimate for frame, estimate in tracked.estimates.items() if frame not in mixed},
-    )
+    keys = {n: key for n, key in tracked.keys.items() if key.frame not in mixed}
+    estimates = {frame: estimate for frame, estimate in tracked.estimates.items() if frame not in mixed}
+    unmixed = ShotObservations(tracked.size, [*ending, *beginning, *steps[after[0] :]], keys, estimates)
     return [_select_frames(unmixed, part) for part in (range(begin), range(begin, len(steps))) if part]
 
 

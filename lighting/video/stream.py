@@ -87,24 +87,21 @@ class _KeyframeBank:
         self, key: Keyframe, orientation: Floats, chain: int, within: float
     ) -> Sequence[_BankKeyframe]:
         """The nearest MAX_COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
-        angles = {i: angle for i, angle in self._angles(orientation).items() if self.keyframes[i].chain == chain}
-        old = [i for i in angles if angles[i] < within and _is_old(self.keyframes[i].keyframe, key)]
-        near = sorted(old, key=angles.__getitem__)
-        return [self.keyframes[i] for i in near[:MAX_COMPARED]]
+        near = [k for k in self._by_angle(orientation) if k.chain == chain and _angle(k, orientation) < within]
+        return [k for k in near if _is_old(k.keyframe, key)][:MAX_COMPARED]
 
     def of_other_chains(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_BankKeyframe]:
         """Keyframes of other chains, whose directions are unknown: none is too far off, and each gets its turn."""
-        angles = {i: angle for i, angle in self._angles(orientation).items() if self.keyframes[i].chain != chain}
-        order = sorted(angles, key=angles.__getitem__)
+        order = [k for k in self._by_angle(orientation) if k.chain != chain]
         rest = order[MAX_OTHER_CHAINS:]
         start = key.number * MAX_OTHER_CHAINS % max(len(rest), 1)
         in_turn = (rest + rest)[start : start + min(MAX_OTHER_CHAINS, len(rest))]
-        return [self.keyframes[i] for i in [*order[:MAX_OTHER_CHAINS], *in_turn]]
+        return [*order[:MAX_OTHER_CHAINS], *in_turn]
 
     def add(self, new: _BankKeyframe) -> None:
         """Remember a keyframe, unless its chain has one of nearly the same direction."""
-        angles = self._angles(new.orientation)
-        if any(angles[i] < MIN_KEYFRAME_ANGLE for i, k in enumerate(self.keyframes) if k.chain == new.chain):
+        same = [k for k in self.keyframes if k.chain == new.chain]
+        if any(_angle(k, new.orientation) < MIN_KEYFRAME_ANGLE for k in same):
             return
         self.keyframes.append(new)
         if len(self.keyframes) > MAX_KEYFRAMES:
@@ -112,14 +109,13 @@ class _KeyframeBank:
 
     def join(self, chain: int, other: int, correction: Floats) -> None:
         """Make a chain part of another one, its orientations being turned by a rotation (3, 3)."""
-        self.keyframes = [
-            replace(k, orientation=k.orientation @ correction, chain=other) if k.chain == chain else k
-            for k in self.keyframes
-        ]
+        for i, k in enumerate(self.keyframes):
+            if k.chain == chain:
+                self.keyframes[i] = replace(k, orientation=k.orientation @ correction, chain=other)
 
-    def _angles(self, orientation: Floats) -> dict[int, float]:
-        """Angles [deg] between where each keyframe and a camera look."""
-        return {i: float(angle_between(-k.orientation[2], -orientation[2])) for i, k in enumerate(self.keyframes)}
+    def _by_angle(self, orientation: Floats) -> list[_BankKeyframe]:
+        """All keyframes, those first that look nearly where a camera does."""
+        return sorted(self.keyframes, key=lambda k: _angle(k, orientation))
 
     def _least_needed(self, chain: int) -> int:
         """The oldest of chains that were left, or of the longer one of the first and the present `chain`.
@@ -129,6 +125,11 @@ class _KeyframeBank:
         abandoned = [i for i, k in enumerate(self.keyframes) if k.chain not in (FIRST_CHAIN, chain)]
         first, current = ([i for i, k in enumerate(self.keyframes) if k.chain == c] for c in (FIRST_CHAIN, chain))
         return abandoned[0] if abandoned else (current if len(current) > len(first) else first[1:])[0]
+
+
+def _angle(k: _BankKeyframe, orientation: Floats) -> float:
+    """Between where a keyframe and a camera look [deg]."""
+    return float(angle_between(-k.orientation[2], -orientation[2]))
 
 
 def _is_old(old: Keyframe, new: Keyframe) -> bool:
@@ -190,8 +191,7 @@ class _LensEstimator:
         """Learn from the rotation between two keyframes, while the lens is not known well."""
         if self.fixed is not None or self._weight > 1.0 / MIN_FOV_STD**2 * 4:
             return
-        rotation = match_keyframes(a, b, None)
-        if rotation is not None and not rotation.zoomed:
+        if (rotation := match_keyframes(a, b, None)) is not None and not rotation.zoomed:
             self.add_rotation(rotation)
 
     def add_rotation(self, rotation: RelativeRotation) -> None:
@@ -298,9 +298,8 @@ class Tracker:
             self._key_poses = {step.key: (self._orientation, self._gain)}
             return len(step.matches) > 0
         base, gain = self._key_poses[step.key]
-        rotation = estimate_frame_rotation(
-            step.matches, focal_from_fov(self._lens.fov, *size), self._orientation @ base.T
-        )
+        focal = focal_from_fov(self._lens.fov, *size)
+        rotation = estimate_frame_rotation(step.matches, focal, self._orientation @ base.T)
         self._gain = gain * step.gain
         reliable = is_reliable(rotation, is_start=False)
         if reliable:
@@ -348,8 +347,7 @@ class Tracker:
     def _match_bank(self, key: Keyframe, candidates: Sequence[_BankKeyframe]) -> tuple[_BankKeyframe, Floats] | None:
         """The first keyframe that a new one shows again, and the rotation (3, 3) from its chain's frame to this one."""
         for kept in candidates:
-            rotation = match_keyframes(kept.keyframe, key, self._lens.fov, self._lens_std)
-            if rotation is not None:
+            if (rotation := match_keyframes(kept.keyframe, key, self._lens.fov, self._lens_std)) is not None:
                 if self._lens_std:
                     self._lens.add_rotation(rotation)
                 return kept, self._key_poses[key.number][0].T @ rotation.rotation @ kept.orientation
@@ -399,9 +397,8 @@ class Tracker:
         angles = self._light.angles(self._orientation)
         prior = self._in_chain(self._prior)
         base = with_ground_color(build_estimate(posterior, prior).lighting, self._light.light.ground)
-        lighting = lighting_in_camera(
-            scale_exposure(base, self._gain), angles, self._lens.fov, estimate_north(posterior, prior)
-        )
+        north = estimate_north(posterior, prior)
+        lighting = lighting_in_camera(scale_exposure(base, self._gain), angles, self._lens.fov, north)
         red, green, blue = map(float, self._gain)
         return StreamFrame(lighting, angles[0], (red, green, blue), followed, self._chain == FIRST_CHAIN)
 

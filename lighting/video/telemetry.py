@@ -26,9 +26,8 @@ MAX_SUBTITLE_BYTES = 64_000_000  # bytes; an hour of DJI's at 30 frames a second
 
 _ISO6709 = re.compile(r"([+-]\d{1,2}(?:\.\d+)?)([+-]\d{1,3}(?:\.\d+)?)(?:[+-]\d+(?:\.\d+)?)?(?:CRS[^/]*)?/?")
 _NUMBER = re.compile(r"(\w+)\s*:\s*([+-]?\d+(?:\.\d+)?)")
-_GPS_PAIR = re.compile(
-    r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)"
-)  # longitude first, as older models write it
+# longitude first, as older models write it
+_GPS_PAIR = re.compile(r"\bGPS ?\(([+-]?\d+(?:\.\d+)?), ?([+-]?\d+(?:\.\d+)?)")
 _START_TIME = re.compile(r"(\d+):(\d\d):(\d\d)[,.](\d{3})\s*-->")
 _NO_DIGITAL_ZOOM = (0.0, 1.0, 10000.0)  # ratios: some models count ten-thousandths, and 0 says nothing
 _CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
@@ -66,16 +65,17 @@ def container_metadata(tags: Mapping[str, str], width: int, height: int) -> Phot
     """
     location = _first_value(tags, LOCATION_TAGS, _parse_iso6709)
     focal_length = _first_value(tags, LENS_TAGS, _positive)
-    heading = _first_value(tags, HEADING_TAGS, _degrees)
-    result = PhotoMetadata(
-        latitude=None if location is None else location[0],
-        longitude=None if location is None else location[1],
-        heading=heading,
-        heading_reference=None,
-        focal_length=focal_length,
-        vertical_fov=None if focal_length is None else vertical_fov_from_focal_length(focal_length, width, height),
-    )
-    return _with_recording_time(result, tags)
+    result = _lens_and_place(focal_length, location, width, height)
+    return _with_recording_time(replace(result, heading=_first_value(tags, HEADING_TAGS, _degrees)), tags)
+
+
+def _lens_and_place(
+    focal_length: float | None, location: tuple[float, float] | None, width: int, height: int
+) -> PhotoMetadata:
+    """Metadata of a focal length [mm, as on 35 mm film] and of a latitude and longitude [deg]."""
+    latitude, longitude = location or (None, None)
+    fov = None if focal_length is None else vertical_fov_from_focal_length(focal_length, width, height)
+    return PhotoMetadata(latitude=latitude, longitude=longitude, focal_length=focal_length, vertical_fov=fov)
 
 
 def _first_value(tags: Mapping[str, str], names: tuple[str, ...], read: Any) -> Any:
@@ -93,10 +93,7 @@ def _try_read(read: Any, text: str) -> Any:
 def _parse_iso6709(text: str) -> tuple[float, float] | None:
     """Latitude and longitude [deg] of ISO 6709 in decimal degrees, "+48.1173+011.5167+520/"."""
     parts = _ISO6709.fullmatch(text.strip())
-    if parts is None:
-        return None
-    latitude, longitude = float(parts[1]), float(parts[2])
-    return _valid_location(latitude, longitude)
+    return None if parts is None else _valid_location(float(parts[1]), float(parts[2]))
 
 
 def _valid_location(latitude: float, longitude: float) -> tuple[float, float] | None:
@@ -128,9 +125,8 @@ def _with_recording_time(result: PhotoMetadata, tags: Mapping[str, str]) -> Phot
 def _parse_moment(text: str) -> datetime | None:
     moment = datetime.fromisoformat(text.strip())
     aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-    return (
-        aware if YEAR_RANGE[0] < aware.year < YEAR_RANGE[1] and aware.year > 1904 else None
-    )  # QuickTime counts from 1904
+    is_possible = max(YEAR_RANGE[0], 1904) < aware.year < YEAR_RANGE[1]  # QuickTime counts from 1904
+    return aware if is_possible else None
 
 
 def read_subtitles(clip: Path) -> str:
@@ -188,12 +184,9 @@ def _parse_entry(block: str) -> _Entry | None:
     hours, minutes, seconds, thousandths = map(int, start.groups())
     zoomed = numbers.get("dzoom_ratio", 1.0) not in _NO_DIGITAL_ZOOM
     clock = _CLOCK.search(block)
-    return _Entry(
-        start=3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0,
-        numbers=numbers,
-        focal_length=None if zoomed else _parse_focal_length(texts.get("focal_len", "")),
-        clock=_try_read(_parse_local_time, clock[0]) if clock else None,
-    )
+    focal_length = None if zoomed else _parse_focal_length(texts.get("focal_len", ""))
+    moment = _try_read(_parse_local_time, clock[0]) if clock else None
+    return _Entry(3600.0 * hours + 60.0 * minutes + seconds + thousandths / 1000.0, numbers, focal_length, moment)
 
 
 def _parse_focal_length(text: str) -> float | None:
@@ -210,14 +203,7 @@ def _parse_local_time(text: str) -> datetime:
 
 def _metadata_of_entries(entries: list[_Entry], width: int, height: int) -> PhotoMetadata:
     location = next((p for e in entries if (p := _entry_location(e)) is not None), None)
-    focal_length = entries[0].focal_length
-    return PhotoMetadata(
-        local_time=entries[0].clock,
-        latitude=None if location is None else location[0],
-        longitude=None if location is None else location[1],
-        focal_length=focal_length,
-        vertical_fov=None if focal_length is None else vertical_fov_from_focal_length(focal_length, width, height),
-    )
+    return replace(_lens_and_place(entries[0].focal_length, location, width, height), local_time=entries[0].clock)
 
 
 def _entry_location(entry: _Entry) -> tuple[float, float] | None:

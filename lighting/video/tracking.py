@@ -12,7 +12,7 @@ Where the camera walks, near things obey no rotation; then that of the essential
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -114,8 +114,7 @@ class PointTracker:
         """
         gray, self.new_key = self._even(frame.pixels), None
         is_kept = self._track_points(gray) if gray.shape == self._gray.shape else np.zeros(0, bool)
-        is_lost = bool(np.count_nonzero(is_kept) < MIN_POINTS)
-        if is_lost:
+        if is_lost := bool(np.count_nonzero(is_kept) < MIN_POINTS):
             self._stretch += 1
             self._begin_key(frame, gray)
         else:
@@ -140,17 +139,10 @@ class PointTracker:
         """Moves the points into the frame; which of them are still there."""
         if not len(self._points):
             return np.zeros(0, bool)
-        flow = self._cv2.calcOpticalFlowPyrLK
-        coarse, ok, _ = flow(self._gray, gray, self._points, None, winSize=_FLOW_WINDOW, maxLevel=_FLOW_LEVELS)
-        fine, ok_fine, error = flow(
-            self._key_gray,
-            gray,
-            self._corners,
-            coarse.copy(),
-            winSize=_FLOW_WINDOW,
-            maxLevel=0,
-            flags=self._cv2.OPTFLOW_USE_INITIAL_FLOW,
-        )
+        flow = partial(self._cv2.calcOpticalFlowPyrLK, winSize=_FLOW_WINDOW)
+        coarse, ok, _ = flow(self._gray, gray, self._points, None, maxLevel=_FLOW_LEVELS)
+        from_coarse = self._cv2.OPTFLOW_USE_INITIAL_FLOW
+        fine, ok_fine, error = flow(self._key_gray, gray, self._corners, coarse.copy(), maxLevel=0, flags=from_coarse)
         close = (error.ravel() < _MAX_FLOW_ERROR) & (np.linalg.norm(fine - coarse, axis=1) < _MAX_CORRECTION)
         self._points = fine
         inside = np.all((fine > 2) & (fine < np.array(gray.shape[::-1]) - 3), axis=1)
@@ -176,9 +168,8 @@ class PointTracker:
     def _is_far(self) -> bool:
         half = 0.5 * float(np.hypot(*self._gray.shape))
         moved = float(np.median(np.linalg.norm(self._points - self._corners, axis=1))) / half
-        return (
-            len(self._points) < max(2 * MIN_POINTS, MIN_KEPT_SHARE * self._corner_count) or moved > MAX_KEYFRAME_MOTION
-        )
+        fewest = max(2 * MIN_POINTS, MIN_KEPT_SHARE * self._corner_count)
+        return len(self._points) < fewest or moved > MAX_KEYFRAME_MOTION
 
     def _matches(self) -> Matches:
         height, width = self._gray.shape
@@ -221,17 +212,13 @@ def chain_gains(steps: Sequence[TrackedFrame]) -> Floats:
     Returns:
         Gains (N, 3) of linear values against the first frame's.
     """
-    gains: list[Floats] = []
+    gains: list[Floats] = [np.ones(3)]
     of_key: dict[int, Floats] = {}
-    last: Floats = np.ones(3)
     for step in steps:
-        base = of_key.setdefault(step.key, last)
-        last = base * step.gain
+        gains.append(of_key.setdefault(step.key, gains[-1]) * step.gain)
         if step.next_key is not None:
-            of_key[step.next_key] = last
-        gains.append(last)
-    relative = np.array(gains)
-    return np.asarray(relative / relative[0])
+            of_key[step.next_key] = gains[-1]
+    return np.asarray(np.array(gains[1:]) / gains[1])
 
 
 # Rotation of a frame against its keyframe.
@@ -259,10 +246,8 @@ def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> Fr
     a, b = rays_through(matches.a, focal), rays_through(matches.b, focal)
     reach = TOLERANCE * matches.pixel / focal
     best = _refine_rotation(a, b, guess, reach)
-    if _is_parallax(a, b, best.rotation, reach):
-        walking = _walking_rotation(matches, focal, best.agreeing)
-        if walking is not None:
-            return walking
+    if _is_parallax(a, b, best.rotation, reach) and (walk := _walking_rotation(matches, focal, best.agreeing)):
+        return walk
     if best.share < MIN_LOCAL_SHARE:
         restarted = _refine_rotation(a, b, ransac_rotation(matches, (focal, focal), (1.0,)).rotation, reach)
         best = max(best, restarted, key=lambda t: t.share)
@@ -331,9 +316,7 @@ class ShotObservations:
 
     def with_fixed_lens(self) -> "ShotObservations":
         """The same with the estimates by the clip's known lens, for a shot that is not zoomed."""
-        return replace(
-            self, estimates={frame: estimate.by_lens or estimate for frame, estimate in self.estimates.items()}
-        )
+        return replace(self, estimates={frame: seen.by_lens or seen for frame, seen in self.estimates.items()})
 
 
 @dataclass(frozen=True, eq=False)
@@ -361,17 +344,10 @@ class ClipMetadata:
             ParameterError: the user's time and place are of night at 0 s. Later they are not used then.
         """
         later = timedelta(seconds=seconds)
-        moved = {
-            name: moment + later
-            for name in ("local_time", "utc_time")
-            if (moment := getattr(self.metadata, name)) is not None
-        }
-        metadata = replace(self.metadata, **moved)
-        user_input = (
-            self.user_input
-            if self.user_input.time is None
-            else replace(self.user_input, time=self.user_input.time + later)
-        )
+        times = (self.metadata.local_time, self.metadata.utc_time, self.user_input.time)
+        local, utc, told = (None if moment is None else moment + later for moment in times)
+        metadata = replace(self.metadata, local_time=local, utc_time=utc)
+        user_input = replace(self.user_input, time=told)
         if heading is not None:
             metadata = replace(metadata, heading=heading, heading_reference=HeadingReference.TRUE)
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
