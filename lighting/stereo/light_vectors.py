@@ -110,22 +110,6 @@ def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:
     return result.reshape(*directions.shape[:-1], *result.shape[1:])
 
 
-def _mean_light(
-    envmap: NDArray[np.floating[Any]], normals: ArrayLike, sun_direction: ArrayLike | None = None
-) -> Floats:
-    """Mean light vectors (..., 3, C) of patches with unit normals (..., 3) under one map (H, 2H, C).
-
-    With the direction (3,) of a sun that the map shows, its disc is integrated analytically and not from pixels; the
-    map has three channels then. Raises EnvironmentMapError for a map of another shape.
-    """
-    image = np.asarray(envmap, dtype=np.float32)[None]
-    if sun_direction is None:
-        skies = Skies(image, np.array([[0.0, 1.0, 0.0]]), np.zeros((1, image.shape[-1])))
-    else:
-        skies = skies_from_maps(image, np.asarray(sun_direction, dtype=np.float64)[None])
-    return np.asarray(illumination_matrices(skies, normals)[..., 0, :, :])
-
-
 def sky_light_vectors(radiance: NDArray[np.floating[Any]], normals: Floats) -> Floats:
     """Return the mean light vectors (N, T, 3, C) of maps, summed over pixels.
 

@@ -54,11 +54,6 @@ def _inverse(upper: Floats) -> Floats:
     return result
 
 
-def _covariance(matrix: ArrayLike, noise: float = 1.0) -> Floats:
-    """Covariance (..., 3, 3) of albedo x normal from illumination matrices (..., T, 3) and pixel noise sigma."""
-    return np.asarray(noise**2 * invert_symmetric(gram_matrix(matrix)))
-
-
 def noise_gain(matrix: ArrayLike) -> Floats:
     """Return the noise gain lambda_k (..., 3) of each axis.
 

@@ -1,8 +1,10 @@
 """Mean light vectors, and modelled skies."""
 
+from typing import Any
+
 import numpy as np
 import pytest
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
@@ -13,7 +15,6 @@ from lighting.sky.hosek_wilkie import sun_disc_points
 from lighting.stereo.light_vectors import (
     Skies,
     _horizontal_irradiance,
-    _mean_light,
     broken_skies,
     clear_skies,
     draw_sunshine,
@@ -26,6 +27,20 @@ from lighting.stereo.light_vectors import (
 )
 
 
+def mean_light(envmap: NDArray[np.floating[Any]], normals: ArrayLike, sun_direction: ArrayLike | None = None) -> Floats:
+    """Mean light vectors (..., 3, C) of patches with unit normals (..., 3) under one map (H, 2H, C).
+
+    With the direction (3,) of a sun that the map shows, its disc is integrated analytically and not from pixels; the
+    map has three channels then. Raises EnvironmentMapError for a map of another shape.
+    """
+    image = np.asarray(envmap, dtype=np.float32)[None]
+    if sun_direction is None:
+        skies = Skies(image, np.array([[0.0, 1.0, 0.0]]), np.zeros((1, image.shape[-1])))
+    else:
+        skies = skies_from_maps(image, np.asarray(sun_direction, dtype=np.float64)[None])
+    return np.asarray(illumination_matrices(skies, normals)[..., 0, :, :])
+
+
 def normals(count: int, seed: int = 1) -> Floats:
     drawn = np.random.default_rng(seed).normal(size=(count, 3))
     return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True))
@@ -33,7 +48,7 @@ def normals(count: int, seed: int = 1) -> Floats:
 
 def test_a_uniform_sky_shines_along_the_normal() -> None:
     n = normals(50)
-    vectors = _mean_light(np.ones((64, 128, 2), dtype=np.float32), n)
+    vectors = mean_light(np.ones((64, 128, 2), dtype=np.float32), n)
     assert vectors.shape == (50, 3, 2)
     # 1 / pi x the integral of w over a hemisphere is n; 64 rows integrate it to 1e-3
     np.testing.assert_allclose(vectors[..., 0], n, atol=2e-3)
@@ -43,7 +58,7 @@ def test_a_uniform_sky_shines_along_the_normal() -> None:
 def test_a_sky_over_black_ground_lights_a_wall_half() -> None:
     sky = np.zeros((64, 128, 1), dtype=np.float32)
     sky[:32] = 1
-    wall = _mean_light(sky, [0, 0, -1])[:, 0]
+    wall = mean_light(sky, [0, 0, -1])[:, 0]
     np.testing.assert_allclose(wall, [0, 0.5, -0.5], atol=1e-3)  # a quarter sphere: 1 / pi x pi / 2 along each axis
 
 
@@ -53,7 +68,7 @@ def test_a_smooth_sky_gives_the_brightness_of_a_fine_sum() -> None:
         return np.asarray(1 + d[..., :1] + 2 * d[..., 1:2] ** 2, dtype=np.float32)
 
     n = normals(40)
-    coarse, fine = (np.einsum("nkc,nk->n", _mean_light(sky(height), n), n) for height in (64, 512))
+    coarse, fine = (np.einsum("nkc,nk->n", mean_light(sky(height), n), n) for height in (64, 512))
     np.testing.assert_allclose(coarse, fine, rtol=2e-3)
 
 
@@ -75,14 +90,14 @@ def test_a_sun_is_taken_out_of_a_map_and_integrated() -> None:
     sun, n = direction(20.0, 50.0), normals(200)
     height = 128
     image = np.full((height, 2 * height, 3), 0.1, dtype=np.float32)
-    plain = _mean_light(image, n)
+    plain = mean_light(image, n)
     d = latlong_directions(height)
     row, column = np.unravel_index(np.argmax(d @ sun), d.shape[:2])
     solid_angle = 2 * np.pi / (2 * height) * np.pi / height * np.hypot(d[row, column, 0], d[row, column, 2])
     image[row, column] += np.float32(5.0 * np.pi / solid_angle)
     lit = n @ sun > np.sin(np.radians(SUN_RADIUS))
     expected = plain[lit] + 5.0 * sun[:, None]
-    np.testing.assert_allclose(_mean_light(image, n, sun)[lit], expected, rtol=2e-3, atol=2e-3)
+    np.testing.assert_allclose(mean_light(image, n, sun)[lit], expected, rtol=2e-3, atol=2e-3)
 
 
 def test_brightness_of_rendered_patches_is_linear_in_the_scaled_normal() -> None:
@@ -104,7 +119,7 @@ def test_brightness_of_rendered_patches_is_linear_in_the_scaled_normal() -> None
 
 def test_shapes_are_checked() -> None:
     with pytest.raises(EnvironmentMapError, match="shape"):
-        _mean_light(np.ones((8, 8, 3), dtype=np.float32), [0, 1, 0])
+        mean_light(np.ones((8, 8, 3), dtype=np.float32), [0, 1, 0])
     with pytest.raises(EnvironmentMapError, match="one for each sun"):
         skies_from_maps(np.ones((2, 8, 16, 3)), np.array([[0.0, 1.0, 0.0]]))
     with pytest.raises(EnvironmentMapError, match="irradiance"):

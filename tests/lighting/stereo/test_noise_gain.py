@@ -6,7 +6,6 @@ import pytest
 from export.stereo.noise_gain import _triplet
 from lighting.geometry import Floats, direction
 from lighting.stereo.noise_gain import (
-    _covariance,
     _sphere_normals,
     angular_error,
     angular_std,
@@ -60,7 +59,7 @@ def test_the_inverse_is_numpys() -> None:
     matrices = RNG.normal(size=(50, 6, 3))
     grams = gram_matrix(matrices)
     np.testing.assert_allclose(invert_symmetric(grams), np.linalg.inv(grams), rtol=1e-9)
-    np.testing.assert_allclose(_covariance(matrices, 0.1), 0.01 * np.linalg.inv(grams), rtol=1e-9)
+    np.testing.assert_allclose(0.1**2 * invert_symmetric(gram_matrix(matrices)), 0.01 * np.linalg.inv(grams), rtol=1e-9)
 
 
 def test_an_ill_conditioned_inverse_keeps_its_digits() -> None:
