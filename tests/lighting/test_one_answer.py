@@ -6,12 +6,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr_attributes
 from lighting.model import Model
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
+from server.app import create_app
+from server.settings import Settings
 from tests.helpers.processes import run_command
 
 PHOTO = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
@@ -56,3 +59,12 @@ def test_several_photos_have_the_answer_of_one_that_python_gives(tmp_path: Path)
     assert [plain(json.loads(line)["lighting"]) for line in lines] == [expected] * 3
     alone = answer_of(Model.load(for_one_photo=True))
     np.testing.assert_allclose(numbers(alone), numbers(expected), rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.slow
+def test_the_service_has_the_answer_of_one_that_python_gives() -> None:
+    model = Model.load()
+    with TestClient(create_app(Settings(), Estimator(model))) as client:
+        answer = client.post("/v1/lighting", files={"photo": (PHOTO.name, PHOTO.read_bytes(), "image/jpeg")})
+    assert answer.status_code == 200
+    assert plain(answer.json()) == answer_of(model)
