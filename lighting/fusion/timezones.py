@@ -36,6 +36,8 @@ def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMet
         user_input: what the user states; `use_exif` False drops the file's.
     """
     merged = metadata if user_input.use_exif else PhotoMetadata()
+    if (offset := _known_utc_offset(merged)) is not None:  # of the file's own clock, before the user states another
+        merged = _in_zone(merged, offset)
     if user_input.time is not None:
         merged = _with_time(merged, user_input.time)
     if user_input.utc_offset is not None and merged.local_time is not None:
@@ -47,8 +49,7 @@ def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMet
         merged = replace(merged, heading=user_input.heading, heading_reference=HeadingReference.TRUE)
     if user_input.vertical_fov is not None:
         merged = replace(merged, vertical_fov=user_input.vertical_fov)
-    offset = _known_utc_offset(merged)
-    return merged if offset is None else _in_zone(merged, offset)
+    return merged
 
 
 def _with_time(metadata: PhotoMetadata, time: datetime) -> PhotoMetadata:

@@ -31,7 +31,7 @@ class SkyModel:
     """A shape of the sky, which callers scale to an irradiance.
 
     `shape` takes unit vectors (..., 3), the sun's (3,) and the weather. Its radiance is (..., 3), or (...) of a model
-    of luminance alone, at any scale and 0 below the horizon. It raises ParameterError for a sun below the horizon.
+    of luminance alone, at any scale and 0 below the horizon. Those that need a sun above it raise ParameterError.
     """
 
     shape: Callable[["ArrayLike", "ArrayLike", Weather], "Floats"]

@@ -154,3 +154,12 @@ def test_a_rule_for_the_offset_is_one_function_and_one_entry(monkeypatch: pytest
     assert sun == sun_at((ZONELESS.local_time - timedelta(hours=1)).replace(tzinfo=UTC))
     stated = observations_from_metadata(METADATA, UserInput()).observations.candidates
     assert stated == (sun_at(MORNING),)  # what the file states goes first
+
+
+def test_a_rule_is_about_the_files_clock_and_not_the_users(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(OFFSET_RULES, "always one hour", lambda _: 1.0)
+    noon = datetime(2024, 6, 1, 12, 0)
+    by_rule = observations_from_metadata(ZONELESS, UserInput()).observations.candidates
+    by_user = observations_from_metadata(ZONELESS, UserInput(time=noon)).observations.candidates
+    assert len(by_rule) == 1
+    assert len(by_user) > 1
