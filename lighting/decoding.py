@@ -152,14 +152,11 @@ def _with_light(lighting: Lighting, light: Light, visibility: float) -> Lighting
     it predicts too weak a sky, for most such skies that it learned from are clipped pictures.
     """
     cover = float(np.clip(light.cover, 0.0, 1.0))
-    sun = light.sun_irradiance * 2.0**_SUN_STOPS * _visibility_attenuation(visibility)
-    return replace(
-        lighting,
-        sun_irradiance=clip_color(sun, "sun_irradiance"),
-        sky_irradiance=clip_color(light.sky_irradiance * 2.0 ** (_OVERCAST_STOPS * cover), "sky_irradiance"),
-        sky_cover=round_significant(cover),
-        suitable=round_significant(float(np.clip(light.suitable, 0.0, 1.0))),
-    )
+    suitable = float(np.clip(light.suitable, 0.0, 1.0))
+    sun = clip_color(light.sun_irradiance * 2.0**_SUN_STOPS * _visibility_attenuation(visibility), "sun_irradiance")
+    sky = clip_color(light.sky_irradiance * 2.0 ** (_OVERCAST_STOPS * cover), "sky_irradiance")
+    lighting = replace(lighting, sun_irradiance=sun, sky_irradiance=sky)
+    return replace(lighting, sky_cover=round_significant(cover), suitable=round_significant(suitable))
 
 
 def _visibility_attenuation(visibility: float) -> float:

@@ -143,10 +143,8 @@ def render_view(
         context: the photo and its surroundings; None: bare sky and ground.
     """
     lighting = lighting if sky is None else replace(lighting, sky_model=sky)
-    if context is None:
-        image = render(lighting, height, sun=sun)
-    else:
-        image = render_with_surroundings(lighting, context, height, sun=sun)
+    paint = render if context is None else partial(render_with_surroundings, context=context)
+    image = paint(lighting, height=height, sun=sun)
     return (rotate_envmap(image, yaw), rotate_lighting(lighting, yaw)) if yaw else (image, lighting)
 
 

@@ -84,15 +84,12 @@ def fuse_views(
     timed = _share_time(observations)
     elevation = float(np.mean([predicted_sun_elevation(p) for p in predictions]))  # as of their light, the mean
     posteriors = (_fuse_on_rings if timed[0].candidates else _fuse_on_grid)(shared, timed, frames)
-    return tuple(
-        replace(
-            posterior,
-            warnings=(*single.warnings, *_match_warnings(i, predictions[i], frames, views)),
-            used=_used_evidence(posterior, frames.source if frames.is_connected(i) else None),
-            predicted_sun_elevation=elevation,
-        )
-        for i, (posterior, single) in enumerate(zip(posteriors, singles, strict=True))
-    )
+    fused = []
+    for i, (posterior, single) in enumerate(zip(posteriors, singles, strict=True)):
+        warnings = (*single.warnings, *_match_warnings(i, predictions[i], frames, views))
+        used = _used_evidence(posterior, frames.source if frames.is_connected(i) else None)
+        fused.append(replace(posterior, warnings=warnings, used=used, predicted_sun_elevation=elevation))
+    return tuple(fused)
 
 
 def _used_evidence(posterior: Posterior, source: EvidenceKind | None) -> tuple[EvidenceKind, ...]:

@@ -8,7 +8,7 @@ import re
 import reprlib
 import struct
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta, timezone
 from enum import StrEnum
 from functools import partial
@@ -86,11 +86,12 @@ def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     uncropped = _try_read(lambda tags: _is_uncropped(tags, width / height), camera)
     fov = vertical_fov_from_focal_length(focal_length, width, height) if focal_length and uncropped else None
     tilt = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if uncropped else None
-    times, north = (local_time, utc_offset, utc_time), (heading, reference)
-    gravity: tuple[float | None, float | None, str | None, float | None]
-    gravity = (tilt.elevation, tilt.roll, tilt.source, tilt.std) if tilt else (None, None, None, None)
-    exposure = _try_read(_exposure_value, camera)
-    return PhotoMetadata(*times, latitude, longitude, *north, focal_length, fov, *gravity, exposure)
+    known = PhotoMetadata(local_time, utc_offset, utc_time, latitude, longitude, heading, reference, focal_length, fov)
+    known = replace(known, exposure_value=_try_read(_exposure_value, camera))
+    if tilt is None:
+        return known
+    known = replace(known, camera_elevation=tilt.elevation, camera_roll=tilt.roll)
+    return replace(known, gravity_source=tilt.source, gravity_spread=tilt.std)
 
 
 def read_exposure(image: Image.Image) -> float | None:
