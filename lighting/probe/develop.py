@@ -190,15 +190,15 @@ def make_probe(bracket: Bracket, moment: Moment, settings: BracketSettings) -> P
         ProbeError: it is night, no sun is found, or the exposures cannot be merged.
     """
     _check_day(moment)
-    bracket_hdr = _merge_bracket(bracket, settings)
+    hdr = _merge_bracket(bracket, settings)
     if settings.yaw is not None:
-        return _finish_probe(bracket_hdr, yaw_rotation(settings.yaw), None, moment, settings)
-    if bracket_hdr.spot is None:
+        return _finish_probe(hdr, yaw_rotation(settings.yaw), None, moment, settings)
+    if hdr.spot is None:
         sentence = "No sun is found in the sky, so the probe cannot be aligned; tell the camera's yaw."
         raise ProbeError(sentence, "yaw", ErrorCode.MISSING)
-    observed = (bracket_hdr.spot.azimuth, bracket_hdr.spot.elevation)
-    alignment = align_by_sun(bracket_hdr.lens, observed, moment.sun)
-    return _finish_probe(bracket_hdr, alignment.rotation, alignment, moment, settings)
+    observed = (hdr.spot.azimuth, hdr.spot.elevation)
+    alignment = align_by_sun(hdr.lens, observed, moment.sun)
+    return _finish_probe(hdr, alignment.rotation, alignment, moment, settings)
 
 
 def make_series(
@@ -219,8 +219,8 @@ def make_series(
     alignment = _series_alignment(brackets, moments, settings)
     adjusted = replace(settings, fov=alignment.lens.fov, mirrored=alignment.lens.mirrored)
     for read, moment in zip(brackets, moments, strict=True):
-        bracket_hdr = _merge_bracket(read(), adjusted)
-        yield _finish_probe(bracket_hdr, alignment.rotation, alignment, moment, adjusted)
+        hdr = _merge_bracket(read(), adjusted)
+        yield _finish_probe(hdr, alignment.rotation, alignment, moment, adjusted)
 
 
 def _series_alignment(
@@ -229,10 +229,10 @@ def _series_alignment(
     """How the camera of a series stood, by the suns that its probes show; ProbeError where they are too few."""
     pixels, suns, lens = [], [], None
     for read, moment in zip(brackets, moments, strict=True):
-        bracket_hdr = _merge_bracket(read(), settings)
-        lens = bracket_hdr.lens
-        if bracket_hdr.spot is not None:
-            pixels.append(project_to_lens(lens, bracket_hdr.spot.direction))
+        hdr = _merge_bracket(read(), settings)
+        lens = hdr.lens
+        if hdr.spot is not None:
+            pixels.append(project_to_lens(lens, hdr.spot.direction))
             suns.append(direction(*moment.sun))
     if lens is None or not pixels:
         raise ProbeError("No sun is found in any probe of the series, so it cannot be aligned.")
@@ -253,20 +253,16 @@ def _merge_bracket(bracket: Bracket, settings: BracketSettings) -> _MergedBracke
 
 
 def _finish_probe(
-    bracket_hdr: _MergedBracket,
-    rotation: Floats,
-    alignment: Alignment | None,
-    moment: Moment,
-    settings: BracketSettings,
+    hdr: _MergedBracket, rotation: Floats, alignment: Alignment | None, moment: Moment, settings: BracketSettings
 ) -> Probe:
     """The probe of a merged bracket by the rotation (3, 3) from its camera to the world."""
-    merged = bracket_hdr.merged
-    image, clipped = resample_to_latlong(merged.radiance, merged.clipped, bracket_hdr.lens, rotation, settings.height)
-    spot = bracket_hdr.spot
+    merged = hdr.merged
+    image, clipped = resample_to_latlong(merged.radiance, merged.clipped, hdr.lens, rotation, settings.height)
+    spot = hdr.spot
     if spot is not None:
         azimuth, elevation = map(float, angles(rotation @ spot.direction))
         spot = replace(spot, azimuth=azimuth, elevation=elevation)
-    probe = Probe(image, clipped, moment, spot, False, None, alignment, bracket_hdr.ratios, bracket_hdr.warnings)
+    probe = Probe(image, clipped, moment, spot, False, None, alignment, hdr.ratios, hdr.warnings)
     if settings.fill and spot is not None and spot.clipped:
         filled, sun, fit = _fill_sun(image, clipped, spot)
         probe = replace(probe, image=filled, spot=sun, estimated=True, fit=fit)

@@ -198,7 +198,8 @@ def find_sun_blob(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
     center = (area * value)[region] @ directions[region]
     distance = angle_between(directions, center)
     reach = radius + MARGIN * 180.0 / len(image)
-    background = _background(image, distance, reach)
+    ring = (distance > reach) & (distance < reach + MARGIN * 180.0 / len(image))  # much brighter than a few deg away
+    background = np.median(image[ring], axis=0) if ring.any() else np.zeros(3)
     is_near = distance < reach
     light = np.maximum(image[is_near] - background, 0) * area[is_near][:, None]
     azimuth, elevation = angles(luminance(light) @ directions[is_near])
@@ -215,9 +216,3 @@ def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
         cap = 2 * np.pi * (1 - np.cos(np.radians(MAX_CLIPPED_RADIUS)))
         return best if area[best].sum() < cap else None
     return _peak_region(value, MIN_SUN_CONTRAST * float(np.median(value[value > 0])))
-
-
-def _background(image: NDArray[np.float32], distance: Floats, reach: float) -> Floats:
-    """Median colour (3,) of the sky right beside the sun, which is much brighter than that a few degrees away."""
-    ring = (distance > reach) & (distance < reach + MARGIN * 180.0 / len(image))
-    return np.median(image[ring], axis=0) if ring.any() else np.zeros(3)

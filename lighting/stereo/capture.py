@@ -67,14 +67,6 @@ def _read_day_photo(path: Path, curve: Curve | None = None) -> _DayPhoto:
         raise PhotoError(f"{path.name}: {error}") from error
 
 
-def _read_mask(file: Path) -> Image.Image:
-    """A mask as a picture of grey values; PhotoError where it cannot be read."""
-    try:
-        return Image.open(file).convert("L")
-    except Exception as error:  # Pillow raises nearly anything on hostile bytes
-        raise PhotoError(f"{file} is not a mask that can be read.") from error
-
-
 def _read_exr(path: Path) -> _DayPhoto:
     pixels = read_exr(path)[0]
     if not np.isfinite(pixels).all():
@@ -376,7 +368,10 @@ def _make_mask(folder: Path, user_mask: Path | None, shape: tuple[int, ...]) -> 
     file = user_mask or folder / MASK_FILE
     if user_mask is None and not file.exists():
         return np.ones(shape, dtype=bool)
-    image = _read_mask(file)
+    try:
+        image = Image.open(file).convert("L")
+    except Exception as error:  # Pillow raises nearly anything on hostile bytes
+        raise PhotoError(f"{file} is not a mask that can be read.") from error
     if abs(image.width / image.height - shape[1] / shape[0]) > 0.02 * shape[1] / shape[0]:
         raise PhotoError(f"{file} is {image.width} x {image.height} pixels; it does not have the photos' shape.")
     inside = np.asarray(image.resize((shape[1], shape[0]), Image.Resampling.NEAREST)) > 127

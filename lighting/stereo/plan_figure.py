@@ -120,18 +120,14 @@ def _draw_scale(canvas: Image.Image) -> None:
 def _draw_sphere(canvas: Image.Image, left: int, window: Window) -> None:
     top = 156
     picture = Image.fromarray(_gain_colors(window.sphere)).resize((_SPHERE, _SPHERE), Image.Resampling.BICUBIC)
-    canvas.paste(picture, (left, top), mask=_disc_mask(_SPHERE))
+    disc, angle = Image.new("RGB", picture.size), np.linspace(0, 2 * np.pi, 181)[:-1]
+    rim = _SPHERE / 2 + (_SPHERE / 2 - 1) * np.stack([np.cos(angle), np.sin(angle)], axis=-1)
+    draw_polygon(disc, rim, (255, 255, 255))
+    canvas.paste(picture, (left, top), mask=disc.convert("L"))
     center = left + _SPHERE / 2
     draw_text(canvas, (center, top + _SPHERE + 14), f"{window.hours} h", TextStyle(24, TEXT, anchor="ma"))
     times = f"{format_clock(window.start)} to {format_clock(window.end)}"
     draw_text(canvas, (center, top + _SPHERE + 46), times, TextStyle(15, MUTED, anchor="ma"))
-
-
-def _disc_mask(size: int) -> Image.Image:
-    mask = Image.new("RGB", (size, size))
-    angle = np.linspace(0, 2 * np.pi, 181)[:-1]
-    draw_polygon(mask, size / 2 + (size / 2 - 1) * np.stack([np.cos(angle), np.sin(angle)], axis=-1), (255, 255, 255))
-    return mask.convert("L")
 
 
 def _draw_orientations(canvas: Image.Image, windows: tuple[Window, ...]) -> None:

@@ -112,10 +112,8 @@ def _rotation_steps(
     """Small rotation vectors (K, 3) in the first camera's frame, by which orientations are to be turned."""
     count = len(fixed)
     laplacian, right = np.zeros((count, count)), np.zeros((count, 3))
-    np.add.at(laplacian, (a, a), weight)
-    np.add.at(laplacian, (b, b), weight)
-    np.add.at(laplacian, (a, b), -weight)
-    np.add.at(laplacian, (b, a), -weight)
+    for row, column, entry in ((a, a, weight), (b, b, weight), (a, b, -weight), (b, a, -weight)):
+        np.add.at(laplacian, (row, column), entry)
     np.add.at(right, b, weight[:, None] * residual)
     np.add.at(right, a, -weight[:, None] * residual)
     laplacian[fixed] = 0.0

@@ -160,18 +160,15 @@ def _frame_text(light: FrameLight) -> tuple[str, str, str]:
 def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, target: Path) -> None:
     import av
 
+    codec = next(name for name in ("libx264", "libopenh264", "mpeg4") if name in av.codec.codecs_available)
     with av.open(str(target), "w", format="mp4") as film:
         stream: Any = None
         for time, picture in pictures:
             if stream is None:
-                stream = film.add_stream(_codec(av), rate=Fraction(rate or 30.0).limit_denominator(1001))
+                stream = film.add_stream(codec, rate=Fraction(rate or 30.0).limit_denominator(1001))
                 stream.width, stream.height, stream.pix_fmt = picture.shape[1], picture.shape[0], "yuv420p"
                 stream.codec_context.time_base = Fraction(1, _TIME_BASE)
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             frame.pts, frame.time_base = round(time * _TIME_BASE), Fraction(1, _TIME_BASE)
             film.mux(stream.encode(frame))
         film.mux(stream.encode())
-
-
-def _codec(av: Any) -> str:
-    return next(name for name in ("libx264", "libopenh264", "mpeg4") if name in av.codec.codecs_available)

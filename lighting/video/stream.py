@@ -88,7 +88,8 @@ class _KeyframeBank:
     ) -> Sequence[_BankKeyframe]:
         """The nearest MAX_COMPARED of a new keyframe's chain within an angle [deg], its neighbours in time left out."""
         near = [k for k in self._by_angle(orientation) if k.chain == chain and _angle(k, orientation) < within]
-        return [k for k in near if _is_old(k.keyframe, key)][:MAX_COMPARED]
+        recent = key.number - RECENT_KEYFRAMES
+        return [k for k in near if k.keyframe.number < recent or k.keyframe.stretch != key.stretch][:MAX_COMPARED]
 
     def of_other_chains(self, key: Keyframe, orientation: Floats, chain: int) -> Sequence[_BankKeyframe]:
         """Keyframes of other chains, whose directions are unknown: none is too far off, and each gets its turn."""
@@ -130,10 +131,6 @@ class _KeyframeBank:
 def _angle(k: _BankKeyframe, orientation: Floats) -> float:
     """Between where a keyframe and a camera look [deg]."""
     return float(angle_between(-k.orientation[2], -orientation[2]))
-
-
-def _is_old(old: Keyframe, new: Keyframe) -> bool:
-    return new.number - old.number > RECENT_KEYFRAMES or new.stretch != old.stretch
 
 
 class _ChainLight:

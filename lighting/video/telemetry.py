@@ -113,8 +113,7 @@ def _degrees(text: str) -> float | None:
 
 def _with_recording_time(result: PhotoMetadata, tags: Mapping[str, str]) -> PhotoMetadata:
     """The same with the moment of recording: Apple's with its zone, else the container's, which is in UTC."""
-    moments = (_try_read(_parse_moment, tags[n]) for n in (f"{QUICKTIME}creationdate", "creation_time") if n in tags)
-    moment = next((m for m in moments if m is not None), None)
+    moment = _first_value(tags, (f"{QUICKTIME}creationdate", "creation_time"), _parse_moment)
     if moment is None:
         return result
     offset = moment.utcoffset().total_seconds() / 3600.0
