@@ -12,25 +12,23 @@ from export import CLIP_KINDS, FILE, PATH, PHOTO_SET_PARTS
 from export.stereo import stereo_group
 from lighting.errors import LightingError
 
-Command = Callable[..., Any]
+Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 FITS = ("ground", "sky-color", "sun-color", "sun-power")  # of export.evaluation.fit_constants
 
 
-def _option(
-    name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any
-) -> Callable[[Command], Command]:
+def _option(name: str, meaning: str, kind: Any = PATH, default: Any = None, **more: Any) -> Decorator:
     """An option with its meaning; the default is shown if there is one."""
     if default is not None:  # an explicit None would count as user input, also where the option is required
         more |= {"default": default, "show_default": True}
     return click.option(name, type=kind, help=meaning, **more)
 
 
-def _share(name: str, default: float, meaning: str) -> Callable[[Command], Command]:
+def _share(name: str, default: float, meaning: str) -> Decorator:
     """An option that is a share, 0 to 1."""
     return _option(name, meaning, click.FloatRange(0, 1), default)
 
 
-def _flag(name: str, meaning: str) -> Callable[[Command], Command]:
+def _flag(name: str, meaning: str) -> Decorator:
     """An option that is off by default."""
     return click.option(name, is_flag=True, help=meaning)
 
@@ -105,16 +103,15 @@ def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, .
     from export.training.config import TrainConfig
     from export.training.loop import train_network as run
 
-    if network != "outdoor" and (
-        settings["only_seen"] or settings["only_camera"] or settings["surroundings"] or teacher
-    ):
+    one_head = settings["only_seen"] or settings["only_camera"]
+    if network != "outdoor" and (one_head or settings["surroundings"] or teacher):
         options = "--only-seen, --only-camera, --surroundings and --teacher"
         raise click.UsageError(f"{options} are for the network outdoor, not for {network}.")
     if settings["start"] and scratch:
         raise click.UsageError("Choose one of --start and --scratch.")
     if settings["only_seen"] and settings["only_camera"]:
         raise click.UsageError("Choose one of --only-seen and --only-camera.")
-    if teacher and (settings["only_seen"] or settings["only_camera"]):
+    if teacher and one_head:
         raise click.UsageError("--teacher answers for all heads; leave out --only-seen and --only-camera.")
     settings |= {"out": out or Path("runs") / network, "teachers": tuple(map(str, teacher))}
     settings |= {name: str(settings[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}

@@ -208,9 +208,8 @@ class Crop:
     def parameters(self) -> Floats:
         """Targets (6,) in the order of lighting.model.PARAMETERS."""
         c = self.camera
-        return np.array(
-            [self.turbidity, self.exposure, c.elevation, c.roll, c.vertical_fov, self.sun_visibility], np.float32
-        )
+        sky, camera = (self.turbidity, self.exposure), (c.elevation, c.roll, c.vertical_fov)
+        return np.array([*sky, *camera, self.sun_visibility], np.float32)
 
 
 def crop_panorama(source: Source, camera: Camera, spec: ModelSpec, sharpness: float = 1.0) -> Crop:
@@ -263,9 +262,8 @@ def _view(source: Source, camera: Camera, width: int, height: int, sharpness: fl
     rows = max(8, round(min(height * sharpness, finest)))
     columns = max(8, round(rows * width / height))
     level = int(np.clip(np.floor(np.log2(finest / rows)), 0, len(source.levels) - 1))
-    rays = source.stretch.invert(
-        camera_directions(pinhole_camera(camera, columns, rows, camera.azimuth)).astype(np.float32)
-    )
+    pinhole = pinhole_camera(camera, columns, rows, camera.azimuth)
+    rays = source.stretch.invert(camera_directions(pinhole).astype(np.float32))
     sampled = sample_latlong(source.levels[level], rays).astype(np.float32)
     ldr = source.panorama.kind == "ldr"
     return decode_srgb(np.round(sampled).astype(np.uint8)) if ldr else sampled

@@ -70,9 +70,7 @@ def read_labels(path: str | Path) -> list[Label]:
     """
     rows = read_table(path, _COLUMNS)
     try:
-        return [
-            Label(**{field.name: _parse_value(row[field.name], field.type) for field in fields(Label)}) for row in rows
-        ]
+        return [Label(**{f.name: _parse_value(row[f.name], f.type) for f in fields(Label)}) for row in rows]
     except ValueError as error:
         raise DataError(f"The labels {path} cannot be read: {error}.") from error
 

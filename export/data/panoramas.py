@@ -81,9 +81,8 @@ PATCHED = ("sun", *NUMBERS, "direct")
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
 _RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commercial|no ?derivatives|share-?alike)\b")
-_ALTERED_SKY = re.compile(  # drones see no zenith
-    r"tone[- ]mapp|painted|\bfill|synthetic|replaced|colou?r cast|\bdrone\b"
-)
+# Drones see no zenith.
+_ALTERED_SKY = re.compile(r"tone[- ]mapp|painted|\bfill|synthetic|replaced|colou?r cast|\bdrone\b")
 _MAX_HALF = 65504.0  # half floats end here
 
 
@@ -147,11 +146,8 @@ def write_index(panoramas: Sequence[Panorama], folder: Path) -> None:
     """
     columns = (*REQUIRED, *OPTIONAL[:1], *NUMBERS, *OPTIONAL[1:])
     root = folder.resolve()
-    write_table(
-        folder / INDEX,
-        columns,
-        ([_format_field(panorama, column, root) for column in columns] for panorama in panoramas),
-    )
+    rows = ([_format_field(panorama, column, root) for column in columns] for panorama in panoramas)
+    write_table(folder / INDEX, columns, rows)
 
 
 def _format_field(panorama: Panorama, column: str, root: Path) -> str:

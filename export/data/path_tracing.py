@@ -299,9 +299,8 @@ class RenderedTown:
         import mitsuba as mi
 
         origin = mi.Point3f(*np.asarray(points.T, dtype=np.float32))
-        hidden = self.scene.ray_test(
-            mi.Ray3f(origin, mi.Vector3f(*(float(v) for v in self.sky.lighting.sun_direction)))
-        )
+        sun = mi.Vector3f(*(float(v) for v in self.sky.lighting.sun_direction))
+        hidden = self.scene.ray_test(mi.Ray3f(origin, sun))
         return 1.0 - float(np.mean(np.array(hidden)))
 
 
@@ -348,8 +347,7 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     first = 4 * np.arange(count)[:, None]
     values = mi.traverse(quads)
     values["vertex_positions"] = mesh.corners.ravel().astype(np.float32)
-    values["faces"] = (
-        np.concatenate([first + np.array(half) for half in ((0, 1, 2), (0, 2, 3))]).ravel().astype(np.uint32)
-    )
+    triangles = np.concatenate([first + np.array(half) for half in ((0, 1, 2), (0, 2, 3))])
+    values["faces"] = triangles.ravel().astype(np.uint32)
     values.update()
     return quads

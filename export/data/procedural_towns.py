@@ -127,9 +127,8 @@ def _tree(rng: np.random.Generator, center: Floats) -> list[Mesh]:
 
 def _car(rng: np.random.Generator, center: Floats, yaw: float) -> list[Mesh]:
     """Two boxes: body and cabin."""
-    paint = np.clip(
-        rng.choice([0.03, 0.2, 0.5, 0.7]) * np.exp(rng.normal(0, 0.5, 3) * rng.choice([0.05, 1])), 0.02, 0.8
-    )
+    grey = rng.choice([0.03, 0.2, 0.5, 0.7])
+    paint = np.clip(grey * np.exp(rng.normal(0, 0.5, 3) * rng.choice([0.05, 1])), 0.02, 0.8)
     body = _box(center, np.array([4.3, 0.9, 1.8]), yaw, paint)
     cabin = _box(center, np.array([2.2, 1.45, 1.6]), yaw, np.array(_GLASS))
     return [body, cabin]
@@ -139,10 +138,8 @@ def _person(rng: np.random.Generator, center: Floats) -> list[Mesh]:
     """A body, legs and a head, as boxes."""
     yaw, height = rng.uniform(0, 360), rng.uniform(1.5, 1.9)
     coat, skin = np.clip(np.exp(rng.normal(-1.6, 0.8, 3)), 0.02, 0.7), np.array([0.4, 0.27, 0.2])
-    return [
-        _box(center, np.array([0.45, height * 0.84, 0.28]), yaw, coat),
-        _box(center, np.array([0.2, height, 0.22]), yaw, skin),
-    ]
+    body, head = np.array([0.45, height * 0.84, 0.28]), np.array([0.2, height, 0.22])
+    return [_box(center, body, yaw, coat), _box(center, head, yaw, skin)]
 
 
 def _color(rng: np.random.Generator, palette: tuple[tuple[float, ...], ...]) -> Floats:
@@ -164,9 +161,8 @@ def _ground(rng: np.random.Generator) -> Mesh:
     corners = np.stack([grid[:-1, :-1], grid[:-1, 1:], grid[1:, 1:], grid[1:, :-1]], axis=2).reshape(-1, 4, 3)
     middle = corners.mean(axis=1)
     first, second = _color(rng, _GROUND), _color(rng, _GROUND)
-    patch = np.sin(middle[:, [0, 2]] @ rng.normal(0, rng.choice([0.05, 0.3]), (2, 4)) + rng.uniform(0, 6, 4)).sum(
-        axis=1
-    )
+    waves = rng.normal(0, rng.choice([0.05, 0.3]), (2, 4))
+    patch = np.sin(middle[:, [0, 2]] @ waves + rng.uniform(0, 6, 4)).sum(axis=1)
     albedo = np.where((patch > rng.uniform(-1.5, 1.5))[:, None], first, second)
     return Mesh(corners, np.clip(albedo * np.exp(rng.normal(0, rng.uniform(0.02, 0.2), (len(albedo), 1))), 0.01, 0.85))
 

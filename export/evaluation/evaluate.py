@@ -93,17 +93,13 @@ def _score(methods: _Methods, sources: Sequence[Source], protocol: str) -> Score
     views = protocol_views(sources, protocol)
     predicted = predict_views(methods.models, views)
     truth, ours = predicted.truth, next(iter(methods.models))
-    network, answers = (
-        {name: decode_answers(predictions, truth.sun) for name, predictions in output.items()}
-        for output in (predicted.network, predicted.refined)
-    )
+    outputs = predicted.network, predicted.refined
+    network, answers = ({name: decode_answers(p, truth.sun) for name, p in output.items()} for output in outputs)
     answers |= baseline_answers(truth, methods.training)
     return ScoredCrops(views, truth, predicted.refined[ours], predicted.with_lens, answers, network)
 
 
-def _sections(
-    options: Options, methods: _Methods, sources: Sequence[Source], crops: dict[str, ScoredCrops]
-) -> list[str]:
+def _sections(options: Options, methods: _Methods, sources: list[Source], crops: dict[str, ScoredCrops]) -> list[str]:
     sections = [format_report(p, c.truth, c.answers, c.network_answers, c.ours) for p, c in crops.items()]
     sections += _sun_in_view(sources, methods.models)
     if (options.data / PHOTOS).exists():

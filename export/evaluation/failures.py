@@ -167,13 +167,10 @@ def _make_failure(truth: Truth, answers: Answers, index: int) -> _Failure:
 def _failures_report(failures: Sequence[_Failure]) -> str:
     """A table with the number of failures by cause."""
     counts = Counter(f.cause for f in failures)
-    rows = [
-        [name, rule, str(counts[name]), str(len({f.panorama for f in failures if f.cause == name}))]
-        for name, (rule, _) in CAUSES.items()
-    ]
-    return "\n\n".join(
-        ["## Where it fails", _summary(failures), markdown_table(["", "rule", "crops", "panoramas"], rows)]
-    )
+    panoramas = {name: len({f.panorama for f in failures if f.cause == name}) for name in CAUSES}
+    rows = [[name, rule, str(counts[name]), str(panoramas[name])] for name, (rule, _) in CAUSES.items()]
+    table = markdown_table(["", "rule", "crops", "panoramas"], rows)
+    return "\n\n".join(["## Where it fails", _summary(failures), table])
 
 
 def _summary(failures: Sequence[_Failure]) -> str:

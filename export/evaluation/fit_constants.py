@@ -79,9 +79,8 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
     values: list[tuple[float, ...]] = []
     kinds: list[tuple[str, str]] = []
     answers = estimate_crops(model, crops.crops)
-    for (estimate, place), truth, weather, (source, _) in zip(
-        answers, crops.truth, crops.weather, crops.views, strict=True
-    ):
+    rows = zip(answers, crops.truth, crops.weather, crops.views, strict=True)
+    for (estimate, place), truth, weather, (source, _) in rows:
         light = estimate.lighting
         if light.sky_irradiance is None:
             raise ModelError(_NO_LIGHT)
@@ -128,9 +127,8 @@ def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = N
 def _balanced(grounds: _GroundSamples) -> _GroundSamples:
     """The same with the rarer weather repeated, so that both count alike."""
     kinds, counts = np.unique(grounds.weather, return_counts=True)
-    chosen = np.concatenate([
-        np.resize(np.flatnonzero(grounds.weather == kind), int(counts.max())) for kind in kinds
-    ])  # fmt: skip
+    members = [np.flatnonzero(grounds.weather == kind) for kind in kinds]
+    chosen = np.concatenate([np.resize(indices, int(counts.max())) for indices in members])
     columns = (grounds.photo, grounds.network, grounds.true, grounds.cover, grounds.weather, grounds.place)
     return _GroundSamples(*(values[chosen] for values in columns))
 
@@ -179,12 +177,8 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
             if light.sky_irradiance is None:
                 raise ModelError(_NO_LIGHT)
             ratio = sky_color_ratio(pixels, light)
-            yield (
-                np.full(3, np.nan) if ratio is None else ratio,
-                light.sky_cover or 0.0,
-                np.array(light.sky_irradiance),
-                true * gains * crop.gain,
-            )
+            seen = np.full(3, np.nan) if ratio is None else ratio
+            yield seen, light.sky_cover or 0.0, np.array(light.sky_irradiance), true * gains * crop.gain
 
 
 def _fit_sky_trust(skies: _SkySamples) -> Floats:
@@ -212,18 +206,14 @@ def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     rows = []
     for part, skies in parts.items():
         visible = skies.with_sky
-        groups = {
-            f"{low:g} to {min(high, 1):g}": (visible.cover >= low) & (visible.cover < high) for low, high in COVERS
-        }
-        rows += _error_rows(
-            part, groups, _sky_color_errors(visible, np.zeros(2)), _sky_color_errors(visible, trust), (1, 2)
-        )
-    visible_share = sum(len(skies.with_sky.cover) for skies in parts.values()) / sum(
-        len(skies.cover) for skies in parts.values()
-    )
+        cover = visible.cover
+        groups = {f"{low:g} to {min(high, 1):g}": (cover >= low) & (cover < high) for low, high in COVERS}
+        before, after = (_sky_color_errors(visible, t) for t in (np.zeros(2), trust))
+        rows += _error_rows(part, groups, before, after, (1, 2))
+    shown, count = (sum(len(s.cover) for s in of) for of in ([s.with_sky for s in parts.values()], parts.values()))
     names = ["network, median [deg]", "with the photo", "network, mean", "with the photo"]
     first = f"Power of the ratio: {trust[0]:.2f} + {trust[1]:.2f} cover^2"
-    share = f"sky is seen in {100 * visible_share:.0f} % of the crops."
+    share = f"sky is seen in {100 * (shown / count):.0f} % of the crops."
     return f"{first}; {share}\n\n{markdown_table(['split', 'cover', 'crops', *names], rows)}"
 
 
@@ -320,9 +310,8 @@ def _panorama_sun_stops(data: Path, labels: Path) -> Floats:
     unclipped = [(s.label.sun_elevation, light) for s, light in irradiances if s.panorama.sun_is_unclipped]
     if not unclipped:
         raise DataError(f"{data} has no sunny HDR panorama in `train` whose sun is unclipped.")
-    return _stops_over_clear(
-        [light.sun for _, light in unclipped], [light.sky for _, light in unclipped], [e for e, _ in unclipped]
-    )
+    elevations, lights = zip(*unclipped, strict=True)
+    return _stops_over_clear([light.sun for light in lights], [light.sky for light in lights], elevations)
 
 
 def _photo_sun_stops(model: Model, data: Path) -> Floats:

@@ -13,20 +13,11 @@ from numpy.typing import NDArray
 
 from export.crops.cameras import pinhole_camera
 from export.crops.crops import Crop
+from lighting import geometry
 from lighting.color import luminance
 from lighting.envmap.latlong import row_irradiance, shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
-from lighting.geometry import (
-    Floats,
-    angle_between,
-    angles,
-    camera_pixel,
-    direction,
-    latlong_angles,
-    latlong_directions,
-    latlong_solid_angle,
-    ray_sphere,
-)
+from lighting.geometry import Floats
 
 HEIGHT = 64  # rows of the maps that light the scene
 SIZE = 64  # pixels of the square picture
@@ -41,8 +32,8 @@ BUMP_HEIGHT = 0.018  # radii, of each wave
 def transfer_matrix() -> NDArray[np.float32]:
     """Matrix (SIZE², 2 HEIGHT²) from a map's pixels to the radiance that the camera sees."""
     points, normals, smooth, albedo = scene_points()
-    rays = latlong_directions(HEIGHT).reshape(-1, 3)
-    solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
+    rays = geometry.latlong_directions(HEIGHT).reshape(-1, 3)
+    solid_angle = np.repeat(geometry.latlong_solid_angle(HEIGHT), 2 * HEIGHT)
     cosine = np.maximum(normals @ rays.T, 0) * (smooth @ rays.T > 0) * ~_shadowed(points, rays)
     return np.asarray(albedo[:, None] / np.pi * cosine * solid_angle, dtype=np.float32)
 
@@ -52,11 +43,11 @@ def scene_points() -> tuple[Floats, Floats, Floats, Floats]:
 
     The unit sphere at the origin stands on the plane y = -1.
     """
-    forward = direction(0.0, VIEW_ELEVATION)
-    right, up = np.array([1.0, 0.0, 0.0]), direction(0.0, VIEW_ELEVATION + 90)
+    forward = geometry.direction(0.0, VIEW_ELEVATION)
+    right, up = np.array([1.0, 0.0, 0.0]), geometry.direction(0.0, VIEW_ELEVATION + 90)
     steps = ((np.arange(SIZE) + 0.5) / SIZE * 2 - 1) * HALF_WIDTH
     start = (steps[None, :, None] * right - steps[:, None, None] * up).reshape(-1, 3) - 10 * forward
-    to_sphere = ray_sphere(start, forward, np.zeros(3))
+    to_sphere = geometry.ray_sphere(start, forward, np.zeros(3))
     on_sphere = np.isfinite(to_sphere)
     distance = np.where(on_sphere, to_sphere, (-1 - start[:, 1]) / forward[1])
     points = start + distance[:, None] * forward
@@ -75,7 +66,7 @@ def _bumpy(points: Floats) -> Floats:
 
 def _shadowed(points: Floats, rays: Floats) -> NDArray[np.bool_]:
     """Which rays (R, 3) from points (P, 3) meet the sphere; one point at a time, for memory's sake."""
-    return np.array([np.isfinite(ray_sphere(point, rays, np.zeros(3))) for point in points])
+    return np.array([np.isfinite(geometry.ray_sphere(point, rays, np.zeros(3))) for point in points])
 
 
 def relight_scene(light: Floats) -> Floats:
@@ -94,7 +85,7 @@ def pool_map(light: Floats) -> Floats:
         light: (H, 2H, 3) linear; HEIGHT divides H.
     """
     factor = light.shape[0] // HEIGHT
-    weight = latlong_solid_angle(light.shape[0])[:, None, None]
+    weight = geometry.latlong_solid_angle(light.shape[0])[:, None, None]
     blocks = (light * weight).reshape(HEIGHT, factor, 2 * HEIGHT, factor, 3).sum(axis=(1, 3))
     return np.asarray(blocks / (factor * weight.reshape(HEIGHT, factor, 1).sum(axis=1)[..., None]))
 
@@ -141,7 +132,7 @@ def split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
     if near is None:
         return _Split(small, small, math.nan, math.nan, np.zeros(3))
     sunless, sun, power = _without_true_sun(small, near)
-    azimuth, elevation = (float(angle) for angle in angles(sun))
+    azimuth, elevation = (float(angle) for angle in geometry.angles(sun))
     return _Split(small, sunless, azimuth, elevation, power)
 
 
@@ -154,24 +145,23 @@ def true_light(panorama: _Split, azimuth: float, gain: float) -> TrueLight:
         gain: factor of the camera's exposure.
     """
     image, sunless = (rotate_envmap(m.astype(np.float32), -azimuth) * gain for m in (panorama.image, panorama.sunless))
-    sun = direction(panorama.sun_azimuth - azimuth, panorama.sun_elevation)
+    sun = geometry.direction(panorama.sun_azimuth - azimuth, panorama.sun_elevation)
     above, below = level_irradiances(sunless)
-    return TrueLight(
-        pool_map(image), sun if math.isfinite(sun[0]) else None, panorama.sun_irradiance * gain, above, below / math.pi
-    )
+    visible_sun = sun if math.isfinite(sun[0]) else None
+    return TrueLight(pool_map(image), visible_sun, panorama.sun_irradiance * gain, above, below / math.pi)
 
 
 def _without_true_sun(image: Floats, near: Floats) -> tuple[Floats, Floats, Floats]:
     """The map with the sky beside the sun in the sun's place, the sun's direction (3,), and its irradiance (3,)."""
     height = len(image)
-    rays = latlong_directions(height)
-    bright = np.where(angle_between(rays, near) < _SEARCH, luminance(image), -1.0)
+    rays = geometry.latlong_directions(height)
+    bright = np.where(geometry.angle_between(rays, near) < _SEARCH, luminance(image), -1.0)
     sun = rays[np.unravel_index(int(np.argmax(bright)), bright.shape)]
-    away = angle_between(rays, sun)
+    away = geometry.angle_between(rays, sun)
     ring = (away > _RING[0]) & (away < _RING[1]) & (rays[..., 1] > 0)
     disc = (away <= _REACH) & (rays[..., 1] > 0)
     beside = np.median(image[ring], axis=0)
-    weight = np.broadcast_to(latlong_solid_angle(height)[:, None], disc.shape)[disc]
+    weight = np.broadcast_to(geometry.latlong_solid_angle(height)[:, None], disc.shape)[disc]
     power = weight @ np.maximum(image[disc] - beside, 0.0)
     rest = np.array(image)
     rest[disc] = np.minimum(rest[disc], beside)
@@ -200,11 +190,11 @@ def mirror_photo(crop: Crop) -> Floats:
     height, width = crop.linear.shape[:2]
     camera = pinhole_camera(crop.camera, width, height)
     across = math.degrees(2 * math.atan(width / 2 / camera.focal_length))
-    azimuth, elevation = latlong_angles(HEIGHT)
+    azimuth, elevation = geometry.latlong_angles(HEIGHT)
     tilt = crop.camera.elevation
     folded = tilt + _folded(elevation - tilt, camera.vertical_fov)
-    inside = direction(_folded(azimuth, across)[None, :], folded[:, None])
-    x, y = np.moveaxis(camera_pixel(inside, camera), -1, 0)
+    inside = geometry.direction(_folded(azimuth, across)[None, :], folded[:, None])
+    x, y = np.moveaxis(geometry.camera_pixel(inside, camera), -1, 0)
     column = np.clip(np.nan_to_num(x), 0, width - 1).astype(int)
     row = np.clip(np.nan_to_num(y), 0, height - 1).astype(int)
     return np.asarray(np.clip(crop.linear, 0, 1)[row, column])

@@ -12,15 +12,7 @@ import numpy as np
 
 from export.crops.crops import Crop, Source, crop_panorama, load_sources
 from export.data.panoramas import DataError, Panorama, linearize, read_index
-from export.evaluation.hdr_truth import (
-    HEIGHT,
-    TrueLight,
-    level_irradiances,
-    mean_light_map,
-    mirror_photo,
-    split_sun,
-    true_light,
-)
+from export.evaluation import hdr_truth
 from export.evaluation.metrics import Names, markdown_table
 from export.evaluation.predictions import CROPS_EACH, View, load_models, protocol_views
 from export.evaluation.relighting import OBJECTS, object_errors, render_object, rgb_angle
@@ -64,7 +56,7 @@ class HdrCrops:
 
     views: tuple[View, ...]
     crops: tuple[Crop, ...]
-    truth: tuple[TrueLight, ...]
+    truth: tuple[hdr_truth.TrueLight, ...]
     weather: Names  # (N,) "sunny" or "overcast"
 
     @property
@@ -102,13 +94,11 @@ def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, 
         each: crops of a panorama, up to CROPS_EACH.
     """
     sources = load_sources(panoramas, labels)
-    split = {s.panorama.name: split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
+    split = {s.panorama.name: hdr_truth.split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
     views = [view for i, view in enumerate(protocol_views(sources, "paper")) if i % CROPS_EACH < each]
     crops = [crop_panorama(source, camera, spec) for source, camera in views]
-    truth = [
-        true_light(split[source.panorama.name], camera.azimuth, crop.gain)
-        for (source, camera), crop in zip(views, crops, strict=True)
-    ]
+    taken = [(split[s.panorama.name], camera.azimuth, c.gain) for (s, camera), c in zip(views, crops, strict=True)]
+    truth = [hdr_truth.true_light(*one) for one in taken]
     kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
     return HdrCrops(tuple(views), tuple(crops), tuple(truth), kind)
 
@@ -150,41 +140,40 @@ def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:
     """A network's bare sky, the same with the place, and the oracles."""
     answers = estimate_crops(model, crops.crops)
     lights = tuple(with_irradiance(estimate.lighting) for estimate, _ in answers)
-    bare = np.stack([render(estimate.lighting, HEIGHT) for estimate, _ in answers])
-    full = np.stack([render_with_surroundings(estimate.lighting, context, HEIGHT) for estimate, context in answers])
+    bare = np.stack([render(estimate.lighting, hdr_truth.HEIGHT) for estimate, _ in answers])
+    full = np.stack(
+        [render_with_surroundings(estimate.lighting, context, hdr_truth.HEIGHT) for estimate, context in answers]
+    )
     guesses = {name: _Guess(bare, lights), f"{name}, surroundings": _Guess(full, lights)}
     for what, change in ORACLES.items():
         changed = tuple(change(light, truth) for light, truth in zip(lights, crops.truth, strict=True))
-        guesses[f"{name}, {what}"] = _Guess(np.stack([render(light, HEIGHT) for light in changed]), changed)
+        guesses[f"{name}, {what}"] = _Guess(np.stack([render(light, hdr_truth.HEIGHT) for light in changed]), changed)
     return guesses
 
 
-def _true_direction(light: Lighting, truth: TrueLight) -> Lighting:
+def _true_direction(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
     if truth.sun_direction is None:
         return light
     azimuth, elevation = (float(angle) for angle in angles(truth.sun_direction))
     return replace(light, sun_azimuth=azimuth, sun_elevation=max(elevation, 0.0))
 
 
-def _true_power(light: Lighting, truth: TrueLight) -> Lighting:
-    return replace(
-        light,
-        sun_irradiance=clip_color(truth.sun_irradiance, "sun_irradiance"),
-        sky_irradiance=clip_color(truth.sky_irradiance, "sky_irradiance"),
-    )
+def _true_power(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
+    sun = clip_color(truth.sun_irradiance, "sun_irradiance")
+    return replace(light, sun_irradiance=sun, sky_irradiance=clip_color(truth.sky_irradiance, "sky_irradiance"))
 
 
-def _true_both(light: Lighting, truth: TrueLight) -> Lighting:
+def _true_both(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
     return _true_power(_true_direction(light, truth), truth)
 
 
-def _true_ground(light: Lighting, truth: TrueLight) -> Lighting:
+def _true_ground(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
     light = _true_both(light, truth)
     level = np.maximum(level_irradiance(light), 1e-9)
     return replace(light, ground_color=clip_color(np.pi * truth.ground / level, "ground_color"))
 
 
-ORACLES: dict[str, Callable[[Lighting, TrueLight], Lighting]] = {
+ORACLES: dict[str, Callable[[Lighting, hdr_truth.TrueLight], Lighting]] = {
     "true direction": _true_direction,
     "true power and colour": _true_power,
     "both": _true_both,
@@ -207,29 +196,27 @@ def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
     for name, model in models.items():
         methods |= _guesses(name, model, crops)
     training = take_hdr_crops(data, labels, spec, "train", each=1).truth
-    methods["mean map"] = _Guess(np.stack([mean_light_map(training)] * len(crops.crops)))
-    methods["photo mirrored around"] = _Guess(np.stack([mirror_photo(crop) for crop in crops.crops]))
+    methods["mean map"] = _Guess(np.stack([hdr_truth.mean_light_map(training)] * len(crops.crops)))
+    methods["photo mirrored around"] = _Guess(np.stack([hdr_truth.mirror_photo(crop) for crop in crops.crops]))
     return "\n\n".join(_section(crops, methods, str(kind)) for kind in ("sunny", "overcast") if kind in crops.weather)
 
 
 def _section(crops: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
     chosen = np.flatnonzero(crops.weather == kind)
     truth = [crops.truth[i] for i in chosen]
-    part = {
-        name: _Guess(guess.maps[chosen], tuple(guess.lights[i] for i in chosen) if guess.lights else ())
-        for name, guess in methods.items()
-    }
+    lights = {name: tuple(guess.lights[i] for i in chosen) if guess.lights else () for name, guess in methods.items()}
+    part = {name: _Guess(guess.maps[chosen], lights[name]) for name, guess in methods.items()}
     title = f"## Light: {len(chosen)} crops of {len(np.unique(crops.panoramas[chosen]))} {kind} HDR panoramas"
     return "\n\n".join([title, NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
 
 
-def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
+def _strengths_table(truth: Sequence[hdr_truth.TrueLight], methods: dict[str, _Guess]) -> str:
     """Irradiance, ratio of sun to sky, and ground of each method."""
     header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
     rows = []
     for name, guess in methods.items():
-        up, down = zip(*(level_irradiances(image) for image in guess.maps), strict=True)
-        level = _stops(up, [level_irradiances(t.image)[0] for t in truth])
+        up, down = zip(*(hdr_truth.level_irradiances(image) for image in guess.maps), strict=True)
+        level = _stops(up, [hdr_truth.level_irradiances(t.image)[0] for t in truth])
         ground = _stops(down, [np.pi * t.ground for t in truth])
         tint = rgb_angle(np.array(down), np.array([t.ground for t in truth]))
         rows.append(
@@ -241,7 +228,7 @@ def _strengths_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> 
     return markdown_table(header, rows)
 
 
-def _parts(truth: Sequence[TrueLight], guess: _Guess) -> list[str]:
+def _parts(truth: Sequence[hdr_truth.TrueLight], guess: _Guess) -> list[str]:
     """Bias of sky, sun and their ratio, and the share of painted suns; "-" where a method or the truth has none."""
     if not guess.lights:
         return ["-"] * 4
@@ -264,7 +251,7 @@ def _stops(estimates: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
     return np.asarray(np.log2(ratio))
 
 
-def _objects_table(truth: Sequence[TrueLight], methods: dict[str, _Guess]) -> str:
+def _objects_table(truth: Sequence[hdr_truth.TrueLight], methods: dict[str, _Guess]) -> str:
     """Errors of each method on each object."""
     header = [""]
     for kind in OBJECTS:

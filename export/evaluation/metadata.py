@@ -13,19 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.crops.crops import crop_rng
-from export.evaluation.metrics import (
-    Truth,
-    answers_from_estimates,
-    azimuth_error,
-    difference_interval,
-    elevation_error,
-    figures_table,
-    format_interval,
-    median,
-    percentage,
-    select_crops,
-    sun_error,
-)
+from export.evaluation import metrics
 from lighting.calibration import MAX_LENS_RATIO
 from lighting.fusion.consistency import MIN_ELEVATION_P_VALUE, MIN_HEADING_P_VALUE
 from lighting.fusion.metadata_prior import observations_from_metadata
@@ -85,7 +73,7 @@ def _passings(elevation: float, times: NDArray[np.datetime64], latitude: float, 
     return times[np.flatnonzero(above[1:] != above[:-1])]
 
 
-def simulate_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
+def simulate_metadata(truth: metrics.Truth, crops_each: int) -> list[SimulatedMetadata]:
     """The metadata of each crop; crops that are not scored have no sun and get an empty record.
 
     Args:
@@ -101,11 +89,11 @@ def simulate_metadata(truth: Truth, crops_each: int) -> list[SimulatedMetadata]:
     ]
 
 
-def _sighting_of(truth: Truth, i: int) -> _SunSighting:
+def _sighting_of(truth: metrics.Truth, i: int) -> _SunSighting:
     return _simulate_sighting(float(angles(truth.sun[i])[1]), crop_rng(truth.panorama[i], 0, "sighting"))
 
 
-def _metadata_of_crop(truth: Truth, i: int, sighting: _SunSighting, index: int) -> SimulatedMetadata:
+def _metadata_of_crop(truth: metrics.Truth, i: int, sighting: _SunSighting, index: int) -> SimulatedMetadata:
     rng = crop_rng(truth.panorama[i], index, "compass")
     heading = (sighting.compass - float(angles(truth.sun[i])[0])) % 360.0
     gross = bool(rng.random() < OUTLIER_RATE)
@@ -173,7 +161,7 @@ WRONG_GRAVITY = 30.0  # deg of elevation by which a false camera is off
 
 
 def evidence_report(
-    protocol: str, truth: Truth, predictions: Sequence[ByLens], simulated: Sequence[SimulatedMetadata]
+    protocol: str, truth: metrics.Truth, predictions: Sequence[ByLens], simulated: Sequence[SimulatedMetadata]
 ) -> str:
     """The tables of one protocol, over scored crops.
 
@@ -184,7 +172,7 @@ def evidence_report(
         simulated: N, of the same crops.
     """
     chosen = np.flatnonzero(truth.scored).tolist()
-    scored = select_crops(truth, truth.scored)
+    scored = metrics.select_crops(truth, truth.scored)
     predictions, simulated = [predictions[i] for i in chosen], [simulated[i] for i in chosen]
     fused = {
         parts: [
@@ -199,10 +187,10 @@ def evidence_report(
         [
             f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
             SIMULATION,
-            figures_table(rows),
+            metrics.figures_table(rows),
             _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
             WARNED,
-            figures_table(_warning_shares(scored, [without for without, _ in predictions], simulated)),
+            metrics.figures_table(_warning_shares(scored, [without for without, _ in predictions], simulated)),
         ]
     )
 
@@ -217,7 +205,7 @@ def _choose_lens(prediction: ByLens, parts: Container[str]) -> Prediction:
     return with_lens if EvidenceKind.FOCAL_LENGTH in parts else without
 
 
-def in_view_evidence(truth: Truth, predictions: Sequence[ByLens], pictures: Sequence[NDArray[np.uint8]]) -> str:
+def in_view_evidence(truth: metrics.Truth, predictions: Sequence[ByLens], pictures: Sequence[NDArray[np.uint8]]) -> str:
     """What lens, time and place, and gravity add for crops that show the sun: errors of the sun and of the camera.
 
     Gravity is simulated with a phone's error of 1 deg.
@@ -244,12 +232,16 @@ def in_view_evidence(truth: Truth, predictions: Sequence[ByLens], pictures: Sequ
         chosen = [_choose_lens(prediction, name) for prediction in predictions]
         fused = [fuse_single_view(*photo) for photo in zip(chosen, observations, pictures, strict=True)]
         tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
-        error = sun_error(truth, answers_from_estimates([f.sun for f in fused]))
-        rows[name] = {"sun": median(error), "camera elevation": median(tilt), "under 5°": percentage(tilt < 5)}
-    return figures_table(rows)
+        error = metrics.sun_error(truth, metrics.answers_from_estimates([f.sun for f in fused]))
+        rows[name] = {
+            "sun": metrics.median(error),
+            "camera elevation": metrics.median(tilt),
+            "under 5°": metrics.percentage(tilt < 5),
+        }
+    return metrics.figures_table(rows)
 
 
-def _gravity(truth: Truth, error: float = 0.0) -> list[Observations]:
+def _gravity(truth: metrics.Truth, error: float = 0.0) -> list[Observations]:
     """What phones note of gravity, and `error` [deg] that their elevation is wrong besides."""
     noise = np.random.default_rng(0).normal(0.0, TILT_STD, (len(truth.camera), 2))
     tilts = (truth.camera[:, :2] + noise + [error, 0.0]).tolist()
@@ -260,21 +252,21 @@ def _name_parts(parts: tuple[str, ...]) -> str:
     return " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place")
 
 
-def _figures(truth: Truth, fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
+def _figures(truth: metrics.Truth, fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
     """Median errors, and the share of truths inside the regions; true headings (N,) [deg]."""
-    answers = answers_from_estimates([f.sun for f in fused])
-    error = sun_error(truth, answers)
+    answers = metrics.answers_from_estimates([f.sun for f in fused])
+    error = metrics.sun_error(truth, answers)
     fov = np.array([f.prediction.vertical_fov for f in fused])
     tilt = np.array([f.prediction.camera_elevation for f in fused])
     return {
-        "sun": median(error),
-        "azimuth": median(np.abs(azimuth_error(truth, answers))),
-        "elevation": median(np.abs(elevation_error(truth, answers))),
-        "in 50 % region": percentage(error <= answers.radius_50),
-        "in 90 % region": percentage(error <= answers.radius_90),
-        "radius 90": median(answers.radius_90),
-        "camera elevation": median(np.abs(tilt - truth.camera[:, 0])),
-        "fov": median(np.abs(fov - truth.camera[:, 2])),
+        "sun": metrics.median(error),
+        "azimuth": metrics.median(np.abs(metrics.azimuth_error(truth, answers))),
+        "elevation": metrics.median(np.abs(metrics.elevation_error(truth, answers))),
+        "in 50 % region": metrics.percentage(error <= answers.radius_50),
+        "in 90 % region": metrics.percentage(error <= answers.radius_90),
+        "radius 90": metrics.median(answers.radius_90),
+        "camera elevation": metrics.median(np.abs(tilt - truth.camera[:, 0])),
+        "fov": metrics.median(np.abs(fov - truth.camera[:, 2])),
         **_heading_figures(fused, headings),
     }
 
@@ -285,13 +277,13 @@ def _heading_figures(fused: Sequence[Posterior], headings: Floats) -> dict[str, 
         return {"heading": float("nan"), "heading in 90 %": float("nan")}
     best, radius = np.array(estimates).T
     error = np.abs(wrap_azimuth(best - headings))
-    return {"heading": median(error), "heading in 90 %": percentage(error <= radius)}
+    return {"heading": metrics.median(error), "heading in 90 %": metrics.percentage(error <= radius)}
 
 
-def _azimuth_sentence(truth: Truth, pixels: Sequence[Posterior], timed: Sequence[Posterior]) -> str:
-    answers = (answers_from_estimates([f.sun for f in fused]) for fused in (timed, pixels))
-    errors = [np.abs(azimuth_error(truth, a)) for a in answers]
-    ends = format_interval(difference_interval(errors[0], errors[1], truth.panorama))
+def _azimuth_sentence(truth: metrics.Truth, pixels: Sequence[Posterior], timed: Sequence[Posterior]) -> str:
+    answers = (metrics.answers_from_estimates([f.sun for f in fused]) for fused in (timed, pixels))
+    errors = [np.abs(metrics.azimuth_error(truth, a)) for a in answers]
+    ends = metrics.format_interval(metrics.difference_interval(errors[0], errors[1], truth.panorama))
     return f"Median azimuth error with time and place minus that of the pixels alone: 95 % interval {ends}."
 
 
@@ -299,7 +291,7 @@ def _azimuth_sentence(truth: Truth, pixels: Sequence[Posterior], timed: Sequence
 
 
 def _warning_shares(
-    truth: Truth, predictions: Sequence[Prediction], simulated: Sequence[SimulatedMetadata]
+    truth: metrics.Truth, predictions: Sequence[Prediction], simulated: Sequence[SimulatedMetadata]
 ) -> dict[str, dict[str, float]]:
     """Percentages of photos with a warning, by what is false."""
     rng = np.random.default_rng(0)
@@ -353,4 +345,4 @@ def _warned(
     """Percentage of photos with a warning, or with one of this code."""
     photos = zip(predictions, observations, strict=True)
     codes = [list(map(warning_code, fuse_single_view(p, o).warnings)) for p, o in photos]
-    return percentage(np.array([bool(c) if code is None else code in c for c in codes]))
+    return metrics.percentage(np.array([bool(c) if code is None else code in c for c in codes]))

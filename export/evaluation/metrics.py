@@ -150,11 +150,7 @@ def sun_figures(truth: Truth, answers: Answers) -> dict[str, float]:
         truth: of N crops that all have a sun.
         answers: of the same crops.
     """
-    error, azimuth, elevation = (
-        sun_error(truth, answers),
-        azimuth_error(truth, answers),
-        elevation_error(truth, answers),
-    )
+    error, azimuth, elevation = (of(truth, answers) for of in (sun_error, azimuth_error, elevation_error))
     low, high = np.percentile(error, [25, 75]) if len(error) else (float("nan"),) * 2
     return {
         "crops": float(len(error)),
@@ -231,14 +227,10 @@ def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
         answers: of the same crops.
     """
     errors = np.abs(answers.camera - truth.camera)
-    scores = {
-        f"{name} AUC {limit:g}°": _recall_area(errors[:, column], limit)
-        for name, column in ANGLES.items()
-        for limit in UP_TO
-    }
-    horizon = np.abs(_horizon_ends(answers.camera, truth.aspect) - _horizon_ends(truth.camera, truth.aspect)).max(
-        axis=1
-    )
+    areas = [(name, errors[:, column], limit) for name, column in ANGLES.items() for limit in UP_TO]
+    scores = {f"{name} AUC {limit:g}°": _recall_area(values, limit) for name, values, limit in areas}
+    ends, true_ends = (_horizon_ends(of.camera, truth.aspect) for of in (answers, truth))
+    horizon = np.abs(ends - true_ends).max(axis=1)
     return {
         **scores,
         "horizon AUC": _recall_area(horizon, HORIZON_UP_TO),
@@ -297,9 +289,8 @@ def figures_table(rows: dict[str, dict[str, float]], digits: int | None = None) 
     """
     columns = list(next(iter(rows.values())))
     places = {column: column_decimals(column) if digits is None else digits for column in columns}
-    return markdown_table(
-        ["", *columns], [[name, *(_number(row[c], places[c]) for c in columns)] for name, row in rows.items()]
-    )
+    cells = [[name, *(_number(row[c], places[c]) for c in columns)] for name, row in rows.items()]
+    return markdown_table(["", *columns], cells)
 
 
 def _number(value: float, digits: int) -> str:

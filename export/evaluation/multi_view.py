@@ -13,17 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from export.crops.crops import crop_rng
+from export.evaluation import metrics
 from export.evaluation.metadata import COMPASS_MEDIAN, COMPASS_STD, SimulatedMetadata, keep_evidence
-from export.evaluation.metrics import (
-    Truth,
-    answers_from_estimates,
-    elevation_error,
-    figures_table,
-    median,
-    percentage,
-    select_crops,
-    sun_error,
-)
 from lighting.circular import HEADINGS
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.fusion.likelihood import elevation_density, pooling_exponent, rotate_density
@@ -51,7 +42,9 @@ class _Densities:
     prediction: Prediction  # of the first crop
 
 
-def _correlation_report(truth: Truth, predictions: Sequence[Prediction], azimuth: Floats, crops_each: int) -> str:
+def _correlation_report(
+    truth: metrics.Truth, predictions: Sequence[Prediction], azimuth: Floats, crops_each: int
+) -> str:
     """A table of the correlations learnt on each half of the places, with the coverage on the other half."""
     halves = place_halves(truth)
     views = [
@@ -66,13 +59,11 @@ def _correlation_report(truth: Truth, predictions: Sequence[Prediction], azimuth
         correlations = {kind: _fit_correlation(training, kind) for kind in KINDS}
         tested = [v for v in views if v.half not in halves_fitted] or views
         rows[name] = {"panoramas": float(len(training)), **correlations, **_coverage(tested, correlations)}
-    title = (
-        "Correlations learnt on one half of the places; share [%] inside the 90 % region on the other (`all`: on all)"
-    )
-    return f"{title}\n\n{figures_table(rows)}"
+    share = "share [%] inside the 90 % region on the other (`all`: on all)"
+    return f"Correlations learnt on one half of the places; {share}\n\n{metrics.figures_table(rows)}"
 
 
-def place_halves(truth: Truth) -> dict[str, int]:
+def place_halves(truth: metrics.Truth) -> dict[str, int]:
     """The half, 0 or 1, of each place; both halves have about as many crops.
 
     Args:
@@ -82,7 +73,9 @@ def place_halves(truth: Truth) -> dict[str, int]:
     return {str(place): i % 2 for i, place in enumerate(places[np.argsort(-counts, kind="stable")])}
 
 
-def _views(truth: Truth, predictions: Sequence[Prediction], azimuth: Floats, members: range, half: int) -> _Densities:
+def _views(
+    truth: metrics.Truth, predictions: Sequence[Prediction], azimuth: Floats, members: range, half: int
+) -> _Densities:
     """The answers for the crops `members` of one panorama; `azimuth` (N,) is where each crop's camera points in it."""
     first, layout = members[0], predictions[0].spec.sun_grid
     sun, cells = truth.sun[first], grid_directions(layout)
@@ -95,9 +88,8 @@ def _views(truth: Truth, predictions: Sequence[Prediction], azimuth: Floats, mem
     }
     cell = int(np.argmax(cells @ sun))
     true_cell = {"sun": cell, "azimuth": round(sun_azimuth) % 360, "elevation": cell}
-    return _Densities(
-        {kind: _log(np.array(values)) for kind, values in log.items()}, true_cell, sun, half, predictions[first]
-    )
+    logs = {kind: _log(np.array(values)) for kind, values in log.items()}
+    return _Densities(logs, true_cell, sun, half, predictions[first])
 
 
 def _density_on_ring(prediction: Prediction, elevation: float, rotation: float) -> Floats:
@@ -118,12 +110,8 @@ def _deal_crops(views: Sequence[_Densities], size: int) -> list[tuple[_Densities
 
 def _fit_correlation(views: Sequence[_Densities], kind: str) -> float:
     """The correlation with the least negative log density at the true suns, over all sizes."""
-    loss = [
-        np.mean(
-            [np.mean([_loss(v.log[kind][part], v.cell[kind], c) for v, part in _deal_crops(views, n)]) for n in SIZES]
-        )
-        for c in CORRELATIONS
-    ]
+    dealt = [[(v.log[kind][part], v.cell[kind]) for v, part in _deal_crops(views, n)] for n in SIZES]
+    loss = [np.mean([np.mean([_loss(*one, c) for one in groups]) for groups in dealt]) for c in CORRELATIONS]
     return float(CORRELATIONS[int(np.argmin(loss))])
 
 
@@ -166,7 +154,7 @@ SIMULATION = fill(
 )
 
 
-def _group_crops(truth: Truth, crops_each: int, size: int) -> list[NDArray[np.intp]]:
+def _group_crops(truth: metrics.Truth, crops_each: int, size: int) -> list[NDArray[np.intp]]:
     """Indices (size,) of the scored crops of each panorama, dealt into groups."""
     groups: list[NDArray[np.intp]] = []
     for first in range(0, len(truth.scored), crops_each):
@@ -178,7 +166,7 @@ def _group_crops(truth: Truth, crops_each: int, size: int) -> list[NDArray[np.in
 
 def groups_report(
     protocol: str,
-    truth: Truth,
+    truth: metrics.Truth,
     predictions: Sequence[Prediction],
     simulated: Sequence[SimulatedMetadata],
     azimuth: Floats,
@@ -205,15 +193,14 @@ def groups_report(
         [
             f"## Several photos together, protocol `{protocol}`: crops of {len(dealt[crops_each])} panoramas [deg]",
             SIMULATION,
-            figures_table(rows),
+            metrics.figures_table(rows),
             _correlation_report(truth, predictions, azimuth, crops_each),
         ]
     )
 
 
-EvidenceOf = Callable[
-    [SimulatedMetadata, np.random.Generator, float], Observations
-]  # of the shared compass error [deg]
+# of the simulated metadata and the shared compass error [deg]
+EvidenceOf = Callable[[SimulatedMetadata, np.random.Generator, float], Observations]
 
 
 def _no_evidence(_: SimulatedMetadata, __: np.random.Generator, ___: float) -> Observations:
@@ -259,22 +246,22 @@ def _fuse_group(
 
 
 def _figures(
-    truth: Truth, groups: Sequence[NDArray[np.intp]], fused: Sequence[tuple[Posterior, ...]], azimuth: Floats
+    truth: metrics.Truth, groups: Sequence[NDArray[np.intp]], fused: Sequence[tuple[Posterior, ...]], azimuth: Floats
 ) -> dict[str, float]:
     """Median errors over all crops of all groups, and the share of truths inside the regions."""
     members = np.concatenate(groups)
     posteriors = [posterior for group in fused for posterior in group]
-    answers, grouped = answers_from_estimates([p.sun for p in posteriors]), select_crops(truth, members)
-    error = sun_error(grouped, answers)
+    answers, grouped = metrics.answers_from_estimates([p.sun for p in posteriors]), metrics.select_crops(truth, members)
+    error = metrics.sun_error(grouped, answers)
     headings = [_heading_errors(azimuth[group], fused_group) for group, fused_group in zip(groups, fused, strict=True)]
     return {
         "crops": float(len(posteriors)),
-        "sun": median(error),
-        "elevation": median(np.abs(elevation_error(grouped, answers))),
-        "in 50 % region": percentage(error <= answers.radius_50),
-        "in 90 % region": percentage(error <= answers.radius_90),
-        "turbidity": median(np.abs([p.prediction.turbidity for p in posteriors] - grouped.turbidity)),
-        "relative heading": median(np.concatenate(headings)),
+        "sun": metrics.median(error),
+        "elevation": metrics.median(np.abs(metrics.elevation_error(grouped, answers))),
+        "in 50 % region": metrics.percentage(error <= answers.radius_50),
+        "in 90 % region": metrics.percentage(error <= answers.radius_90),
+        "turbidity": metrics.median(np.abs([p.prediction.turbidity for p in posteriors] - grouped.turbidity)),
+        "relative heading": metrics.median(np.concatenate(headings)),
     }
 
 

@@ -191,10 +191,8 @@ def load_models(paths: Sequence[Path]) -> dict[str, Model]:
 def _by_name(models: Sequence[Model]) -> dict[str, Model]:
     """Networks by name, and by version if two share a name; DataError if two share both."""
     names = [model.spec.name for model in models]
-    labels = [
-        name if names.count(name) == 1 else f"{name} {model.spec.version}"
-        for name, model in zip(names, models, strict=True)
-    ]
+    versions = [f"{name} {model.spec.version}" for name, model in zip(names, models, strict=True)]
+    labels = [n if names.count(n) == 1 else version for n, version in zip(names, versions, strict=True)]
     twice = next((label for label in labels if labels.count(label) > 1), None)
     if twice:
         raise DataError(f"Two networks are {twice}; `python -m export onnx --version` gives one another version.")

@@ -14,15 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.evaluation.metrics import (
-    Bools,
-    Truth,
-    answers_from_estimates,
-    figures_table,
-    percentage,
-    select_crops,
-    sun_figures,
-)
+from export.evaluation import metrics
 from export.evaluation.multi_view import place_halves
 from export.evaluation.predictions import MIN_DENSITY, sun_nll
 from export.evaluation.report import IN_VIEW, sun_bins
@@ -64,14 +56,14 @@ def _cone_level(prediction: Prediction, sun: Floats) -> float:
     return float(np.interp(angle_between(sun, answer), *cumulative_by_angle(probability, cells, answer)))
 
 
-def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, Floats]:
+def reliability_curves(truth: metrics.Truth, predictions: Sequence[Prediction]) -> dict[str, Floats]:
     """Probabilities (n,) of the regions that reach the true sun: of all scored crops, of each bin, and of the cones.
 
     Args:
         truth: of N crops.
         predictions: N, of the same crops.
     """
-    scored = select_crops(truth, truth.scored)
+    scored = metrics.select_crops(truth, truth.scored)
     predictions = list(compress(predictions, truth.scored))
     levels = _density_levels(predictions, scored.sun)
     cones = np.array([_cone_level(p, sun) for p, sun in zip(predictions, scored.sun, strict=True)])
@@ -81,7 +73,7 @@ def reliability_curves(truth: Truth, predictions: Sequence[Prediction]) -> dict[
 
 def _inside(levels: Floats, expected: Sequence[float]) -> Floats:
     """Share [%] of the suns inside the regions of each probability [%]."""
-    return np.array([percentage(levels <= p / 100) for p in expected])
+    return np.array([metrics.percentage(levels <= p / 100) for p in expected])
 
 
 def reliability_report(protocol: str, curves: dict[str, Floats]) -> str:
@@ -100,7 +92,7 @@ def reliability_report(protocol: str, curves: dict[str, Floats]) -> str:
         for name, levels in curves.items()
     }
     title = f"## Reliability of the sun's distribution, protocol `{protocol}`"
-    return f"{title}\n\n{RELIABILITY_MEANING}\n\n{figures_table(rows)}"
+    return f"{title}\n\n{RELIABILITY_MEANING}\n\n{metrics.figures_table(rows)}"
 
 
 def draw_reliability(protocols: dict[str, dict[str, Floats]], path: Path) -> None:
@@ -151,7 +143,7 @@ TEMPERATURE_MEANING = fill(
 )
 
 
-def temperature_report(protocol: str, truth: Truth, predictions: Sequence[Prediction]) -> str:
+def temperature_report(protocol: str, truth: metrics.Truth, predictions: Sequence[Prediction]) -> str:
     """The table of one protocol.
 
     Args:
@@ -166,19 +158,18 @@ def temperature_report(protocol: str, truth: Truth, predictions: Sequence[Predic
         learning, tested = (truth.scored if h is None else truth.scored & (half == h) for h in (fit, measured))
         if learning.any() and tested.any():
             rows[name] = _temperature_row(truth, predictions, learning, tested)
-    return f"## Temperature, protocol `{protocol}`\n\n{TEMPERATURE_MEANING}\n\n{figures_table(rows)}"
+    return f"## Temperature, protocol `{protocol}`\n\n{TEMPERATURE_MEANING}\n\n{metrics.figures_table(rows)}"
 
 
 def _temperature_row(
-    truth: Truth, predictions: Sequence[Prediction], learning: Bools, tested: Bools
+    truth: metrics.Truth, predictions: Sequence[Prediction], learning: metrics.Bools, tested: metrics.Bools
 ) -> dict[str, float]:
     fitted = _fit_temperature(list(compress(predictions, learning)), truth.sun[learning])
-    test_predictions, test_truth = list(compress(predictions, tested)), select_crops(truth, tested)
+    test_predictions, test_truth = list(compress(predictions, tested)), metrics.select_crops(truth, tested)
     row = {"fitted to": float(np.count_nonzero(learning)), "temperature": fitted, "crops": float(len(test_predictions))}
     before, after = (_tempered_figures(test_truth, [_tempered(p, t) for p in test_predictions]) for t in (1.0, fitted))
-    return row | {
-        f"{name}, {when}": of[name] for name in COLUMNS for when, of in (("before", before), ("after", after))
-    }
+    figures = {"before": before, "after": after}
+    return row | {f"{name}, {when}": of[name] for name in COLUMNS for when, of in figures.items()}
 
 
 def _fit_temperature(predictions: Sequence[Prediction], sun: Floats) -> float:
@@ -203,8 +194,8 @@ def _tempered(prediction: Prediction, temperature: float) -> Prediction:
     return replace(prediction, sun_probability=(power / power.sum()).astype(np.float32))
 
 
-def _tempered_figures(truth: Truth, predictions: Sequence[Prediction]) -> dict[str, float]:
+def _tempered_figures(truth: metrics.Truth, predictions: Sequence[Prediction]) -> dict[str, float]:
     """COLUMNS over crops that all have a sun."""
     suns = [sun_from_prediction(p) for p in predictions]
-    figures = sun_figures(truth, answers_from_estimates(suns, nll=sun_nll(predictions, truth.sun)))
+    figures = metrics.sun_figures(truth, metrics.answers_from_estimates(suns, nll=sun_nll(predictions, truth.sun)))
     return {name: figures[column] for name, column in COLUMNS.items()}

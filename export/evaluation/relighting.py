@@ -78,10 +78,8 @@ def _lit_crops(data: Path, labels: Path, spec: ModelSpec) -> _LitCrops:
         raise DataError(f"{data} has no HDR panorama in `val` that shows its sun, so nothing can be relit.")
     views = protocol_views(load_sources(panoramas, labels), "paper")
     crops = [crop_panorama(source, camera, spec) for source, camera in views]
-    truth = [
-        pool_map(rotate_envmap(source.levels[0], -camera.azimuth)) * crop.gain
-        for (source, camera), crop in zip(views, crops, strict=True)
-    ]
+    maps = [pool_map(rotate_envmap(source.levels[0], -camera.azimuth)) for source, camera in views]
+    truth = [one * crop.gain for one, crop in zip(maps, crops, strict=True)]
     return _LitCrops(views, crops, truth, np.array([source.panorama.name for source, _ in views]))
 
 
@@ -124,9 +122,8 @@ def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     lit = _lit_crops(data, labels, next(iter(loaded.values())).spec)
     truth = [relight_scene(light) for light in lit.truth]
     pictures = {name: [relight_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()}
-    training = [
-        la for la in read_labels_of(read_index(data, "train"), labels) if la.fit_ok and math.isfinite(la.sun_elevation)
-    ]
+    known = read_labels_of(read_index(data, "train"), labels)
+    training = [la for la in known if la.fit_ok and math.isfinite(la.sun_elevation)]
     pictures["mean training sky"] = [relight_scene(_mean_sky(training))] * len(truth)
     constants = [relight_scene(sky) for sky in _constant_skies(training)]
     pictures["best constant sky"] = [min(constants, key=lambda p: _median_rmse(truth, p))] * len(truth)

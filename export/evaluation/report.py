@@ -131,10 +131,8 @@ def _places_table(truth: Truth, answers: dict[str, Answers]) -> str:
 
 def _breakdown(truth: Truth, answers: Answers) -> dict[str, dict[str, float]]:
     """Sun figures by true elevation and by what is in view."""
-    return {
-        n: sun_figures(select_crops(truth, chosen), select_crops(answers, chosen))
-        for n, chosen in sun_bins(truth).items()
-    }
+    bins = sun_bins(truth)
+    return {n: sun_figures(select_crops(truth, part), select_crops(answers, part)) for n, part in bins.items()}
 
 
 def sun_bins(truth: Truth) -> dict[str, Bools]:
@@ -204,11 +202,8 @@ def _photo_figures(truth: Floats, sun: Floats, scenes: Names) -> dict[str, float
     """Errors of suns (N, 3), medians over scenes."""
     (azimuth, elevation), (true_azimuth, true_elevation) = angles(sun), angles(truth)
     error = angle_between(truth, sun)
-    errors = {
-        "sun": error,
-        "azimuth": np.abs(wrap_azimuth(azimuth - true_azimuth)),
-        "elevation": np.abs(elevation - true_elevation),
-    }
+    turned, raised = np.abs(wrap_azimuth(azimuth - true_azimuth)), np.abs(elevation - true_elevation)
+    errors = {"sun": error, "azimuth": turned, "elevation": raised}
     return {key: _by_scene(value, scenes) for key, value in errors.items()} | {"photos < 45° %": percentage(error < 45)}
 
 

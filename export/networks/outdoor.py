@@ -188,16 +188,14 @@ class Outdoor(nn.Module):
 
 
 def _head(features: int, outputs: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Dropout(_DROP), nn.Linear(features, _HIDDEN), nn.SiLU(), nn.Dropout(_DROP), nn.Linear(_HIDDEN, outputs)
-    )
+    first, last = nn.Linear(features, _HIDDEN), nn.Linear(_HIDDEN, outputs)
+    return nn.Sequential(nn.Dropout(_DROP), first, nn.SiLU(), nn.Dropout(_DROP), last)
 
 
 # How a sun in the picture enters the answer.
 
-SUN_IN_VIEW_PRIOR = (
-    1.0  # nats; the sun is rarer in photos than in the crops that teach to see it; 0.5 to 1 on crops of `train`
-)
+# nats; the sun is rarer in photos than in the crops that teach to see it; 0.5 to 1 on crops of `train`
+SUN_IN_VIEW_PRIOR = 1.0
 _DIRECTION_STD = 5.0  # deg per axis, of the directions that a cell stands for: the error of the estimated camera
 
 

@@ -74,9 +74,7 @@ def _one_per_place(panoramas: Sequence[Panorama]) -> list[Panorama]:
     places: dict[str, list[Panorama]] = {}
     for panorama in panoramas:
         places.setdefault(panorama.place, []).append(panorama)
-    return [
-        of_place[int(crop_rng(name, 0, "which").integers(len(of_place)))] for name, of_place in sorted(places.items())
-    ]
+    return [of[int(crop_rng(name, 0, "which").integers(len(of)))] for name, of in sorted(places.items())]
 
 
 # Photos of panoramas.

@@ -183,9 +183,8 @@ def _measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: flo
     gain = _bracket_gain(picture, camera)
     power = probe.spot.irradiance / gain / sun_irradiance(lighting) - 1
     longest, seconds = bracket.photos[-1], BRACKET_TIMES[-1]
-    single = resample_to_latlong(
-        longest.pixels / np.float32(seconds), clipped_mask(longest), lens, rotation, MAP_HEIGHT
-    )[0]
+    radiance = longest.pixels / np.float32(seconds)
+    single = resample_to_latlong(radiance, clipped_mask(longest), lens, rotation, MAP_HEIGHT)[0]
     return _BracketErrors(
         sky=_sky_error(probe.image, lighting, gain),
         longest=_sky_error(single, lighting, gain),

@@ -74,10 +74,9 @@ def report_video(data: Path, model: Model, kinds: Sequence[str] = (), count: int
         DataError: if no panorama of `val` shows its sun.
     """
     panoramas = _choose_panoramas(data, count)
-    rows = {
-        kind: _kind_figures([_measure_clip(_film_panorama(panorama, kind), model) for panorama in panoramas])
-        for kind in kinds or CLIP_KINDS
-    }
+    rows = {}
+    for kind in kinds or CLIP_KINDS:
+        rows[kind] = _kind_figures([_measure_clip(_film_panorama(p, kind), model) for p in panoramas])
     title = f"## Clips of 6 s, 640 x 360 pixels, {len(panoramas)} of each kind, in places that training never saw"
     return f"{title}\n\n{CLIPS_NOTE}\n\n{figures_table(rows, digits=2)}"
 

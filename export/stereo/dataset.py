@@ -151,9 +151,8 @@ def generate_samples(meshes: list[TriangleMesh], seed: int) -> Iterator[Sample]:
     rng = np.random.default_rng(seed)
     views: list[Surface] = []
     while True:
-        surface = (
-            _view_mesh(meshes, views, rng) if meshes and rng.random() < _MESH_SHARE else random_relief(_size(rng), rng)
-        )
+        of_mesh = meshes and rng.random() < _MESH_SHARE
+        surface = _view_mesh(meshes, views, rng) if of_mesh else random_relief(_size(rng), rng)
         yield from _crop_samples(surface, _random_day(rng), rng)
 
 

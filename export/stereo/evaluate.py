@@ -123,21 +123,17 @@ def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | No
     turbidity = fit_turbidity(solver_input) if trial.fitted else believed.turbidity
     alone, planes = solve_with_planes(solver_input(turbidity, 64))
     both = alone if network is None else apply_network(alone, network, planes)
-    return [
-        _Result(subject, alone.normal[window], both.normal[window], both.error[window])
-        for subject, window in zip(subjects, windows, strict=True)
-    ]
+    placed = zip(subjects, windows, strict=True)
+    return [_Result(s, alone.normal[at], both.normal[at], both.error[at]) for s, at in placed]
 
 
 def _side_by_side(pictures: list[Image]) -> tuple[Image, list[tuple[slice, slice]]]:
     """Pictures (T, H, W, C) of any sizes in one, and where each is."""
     height = max(picture.shape[1] for picture in pictures)
     padded = [np.pad(p, [(0, 0), (0, height - p.shape[1]), (0, _GAP), (0, 0)]) for p in pictures]
-    starts = np.cumsum([0, *(picture.shape[2] for picture in padded)])
-    windows = [
-        (slice(0, picture.shape[1]), slice(int(start), int(start) + picture.shape[2]))
-        for picture, start in zip(pictures, starts[:-1], strict=True)
-    ]
+    starts = np.cumsum([0, *(picture.shape[2] for picture in padded)]).tolist()
+    placed = zip(pictures, starts[:-1], strict=True)
+    windows = [(slice(0, p.shape[1]), slice(start, start + p.shape[2])) for p, start in placed]
     return np.concatenate(padded, axis=2), windows
 
 

@@ -7,6 +7,7 @@ from datetime import date
 import numpy as np
 
 from lighting.geometry import Floats, angle_between, direction
+from lighting.stereo import schedule
 from lighting.stereo.light_vectors import Skies, draw_sunshine, illumination_matrices
 from lighting.stereo.noise_gain import (
     angular_std,
@@ -18,17 +19,6 @@ from lighting.stereo.noise_gain import (
     rotation_free_gain,
 )
 from lighting.stereo.plan_records import HOURS, Plan, PlanRequest
-from lighting.stereo.schedule import (
-    CLOUD_DRAWS,
-    SPELLS,
-    ClockLocation,
-    SkyDay,
-    Weather,
-    clear_brightness,
-    list_windows,
-    make_plan,
-    modelled_day,
-)
 
 LIFTS = (10, 15, 20, 30, 45, 60, 75, 90)  # deg out of the solar plane
 DEGREES_PER_HOUR = 15
@@ -44,21 +34,21 @@ class _Case:
     """A place, a day and its sky."""
 
     name: str
-    place: ClockLocation
+    place: schedule.ClockLocation
     day: date
-    sky: Weather = "clear"
+    sky: schedule.Weather = "clear"
 
-    def light(self, *, coarse: bool = False) -> SkyDay:
+    def light(self, *, coarse: bool = False) -> schedule.SkyDay:
         """Its light, scaled to the brightest clear sky."""
-        day = modelled_day(self.place, self.day, self.sky, coarse=coarse)
-        scale = clear_brightness(self.place, [self.day])
+        day = schedule.modelled_day(self.place, self.day, self.sky, coarse=coarse)
+        scale = schedule.clear_brightness(self.place, [self.day])
         return replace(day, skies=_scaled(day.skies, 1 / scale))
 
 
 CASES = (
-    _Case("47° N, 20 March", ClockLocation(47.0, 10.0, 1.0), date(2026, 3, 20)),
-    _Case("47° N, 21 June", ClockLocation(47.0, 10.0, 1.0), date(2026, 6, 21)),
-    _Case("35° N, 21 December", ClockLocation(35.0, 10.0, 1.0), date(2026, 12, 21)),
+    _Case("47° N, 20 March", schedule.ClockLocation(47.0, 10.0, 1.0), date(2026, 3, 20)),
+    _Case("47° N, 21 June", schedule.ClockLocation(47.0, 10.0, 1.0), date(2026, 6, 21)),
+    _Case("35° N, 21 December", schedule.ClockLocation(35.0, 10.0, 1.0), date(2026, 12, 21)),
 )
 CLOUDY = replace(CASES[1], sky="mixed")
 
@@ -74,12 +64,12 @@ def _cost_of_an_hour(lift: float, full: float) -> float:
     return float(largest_gain(hour) / largest_gain(arc))
 
 
-def _spread_of_noise(day: SkyDay, hours: float, noise: float, draws: int) -> tuple[float, float]:
+def _spread_of_noise(day: schedule.SkyDay, hours: float, noise: float, draws: int) -> tuple[float, float]:
     """Mean ratios of what noisy pixels scatter to what the covariance predicts: of normals' components, of their turn.
 
     Pixels of every orientation of interest over one window about noon, estimated by iterated least squares.
     """
-    normals, window = normals_of_interest(None), list_windows(day, hours, SHOTS)
+    normals, window = normals_of_interest(None), schedule.list_windows(day, hours, SHOTS)
     noon = int(np.argmin(np.abs(window.start + 30 * hours - 720)))
     skies = day.skies.at(window.moments[0, noon])
     matrix = illumination_matrices(skies, normals)[..., 0]
@@ -110,14 +100,16 @@ class _PlannedCase:
     """A case with its light and its plan."""
 
     case: _Case
-    day: SkyDay
+    day: schedule.SkyDay
     plan: Plan
 
 
 def _study(case: _Case, *, coarse: bool = False) -> _PlannedCase:
     """The case planned."""
     day = case.light(coarse=coarse)
-    return _PlannedCase(case, day, make_plan([case.day], lambda *_: day, PlanRequest(shots=SHOTS), reference=1.0))
+    return _PlannedCase(
+        case, day, schedule.make_plan([case.day], lambda *_: day, PlanRequest(shots=SHOTS), reference=1.0)
+    )
 
 
 def _simulated(light: Floats, normals: Floats, draws: int) -> float:
@@ -133,8 +125,8 @@ def _choice(planned: _PlannedCase, hours: int) -> tuple[float, float]:
     """The simulated error [deg] in the plan's window, and the least over windows; of clouds that the plan never saw."""
     day, normals = planned.day, normals_of_interest(None)
     if len(day.clouds) > 1:
-        day = replace(day, clouds=draw_sunshine(CLOUD_DRAWS, SPELLS, seed=1).astype(np.intp))
-    windows, light = list_windows(day, hours, SHOTS), day.light(normals)
+        day = replace(day, clouds=draw_sunshine(schedule.CLOUD_DRAWS, schedule.SPELLS, seed=1).astype(np.intp))
+    windows, light = schedule.list_windows(day, hours, SHOTS), day.light(normals)
     (chosen,) = (window for window in planned.plan.windows if window.hours == hours)
     draws = -(-_TRIALS // len(day.clouds))
     errors = [_simulated(light[:, windows.moments[:, i]], normals, draws) for i in range(len(windows))]

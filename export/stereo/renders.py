@@ -93,9 +93,8 @@ def shade_surface(
     """
     world = camera_to_world(normals, pose).astype(np.float32)
     by_sky = _quick_sky(skies, normals, pose) if quick else _exact_sky(skies, world)
-    sun = np.maximum(
-        np.einsum("ptjc,pj->ptc", sun_light_vectors(skies.sun_direction, skies.sun_irradiance, world), world), 0
-    )
+    vectors = sun_light_vectors(skies.sun_direction, skies.sun_irradiance, world)
+    sun = np.maximum(np.einsum("ptjc,pj->ptc", vectors, world), 0)
     diffuse = material.albedo[:, None, None] * by_sky
     direct = material.albedo[:, None, None] * sun + _gloss(normals, skies, pose, material)
     return np.asarray(diffuse + (direct if lit is None else direct * lit[..., None]), dtype=np.float32)
@@ -161,9 +160,8 @@ def _views(file: Path) -> Iterator[Subject]:
     """Two views of a mesh, the same every time."""
     rng, mesh = np.random.default_rng(0), read_mesh(file)
     for number in (1, 2):
-        yield Subject(
-            f"{file.stem} {number}", "held-out meshes", project_mesh(mesh, random_rotation(rng), _VIEW_SIDE, rng)
-        )
+        view = project_mesh(mesh, random_rotation(rng), _VIEW_SIDE, rng)
+        yield Subject(f"{file.stem} {number}", "held-out meshes", view)
 
 
 def _scanned(folder: Path) -> Subject:

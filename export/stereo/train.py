@@ -42,9 +42,8 @@ class NormalsNetwork(nn.Module):
 
     def __init__(self) -> None:
         super().__init__()
-        self.encoder = nn.Sequential(
-            nn.Conv2d(BY_IMAGE, 12, 3, padding=1), nn.ReLU(inplace=True), nn.Conv2d(12, _CODE, 1), nn.ReLU(inplace=True)
-        )
+        first, second = nn.Conv2d(BY_IMAGE, 12, 3, padding=1), nn.Conv2d(12, _CODE, 1)
+        self.encoder = nn.Sequential(first, nn.ReLU(inplace=True), second, nn.ReLU(inplace=True))
         inputs = 2 * _CODE + SHARED
         self.down = nn.ModuleList()
         for scale, width in enumerate(_WIDTHS):

@@ -53,9 +53,8 @@ class Batch(NamedTuple):
     sun: Tensor  # (B, G)
     parameters: Tensor  # (B, 6)
     sun_in_view: Tensor  # (B, 1 + cells) where in the picture the sun is, all zero if unknown
-    surroundings: (
-        Tensor  # (B, 3 * crops.CELLS) the light around the camera, NaN if unknown; (B, 0) without --surroundings
-    )
+    # (B, 3 * crops.CELLS) the light around the camera, NaN if unknown; (B, 0) without --surroundings
+    surroundings: Tensor
     light: Tensor  # (B, 7) as NetworkOutput.light, the cover itself last; NaN where unknown
     is_likelihood: Tensor  # (B,) whether `sun` is a likelihood and not a target
 
@@ -259,9 +258,8 @@ def write_samples(folder: Path, target: Path) -> None:
         raise DataError(f"{folder} holds {len(panoramas)} places; the picture shows {ACROSS * DOWN}.")
     spec = network_specs("")["outdoor"]
     sources = load_sources(panoramas, folder / LABELS)
-    crops = [
-        crop_panorama(source, paper_camera(crop_rng(source.panorama.name, 0, "sample")), spec) for source in sources
-    ]
+    cameras = [paper_camera(crop_rng(source.panorama.name, 0, "sample")) for source in sources]
+    crops = [crop_panorama(source, camera, spec) for source, camera in zip(sources, cameras, strict=True)]
     tiles = np.stack([tone_map(crop.linear) for crop in crops])
     height, width = tiles.shape[1:3]
     rows = tiles.reshape(DOWN, ACROSS, height, width, 3).swapaxes(1, 2)

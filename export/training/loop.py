@@ -50,9 +50,8 @@ class _Run:
         self.device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
         self.bfloat16 = self.device.type == "cuda" or torch.cpu._is_avx512_bf16_supported()  # else emulated, slowly
         torch.manual_seed(0)
-        network = build_network(
-            self.spec, pretrained=config.pretrained and not config.start, has_surroundings=config.surroundings
-        )
+        pretrained = config.pretrained and not config.start
+        network = build_network(self.spec, pretrained=pretrained, has_surroundings=config.surroundings)
         if config.start:
             load_weights(network, averaged_weights(Path(config.start)))
         if config.only_seen:
@@ -188,9 +187,8 @@ def _earlier_commits(config: TrainConfig) -> list[str]:
         raise DataError(f"{config.out} holds a network that {made}; give it as --start and choose another --out.")
     now = _settings(config)
     if unknown := record["config"].keys() - now.keys():
-        raise DataError(
-            f"{config.out} holds a run with a setting that is unknown here, {min(unknown)}; choose another --out."
-        )
+        what = f"a setting that is unknown here, {min(unknown)}"
+        raise DataError(f"{config.out} holds a run with {what}; choose another --out.")
     then = _settings(TrainConfig(**record["config"]))
     changed = [name for name in now if name not in MAY_CHANGE and then[name] != now[name]]
     if changed:
@@ -234,21 +232,13 @@ def train_network(config: TrainConfig) -> Path:
     photos = training_photos(config)
     run = _Run(config)
     run.resume()
-    dataset = TrainingCrops(
-        load_sources(kept, config.labels),
-        run.spec,
-        config,
-        synthetic=synthetic_sources(config),
-        photos=photos,
-    )
+    sources, synthetic = load_sources(kept, config.labels), synthetic_sources(config)
+    dataset = TrainingCrops(sources, run.spec, config, synthetic=synthetic, photos=photos)
     tune = TrainingCrops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
     Path(config.out).mkdir(parents=True, exist_ok=True)
     _write_record(run, [*before, _commit()] if run.step < run.steps else before, kept, held_out)
-    print(
-        f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out, "
-        f"from step {run.step} of {run.steps}",
-        flush=True,
-    )
+    panoramas = f"{len(dataset.sources)} panoramas to train on ({len(kept)} real), {len(held_out)} held out"
+    print(f"{panoramas}, from step {run.step} of {run.steps}", flush=True)
     _loop(run, dataset, tune)
     return run.checkpoint
 

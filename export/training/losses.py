@@ -36,12 +36,9 @@ def training_losses(predicted: NetworkOutput, batch: Batch) -> dict[str, Tensor]
     if predicted.sun_in_view.shape[1]:
         parts["seen"] = _cross_entropy(predicted.sun_in_view, batch.sun_in_view)
     if predicted.surroundings.shape[1]:
-        error = F.smooth_l1_loss(
-            predicted.surroundings.float(), batch.surroundings.nan_to_num(), reduction="none", beta=0.3
-        )
-        parts["around"] = _SURROUNDINGS_WEIGHT * _masked_mean(
-            error.mean(dim=1), torch.isfinite(batch.surroundings).all(dim=1)
-        )
+        target, answer = batch.surroundings, predicted.surroundings.float()
+        error = F.smooth_l1_loss(answer, target.nan_to_num(), reduction="none", beta=0.3).mean(dim=1)
+        parts["around"] = _SURROUNDINGS_WEIGHT * _masked_mean(error, torch.isfinite(target).all(dim=1))
     if predicted.camera.shape[1]:
         parts["camera"] = _CAMERA_WEIGHT * _camera(predicted.camera, target[:, 2:5], finite[:, 2:5])
     if predicted.light.shape[1]:

@@ -115,15 +115,12 @@ def _describe_photos(head: _Head, networks: Sequence[Outdoor], data: Path, spec:
     if not table.exists():
         return ""
     photos = [resize_to_input(read_photo(data / row["file"]), spec) for row in read_table(table, ("file",))]
-    shares = [
-        100
-        * float((head.logits(_features(networks, spec, (np.rot90(p, quarters) for p in photos))) < 0).float().mean())
-        for quarters in range(4)
-    ]
+    turned = [[np.rot90(p, quarters) for p in photos] for quarters in range(4)]
+    logits = [head.logits(_features(networks, spec, pictures)) for pictures in turned]
+    shares = [100 * float((values < 0).float().mean()) for values in logits]
     upright, left, down, right = (f"{share:.1f}" for share in shares)
-    return (
-        f"Of {len(photos)} photos {upright} % are doubted; turned left, right, upside down: {left}, {right}, {down} %."
-    )
+    rotated = f"turned left, right, upside down: {left}, {right}, {down} %"
+    return f"Of {len(photos)} photos {upright} % are doubted; {rotated}."
 
 
 def _panorama_crops(sources: Sequence[Source], count: int, spec: ModelSpec) -> Iterator[tuple[Picture, Source]]:
@@ -157,9 +154,8 @@ def _fit(good: Tensor, bad: Tensor, calibrating: Tensor) -> _Head:
 
     def cost() -> Tensor:
         optimizer.zero_grad()
-        loss = nn.functional.binary_cross_entropy_with_logits(
-            (x - mean) / std @ weight + bias, y, balance, reduction="sum"
-        )
+        logits = (x - mean) / std @ weight + bias
+        loss = nn.functional.binary_cross_entropy_with_logits(logits, y, balance, reduction="sum")
         total = loss + _WEIGHT_DECAY * (weight**2).sum()
         torch.autograd.backward(total)
         return total
