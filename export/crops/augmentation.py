@@ -57,7 +57,8 @@ def augment(crop: Crop, rng: np.random.Generator) -> tuple[Picture, Floats, bool
     gain = float(2.0 ** _effect_stream(seed, "exposure").uniform(*_EXPOSURE_STOPS))
     recovered = _lift_highlights(crop.linear) if gain < 1 else crop.linear
     scene = _apply_all(SCENE_EFFECTS, recovered, crop, seed)
-    gains = gain * _white_balance(_effect_stream(seed, "white balance"))
+    balance = np.exp(_effect_stream(seed, "white balance").normal(0, _WHITE_BALANCE_STD))
+    gains = gain * np.asarray(balance / balance.mean(), dtype=np.float32)
     linear = _apply_all(CAMERA_EFFECTS, np.asarray(scene * gains, dtype=np.float32), crop, seed)
     picture = _apply_all(PICTURE_EFFECTS, tone_map(np.maximum(linear, 0.0)), crop, seed)
     return picture, gains.astype(np.float64), _differs_at_sun(scene, recovered, crop)
@@ -86,11 +87,6 @@ def _differs_at_sun(one: Linear, other: Linear, crop: Crop) -> bool:
 def _lift_highlights(linear: Linear) -> Linear:
     """Lift clipped highlights, so that an underexposed sun is still white."""
     return np.asarray(linear / (1.0 - 0.85 * np.minimum(linear, 1.0) ** 8), dtype=np.float32)
-
-
-def _white_balance(rng: np.random.Generator) -> Linear:
-    gains = np.exp(rng.normal(0, _WHITE_BALANCE_STD))
-    return np.asarray(gains / gains.mean(), dtype=np.float32)
 
 
 def _cover(linear: Linear, crop: Crop, rng: np.random.Generator) -> Linear:
@@ -216,10 +212,8 @@ def cutmix_partners(sources: Sequence[Source], chances: Floats) -> list[tuple[ND
     for i, height in enumerate(elevation):
         near = np.abs(elevation - height) < _MAX_SUN_DIFFERENCE if math.isfinite(height) else ~np.isfinite(elevation)
         numbers = np.flatnonzero(near & (direct == direct[i]) & (place != place[i]) & (chances > 0))
-        if len(numbers):
-            partners.append((numbers, np.cumsum(chances[numbers]) / chances[numbers].sum()))
-        else:
-            partners.append((np.array([i]), np.ones(1)))
+        shares = np.cumsum(chances[numbers]) / chances[numbers].sum() if len(numbers) else np.ones(1)
+        partners.append((numbers if len(numbers) else np.array([i]), shares))
     return partners
 
 

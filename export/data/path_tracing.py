@@ -180,6 +180,7 @@ _LACQUER = {
 }
 
 
+Linear = NDArray[np.float32]  # (h, w, 3)
 PixelRays = Callable[[Any, Any, int], Any]  # of pixels' x and y, and the picture's rows, to directions
 
 
@@ -234,9 +235,7 @@ class RenderedTown:
         sky, sun = self._trace_lights((camera.height, camera.width), _camera_rays(camera), seed)
         return _TracedPhoto(sky, sun, *self._ground(camera))
 
-    def _trace_lights(
-        self, size: tuple[int, int], pixel_rays: PixelRays, seed: int
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _trace_lights(self, size: tuple[int, int], pixel_rays: PixelRays, seed: int) -> tuple[Linear, Linear]:
         """What the sky and what the sun adds to a picture (h, w, 3) of `size`, without the sun's disc."""
         sky = self._trace(self.scene, _SKY_SAMPLES, size, pixel_rays, seed)
         if self.sky.is_overcast:
@@ -256,9 +255,7 @@ class RenderedTown:
         shape = (camera.height, camera.width)
         return level.reshape(shape), (level & ~hidden).reshape(shape)
 
-    def _trace(
-        self, scene: Any, samples: int, size: tuple[int, int], pixel_rays: PixelRays, seed: int
-    ) -> NDArray[np.float32]:
+    def _trace(self, scene: Any, samples: int, size: tuple[int, int], pixel_rays: PixelRays, seed: int) -> Linear:
         """A picture (h, w, 3) of `size`, along the directions in which its pixels look."""
         import drjit as dr
         import mitsuba as mi

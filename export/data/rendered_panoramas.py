@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.panoramas import Panorama, write_index
+from export.data.panoramas import RENDERED, Panorama, write_index
 from lighting.color import luminance, tone_map
 from lighting.files.atomic import atomic_write
 from lighting.geometry import (
@@ -162,21 +162,10 @@ def _write_dataset(folder: str | Path, count: int, height: int = 64, seed: int =
 def _index_row(rendered: _SyntheticPanorama, number: int, root: Path) -> Panorama:
     name, place = f"rendered_{number:04d}", number // 2
     sun = "none" if rendered.sun_azimuth is None else "visible" if rendered.sun_visible else "inferred"
-    return Panorama(
-        name=name,
-        path=root / "panoramas" / f"{name}.webp",
-        kind="ldr",
-        place=f"place_{place:03d}",
-        split="val" if place % 3 == 2 else "train",
-        sun=sun,
-        sun_azimuth=rendered.sun_azimuth,
-        sun_elevation=rendered.sun_elevation,
-        sun_uncertainty=None if sun == "none" else 1.0,
-        direct={"none": "no", "visible": "yes", "inferred": "partly"}[sun],
-        scene="rendered",
-        label="rendered",
-        licence="CC0",
-    )
+    path, split = root / "panoramas" / f"{name}.webp", "val" if place % 3 == 2 else "train"
+    angles_of_sun = rendered.sun_azimuth, rendered.sun_elevation, None if sun == "none" else 1.0
+    direct = {"none": "no", "visible": "yes", "inferred": "partly"}[sun]
+    return Panorama(name, path, "ldr", f"place_{place:03d}", split, sun, *angles_of_sun, direct, **RENDERED)
 
 
 def _measure_light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:

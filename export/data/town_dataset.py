@@ -7,7 +7,7 @@ import numpy as np
 from tqdm import tqdm
 
 from export.data.labels import Label, read_labels, write_labels
-from export.data.panoramas import Panorama, read_index, write_index
+from export.data.panoramas import RENDERED, Panorama, read_index, write_index
 from export.data.path_tracing import RenderedTown, Sky, random_sky
 from export.data.procedural_towns import random_town
 from lighting.files.exr import write_exr
@@ -81,18 +81,7 @@ def render_towns(folder: Path, count: int, height: int) -> None:
 def _index_row(rendered: _TownPanorama, root: Path) -> Panorama:
     label = rendered.label
     has_sun = label.sun_source != "none"
-    return Panorama(
-        name=rendered.name,
-        path=root / "panoramas" / f"{rendered.name}.exr",
-        kind="hdr",
-        place=rendered.name,
-        split="train",
-        sun="none" if not has_sun else "visible" if rendered.sun_visible else "inferred",
-        sun_azimuth=label.sun_azimuth if has_sun else None,
-        sun_elevation=label.sun_elevation if has_sun else None,
-        sun_uncertainty=1.0 if has_sun else None,
-        direct=label.direct,
-        scene="rendered",
-        label="rendered",
-        licence="CC0",
-    )
+    path = root / "panoramas" / f"{rendered.name}.exr"
+    sun = "none" if not has_sun else "visible" if rendered.sun_visible else "inferred"
+    angles = (label.sun_azimuth, label.sun_elevation, 1.0) if has_sun else (None, None, None)
+    return Panorama(rendered.name, path, "hdr", rendered.name, "train", sun, *angles, label.direct, **RENDERED)

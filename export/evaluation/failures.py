@@ -150,18 +150,10 @@ def _worst_crops(truth: Truth, answers: Answers) -> list[_Failure]:
 def _make_failure(truth: Truth, answers: Answers, index: int) -> _Failure:
     """One crop as a failure."""
     sun, estimate = ((float(a), float(e)) for a, e in (angles(of.sun[index]) for of in (truth, answers)))
-    return _Failure(
-        index=index,
-        panorama=str(truth.panorama[index]),
-        in_view=str(truth.in_view[index]),
-        direct=SUNSHINE.get(float(truth.visibility[index]), ""),
-        sun=sun,
-        estimate=estimate,
-        radius_50=float(answers.radius_50[index]),
-        error=float(sun_error(truth, answers)[index]),
-        azimuth_error=float(azimuth_error(truth, answers)[index]),
-        elevation_error=float(elevation_error(truth, answers)[index]),
-    )
+    errors = [float(of(truth, answers)[index]) for of in (sun_error, azimuth_error, elevation_error)]
+    direct, radius = SUNSHINE.get(float(truth.visibility[index]), ""), float(answers.radius_50[index])
+    panorama, in_view = str(truth.panorama[index]), str(truth.in_view[index])
+    return _Failure(index, panorama, in_view, direct, sun, estimate, radius, *errors)
 
 
 def _failures_report(failures: Sequence[_Failure]) -> str:
@@ -252,11 +244,11 @@ def _turbidity_report(protocol: str, truth: Truth, ours: Answers, constant: Answ
     """The table of one protocol; `kind` (N,) is "hdr" or "ldr", the panorama's."""
     known = np.isfinite(truth.turbidity)
     rows = {"HDR": known & (kind == "hdr"), "LDR, clean sky": known & (kind == "ldr"), "both": known}
-    lines = [
-        _turbidity_row(name, select_crops(truth, chosen), select_crops(ours, chosen), select_crops(constant, chosen))
-        for name, chosen in rows.items()
-        if chosen.any()
-    ]
+    lines = []
+    for name, chosen in rows.items():
+        if chosen.any():
+            answers = (select_crops(of, chosen) for of in (ours, constant))
+            lines.append(_turbidity_row(name, select_crops(truth, chosen), *answers))
     header = ["", "crops", "panoramas", "places", "network", "constant", "minus it, panoramas", "minus it, places"]
     return f"## Turbidity, protocol `{protocol}`\n\n{MEANING}\n\n{markdown_table(header, lines)}"
 

@@ -327,14 +327,11 @@ def _photo_sun_stops(model: Model, data: Path) -> Floats:
 
 def _report_sun_power(model: Model, data: Path, labels: Path) -> str:
     """The stops that are missing, and quartiles of both sides."""
-    sides = {
-        "HDR panoramas, unclipped sun": _panorama_sun_stops(data, labels),
-        "photos, as said": _photo_sun_stops(model, data),
-    }
-    true, predicted = (float(np.median(values)) for values in sides.values())
+    stops = _panorama_sun_stops(data, labels), _photo_sun_stops(model, data)
+    true, predicted = (float(np.median(values)) for values in stops)
     header = ["`train`, in direct sun", "number", "sun / sky over a clear sky, median [stops]", "quartiles"]
     rows = []
-    for name, values in sides.items():
+    for name, values in zip(("HDR panoramas, unclipped sun", "photos, as said"), stops, strict=True):
         low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
         rows.append([name, str(len(values)), f"{middle:+.2f}", f"{low:+.2f} to {high:+.2f}"])
     return f"A sun that shines is understated by {true - predicted:.2f} stops\n\n{markdown_table(header, rows)}"

@@ -141,9 +141,7 @@ def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:
     answers = estimate_crops(model, crops.crops)
     lights = tuple(with_irradiance(estimate.lighting) for estimate, _ in answers)
     bare = np.stack([render(estimate.lighting, hdr_truth.HEIGHT) for estimate, _ in answers])
-    full = np.stack(
-        [render_with_surroundings(estimate.lighting, context, hdr_truth.HEIGHT) for estimate, context in answers]
-    )
+    full = np.stack([render_with_surroundings(e.lighting, context, hdr_truth.HEIGHT) for e, context in answers])
     guesses = {name: _Guess(bare, lights), f"{name}, surroundings": _Guess(full, lights)}
     for what, change in ORACLES.items():
         changed = tuple(change(light, truth) for light, truth in zip(lights, crops.truth, strict=True))
@@ -236,13 +234,11 @@ def _parts(truth: Sequence[hdr_truth.TrueLight], guess: _Guess) -> list[str]:
     up = np.array([max(float(li.sun_direction[1]), 0.0) for li in guess.lights])
     painted = luminance(np.array(sun)) * up > MIN_SUN_SHARE * luminance(np.array(sky))
     above = _stops(sky, [t.sky_irradiance for t in truth])
-    cells = [f"{np.median(above):+.2f}"]
+    cells = ["-", "-"]
     if all(t.sun_direction is not None for t in truth):
         power = _stops(sun, [t.sun_irradiance for t in truth])
-        cells += [f"{np.median(power):+.2f}", f"{np.median(power - above):+.2f}"]
-    else:
-        cells += ["-", "-"]
-    return [*cells, f"{100 * painted.mean():.0f} %"]
+        cells = [f"{np.median(power):+.2f}", f"{np.median(power - above):+.2f}"]
+    return [f"{np.median(above):+.2f}", *cells, f"{100 * painted.mean():.0f} %"]
 
 
 def _stops(estimates: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
@@ -253,9 +249,7 @@ def _stops(estimates: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
 
 def _objects_table(truth: Sequence[hdr_truth.TrueLight], methods: dict[str, _Guess]) -> str:
     """Errors of each method on each object."""
-    header = [""]
-    for kind in OBJECTS:
-        header += [f"{kind}: RMSE", "scaled", "angle"]
+    header = ["", *(column for kind in OBJECTS for column in (f"{kind}: RMSE", "scaled", "angle"))]
     lit = np.stack([t.image for t in truth])
     true = {kind: render_object(kind, lit) for kind in OBJECTS}
     rows = []

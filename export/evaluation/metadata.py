@@ -174,25 +174,23 @@ def evidence_report(
     chosen = np.flatnonzero(truth.scored).tolist()
     scored = metrics.select_crops(truth, truth.scored)
     predictions, simulated = [predictions[i] for i in chosen], [simulated[i] for i in chosen]
+    photos = list(zip(predictions, [s.metadata for s in simulated], strict=True))
     fused = {
-        parts: [
-            fuse_single_view(_choose_lens(p, parts), _observations(s.metadata, parts))
-            for p, s in zip(predictions, simulated, strict=True)
-        ]
+        parts: [fuse_single_view(_choose_lens(p, parts), _observations(m, parts)) for p, m in photos]
         for parts in SUBSETS
     }
     headings = np.array([s.heading for s in simulated])
-    rows = {_name_parts(parts): _figures(scored, posteriors, headings) for parts, posteriors in fused.items()}
-    return "\n\n".join(
-        [
-            f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
-            SIMULATION,
-            metrics.figures_table(rows),
-            _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
-            WARNED,
-            metrics.figures_table(_warning_shares(scored, [without for without, _ in predictions], simulated)),
-        ]
-    )
+    names = {parts: " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place") for parts in SUBSETS}
+    rows = {names[parts]: _figures(scored, posteriors, headings) for parts, posteriors in fused.items()}
+    sections = [
+        f"## Metadata, protocol `{protocol}`: {len(chosen)} crops [deg]",
+        SIMULATION,
+        metrics.figures_table(rows),
+        _azimuth_sentence(scored, fused[()], fused[(EvidenceKind.TIME_AND_PLACE,)]),
+        WARNED,
+        metrics.figures_table(_warning_shares(scored, [without for without, _ in predictions], simulated)),
+    ]
+    return "\n\n".join(sections)
 
 
 def _observations(metadata: PhotoMetadata, parts: tuple[str, ...]) -> Observations:
@@ -233,11 +231,8 @@ def in_view_evidence(truth: metrics.Truth, predictions: Sequence[ByLens], pictur
         fused = [fuse_single_view(*photo) for photo in zip(chosen, observations, pictures, strict=True)]
         tilt = np.abs(np.array([f.prediction.camera_elevation for f in fused]) - truth.camera[:, 0])
         error = metrics.sun_error(truth, metrics.answers_from_estimates([f.sun for f in fused]))
-        rows[name] = {
-            "sun": metrics.median(error),
-            "camera elevation": metrics.median(tilt),
-            "under 5°": metrics.percentage(tilt < 5),
-        }
+        medians = {"sun": metrics.median(error), "camera elevation": metrics.median(tilt)}
+        rows[name] = {**medians, "under 5°": metrics.percentage(tilt < 5)}
     return metrics.figures_table(rows)
 
 
@@ -246,10 +241,6 @@ def _gravity(truth: metrics.Truth, error: float = 0.0) -> list[Observations]:
     noise = np.random.default_rng(0).normal(0.0, TILT_STD, (len(truth.camera), 2))
     tilts = (truth.camera[:, :2] + noise + [error, 0.0]).tolist()
     return [Observations(gravity=Gravity(elevation, roll, TILT_STD)) for elevation, roll in tilts]
-
-
-def _name_parts(parts: tuple[str, ...]) -> str:
-    return " + ".join(("pixels", *parts)).replace(LOCAL_TIME, "time without zone+place")
 
 
 def _figures(truth: metrics.Truth, fused: Sequence[Posterior], headings: Floats) -> dict[str, float]:
@@ -308,24 +299,14 @@ def _warning_shares(
         observations = [_observations(m, (EvidenceKind.TIME_AND_PLACE, EvidenceKind.HEADING)) for _, m in photos]
         return _warned([p for p, _ in photos], observations, WarningCode.HEADING_CONTRADICTED)
 
-    return {
-        f"sun off by {WRONG_SUN:g}° or more": {
-            "true": warned(true, EvidenceKind.TIME_AND_PLACE),
-            "false": warned(other_suns, EvidenceKind.TIME_AND_PLACE),
-        },
-        "heading off by 90 to 270°": {
-            "true": heading_warned(sound),
-            "false": heading_warned(list(zip(predictions, rotated, strict=True))),
-        },
-        "picture cropped to half": {
-            "true": warned(true, EvidenceKind.FOCAL_LENGTH),
-            "false": warned(cropped, EvidenceKind.FOCAL_LENGTH),
-        },
-        f"camera off by {WRONG_GRAVITY:g}°": {
-            "true": _warned(predictions, _gravity(truth)),
-            "false": _warned(predictions, _gravity(truth, WRONG_GRAVITY)),
-        },
+    headings = sound, list(zip(predictions, rotated, strict=True))
+    shares = {  # where the metadata are true, and where they are false
+        f"sun off by {WRONG_SUN:g}° or more": [warned(m, EvidenceKind.TIME_AND_PLACE) for m in (true, other_suns)],
+        "heading off by 90 to 270°": [heading_warned(photos) for photos in headings],
+        "picture cropped to half": [warned(m, EvidenceKind.FOCAL_LENGTH) for m in (true, cropped)],
+        f"camera off by {WRONG_GRAVITY:g}°": [_warned(predictions, _gravity(truth, e)) for e in (0.0, WRONG_GRAVITY)],
     }
+    return {what: {"true": right, "false": wrong} for what, (right, wrong) in shares.items()}
 
 
 def _crops_of_other_suns(elevation: Floats, rng: np.random.Generator) -> list[int]:

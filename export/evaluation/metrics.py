@@ -81,12 +81,9 @@ def answers_from_estimates(suns: Sequence[SunEstimate], **fields_of_answers: Flo
         suns: N.
         fields_of_answers: (N, ...) values of further fields of Answers.
     """
-    return answers_from_sun(
-        direction([sun.azimuth for sun in suns], [sun.elevation for sun in suns]),
-        radius_50=np.array([sun.radius_50 for sun in suns]),
-        radius_90=np.array([sun.radius_90 for sun in suns]),
-        **fields_of_answers,
-    )
+    sun = direction([s.azimuth for s in suns], [s.elevation for s in suns])
+    half, most = np.array([s.radius_50 for s in suns]), np.array([s.radius_90 for s in suns])
+    return answers_from_sun(sun, radius_50=half, radius_90=most, **fields_of_answers)
 
 
 # Accuracy figures of answers against the truth, as functions of arrays; angles in deg.
@@ -152,6 +149,7 @@ def sun_figures(truth: Truth, answers: Answers) -> dict[str, float]:
     """
     error, azimuth, elevation = (of(truth, answers) for of in (sun_error, azimuth_error, elevation_error))
     low, high = np.percentile(error, [25, 75]) if len(error) else (float("nan"),) * 2
+    radii = {"in 50 % region": answers.radius_50, "in 90 % region": answers.radius_90}
     return {
         "crops": float(len(error)),
         "median": median(error),
@@ -164,12 +162,7 @@ def sun_figures(truth: Truth, answers: Answers) -> dict[str, float]:
         "elevation bias": median(elevation),
         "flips %": percentage(np.abs(azimuth) > FLIP),
         "NLL": float(np.mean(answers.nll)) if len(error) else float("nan"),
-        "in 50 % region": percentage(error <= answers.radius_50)
-        if np.isfinite(answers.radius_50).all()
-        else float("nan"),
-        "in 90 % region": percentage(error <= answers.radius_90)
-        if np.isfinite(answers.radius_90).all()
-        else float("nan"),
+        **{n: percentage(error <= r) if np.isfinite(r).all() else math.nan for n, r in radii.items()},
     }
 
 
@@ -257,16 +250,8 @@ def _horizon_ends(camera: Floats, aspect: Floats) -> Floats:
 
 # Tables in Markdown.
 
-DECIMALS = {  # 1 in all other columns
-    "crops": 0,
-    "places": 0,
-    "fitted to": 0,
-    "temperature": 2,
-    "NLL": 2,
-    "NLL, before": 2,
-    "NLL, after": 2,
-    "visibility AUC": 2,
-}
+_WITH_TWO = ("temperature", "NLL", "NLL, before", "NLL, after", "visibility AUC")
+DECIMALS = dict.fromkeys(("crops", "places", "fitted to"), 0) | dict.fromkeys(_WITH_TWO, 2)  # 1 in all other columns
 
 
 def markdown_table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

@@ -189,14 +189,13 @@ def groups_report(
             headings = azimuth if name in WITH_HEADINGS else None
             fused = [_fuse_group(g, predictions, simulated, evidence, headings) for g in groups]
             rows[f"{size}, {name}"] = _figures(truth, groups, fused, azimuth)
-    return "\n\n".join(
-        [
-            f"## Several photos together, protocol `{protocol}`: crops of {len(dealt[crops_each])} panoramas [deg]",
-            SIMULATION,
-            metrics.figures_table(rows),
-            _correlation_report(truth, predictions, azimuth, crops_each),
-        ]
-    )
+    sections = [
+        f"## Several photos together, protocol `{protocol}`: crops of {len(dealt[crops_each])} panoramas [deg]",
+        SIMULATION,
+        metrics.figures_table(rows),
+        _correlation_report(truth, predictions, azimuth, crops_each),
+    ]
+    return "\n\n".join(sections)
 
 
 # of the simulated metadata and the shared compass error [deg]

@@ -126,14 +126,11 @@ def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     training = [la for la in known if la.fit_ok and math.isfinite(la.sun_elevation)]
     pictures["mean training sky"] = [relight_scene(_mean_sky(training))] * len(truth)
     constants = [relight_scene(sky) for sky in _constant_skies(training)]
-    pictures["best constant sky"] = [min(constants, key=lambda p: _median_rmse(truth, p))] * len(truth)
+    rmse = [float(np.median([_errors(t, sky)[0] for t in truth])) for sky in constants]
+    pictures["best constant sky"] = [constants[int(np.argmin(rmse))]] * len(truth)
     _draw(lit, truth, pictures, out / "relight.png")
     scores = {n: np.array([_errors(t, p) for t, p in zip(truth, ps, strict=True)]) for n, ps in pictures.items()}
     return _relight_report(scores, lit.panorama)
-
-
-def _median_rmse(truth: Sequence[Floats], guess: Floats) -> float:
-    return float(np.median([_errors(t, guess)[0] for t in truth]))
 
 
 def _relight_report(scores: dict[str, Floats], panorama: Names) -> str:

@@ -57,27 +57,26 @@ def format_report(
     answered = {name: select_crops(a, truth.scored) for name, a in answers.items()}
     cameras = {name: a for name, a in answers.items() if np.isfinite(a.camera).all()}
     others = [name for name, a in cameras.items() if name != ours and np.isfinite(a.radius_50).all()]
-    return "\n\n".join(
-        [
-            f"## Protocol `{protocol}`: {len(truth.scored)} crops, {len(scored.sun)} with a sun to score "
-            f"({len(np.unique(scored.panorama))} panoramas of {len(np.unique(scored.place))} places)",
-            "Sun [deg, nat]",
-            figures_table({name: sun_figures(scored, a) for name, a in answered.items()}),
-            "Median sun error with 95 % intervals: bootstrap over panoramas and over places",
-            _intervals_table(scored, answered, ours),
-            "Each place counted alike, however many panoramas it has [deg]",
-            _places_table(truth, answers),
-            f"`{ours}` by true sun elevation, and by what is in view",
-            figures_table(_breakdown(scored, answered[ours])),
-            *[f"`{name}` by the same\n\n{figures_table(_breakdown(scored, answered[name]))}" for name in others],
-            "Camera and sky, over all crops [deg]",
-            figures_table({name: camera_figures(truth, a) for name, a in cameras.items()}),
-            "Camera as calibration papers score it: area under the recall of errors, and the horizon [%]",
-            figures_table({name: camera_scores(truth, a) for name, a in cameras.items()}),
-            "The same by the networks alone, without the straight lines that the pictures show",
-            figures_table({name: camera_scores(truth, a) for name, a in network_answers.items()}),
-        ]
-    )
+    sections = [
+        f"## Protocol `{protocol}`: {len(truth.scored)} crops, {len(scored.sun)} with a sun to score "
+        f"({len(np.unique(scored.panorama))} panoramas of {len(np.unique(scored.place))} places)",
+        "Sun [deg, nat]",
+        figures_table({name: sun_figures(scored, a) for name, a in answered.items()}),
+        "Median sun error with 95 % intervals: bootstrap over panoramas and over places",
+        _intervals_table(scored, answered, ours),
+        "Each place counted alike, however many panoramas it has [deg]",
+        _places_table(truth, answers),
+        f"`{ours}` by true sun elevation, and by what is in view",
+        figures_table(_breakdown(scored, answered[ours])),
+        *[f"`{name}` by the same\n\n{figures_table(_breakdown(scored, answered[name]))}" for name in others],
+        "Camera and sky, over all crops [deg]",
+        figures_table({name: camera_figures(truth, a) for name, a in cameras.items()}),
+        "Camera as calibration papers score it: area under the recall of errors, and the horizon [%]",
+        figures_table({name: camera_scores(truth, a) for name, a in cameras.items()}),
+        "The same by the networks alone, without the straight lines that the pictures show",
+        figures_table({name: camera_scores(truth, a) for name, a in network_answers.items()}),
+    ]
+    return "\n\n".join(sections)
 
 
 def in_view_report(truth: Truth, answers: dict[str, Answers], evidence: str) -> str:
@@ -92,17 +91,16 @@ def in_view_report(truth: Truth, answers: dict[str, Answers], evidence: str) -> 
     counts = f"{len(truth.sun)} crops of {len(np.unique(truth.panorama))} panoramas"
     rows = {name: sun_figures(truth, a) for name, a in answers.items()}
     heights = {name: figures for name, figures in _breakdown(truth, answers[ours]).items() if name not in IN_VIEW}
-    return "\n\n".join(
-        [
-            f"## Sun in the picture: {counts} [deg, nat]",
-            "Cameras as in training, half near `paper` and half as in `phone`, turned until they see the sun.",
-            figures_table(rows),
-            f"`{ours}` by true sun elevation",
-            figures_table(heights),
-            f"`{ours}` with metadata: the sun keeps its pixel through the lens, and its elevation tilts the camera",
-            evidence,
-        ]
-    )
+    sections = [
+        f"## Sun in the picture: {counts} [deg, nat]",
+        "Cameras as in training, half near `paper` and half as in `phone`, turned until they see the sun.",
+        figures_table(rows),
+        f"`{ours}` by true sun elevation",
+        figures_table(heights),
+        f"`{ours}` with metadata: the sun keeps its pixel through the lens, and its elevation tilts the camera",
+        evidence,
+    ]
+    return "\n\n".join(sections)
 
 
 def _intervals_table(truth: Truth, answers: dict[str, Answers], ours: str) -> str:
@@ -246,11 +244,8 @@ def stated_figures(truth: Truth, ours: Answers) -> Figures:
     """
     sun = sun_figures(select_crops(truth, truth.scored), select_crops(ours, truth.scored))
     measured = ((sun, SUN), (camera_figures(truth, ours), CAMERA_AND_SKY))
-    return {name: _rounded(values[column], column) for values, names in measured for column, name in names.items()}
-
-
-def _rounded(value: float, column: str) -> float | None:
-    return round(value, column_decimals(column) or None) if math.isfinite(value) else None
+    stated = [(name, values[column], column_decimals(column)) for values, of in measured for column, name in of.items()]
+    return {n: round(value, digits or None) if math.isfinite(value) else None for n, value, digits in stated}
 
 
 def write_figures(spec: ModelSpec, figures: dict[str, Figures], folder: Path) -> Path:

@@ -143,13 +143,12 @@ class _Pair:
 def _pairs_section(panoramas: Sequence[Panorama]) -> str:
     pairs, strangers = _register_pairs(panoramas)
     false = sum(rotation is not None for rotation in strangers)
-    return "\n\n".join(
-        [
-            f"## Two photos of one panorama ({len(pairs)} places), unknown lens, gains of 0.7 to 1.3 [deg]",
-            figures_table({"all": _pair_figures(pairs)}, digits=2),
-            f"Photos of two different places: {false} of {len(strangers)} pairs were given a rotation.",
-        ]
-    )
+    sections = [
+        f"## Two photos of one panorama ({len(pairs)} places), unknown lens, gains of 0.7 to 1.3 [deg]",
+        figures_table({"all": _pair_figures(pairs)}, digits=2),
+        f"Photos of two different places: {false} of {len(strangers)} pairs were given a rotation.",
+    ]
+    return "\n\n".join(sections)
 
 
 def _register_pairs(panoramas: Sequence[Panorama]) -> tuple[list[_Pair], list[RelativeRotation | None]]:

@@ -185,14 +185,10 @@ def _measure_bracket(camera: BracketCamera, moment: Moment, lens: Lens, yaw: flo
     longest, seconds = bracket.photos[-1], BRACKET_TIMES[-1]
     radiance = longest.pixels / np.float32(seconds)
     single = resample_to_latlong(radiance, clipped_mask(longest), lens, rotation, MAP_HEIGHT)[0]
-    return _BracketErrors(
-        sky=_sky_error(probe.image, lighting, gain),
-        longest=_sky_error(single, lighting, gain),
-        steps=float(np.quantile(picture[picture.any(axis=-1), 0], _DARK) * gain * seconds / longest.step),
-        sun=float(np.abs(power).max()),
-        clipped=probe.spot.clipped,
-        rotation=_rotation_between(probe.alignment.rotation, rotation),
-    )
+    sky, alone = (_sky_error(image, lighting, gain) for image in (probe.image, single))
+    steps = float(np.quantile(picture[picture.any(axis=-1), 0], _DARK) * gain * seconds / longest.step)
+    turned = _rotation_between(probe.alignment.rotation, rotation)
+    return _BracketErrors(sky, alone, steps, float(np.abs(power).max()), probe.spot.clipped, turned)
 
 
 def _sky_error(image: NDArray[np.float32], lighting: Lighting, gain: float) -> float:

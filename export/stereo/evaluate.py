@@ -6,7 +6,7 @@ real photographs.
 
 import os
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
@@ -261,12 +261,8 @@ def _trial(season: int, change: dict[str, Any]) -> Trial:
 
 def _cell(results: Sequence[_Result]) -> str:
     """Median / mean error of the search, and of search and network together."""
-    return ", ".join(_both(parts) for parts in zip(*(shape.errors() for shape in results), strict=True))
-
-
-def _both(parts: Iterable[Image]) -> str:
-    values = np.concatenate(list(parts))
-    return f"{np.median(values):.1f} / {values.mean():.1f}"
+    both = [np.concatenate(parts) for parts in zip(*(shape.errors() for shape in results), strict=True)]
+    return ", ".join(f"{np.median(values):.1f} / {values.mean():.1f}" for values in both)
 
 
 def _head(names: Sequence[str], say: Say) -> None:

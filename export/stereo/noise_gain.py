@@ -107,9 +107,8 @@ class _PlannedCase:
 def _study(case: _Case, *, coarse: bool = False) -> _PlannedCase:
     """The case planned."""
     day = case.light(coarse=coarse)
-    return _PlannedCase(
-        case, day, schedule.make_plan([case.day], lambda *_: day, PlanRequest(shots=SHOTS), reference=1.0)
-    )
+    plan = schedule.make_plan([case.day], lambda *_: day, PlanRequest(shots=SHOTS), reference=1.0)
+    return _PlannedCase(case, day, plan)
 
 
 def _simulated(light: Floats, normals: Floats, draws: int) -> float:

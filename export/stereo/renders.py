@@ -25,6 +25,9 @@ _BIAS = 0.75  # pixels that a ray must be below a surface to be blocked
 _GRID = 600  # normals at which the skies' light is integrated, where it is to be quick
 
 
+Bools = NDArray[np.bool_]
+
+
 @dataclass(frozen=True)
 class Material:
     """What a surface is made of."""
@@ -34,7 +37,7 @@ class Material:
     exponent: float = 30.0  # of that lobe
 
 
-def cast_shadows(surface: Surface, pixels: NDArray[np.intp], suns: Floats) -> NDArray[np.bool_]:
+def cast_shadows(surface: Surface, pixels: NDArray[np.intp], suns: Floats) -> Bools:
     """Whether each sun reaches each pixel (P, T).
 
     Rays are marched over the heights in steps that grow. What the camera sees is solid half a picture deep.
@@ -55,7 +58,7 @@ def cast_shadows(surface: Surface, pixels: NDArray[np.intp], suns: Floats) -> ND
     return reached
 
 
-def _blocked(height: FloatImage, pixels: NDArray[np.intp], start: FloatImage, sun: Floats) -> NDArray[np.bool_]:
+def _blocked(height: FloatImage, pixels: NDArray[np.intp], start: FloatImage, sun: Floats) -> Bools:
     """Which of the rays that leave pixels (P, 2) at heights (P,) towards a sun (3,) meet the surface."""
     size = max(height.shape)
     across = max(float(np.hypot(sun[0], sun[1])), 1e-6)
@@ -73,13 +76,7 @@ def _blocked(height: FloatImage, pixels: NDArray[np.intp], start: FloatImage, su
 
 
 def shade_surface(
-    normals: FloatImage,
-    skies: Skies,
-    pose: Pose,
-    material: Material,
-    lit: NDArray[np.bool_] | None,
-    *,
-    quick: bool = False,
+    normals: FloatImage, skies: Skies, pose: Pose, material: Material, lit: Bools | None, *, quick: bool = False
 ) -> FloatImage:
     """Brightnesses (P, T, C) of pixels.
 

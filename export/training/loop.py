@@ -62,10 +62,9 @@ class _Run:
         self.average = AveragedModel(self.network, multi_avg_fn=ema(config.ema), use_buffers=True)
         trained = [p for p in self.network.parameters() if p.requires_grad]
         self.optimizer = torch.optim.AdamW(trained, config.learning_rate, weight_decay=config.weight_decay)
-        teachers = [Path(folder) for folder in config.teachers]
-        self.teachers: TeacherEnsemble | None = None
-        if teachers:
-            self.teachers = TeacherEnsemble(teachers, self.spec, self.device, surroundings=config.surroundings)
+        folders = [Path(folder) for folder in config.teachers]
+        taught = {"surroundings": config.surroundings}
+        self.teachers = TeacherEnsemble(folders, self.spec, self.device, **taught) if folders else None
         self.steps = config.crops // config.batch
         self.step = 0
         self.checkpoint = Path(config.out) / CHECKPOINT

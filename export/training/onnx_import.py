@@ -135,7 +135,8 @@ def _find_tensor(tensors: dict[str, NDArray[Any]], name: str) -> Tensor | None:
     Networks that share first layers, which training leaves as they are, have them under the name of one of them.
     """
     layer = name.split(".", 2)[2]
-    others = [f"{group}.0.{layer}" for group in _GROUPS] if _is_shared(name) else []
+    shared = any(f".backbone.{part}." in name for part in ("stem", "blocks.0", "blocks.1", "blocks.2"))
+    others = [f"{group}.0.{layer}" for group in _GROUPS] if shared else []
     for key in (name, *others):
         if key in tensors:
             return torch.from_numpy(np.array(tensors[key], dtype=np.float32))
@@ -145,10 +146,6 @@ def _find_tensor(tensors: dict[str, NDArray[Any]], name: str) -> Tensor | None:
             values = tensors[f"{key}.bytes"].astype(np.float32)
             return torch.from_numpy(values * tensors[f"{key}.scale"].reshape(-1, *[1] * (values.ndim - 1)))
     return None
-
-
-def _is_shared(name: str) -> bool:
-    return any(f".backbone.{part}." in name for part in ("stem", "blocks.0", "blocks.1", "blocks.2"))
 
 
 def _recalibrate_batch_norm(network: nn.Module, photos: Iterable[Tensor]) -> None:
