@@ -78,7 +78,7 @@ NUMBERS = {"sun_azimuth": (-180.0, 180.0), "sun_elevation": (-90.0, 90.0), "sun_
 
 PATCH = Path(__file__).with_name("labels_patch.csv")
 PATCHED = ("sun", *NUMBERS, "direct")
-RENDERED = {"scene": "rendered", "label": "rendered", "licence": "CC0"}  # fields of panoramas that we render
+RENDERED = ("rendered", "rendered", "CC0")  # scene, label and licence of panoramas that we render
 
 _PERMISSIVE = re.compile(r"\b(cc0|cc[- ]by|mit|apache|bsd|public domain)\b")
 _RESTRICTED = re.compile(r"\b(none|unknown|as repo|likely|nc|nd|sa|non-?commercial|no ?derivatives|share-?alike)\b")

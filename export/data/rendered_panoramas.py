@@ -165,7 +165,7 @@ def _index_row(rendered: _SyntheticPanorama, number: int, root: Path) -> Panoram
     path, split = root / "panoramas" / f"{name}.webp", "val" if place % 3 == 2 else "train"
     angles_of_sun = rendered.sun_azimuth, rendered.sun_elevation, None if sun == "none" else 1.0
     direct = {"none": "no", "visible": "yes", "inferred": "partly"}[sun]
-    return Panorama(name, path, "ldr", f"place_{place:03d}", split, sun, *angles_of_sun, direct, **RENDERED)
+    return Panorama(name, path, "ldr", f"place_{place:03d}", split, sun, *angles_of_sun, direct, *RENDERED)
 
 
 def _measure_light(sky: Floats, sun: Floats | None, turbidity: float) -> _Light:

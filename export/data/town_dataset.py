@@ -83,5 +83,6 @@ def _index_row(rendered: _TownPanorama, root: Path) -> Panorama:
     has_sun = label.sun_source != "none"
     path = root / "panoramas" / f"{rendered.name}.exr"
     sun = "none" if not has_sun else "visible" if rendered.sun_visible else "inferred"
-    angles = (label.sun_azimuth, label.sun_elevation, 1.0) if has_sun else (None, None, None)
-    return Panorama(rendered.name, path, "hdr", rendered.name, "train", sun, *angles, label.direct, **RENDERED)
+    azimuth, elevation, std = (label.sun_azimuth, label.sun_elevation, 1.0) if has_sun else (None, None, None)
+    name, more = rendered.name, (label.direct, *RENDERED)
+    return Panorama(name, path, "hdr", name, "train", sun, azimuth, elevation, std, *more)
