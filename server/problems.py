@@ -63,25 +63,10 @@ NOT_READY = ProblemKind("not-ready", 503, "The network is not loaded yet")
 BUSY = ProblemKind("busy", 503, "The service is busy")
 
 KINDS = (
-    UNREADABLE_PHOTO,
-    UNREADABLE_BODY,
-    MALFORMED,
-    UNAUTHORIZED,
-    FORBIDDEN,
-    NOT_FOUND,
-    METHOD_NOT_ALLOWED,
-    TOO_SLOW,
-    REMOVED,
-    TOO_LARGE,
-    UNSUPPORTED_TYPE,
-    INVALID,
-    TOO_MANY_REQUESTS,
-    TOO_MANY_UPLOADS,
-    HEADERS_TOO_LARGE,
-    INTERNAL,
-    NOT_READY,
-    BUSY,
-)
+    UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, NOT_FOUND, METHOD_NOT_ALLOWED, TOO_SLOW,
+    REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, INVALID, TOO_MANY_REQUESTS, TOO_MANY_UPLOADS, HEADERS_TOO_LARGE, INTERNAL,
+    NOT_READY, BUSY,
+)  # fmt: skip
 _DETAIL_BY_TYPE = {  # plainer than pydantic's, by pydantic's type of error
     "missing": (ErrorCode.MISSING, "is missing"),
     "extra_forbidden": (ErrorCode.UNKNOWN, "is not known here"),

@@ -137,9 +137,8 @@ class RequestBody:
             fields = form.getlist(PHOTO_FIELD)
             files = [field for field in fields if isinstance(field, UploadFile)]
             if not 1 <= len(files) == len(fields):
-                raise problems.invalid_field_error(
-                    PHOTO_FIELD, "The form needs a file in this field and nothing else.", "form", ErrorCode.WRONG_TYPE
-                )
+                detail = "The form needs a file in this field and nothing else."
+                raise problems.invalid_field_error(PHOTO_FIELD, detail, "form", ErrorCode.WRONG_TYPE)
             if len(files) > max_photos:
                 raise _too_many_files(max_photos)
             return [Upload(await file.read(), file.filename or "") for file in files]
@@ -184,9 +183,8 @@ class _FormParser(MultiPartParser):
 
 def _too_many_files(max_photos: int) -> ProblemError:
     limit = "One photo is" if max_photos == 1 else f"At most {max_photos} photos are"
-    return problems.invalid_field_error(
-        PHOTO_FIELD, f"{limit} taken here, and the form holds more.", "form", ErrorCode.OUT_OF_RANGE
-    )
+    detail = f"{limit} taken here, and the form holds more."
+    return problems.invalid_field_error(PHOTO_FIELD, detail, "form", ErrorCode.OUT_OF_RANGE)
 
 
 def _refuse_other_fields(form: FormData) -> None:

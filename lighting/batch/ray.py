@@ -107,9 +107,8 @@ def _map_photos(job: jobs.BatchJob, names: Sequence[str], workers: int | None, p
     actors = min(workers or int(ray.cluster_resources()["CPU"]), len(names))
     context = ray.data.DataContext.get_current()
     context.enable_progress_bars = progress
-    photos = ray.data.read_binary_files(
-        [f"{base}/{name}" for name in names], filesystem=filesystem, include_paths=True, num_cpus=_TASK_CPUS
-    )
+    paths = [f"{base}/{name}" for name in names]
+    photos = ray.data.read_binary_files(paths, filesystem=filesystem, include_paths=True, num_cpus=_TASK_CPUS)
     rows = photos.map(
         _PhotoActor,
         fn_constructor_args=(job,),
@@ -117,9 +116,8 @@ def _map_photos(job: jobs.BatchJob, names: Sequence[str], workers: int | None, p
         compute=ray.data.ActorPoolStrategy(min_size=1, max_size=actors, initial_size=actors),
     )
     target, folder = _filesystem_at(job.out)
-    rows.write_parquet(
-        f"{folder}/{TABLE}", filesystem=target, schema=table_schema(), ray_remote_args={"num_cpus": _TASK_CPUS}
-    )
+    cpus = {"num_cpus": _TASK_CPUS}
+    rows.write_parquet(f"{folder}/{TABLE}", filesystem=target, schema=table_schema(), ray_remote_args=cpus)
 
 
 @contextmanager

@@ -130,10 +130,8 @@ def _ground_points(rays: Floats, scene: SphereScene) -> tuple[Floats, NDArray[np
 
 def _enlarge(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
     """Values (H, W, C) at the picture's size (h, w, C), linear between them."""
-    planes = [
-        Image.fromarray(small[..., c]).resize((camera.width, camera.height), Image.Resampling.BILINEAR)
-        for c in range(small.shape[2])
-    ]
+    channels, size = (Image.fromarray(small[..., c]) for c in range(small.shape[2])), (camera.width, camera.height)
+    planes = [channel.resize(size, Image.Resampling.BILINEAR) for channel in channels]
     return np.stack([np.asarray(plane) for plane in planes], axis=-1)
 
 
@@ -182,9 +180,8 @@ def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, scene: Sphe
 
 def _has_room(camera: Pinhole, radius: float, half_width: float) -> bool:
     """Whether the picture of a camera shows ground for balls as _find_plain_spot has them."""
-    return bool(
-        _foot_mask(_coarse_camera(camera), half_width * radius / camera.height, radius / camera.focal_length).any()
-    )
+    half = half_width * radius / camera.height
+    return bool(_foot_mask(_coarse_camera(camera), half, radius / camera.focal_length).any())
 
 
 def _find_plain_spot(

@@ -29,6 +29,10 @@ _UPRIGHT_MAP_HEIGHT = 440  # of the map below it
 _SHARE_LETTERS = 15  # pixels, size of a region's share
 _RINGS = (30, 60)  # deg of elevation, the compass's rings
 _DENSITY_SIZE = 112  # pixels of the density before enlargement
+_MAP_WORDS = (  # share of the map's width, word and anchor
+    (0.25, "90° left", "ms"), (0.5, "front", "ms"), (0.75, "90° right", "ms"),
+    (0.008, "behind", "ls"), (0.992, "behind", "rs"),
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -75,9 +79,8 @@ def lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
     foot = below + lower + GAP
     if upright:
         column = compass.x + compass.width + GAP + 8
-        return _Layout(
-            foot - GAP + MARGIN, photo, compass, envmap, spheres, [(column, top + _CELL * i) for i in range(count)]
-        )
+        cells = [(column, top + _CELL * i) for i in range(count)]
+        return _Layout(foot - GAP + MARGIN, photo, compass, envmap, spheres, cells)
     cells = [(MARGIN + i * inner // count, foot) for i in range(count)]
     return _Layout(foot + _CELL - 10 + MARGIN // 2, photo, compass, envmap, spheres, cells)
 
@@ -155,12 +158,9 @@ def draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: floa
     _draw_regions(picture, lighting, pixels)
     spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
     draw_suns(picture, spots, drawing.sun_mark_color(lighting), 6.5)
-    for share, word in ((0.25, "90° left"), (0.5, "front"), (0.75, "90° right")):
-        draw_text(picture, (box.width * share, box.height - 12), word, TextStyle(16, WHITE, anchor="ms", shaded=True))
-    for share, anchor in ((0.008, "ls"), (0.992, "rs")):
-        draw_text(
-            picture, (box.width * share, box.height - 12), "behind", TextStyle(16, WHITE, anchor=anchor, shaded=True)
-        )
+    for share, word, anchor in _MAP_WORDS:
+        style = TextStyle(16, WHITE, anchor, shaded=True)
+        draw_text(picture, (box.width * share, box.height - 12), word, style)
     return picture
 
 
@@ -201,9 +201,8 @@ def _draw_density(distribution: SunDistribution) -> Image.Image:
     density = _density(dome, distribution)
     level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_DENSITY_SIZE, _DENSITY_SIZE)
     steps = np.linspace(0.0, 1.0, len(drawing.HEAT))
-    return Image.fromarray(
-        np.stack([np.interp(level, steps, drawing.HEAT[:, c]) for c in range(3)], axis=-1).astype(np.uint8)
-    )
+    colors = np.stack([np.interp(level, steps, drawing.HEAT[:, c]) for c in range(3)], axis=-1)
+    return Image.fromarray(colors.astype(np.uint8))
 
 
 def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
@@ -225,9 +224,9 @@ def _draw_rings(panel: Image.Image, radius: float) -> None:
     draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
     draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
     draw_text(panel, (center, 16), "front", TextStyle(18, TEXT, anchor="mm"))
-    draw_text(panel, (center, panel.height - 16), "behind", TextStyle(18, drawing.MUTED, anchor="mm"))
-    for x, word in ((22.0, "left"), (panel.width - 22.0, "right")):
-        draw_text(panel, (x, center), word, TextStyle(18, drawing.MUTED, anchor="mm"))
+    far = panel.width - 22.0
+    for spot, word in (((center, panel.height - 16), "behind"), ((22.0, center), "left"), ((far, center), "right")):
+        draw_text(panel, spot, word, TextStyle(18, drawing.MUTED, anchor="mm"))
 
 
 def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
@@ -250,8 +249,7 @@ def _ring_pixels(center: float, radius: float) -> Floats:
 def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
     """Pixels (N, 2) on a compass of that size; directions below the horizon are drawn on the rim."""
     azimuth, elevation = angles(directions)
-    reach = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0
-    angle = np.radians(azimuth)
+    reach, angle = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0, np.radians(azimuth)
     return np.stack([size / 2 + reach * np.sin(angle), size / 2 - reach * np.cos(angle)], axis=-1)
 
 
@@ -290,9 +288,8 @@ def _circle_around_sun(lighting: Lighting, radius: float) -> Floats:
     """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
     right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
     angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
-    return np.asarray(
-        np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * (np.sin(angle) * right - np.cos(angle) * up)
-    )
+    across = np.sin(angle) * right - np.cos(angle) * up
+    return np.asarray(np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * across)
 
 
 def _frame_directions(lighting: Lighting, aspect: float) -> Floats:

@@ -85,9 +85,8 @@ def rotation_about(vector: Floats) -> Floats:
     """
     angle = np.linalg.norm(vector, axis=-1)[..., None, None]
     cross = cross_matrix(vector)
-    return np.asarray(
-        np.eye(3) + np.sinc(angle / np.pi) * cross + 0.5 * np.sinc(angle / (2 * np.pi)) ** 2 * (cross @ cross)
-    )
+    once, twice = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    return np.asarray(np.eye(3) + once * cross + twice * (cross @ cross))
 
 
 def cross_matrix(vector: Floats) -> Floats:
@@ -109,9 +108,8 @@ def rotation_vector(rotation: Floats) -> Floats:
     Args:
         rotation: (3, 3).
     """
-    skew = 0.5 * np.array(
-        [rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]]
-    )
+    x, y, z = rotation[2, 1] - rotation[1, 2], rotation[0, 2] - rotation[2, 0], rotation[1, 0] - rotation[0, 1]
+    skew = 0.5 * np.array([x, y, z])
     sine, cosine = float(np.linalg.norm(skew)), 0.5 * (float(np.trace(rotation)) - 1.0)
     if cosine > -0.999:
         return np.asarray(skew * (math.atan2(sine, cosine) / sine if sine > 1e-12 else 1.0))
