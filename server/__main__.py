@@ -78,14 +78,12 @@ def _refuse_arguments(arguments: Sequence[str]) -> NoReturn:
     """Print the help or the version; any other argument is wrong usage, status 2."""
     from server.settings import PREFIX, Settings
 
-    fields = Settings.model_fields.items()
-    epilog = "\n".join(
-        f"  {PREFIX + name.upper():29}{field.description}{_format_default(field.default)}" for name, field in fields
-    )
+    fields = [(f"{PREFIX}{name.upper()}", field) for name, field in Settings.model_fields.items()]
+    lines = [f"  {name:29}{field.description}{_format_default(field.default)}" for name, field in fields]
     parser = ArgumentParser(
         prog="lighting-server",
         description="Estimate the light of outdoor photos over HTTP. Settings are read from environment variables:",
-        epilog=epilog,
+        epilog="\n".join(lines),
         formatter_class=RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", action="version", version=__version__)
@@ -172,10 +170,8 @@ def _protocol_class(service: "Service") -> Any:
     """The class of a connection, with its limits."""
     from server.h11_protocol import BoundedProtocol
 
-    limits = service.settings
-    return partial(
-        BoundedProtocol, head_seconds=limits.header_seconds, answer_rate=limits.answer_rate, pending=service.pending
-    )
+    seconds, rate = service.settings.header_seconds, service.settings.answer_rate
+    return partial(BoundedProtocol, head_seconds=seconds, answer_rate=rate, pending=service.pending)
 
 
 def _logging_config(level: str) -> dict[str, Any]:

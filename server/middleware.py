@@ -58,14 +58,21 @@ async def metrics(service: ServiceDep) -> Response:
     return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
-class AccessLogMiddleware:
+class _Middleware:
+    """What lies around an ASGI app."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+
+class AccessLogMiddleware(_Middleware):
     """Gives each request an id, counts and logs it.
 
     The log holds its route and the name of its problem, never its query, body or file names.
     """
 
     def __init__(self, app: ASGIApp, service: Service) -> None:
-        self.app = app
+        super().__init__(app)
         self.service = service
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -113,14 +120,11 @@ def _request_id(headers: Headers) -> str:
     return client_id if _REQUEST_ID.fullmatch(client_id) else secrets.token_hex(8)
 
 
-class ExceptionMiddleware:
+class ExceptionMiddleware(_Middleware):
     """Answers 500 without internal details for errors that nothing else handled, and logs them.
 
     A request that outlasts the time of a shutdown is answered 503.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         started = False
@@ -140,11 +144,8 @@ class ExceptionMiddleware:
             await response(scope, receive, send)
 
 
-class HeadAsGetMiddleware:
+class HeadAsGetMiddleware(_Middleware):
     """Answers HEAD like GET, without the body."""
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def send_without_body(message: Message) -> None:
@@ -159,14 +160,11 @@ class HeadAsGetMiddleware:
             scope.update({name: inner.get(name) for name in ("route", "endpoint", "problem")})
 
 
-class DrainBodyMiddleware:
+class DrainBodyMiddleware(_Middleware):
     """Reads and drops the rest of a body before a connection closes that the client wants closed after the answer.
 
     A connection that is closed with bytes unread takes its answer with it; one that stays open is read on anyway.
     """
-
-    def __init__(self, app: ASGIApp) -> None:
-        self.app = app
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "http" and _closes_connection(scope):

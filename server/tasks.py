@@ -7,14 +7,9 @@ import numpy as np
 from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
+from lighting.envmap import surroundings
 from lighting.envmap.relighting import edit_lighting
-from lighting.envmap.surroundings import (
-    PhotoContext,
-    photo_context,
-    photo_context_for_height,
-    render_view,
-    surroundings_gain,
-)
+from lighting.envmap.surroundings import PhotoContext, photo_context, render_view, surroundings_gain
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap
 from lighting.files.atomic import encode_jpeg
@@ -107,7 +102,7 @@ def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQ
     def reread(side: int) -> Pixels:
         return service.reread_photo(data, side).pixels
 
-    context = photo_context_for_height(
+    context = surroundings.photo_context_for_height(
         estimate, photo.pixels, query.height, reread, surroundings=query.surroundings, exposure=query.photo_exposure
     )
     return encode_envmap_of_lighting(edit_lighting(estimate.lighting, query.changes()), query, context)

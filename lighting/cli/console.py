@@ -13,16 +13,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
+from lighting import errors
 from lighting.cli.process import exit_on_interrupt
-from lighting.errors import (
-    EnvironmentMapError,
-    ErrorCode,
-    ParameterError,
-    PhotoError,
-    ProbeError,
-    describe_error,
-    install_command,
-)
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
 from lighting.formatting import format_azimuth, format_tilt
 
 if TYPE_CHECKING:
@@ -149,7 +142,7 @@ def warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | N
     from lighting.registration.features import has_opencv
 
     if together and headings is None and not quiet and not has_opencv():
-        reason = f"because OpenCV is not installed: {install_command('turns')}."
+        reason = f"because OpenCV is not installed: {errors.install_command('turns')}."
         click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
 
 

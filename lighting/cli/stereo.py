@@ -9,15 +9,9 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 
 from lighting.cli import cli
+from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_png
-from lighting.cli.options import (
-    FiniteRange,
-    check_png_file,
-    parse_utc_offset_option,
-    quiet_option,
-    results_folder,
-    usage_errors,
-)
+from lighting.cli.options import FiniteRange, check_png_file, parse_utc_offset_option, quiet_option, usage_errors
 from lighting.cli.process import silence_libraries
 
 if TYPE_CHECKING:
@@ -171,7 +165,7 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 @_stereo.command("normals")
 @click.argument("day", type=_FOLDER)
-@results_folder
+@common.results_folder
 @click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
 @click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
 @click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")

@@ -59,29 +59,22 @@ def _video(
     """
     from lighting.errors import VideoError
     from lighting.model import Model
-    from lighting.video.output import (
-        FILM_FILE,
-        PARTIAL_FILE,
-        OutputOptions,
-        VideoJob,
-        check_video_folder,
-        process_video,
-    )
+    from lighting.video import output as results
 
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
-    job = VideoJob(Path(clip), Path(output), user_input, every, OutputOptions(**options))
-    check_video_folder(job.folder, overwrite=overwrite)
-    refuse_collisions(clip, str(job.folder / FILM_FILE) if job.options.film else None)
+    job = results.VideoJob(Path(clip), Path(output), user_input, every, results.OutputOptions(**options))
+    results.check_video_folder(job.folder, overwrite=overwrite)
+    refuse_collisions(clip, str(job.folder / results.FILM_FILE) if job.options.film else None)
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
-            result = process_video(job, network, lambda time: bar.update(round(time, 2) - bar.n))
+            result = results.process_video(job, network, lambda time: bar.update(round(time, 2) - bar.n))
     except VideoError as error:
         raise VideoError(f"{escape_path(clip)}: {error}") from error
     except KeyboardInterrupt:
-        _report_interrupt(job.folder / PARTIAL_FILE)
+        _report_interrupt(job.folder / results.PARTIAL_FILE)
         raise
     _report(clip, result, quiet)
     ctx.exit(1 if result.failed else 0)

@@ -13,18 +13,8 @@ from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_tilt
-from lighting.preview import panels
-from lighting.preview.drawing import (
-    BACKGROUND,
-    MUTED,
-    SUN,
-    TEXT,
-    TextStyle,
-    display_srgb,
-    draw_text,
-    rounded_mask,
-    text_width,
-)
+from lighting.preview import drawing, panels
+from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, TextStyle, draw_text, rounded_mask, text_width
 from lighting.preview.panels import GAP, LETTERS, MARGIN, WIDTH
 from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
 from lighting.records import MIN_SUITABLE, Estimate, Lighting, check_estimate
@@ -98,7 +88,7 @@ def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool
 
 def _spheres_panel(scene: SphereScene, lighting: Lighting, box: panels.Box) -> Image.Image:
     linear = render_sphere_scene(scene, lighting, box.width, box.height, supersampling=2)
-    return Image.fromarray(display_srgb(linear)).reduce(2)
+    return Image.fromarray(drawing.display_srgb(linear)).reduce(2)
 
 
 # Headline, warnings and numbers.

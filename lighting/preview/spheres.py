@@ -13,21 +13,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting import geometry
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
-from lighting.geometry import (
-    SUN_RADIUS,
-    Floats,
-    Pinhole,
-    angles,
-    camera_axes,
-    camera_directions,
-    direction,
-    focal_length,
-    latlong_directions,
-    latlong_solid_angle,
-    ray_sphere,
-    sample_latlong,
-)
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, ray_sphere, sample_latlong
 from lighting.records import Lighting
 
 MIRROR, GLOSSY, DIFFUSE = range(3)  # from left to right
@@ -114,7 +102,7 @@ def render_sphere_scene(
     """
     columns, rows = width * supersampling, height * supersampling
     camera = Pinhole(columns, rows, VERTICAL_FOV, elevation=limit_pitch(lighting))
-    rays = camera_directions(camera).astype(np.float32).reshape(-1, 3)
+    rays = geometry.camera_directions(camera).astype(np.float32).reshape(-1, 3)
     picture = _trace(np.zeros(3, np.float32), rays, replace(scene, centers=scene.centers.astype(np.float32)))
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
 
@@ -137,7 +125,7 @@ def sphere_centers(aspect: float, pitch: float) -> NDArray[np.float32]:
     """
     right, up, forward = camera_axes(0.0, pitch, 0.0)
     height = PICTURE_WIDTH / aspect
-    middle = forward * focal_length(height, VERTICAL_FOV) + up * (0.5 - CENTER_HEIGHT) * height
+    middle = forward * geometry.focal_length(height, VERTICAL_FOV) + up * (0.5 - CENTER_HEIGHT) * height
     return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * right, dtype=np.float32)
 
 
@@ -168,7 +156,7 @@ def build_sphere_scene(envmap: NDArray[np.float32], sun: Floats, centers: Floats
         ground=ground,
         ground_sky=albedo * overhead / np.pi,
         albedo=albedo,
-        diffuse_irradiance=envmap_irradiance(_scale_ground(coarse, 0.0), latlong_directions(_NORMAL_ROWS)),
+        diffuse_irradiance=envmap_irradiance(_scale_ground(coarse, 0.0), geometry.latlong_directions(_NORMAL_ROWS)),
         exchange=(),
     )
     return _add_bounces(scene, _BOUNCES)
@@ -217,7 +205,7 @@ class _RaysToSphere:
 
 def _rays_to_sphere(kind: int, scene: SphereScene) -> _RaysToSphere:
     """A ground point sees the center in one direction; the sphere then fills a cone that touches the horizon."""
-    to_center = latlong_directions(_EXCHANGE_ROWS)[: _EXCHANGE_ROWS // 2].reshape(-1, 3)
+    to_center = geometry.latlong_directions(_EXCHANGE_ROWS)[: _EXCHANGE_ROWS // 2].reshape(-1, 3)
     cones, weight = _cones(to_center)
     rays = cones.reshape(-1, 3)
     points = np.repeat(scene.centers[kind] - to_center / to_center[:, 1:2], cones.shape[1], axis=0)
@@ -255,9 +243,11 @@ def _exchange(kind: int, paths: _RaysToSphere, scene: SphereScene) -> Floats:
 def _diffuse_irradiance(scene: SphereScene) -> Floats:
     """Irradiance (h, 2h, 3) of the diffuse sphere by sky, ground and the other spheres, by its normals."""
     soft = replace(scene, sky=shrink_envmap(scene.sky, _INCOMING_ROWS))
-    rays = latlong_directions(_INCOMING_ROWS).reshape(-1, 3)
-    normals = latlong_directions(_NORMAL_ROWS).reshape(-1, 3)
-    weight = np.maximum(normals @ rays.T, 0) * np.repeat(latlong_solid_angle(_INCOMING_ROWS), 2 * _INCOMING_ROWS)
+    rays = geometry.latlong_directions(_INCOMING_ROWS).reshape(-1, 3)
+    normals = geometry.latlong_directions(_NORMAL_ROWS).reshape(-1, 3)
+    weight = np.maximum(normals @ rays.T, 0) * np.repeat(
+        geometry.latlong_solid_angle(_INCOMING_ROWS), 2 * _INCOMING_ROWS
+    )
     normal, ray = np.nonzero(weight)
     radiance = np.zeros((*weight.shape, 3))
     radiance[normal, ray] = _trace(scene.centers[DIFFUSE] + normals[normal], rays[ray], soft, DIFFUSE, disc_radius=None)
@@ -269,7 +259,11 @@ def _diffuse_irradiance(scene: SphereScene) -> Floats:
 
 
 def _trace(
-    origin: Floats, rays: Floats, scene: SphereScene, leaving: int | None = None, disc_radius: float | None = SUN_RADIUS
+    origin: Floats,
+    rays: Floats,
+    scene: SphereScene,
+    leaving: int | None = None,
+    disc_radius: float | None = geometry.SUN_RADIUS,
 ) -> Floats:
     """Radiance (N, 3) along rays (N, 3) from `origin` (3,) or (N, 3), on the sphere they are `leaving` if any.
 
@@ -344,7 +338,7 @@ def visible_sun_share(points: Floats, scene: SphereScene, leaving: int | None = 
         to_center = center - points
         along = to_center @ sun
         lateral = np.sqrt(np.maximum(_dot(to_center, to_center) - along**2, 0))
-        penumbra = 2 * np.tan(np.radians(SUN_RADIUS)) * np.maximum(along, 1e-3)
+        penumbra = 2 * np.tan(np.radians(geometry.SUN_RADIUS)) * np.maximum(along, 1e-3)
         share *= np.where(along > 0, np.clip((lateral - 1) / penumbra + 0.5, 0, 1), 1)
     return share
 

@@ -189,10 +189,8 @@ def _zoom_ratios(
     result = dict.fromkeys(members[:1], 1.0)
     order = sorted(pairs, key=lambda pair: pairs[pair].std)
     while edge := next(((i, j) for i, j in order if (i in result) != (j in result)), None):
-        first, second = (
-            _scale(views[k], lenses[k], fov) for k, fov in zip(edge, pairs[edge].vertical_fov, strict=True)
-        )
-        i, j = edge
+        (i, j), fovs = edge, pairs[edge].vertical_fov
+        first, second = (_scale(views[k], lenses[k], fov) for k, fov in zip(edge, fovs, strict=True))
         result |= {j: result[i] * second / first} if i in result else {i: result[j] * first / second}
     return result
 
@@ -227,13 +225,10 @@ def _level_group(
     up = consensus_up(group.rotations, ups, up_std**-2.0)
     heading, elevation, roll = _angles_about(up, group.rotations)
     std = np.hypot(_rotation_heading_std(group, up), _tilt_heading_std(group.rotations, up, up_std))
-    alone = len(members) == 1
-    return {
-        i: RegisteredView(
-            number, float(h), float(s), float(e), float(r), None if alone else fov_from_focal(lenses[i][0], *view.size)
-        )
-        for i, view, h, s, e, r in zip(group.members, members, heading, std, elevation, roll, strict=True)
-    }
+    fovs = [None if len(members) == 1 else fov_from_focal(lenses[i][0], *views[i].size) for i in group.members]
+    poses = np.stack([heading, std, elevation, roll], axis=1).tolist()
+    found = zip(group.members, poses, fovs, strict=True)
+    return {i: RegisteredView(number, h, s, e, r, fov) for i, (h, s, e, r), fov in found}
 
 
 def _angles_about(up: Floats, rotations: Floats) -> tuple[Floats, Floats, Floats]:

@@ -23,17 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.geometry import Floats
+from lighting.registration import rotations
 from lighting.registration.features import Matches, import_opencv
 from lighting.registration.ransac import TOLERANCE, LeastSquaresResult, least_squares, ransac_rotation
-from lighting.registration.rotations import (
-    cross_matrix,
-    focal_from_fov,
-    fov_from_focal,
-    project_points,
-    rays_through,
-    rotation_about,
-    transfer_errors,
-)
+from lighting.registration.rotations import focal_from_fov, fov_from_focal, rotation_about, transfer_errors
 
 ONE_LENS = 0.06  # logarithm of the ratio of two focal lengths up to which they may be those of one lens
 
@@ -226,7 +219,11 @@ def _refine_rotation(
 def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: _Lens) -> NDArray[np.bool_]:
     """Which matches' first points the rotation puts inside the second photo."""
     width, height = lens.sizes[1]
-    at = np.abs(project_points(rays_through(matches.a, zoom * lens.focal[0]) @ rotation.T, zoom * lens.focal[1]))
+    at = np.abs(
+        rotations.project_points(
+            rotations.rays_through(matches.a, zoom * lens.focal[0]) @ rotation.T, zoom * lens.focal[1]
+        )
+    )
     half = np.array([width, height]) / np.hypot(width, height)
     return np.asarray(np.all(at <= half, axis=1))
 
@@ -332,7 +329,7 @@ def _sampson(
     one = np.ones((len(matches), 1))
     a, b = np.hstack([matches.a, one]), np.hstack([matches.b, one])
     from_a, from_b = (np.diag([1.0, 1.0, -zoom * f]) for f in focal)
-    matrix = from_b @ cross_matrix(translation) @ rotation @ from_a
+    matrix = from_b @ rotations.cross_matrix(translation) @ rotation @ from_a
     across_b, across_a = a @ matrix.T, b @ matrix
     steep = np.sum(across_b[:, :2] ** 2, axis=1) + np.sum(across_a[:, :2] ** 2, axis=1)
     return np.asarray(np.sum(across_b * b, axis=1) / np.sqrt(np.maximum(steep, 1e-18)))
