@@ -151,8 +151,7 @@ def _with_light(lighting: Lighting, light: Light, visibility: float) -> Lighting
     Of a sun that shines the network predicts a little less than such suns give, for it keeps to the middle. Under cloud
     it predicts too weak a sky, for most such skies that it learned from are clipped pictures.
     """
-    cover = float(np.clip(light.cover, 0.0, 1.0))
-    suitable = float(np.clip(light.suitable, 0.0, 1.0))
+    cover, suitable = (float(np.clip(share, 0.0, 1.0)) for share in (light.cover, light.suitable))
     sun = clip_color(light.sun_irradiance * 2.0**_SUN_STOPS * _visibility_attenuation(visibility), "sun_irradiance")
     sky = clip_color(light.sky_irradiance * 2.0 ** (_OVERCAST_STOPS * cover), "sky_irradiance")
     lighting = replace(lighting, sun_irradiance=sun, sky_irradiance=sky)

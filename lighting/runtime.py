@@ -102,6 +102,4 @@ def keep_memory() -> None:
 
 def available_cpus() -> int:
     """Return the number of CPUs that this process may use; in a container it can be smaller than the machine's."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -79,8 +79,7 @@ def shrink_envmap(image: Image, rows: int) -> Image:
         image: (H, 2H, C).
         rows: of the result.
     """
-    height = len(image)
-    if rows >= height:
+    if rows >= (height := len(image)):
         return image
     wide = np.tensordot(_area_shares(rows, height), image, 1)  # (rows, 2H, C)
     return np.asarray(np.einsum("xw,ywc->yxc", _area_shares(2 * rows, 2 * height), wide, optimize=True))

@@ -129,6 +129,5 @@ def _model_sun_irradiance(lighting: Lighting) -> Floats:
 
 def _model_sky_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) by the model, the share of its overcast part gray."""
-    clear = clear_irradiance(lighting)
-    cover = lighting.sky_cover or 0.0
+    clear, cover = clear_irradiance(lighting), lighting.sky_cover or 0.0
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))

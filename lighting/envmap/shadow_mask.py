@@ -149,8 +149,7 @@ def _min_lit_albedo(step: float, visibility: float) -> float:
 
     By Bayes' rule with a normal distribution of log2 reflectance: in shade it would be a `step` more than it seems.
     """
-    mean, std = _LOG2_ALBEDO
-    lit = _SUNLIT_SHARE * visibility
+    (mean, std), lit = _LOG2_ALBEDO, _SUNLIT_SHARE * visibility
     return float(mean - step / 2 - std**2 * np.log(max(lit, _MIN_SUNLIT_SHARE) / (1 - lit)) / step)
 
 

@@ -311,11 +311,8 @@ def _attributes(lighting: Lighting | None) -> _Attributes:
 
 
 def _lighting_in(header: Mapping[str, Any]) -> Lighting | None:
-    text = header.get("lighting.json")
-    if text is None:
-        return None
     try:
-        return Lighting.from_dict(json.loads(text))
+        return Lighting.from_dict(json.loads(header["lighting.json"])) if "lighting.json" in header else None
     except ParameterError as error:
         raise EnvironmentMapError(f"The EXR file's lighting.json cannot be read: {error}") from error
     except (ValueError, TypeError, RecursionError) as error:

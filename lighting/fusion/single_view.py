@@ -183,9 +183,8 @@ def camera_elevation_std(gravity: Gravity | None) -> float:
     Args:
         gravity: from the metadata; None leaves the network alone.
     """
-    if gravity is None:
-        return _CAMERA_ELEVATION_STD
-    return _CAMERA_ELEVATION_STD * math.sqrt(_network_weight(gravity.std, _CAMERA_ELEVATION_STD))
+    weight = 1.0 if gravity is None else _network_weight(gravity.std, _CAMERA_ELEVATION_STD)
+    return _CAMERA_ELEVATION_STD * math.sqrt(weight)
 
 
 def _contradiction(prediction: Prediction, gravity: Gravity, subject: str = "photo") -> CodedWarning | None:

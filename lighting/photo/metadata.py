@@ -246,8 +246,8 @@ def _gps_time(tags: _Tags) -> datetime | None:
     valid = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
     if not (valid and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
         return None
-    time = datetime(year, month, day, tzinfo=UTC) + timedelta(hours=hours, minutes=minutes, seconds=seconds)
-    return _datable(time)
+    clock = timedelta(hours=hours, minutes=minutes, seconds=seconds)
+    return _datable(datetime(year, month, day, tzinfo=UTC) + clock)
 
 
 def _gps_location(tags: _Tags) -> tuple[float, float] | None:

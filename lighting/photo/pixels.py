@@ -123,8 +123,7 @@ def _convert_to_srgb(image: Image.Image, factor: int) -> Pixels:
     out = np.empty((ceil(image.height / factor), ceil(image.width / factor), 3), dtype=np.uint8)
     profile, tags = image.info.get("icc_profile"), tiff_tags(image)
     for top in edges:
-        whole = len(edges) == 1
-        part = image if whole else image.crop((0, top, image.width, min(top + rows, image.height)))
+        part = image if len(edges) == 1 else image.crop((0, top, image.width, min(top + rows, image.height)))
         small = _to_8_bits(part, tags)
         small = small.reduce(factor) if factor > 1 else small
         opaque = opaque or small.mode != "RGBA" or small.getchannel("A").getextrema() != (0, 0)
