@@ -37,10 +37,8 @@ VISIBILITY = {"yes": 1.0, "partly": 0.5, "no": 0.0}  # target by whether direct 
 _MIN_ROWS = 192  # of the smallest level
 _WHITE, _WHITE_PERCENTILE = 0.7, 80  # linear value that this percentile of the luminance has in a photo
 _MIN_WHITE = 1e-6  # luminance
-_KERNELS = {  # a bicubic filter would draw a black ring around the sun of an HDR panorama
-    "ldr": Image.Resampling.BICUBIC,
-    "hdr": Image.Resampling.BILINEAR,
-}
+# A bicubic filter would draw a black ring around the sun of an HDR panorama.
+_KERNELS = {"ldr": Image.Resampling.BICUBIC, "hdr": Image.Resampling.BILINEAR}
 
 
 @dataclass(frozen=True)

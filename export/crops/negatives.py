@@ -39,10 +39,8 @@ def read_unsuitable(folder: Path) -> list[_Unsuitable]:
     """
     if not (folder / TABLE).exists():
         return []
-    return [
-        _Unsuitable(row["kind"], row["source"].partition(":")[0], read_photo(folder / row["file"]).pixels)
-        for row in read_table(folder / TABLE, ("file", "kind", "source"))
-    ]
+    rows = read_table(folder / TABLE, ("file", "kind", "source"))
+    return [_Unsuitable(r["kind"], r["source"].partition(":")[0], read_photo(folder / r["file"]).pixels) for r in rows]
 
 
 def _vary(pixels: Picture, rng: np.random.Generator, spec: ModelSpec) -> Picture:

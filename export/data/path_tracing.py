@@ -172,12 +172,8 @@ _ARM, _MAX_CROWDED = 1.2, 0.1  # m, and the share of the horizon that may be nea
 
 _PAINTED = {"type": "mesh_attribute", "name": "vertex_color"}
 _MATTE = {"type": "diffuse", "reflectance": _PAINTED}
-_LACQUER = {
-    "type": "blendbsdf",
-    "weight": 0.12,
-    "paint": _MATTE,
-    "shine": {"type": "roughconductor", "material": "none", "alpha": 0.08},
-}
+_SHINE = {"type": "roughconductor", "material": "none", "alpha": 0.08}
+_LACQUER = {"type": "blendbsdf", "weight": 0.12, "paint": _MATTE, "shine": _SHINE}
 
 
 Linear = NDArray[np.float32]  # (h, w, 3)

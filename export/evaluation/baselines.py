@@ -32,7 +32,7 @@ def baseline_answers(truth: Truth, training: Sequence[Label]) -> dict[str, Answe
         training: labels of the panoramas of `train`.
     """
     count = len(truth.scored)
-    elevation = _sun_elevations(training)
+    elevation = np.array([label.sun_elevation for label in training if math.isfinite(label.sun_elevation)])
     fitted = [label for label in training if label.fit_ok]
     uniform = np.full(count, math.log(2 * math.pi))
     constants = {
@@ -48,11 +48,6 @@ def baseline_answers(truth: Truth, training: Sequence[Label]) -> dict[str, Answe
         "zenith": answers_from_sun(np.tile([0.0, 1.0, 0.0], (count, 1)), nll=uniform),
         "random azimuth": answers_from_sun(direction(azimuth, np.full(count, median(elevation))), nll=uniform),
     }
-
-
-def _sun_elevations(labels: Sequence[Label]) -> Floats:
-    """Sun elevations [deg] of the panoramas that have a sun."""
-    return np.array([label.sun_elevation for label in labels if math.isfinite(label.sun_elevation)])
 
 
 def _best_constant(elevation: Floats) -> float:

@@ -54,14 +54,6 @@ class Evaluation:
     figures: dict[str, Figures]
 
 
-@dataclass(frozen=True)
-class _Methods:
-    """All that answers: networks, and baselines made of the training labels."""
-
-    models: dict[str, Model]
-    training: Sequence[Label]
-
-
 def evaluate_networks(options: Options) -> Evaluation:
     """Score the networks on the `val` split and write the report.
 
@@ -74,36 +66,38 @@ def evaluate_networks(options: Options) -> Evaluation:
     """
     training = read_labels_of(read_index(options.data, "train"), options.labels)
     sources = load_sources(read_index(options.data, "val"), options.labels)
-    methods = _Methods(load_models(options.models), training)
+    models = load_models(options.models)
     options.out.mkdir(parents=True, exist_ok=True)
     lit: list[str] = []
     if options.relight:  # first, for it asks most of the folder
         lit.append(relight(options.data, options.labels, options.models, options.out))
         lit.append(light_report(options.data, options.labels, options.models))
-    crops = {protocol: _score(methods, sources, protocol) for protocol in PROTOCOLS}
+    crops = {protocol: _score(models, training, sources, protocol) for protocol in PROTOCOLS}
     for protocol, scored in crops.items():
         _write_crops(options.out / f"crops-{protocol}.csv", scored)
-    text = "\n\n".join([*_sections(options, methods, sources, crops), *lit]) + "\n"
+    text = "\n\n".join([*_sections(options, models, sources, crops), *lit]) + "\n"
     with atomic_write(options.out / "report.md") as path:
         path.write_text(text)
     return Evaluation(text, {p: stated_figures(c.truth, c.answers[c.ours]) for p, c in crops.items()})
 
 
-def _score(methods: _Methods, sources: Sequence[Source], protocol: str) -> ScoredCrops:
+def _score(models: dict[str, Model], training: list[Label], sources: list[Source], protocol: str) -> ScoredCrops:
     views = protocol_views(sources, protocol)
-    predicted = predict_views(methods.models, views)
-    truth, ours = predicted.truth, next(iter(methods.models))
+    predicted = predict_views(models, views)
+    truth, ours = predicted.truth, next(iter(models))
     outputs = predicted.network, predicted.refined
     network, answers = ({name: decode_answers(p, truth.sun) for name, p in output.items()} for output in outputs)
-    answers |= baseline_answers(truth, methods.training)
+    answers |= baseline_answers(truth, training)
     return ScoredCrops(views, truth, predicted.refined[ours], predicted.with_lens, answers, network)
 
 
-def _sections(options: Options, methods: _Methods, sources: list[Source], crops: dict[str, ScoredCrops]) -> list[str]:
+def _sections(
+    options: Options, models: dict[str, Model], sources: list[Source], crops: dict[str, ScoredCrops]
+) -> list[str]:
     sections = [format_report(p, c.truth, c.answers, c.network_answers, c.ours) for p, c in crops.items()]
-    sections += _sun_in_view(sources, methods.models)
+    sections += _sun_in_view(sources, models)
     if (options.data / PHOTOS).exists():
-        sections.append(photo_report(options.data / PHOTOS, methods.models))
+        sections.append(photo_report(options.data / PHOTOS, models))
     scored = {protocol: c for protocol, c in crops.items() if c.truth.scored.any()}
     sections += diagnostic_sections(scored, options.out, failures=options.failures)
     if options.with_metadata:
@@ -135,10 +129,8 @@ def _metadata_sections(protocol: str, scored: ScoredCrops) -> list[str]:
     metadata = simulate_metadata(scored.truth, CROPS_EACH)
     azimuth = np.array([camera.azimuth for _, camera in scored.views])
     predictions = list(zip(scored.predictions, scored.with_lens, strict=True))
-    return [
-        evidence_report(protocol, scored.truth, predictions, metadata),
-        groups_report(protocol, scored.truth, scored.predictions, metadata, azimuth, CROPS_EACH),
-    ]
+    evidence = evidence_report(protocol, scored.truth, predictions, metadata)
+    return [evidence, groups_report(protocol, scored.truth, scored.predictions, metadata, azimuth, CROPS_EACH)]
 
 
 def _write_crops(path: Path, scored: ScoredCrops) -> None:

@@ -183,7 +183,8 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
 
 def _fit_sky_trust(skies: _SkySamples) -> Floats:
     """The power (2,) of the ratio under a clear sky, and what the square of the cover adds to it."""
-    shift, target = (_chroma(values) for values in (skies.ratio, skies.true / skies.predicted))
+    logs = [np.log(np.maximum(values, 1e-9)) for values in (skies.ratio, skies.true / skies.predicted)]
+    shift, target = (log[:, ::2] - log[:, 1:2] for log in logs)  # of red and blue over green
     terms = (np.stack([np.ones_like(skies.cover), skies.cover**2], axis=1)[:, None] * shift[..., None]).reshape(-1, 2)
     weight = np.ones(len(terms))
     for _ in range(_ITERATIONS):
@@ -215,12 +216,6 @@ def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
     first = f"Power of the ratio: {trust[0]:.2f} + {trust[1]:.2f} cover^2"
     share = f"sky is seen in {100 * (shown / count):.0f} % of the crops."
     return f"{first}; {share}\n\n{markdown_table(['split', 'cover', 'crops', *names], rows)}"
-
-
-def _chroma(values: Floats) -> Floats:
-    """Log of red and blue over green (N, 2) of colours (N, 3)."""
-    logs = np.log(np.maximum(values, 1e-9))
-    return np.asarray(logs[:, ::2] - logs[:, 1:2])
 
 
 # The sun's colour: how far it goes to that of a clear sky's sun at the same height. Most panoramas clip the sun; its

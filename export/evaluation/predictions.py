@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, pinhole_camera
 from export.crops.crops import Crop, Source, crop_panorama, crop_rng, native_longer_side
@@ -18,7 +17,7 @@ from lighting.geometry import Floats, camera_directions
 from lighting.model import Model
 from lighting.photo.preprocess import pad_to_input
 from lighting.photo.reader import TARGET
-from lighting.records import ModelSpec, Prediction
+from lighting.records import Prediction
 from lighting.sun_grid import nearest_cell_density
 
 View = tuple[Source, Camera]
@@ -98,17 +97,12 @@ def predict_views(models: dict[str, Model], views: Sequence[View]) -> _ViewPredi
     refined: NetworkOutput = {name: [] for name in models}
     with_lens = []
     for i, view in enumerate(views):
-        pixels = _photo_pixels(view, first[i].spec)
+        side = min(TARGET, native_longer_side(*view))  # TARGET, or what the panorama has
+        pixels = tone_map(crop_panorama(*view, replace(first[i].spec, width=side, height=side)).linear)
         for name, predictions in network.items():
             refined[name].append(refine_camera(predictions[i], pixels))
         with_lens.append(refine_camera(first[i], pixels, view[1].vertical_fov))
     return _ViewPredictions(truth, network, refined, with_lens)
-
-
-def _photo_pixels(view: View, spec: ModelSpec) -> NDArray[np.uint8]:
-    """The view (h, w, 3) as a photo that was read: TARGET pixels along its longer side, or what the panorama has."""
-    side = min(TARGET, native_longer_side(*view))
-    return tone_map(crop_panorama(*view, replace(spec, width=side, height=side)).linear)
 
 
 def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth:

@@ -57,16 +57,8 @@ def report_probe() -> str:
             sky = [f"{errors.steps:.1f}", f"{100 * errors.longest:.1f} %", f"{100 * errors.sky:.1f} %"]
             rows.append([str(bits), name, *sky, *sun, f"{errors.rotation:.2f}°"])
     title = f"Seven exposures of 1/8000 to 1 s, {PICTURE_SIDE} x {PICTURE_SIDE} pixels, map of {MAP_HEIGHT} rows"
-    header = [
-        "bits",
-        "exposed for",
-        "rounding steps in the darkest sky",
-        "sky by the longest exposure alone, relative RMSE",
-        "sky",
-        "sun's irradiance",
-        "the probe says",
-        "alignment",
-    ]
+    of_sky = ("rounding steps in the darkest sky", "sky by the longest exposure alone, relative RMSE", "sky")
+    header = ["bits", "exposed for", *of_sky, "sun's irradiance", "the probe says", "alignment"]
     return f"## {title}\n\n{markdown_table(header, rows)}"
 
 

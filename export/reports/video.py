@@ -44,18 +44,8 @@ CLIPS_NOTE = (
     "of the exposure against the first frame [%]. `bridged`: frames in which nothing could be followed [%]. `split`: "
     "clips that were taken for several shots. `doubted`: clips whose answer has a warning."
 )
-MEDIANS = (
-    "heading",
-    "heading, 90 %",
-    "trembling",
-    "field of view",
-    "elevation",
-    "roll",
-    "to best",
-    "sun",
-    "best's sun",
-    "gain",
-)
+_OF_CAMERA = ("heading", "heading, 90 %", "trembling", "field of view", "elevation", "roll")
+MEDIANS = (*_OF_CAMERA, "to best", "sun", "best's sun", "gain")
 
 Pixels = NDArray[np.uint8]
 Angles = tuple[Floats, Floats, Floats]  # azimuth, elevation and roll (N,) [deg]; the azimuth is continuous

@@ -23,7 +23,7 @@ from export.stereo.surfaces import (
 from lighting.geometry import Floats
 from lighting.stereo.grid_search import Candidates, Pose, make_candidates, search_normals, world_to_camera
 from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, sun_directions
-from lighting.stereo.network import BY_IMAGE, NormalFeatures, normal_features
+from lighting.stereo.network import BY_IMAGE, normal_features
 
 # Days to photograph: a place, a date, the hours, the sky and how the camera stands.
 
@@ -215,12 +215,11 @@ def _albedo(shape: tuple[int, ...], rng: np.random.Generator) -> Image:
     return np.asarray(np.clip(patches, 0.1, 0.95), dtype=np.float32)
 
 
+_SearchInput = tuple[Candidates, NDArray[Any], float]  # table, suns, standard deviation of the noise
+
+
 def _sample(
-    images: Image,
-    mask: NDArray[np.bool_],
-    normals: Image,
-    search_input: tuple[Candidates, NDArray[Any], float],
-    rng: np.random.Generator,
+    images: Image, mask: NDArray[np.bool_], normals: Image, search_input: _SearchInput, rng: np.random.Generator
 ) -> Sample:
     table, suns, noise_std = search_input
     pixel_std = noise_std * float(images.max())
@@ -228,10 +227,6 @@ def _sample(
     planes = normal_features(noisy, mask, suns, search_normals(noisy, table, pixel_std), pixel_std)
     truth = np.zeros((3, *mask.shape), dtype=np.float16)
     truth[:, mask] = normals.T
-    return _padded(planes, suns, truth)
-
-
-def _padded(planes: NormalFeatures, suns: NDArray[Any], truth: NDArray[np.float16]) -> Sample:
     count = len(planes.by_image)
     by_image = np.zeros((IMAGES, BY_IMAGE - 3, CROP, CROP), dtype=np.float16)
     by_image[:count] = planes.by_image[:, :-3]

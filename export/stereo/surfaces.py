@@ -177,15 +177,10 @@ def random_relief(size: int, rng: np.random.Generator) -> Surface:
         height = height + _rough(size, rng) * rng.uniform(0.2, 1.5)
     mask = np.isfinite(height)
     filled = np.where(mask, height, np.nanmin(height))
-    inner = mask & ~_edge(mask)
-    return _of_height(filled.astype(np.float32), inner)
-
-
-def _edge(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Pixels of the mask beside one outside it, whose slopes would be those of a cliff."""
     padded = np.pad(mask, 1, mode="edge")
+    # Pixels beside one outside the mask are left out: their slopes would be those of a cliff.
     inside = padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
-    return np.asarray(mask & ~inside)
+    return _of_height(filled.astype(np.float32), mask & inside)
 
 
 def _rough(size: int, rng: np.random.Generator, roughness: float | None = None) -> Floats:

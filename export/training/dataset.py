@@ -165,10 +165,9 @@ class TrainingCrops(Dataset[Batch]):
         """The light around the camera, by source, camera and gain of the crop; its mean if two places share it."""
         if not self.radiances:
             return np.zeros(0, np.float32)
-        maps = [
-            surroundings_in_camera(self.radiances[source.panorama.path], camera, gains * gain, source.stretch)
-            for source, camera, gain in views
-        ]
+        radiances = [self.radiances[source.panorama.path] for source, _, _ in views]
+        pairs = zip(radiances, views, strict=True)
+        maps = [surroundings_in_camera(map_, c, gains * gain, s.stretch) for map_, (s, c, gain) in pairs]
         return np.asarray(np.mean(maps, axis=0, dtype=np.float32))
 
     def _light_target(self, sources: Sequence[Source], gains: Floats) -> Floats:
