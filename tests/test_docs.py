@@ -36,7 +36,7 @@ OPTIONS = sorted(
     {
         name
         for _, c in COMMANDS
-        for p in c.get_params(click.Context(c))
+        for p in c.params
         if "--help" not in p.opts and not getattr(p, "hidden", False)
         for name in (*p.opts, *p.secondary_opts)
         if name[:1] == "-"
