@@ -12,12 +12,21 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-import lighting.validation as validation
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import Floats, direction
 from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
 from lighting.sky.hosek_wilkie import sky_coefficients
-from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES, RECORD_PATHS, check_range
+from lighting.validation import (
+    COLOR_RANGES,
+    OPTIONAL_RANGES,
+    RANGES,
+    RECORD_PATHS,
+    check_color,
+    check_range,
+    convert_numpy_numbers,
+    is_finite,
+    record_path,
+)
 
 Json = dict[str, Any]  # an object of JSON, as it is read or written
 Color = tuple[float, float, float]  # linear Rec.709
@@ -96,7 +105,7 @@ class ModelSpec:
         for name in ("width", "height"):
             _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
         for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and all(map(validation.is_finite, getattr(self, name))))
+            _check_spec(name, len(getattr(self, name)) == 3 and all(map(is_finite, getattr(self, name))))
         _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
@@ -190,13 +199,13 @@ class Lighting:
     suitable: float | None = None  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
 
     def __post_init__(self) -> None:
-        validation.convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
+        convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
         for name, limits in _PLAIN_RANGES.items():
             if name in RANGES or getattr(self, name) is not None:
                 check_range(name, getattr(self, name), *limits)
         for name, limits in COLOR_RANGES.items():
             if getattr(self, name) is not None:
-                validation.check_color(name, getattr(self, name), *limits)
+                check_color(name, getattr(self, name), *limits)
         _check_headings(self.camera_heading_probability)
         for name in ("model_name", "model_version"):
             if not isinstance(text := getattr(self, name), str):
@@ -249,7 +258,7 @@ class Lighting:
         try:
             return cls(**values)
         except ParameterError as error:
-            raise error.renamed(validation.record_path) from error
+            raise error.renamed(record_path) from error
 
 
 def check_lighting(thing: object) -> None:

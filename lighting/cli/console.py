@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 
 import click
 
-from lighting import errors
+import lighting.errors as errors
 from lighting.cli.process import exit_on_interrupt
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
 from lighting.formatting import format_azimuth, format_tilt

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting import geometry
+import lighting.geometry as geometry
 from lighting.color import srgb_decode, tone_map
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit

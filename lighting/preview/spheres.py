@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import geometry
+import lighting.geometry as geometry
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, ray_sphere, sample_latlong
 from lighting.records import Lighting

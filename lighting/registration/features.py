@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import geometry
+import lighting.geometry as geometry
 from lighting.errors import require_extra
 from lighting.geometry import Floats
 

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import runtime
+import lighting.runtime as runtime
 from lighting.circular import weighted_median
 from lighting.errors import ErrorCode, LightingError, TurnsError
 from lighting.geometry import Floats, wrap_azimuth

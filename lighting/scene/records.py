@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting import geometry
+import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
