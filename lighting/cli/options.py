@@ -229,7 +229,7 @@ def parse_time_option(_ctx: click.Context, _param: click.Parameter, text: str | 
         _param: of click.
         text: such as 2024-06-01T14:30+02:00; None where not stated.
     """
-    from lighting.photo.metadata import parse_time
+    from lighting.photo.clock import parse_time
 
     return None if text is None else _parsed(parse_time, text)
 
@@ -242,7 +242,7 @@ def parse_utc_offset_option(_ctx: click.Context, _param: click.Parameter, text: 
         _param: of click.
         text: such as +02:00 or 2; None where not stated.
     """
-    from lighting.photo.metadata import parse_utc_offset
+    from lighting.photo.clock import parse_utc_offset
 
     return None if text is None else _parsed(parse_utc_offset, text)
 

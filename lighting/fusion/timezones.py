@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import SUN_RADIUS
-from lighting.photo.metadata import HeadingReference, PhotoMetadata, to_utc
+from lighting.photo.clock import to_utc
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.solar_position import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
 
 # Hours from UTC that clocks follow somewhere, summer times included.

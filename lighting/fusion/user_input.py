@@ -8,7 +8,7 @@ from datetime import datetime
 import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
+from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, is_finite
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
@@ -50,7 +50,7 @@ class UserInput:
     def _check_time(self) -> None:
         if not isinstance(self.time, datetime | None):
             kind = reprlib.repr(self.time)
-            predicate = f"must be a datetime, not {kind}; lighting.photo.metadata.parse_time makes one of a text."
+            predicate = f"must be a datetime, not {kind}; lighting.photo.clock.parse_time makes one of a text."
             raise ParameterError.about("time", predicate, ErrorCode.WRONG_TYPE)
         if self.time is not None and not YEAR_RANGE[0] <= self.time.year <= YEAR_RANGE[1]:
             sentence = f"The time must lie in the years {YEAR_RANGE[0]} to {YEAR_RANGE[1]}."

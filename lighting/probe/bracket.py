@@ -16,6 +16,7 @@ import numpy as np
 from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import read_exr_attributes
+from lighting.photo.clock import to_utc
 from lighting.photo.linear import (
     RAW_SUFFIXES,
     Curve,
@@ -24,7 +25,7 @@ from lighting.photo.linear import (
     read_linear,
     read_metadata_and_exposure,
 )
-from lighting.photo.metadata import PhotoMetadata, to_utc
+from lighting.photo.metadata import PhotoMetadata
 
 _FLOAT_SUFFIXES = tuple(f".{name}" for name, entry in MAP_FORMATS.items() if entry.read)
 PICTURE_SUFFIXES = (".png", ".tif", ".tiff", ".jpg", ".jpeg", *_FLOAT_SUFFIXES)

@@ -20,8 +20,9 @@ from PIL import ExifTags, Image
 from lighting.errors import EnvironmentMapError, PhotoError
 from lighting.files.exr import read_exr
 from lighting.fusion.timezones import location_of
+from lighting.photo.clock import parse_time, to_utc
 from lighting.photo.linear import RAW_SUFFIXES, Curve, read_linear
-from lighting.photo.metadata import HeadingReference, PhotoMetadata, parse_time, to_utc
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.planner import MAX_PROBE_GAP, day_maps, read_skies
 

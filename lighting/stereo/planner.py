@@ -13,7 +13,7 @@ from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files.exr import read_envmap
 from lighting.geometry import Floats, latlong_directions
-from lighting.photo.metadata import UTC_OFFSET_RANGE, YEAR_RANGE
+from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.probe.bracket import probes_in
 from lighting.records import Json
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, skies_from_maps

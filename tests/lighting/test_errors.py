@@ -33,7 +33,7 @@ from lighting.errors import (
 from lighting.files import write_envmap
 from lighting.files.exr import write_exr
 from lighting.model import Model
-from lighting.photo.metadata import parse_time, parse_utc_offset
+from lighting.photo.clock import parse_time, parse_utc_offset
 from lighting.photo.reader import photo_from_array
 from lighting.preview.picture import _draw_preview, preview_png
 from lighting.records import Lighting

@@ -3,8 +3,7 @@
 import math
 import struct
 import time
-from contextlib import suppress
-from datetime import UTC, datetime, timedelta, timezone
+from datetime import UTC, datetime
 from typing import Any
 
 import pillow_heif
@@ -14,96 +13,11 @@ from hypothesis import strategies as st
 from PIL import ExifTags, Image
 from PIL.TiffImagePlugin import IFDRational
 
-from lighting.errors import ParameterError
-from lighting.photo.metadata import (
-    _MAX_XMP_BYTES,
-    PhotoMetadata,
-    _xmp_properties,
-    parse_time,
-    parse_utc_offset,
-    read_metadata,
-    to_utc,
-    vertical_fov_from_focal_length,
-)
+from lighting.photo.metadata import PhotoMetadata, read_metadata, vertical_fov_from_focal_length
 from lighting.photo.reader import read_photo
+from lighting.photo.tags import _MAX_XMP_BYTES, read_xmp
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, drone, packet
-
-
-@pytest.mark.parametrize(
-    ("text", "time"),
-    [
-        ("2024-06-01T14:30", datetime(2024, 6, 1, 14, 30)),
-        (" 2024-06-01 14:30:05 ", datetime(2024, 6, 1, 14, 30, 5)),
-        ("2024-06-01T14:30Z", datetime(2024, 6, 1, 14, 30, tzinfo=UTC)),
-        ("20240601T143005,5Z", datetime(2024, 6, 1, 14, 30, 5, 500_000, tzinfo=UTC)),
-        ("2024-W22-6T14:30-0000", datetime(2024, 6, 1, 14, 30, tzinfo=UTC)),
-        ("2024-06-01 14:30 +05:30", datetime(2024, 6, 1, 14, 30, tzinfo=timezone(timedelta(hours=5.5)))),
-        ("2024-06-01T14:30+05:30", datetime(2024, 6, 1, 14, 30, tzinfo=timezone(timedelta(hours=5.5)))),
-    ],
-)
-def test_times(text: str, time: datetime) -> None:
-    found = parse_time(text)
-    assert found == time
-    assert found.utcoffset() == time.utcoffset()
-
-
-@pytest.mark.parametrize(
-    "text",
-    ["", "now", "2024-02-30T10:00", "2024-06-01", "20240601", "2024-06-01T25:00", "9999-12-31T23:59-12:00", "14:30"],
-)
-def test_impossible_times_are_refused_in_one_sentence(text: str) -> None:
-    with pytest.raises(ParameterError, match=r" is (not )?a .*\.$"):
-        parse_time(text)
-
-
-@pytest.mark.parametrize(
-    "text", ["2024-06-01T12:00\0Z", "2024-06-01x12:00", "2024-06-01\x1b12:00", "2024-06-01T12:00_+02:00"]
-)
-def test_what_python_reads_as_a_time_and_people_do_not_write_is_refused(text: str) -> None:
-    with pytest.raises(ParameterError, match="is not a time such as"):
-        parse_time(text)
-
-
-@pytest.mark.parametrize("text", ["2024-06-01T12:00+23:00", "2024-06-01T12:00-12:30"])
-def test_times_of_no_zone_are_refused(text: str) -> None:
-    with pytest.raises(ParameterError, match="offset from UTC"):
-        parse_time(text)
-
-
-@pytest.mark.parametrize(
-    ("text", "hours"),
-    [
-        ("+02:00", 2),
-        ("-03:30", -3.5),
-        ("0545", 5.75),
-        ("Z", 0),
-        ("2", 2),
-        ("-9.5", -9.5),
-        ("+14", 14),
-        ("-00:30", -0.5),
-    ],
-)
-def test_offsets(text: str, hours: float) -> None:
-    assert parse_utc_offset(text) == hours
-
-
-@pytest.mark.parametrize("text", ["", "CET", "+2:75", "14:30", "-13", "1e1", "nan", "+02:00:00", "٣"])
-def test_offsets_of_no_zone_are_refused(text: str) -> None:
-    with pytest.raises(ParameterError, match=r"offset from UTC"):
-        parse_utc_offset(text)
-
-
-@given(st.text())
-def test_any_text_is_read_or_refused(text: str) -> None:
-    for read in (parse_time, parse_utc_offset):
-        with suppress(ParameterError):
-            assert read(text) is not None
-
-
-def test_local_time_in_utc() -> None:
-    assert to_utc(datetime(2024, 1, 1, 1, 0), 2.0) == datetime(2023, 12, 31, 23, 0, tzinfo=UTC)
-
 
 pillow_heif.register_heif_opener()
 
@@ -364,15 +278,15 @@ BOMB = (
 
 def test_attributes_and_elements_are_alike() -> None:
     for elements in (False, True):
-        found = _xmp_properties(drone("-12.30", elements=elements))
+        found = read_xmp(drone("-12.30", elements=elements))
         assert found[PITCH] == "-12.30"
-        assert _xmp_properties(drone("-12.30", elements=elements) + b"\0\0 \n") == found
-        assert _xmp_properties(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
+        assert read_xmp(drone("-12.30", elements=elements) + b"\0\0 \n") == found
+        assert read_xmp(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
 
 
 def test_the_first_of_two_counts() -> None:
     twice = packet(DJI, {"GimbalPitchDegree": "-1"}).replace(b"</rdf:RDF>", b"<d:a xmlns:d='u'>2</d:a></rdf:RDF>")
-    assert _xmp_properties(twice)[PITCH] == "-1"
+    assert read_xmp(twice)[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(
@@ -393,7 +307,7 @@ def test_the_first_of_two_counts() -> None:
     ],
 )
 def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
-    assert _xmp_properties(data) == {}
+    assert read_xmp(data) == {}
 
 
 @pytest.mark.parametrize(
@@ -408,7 +322,7 @@ def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
 )
 def test_no_packet_takes_long(data: bytes) -> None:
     start = time.process_time()
-    _xmp_properties(data)
+    read_xmp(data)
     assert time.process_time() - start < 1.0
 
 
@@ -422,4 +336,4 @@ def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
 @given(st.binary(max_size=200))
 def test_no_packet_whatever_raises(data: bytes) -> None:
     for start in (b"", b"<", b"<x ", drone("-1")[:200]):
-        _xmp_properties(start + data)
+        read_xmp(start + data)

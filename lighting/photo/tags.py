@@ -1,0 +1,119 @@
+"""EXIF tags and XMP properties as plain values; all of them are hostile input."""
+
+import math
+import struct
+from collections.abc import Callable, Mapping
+from typing import Any, TypeVar
+from xml.parsers import expat
+
+from PIL import Image
+
+Tags = Mapping[int, Any]
+_Value = TypeVar("_Value")
+
+_MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
+
+
+def read_ifd(image: Image.Image, ifd: int) -> Tags:
+    """The tags of one directory of an image's EXIF block; empty where it cannot be read. Never raises.
+
+    Args:
+        image: opened by Pillow.
+        ifd: number of the directory, of `ExifTags.IFD`.
+    """
+    try:
+        return dict(image.getexif().get_ifd(ifd))
+    except Exception:  # Pillow raises nearly anything on hostile bytes
+        return {}
+
+
+def try_read(read: Callable[[Tags], _Value | None], tags: Tags) -> _Value | None:
+    """What a function reads of tags; None where they are absent, damaged or impossible.
+
+    Args:
+        read: a function of the tags.
+        tags: of one directory.
+    """
+    try:
+        return read(tags)
+    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error):
+        return None
+
+
+def read_number(value: Any) -> float:
+    """A finite number in a tag's value.
+
+    Args:
+        value: of a tag.
+
+    Raises:
+        ValueError: it is none, as 0/0 is.
+    """
+    number = float(value)
+    if not math.isfinite(number):
+        raise ValueError("not a finite number")
+    return number
+
+
+def read_text(value: Any) -> str:
+    """The text in a tag's value, without blanks and NULs at its ends.
+
+    Args:
+        value: of a tag.
+
+    Raises:
+        TypeError: it is no text.
+    """
+    text = value.decode("ascii") if isinstance(value, bytes) else value
+    if not isinstance(text, str):
+        raise TypeError("not a text")
+    return text.strip("\0 ")
+
+
+def read_xmp(packet: Any) -> dict[str, str]:
+    """Attributes and elements of an XMP packet by "namespace name", the first of each; empty for what is no XMP.
+
+    Namespaces have no slash at their ends, since writers disagree about it. Never raises.
+
+    Args:
+        packet: bytes of XML.
+    """
+    if not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
+        return {}
+    reader = _Reader()
+    try:
+        reader.parser.Parse(packet.rstrip(b"\0 \t\r\n"), True)
+    except (expat.ExpatError, ValueError, LookupError):  # LookupError: an encoding that nobody knows
+        return {}
+    return reader.properties
+
+
+class _Reader:
+    """Collects the properties while expat reads; nothing of it nests, however deep the packet is."""
+
+    def __init__(self) -> None:
+        self.properties: dict[str, str] = {}
+        self._text: list[str] = []
+        self.parser = expat.ParserCreate(namespace_separator=" ")
+        self.parser.buffer_text = True
+        self.parser.StartDoctypeDeclHandler = self._refuse  # without a document type there are no entities to expand
+        self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._text.append
+
+    def _refuse(self, *_: object) -> None:
+        raise ValueError("A packet has no document type.")
+
+    def _start(self, _: str, attributes: dict[str, str]) -> None:
+        self._text.clear()
+        for name, value in attributes.items():
+            self._keep(name, value)
+
+    def _end(self, name: str) -> None:
+        self._keep(name, "".join(self._text))
+        self._text.clear()
+
+    def _keep(self, name: str, value: str) -> None:
+        namespace, _, local = name.rpartition(" ")
+        if text := value.strip():
+            self.properties.setdefault(f"{namespace.rstrip('/')} {local}", text)
