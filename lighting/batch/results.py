@@ -200,7 +200,8 @@ def write_parquet(out: Path) -> None:
     import pyarrow
     from pyarrow.parquet import ParquetWriter
 
-    with atomic_write(out / TABLE) as path, ParquetWriter(path, table_schema()) as writer:
+    # absolute, since a name such as `s3:...` would be an address
+    with atomic_write(out / TABLE) as path, ParquetWriter(path.absolute(), table_schema()) as writer:
         rows = _rows(out / JOURNAL)
         while part := list(islice(rows, ROW_GROUP_SIZE)):
             writer.write_table(pyarrow.Table.from_pylist(part, table_schema()))

@@ -141,6 +141,14 @@ _MIN_JUMP_BACK = 3.0  # frames by which times jump back between joined recording
 _MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
 _MAX_MISSING_END = 0.75  # s that may be missing at the end of a whole clip
 
+_FORMATS = (  # FFmpeg's names of what is read: each keeps all it shows in its one file
+    *("apng", "asf", "avi", "dv", "flv", "gif", "ivf", "matroska", "mov", "mpeg", "mpegts", "mxf", "nut", "ogg"),
+    *("dnxhd", "h263", "h264", "hevc", "av1", "m4v", "mjpeg", "mpegvideo", "obu", "vc1", "vvc", "yuv4mpegpipe"),
+    *("aac", "aiff", "amr", "flac", "mp3", "wav"),  # to say that they hold only sound
+)
+_PLAYLIST_SUFFIXES = (".m3u8", ".m3u", ".ffconcat", ".mpd", ".ism", ".sdp", ".pls", ".asx", ".xspf", ".smil")
+_PLAYLIST_START = re.compile(rb"(\xef\xbb\xbf)?\s*(#EXTM3U|ffconcat|\[playlist\]|v=0\s|<[?a-z])", re.IGNORECASE)
+
 
 @dataclass(frozen=True, eq=False)
 class Frame:
@@ -276,16 +284,38 @@ class Clip:
         return _ClipInfo(width, height, rate, duration, curve, metadata, gimbal)
 
 
+def local_address(path: Path) -> str:
+    """Return the name by which FFmpeg takes a path for that file, whatever the name looks like.
+
+    Else `http:...` is fetched, `concat:a|b` reads two other files, and `%d` stands for numbers.
+
+    Args:
+        path: of a file to read or to write.
+    """
+    return f"file:{path.absolute()}"
+
+
 def _open_container(path: Path) -> Any:
+    """The file by FFmpeg, which opens no other file and no connection for it."""
     av = require_extra("av", "Video needs PyAV", "video")
-    if path.is_dir():
-        raise VideoError("This is a folder; a clip is one file. Join frames to one first, with ffmpeg for example.")
-    with path.open("rb"):  # a missing or forbidden file is an OSError that names it
-        pass
+    _check_file(path)
+    options = {"protocol_whitelist": "file", "format_whitelist": ",".join(_FORMATS)}
     try:
-        return av.open(str(path), metadata_errors="replace")
+        return av.open(local_address(path), options=options, metadata_errors="replace")
     except (av.FFmpegError, ValueError) as error:
         raise VideoError("The file is not a clip that can be read, or it is damaged or cut short.") from error
+
+
+def _check_file(path: Path) -> None:
+    """Raise VideoError for what is no file of its own, OSError for one that is missing or forbidden."""
+    if path.is_dir():
+        raise VideoError("This is a folder; a clip is one file. Join frames to one first, with ffmpeg for example.")
+    if path.exists() and not path.is_file():
+        raise VideoError("This is a pipe or a device; a clip is a file.")
+    with path.open("rb") as stream:
+        start = stream.read(64)
+    if path.suffix.lower() in _PLAYLIST_SUFFIXES or _PLAYLIST_START.match(start):
+        raise VideoError("This is a playlist, which names other files; a clip is one file.")
 
 
 def _video_stream(container: Any) -> Any:

@@ -27,7 +27,7 @@ from lighting.preview.drawing import (
     text_width,
 )
 from lighting.preview.spheres import render_spheres
-from lighting.video.decode import Clip
+from lighting.video.decode import Clip, local_address
 from lighting.video.shot import FrameLight
 
 FILM_SIDE = 768  # pixels of the longer side
@@ -161,7 +161,7 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
     import av
 
     codec = next(name for name in ("libx264", "libopenh264", "mpeg4") if name in av.codec.codecs_available)
-    with av.open(str(target), "w", format="mp4") as film:
+    with av.open(local_address(target), "w", format="mp4") as film:
         stream: Any = None
         for time, picture in pictures:
             if stream is None:

@@ -1,5 +1,7 @@
 """Clips read frame by frame: rotation, HDR, times, damage."""
 
+import os
+import socket
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,7 +12,7 @@ import pytest
 
 from lighting.color import srgb_encode
 from lighting.errors import VideoError
-from lighting.video.decode import Clip, _hlg_decode, _pq_decode, _to_srgb, _upright_pixels
+from lighting.video.decode import Clip, _hlg_decode, _pq_decode, _to_srgb, _upright_pixels, local_address
 from tests.helpers.clips import Pixels, pan, write_clip
 
 TOP_RED = np.zeros((180, 320, 3), np.uint8)
@@ -236,6 +238,53 @@ def test_what_is_no_clip_is_said_in_a_sentence(tmp_path: Path, kind: str) -> Non
     with pytest.raises(VideoError) as raised:
         Clip(path)
     assert str(raised.value).endswith(".")
+
+
+@pytest.mark.parametrize(
+    "name", ["http:127.0.0.1:{port}?.mp4", "tcp:127.0.0.1:{port}.mp4", "concat:a.mp4|b.mp4", "%d.mp4"]
+)
+def test_a_name_is_never_an_address(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    """Nor a list of files or a pattern; the film's name is none either."""
+    monkeypatch.chdir(tmp_path)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(0.1)
+        path = Path(name.format(port=server.getsockname()[1]))
+        write_clip(tmp_path / "a.mp4", pan(3)).rename(path)
+        with Clip(path) as clip:
+            assert len(list(clip.frames())) == 3
+        with av.open(local_address(path), "w", format="mp4") as film:
+            film.add_stream("libx264", rate=30)
+        with pytest.raises(TimeoutError):
+            server.accept()
+    assert [file.name for file in tmp_path.iterdir()] == [path.name]
+
+
+@pytest.mark.parametrize("suffix", [".mp4", ".m3u8", ".ts"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "#EXTM3U\n#EXT-X-TARGETDURATION:9\n#EXTINF:9,\n{clip}\n#EXT-X-ENDLIST\n",
+        "ffconcat version 1.0\nfile {clip}\n",
+        "# a comment first\nfile {clip}\n",
+        '<?xml version="1.0"?><MPD></MPD>',
+    ],
+)
+def test_a_playlist_opens_no_other_file(tmp_path: Path, text: str, suffix: str) -> None:
+    write_clip(tmp_path / "clip.ts", pan(3))
+    playlist = tmp_path / f"a{suffix}"
+    playlist.write_text(text.format(clip="clip.ts"))
+    words = (
+        "not a clip" if text.startswith("# a") and suffix != ".m3u8" else "This is a playlist, which names other files"
+    )
+    with pytest.raises(VideoError, match=words):
+        Clip(playlist)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX")
+def test_a_pipe_does_not_hang(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.mp4")
+    with pytest.raises(VideoError, match="a pipe or a device"):
+        Clip(tmp_path / "a.mp4")
 
 
 def test_a_folder_of_frames_is_told_from_a_clip(tmp_path: Path) -> None:
