@@ -35,6 +35,17 @@ def test_nothing_is_published_before_the_whole_check() -> None:
     assert all(re.search(r"^    needs: (check|wheel)$", job, re.MULTILINE) for job in release.values())
 
 
+def test_the_code_of_a_pull_request_runs_without_privileges() -> None:
+    container = jobs(ROOT / ".github" / "workflows" / "check.yml")["check"]
+    options = re.findall(r"^      options: (.*)$", container, re.MULTILINE)
+    assert options == [
+        "${{ github.event_name == 'pull_request' && '--security-opt=no-new-privileges' || '--privileged' }}"
+    ]
+    assert "--privileged" not in container.replace(options[0], "")
+    for workflow in WORKFLOWS:  # these would run a stranger's code with the repository's rights
+        assert "pull_request_target" not in text(workflow)
+
+
 def test_the_check_leaves_the_checkout_alone() -> None:
     assert not re.search(r"\brm\b(?! -rf \"\$work\")", CHECK)
     assert CHECK.index('cd "$work/copy"') < CHECK.index("run_readme try")

@@ -57,7 +57,7 @@ def print_estimate(name: str, estimate: "Estimate", as_json: bool, quiet: bool) 
     from lighting.records import json_line
 
     if as_json:
-        click.echo(json_line(name, estimate.lighting))
+        click.echo(json_line(escape_undecodable(name), estimate.lighting))
     else:
         click.echo(format_summary(name, estimate.lighting))
         report_warnings(name, estimate.warnings, quiet)
@@ -75,7 +75,7 @@ def report_failure(name: str, error: Exception, as_json: bool, progress: Any) ->
     from lighting.records import json_line
 
     if as_json:
-        click.echo(json_line(name, describe_error(error)))
+        click.echo(json_line(escape_undecodable(name), escape_undecodable(describe_error(error))))
     with progress.external_write_mode(file=sys.stderr):
         click.echo(f"Error: {escape_path(name)}: {escape_control_chars(describe_error(error))}", err=True)
 
@@ -153,6 +153,17 @@ def escape_path(name: str) -> str:
         name: as the user typed it; "-" is stdin.
     """
     return {"-": "stdin", "": "''"}.get(name) or escape_control_chars(click.format_filename(name))
+
+
+def escape_undecodable(name: str) -> str:
+    """Return the name of a file, or a text that holds one, for JSON: bytes that are not UTF-8 as escapes as \\xe9.
+
+    JSON could hold such a byte only as half a surrogate pair, which many programs refuse.
+
+    Args:
+        name: as the user typed it.
+    """
+    return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
 def escape_control_chars(text: str) -> str:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from lighting.cli import cli
-from lighting.cli.console import parse_lighting, prefix_errors, read_lighting, read_picture_bytes
+from lighting.cli.console import escape_undecodable, parse_lighting, prefix_errors, read_lighting, read_picture_bytes
 from lighting.cli.process import silence_libraries
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def _info(file: str) -> None:
     """Describe an EXR, HDR, network, record or photo as JSON."""
     describe = _BY_SUFFIX.get(Path(file).suffix.lower(), _describe_picture)
-    click.echo(json.dumps({"file": file, **describe(file)}, indent=2))
+    click.echo(json.dumps({"file": escape_undecodable(file), **describe(file)}, indent=2))
 
 
 def _describe_record(file: str) -> "Json":

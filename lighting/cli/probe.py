@@ -10,7 +10,7 @@ import click
 
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.console import escape_path, prefix_errors
+from lighting.cli.console import escape_path, escape_undecodable, prefix_errors
 from lighting.cli.options import FiniteRange
 from lighting.cli.process import silence_libraries
 from lighting.errors import ProbeError
@@ -222,7 +222,7 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
     """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""
     state = _state(sky, sun)
     if as_json:
-        click.echo(json.dumps({"file": sky, **state.to_dict()}))
+        click.echo(json.dumps({"file": escape_undecodable(sky), **state.to_dict()}))
         return
     trust = "" if state.trusted else ", not to be trusted"
     click.echo(

@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from pydantic_core import from_json
 
 from lighting.cli.console import _CONTROLS, escape_control_chars, escape_path, format_summary
 from lighting.envmap.render import render
@@ -24,6 +25,25 @@ def test_envmap_writes_by_suffix(network: Path, photo_path: Path, tmp_path: Path
     assert (tmp_path / name).read_bytes().startswith(magic)
     assert result.stdout == invoke_command("estimate", photo_path, "--model", network).stdout
     assert {p.name for p in tmp_path.iterdir()} == {"photo.jpg", name}
+
+
+@pytest.mark.parametrize("command", [["estimate", "--json"], ["info"]])
+def test_json_holds_names_that_are_not_utf_8_as_plain_escapes(
+    command: list[str], network: Path, photo_path: Path, tmp_path: Path
+) -> None:
+    """Half a surrogate pair, which `json.dumps` makes of such a byte, is refused by strict readers."""
+    name = os.fsencode(tmp_path) + b"/caf\xe9.jpg"
+    try:
+        os.link(photo_path, name)
+    except OSError:
+        pytest.skip("the file system takes UTF-8 alone")
+    model = ["--model", str(network)] if command[0] == "estimate" else []
+    for path in (os.fsdecode(name), os.fsdecode(name.replace(b"caf", b"absent"))):
+        result = invoke_command(*command, path, *model)
+        for line in result.stdout.splitlines() if command[0] == "estimate" else filter(None, [result.stdout]):
+            record = from_json(line)  # strict
+            assert record["file"].endswith("\\xe9.jpg")
+            assert record == json.loads(line)
 
 
 @pytest.mark.parametrize("command", [["estimate"], ["info"], ["render", "-o", "a.exr"], ["preview", "-o", "a.png"]])
