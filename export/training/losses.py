@@ -36,9 +36,7 @@ def training_losses(predicted: NetworkOutput, batch: Batch) -> dict[str, Tensor]
     if predicted.sun_in_view.shape[1]:
         parts["seen"] = _cross_entropy(predicted.sun_in_view, batch.sun_in_view)
     if predicted.surroundings.shape[1]:
-        target, answer = batch.surroundings, predicted.surroundings.float()
-        error = F.smooth_l1_loss(answer, target.nan_to_num(), reduction="none", beta=0.3).mean(dim=1)
-        parts["around"] = _SURROUNDINGS_WEIGHT * _masked_mean(error, torch.isfinite(target).all(dim=1))
+        parts["around"] = _SURROUNDINGS_WEIGHT * _surroundings(predicted.surroundings.float(), batch.surroundings)
     if predicted.camera.shape[1]:
         parts["camera"] = _CAMERA_WEIGHT * _camera(predicted.camera, target[:, 2:5], finite[:, 2:5])
     if predicted.light.shape[1]:
@@ -52,6 +50,11 @@ def _sun(logits: Tensor, batch: Batch) -> Tensor:
     cross = -(batch.sun * log_chance).sum(dim=1)
     mean = -torch.logsumexp(log_chance + batch.sun.clamp_min(_MIN_LIKELIHOOD).log(), dim=1)
     return _masked_mean(torch.where(batch.is_likelihood, mean, cross), batch.sun.sum(dim=1) > 0.5)
+
+
+def _surroundings(predicted: Tensor, target: Tensor) -> Tensor:
+    error = F.smooth_l1_loss(predicted, target.nan_to_num(), reduction="none", beta=0.3).mean(dim=1)
+    return _masked_mean(error, torch.isfinite(target).all(dim=1))
 
 
 def _camera(logits: Tensor, target: Tensor, known: Tensor) -> Tensor:

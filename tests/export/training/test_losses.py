@@ -61,3 +61,20 @@ def test_light_and_camera_cost_nothing_where_they_are_right_or_unknown() -> None
     assert parts["around"].item() == pytest.approx(0.0, abs=1e-6)
     off = training_losses(predicted._replace(camera=bins.flip(2).roll(9, 2)), batch)
     assert off["camera"].item() > parts["camera"].item() + 0.5
+
+
+@pytest.mark.parametrize("around", [float("nan"), 3.0])
+def test_the_light_around_the_camera_changes_no_other_cost(around: float) -> None:
+    raw = torch.tensor([[0.1, -0.2, 0.3, -0.4, 0.5, 0.0]])
+    empty = torch.zeros(1, 0)
+    light = torch.full((1, 7), 0.1)
+    bins = torch.linspace(-1, 1, camera_bin_targets(raw[:, 2:5]).numel()).reshape(1, 3, -1)
+    predicted = NetworkOutput(empty, raw, empty, torch.zeros(1, 6), bins, light, empty)
+    target = torch.full((1, 6), around)
+    batch = Batch(torch.zeros(1, 3, 1, 1), empty, decode_parameters(raw), empty, target, light, torch.tensor([False]))
+    parts = training_losses(predicted, batch)
+    without = training_losses(predicted._replace(surroundings=empty), batch)
+    assert set(parts) == {*without, "around"}
+    for name, cost in without.items():
+        assert parts[name].item() == pytest.approx(cost.item()), name
+        assert np.isfinite(cost.item())
