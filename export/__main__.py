@@ -273,6 +273,22 @@ def _video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -
     click.echo(report_video(data, Model.load(model), kinds, count))
 
 
+@_report.command("map-detail")
+@_data
+@_option("--count", "Crops, each of another panorama.", click.IntRange(4), 100)
+@_option(
+    "--split", "Panoramas that are cropped; choose nothing by those of val.", click.Choice(["val", "train"]), "val"
+)
+@_option("--cache", "Folder that keeps estimates and truths.", default="runs/map-detail")
+@_network
+def _map_detail(data: Path, count: int, split: str, cache: Path, model: Path | None) -> None:
+    """How real maps look around the photo, and how near objects lit by them come to the truth."""
+    from export.reports.map_detail import report_map_detail
+    from lighting.model import Model
+
+    click.echo(report_map_detail(data, Model.load(model), count, split, cache))
+
+
 @_report.command("photo-sets")
 @_data
 @_option("--count", "At most so many places. [all]", click.IntRange(1))
