@@ -223,24 +223,6 @@ def distance_by_places(features: Floats, true: Floats, places: NDArray[np.str_])
     return float(np.mean(distances)), float(np.std(distances))
 
 
-def imagenet_features() -> Callable[[list[Images]], Floats]:
-    """A function that takes N pictures (S, S, 3), sRGB 0 to 1, to their features (N, 1280) by EfficientNet-Lite0."""
-    import torch
-
-    from export.networks.backbone import Backbone, load_imagenet
-
-    network = Backbone(drop_path=0.0)
-    load_imagenet(network)
-    network.eval()
-
-    def features(pictures: list[Images]) -> Floats:
-        batch = torch.from_numpy(np.stack(pictures).transpose(0, 3, 1, 2).astype(np.float32))
-        with torch.no_grad():
-            return np.asarray(network((batch * 255 - 127) / 128)[2].numpy(), dtype=np.float64)
-
-    return features
-
-
 def _mirror_error(shown: Images, true: Images) -> tuple[float, float]:
     """Relative RMSE and the mean angle [deg] between RGB vectors on a mirror ball."""
     sampler = _reflection_sampler(len(shown))

@@ -44,6 +44,7 @@ DETAIL_NOTE = (
 )
 
 Render = Callable[[Lighting, PhotoContext], NDArray[np.float32]]
+Features = Callable[[list[NDArray[np.float32]]], Floats]
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,12 +85,30 @@ def report_map_detail(data: Path, model: Model, count: int, split: str, cache: P
     for panorama, file in zip(panoramas, files, strict=True):
         if not file.exists():
             _write_view(panorama, estimator, file)
-    features = map_quality.imagenet_features()
+    features = _imagenet_features()
     looks = {"true panorama": _measure_truth(files, panoramas, features)}
     for name, render in METHODS.items():
         looks[name] = _measure_maps(_read_views(files, panoramas), render, features)
     places = np.array([panorama.place for panorama in panoramas])
     return _format_looks(looks, places)
+
+
+def _imagenet_features() -> Features:
+    """A function that takes N pictures (S, S, 3), sRGB 0 to 1, to their features (N, 1280) by EfficientNet-Lite0."""
+    import torch
+
+    from export.networks.backbone import Backbone, load_imagenet
+
+    network = Backbone(drop_path=0.0)
+    load_imagenet(network)
+    network.eval()
+
+    def features(pictures: list[NDArray[np.float32]]) -> Floats:
+        batch = torch.from_numpy(np.stack(pictures).transpose(0, 3, 1, 2).astype(np.float32))
+        with torch.no_grad():
+            return np.asarray(network((batch * 255 - 127) / 128)[2].numpy(), dtype=np.float64)
+
+    return features
 
 
 def _render_plain(lighting: Lighting, context: PhotoContext) -> NDArray[np.float32]:
@@ -161,9 +180,7 @@ def _read_views(files: Sequence[Path], panoramas: Sequence[Panorama]) -> Iterato
             yield _TrueView(panorama.place, lighting, context, stored["truth"].astype(np.float32))
 
 
-def _measure_truth(
-    files: Sequence[Path], panoramas: Sequence[Panorama], features: Callable[[list[NDArray[np.float32]]], Floats]
-) -> _Looks:
+def _measure_truth(files: Sequence[Path], panoramas: Sequence[Panorama], features: Features) -> _Looks:
     """The panoramas themselves; their features are kept beside them."""
     looks, errors = [], []
     for file, view in zip(files, _read_views(files, panoramas), strict=True):
@@ -176,9 +193,7 @@ def _measure_truth(
     return _Looks(np.stack(looks), errors, zeros, [1.0] * len(files), zeros, [0] * len(files))
 
 
-def _measure_maps(
-    views: Iterator[_TrueView], render: Render, features: Callable[[list[NDArray[np.float32]]], Floats]
-) -> _Looks:
+def _measure_maps(views: Iterator[_TrueView], render: Render, features: Features) -> _Looks:
     looks = _Looks(np.zeros(0), [], [], [], [], [])
     found = []
     for view in views:

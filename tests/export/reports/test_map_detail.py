@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from export.data.panoramas import read_index
-from export.evaluation import map_quality
 from export.reports.map_detail import _choose_views, report_map_detail
 from lighting.model import Model
 
@@ -27,7 +26,7 @@ def test_crops_are_of_as_many_places_as_there_are(data: Path) -> None:
 def test_the_report_has_a_row_for_each_kind_of_map_and_keeps_what_is_estimated(
     data: Path, lit_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(map_quality, "imagenet_features", lambda: toy_features)
+    monkeypatch.setattr("export.reports.map_detail._imagenet_features", lambda: toy_features)
     monkeypatch.setattr("export.reports.map_detail.MAP_ROWS", 192)
     model = Model.load(lit_network)
     report = report_map_detail(data, model, 4, "train", tmp_path / "cache")
