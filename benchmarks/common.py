@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from PIL import Image
@@ -26,6 +26,17 @@ def make_photo(path: Path, size: tuple[int, int] = TWELVE_MEGAPIXELS) -> Path:
     noisy = picture + np.random.default_rng(0).normal(0, 4, picture.shape).astype(np.float32)
     Image.fromarray(np.clip(noisy, 0, 255).astype(np.uint8)).save(path, "JPEG", quality=92)
     return path
+
+
+def register_heif_writer() -> None:
+    """Have Pillow write HEIC by pillow-heif, which reads none here: the library does so by pi-heif."""
+    Image.register_save("HEIF", _write_heif)
+
+
+def _write_heif(image: Image.Image, file: IO[bytes], _name: str | bytes) -> None:
+    import pillow_heif
+
+    pillow_heif.from_pillow(image).save(file, **image.encoderinfo)
 
 
 @contextmanager

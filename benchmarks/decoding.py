@@ -15,21 +15,20 @@ from io import BytesIO
 from pathlib import Path
 
 import numpy as np
-import pillow_heif
 from PIL import Image
 
-from benchmarks.common import ROOT
-from lighting.photo.reader import MAX_PIXELS, TARGET, pixel_limit
+from benchmarks.common import ROOT, register_heif_writer
+from lighting.photo.reader import MAX_PIXELS, TARGET, open_photo, pixel_limit
 
 SIZES = ((2000, 1500), (4000, 3000))  # pixels
 READ = """
 import sys, time
 from PIL import AvifImagePlugin
-from lighting.photo.reader import _heif_format, read_photo
-AvifImagePlugin.DEFAULT_MAX_THREADS = 1
+from pi_heif import options
+from lighting.photo.reader import read_photo
+AvifImagePlugin.DEFAULT_MAX_THREADS = options.DECODE_THREADS = 1
 def peak():
     return int(next(line for line in open("/proc/self/status") if line.startswith("VmHWM")).split()[1])
-_heif_format()
 data = open(sys.argv[1], "rb").read()
 read_photo(open(sys.argv[2], "rb").read())
 before, began = peak(), time.process_time()
@@ -121,8 +120,7 @@ def measured(kind: str, size: tuple[int, int], target: int = TARGET) -> tuple[fl
             path.write_bytes(KINDS[kind](width, height))
         peak, seconds = cost(*paths, target)
         data = paths[0].read_bytes()
-        with Image.open(paths[0]) as image:
-            most, _ = pixel_limit(image, data, MAX_PIXELS)
+        most, _ = pixel_limit(open_photo(data), data, MAX_PIXELS)
     pixels = size[0] * size[1]
     return peak / pixels, 1e6 * seconds / pixels, most
 
@@ -137,6 +135,6 @@ def _lines() -> Iterator[str]:
 
 
 if __name__ == "__main__":
-    pillow_heif.register_heif_opener()
+    register_heif_writer()
     for line in _lines():
         print(line, flush=True)

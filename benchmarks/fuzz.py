@@ -23,9 +23,9 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-import pillow_heif
 from PIL import ExifTags, Image, ImageCms
 
+from benchmarks.common import register_heif_writer
 from benchmarks.decoding import photo
 from lighting.errors import PhotoError
 from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, memory_budget
@@ -59,7 +59,7 @@ class Report:
 
 def seeds() -> list[bytes]:
     """Small photos of every kind that is read."""
-    pillow_heif.register_heif_opener()
+    register_heif_writer()
     picture = photo(*SIZE)
     profile = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).tobytes()
     told = _exif()

@@ -12,7 +12,7 @@ from anyio.from_thread import check_cancelled
 from fastapi import Depends, Request
 
 from lighting.envmap.latlong import Image
-from lighting.errors import LightingError, MissingExtraError, PhotoError, PhotoExtraError
+from lighting.errors import LightingError, MissingExtraError
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model, packaged_model
@@ -30,7 +30,6 @@ from server.settings import Settings
 
 T = TypeVar("T")
 
-_NO_HEIC = "The service does not read HEIC; send the photo as JPEG."  # the one kind that needs more than Pillow
 NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
 ROTATION_INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
 
@@ -152,10 +151,7 @@ class Service:
         """The same without counting: the photo again, in more pixels for people to look at."""
         seconds = self.settings.decode_seconds if seconds is None else seconds
         limits = {"max_bytes": self.settings.max_bytes, "max_pixels": self.settings.max_pixels}
-        try:
-            return read_photo_isolated(data, **limits, target=target, seconds=seconds)
-        except PhotoExtraError as error:
-            raise PhotoError(_NO_HEIC) from error
+        return read_photo_isolated(data, **limits, target=target, seconds=seconds)
 
     def estimate(
         self,

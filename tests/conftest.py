@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from onnx import GraphProto, NodeProto, TensorProto, helper, numpy_helper
 from PIL import ExifTags, Image
 
+from benchmarks.common import register_heif_writer
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
@@ -22,6 +23,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell's background
 
 settings.register_profile("repeatable", deadline=None, derandomize=True, max_examples=60)
 settings.load_profile("repeatable")
+
+
+register_heif_writer()
 
 
 def pytest_configure(config: pytest.Config) -> None:

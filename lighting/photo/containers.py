@@ -166,9 +166,14 @@ def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) 
 
 def _is_photo(tags: _Tags) -> bool:
     """Whether a page is a whole picture in colors, not a sensor's, and no mask of another one."""
-    photometric, compression = _first_value(tags, _PHOTOMETRIC), _first_value(tags, _COMPRESSION)
-    finished = photometric not in _SENSOR_PHOTOMETRICS and compression not in _RAW_COMPRESSIONS
-    return finished and not _first_value(tags, _SUBFILE) & (_REDUCED_BIT | _MASK_BIT) and _pixel_count(tags) > 0
+    whole = not _first_value(tags, _SUBFILE) & (_REDUCED_BIT | _MASK_BIT)
+    return whole and not _is_sensor(tags) and _pixel_count(tags) > 0
+
+
+def _is_sensor(tags: _Tags) -> bool:
+    """Whether a page holds a sensor's values, before any color is made of them."""
+    sensor = _first_value(tags, _PHOTOMETRIC) in _SENSOR_PHOTOMETRICS
+    return sensor or _first_value(tags, _COMPRESSION) in _RAW_COMPRESSIONS
 
 
 def _is_thumbnail(first: _Tags, whole: _Tags) -> bool:
@@ -298,8 +303,9 @@ def is_raw(data: bytes) -> bool:
         return False
     try:
         tags = Image.open(BytesIO(data), formats=["TIFF"]).getexif()
-    except Exception:  # a TIFF that cannot be opened is refused as such
-        return False
+    except Exception:  # Pillow opens no sensor's values, and any other TIFF that it does not open is refused as such
+        layout = _layout(data)
+        return layout is not None and any(_is_sensor(tags) for _, tags in _pages(data, layout))
     reduced = tags.get(_SUBFILE) == 1 and photo_page(data) is None  # a thumbnail, as RAW files begin, of no other page
     sensor = tags.get(_PHOTOMETRIC) in _SENSOR_PHOTOMETRICS or tags.get(_COMPRESSION) in _RAW_COMPRESSIONS
     return _DNG_VERSION in tags or reduced or sensor

@@ -1,9 +1,9 @@
 """Photo, read_photo, photo_from_array, size and memory limits.
 
-What is read: JPEG, PNG, WebP, TIFF, AVIF where Pillow has it, HEIC where pillow-heif is installed (extra `heif`), and
-the preview in a RAW file. Everything ends as 8-bit sRGB: 16-bit samples are scaled, embedded colour profiles are
-converted, transparent parts become mid-grey, and of an animation or a series the first picture counts, of a TIFF that
-begins with a thumbnail the picture behind it. A damaged EXIF block or colour profile never rejects a photo.
+What is read: JPEG, PNG, WebP, TIFF, AVIF where Pillow has it, HEIC, and the preview in a RAW file. Everything ends as
+8-bit sRGB: 16-bit samples are scaled, colours are converted from the encoding that the file states, transparent parts
+become mid-grey, and of an animation or a series the first picture counts, of a TIFF that begins with a thumbnail the
+picture behind it. A damaged EXIF block or colour profile never rejects a photo.
 """
 
 import os
@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import lru_cache
 from io import BytesIO, TextIOBase
 from numbers import Integral
 from pathlib import Path
@@ -24,7 +23,9 @@ from PIL import Image, UnidentifiedImageError
 
 import lighting.photo.containers as containers
 from lighting.color import check_pixels
-from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoExtraError, PhotoTooLargeError, require_extra
+from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.photo.formats import unreadable_sentence
+from lighting.photo.heif import complete_avif, heif_kind, open_heif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
 
@@ -37,9 +38,7 @@ TARGET = 448  # pixels along the longer side, twice what the network sees
 MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
-_HEIC_BRANDS = (b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs", b"mif1", b"msf1")
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of more than 4 GB too
-_UNREADABLE = "The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
 _UNREADABLE_TIFF = (
     "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
 )
@@ -120,7 +119,8 @@ def read_photo(
         with _no_warnings():
             raw = containers.is_raw(data)
         page = None if raw else containers.photo_page(data)
-        image = _open(page.as_first(data) if page else containers.embedded_preview(data) if raw else data, max_pixels)
+        picture = page.as_first(data) if page else containers.embedded_preview(data) if raw else data
+        image = open_photo(picture, max_pixels)
         width, height = image.size
         exif_source = containers.open_exif_source(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
@@ -223,30 +223,30 @@ def _read_stream(stream: BinaryIO, limit: int) -> bytes:
     return b"".join(chunks)
 
 
-def _open(data: bytes, max_pixels: int) -> Image.Image:
-    """The image with its header read and its size checked, before anything is decoded."""
-    formats = [_heif_format()] if data[4:8] == b"ftyp" and data[8:12] in _HEIC_BRANDS else [*_FORMATS]
+def open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
+    """The image with its header read and its size checked, before anything is decoded; raises as `read_photo`.
+
+    Args:
+        data: of a photo, no RAW file.
+        max_pixels: as in `read_photo`.
+    """
+    kind = heif_kind(data)
     containers.check_scans(data)
     containers.check_chunks(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:
         with _no_warnings():
-            image = Image.open(BytesIO(data), formats=formats)
-    except UnidentifiedImageError as error:
-        raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else _UNREADABLE) from error
+            image = open_heif(data) if kind == "HEIF" else Image.open(BytesIO(data), formats=_FORMATS)
+    except (UnidentifiedImageError, SyntaxError) as error:
+        raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
     check_bit_depth(image)
     _check_size(*image.size, *pixel_limit(image, data, max_pixels))
+    if kind == "AVIF":
+        complete_avif(image, data)
     return image
-
-
-@lru_cache(maxsize=1)
-def _heif_format() -> str:
-    pillow_heif = require_extra("pillow_heif", "HEIC photos need pillow-heif", "heif", PhotoExtraError)
-    pillow_heif.register_heif_opener()
-    return "HEIF"
 
 
 def _size_sentence(photo: str, limit: int) -> str:

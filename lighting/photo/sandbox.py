@@ -288,11 +288,7 @@ def _answer_request(request: DecodeRequest, requests: BinaryIO, answers: BinaryI
 
 def _decode_in_one_thread() -> None:
     """One thread per photo, since each photo that is read at a time has a decoder."""
+    from pi_heif import options
     from PIL import AvifImagePlugin
 
-    AvifImagePlugin.DEFAULT_MAX_THREADS = 1
-    try:
-        from pillow_heif import options
-    except ImportError:
-        return
-    options.DECODE_THREADS = 1
+    AvifImagePlugin.DEFAULT_MAX_THREADS = options.DECODE_THREADS = 1

@@ -5,14 +5,12 @@ from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
-import pillow_heif
 import pytest
 from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting.decoding import lighting_from_prediction
 from lighting.envmap.render import render
-from lighting.errors import PhotoExtraError
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
 from lighting.photo.reader import read_photo
@@ -22,8 +20,6 @@ from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from tests.conftest import TINY, encode, scene
 from tests.server.conftest import SKY
-
-pillow_heif.register_heif_opener()
 
 JPEG = {"Content-Type": "image/jpeg"}
 
@@ -171,19 +167,6 @@ def test_routes_without_parameters_refuse_any(client: TestClient, jpeg: bytes) -
     for answer in (client.post("/v1/photo?side=512", **form(jpeg)), client.get("/v1/model?side=")):
         expected = {"field": "side", "place": "query", "detail": "is not known here", "code": "unknown"}
         assert (answer.status_code, answer.json()["errors"]) == (422, [expected])
-
-
-def test_heic_where_the_service_does_not_read_it_is_refused_in_words_for_its_clients(
-    client: TestClient, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def without_reader(*_: Any, **__: Any) -> None:
-        raise PhotoExtraError("HEIC photos need pillow-heif: pip install 'outdoor-lighting[heif]'.")
-
-    monkeypatch.setattr("server.dependencies.read_photo_isolated", without_reader)
-    answer = client.post("/v1/lighting", **form(encode(scene(64, 48))))
-    assert answer.status_code == 400
-    assert answer.json()["type"].endswith(":unreadable-photo")
-    assert answer.json()["detail"] == "The service does not read HEIC; send the photo as JPEG."
 
 
 def test_the_model_describes_itself(client: TestClient) -> None:

@@ -5,7 +5,6 @@ import struct
 from typing import Any
 
 import numpy as np
-import pillow_heif
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -19,8 +18,6 @@ from lighting.photo.pixels import upright_pixels
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import BASE, FRONT, PIX4D, apple_note, drone, note_of, packet, phone, with_note, with_xmp
-
-pillow_heif.register_heif_opener()
 
 LYING, STANDING = scene(160, 120), scene(120, 160)
 SIN_20, COS_20 = math.sin(math.radians(20)), math.cos(math.radians(20))

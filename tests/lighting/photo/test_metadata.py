@@ -6,7 +6,6 @@ import time
 from datetime import UTC, datetime
 from typing import Any
 
-import pillow_heif
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -18,8 +17,6 @@ from lighting.photo.reader import read_photo
 from lighting.photo.tags import _MAX_XMP_BYTES, read_xmp
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, drone, packet
-
-pillow_heif.register_heif_opener()
 
 SCENE = scene(160, 120)
 BASE, GPS = ExifTags.Base, ExifTags.GPS

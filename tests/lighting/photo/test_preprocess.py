@@ -1,7 +1,6 @@
 """Tests of preprocess."""
 
 import numpy as np
-import pillow_heif
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -11,8 +10,6 @@ from lighting.photo.preprocess import fit_size, is_blank, is_panorama, pad_to_in
 from lighting.photo.reader import Photo, read_photo
 from lighting.records import Lighting
 from tests.conftest import TINY, encode, scene
-
-pillow_heif.register_heif_opener()
 
 
 @given(st.integers(1, 20_000), st.integers(1, 20_000))

@@ -1,0 +1,144 @@
+"""What a file is that is no photo which can be read, for errors that name it."""
+
+import re
+
+from lighting.photo.heif import ftyp_brands, heif_kind
+
+_READ = "JPEG, PNG, WebP, TIFF, AVIF or HEIC"
+UNREADABLE = f"The file is not a {_READ} photo that can be read."
+
+_PICTURES = (  # name with its article, and how such files begin
+    ("a GIF", b"GIF8"),
+    ("a JPEG XL", b"\xff\x0a"), ("a JPEG XL", b"\0\0\0\x0cJXL \r\n\x87\n"),
+    ("a JPEG 2000", b"\0\0\0\x0cjP  \r\n\x87\n"), ("a JPEG 2000", b"\xff\x4f\xff\x51"),
+    ("a JPEG XR", b"II\xbc"), ("a JPEG-LS", b"\xff\xd8\xff\xf7"),
+    ("a Photoshop document (PSD)", b"8BPS"), ("a GIMP document (XCF)", b"gimp xcf"),
+    ("an OpenEXR picture (EXR)", b"v/1\x01"), ("a Radiance HDR", b"#?RADIANCE"), ("a Radiance HDR", b"#?RGBE"),
+    ("a PDF", b"%PDF"), ("a PostScript file (EPS)", b"%!PS"), ("a PostScript file (EPS)", b"\xc5\xd0\xd3\xc6"),
+    ("an icon (ICO)", b"\0\0\x01\0"), ("a cursor (CUR)", b"\0\0\x02\0"), ("an icon (ICNS)", b"icns"),
+    ("a DDS texture", b"DDS "), ("a KTX texture", b"\xabKTX"), ("a QOI", b"qoif"), ("a FLIF", b"FLIF"),
+    ("a BPG", b"BPG\xfb"), ("a DPX", b"SDPX"), ("a DPX", b"XPDS"), ("a Cineon picture", b"\x80\x2a\x5f\xd7"),
+    ("a FITS picture", b"SIMPLE  ="), ("a Sun raster picture", b"\x59\xa6\x6a\x95"), ("an SGI picture", b"\x01\xda"),
+    ("an XPM", b"/* XPM"), ("an XBM", b"#define "), ("a DjVu", b"AT&TFORM"), ("a WMF", b"\xd7\xcd\xc6\x9a"),
+)  # fmt: skip
+_OTHERS = (  # of which no picture can be made
+    ("a Blender file", b"BLENDER"), ("a glTF scene (GLB)", b"glTF"), ("a USD scene", b"PXR-USDC"),
+    ("a ZIP archive", b"PK\x03\x04"), ("a gzip archive", b"\x1f\x8b"), ("a 7z archive", b"7z\xbc\xaf"),
+    ("a RAR archive", b"Rar!"), ("an MP3", b"ID3"), ("an Ogg file", b"OggS"), ("a FLAC", b"fLaC"),
+    ("a resource file of macOS (AppleDouble)", b"\0\x05\x16\x07"),
+    ("a pointer of Git LFS", b"version https://git-lfs"),
+)  # fmt: skip
+_CLIPS = (
+    ("a Matroska or WebM clip", b"\x1aE\xdf\xa3"), ("an FLV clip", b"FLV\x01"), ("a WMV clip", b"\x30\x26\xb2\x75"),
+    ("an MPEG clip", b"\0\0\x01\xba"), ("an MPEG clip", b"\0\0\x01\xb3"),
+)  # fmt: skip
+_TS_PACKETS = ((0, 188), (4, 192))  # the mark of the first one, and how long a packet is
+_RAWS = (("a Canon CRW", b"II\x1a\0\0\0HEAPCCDR"), ("a Minolta MRW", b"\0MRM"), ("a RED R3D", b"\0\0\0\0RED"))
+_PHOTOS = (("JPEG", b"\xff\xd8\xff"), ("PNG", b"\x89PNG\r\n\x1a\n"))  # names without articles
+_QUICKTIME_ATOMS = (b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
+_NETPBM = {b"1": "PBM", b"2": "PGM", b"3": "PPM", b"4": "PBM", b"5": "PGM", b"6": "PPM", b"7": "PAM"}
+_NETPBM |= {b"f": "PFM", b"F": "PFM"}
+_NETPBM_HEAD = re.compile(rb"P([1-7fF])[ \t\r\n#]")
+_BMP_HEADERS = (12, 16, 40, 52, 56, 64, 108, 124)  # bytes of the second header
+_PCX_HEAD = re.compile(rb"\x0a[\x00\x02-\x05]\x01[\x01\x02\x04\x08]")
+_TGA_HEAD = re.compile(rb"(?s).[\x00\x01][\x01-\x03\x09-\x0b].{13}[\x08\x0f\x10\x18\x20][\x00-\x3f]")
+_TGA_UNCOMPRESSED = (1, 2, 3)
+_TEXT_HEAD = 4096  # bytes
+_MARKUP = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml|<!DOCTYPE|<!--|<svg|<html|<x:xmpmeta|<head|<body)", re.IGNORECASE)
+
+
+def unreadable_sentence(data: bytes) -> str:
+    """One sentence that says what a file is which is refused, and what to do about it, as far as that is known.
+
+    Args:
+        data: of a file that is not read, not empty.
+    """
+    for photo, start in _PHOTOS:
+        if data.startswith(start) and data[3:4] != b"\xf7":
+            return f"The {photo} is damaged or cut short."
+    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
+        return "The WebP is damaged or cut short."
+    if kind := heif_kind(data):
+        return f"The {'HEIC' if kind == 'HEIF' else kind} is damaged or cut short."
+    if name := _raw_name(data):
+        return f"This is {name}, a RAW photo that is not read; convert it to JPEG or TIFF first, as darktable-cli does."
+    if name := _clip_name(data):
+        return f"This is {name}, not a photo; the command `lighting video` reads clips."
+    if name := _picture_name(data):
+        return f"This is {name}, not a photo that is read; convert it to {_READ}."
+    if name := _other_name(data):
+        return f"This is {name}, not a photo."
+    return UNREADABLE
+
+
+def _raw_name(data: bytes) -> str | None:
+    return next((name for name, start in _RAWS if data.startswith(start)), None)
+
+
+def _clip_name(data: bytes) -> str | None:
+    if brands := ftyp_brands(data):
+        return _iso_clip_name(brands[0])
+    if data[4:8] in _QUICKTIME_ATOMS:
+        return "a MOV clip (QuickTime)"
+    if data[:4] == b"RIFF" and data[8:12] == b"AVI ":
+        return "an AVI clip"
+    if any(data[first : first + 1] == data[first + step : first + step + 1] == b"G" for first, step in _TS_PACKETS):
+        return "an MPEG clip (transport stream)"
+    return next((name for name, start in _CLIPS if data.startswith(start)), None)
+
+
+def _iso_clip_name(brand: bytes) -> str | None:
+    """The name of an ISO media file by its main brand; None for a picture's."""
+    if brand in (b"jxl ", b"jp2 ", b"jpx ", b"avci", b"avcs", b"vvic", b"vvis", b"j2ki", b"j2is", b"jpeg", b"jpgs"):
+        return None
+    if brand == b"qt  ":
+        return "a MOV clip (QuickTime)"
+    return "a 3GP clip" if brand[:2] == b"3g" else "an MP4 clip"
+
+
+def _picture_name(data: bytes) -> str | None:
+    if brands := ftyp_brands(data):
+        return f"a HEIF of the kind {brands[0].decode('ascii', 'replace').strip()}"
+    if _is_tga(data):
+        return "a TGA (Targa)"
+    if match := _NETPBM_HEAD.match(data):
+        return f"a {_NETPBM[match[1]]}"
+    if data[:2] == b"BM" and int.from_bytes(data[14:18], "little") in _BMP_HEADERS:
+        return "a BMP"
+    if _PCX_HEAD.match(data):
+        return "a PCX"
+    if data[128:132] == b"DICM":
+        return "a DICOM picture"
+    if _MARKUP.match(data) and b"<svg" in data[:_TEXT_HEAD].lower() and not _is_html(data):
+        return "an SVG"
+    return next((name for name, start in _PICTURES if data.startswith(start)), None)
+
+
+def _other_name(data: bytes) -> str | None:
+    if data[257:262] == b"ustar":
+        return "a TAR archive"
+    if data[:4] == b"RIFF" and data[8:12] == b"WAVE":
+        return "a WAV"
+    if data.count(0) == len(data):
+        return "a file of zeros alone, as a copy that broke off leaves it"
+    if _MARKUP.match(data):
+        return "a page of the web (HTML)" if _is_html(data) else "an XML file"
+    return next((name for name, start in _OTHERS if data.startswith(start)), None)
+
+
+def _is_html(data: bytes) -> bool:
+    head = data[:_TEXT_HEAD].lower()
+    return b"<html" in head or b"<!doctype html" in head
+
+
+def _is_tga(data: bytes) -> bool:
+    """Whether a file is a TGA: by its footer, or by a header that fits the file's length, for it has no signature."""
+    if data[-18:-2] == b"TRUEVISION-XFILE":
+        return True
+    if not _TGA_HEAD.match(data) or len(data) < 18:
+        return False
+    width, height = int.from_bytes(data[12:14], "little"), int.from_bytes(data[14:16], "little")
+    colors = int.from_bytes(data[5:7], "little") * -(-data[7] // 8)
+    pixels = width * height * -(-data[16] // 8)
+    least = 18 + data[0] + (colors if data[1] else 0)
+    return width > 0 < height and (len(data) >= least + pixels if data[2] in _TGA_UNCOMPRESSED else pixels > least)

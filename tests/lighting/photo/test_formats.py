@@ -1,0 +1,104 @@
+"""What is no photo is named when it is refused."""
+
+from io import BytesIO
+
+import pytest
+from PIL import Image
+
+from lighting.errors import PhotoError
+from lighting.photo.formats import UNREADABLE, unreadable_sentence
+from lighting.photo.reader import read_photo
+from tests.conftest import encode, scene
+
+SCENE = scene(64, 48)
+
+
+def ftyp(brand: bytes, *compatible: bytes) -> bytes:
+    body = brand + bytes(4) + b"".join(compatible)
+    return (8 + len(body)).to_bytes(4) + b"ftyp" + body + bytes(64)
+
+
+def rle_tga() -> bytes:
+    stream = BytesIO()
+    Image.fromarray(SCENE).save(stream, "TGA", compression="tga_rle")
+    return stream.getvalue()
+
+
+BEGINNINGS = {
+    "GIF": b"GIF89a" + bytes(40),
+    "JPEG XL": b"\xff\x0a" + bytes(40),
+    "JPEG 2000": b"\xff\x4f\xff\x51" + bytes(40),
+    "JPEG XR": b"II\xbc\x01" + bytes(40),
+    "PSD": b"8BPS\0\x01" + bytes(40),
+    "EXR": b"v/1\x01" + bytes(40),
+    "Radiance HDR": b"#?RADIANCE\n" + bytes(40),
+    "PDF": b"%PDF-1.7\n",
+    "EPS": b"%!PS-Adobe-3.0 EPSF-3.0",
+    "ICO": b"\0\0\x01\0\x01\0" + bytes(40),
+    "DDS": b"DDS |" + bytes(40),
+    "XCF": b"gimp xcf v011\0" + bytes(40),
+    "FITS": b"SIMPLE  =                    T",
+    "PFM": b"PF\n64 48\n-1.0\n" + bytes(40),
+    "PAM": b"P7\nWIDTH 64\n" + bytes(40),
+    "DICOM": bytes(128) + b"DICM" + bytes(40),
+    "SVG": b'\xef\xbb\xbf<?xml version="1.0"?>\n<!-- x -->\n<svg xmlns="http://www.w3.org/2000/svg"/>',
+    "HTML": b"<!DOCTYPE html><html><body><svg></svg></body></html>",
+    "XML": b'<?xml version="1.0"?><a/>',
+    "ZIP": b"PK\x03\x04" + bytes(40),
+    "zeros alone": bytes(4096),
+    "AppleDouble": b"\0\x05\x16\x07" + bytes(40),
+    "Git LFS": b"version https://git-lfs.github.com/spec/v1\n",
+    "HEIF of the kind avci": ftyp(b"avci", b"mif1"),
+    "lighting video": ftyp(b"mp42", b"isom"),
+    "MP4": ftyp(b"isom", b"iso2", b"avc1"),
+    "MOV": ftyp(b"qt  "),
+    "3GP": ftyp(b"3gp5"),
+    "QuickTime": b"\0\0\0\x08wide" + bytes(64),
+    "WebM": b"\x1aE\xdf\xa3" + bytes(40),
+    "AVI": b"RIFF\x40\0\0\0AVI LIST",
+    "transport stream": (b"G" + bytes(187)) * 3,
+    "RAW": b"II\x1a\0\0\0HEAPCCDR" + bytes(64),
+}
+
+
+@pytest.mark.parametrize("name", BEGINNINGS)
+def test_what_is_refused_is_named(name: str) -> None:
+    with pytest.raises(PhotoError, match=name) as caught:
+        read_photo(BEGINNINGS[name])
+    assert str(caught.value).startswith("This is a")
+    assert str(caught.value).endswith(".")
+
+
+@pytest.mark.parametrize("kind", ["GIF", "BMP", "PPM", "TGA", "JPEG2000", "PCX", "SGI", "ICO", "DDS", "ICNS", "DIB"])
+def test_what_other_programs_write_is_named(kind: str) -> None:
+    size = (256, 256) if kind == "ICNS" else (64, 48)
+    text = unreadable_sentence(encode(scene(*size), kind))
+    named = {"JPEG2000": "JPEG 2000", "TGA": "TGA (Targa)"}.get(kind, kind)
+    assert named in text if kind != "DIB" else text == UNREADABLE  # which has no signature
+
+
+def test_a_packed_targa_is_named() -> None:
+    assert "TGA" in unreadable_sentence(rle_tga())
+
+
+@pytest.mark.parametrize(
+    ("data", "name"),
+    [
+        (b"\xff\xd8\xff\xe0garbage", "JPEG"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "PNG"),
+        (b"RIFF\x40\0\0\0WEBPVP8 ", "WebP"),
+        (ftyp(b"heic", b"mif1"), "HEIC"),
+        (ftyp(b"mif1", b"avif"), "AVIF"),
+    ],
+)
+def test_damaged_photos_are_called_so(data: bytes, name: str) -> None:
+    with pytest.raises(PhotoError, match=rf"^The ({name}|photo) is damaged or cut short"):
+        read_photo(data)
+
+
+@pytest.mark.parametrize("data", [b"no photo", b"{}", b"\x00\x01\x02\x03" * 9, b"BMP is a word", b"P", b"\0\0\x02\0"])
+def test_what_has_no_name_gets_none(data: bytes) -> None:
+    assert unreadable_sentence(data) in (UNREADABLE, "This is a cursor (CUR), not a photo that is read; " + CONVERT)
+
+
+CONVERT = "convert it to JPEG, PNG, WebP, TIFF, AVIF or HEIC."
