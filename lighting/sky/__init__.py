@@ -45,6 +45,12 @@ def _hosek_wilkie(direction: "ArrayLike", sun_direction: "ArrayLike", weather: W
     return sky_radiance(direction, sun_direction, weather.turbidity, weather.ground_albedo)
 
 
+def _prague(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
+    from lighting.sky.prague import prague_radiance
+
+    return prague_radiance(direction, sun_direction, weather.turbidity)
+
+
 def _preetham(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
     from lighting.sky.preetham import TURBIDITY, preetham_radiance
 
@@ -87,6 +93,7 @@ SKY_MODEL = "hosek-wilkie"  # of records that name none; `exposure` is in its un
 
 SKY_MODELS: dict[str, SkyModel] = {
     SKY_MODEL: SkyModel(_hosek_wilkie),
+    "prague": SkyModel(_prague),
     "preetham": SkyModel(_preetham),
     "perez": SkyModel(_perez),
     "lalonde-matthews": SkyModel(_lalonde_matthews, sun_glow=_lalonde_matthews_sun),
