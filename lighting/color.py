@@ -1,6 +1,13 @@
-"""Color: sRGB transfer, luminance, tone mapping, chromaticities; Rec.709 primaries unless said otherwise."""
+"""Color: transfer curves, luminance, tone mapping, chromaticities; Rec.709 primaries unless said otherwise.
 
+HDR curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perceptual quantiser (PQ, also SMPTE ST
+2084). Diffuse white, which is 1 in a photo, is where Report ITU-R BT.2408 puts it: 75 % of HLG's signal, 203 cd/m2 of
+PQ. What is brighter is clipped, as photos clip it.
+"""
+
+import math
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -10,6 +17,26 @@ from lighting.geometry import Floats
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709, D65
 CHROMATICITIES = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)  # Rec.709 red, green, blue and D65, as x and y
+H273_CHROMATICITIES = {  # the same eight of other primaries, by their numbers in ITU-T H.273
+    1: CHROMATICITIES,
+    4: (0.67, 0.33, 0.21, 0.71, 0.14, 0.08, 0.310, 0.316),  # BT.470 M
+    5: (0.64, 0.33, 0.29, 0.60, 0.15, 0.06, 0.3127, 0.3290),  # BT.470 BG, PAL
+    6: (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, 0.3127, 0.3290),  # BT.601, NTSC
+    7: (0.630, 0.340, 0.310, 0.595, 0.155, 0.070, 0.3127, 0.3290),  # SMPTE 240
+    9: (0.708, 0.292, 0.170, 0.797, 0.131, 0.046, 0.3127, 0.3290),  # BT.2020 and BT.2100
+    11: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.314, 0.351),  # P3 of cinemas
+    12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),  # P3 of displays
+    22: (0.630, 0.340, 0.295, 0.605, 0.155, 0.077, 0.3127, 0.3290),  # EBU 3213
+}
+ADOBE_RGB_CHROMATICITIES = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290)
+ADOBE_RGB_GAMMA = 563 / 256
+_A = 0.17883277  # a, b and c of HLG
+_B, _C = 1.0 - 4.0 * _A, 0.5 - _A * math.log(4.0 * _A)
+_M1, _M2 = 2610 / 16384, 2523 / 32  # m1 and m2, c1 to c3 of PQ
+_C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
+_PQ_PEAK, _PQ_WHITE = 10000.0, 203.0  # cd/m2, of the largest PQ signal and of diffuse white
+_HLG_WHITE = 0.75  # signal of diffuse white
+_SRGB_STEPS = 4096  # of the table of sRGB's curve
 _SAME = 1e-3  # of x and y, by which names of the same primaries differ
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
@@ -43,6 +70,51 @@ def srgb_encode(linear: ArrayLike) -> Floats:
     """
     v = np.clip(linear, 0.0, 1.0)
     return np.where(v <= 0.0031308, v * 12.92, 1.055 * v ** (1 / 2.4) - 0.055)
+
+
+def srgb_bytes(linear: ArrayLike) -> NDArray[np.uint8]:
+    """Return the 8-bit sRGB values of linear light, by a table of 4096 steps.
+
+    Args:
+        linear: of any shape, clipped to [0, 1].
+    """
+    steps = np.clip(np.asarray(linear, dtype=np.float32), 0.0, 1.0) * np.float32(_SRGB_STEPS) + np.float32(0.5)
+    return _srgb_table().take(steps.astype(np.intp))
+
+
+@lru_cache(maxsize=1)
+def _srgb_table() -> NDArray[np.uint8]:
+    return np.round(srgb_encode(np.arange(_SRGB_STEPS + 1) / _SRGB_STEPS) * 255.0).astype(np.uint8)
+
+
+def hlg_decode(signal: ArrayLike) -> Floats:
+    """Return scene light, 1 at diffuse white, of HLG signals (inverse OETF).
+
+    Args:
+        signal: in [0, 1], of any shape.
+
+    References:
+        Rec. ITU-R BT.2100, table 5.
+    """
+    return _hlg(np.asarray(signal, dtype=np.float64)) / float(_hlg(np.array(_HLG_WHITE)))
+
+
+def _hlg(signal: Floats) -> Floats:
+    bright = (np.exp((np.maximum(signal, 0.5) - _C) / _A) + _B) / 12.0
+    return np.where(signal <= 0.5, np.square(signal) / 3.0, bright)
+
+
+def pq_decode(signal: ArrayLike) -> Floats:
+    """Return display light, 1 at 203 cd/m2, of PQ signals (EOTF).
+
+    Args:
+        signal: in [0, 1], of any shape.
+
+    References:
+        Rec. ITU-R BT.2100, table 4.
+    """
+    root = np.asarray(signal, dtype=np.float64) ** (1.0 / _M2)
+    return np.asarray((np.maximum(root - _C1, 0.0) / (_C2 - _C3 * root)) ** (1.0 / _M1) * (_PQ_PEAK / _PQ_WHITE))
 
 
 def check_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:

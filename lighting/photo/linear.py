@@ -18,6 +18,7 @@ from PIL import Image
 from lighting.color import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError, require_extra
 from lighting.photo import pixels as photo_pixels
+from lighting.photo.color_encoding import ColorEncoding, is_gamma_encoded, read_color_encoding
 from lighting.photo.containers import photo_page
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
 
@@ -54,6 +55,7 @@ class _Stored:
     header: Image.Image
     exif_source: Image.Image  # whose EXIF block counts
     orientation: int | None  # by EXIF
+    encoding: ColorEncoding  # of which the curve does not count
 
 
 def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool = False) -> LinearPhoto:
@@ -99,9 +101,9 @@ def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
     linear = _linearize(samples, coded)
-    if (matrix := photo_pixels.profile_to_rec709(stored.header.info.get("icc_profile"))) is not None:
+    if (matrix := stored.encoding.to_rec709) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
-    doubtful = full > 255 and curve is None and photo_pixels.is_gamma_encoded(stored.header)
+    doubtful = full > 255 and curve is None and is_gamma_encoded(stored.header)
     white, step = (float(srgb_decode(_CLIPPED_FROM)), 1 / full / 12.92) if coded else (_CLIPPED_FROM, 1 / full)
     exposure = read_exposure(stored.exif_source)
     metadata = read_metadata(stored.exif_source, linear.shape[1], linear.shape[0])
@@ -115,12 +117,13 @@ def _read_stored(data: bytes) -> _Stored:
     image = _open(first_page)
     photo_pixels.check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
-        return _Stored(_read_samples(image, first_page), image, image, read_orientation(image))
+        samples = _read_samples(image, first_page)
+        return _Stored(samples, image, image, read_orientation(image), read_color_encoding(image, first_page, image))
     exif_source, orientation = _open(first_page if page and page.has_exif else data), read_orientation(image)
     samples = photo_pixels.undo_upright(_read_samples(image, first_page), orientation)  # Pillow has rotated it
     if page and not page.has_orientation:
         orientation = read_orientation(exif_source)
-    return _Stored(samples, image, exif_source, orientation)
+    return _Stored(samples, image, exif_source, orientation, read_color_encoding(image, first_page, exif_source))
 
 
 def _open(data: bytes) -> Image.Image:

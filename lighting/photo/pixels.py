@@ -1,31 +1,25 @@
-"""Decoded image -> upright 8-bit sRGB; ICC profiles.
+"""Decoded image -> upright 8-bit sRGB."""
 
-Pillow converts by profiles in 8 bits alone, so linear values are converted by the profile's matrix.
-"""
-
-from collections.abc import Mapping
-from io import BytesIO
+from collections.abc import Callable, Mapping
 from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, ImageCms
+from PIL import Image
 
 from lighting.errors import PhotoError
+from lighting.photo.color_encoding import ColorEncoding
 
 Pixels = NDArray[np.uint8]
 
 MAX_KEPT_PIXELS = 32_000_000  # of what is returned, so that photos kept large, as a scene's plate, are bounded too
 
-_GAMMA_TAG = (0.9, 1.1)  # of a PNG whose values are linear
-_LINEAR = ("linear", "g10")  # in the names of profiles without a curve
-_SAME = 2e-3  # of a matrix's entries, by which profiles of the same primaries differ
 _32_BIT_MODES = ("F", "I")  # Pillow's, whose range no rule tells
 _STRIP_PIXELS = 1 << 22  # converted at once
 _BITS, _PHOTOMETRIC, _PLANAR = 0x102, 0x106, 0x11C  # tags of a TIFF
 _WHITE_IS_ZERO, _PLANES = 0, 2  # what the latter two may say: the order of greys, colours one after another
-_MID_GRAY = (128, 128, 128, 255)  # RGBA, sRGB, behind what is transparent
+_MID_GRAY = (128, 128, 128)  # sRGB, behind what is transparent
 _UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright, by views alone
     2: lambda pixels: pixels[:, ::-1],
     3: lambda pixels: pixels[::-1, ::-1],
@@ -73,15 +67,18 @@ def decode_image(image: Image.Image, target: int) -> None:
     image.load()
 
 
-def upright_pixels(image: Image.Image, target: int, orientation: int | None) -> Pixels:
+def upright_pixels(
+    image: Image.Image, target: int, orientation: int | None, encoding: ColorEncoding | None = None
+) -> Pixels:
     """Pixels (h, w, 3) of the upright picture, up to MAX_KEPT_PIXELS; PhotoError where it is fully transparent.
 
     Args:
         image: decoded; its pixels are freed, for both would take more memory.
         target: pixels that the longer side keeps at least if it has them.
         orientation: 1 to 8 by EXIF; None: upright.
+        encoding: of its colors; None: sRGB.
     """
-    pixels = _convert_to_srgb(image, _reduction_factor(*image.size, target))
+    pixels = _convert_to_srgb(image, _reduction_factor(*image.size, target), (encoding or ColorEncoding()).to_srgb())
     image.im = None  # type: ignore[assignment]
     return np.ascontiguousarray(make_upright(pixels, orientation))
 
@@ -115,21 +112,23 @@ def _reduction_factor(width: int, height: int, target: int) -> int:
     return factor
 
 
-def _convert_to_srgb(image: Image.Image, factor: int) -> Pixels:
+def _convert_to_srgb(image: Image.Image, factor: int, to_srgb: Callable[[Image.Image], Pixels]) -> Pixels:
     """The picture as sRGB (h, w, 3), each side divided by the factor and rounded up."""
     rows = factor * max(1, _STRIP_PIXELS // (factor * image.width))
     edges = range(0, image.height, rows)
     opaque = False  # whether a pixel is not fully transparent
     out = np.empty((ceil(image.height / factor), ceil(image.width / factor), 3), dtype=np.uint8)
-    profile, tags = image.info.get("icc_profile"), tiff_tags(image)
+    tags = tiff_tags(image)
     for top in edges:
         part = image if len(edges) == 1 else image.crop((0, top, image.width, min(top + rows, image.height)))
         small = _to_8_bits(part, tags)
         small = small.reduce(factor) if factor > 1 else small
         opaque = opaque or small.mode != "RGBA" or small.getchannel("A").getextrema() != (0, 0)
+        colors = to_srgb(small.convert("RGB") if small.mode == "RGBA" else small)
         if small.mode == "RGBA":
-            small = Image.alpha_composite(Image.new("RGBA", small.size, _MID_GRAY), small).convert("RGB")
-        out[top // factor : top // factor + small.height] = np.asarray(_apply_profile(small, profile))
+            behind = Image.new("RGB", small.size, _MID_GRAY)
+            colors = np.asarray(Image.composite(Image.fromarray(colors), behind, small.getchannel("A")))
+        out[top // factor : top // factor + small.height] = colors
     if not opaque:
         raise PhotoError("The photo is fully transparent.")
     return out
@@ -166,62 +165,3 @@ def gray_16_bit(image: Image.Image, tags: Mapping[int, Any]) -> NDArray[np.uint1
     if tags.get(_BITS) == (12,):
         values = values << 4 | values >> 8
     return 65535 - values if tags.get(_PHOTOMETRIC) == _WHITE_IS_ZERO else values
-
-
-def profile_to_rec709(profile: bytes | None) -> NDArray[np.float32] | None:
-    """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or unknown.
-
-    Args:
-        profile: bytes of an ICC profile, damaged ones too; None: no profile.
-    """
-    try:
-        source = ImageCms.ImageCmsProfile(BytesIO(profile or b"")).profile
-        target = ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB")).profile
-        matrix = np.linalg.solve(_to_xyz(target), _to_xyz(source))
-    except Exception:  # a bad profile, or one of tables, must not reject a photo
-        return None
-    unfit = not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3), rtol=0.0, atol=_SAME)
-    return None if unfit else np.asarray(matrix, dtype=np.float32)
-
-
-def _to_xyz(profile: Any) -> NDArray[np.float64]:
-    """The matrix (3, 3) from linear red, green and blue to XYZ under D50, to which profiles adapt their white."""
-    return np.array([profile.red_colorant[0], profile.green_colorant[0], profile.blue_colorant[0]]).T
-
-
-def is_gamma_encoded(header: Image.Image) -> bool:
-    """Whether an opened picture's header says that its values are coded by a curve.
-
-    Args:
-        header: of a PNG, TIFF or JPEG, opened by Pillow.
-    """
-    gamma = header.info.get("gamma")
-    if "srgb" in header.info or (gamma is not None and not _GAMMA_TAG[0] <= float(gamma) <= _GAMMA_TAG[1]):
-        return True
-    try:
-        profile = ImageCms.ImageCmsProfile(BytesIO(header.info["icc_profile"]))
-        return not _is_linear(ImageCms.getProfileDescription(profile))
-    except (KeyError, OSError, TypeError, ImageCms.PyCMSError):
-        return False
-
-
-def _is_linear(name: str) -> bool:
-    """Whether an ICC profile's name says that its values are linear."""
-    return any(word in name.lower() for word in _LINEAR)
-
-
-def _apply_profile(image: Image.Image, profile: bytes | None) -> Image.Image:
-    """The picture as sRGB by its ICC profile, or as it stands where that is absent, unfit or damaged."""
-    try:
-        if profile and not _is_srgb(icc := ImageCms.ImageCmsProfile(BytesIO(profile))):
-            converted = ImageCms.profileToProfile(image, icc, ImageCms.createProfile("sRGB"), outputMode="RGB")
-            return converted or image.convert("RGB")
-    except Exception:  # a bad profile must not reject a photo either
-        pass
-    return image if image.mode == "RGB" else image.convert("RGB")
-
-
-def _is_srgb(icc: ImageCms.ImageCmsProfile) -> bool:
-    """Whether a profile is sRGB by its name; "Linear sRGB", as GIMP and others call theirs, is not."""
-    name = ImageCms.getProfileDescription(icc)
-    return "sRGB" in name and not _is_linear(name)

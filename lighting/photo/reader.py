@@ -24,6 +24,7 @@ from PIL import Image, UnidentifiedImageError
 import lighting.photo.containers as containers
 from lighting.color import check_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.formats import unreadable_sentence
 from lighting.photo.heif import complete_avif, heif_kind, open_heif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
@@ -127,7 +128,8 @@ def read_photo(
         decode_image(image, side)
         with _no_warnings():
             orientation = read_orientation(image if page and page.has_orientation else exif_source)
-        pixels = upright_pixels(image, side, orientation)
+            encoding = read_color_encoding(image, picture, exif_source)
+        pixels = upright_pixels(image, side, orientation, encoding)
     except PhotoError:
         raise
     except MemoryError as error:

@@ -7,7 +7,6 @@ HDR curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perce
 PQ. What is brighter is clipped, as photos clip it. Primaries go from BT.2020 to BT.709 by the matrix of Rec. BT.2087.
 """
 
-import math
 import os
 import re
 from collections.abc import Container, Iterator
@@ -17,65 +16,39 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from lighting.color import srgb_encode
+from lighting.color import (
+    CHROMATICITIES,
+    H273_CHROMATICITIES,
+    chromaticities_to_rec709,
+    hlg_decode,
+    pq_decode,
+    srgb_bytes,
+)
 from lighting.errors import VideoError, require_extra
-from lighting.geometry import Floats, shrink_size
+from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
 from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, read_subtitles, subtitle_metadata
 
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
 TRANSFER_CURVES = {16: "pq", 18: "hlg"}
-BT2020_PRIMARIES = 9  # H.273's number of the primaries of BT.2020
 
-_A = 0.17883277  # a, b and c of HLG
-_B, _C = 1.0 - 4.0 * _A, 0.5 - _A * math.log(4.0 * _A)
-_M1, _M2 = 2610 / 16384, 2523 / 32  # m1 and m2, c1 to c3 of PQ
-_C1, _C2, _C3 = 3424 / 4096, 2413 / 128, 2392 / 128
-_PQ_PEAK, _PQ_WHITE = 10000.0, 203.0  # cd/m2, of the largest PQ signal and of diffuse white
-_HLG_WHITE = 0.75  # signal of diffuse white
-_TO_709 = np.array(  # from BT.2020
-    [[1.6605, -0.5876, -0.0728], [-0.1246, 1.1329, -0.0083], [-0.0182, -0.1006, 1.1187]], dtype=np.float32
-)
 _FULL_SIGNAL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
-_SRGB_STEPS = 4096  # of the table of sRGB's curve
-
-
-def _hlg_decode(signal: ArrayLike) -> Floats:
-    """Scene light, 1 at diffuse white, of HLG signals in [0, 1] (inverse OETF)."""
-    return _hlg(np.asarray(signal, dtype=np.float64)) / float(_hlg(np.array(_HLG_WHITE)))
-
-
-def _hlg(signal: Floats) -> Floats:
-    bright = (np.exp((np.maximum(signal, 0.5) - _C) / _A) + _B) / 12.0
-    return np.where(signal <= 0.5, np.square(signal) / 3.0, bright)
-
-
-def _pq_decode(signal: ArrayLike) -> Floats:
-    """Display light, 1 at 203 cd/m2, of PQ signals in [0, 1] (EOTF)."""
-    root = np.asarray(signal, dtype=np.float64) ** (1.0 / _M2)
-    return np.asarray((np.maximum(root - _C1, 0.0) / (_C2 - _C3 * root)) ** (1.0 / _M1) * (_PQ_PEAK / _PQ_WHITE))
 
 
 def _to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[np.uint8]:
     """8-bit sRGB (..., 3) of 16-bit coded values (..., 3), as PyAV has them, under `curve`, "hlg" or "pq"."""
     linear = _curve_table(curve).take(coded)
-    if primaries == BT2020_PRIMARIES:
-        linear = linear @ _TO_709.T
-    return _srgb_table().take((np.clip(linear, 0.0, 1.0) * np.float32(_SRGB_STEPS) + np.float32(0.5)).astype(np.intp))
+    matrix = chromaticities_to_rec709(H273_CHROMATICITIES.get(primaries, CHROMATICITIES))
+    return srgb_bytes(linear if matrix is None else linear @ matrix.T)
 
 
 @lru_cache(maxsize=2)
 def _curve_table(curve: str) -> NDArray[np.float32]:
-    decode = {"hlg": _hlg_decode, "pq": _pq_decode}[curve]
+    decode = {"hlg": hlg_decode, "pq": pq_decode}[curve]
     return decode(np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)).astype(np.float32)
-
-
-@lru_cache(maxsize=1)
-def _srgb_table() -> NDArray[np.uint8]:
-    return np.round(srgb_encode(np.arange(_SRGB_STEPS + 1) / _SRGB_STEPS) * 255.0).astype(np.uint8)
 
 
 # From a decoded picture to upright sRGB.

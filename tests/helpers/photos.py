@@ -157,8 +157,10 @@ def _int(value: int, size: int = 4) -> bytes:
     return value.to_bytes(size, "little")
 
 
-def display_profile(name: str, primaries: tuple[tuple[float, ...], ...]) -> bytes:
-    """A display profile (ICC.1, version 2) of a matrix and straight curves."""
+def display_profile(
+    name: str, primaries: tuple[tuple[float, ...], ...], curve: bytes = bytes(4), cicp: bytes = b""
+) -> bytes:
+    """A display profile (ICC.1, version 2) of a matrix and a curve, straight unless given; perhaps with a cicp tag."""
 
     def numbers(values: tuple[float, ...]) -> bytes:
         return b"".join(struct.pack(">i", round(65536 * value)) for value in values)
@@ -167,7 +169,9 @@ def display_profile(name: str, primaries: tuple[tuple[float, ...], ...]) -> byte
     tags = {b"desc": described + bytes(-len(described) % 4), b"wtpt": b"XYZ " + bytes(4) + numbers(PROFILE_WHITE)}
     for channel, primary in zip((b"r", b"g", b"b"), primaries, strict=True):
         tags[channel + b"XYZ"] = b"XYZ " + bytes(4) + numbers(primary)
-        tags[channel + b"TRC"] = b"curv" + bytes(8)
+        tags[channel + b"TRC"] = (b"curv" + bytes(4) + curve).ljust(12 + len(curve), b"\0")
+    if cicp:
+        tags[b"cicp"] = b"cicp" + bytes(4) + cicp
     table, held, start = struct.pack(">I", len(tags)), b"", 128 + 4 + 12 * len(tags)
     for tag, content in tags.items():
         table += tag + struct.pack(">II", start + len(held), len(content))

@@ -10,9 +10,9 @@ import av
 import numpy as np
 import pytest
 
-from lighting.color import srgb_encode
+from lighting.color import hlg_decode, pq_decode, srgb_encode
 from lighting.errors import VideoError
-from lighting.video.decode import Clip, _hlg_decode, _pq_decode, _to_srgb, _upright_pixels, local_address
+from lighting.video.decode import Clip, _to_srgb, _upright_pixels, local_address
 from tests.helpers.clips import Pixels, pan, write_clip
 
 TOP_RED = np.zeros((180, 320, 3), np.uint8)
@@ -356,14 +356,14 @@ def decoded(coded: tuple[float, float, float], weights: tuple[float, float]) -> 
 
 def test_pq_reaches_the_levels_of_bt2408() -> None:
     """Table 1 of the report: 58 % is 203 cd/m2, 75 % 983 cd/m2, 38 % 26 cd/m2 (18 % grey)."""
-    light = _pq_decode([0.38, 0.58, 0.75, 1.0]) * 203.0
+    light = pq_decode([0.38, 0.58, 0.75, 1.0]) * 203.0
     np.testing.assert_allclose(light, [26, 203, 983, 10000], rtol=0.03)  # signals are rounded to per cents
 
 
 def test_hlg_is_one_at_diffuse_white_and_twelve_times_its_knee_at_the_top() -> None:
-    assert _hlg_decode(0.75) == pytest.approx(1.0)
-    assert _hlg_decode(1.0) / _hlg_decode(0.5) == pytest.approx(12.0, rel=1e-4)
-    assert _hlg_decode(0.38) == pytest.approx(0.18, abs=0.01)  # BT.2408: 18 % grey
+    assert hlg_decode(0.75) == pytest.approx(1.0)
+    assert hlg_decode(1.0) / hlg_decode(0.5) == pytest.approx(12.0, rel=1e-4)
+    assert hlg_decode(0.38) == pytest.approx(0.18, abs=0.01)  # BT.2408: 18 % grey
 
 
 @pytest.mark.parametrize("curve", ["hlg", "pq"])
@@ -378,7 +378,7 @@ def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
 
 def test_dark_greys_are_no_darker_than_their_light() -> None:
     coded = np.repeat(np.arange(200, 8000, dtype=np.uint16)[:, None], 3, axis=1)
-    options = 255.0 * srgb_encode(_hlg_decode(coded / 65280.0))
+    options = 255.0 * srgb_encode(hlg_decode(coded / 65280.0))
     assert np.mean(_to_srgb(coded, "hlg", 1) - options) == pytest.approx(0.0, abs=0.05)
 
 
