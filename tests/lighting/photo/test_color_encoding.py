@@ -17,7 +17,7 @@ from tests.conftest import encode, exif
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, png
 
 COLORS = [[[40, 60, 110], [128, 128, 128], [200, 90, 60]], [[90, 130, 50], [235, 230, 220], [20, 25, 22]]]
-SRGB = np.kron(np.array(COLORS, np.uint8), np.ones((32, 32, 1), np.uint8))  # blocks, so that no format mixes them
+SRGB = np.repeat(np.repeat(np.array(COLORS, np.uint8), 32, axis=0), 32, axis=1)  # blocks, so that no format mixes them
 LINEAR = srgb_decode(SRGB / 255.0)
 P3, REC2020 = H273_CHROMATICITIES[12], H273_CHROMATICITIES[9]
 ADOBE = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.329)
@@ -139,7 +139,7 @@ def adobe(space: int, index: str | None, kind: str = "JPEG") -> bytes:
     block = exif({ExifTags.Base.ColorSpace: space})
     if index is not None:
         block.get_ifd(ExifTags.IFD.Exif)[ExifTags.IFD.Interop] = {1: index}
-    options = {"JPEG": {"quality": 98, "subsampling": 0}, "WEBP": {"lossless": True}, "TIFF": {}}[kind]
+    options: dict[str, Any] = {"JPEG": {"quality": 98, "subsampling": 0}, "WEBP": {"lossless": True}}.get(kind, {})
     return encode(coded(gamma(256 / 563), ADOBE), kind, exif=block.tobytes(), **options)
 
 
