@@ -289,6 +289,16 @@ def _map_detail(data: Path, count: int, split: str, cache: Path, model: Path | N
     click.echo(report_map_detail(data, Model.load(model), count, split, cache))
 
 
+@_report.command("sky-models")
+@_data
+@_option("--split", "Panoramas to compare. [both]", click.Choice(["train", "val"]))
+def _sky_models(data: Path, split: str | None) -> None:
+    """How near clear skies by Hosek and Wilkie and by the Prague model come to HDR panoramas."""
+    from export.reports.sky_models import report_sky_models
+
+    click.echo(report_sky_models(data, split))
+
+
 @_report.command("photo-sets")
 @_data
 @_option("--count", "At most so many places. [all]", click.IntRange(1))
