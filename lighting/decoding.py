@@ -12,6 +12,7 @@ from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, circular_mode
 from lighting.color import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
+from lighting.sky import PAINTED_SKY
 from lighting.sky.hosek_wilkie import sun_radiance
 from lighting.sun_grid import credible_radii, grid_directions
 from lighting.validation import clip_color, clip_to_range, round_significant
@@ -141,7 +142,13 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
     raw |= {name: getattr(sun, name) for name in ("radius_50", "radius_90")}
     raw |= {name: getattr(prediction, name) for name in _CLIPPED_PARAMETERS}
     values: Any = {name: clip_to_range(name, value) for name, value in raw.items()}
-    lighting = Lighting(**values, model_name=spec.name, model_version=spec.version, evidence=(EvidenceKind.PIXELS,))
+    lighting = Lighting(
+        **values,
+        model_name=spec.name,
+        model_version=spec.version,
+        evidence=(EvidenceKind.PIXELS,),
+        sky_painted=PAINTED_SKY,
+    )
     return _with_light(lighting, prediction.light, prediction.sun_visibility) if prediction.light else lighting
 
 

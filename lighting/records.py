@@ -191,12 +191,13 @@ class Lighting:
     relative_heading: float | None = None  # deg clockwise from the first of several photos
     latitude: float | None = field(default=None, repr=False)
     longitude: float | None = field(default=None, repr=False)
-    sky_model: str = SKY_MODEL  # of SKY_MODELS: the shape of the sky
+    sky_model: str = SKY_MODEL  # of SKY_MODELS: what turbidity and exposure are of
     sun_irradiance: Color | None = None  # with sky_irradiance: maps then have these irradiances
     sky_irradiance: Color | None = None
     sky_cover: float | None = None  # 0 clear to 1 overcast; goes with sky_irradiance
     ground_color: Color | None = None  # reflectance, 0 to 1
     suitable: float | None = None  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
+    sky_painted: str | None = None  # of SKY_MODELS: what paints the sky of SKY_MODEL; None: that model
 
     def __post_init__(self) -> None:
         convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
@@ -212,9 +213,9 @@ class Lighting:
                 raise ParameterError.about(name, f"must be a text, not {reprlib.repr(text)}.", ErrorCode.WRONG_TYPE)
         object.__setattr__(self, "evidence", tuple(map(str, _texts("evidence", self.evidence))))
         object.__setattr__(self, "warnings", _texts("warnings", self.warnings))
-        if not isinstance(self.sky_model, str) or self.sky_model not in SKY_MODELS:
-            predicate = f"is {reprlib.repr(self.sky_model)}; the known ones are {format_sky_models()}."
-            raise ParameterError.about("sky_model", predicate, ErrorCode.UNKNOWN)
+        _check_sky_model("sky_model", self.sky_model)
+        if self.sky_painted is not None:
+            _check_sky_model("sky_painted", self.sky_painted)
         if (self.sun_irradiance is None) != (self.sky_irradiance is None):
             missing = "sun_irradiance" if self.sun_irradiance is None else "sky_irradiance"
             sentence = "sun.irradiance and sky.irradiance go together; the record has only one of them."
@@ -222,6 +223,11 @@ class Lighting:
         if self.sky_cover is not None and self.sky_irradiance is None:
             predicate = "needs sky.irradiance and sun.irradiance beside it."
             raise ParameterError.about("sky_cover", predicate, ErrorCode.CONTRADICTION)
+
+    @property
+    def map_sky(self) -> str:
+        """What paints the clear part of the sky, of SKY_MODELS: `sky_model`, where that is no other than SKY_MODEL."""
+        return self.sky_painted or SKY_MODEL if self.sky_model == SKY_MODEL else self.sky_model
 
     @property
     def sun_painted(self) -> bool:
@@ -322,6 +328,12 @@ def _check_headings(probability: object) -> None:
         check_range(name, value, 0.0, 1.0)
 
 
+def _check_sky_model(field: str, name: object) -> None:
+    if not isinstance(name, str) or name not in SKY_MODELS:
+        predicate = f"is {reprlib.repr(name)}; the known ones are {format_sky_models()}."
+        raise ParameterError.about(field, predicate, ErrorCode.UNKNOWN)
+
+
 def _texts(name: str, values: object) -> tuple[str, ...]:
     if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
         raise ParameterError.about(name, f"must be a list of texts, not {reprlib.repr(values)}.", ErrorCode.WRONG_TYPE)
@@ -350,6 +362,8 @@ def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Jso
         if (color := values[attribute]) is not None:
             record.setdefault(section, {})[name] = list(color)
     record["sky"]["model"] = values["sky_model"]
+    if values["sky_painted"] is not None:
+        record["sky"]["painted"] = values["sky_painted"]
     if values["suitable"] is not None:
         record["suitable"] = values["suitable"]
     if values["camera_heading_probability"]:
@@ -378,7 +392,7 @@ def _values_from_record(record: Mapping[str, Any]) -> Json:
     values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
     values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
     values |= {attribute: _numbers(sections, section, name) or None for section, name, attribute in _COLORS}
-    values["sky_model"] = sections["sky"].get("model")
+    values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
     return {name: value for name, value in values.items() if value is not None}
 
 

@@ -59,6 +59,7 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
     "sky_cover": "sky.cover",
     "sky_irradiance": "sky.irradiance",
     "sky_model": "sky.model",
+    "sky_painted": "sky.painted",
     "camera_elevation": "camera.elevation",
     "camera_roll": "camera.roll",
     "vertical_fov": "camera.vertical_fov",

@@ -63,7 +63,7 @@ def _envmap_link(lighting: Lighting, root: str) -> str:
     colors = {name: color for name in COLOR_RANGES if (color := getattr(lighting, name))}
     values |= {name: ",".join(f"{value:g}" for value in color) for name, color in colors.items()}
     values |= {} if lighting.sky_cover is None else {"sky_cover": lighting.sky_cover}
-    values |= {} if lighting.sky_model == SKY_MODEL else {"sky": lighting.sky_model}
+    values |= {} if lighting.map_sky == SKY_MODEL else {"sky": lighting.map_sky}
     return f"{root}/v1/envmap?{urlencode({**values, 'sun': str(lighting.sun_painted).lower()}, safe=',')}"
 
 

@@ -64,6 +64,7 @@ class CoefficientsPart(Part):
 
 class SkyPart(Part):
     model: types.SkyName = SKY_MODEL
+    painted: types.SkyName | None = Field(None, description="what paints the sky of maps, where it is another model")
     turbidity: types.Turbidity
     irradiance: list[types.Irradiance] | None = _rgb_field(types.SKY_IRRADIANCE, [0.5, 0.6, 0.9])
     cover: types.SkyCover | None = None

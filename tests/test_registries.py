@@ -71,7 +71,7 @@ def test_the_command_line_paints_the_sky(record_path: Path, tmp_path: Path) -> N
     assert not is_eastern(plain[0])
     assert is_eastern(toy[0])
     assert toy[1] is not None
-    assert toy[1].sky_model == "eastern"
+    assert (toy[1].sky_model, toy[1].map_sky) == ("hosek-wilkie", "eastern")
     assert "eastern" in error_of(invoke_command(*arguments, "-o", tmp_path / "x.exr", "--sky", "blue"), 2)
 
 

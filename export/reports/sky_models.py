@@ -13,7 +13,7 @@ from typing import Protocol
 import numpy as np
 
 from export.data.panoramas import Panorama, read_index, read_linear_panorama
-from export.evaluation.metrics import figures_table
+from export.evaluation.metrics import Bools, figures_table
 from lighting.color import luminance
 from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance
 from lighting.geometry import Floats, angle_between, direction, latlong_directions
@@ -122,7 +122,7 @@ def _median_deviation(values: Floats) -> float:
     return float(np.median(np.abs(values - np.median(values))))
 
 
-def _compare_faces(image: Floats, model: Floats, lit: Floats) -> float:
+def _compare_faces(image: Floats, model: Floats, lit: Bools) -> float:
     """How far the light on four upright faces is off [stops], where that on level ground is right in each channel."""
     normals = direction(np.arange(0.0, 360.0, 90.0), 0.0)
     faces = []

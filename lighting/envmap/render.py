@@ -4,10 +4,11 @@ An environment map is a lat-long image (H, 2H, 3), float32, linear Rec.709, in t
 values are the photo's own linear values. A lighting that has `sky_irradiance` and `sun_irradiance` gets a map whose
 integrals equal them; else they follow from `exposure` x the sky model's radiance.
 
-Clear skies by the model of Hosek and Wilkie are painted with tables along two axes.
+Clear skies by Hosek and Wilkie and by the Prague model are painted with tables by the angles from zenith and sun.
 """
 
 import math
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from functools import lru_cache
 from numbers import Integral
@@ -24,6 +25,7 @@ from lighting.sky import SKY_MODEL, SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL, sky_gradation, sky_lobe, sky_parameters
 
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
+_TABLE_STEPS = 512  # of a row's table by that angle; values between its entries are interpolated
 _CHUNK_PIXELS = 1 << 17  # painted at once, few enough for the processor's cache
 _IRRADIANCE_ROWS = 128  # of the sky that is integrated to light the ground; accurate to 2e-4
 _LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
@@ -46,7 +48,7 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     painted = lighting.sun_painted if sun is None else sun
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
     upper, lower = image[: height // 2], image[height // 2 :]
-    by_model = lighting.sky_irradiance is None and lighting.sky_model == SKY_MODEL  # others have no unit of their own
+    by_model = lighting.sky_irradiance is None and lighting.map_sky == SKY_MODEL  # others have no unit of their own
     level = sky_irradiance(lighting)
     if by_model:
         _render_clear_sky(upper, lighting)
@@ -68,7 +70,7 @@ def add_sun(image: Image, lighting: Lighting) -> None:
         image: (H, 2H, 3), changed in place.
         lighting: of the map.
     """
-    power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.sky_model].sun_glow
+    power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.map_sky].sun_glow
     if glow is None:
         splat_sun_disc(image, lighting, power)
     else:
@@ -173,11 +175,14 @@ def _overcast_rows(rows: int) -> Image:
 
 def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
     """Fill the upper half with the model's radiance at any scale."""
-    if lighting.sky_model == SKY_MODEL:
+    if lighting.map_sky == SKY_MODEL:
         _render_clear_sky(upper, lighting)
         return
+    if (by_angles := SKY_MODELS[lighting.map_sky].by_angles) is not None:
+        _render_by_angles(upper, lighting, by_angles)
+        return
     directions = latlong_directions(2 * len(upper))[: len(upper)]
-    upper[:] = sky_shape(lighting.sky_model, directions, lighting.sun_direction, _weather(lighting))
+    upper[:] = sky_shape(lighting.map_sky, directions, lighting.sun_direction, _weather(lighting))
 
 
 def _weather(lighting: Lighting) -> Weather:
@@ -209,14 +214,44 @@ def _lobe_angles() -> tuple[Image, Image]:
 
 
 def _render_clear_sky(image: Image, lighting: Lighting) -> None:
-    """Fill the upper half (H / 2, 2H, 3) of a map: per row a factor and an offset, per pixel one look-up of the lobe.
-
-    The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
-    the row gives all but the last factor and the column that one; this keeps its precision next to the sun. The table
-    goes by sin(g / 2) / (sin(g / 2) + cos(g / 2)), which is as fine at both ends and needs no arcsine.
-    """
+    """Fill the upper half (H / 2, 2H, 3) of a map: a factor and an offset per row, a look-up of the lobe per pixel."""
     lobe = _lobe_table(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
     factor, offset = _row_terms(lighting, 2 * len(image))
+    for part, share in _sun_shares(image, lighting):
+        index = (share * np.float32(_LOBE_STEPS) + np.float32(0.5)).astype(np.intp)
+        for channel in range(3):
+            value = lobe[channel].take(index)
+            value += offset[channel, part, None]
+            value *= factor[channel, part, None]
+            image[part, :, channel] = np.clip(value, 0, np.inf, out=value)
+
+
+def _render_by_angles(image: Image, lighting: Lighting, by_angles: Callable[..., Floats]) -> None:
+    """Fill the upper half (H / 2, 2H, 3) of a map: a look-up in its row's table per pixel, between entries linear."""
+    zenith = 90.0 - latlong_angles(2 * len(image))[1][: len(image)]
+    steps = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
+    sun_angle = np.degrees(2 * np.arctan2(steps, 1 - steps))
+    table = np.asarray(by_angles(zenith, sun_angle, lighting.sun_elevation, _weather(lighting)), dtype=np.float32)
+    step = np.diff(table, axis=2, append=table[..., -1:])
+    for part, share in _sun_shares(image, lighting):
+        share *= np.float32(_TABLE_STEPS)
+        low = share.astype(np.intp)
+        share -= low
+        low += np.arange(len(low))[:, None] * (_TABLE_STEPS + 1)
+        for channel in range(3):
+            value = step[channel, part].take(low)
+            value *= share
+            value += table[channel, part].take(low)
+            image[part, :, channel] = value
+
+
+def _sun_shares(image: Image, lighting: Lighting) -> Iterator[tuple[slice, Image]]:
+    """Some rows at a time of the upper half (H / 2, 2H, 3) of a map, and their pixels' angles from the sun.
+
+    The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
+    the row gives all but the last factor and the column that one; this keeps its precision next to the sun. It is told
+    by sin(g / 2) / (sin(g / 2) + cos(g / 2)), 0 to 1, which is as fine at both ends and needs no arcsine.
+    """
     azimuth, elevation = latlong_angles(2 * len(image))
     sun = math.radians(lighting.sun_elevation)
     vertical = np.asarray(np.sin((np.radians(elevation) - sun) / 2) ** 2, dtype=np.float32)
@@ -228,12 +263,7 @@ def _render_clear_sky(image: Image, lighting: Lighting) -> None:
         # numpy clips at two ends in a third of the time that it takes at one
         sine2 = np.clip(vertical[part, None] + horizontal[part, None] * column, 0, 1)
         sine, cosine = np.sqrt(sine2), np.sqrt(1 - sine2)
-        index = (sine / (sine + cosine) * np.float32(_LOBE_STEPS) + np.float32(0.5)).astype(np.intp)
-        for channel in range(3):
-            value = lobe[channel].take(index)
-            value += offset[channel, part, None]
-            value *= factor[channel, part, None]
-            image[part, :, channel] = np.clip(value, 0, np.inf, out=value)
+        yield part, sine / (sine + cosine)
 
 
 def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:

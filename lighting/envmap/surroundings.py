@@ -24,6 +24,7 @@ from lighting.envmap.render import add_sun, check_height, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.records import Estimate, Lighting, check_estimate, check_lighting
+from lighting.sky import SKY_MODEL
 
 _CELL_ROWS = 24  # of the cells in which the map is changed
 _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for each cell
@@ -139,10 +140,10 @@ def render_view(
         height: rows of the map, even, 16 to 4096.
         sun: whether the sun is in it; None: by `Lighting.sun_painted`.
         yaw: deg by which the map is rotated: what was at azimuth a is at a + yaw.
-        sky: one of SKY_MODELS; None: the record's.
+        sky: one of SKY_MODELS, which paints the sky; None: the record's.
         context: the photo and its surroundings; None: bare sky and ground.
     """
-    lighting = lighting if sky is None else replace(lighting, sky_model=sky)
+    lighting = lighting if sky is None else replace(lighting, sky_model=SKY_MODEL, sky_painted=sky)
     paint = render if context is None else partial(render_with_surroundings, context=context)
     image = paint(lighting, height=height, sun=sun)
     return (rotate_envmap(image, yaw), rotate_lighting(lighting, yaw)) if yaw else (image, lighting)
@@ -212,7 +213,7 @@ def _context_factors(image: Image, lighting: Lighting, context: PhotoContext) ->
 
 def _sky_parameters(lighting: Lighting) -> tuple[object, ...]:
     """What the sky's gradation follows from."""
-    return lighting.sun_azimuth, lighting.sun_elevation, lighting.turbidity, lighting.sky_model
+    return lighting.sun_azimuth, lighting.sun_elevation, lighting.turbidity, lighting.map_sky
 
 
 def _move_glow(factors: Image, before: Lighting, now: Lighting) -> Image:

@@ -2,7 +2,8 @@
 
 Environment maps are 32-bit float R, G, B with the lighting that made them in the header. Attributes: `envmap`,
 `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is not None, with the names and units
-of validation.py; `lighting.sky_model`, `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the record.
+of validation.py; `lighting.sky_model`, `lighting.sky_painted`, `lighting.sun_direction`,
+`lighting.evidence`; `lighting.json`, the record.
 
 docs/performance.md says which programs opened which files, how long they take and how large they are.
 """
@@ -304,6 +305,7 @@ def _attributes(lighting: Lighting | None) -> _Attributes:
         **{f"lighting.{name}": float(v) for name in OPTIONAL_RANGES if (v := getattr(lighting, name)) is not None},
         **{f"lighting.{name}": np.array(v, np.float32) for name in COLOR_RANGES if (v := getattr(lighting, name))},
         "lighting.sky_model": lighting.sky_model,
+        "lighting.sky_painted": lighting.map_sky,
         "lighting.sun_direction": lighting.sun_direction.astype(np.float32),
         "lighting.evidence": ", ".join(lighting.evidence),
         "lighting.json": json.dumps(record_with_coefficients(lighting)),

@@ -36,6 +36,8 @@ class SkyModel:
 
     shape: Callable[["ArrayLike", "ArrayLike", Weather], "Floats"]
     sun_glow: Callable[["ArrayLike", "ArrayLike"], "Floats"] | None = None  # (...) at any scale; None: a disc
+    # (3, R, N) by R angles [deg] from the zenith, N from the sun, and the sun's elevation [deg]: paints maps fast
+    by_angles: Callable[["Floats", "Floats", float, Weather], "Floats"] | None = None
     advanced: bool = False  # help names its kind as a range
 
 
@@ -49,6 +51,12 @@ def _prague(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather
     from lighting.sky.prague import prague_radiance
 
     return prague_radiance(direction, sun_direction, weather.turbidity)
+
+
+def _prague_by_angles(zenith: "Floats", sun: "Floats", sun_elevation: float, weather: Weather) -> "Floats":
+    from lighting.sky.prague import prague_by_angles
+
+    return prague_by_angles(zenith, sun, sun_elevation, weather.turbidity)
 
 
 def _preetham(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
@@ -90,10 +98,11 @@ def _cie_general(number: int, direction: "ArrayLike", sun_direction: "ArrayLike"
 
 
 SKY_MODEL = "hosek-wilkie"  # of records that name none; `exposure` is in its unit
+PAINTED_SKY = "prague"  # what paints the maps of new estimates, whose record's model stays SKY_MODEL
 
 SKY_MODELS: dict[str, SkyModel] = {
     SKY_MODEL: SkyModel(_hosek_wilkie),
-    "prague": SkyModel(_prague),
+    PAINTED_SKY: SkyModel(_prague, by_angles=_prague_by_angles),
     "preetham": SkyModel(_preetham),
     "perez": SkyModel(_perez),
     "lalonde-matthews": SkyModel(_lalonde_matthews, sun_glow=_lalonde_matthews_sun),

@@ -46,10 +46,7 @@ def prague_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: f
     d = np.asarray(direction)
     d = d if d.dtype == np.float32 else d.astype(np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
-    elevation = float(angles(sun)[1])
-    if elevation < MIN_SUN_ELEVATION - _ROUNDING:
-        sentence = f"The sun is {-elevation:.1f} deg below the horizon; the Prague sky reaches down to 4.2 deg."
-        raise ParameterError(sentence, "sun_direction", ErrorCode.NIGHT)
+    elevation = _checked_elevation(float(angles(sun)[1]))
     unit_sun = (sun / np.linalg.norm(sun)).astype(d.dtype)
     chord = np.sqrt(np.sum((d - unit_sun) ** 2, axis=-1))
     sun_angle = np.degrees(2 * np.arcsin(np.minimum(chord / 2, 1)))
@@ -57,6 +54,23 @@ def prague_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: f
     radiance = _interpolate(_radiance_table(elevation, turbidity), sun_angle, zenith_angle)
     radiance[d[..., 1] < 0] = 0
     return np.asarray(radiance, dtype=d.dtype)
+
+
+def prague_by_angles(zenith_angle: Floats, sun_angle: Floats, sun_elevation: float, turbidity: float) -> Floats:
+    """Sky radiance (3, R, N) by angles; `prague_radiance` has it by directions.
+
+    Args:
+        zenith_angle: (R,) deg, 0 to 90.
+        sun_angle: (N,) deg, 0 to 180.
+        sun_elevation: deg, -4.2 to 90, else ParameterError.
+        turbidity: 1 to 10, by `visibility_from_turbidity`.
+    """
+    table = _radiance_table(_checked_elevation(sun_elevation), turbidity)
+    down, part = _cell(ZENITH_ANGLES, zenith_angle)
+    rows = table[:, down] * (1 - part) + table[:, down + 1] * part
+    across, share = _cell(SUN_ANGLES, sun_angle)
+    by_channel = rows.transpose(2, 1, 0)
+    return np.asarray(by_channel[..., across] * (1 - share[:, 0]) + by_channel[..., across + 1] * share[:, 0])
 
 
 def visibility_from_turbidity(turbidity: float) -> float:
@@ -69,6 +83,13 @@ def visibility_from_turbidity(turbidity: float) -> float:
     """
     share = (min(max(turbidity, _CLEAREST), _HAZIEST) - _CLEAREST) / (_HAZIEST - _CLEAREST)
     return float(VISIBILITIES[-1] * (VISIBILITIES[0] / VISIBILITIES[-1]) ** share)
+
+
+def _checked_elevation(elevation: float) -> float:
+    if elevation < MIN_SUN_ELEVATION - _ROUNDING:
+        sentence = f"The sun is {-elevation:.1f} deg below the horizon; the Prague sky reaches down to 4.2 deg."
+        raise ParameterError(sentence, "sun_direction", ErrorCode.NIGHT)
+    return elevation
 
 
 def _interpolate(table: NDArray[np.float32], sun_angle: Floats, zenith_angle: Floats) -> Floats:

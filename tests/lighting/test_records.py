@@ -224,7 +224,10 @@ def test_another_sky_model_is_refused(model: object) -> None:
     record["sky"]["model"] = model
     with pytest.raises(ParameterError) as caught:
         Lighting.from_dict(record)
-    assert "the known ones are hosek-wilkie, preetham" in sentence(caught.value)
+    del record["sky"]["model"]
+    with pytest.raises(ParameterError, match=r"^sky\.painted is "):
+        Lighting.from_dict({**record, "sky": {**record["sky"], "painted": model}})
+    assert "the known ones are hosek-wilkie, prague, preetham" in sentence(caught.value)
 
 
 @pytest.mark.parametrize(
@@ -374,6 +377,17 @@ def test_headings_are_360_probabilities(value: object) -> None:
 def test_evidence_and_warnings_are_texts(name: str, value: object) -> None:
     with pytest.raises(ParameterError, match=name):
         Lighting.from_dict({**LIGHTING.to_dict(), name: value})
+
+
+def test_what_paints_the_sky_stands_beside_its_model() -> None:
+    """Records without `sky.painted` keep their maps; a `sky.model` that is set by hand counts."""
+    painted = replace(LIGHTING, sky_painted="prague")
+    record = painted.to_dict()
+    assert (record["sky"]["model"], record["sky"]["painted"]) == ("hosek-wilkie", "prague")
+    assert Lighting.from_dict(json.loads(json.dumps(record))) == painted
+    assert "painted" not in LIGHTING.to_dict()["sky"]
+    assert (painted.map_sky, LIGHTING.map_sky) == ("prague", "hosek-wilkie")
+    assert replace(painted, sky_model="perez").map_sky == "perez"
 
 
 STRONG = replace(

@@ -53,6 +53,8 @@ def test_the_link_has_the_strength_of_the_light_where_it_is_known() -> None:
     query = SkyQuery.model_validate(said)
     assert query.sky == "preetham"
     assert replace(query.to_lighting(), sky_model="preetham", sun_visibility=0.1) == strong
+    painted = replace(LIGHT, sky_painted="prague")
+    assert parse_qs(urlsplit(_envmap_link(painted, "")).query)["sky"] == ["prague"]
 
 
 @pytest.mark.parametrize(

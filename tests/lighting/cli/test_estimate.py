@@ -190,7 +190,7 @@ def test_the_place_can_be_asked_of_any_network(network: Path, photo_path: Path, 
 def test_the_sky_is_a_choice(record_path: Path, tmp_path: Path) -> None:
     invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--sky", "cie-12")
     image, lighting = read_exr(tmp_path / "a.exr")
-    assert lighting == replace(LIGHTING, sky_model="cie-12")
+    assert lighting == replace(LIGHTING, sky_painted="cie-12")
     np.testing.assert_allclose(image, render(lighting, 32), rtol=1e-4)
     assert "is not one of hosek-wilkie" in error_of(
         invoke_command("render", record_path, "-o", "a.exr", "--sky", "blue"), 2

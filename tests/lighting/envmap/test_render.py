@@ -13,6 +13,8 @@ from lighting.envmap.render import (
     _lobe_table,
     _render_clear_sky,
     _render_mixed_sky,
+    _render_sky_shape,
+    _weather,
     clear_irradiance,
     render,
     sky_irradiance,
@@ -318,7 +320,16 @@ def test_no_model_leaves_a_channel_dark(model: str, elevation: float, turbidity:
     assert sky.max() < 100
 
 
-@pytest.mark.parametrize("model", ["preetham", "perez", "cie-12"])
+@pytest.mark.parametrize("elevation", [0.0, 4.0, 40.0, 90.0])
+def test_tables_by_angle_paint_what_the_model_says(elevation: float) -> None:
+    light = replace(stated_light(), sky_painted="prague", sun_elevation=elevation, sky_cover=0.0)
+    sky = np.empty((32, 128, 3), np.float32)
+    _render_sky_shape(sky, light)
+    expected = sky_shape("prague", latlong_directions(64)[:32], light.sun_direction, _weather(light))
+    np.testing.assert_allclose(sky, expected, rtol=3e-3)
+
+
+@pytest.mark.parametrize("model", ["prague", "preetham", "perez", "cie-12"])
 def test_without_irradiances_another_model_has_those_of_hosek_and_wilkie(model: str) -> None:
     ours, other = (render(replace(model_light(), sky_model=name), 64, sun=False) for name in ("hosek-wilkie", model))
     level = [irradiance_from_rows(row_irradiance(64)[:32], image[:32]) for image in (ours, other)]

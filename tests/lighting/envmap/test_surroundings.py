@@ -315,8 +315,12 @@ def test_a_view_is_the_map_of_its_record() -> None:
 
 def test_another_sky_is_in_the_record() -> None:
     image, light = render_view(CLOUDY_LIGHT, 32, sky="preetham")
-    assert light == replace(CLOUDY_LIGHT, sky_model="preetham")
+    assert light == replace(CLOUDY_LIGHT, sky_painted="preetham")
     np.testing.assert_array_equal(image, render(light, 32))
+    np.testing.assert_array_equal(image, render(replace(CLOUDY_LIGHT, sky_model="preetham"), 32))
+    again, light = render_view(replace(CLOUDY_LIGHT, sky_model="perez"), 32, sky="preetham")
+    np.testing.assert_array_equal(again, image)
+    assert light.map_sky == "preetham"
 
 
 def test_the_place_turns_with_the_map() -> None:
