@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from server.dependencies import Service
 
 
+_WAITING_CONNECTIONS = 2048  # that the system keeps until they are accepted, a few at a time
+
+
 def _run_until_signal(config: "Config") -> None:
     """Serve; running requests finish after a signal, but a SIGINT meanwhile ends the process at once."""
     from uvicorn import Server
@@ -30,6 +33,13 @@ def _run_until_signal(config: "Config") -> None:
             if self.should_exit and sig == signal.SIGINT:
                 _end_process(sig, frame)
             super().handle_exit(sig, frame)
+
+        async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+            await super().startup(sockets)
+            for server in self.servers:
+                for listener in server.sockets:
+                    with socket.socket(fileno=os.dup(listener.fileno())) as same:
+                        same.listen(_WAITING_CONNECTIONS)  # asyncio accepts as many at once as it lets wait
 
     InterruptibleServer(config).run()
 
@@ -103,12 +113,14 @@ def _serve() -> None:
 
     from lighting.files.exr import set_compression_threads
     from server.app import create_app
+    from server.limits import BACKLOG, raise_file_limit
     from server.settings import PREFIX, read_settings
 
     _end_at_signals()
     try:
         settings = read_settings()
         _refuse_taken_address(settings.host, settings.port)
+        raise_file_limit()
         app = create_app(settings)
         app.state.service.load()
         set_compression_threads(settings.workers)
@@ -128,6 +140,7 @@ def _serve() -> None:
         forwarded_allow_ips=settings.trusted_proxies,
         root_path=settings.root_path,
         timeout_graceful_shutdown=settings.shutdown_seconds,
+        backlog=BACKLOG,
         ws="none",
         http=_protocol_class(app.state.service),
     )
@@ -170,8 +183,15 @@ def _protocol_class(service: "Service") -> Any:
     """The class of a connection, with its limits."""
     from server.h11_protocol import BoundedProtocol
 
-    seconds, rate = service.settings.header_seconds, service.settings.answer_rate
-    return partial(BoundedProtocol, head_seconds=seconds, answer_rate=rate, pending=service.pending)
+    return partial(
+        BoundedProtocol,
+        head_seconds=service.settings.header_seconds,
+        answer_rate=service.settings.answer_rate,
+        pending=service.pending,
+        connections=service.connections,
+        is_proxy=service.settings.is_trusted_proxy,
+        model_name=lambda: service.model_name,
+    )
 
 
 def _logging_config(level: str) -> dict[str, Any]:

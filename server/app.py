@@ -14,7 +14,7 @@ from lighting.estimator import Estimator
 from lighting.records import Json
 from lighting.version import __version__
 from server import middleware, problems, routes, static_page
-from server.auth import SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
+from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
 from server.query_params import refuse_duplicates
@@ -65,7 +65,11 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
 
 def _add_routes(app: FastAPI, service: Service) -> None:
     guards: list[tuple[object, Callable[..., Any], tuple[int, ...]]] = [
-        (service.rate_limiter, enforce_rate_limit, (429,)),  # first, so that keys cannot be guessed quickly
+        (
+            service.rate_limiter or service.cpu_limiter,
+            enforce_rate_limit,
+            (429,),
+        ),  # first, so that keys cannot be guessed quickly
         (service.keys, require_api_key, (401, 403)),
     ]
     active = [(guard, statuses) for enabled, guard, statuses in guards if enabled]
@@ -90,6 +94,7 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
             allow_headers=["Authorization", "Content-Type", "If-None-Match", "X-Request-ID"],
             expose_headers=_EXPOSED_HEADERS,
         )
+    app.add_middleware(BrowserGuardMiddleware, settings=service.settings)
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(middleware.AccessLogMiddleware, service=service)
     app.add_middleware(DrainBodyMiddleware)

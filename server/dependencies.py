@@ -10,6 +10,8 @@ import numpy as np
 from anyio import from_thread
 from anyio.from_thread import check_cancelled
 from fastapi import Depends, Request
+from starlette.datastructures import Headers
+from starlette.types import Scope
 
 from lighting.envmap.latlong import Image
 from lighting.errors import LightingError, MissingExtraError
@@ -21,11 +23,13 @@ from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.records import CodedWarning, Estimate, WarningCode
 from lighting.registration import features, photo_set
 from server import problems
-from server.auth import ApiKeys, RateLimiter, client_address
-from server.limits import BusyError, PendingResponses, UploadLimiter, WorkLimiter
+from server.auth import ApiKeys, CpuLimiter, RateLimiter
+from server.identity import Client, client_of_address, client_of_key, client_of_request
+from server.limits import ConnectionLimiter, PendingResponses, UploadLimiter, count_possible_connections
 from server.metrics import Metrics
 from server.problems import ProblemError
 from server.request_body import BodyLimits, RequestBody, Upload
+from server.scheduling import WorkLimiter
 from server.settings import Settings
 
 T = TypeVar("T")
@@ -82,12 +86,15 @@ class Service:
 
     def __init__(self, settings: Settings, estimator: Estimator | None = None) -> None:
         self.settings = settings
-        self.limiter = WorkLimiter(settings.workers, settings.queue)
-        self.uploads = UploadLimiter(settings.uploads, settings.uploads_per_client)
-        self.pending = PendingResponses(settings.unsent_bytes)
-        self.metrics = Metrics(self.limiter, self.uploads, self.pending)
         self.keys = ApiKeys(settings.all_keys())
         self.rate_limiter = RateLimiter(settings.rate_limits)
+        self.cpu_limiter = CpuLimiter(settings.cpu_limits)
+        self.limiter = WorkLimiter(settings.workers, settings.queue, self.cpu_limiter.charge)
+        self.uploads = UploadLimiter(settings.uploads, settings.uploads_per_client)
+        self.pending = PendingResponses(settings.unsent_bytes)
+        possible = count_possible_connections(settings.workers)
+        self.connections = ConnectionLimiter(min(settings.connections, possible), settings.connections_per_client)
+        self.metrics = Metrics(self.limiter, self.uploads, self.pending, self.connections)
         self.ready = False
         self.loaded_estimator = estimator
 
@@ -131,8 +138,19 @@ class Service:
 
     @property
     def full(self) -> bool:
-        """Whether the next photo would be refused with 503."""
-        return self.limiter.full or self.uploads.full or self.pending.full
+        """Whether a new client's photo would be refused with 503."""
+        return self.limiter.full
+
+    def identify_client(self, scope: Scope) -> Client:
+        """Who asks: the holder of an API key of the service, else an address.
+
+        Args:
+            scope: of an HTTP request; its client is the one that a trusted proxy names.
+        """
+        scheme, _, key = Headers(scope=scope).get("authorization", "").partition(" ")
+        if self.keys and scheme.lower() == "bearer" and (number := self.keys.find(key)) is not None:
+            return client_of_key(number)
+        return client_of_address((scope.get("client") or ("",))[0])
 
     def read_photo(self, data: bytes, seconds: float | None = None, target: int = TARGET) -> Photo:
         """Decode an upload and count it; raises PhotoError.
@@ -183,21 +201,23 @@ class _Admission:
         self.body = RequestBody(
             request,
             BodyLimits(limits.max_bytes, limits.upload_seconds, limits.upload_rate),
-            lambda: service.uploads.count_upload(client_address(request)),
+            service.uploads.count_upload,
         )
 
     async def run(self, work: Callable[..., T], *arguments: Any) -> T:
         """The result of work in a thread, as soon as one is free; it is dropped when the client disconnects.
 
-        Raises BusyError if the queue has filled meanwhile, or too many bytes wait for clients.
+        Raises BusyError or ShareTakenError if the queue has filled meanwhile, or too many bytes wait for clients.
         """
+        client = client_of_request(self.request)
+        route = f"{self.request.method} {getattr(self.request.scope.get('route'), 'path', '')}"
 
         def checked() -> T:
-            from_thread.run_sync(self.service.pending.check)
+            from_thread.run_sync(self.service.pending.check, client)
             return work(*arguments)
 
-        with self.service.limiter.admission():
-            return await self.service.limiter.run(self.request.receive, checked)
+        with self.service.limiter.admission(client, route) as job:
+            return await self.service.limiter.run(job, self.request.receive, checked)
 
 
 def _get_service(request: Request) -> Service:
@@ -209,10 +229,10 @@ ServiceDep = Annotated[Service, Depends(_get_service)]
 
 
 async def _admit(request: Request, service: ServiceDep) -> _Admission:
-    """Admit a request before its body is read; raises BusyError if there is no room."""
-    if service.limiter.full:
-        raise BusyError
-    service.pending.check()
+    """Admit a request before its body is read; raises BusyError or ShareTakenError if there is no room."""
+    client = client_of_request(request)
+    service.limiter.check(client)
+    service.pending.check(client)
     return _Admission(request, service)
 
 

@@ -1,4 +1,4 @@
-"""Hardened HTTP/1.1: limits on the size and the time of heads, chunks and responses.
+"""Hardened HTTP/1.1: limits on connections, and on the size and the time of heads, chunks and responses.
 
 uvicorn's own class has no time limit for a head or a response and answers 400 to a head that is too large. It passes
 everything that a socket held to h11 at once: sixteen times the limit of a head, or forty thousand chunks of a body.
@@ -8,14 +8,18 @@ two different requests (request smuggling).
 
 import asyncio
 import logging
+import secrets
 import sys
+from collections.abc import Callable
 from typing import Any
 
 import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server import problems
-from server.limits import PendingResponses
+from server.auth import SECURITY_HEADERS
+from server.identity import UNKNOWN, Client, client_of_address
+from server.limits import PLACE_BYTES, ConnectionLimiter, PendingResponses
 from server.problems import ProblemKind
 
 MAX_CHUNKS = 4096  # of a body, unless they hold MIN_MEAN_CHUNK bytes in the mean
@@ -27,6 +31,9 @@ RESPONSE_GRACE = 30.0  # seconds in which a response may be taken more slowly th
 
 _READ_BYTES = 4096  # of heads and of chunks that h11 gets in one iteration of the event loop
 _BODY_READ_BYTES = 65536  # of a body of a known length, which costs little
+_ASSUMED_BYTES = 10_000_000  # that a client counts as having taken in a second before its answer began
+_PROBE_SECONDS = (2.0, 0.5, 6.0, 24.0)  # between the interim answers to a client that sends no more
+_LAST_SECONDS = 0.5  # for requests that are on their way when the service shuts down
 _LINGER_BYTES = 262_144  # that are read and dropped, for so many seconds, after a refusal: a connection that is closed
 _LINGER_SECONDS = 1.0  # with bytes unread takes its last response with it
 
@@ -41,15 +48,15 @@ class _Connection(h11.Connection):
     """Counts a body's chunks; next_event also raises _TinyChunksError, and RemoteProtocolError for two lengths."""
 
     chunked = False  # whether the last request's body is
+    body_bytes = 0  # that have come of it
     _chunks = 0
-    _size = 0
 
     def next_event(self) -> h11.Event | type[h11.NEED_DATA] | type[h11.PAUSED]:
         event = super().next_event()
         if isinstance(event, h11.Request):
             names = {name for name, _ in event.headers}
             self.chunked = b"transfer-encoding" in names
-            self._chunks = self._size = 0
+            self._chunks = self.body_bytes = 0
             if self.chunked and b"content-length" in names:
                 raise h11.RemoteProtocolError(_AMBIGUOUS_LENGTH)
         elif isinstance(event, h11.Data):
@@ -58,8 +65,8 @@ class _Connection(h11.Connection):
 
     def _count(self, data: h11.Data) -> None:
         self._chunks += data.chunk_start
-        self._size += len(data.data)
-        if self._chunks > MAX_CHUNKS and self._size < MIN_MEAN_CHUNK * self._chunks:
+        self.body_bytes += len(data.data)
+        if self._chunks > MAX_CHUNKS and self.body_bytes < MIN_MEAN_CHUNK * self._chunks:
             tiny = f"fewer than {MIN_MEAN_CHUNK} bytes in the mean"
             raise _TinyChunksError(f"The body has over {MAX_CHUNKS} chunks of {tiny}.")
 
@@ -71,30 +78,107 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         head_seconds: time limit for a request's head, from its first byte or from connecting.
         answer_rate: bytes per second at which a response must be taken, at least, after RESPONSE_GRACE.
         pending: counts the bytes that wait for clients.
+        connections: counts the connections; None counts none.
+        is_proxy: whether an address is a proxy's, whose connections are many clients'.
+        model_name: the network's name for a header; empty without one.
     """
 
     def __init__(
-        self, *arguments: Any, head_seconds: float, answer_rate: int, pending: PendingResponses, **more: Any
+        self,
+        *arguments: Any,
+        head_seconds: float,
+        answer_rate: int,
+        pending: PendingResponses,
+        connections: ConnectionLimiter | None = None,
+        is_proxy: Callable[[str], bool] = lambda _: False,
+        model_name: Callable[[], str] = lambda: "",
+        **more: Any,
     ) -> None:
         super().__init__(*arguments, **more)
         self.conn: _Connection = _Connection(h11.SERVER, MAX_HEADER_BYTES)
         self._head_seconds = head_seconds
         self._answer_rate = answer_rate
         self._pending = pending
+        self._connections = connections or ConnectionLimiter(sys.maxsize, sys.maxsize)
+        self._is_proxy = is_proxy
+        self._model_name = model_name
+        self._peer = UNKNOWN
         self._deadline: asyncio.TimerHandle | None = None  # of a head
         self._send_deadline: asyncio.TimerHandle | None = None  # of a response that its client does not take
+        self._answer_size, self._answer_began = 0, 0.0  # of that response: bytes, and the loop's time
         self._buffer = bytearray()
         self._dropped_bytes: int | None = None  # after a refusal; None before
+        self._half_closed = False  # whether the client sends no more
+        self._shutting_down = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         super().connection_made(transport)
         transport.set_write_buffer_limits(high=0)  # so that writing pauses as soon as a byte is left
-        self._set_deadline()
+        host = self.client[0] if self.client else ""
+        self._peer = client_of_address(host)
+        self.app_state = self.app_state | {"peer": host}  # which stays, whatever client a proxy names
+        if self._connections.open(self, None if self._is_proxy(host) else self._peer):
+            self._set_deadline()
+        else:
+            transport.abort()
 
     def connection_lost(self, exc: Exception | None) -> None:
+        self._connections.close(self)
         self.resume_writing()
         super().connection_lost(exc)
         self._cancel_deadline()
+
+    def give_way(self) -> None:
+        """End the connection for another one."""
+        self.transport.abort()
+
+    def eof_received(self) -> bool:  # type: ignore[override]
+        """Keep the connection of a client that sends no more, and may still read, until it has its answers."""
+        if self._dropped_bytes is not None or not self._is_working() or self.cycle.more_body:
+            return False
+        self._half_closed = True
+        self._probe_later(0)
+        return True
+
+    def _probe_later(self, number: int) -> None:
+        if number < len(_PROBE_SECONDS):
+            self.loop.call_later(_PROBE_SECONDS[number], self._probe, number)
+
+    def _probe(self, number: int) -> None:
+        """Send an interim answer, which a client ignores that waits for its answer; the second one to nobody fails."""
+        if self.transport.is_closing() or not self._is_working():
+            return
+        if self.conn.our_state is h11.SEND_RESPONSE and self.scope["http_version"] == "1.1":
+            interim = h11.InformationalResponse(status_code=100, headers=[], reason=b"Continue")
+            self.transport.write(self.conn.send(interim) or b"")
+        self._probe_later(number + 1)
+
+    def shutdown(self) -> None:
+        """Let the request that runs or is on its way be the last."""
+        self._shutting_down = True
+        if self._is_working():
+            super().shutdown()
+        else:
+            self.loop.call_later(_LAST_SECONDS, self._close_if_idle)
+
+    def _close_if_idle(self) -> None:
+        if not self._is_working() and not self.transport.is_closing():
+            self.transport.close()
+
+    def on_response_complete(self) -> None:
+        self._connections.note_answer(self)
+        super().on_response_complete()
+        self._note_request()  # which may have waited behind the first
+        if self._half_closed:
+            self._close_if_idle()
+
+    def _note_request(self) -> None:
+        """Tell the limiter when something has been asked, and the last request of a shutdown that it is."""
+        if not self._is_working():
+            return
+        self.cycle.keep_alive &= not self._shutting_down
+        if self.conn.their_state is not h11.SEND_BODY or self.conn.body_bytes >= PLACE_BYTES:
+            self._connections.note_request(self)
 
     def get_buffer(self, sizehint: int) -> bytearray:  # noqa: ARG002
         """A buffer for the next read, small enough that other connections run between two reads."""
@@ -108,6 +192,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         if self._dropped_bytes is None:
             super().data_received(data)
             self._set_deadline()
+            self._note_request()
         else:
             self._drop(data)
 
@@ -135,26 +220,45 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def pause_writing(self) -> None:
         super().pause_writing()
-        self._pending.add(self.transport)
-        size = self.transport.get_write_buffer_size()
-        self._set_send_deadline(size, self.loop.time())
+        self._pending.add(self, self._client())
+        self._answer_size, self._answer_began = self.unsent_bytes(), self.loop.time()
+        self._set_send_deadline()
 
     def resume_writing(self) -> None:
         super().resume_writing()
-        self._pending.discard(self.transport)
+        self._pending.discard(self)
         if self._send_deadline is not None:
             self._send_deadline.cancel()
             self._send_deadline = None
 
-    def _set_send_deadline(self, size: int, began: float) -> None:
-        """Set the time until which more of a response of `size` bytes must be taken; abort a late connection."""
-        taken = size - self.transport.get_write_buffer_size()
-        until = began + RESPONSE_GRACE + taken / self._answer_rate
+    def _client(self) -> Client:
+        """Whose share an answer uses; behind a proxy the client that it names."""
+        client: Client = self.scope.get("lighting_client", self._peer) if self.scope else self._peer  # type: ignore[assignment]
+        return client
+
+    def unsent_bytes(self) -> int:
+        """Bytes of an answer that its client has not taken."""
+        return self.transport.get_write_buffer_size()
+
+    def seconds_left(self) -> float:
+        """Seconds until all is taken, at the mean speed so far; a fresh answer counts as taken fast."""
+        taken = self._answer_size - self.unsent_bytes() + _ASSUMED_BYTES
+        return self.unsent_bytes() * (self.loop.time() - self._answer_began + 1) / taken
+
+    def drop_answer(self) -> None:
+        """End the connection of a client that takes its answer more slowly than others."""
+        access_log.info("dropped an answer to make room for others")
+        self.transport.abort()
+
+    def _set_send_deadline(self) -> None:
+        """Set the time until which more of a response must be taken; abort a late connection."""
+        taken = self._answer_size - self.unsent_bytes()
+        until = self._answer_began + RESPONSE_GRACE + taken / self._answer_rate
         if until <= self.loop.time():
             access_log.info("dropped an answer that its client took too slowly")
             self.transport.abort()
         else:
-            self._send_deadline = self.loop.call_at(until, self._set_send_deadline, size, began)
+            self._send_deadline = self.loop.call_at(until, self._set_send_deadline)
 
     def _set_deadline(self) -> None:
         """Start the time limit of a head unless a request is running."""
@@ -191,14 +295,21 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._linger()
 
     def _send(self, kind: ProblemKind, detail: str) -> None:
-        access_log.info("refused %d %s", kind.status, kind.name)
-        body = problems.problem_json(kind, detail)
-        headers = [
-            (b"content-type", problems.MEDIA_TYPE.encode()),
-            (b"content-length", b"%d" % len(body)),
-            (b"connection", b"close"),
-        ]
-        for event in (h11.Response(status_code=kind.status, headers=headers), h11.Data(data=body), h11.EndOfMessage()):
+        """Send a problem, with one line in the log: the request's own if there is one."""
+        request_id = secrets.token_hex(8)
+        if self._is_working():
+            self.scope["refused"] = kind  # type: ignore[typeddict-unknown-key]
+            request_id = str(self.scope.get("request_id", request_id))
+        else:
+            access_log.info("refused %d %s id=%s", kind.status, kind.name, request_id)
+        body = problems.problem_json(kind, detail, request_id)
+        headers = {"Content-Type": problems.MEDIA_TYPE, "Content-Length": str(len(body)), "Connection": "close"}
+        headers |= {**SECURITY_HEADERS, "X-Request-ID": request_id}
+        if model_name := self._model_name():
+            headers["Lighting-Model"] = model_name
+        pairs = [(name.lower().encode(), value.encode()) for name, value in headers.items()]
+        response = h11.Response(status_code=kind.status, headers=self.server_state.default_headers + pairs)
+        for event in (response, h11.Data(data=body), h11.EndOfMessage()):
             self.transport.write(self.conn.send(event) or b"")
 
     def _linger(self) -> None:

@@ -1,15 +1,23 @@
-"""Limits on concurrent work, on uploads and on responses that wait for their clients."""
+"""Limits on uploads, on answers that wait for their clients and on connections, in all and for each client."""
 
-from collections import Counter
-from collections.abc import Awaitable, Callable, Iterator
+import logging
+import sys
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import Protocol, TypeVar
+from dataclasses import dataclass, field
+from typing import Protocol
 
-from anyio import CancelScope, CapacityLimiter, create_task_group, to_thread
-from starlette.requests import ClientDisconnect
-from starlette.types import Receive
+from server.identity import Client, Tally
 
-T = TypeVar("T")
+PLACE_BYTES = 65_536  # of a body that have come when it takes a place
+UNSENT_SHARE = 0.25  # of the bytes of answers that may wait, for one client
+BACKLOG = 32  # connections that are accepted in one iteration of the event loop
+_SPARE_FILES = 4 * BACKLOG + 32  # of the process that are no connections, or not yet counted as such
+_FILES_PER_WORKER = 8  # pipes of the processes that decode and match
+_LOG_SECONDS = 60.0  # between two lines about connections
+
+log = logging.getLogger(__name__)
 
 
 class BusyError(Exception):
@@ -19,114 +27,88 @@ class BusyError(Exception):
         super().__init__(message)
 
 
-class WorkLimiter:
-    """Runs a fixed number of requests in threads; a fixed number waits, and further ones are refused."""
-
-    def __init__(self, workers: int, queue: int) -> None:
-        self.workers = workers
-        self.capacity = workers + queue
-        self.admitted = 0
-        self._threads = CapacityLimiter(workers)
-
-    @property
-    def running(self) -> int:
-        """Requests that occupy a thread."""
-        return self._threads.borrowed_tokens
-
-    @property
-    def waiting(self) -> int:
-        """Admitted requests that wait for a thread."""
-        return self.admitted - self.running
-
-    @property
-    def full(self) -> bool:
-        """Whether the next request would be refused."""
-        return self.admitted >= self.capacity
-
-    @contextmanager
-    def admission(self) -> Iterator[None]:
-        """Count a request until the end of the block; raises BusyError if the queue is full."""
-        if self.full:
-            raise BusyError
-        self.admitted += 1
-        try:
-            yield
-        finally:
-            self.admitted -= 1
-
-    async def run(self, receive: Receive, work: Callable[[], T]) -> T:
-        """Run work in a thread as soon as one is free.
-
-        Args:
-            receive: ASGI's channel, which tells that the client disconnects.
-            work: on a disconnect it is dropped while it waits; while it runs, it stops at its next
-                call of anyio.from_thread.check_cancelled.
-
-        Raises:
-            ClientDisconnect: the client disconnected.
-        """
-        return await _run_unless_disconnected(receive, lambda: to_thread.run_sync(work, limiter=self._threads))
-
-
-async def _run_unless_disconnected(receive: Receive, work: Callable[[], Awaitable[T]]) -> T:
-    try:
-        async with create_task_group() as tasks:
-            tasks.start_soon(_cancel_on_disconnect, receive, tasks.cancel_scope)
-            result = await work()
-            tasks.cancel_scope.cancel()
-            return result
-    except ExceptionGroup as group:
-        raise group.exceptions[0] from None
-    raise ClientDisconnect
-
-
-async def _cancel_on_disconnect(receive: Receive, scope: CancelScope) -> None:
-    while (await receive())["type"] != "http.disconnect":
-        pass
-    scope.cancel()
+class ShareTakenError(Exception):
+    """One client has its share of the service; the message says of what."""
 
 
 class TooManyUploadsError(Exception):
     """One client sends more bodies at once than it may."""
 
 
+@dataclass(eq=False)
+class ArrivingBody:
+    """A body that is arriving."""
+
+    client: Client
+    give_way: Callable[[], None]  # ends its request
+    size: int = 0  # bytes that have come
+    began: float = field(default_factory=time.monotonic)
+
+    def rate(self) -> float:
+        """Bytes per second so far."""
+        return self.size / max(time.monotonic() - self.began, 1e-6)
+
+
 class UploadLimiter:
-    """Limits the bodies that are arriving, in all and from each client; they occupy no worker."""
+    """Limits the bodies that are arriving, in all and from each client; they occupy no worker.
+
+    A body takes a place when PLACE_BYTES have come. When all are taken, the slowest body gives way.
+    """
 
     def __init__(self, max_uploads: int, max_per_client: int) -> None:
         self.max_uploads = max_uploads
         self.max_per_client = max_per_client
-        self._by_client: Counter[str] = Counter()
+        self._bodies: set[ArrivingBody] = set()
+        self._held = Tally()
 
     @property
     def count(self) -> int:
-        """Bodies that are arriving."""
-        return self._by_client.total()
-
-    @property
-    def full(self) -> bool:
-        """Whether the next body would be refused."""
-        return self.count >= self.max_uploads
+        """Bodies that have a place."""
+        return len(self._bodies)
 
     @contextmanager
-    def count_upload(self, client: str) -> Iterator[None]:
-        """Count a body until the end of the block; raises TooManyUploadsError or BusyError if there are too many."""
-        if self._by_client[client] >= self.max_per_client:
+    def count_upload(self, body: ArrivingBody) -> Iterator[None]:
+        """Count a body until the end of the block.
+
+        Args:
+            body: of which PLACE_BYTES have come.
+
+        Raises:
+            TooManyUploadsError: its client has as many places as it may.
+            BusyError: all places are taken, by faster ones.
+        """
+        if self._held.load(body.client, 1) > self.max_per_client:
             raise TooManyUploadsError
-        if self.full:
-            raise BusyError("As many bodies are arriving as the service takes at once.")
-        self._by_client[client] += 1
+        if self.count >= self.max_uploads:
+            slowest = min((body, *self._bodies), key=ArrivingBody.rate)
+            if slowest is body:
+                raise BusyError("As many bodies are arriving as the service takes at once, and all come faster.")
+            self._discard(slowest)
+            slowest.give_way()
+        self._bodies.add(body)
+        self._held.add(body.client, 1)
         try:
             yield
         finally:
-            self._by_client[client] -= 1
-            self._by_client += Counter()  # drops clients without uploads
+            self._discard(body)
+
+    def _discard(self, body: ArrivingBody) -> None:
+        if body in self._bodies:
+            self._bodies.remove(body)
+            self._held.add(body.client, -1)
 
 
-class _Transport(Protocol):
-    """The part of a connection's transport that is counted."""
+class UnsentAnswer(Protocol):
+    """A connection whose client has not taken all of an answer."""
 
-    def get_write_buffer_size(self) -> int: ...
+    def unsent_bytes(self) -> int:
+        """Bytes that wait."""
+
+    def seconds_left(self) -> float:
+        """Seconds until all is taken, at the mean speed so far."""
+
+    def drop_answer(self) -> None:
+        """End the connection."""
 
 
 class PendingResponses:
@@ -134,27 +116,153 @@ class PendingResponses:
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
-        self._waiting: set[_Transport] = set()
+        self._waiting: dict[UnsentAnswer, Client] = {}
 
-    def add(self, transport: _Transport) -> None:
-        """Count this connection's bytes until it is discarded."""
-        self._waiting.add(transport)
+    def add(self, answer: UnsentAnswer, client: Client) -> None:
+        """Count this connection's bytes until it is discarded.
 
-    def discard(self, transport: _Transport) -> None:
+        Args:
+            answer: the connection.
+            client: whose share the bytes use.
+        """
+        self._waiting[answer] = client
+
+    def discard(self, answer: UnsentAnswer) -> None:
         """Count this connection no more."""
-        self._waiting.discard(transport)
+        self._waiting.pop(answer, None)
 
     @property
     def size(self) -> int:
         """Bytes that wait."""
-        return sum(transport.get_write_buffer_size() for transport in self._waiting)
+        return sum(answer.unsent_bytes() for answer in self._waiting)
+
+    def check(self, client: Client) -> None:
+        """Make room for a further response; while there is none, the answer that is taken most slowly is dropped.
+
+        Args:
+            client: who would get it.
+
+        Raises:
+            ShareTakenError: UNSENT_SHARE of the bytes wait for this client.
+        """
+        if not self._waiting:
+            return
+        sizes = Tally()
+        for answer, owner in self._waiting.items():
+            sizes.add(owner, answer.unsent_bytes())
+        if sizes.load(client) >= UNSENT_SHARE * self.max_bytes:
+            raise ShareTakenError("Many bytes of answers wait for this client to take them.")
+        while self._waiting and self.size >= self.max_bytes:
+            slowest = max(self._waiting, key=lambda answer: answer.seconds_left())
+            self.discard(slowest)
+            slowest.drop_answer()
+
+
+class OpenConnection(Protocol):
+    """A connection that may have to give way."""
+
+    def give_way(self) -> None:
+        """End at once."""
+
+
+class ConnectionLimiter:
+    """Limits the open connections, in all and of each client.
+
+    When there are too many in all, the one on which nothing has been asked for longest gives way: of those that never
+    asked anything first. A connection asks something when a request and PLACE_BYTES of its body, or all, have come.
+
+    Args:
+        maximum: in all.
+        max_per_client: of one client.
+    """
+
+    def __init__(self, maximum: int, max_per_client: int) -> None:
+        self.maximum = maximum
+        self.max_per_client = max_per_client
+        self._clients: dict[OpenConnection, Client | None] = {}
+        self._silent: dict[OpenConnection, None] = {}  # those that never asked anything, the oldest first
+        self._idle: dict[OpenConnection, None] = {}  # those that have nothing to do since an answer
+        self._held = Tally()
+        self._ended = 0  # since the last line of the log
+        self._logged = -_LOG_SECONDS
 
     @property
-    def full(self) -> bool:
-        """Whether no further response may be made."""
-        return self.size >= self.max_bytes
+    def count(self) -> int:
+        """Open connections."""
+        return len(self._clients)
 
-    def check(self) -> None:
-        """Raise BusyError if no further response may be made."""
-        if self.full:
-            raise BusyError("As many bytes of answers as the service keeps wait for clients to take them.")
+    def open(self, connection: OpenConnection, client: Client | None) -> bool:
+        """Count a connection; False if there is no room for it.
+
+        Args:
+            connection: a new one.
+            client: whose share it uses; None for a proxy, which has no share.
+        """
+        if client and self._held.load(client, 1) > self.max_per_client:
+            self._log()
+            return False
+        if self.count >= self.maximum:
+            self._log()
+            quiet = next(iter(self._silent or self._idle), None)
+            if quiet is None:
+                return False
+            self.close(quiet)
+            quiet.give_way()
+        self._clients[connection] = client
+        self._silent[connection] = None
+        if client:
+            self._held.add(client, 1)
+        return True
+
+    def note_request(self, connection: OpenConnection) -> None:
+        """Something has been asked on this connection: it does not give way."""
+        self._silent.pop(connection, None)
+        self._idle.pop(connection, None)
+
+    def note_answer(self, connection: OpenConnection) -> None:
+        """All that was asked has been answered."""
+        if connection in self._clients:
+            self._silent.pop(connection, None)
+            self._idle[connection] = None
+
+    def close(self, connection: OpenConnection) -> None:
+        """Count a connection no more."""
+        if connection not in self._clients:
+            return
+        client = self._clients.pop(connection)
+        self.note_request(connection)
+        if client:
+            self._held.add(client, -1)
+
+    def _log(self) -> None:
+        """Count a connection that is ended or refused, and say so once a minute."""
+        self._ended += 1
+        if time.monotonic() - self._logged >= _LOG_SECONDS:
+            log.warning("too many connections: %d ended or refused, %d open", self._ended, self.count)
+            self._ended, self._logged = 0, time.monotonic()
+
+
+def raise_file_limit() -> None:
+    """Let this process open as many files as the system lets it."""
+    if sys.platform == "win32":
+        return
+    import resource
+
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (hard, hard))
+
+
+def count_possible_connections(workers: int) -> int:
+    """The connections for which this process can open files, beside what else it needs.
+
+    Args:
+        workers: requests processed at the same time.
+    """
+    if sys.platform == "win32":
+        return sys.maxsize
+    import resource
+
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft == resource.RLIM_INFINITY:
+        return sys.maxsize
+    return max(soft - _SPARE_FILES - _FILES_PER_WORKER * workers, 8)

@@ -4,7 +4,8 @@ from collections.abc import Callable
 
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 
-from server.limits import PendingResponses, UploadLimiter, WorkLimiter
+from server.limits import ConnectionLimiter, PendingResponses, UploadLimiter
+from server.scheduling import WorkLimiter
 
 LATENCY_BUCKETS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper ends of the histograms' buckets
 
@@ -12,7 +13,13 @@ LATENCY_BUCKETS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4) 
 class Metrics:
     """The metrics of one app; routes are labeled by template, so that labels stay few."""
 
-    def __init__(self, limiter: WorkLimiter, uploads: UploadLimiter, pending: PendingResponses) -> None:
+    def __init__(
+        self,
+        limiter: WorkLimiter,
+        uploads: UploadLimiter,
+        pending: PendingResponses,
+        connections: ConnectionLimiter,
+    ) -> None:
         self.registry = registry = CollectorRegistry()
         self.requests = Counter(
             "lighting_requests", "Requests answered.", ["method", "route", "status"], registry=registry
@@ -37,6 +44,7 @@ class Metrics:
         self._gauge("lighting_queue_depth", "Requests that wait.", lambda: limiter.waiting)
         self._gauge("lighting_running", "Requests that are running.", lambda: limiter.running)
         self._gauge("lighting_unsent_bytes", "Bytes of answers that wait for their clients.", lambda: pending.size)
+        self._gauge("lighting_connections", "Open connections.", lambda: connections.count)
 
     def _gauge(self, name: str, meaning: str, value: Callable[[], int]) -> None:
         Gauge(name, meaning, registry=self.registry).set_function(value)

@@ -44,7 +44,7 @@ async def readyz(service: ServiceDep) -> Status:
         retry = {"Retry-After": problems.RETRY_SECONDS}
         raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
     if service.full:
-        raise BusyError("The queue is full, or as many bodies arrive or answers wait as the service takes at once.")
+        raise BusyError
     return Status()
 
 
@@ -80,6 +80,7 @@ class AccessLogMiddleware(_Middleware):
             return await self.app(scope, receive, send)
         start = time.perf_counter()
         request_id = scope["request_id"] = _request_id(Headers(scope=scope))
+        scope["lighting_client"] = self.service.identify_client(scope)
         status = 0
 
         async def send_named(message: Message) -> None:
@@ -102,6 +103,8 @@ class AccessLogMiddleware(_Middleware):
         if route in _UNMEASURED_ROUTES:
             return
         method = scope["method"] if scope["method"] in _LABELED_METHODS else "other"
+        if refused := scope.get("refused"):  # by the connection, in the middle of the request
+            status, scope["problem"] = refused.status, refused.name
         label = "any" if route == _UNMATCHED_ROUTE else method
         self.service.metrics.requests.labels(label, route, status).inc()
         self.service.metrics.latency.labels(route).observe(seconds)

@@ -17,7 +17,7 @@ from starlette.types import Scope
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.records import Json
 from lighting.validation import parameter_name
-from server.limits import BusyError, TooManyUploadsError
+from server.limits import BusyError, ShareTakenError, TooManyUploadsError
 
 MEDIA_TYPE = "application/problem+json"
 RETRY_SECONDS = "1"
@@ -47,15 +47,18 @@ UNREADABLE_BODY = ProblemKind("unreadable-body", 400, "The body cannot be read")
 MALFORMED = ProblemKind("malformed-request", 400, "The request is not HTTP/1.1")
 UNAUTHORIZED = ProblemKind("unauthorised", 401, "An API key is required")
 FORBIDDEN = ProblemKind("forbidden", 403, "The API key is wrong")
+FOREIGN_ORIGIN = ProblemKind("foreign-origin", 403, "A web page of another origin asks")
 NOT_FOUND = ProblemKind("not-found", 404, "There is no such route")
 METHOD_NOT_ALLOWED = ProblemKind("method-not-allowed", 405, "The method is not allowed here")
 TOO_SLOW = ProblemKind("too-slow", 408, "The request did not arrive in time")
 REMOVED = ProblemKind("removed", 410, "The route was removed")
 TOO_LARGE = ProblemKind("too-large", 413, "The body or the photo is too large")
 UNSUPPORTED_TYPE = ProblemKind("unsupported-type", 415, "The body is of a type that is not accepted")
+WRONG_HOST = ProblemKind("wrong-host", 421, "The service has another name")
 INVALID = ProblemKind("invalid", 422, "A parameter is missing, unknown or out of range")
 TOO_MANY_REQUESTS = ProblemKind("too-many-requests", 429, "The rate limit is reached")
-TOO_MANY_UPLOADS = ProblemKind("too-many-uploads", 429, "Too many uploads at once from one address")
+TOO_MANY_UPLOADS = ProblemKind("too-many-uploads", 429, "Too many uploads at once from one client")
+SHARE_TAKEN = ProblemKind("share-taken", 429, "One client has its share of the service")
 HEADERS_TOO_LARGE = ProblemKind("headers-too-large", 431, "The headers are too large")
 CLIENT_GONE = ProblemKind("client-gone", 499, "The client disconnected")
 INTERNAL = ProblemKind("internal", 500, "The service failed")
@@ -63,9 +66,9 @@ NOT_READY = ProblemKind("not-ready", 503, "The network is not loaded yet")
 BUSY = ProblemKind("busy", 503, "The service is busy")
 
 KINDS = (
-    UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, NOT_FOUND, METHOD_NOT_ALLOWED, TOO_SLOW,
-    REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, INVALID, TOO_MANY_REQUESTS, TOO_MANY_UPLOADS, HEADERS_TOO_LARGE, INTERNAL,
-    NOT_READY, BUSY,
+    UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, FOREIGN_ORIGIN, NOT_FOUND,
+    METHOD_NOT_ALLOWED, TOO_SLOW, REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, WRONG_HOST, INVALID, TOO_MANY_REQUESTS,
+    TOO_MANY_UPLOADS, SHARE_TAKEN, HEADERS_TOO_LARGE, INTERNAL, NOT_READY, BUSY,
 )  # fmt: skip
 _DETAIL_BY_TYPE = {  # plainer than pydantic's, by pydantic's type of error
     "missing": (ErrorCode.MISSING, "is missing"),
@@ -148,14 +151,15 @@ def _response(request: Request, error: ProblemError) -> Response:
     return Response(_json({**body, **error.more}), error.kind.status, error.headers, MEDIA_TYPE)
 
 
-def problem_json(kind: ProblemKind, detail: str) -> bytes:
+def problem_json(kind: ProblemKind, detail: str, request_id: str) -> bytes:
     """The JSON of a problem with a request that could not be parsed.
 
     Args:
         kind: the kind of problem.
         detail: a sentence for people.
+        request_id: of the header X-Request-ID.
     """
-    return _json(_body(kind, detail, "", ""))
+    return _json(_body(kind, detail, "", request_id))
 
 
 def _json(content: Json) -> bytes:
@@ -186,8 +190,10 @@ def _problem_of(error: Exception) -> ProblemError:
         case BusyError():
             return ProblemError(BUSY, str(error), {"Retry-After": RETRY_SECONDS})
         case TooManyUploadsError():
-            detail = "Too many bodies are arriving from this address; send them one after another."
+            detail = "Too many bodies are arriving from this client; send them one after another."
             return ProblemError(TOO_MANY_UPLOADS, detail, {"Retry-After": RETRY_SECONDS})
+        case ShareTakenError():
+            return ProblemError(SHARE_TAKEN, str(error), {"Retry-After": RETRY_SECONDS})
         case ClientDisconnect():
             return ProblemError(CLIENT_GONE, "The client disconnected.")
         case _:
@@ -284,6 +290,6 @@ def install_handlers(app: FastAPI) -> None:
     Args:
         app: the app, without routes.
     """
-    ours = (ProblemError, LightingError, BusyError, TooManyUploadsError)
+    ours = (ProblemError, LightingError, BusyError, ShareTakenError, TooManyUploadsError)
     for expected in (*ours, HTTPException, RequestValidationError, ClientDisconnect):
         app.add_exception_handler(expected, problem_response)

@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
-from contextlib import AbstractContextManager, asynccontextmanager
+from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -18,6 +18,8 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
 from lighting.validation import record_path
 from server import problems
+from server.identity import client_of_request
+from server.limits import PLACE_BYTES, ArrivingBody
 from server.problems import InvalidField, ProblemError
 from server.schemas import LightingRecord
 
@@ -63,14 +65,22 @@ class RequestBody:
     Args:
         request: the request.
         limits: of size and time.
-        admit: counts the body while it arrives; raises if there are too many.
+        admit: counts the body, of which PLACE_BYTES have come, while it arrives; raises if there are too many.
     """
 
-    def __init__(self, request: Request, limits: BodyLimits, admit: Callable[[], AbstractContextManager[None]]) -> None:
+    def __init__(
+        self, request: Request, limits: BodyLimits, admit: Callable[[ArrivingBody], AbstractContextManager[None]]
+    ) -> None:
         self.request = request
         self.limits = limits
         self._admit = admit
         self._deadline = CancelScope()
+        self._place = ExitStack()
+        self._must_go = False  # whether it gave its place to another
+
+    def _give_way(self) -> None:
+        self._must_go = True
+        self._deadline.cancel()
 
     async def photo(self, *also: str) -> bytes:
         """The bytes of one photo.
@@ -108,9 +118,12 @@ class RequestBody:
             raise ProblemError(problems.UNSUPPORTED_TYPE, detail, {"Accept-Encoding": "identity"})
 
     async def _within_limits(self, read: Callable[[], Awaitable[T]]) -> T:
-        with self._admit(), self._deadline:
+        with self._place, self._deadline:
             self._set_deadline(0, current_time())
             return await read()
+        if self._must_go:
+            detail = "As many bodies are arriving as the service takes at once, and this one came most slowly."
+            raise ProblemError(problems.BUSY, detail, {"Retry-After": problems.RETRY_SECONDS, "Connection": "close"})
         detail = f"The body must arrive within {self.limits.seconds:g} s and at {self.limits.rate} bytes per second."
         raise ProblemError(problems.TOO_SLOW, detail, {"Connection": "close"})
 
@@ -124,11 +137,15 @@ class RequestBody:
     async def _chunks(self, limit: int) -> AsyncGenerator[bytes, None]:
         content_length = self.request.headers.get("content-length", "")
         _check_size(int(content_length) if content_length.isdecimal() else 0, limit)
-        size, began = 0, current_time()
+        body, began = ArrivingBody(client_of_request(self.request), self._give_way), current_time()
+        has_place = False
         async for chunk in self.request.stream():
-            size += len(chunk)
-            _check_size(size, limit)
-            self._set_deadline(size, began)
+            body.size += len(chunk)
+            _check_size(body.size, limit)
+            self._set_deadline(body.size, began)
+            if body.size >= PLACE_BYTES and not has_place:
+                self._place.enter_context(self._admit(body))
+                has_place = True
             yield chunk
 
     async def _read_form(self, max_photos: int) -> list[Upload]:

@@ -3,7 +3,7 @@
 import os
 import re
 from difflib import get_close_matches
-from ipaddress import ip_network
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -22,6 +22,7 @@ PREFIX = "LIGHTING_"
 _DAY_SECONDS = 86_400.0  # the longest time limit; timers do not accept infinity
 _UNSENDABLE = "holds a character outside ASCII or a control character, which no client could send"
 _ROOT_PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
+_HOST_NAME = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)*")
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s]+")  # as browsers send it
 
 
@@ -54,6 +55,7 @@ def _to_lowercase(value: object) -> object:
 
 # The last validator comes first.
 Origins = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)]
+Names = Annotated[tuple[str, ...], NoDecode, BeforeValidator(_split_words), BeforeValidator(_to_lowercase)]
 SecretKeys = Annotated[tuple[SecretStr, ...], NoDecode, BeforeValidator(_split_keys)]
 Seconds = Annotated[float, Field(gt=0, le=_DAY_SECONDS)]
 Level = Annotated[Literal["debug", "info", "warning", "error"], BeforeValidator(_to_lowercase)]
@@ -69,7 +71,7 @@ class Settings(BaseSettings):
     model: Path | None = Field(None, description="path of another network (.onnx) than the one in the package")
     concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
     threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
-    queue: int = Field(32, ge=0, description="requests that may wait in addition; further ones are answered with 503")
+    queue: int = Field(32, ge=0, description="requests that may wait in addition; 503 or 429 for further ones")
     max_bytes: int = Field(MAX_BYTES, ge=1, description="maximum size of a request body in bytes")
     max_pixels: int = Field(
         MAX_PIXELS,
@@ -78,8 +80,10 @@ class Settings(BaseSettings):
         description="maximum number of pixels of a photo, checked before it is decoded",
     )
     max_photos: int = Field(8, ge=1, le=64, description="maximum number of photos in one request")
-    uploads: int = Field(32, ge=1, description="bodies that may arrive at the same time; 503 for further ones")
-    uploads_per_client: int = Field(8, ge=1, description="the same for one client's address; 429 for further ones")
+    uploads: int = Field(32, ge=1, description="bodies that may arrive at a time; the slowest gives way")
+    uploads_per_client: int = Field(8, ge=1, description="the same for one client; 429 for further ones")
+    connections: int = Field(1000, ge=8, description="connections that may be open at a time; silent ones give way")
+    connections_per_client: int = Field(100, ge=1, description="the same for one client's address")
     upload_seconds: Seconds = Field(60.0, description="time limit for receiving a body, in seconds")
     upload_rate: int = Field(
         10_000, ge=1, description="least speed of a body in bytes per second, after its first five seconds"
@@ -88,7 +92,7 @@ class Settings(BaseSettings):
         50_000, ge=1, description="least speed at which an answer is taken in bytes per second, after thirty seconds"
     )
     unsent_bytes: int = Field(
-        500_000_000, ge=1, description="bytes of answers that may wait for their clients; 503 for further requests"
+        500_000_000, ge=1, description="bytes of answers that may wait for their clients; the slowest gives way"
     )
     header_seconds: Seconds = Field(10.0, description="time limit for receiving a request's headers, in seconds")
     decode_seconds: Seconds = Field(
@@ -110,6 +114,10 @@ class Settings(BaseSettings):
     )
     api_keys_file: Path | None = Field(None, description="file with further keys, one per line; `#` begins a comment")
     rate_limit: str = Field("", description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
+    cpu_limit: str = Field("", description="limit per client in seconds of processor time, for example `20/minute`")
+    hosts: Names = Field(
+        (), description="names of the service, separated by commas or spaces; requests for another name are refused"
+    )
     cors_origins: Origins = Field((), description="origins whose web pages may call, separated by commas or spaces")
     trusted_proxies: str = Field(
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
@@ -119,7 +127,7 @@ class Settings(BaseSettings):
     )
     log_level: Level = Field("info", description="lowest level that is logged: debug, info, warning or error")
 
-    @field_validator("rate_limit")
+    @field_validator("rate_limit", "cpu_limit")
     @classmethod
     def _check_rate_limit(cls, text: str) -> str:
         try:
@@ -128,7 +136,7 @@ class Settings(BaseSettings):
             raise ValueError(f"{text} is not a rate limit such as 60/minute or 5/second;1000/day.") from error
         for limit in limits:
             if limit.amount < 1:
-                raise ValueError(f"{text} lets nobody call; a limit allows at least one request.")
+                raise ValueError(f"{text} lets nobody call; a limit allows at least 1.")
         return text
 
     @field_validator("api_keys")
@@ -146,6 +154,14 @@ class Settings(BaseSettings):
             if origin != "*" and not _ORIGIN.fullmatch(origin):
                 raise ValueError(f"{origin} is not an origin such as https://example.org, without a slash at its end.")
         return origins
+
+    @field_validator("hosts")
+    @classmethod
+    def _check_hosts(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        for name in names:
+            if not _HOST_NAME.fullmatch(name):
+                raise ValueError(f"{name} is not a name such as light.example.org, without scheme and port.")
+        return names
 
     @field_validator("trusted_proxies")
     @classmethod
@@ -173,6 +189,25 @@ class Settings(BaseSettings):
     def rate_limits(self) -> list[RateLimitItem]:
         """The parsed `rate_limit`; empty without one."""
         return parse_many(self.rate_limit) if self.rate_limit else []
+
+    @property
+    def cpu_limits(self) -> list[RateLimitItem]:
+        """The parsed `cpu_limit`; empty without one."""
+        return parse_many(self.cpu_limit) if self.cpu_limit else []
+
+    def is_trusted_proxy(self, host: str) -> bool:
+        """Whether an address is one of `trusted_proxies`.
+
+        Args:
+            host: the address of a connection.
+        """
+        names = [part.strip() for part in self.trusted_proxies.split(",") if part.strip()]
+        try:
+            address = ip_address(host)
+        except ValueError:
+            return False
+        address = getattr(address, "ipv4_mapped", None) or address
+        return any(name == "*" or address in ip_network(name) for name in names)
 
     def all_keys(self) -> tuple[str, ...]:
         """The keys of the environment and of the file; raises SettingsError for a file without keys."""

@@ -174,7 +174,8 @@ class DecoderProcess:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
         death = suppress(EOFError, BrokenPipeError, pickle.UnpicklingError)
-        with _alarm(request.seconds, self._running) as expired, death:
+        helper = runtime.charge_helper(self.pid)
+        with helper, _alarm(request.seconds, self._running) as expired, death:
             answer = _request_photo(self._running, request, data)
         if expired.is_set() or answer is None:
             self.start()

@@ -278,7 +278,8 @@ def register_views_isolated(
         process = runtime.start_python(CODE)
     except OSError as error:
         raise TurnsError("The process that matches photos with each other does not start.") from error
-    reply = _read_reply(process, request, seconds, check)
+    with runtime.charge_helper(process.pid):
+        reply = _read_reply(process, request, seconds, check)
     if reply is None:
         sentence = f"Matching the photos with each other takes longer than {seconds:g} seconds."
         raise TurnsError(sentence, code=ErrorCode.TIMEOUT)

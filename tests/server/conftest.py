@@ -105,6 +105,7 @@ class Client:
         self.gone = anyio.Event()
         self.bodies = [{"type": "http.request", "body": photo[:sent], "more_body": sent is not None}]
         self.sent: list[Message] = []
+        self.source = ""  # its address
 
     async def receive(self) -> Message:
         if self.bodies:
@@ -117,8 +118,8 @@ class Client:
 
     async def ask(self) -> None:
         headers = [(b"content-type", self.kind.encode())]
-        scope = {"type": "http", "http_version": "1.1", "method": "POST", "path": "/v1/lighting", "query_string": b""}
-        scope["headers"] = headers
+        scope: dict[str, Any] = {"type": "http", "http_version": "1.1", "method": "POST", "path": "/v1/lighting"}
+        scope |= {"query_string": b"", "headers": headers, "client": (self.source, 1) if self.source else None}
         await self.app(scope, self.receive, self.send)
 
     @property

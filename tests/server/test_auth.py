@@ -3,14 +3,17 @@
 import hmac
 import logging
 from pathlib import Path
+from typing import Any
 
 import pytest
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
-from server.auth import SECURITY_HEADERS, ApiKeys, RateLimiter, client_address
+from server.app import create_app
+from server.auth import SECURITY_HEADERS, ApiKeys, CpuLimiter, RateLimiter
+from server.identity import UNKNOWN, Client, client_of_address
 from server.settings import Settings, SettingsError
-from tests.server.conftest import SKY, client_of, problem
+from tests.server.conftest import SKY, client_of, jpeg_headers, problem
 
 OPEN = ("/", "/favicon.ico", "/livez", "/readyz", "/metrics", "/openapi.json")
 JPEG = {"Content-Type": "image/jpeg"}
@@ -78,7 +81,7 @@ def test_keys_are_compared_in_constant_time_and_all_of_them(monkeypatch: pytest.
         return bool(original(a, b))
 
     monkeypatch.setattr(hmac, "compare_digest", compare)
-    assert ApiKeys(["a", "b", "c"]).is_valid("a")
+    assert ApiKeys(["a", "b", "c"]).find("a") == 0
     assert len(compared) == 3
     assert {len(part) for pair in compared for part in pair} == {32}
 
@@ -108,17 +111,76 @@ def test_keys_cannot_be_guessed_faster_than_the_rate(estimator: Estimator) -> No
     assert guesses == [403, 403, 429]
 
 
+ME = Client(("me",))
+
+
+def test_a_home_s_networks_share_a_larger_limit() -> None:
+    rate = RateLimiter(Settings(rate_limit="2/minute").rate_limits)
+    home = [client_of_address(f"2001:db8:0:{network:x}::1") for network in (0x100, 0x101, 0x102)]
+    assert [rate.seconds_to_wait(home[0]) > 0 for _ in range(3)] == [False, False, True]
+    assert [rate.seconds_to_wait(home[1]) > 0 for _ in range(2)] == [False, False]
+    assert rate.seconds_to_wait(home[2]) > 0  # the /56 has twice the limit
+    assert rate.seconds_to_wait(client_of_address("2001:db8:0:200::1")) == 0
+
+
+class Clock:
+    now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_processor_time_is_limited_in_a_window_that_moves() -> None:
+    clock = Clock()
+    limiter = CpuLimiter(Settings(cpu_limit="10/minute; 15/hour").cpu_limits, clock)
+    assert limiter
+    assert limiter.seconds_to_wait(ME) == 0
+    limiter.charge(ME, 6.0)
+    clock.now += 20
+    assert limiter.seconds_to_wait(ME) == 0
+    limiter.charge(ME, 5.0)
+    assert 39 <= limiter.seconds_to_wait(ME) <= 41  # until the first six have left the minute
+    assert limiter.seconds_to_wait(Client(("you",))) == 0
+    clock.now += limiter.seconds_to_wait(ME)
+    assert limiter.seconds_to_wait(ME) == 0
+    limiter.charge(ME, 4.0)
+    assert 3400 < limiter.seconds_to_wait(ME) <= 3600
+    clock.now += 7200
+    limiter.charge(Client(("you",)), 1.0)
+    assert limiter.seconds_to_wait(ME) == 0
+
+
+def test_a_client_that_used_its_processor_time_waits(estimator: Estimator, jpeg: bytes) -> None:
+    client = client_of(estimator, cpu_limit="1/minute")
+    service = client.app.state.service  # type: ignore[attr-defined]
+    assert client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()).status_code == 200
+    used = service.limiter.usage.load(UNKNOWN)
+    assert 0 < used < 1
+    service.cpu_limiter.charge(UNKNOWN, 1 - used / 2)
+    answer = client.post("/v1/lighting", content=jpeg, headers=jpeg_headers())
+    problem(answer, 429, "too-many-requests")
+    assert 0 < int(answer.headers["retry-after"]) <= 60
+    assert TestClient(client.app, client=("192.0.2.7", 5000)).get("/v1/model").status_code == 200
+
+
+def test_who_has_a_key_is_known_by_it(estimator: Estimator) -> None:
+    client = client_of(estimator, rate_limit="1/minute", api_keys="one two")
+    bearers = [{"Authorization": f"Bearer {key}"} for key in ("one", "one", "two", "wrong", "other")]
+    statuses = [client.get("/v1/model", headers=headers).status_code for headers in bearers]
+    assert statuses == [200, 429, 200, 403, 429]
+
+
 def test_several_limits_apply_together() -> None:
     rate = RateLimiter(Settings(rate_limit="5/second; 2/hour").rate_limits)
-    waits = [rate.seconds_to_wait("me") for _ in range(3)]
+    waits = [rate.seconds_to_wait(ME) for _ in range(3)]
     assert waits[:2] == [0, 0]
     assert 3000 < waits[2] <= 3600
-    assert rate.seconds_to_wait("you") == 0
+    assert rate.seconds_to_wait(Client(("you",))) == 0
 
 
 def test_a_refused_request_counts_for_no_limit() -> None:
     rate = RateLimiter(Settings(rate_limit="1/minute; 3/hour").rate_limits)
-    waits = [rate.seconds_to_wait("me") for _ in range(9)]
+    waits = [rate.seconds_to_wait(ME) for _ in range(9)]
     assert waits[0] == 0
     assert all(0 < wait <= 60 for wait in waits[1:])
 
@@ -138,24 +200,6 @@ def test_an_empty_list_of_keys_does_not_open_the_service(monkeypatch: pytest.Mon
     monkeypatch.setenv("LIGHTING_API_KEYS", " , ")
     with pytest.raises(ValueError, match="holds no key"):
         Settings()
-
-
-@pytest.mark.parametrize(
-    ("host", "name"),
-    [
-        ("::ffff:192.0.2.1", "192.0.2.1"),
-        ("192.0.2.1:5678", "192.0.2.1"),
-        ("192.0.2.1", "192.0.2.1"),
-        ("2001:db8:1:2:3:4:5:6", "2001:db8:1:2::/64"),
-        ("2001:db8:1:2::9", "2001:db8:1:2::/64"),
-        ("testclient", "unknown"),
-    ],
-)
-def test_clients_are_known_by_address(host: str, name: str) -> None:
-    from starlette.requests import Request
-
-    assert client_address(Request({"type": "http", "client": (host, 1)})) == name
-    assert client_address(Request({"type": "http", "client": None})) == "unknown"
 
 
 @pytest.mark.parametrize("path", [*OPEN, "/v1/model", "/nothing", "/v1/envmap"])
@@ -197,3 +241,87 @@ def test_the_log_holds_no_query_no_file_name_and_no_position(
     assert "POST /v1/lighting 200" in text
     for secret in ("48.137", "holiday", "probability", "private", "forged", "41.2"):
         assert secret not in text
+
+
+FOREIGN = "https://evil.example"
+NAVIGATED = {"Sec-Fetch-Mode": "navigate"}
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Origin": FOREIGN}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Origin": "http://testserver:3000"}, 403),
+        ({"Origin": "https://testserver"}, 200),
+        ({"Origin": "http://TESTSERVER:80"}, 200),
+        ({"Origin": "https://light.example.org", "Sec-Fetch-Site": "same-origin"}, 200),  # behind a proxy
+        ({}, 200),
+    ],
+)
+def test_a_form_of_another_origin_is_refused(
+    client: TestClient, jpeg: bytes, headers: dict[str, str], status: int
+) -> None:
+    answer = client.post("/v1/lighting", files={"photo": ("a.jpg", jpeg, "image/jpeg")}, headers=headers)
+    if status == 200:
+        assert answer.status_code == 200
+    else:
+        problem(answer, 403, "foreign-origin")
+
+
+def test_a_form_of_an_origin_that_may_call_is_taken(estimator: Estimator, jpeg: bytes) -> None:
+    for origins, status in (("https://example.org", 200), ("*", 200), ("https://example.net", 403)):
+        client = client_of(estimator, cors_origins=origins)
+        answer = client.post("/v1/lighting", content=jpeg, headers={**jpeg_headers(), "Origin": "https://example.org"})
+        assert answer.status_code == status
+
+
+@pytest.mark.parametrize(
+    ("host", "headers", "status"),
+    [
+        ("127.0.0.1:8000", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}, 403),
+        ("[::1]:8000", {"Sec-Fetch-Site": "same-site", "Sec-Fetch-Mode": "no-cors"}, 403),
+        ("localhost", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "iframe"}, 403),
+        (
+            "localhost",
+            {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"},
+            200,
+        ),
+        ("localhost", {"Sec-Fetch-Site": "same-origin"}, 200),
+        ("localhost", {"Sec-Fetch-Site": "none"}, 200),
+        ("light.example.org", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}, 200),
+    ],
+)
+def test_pictures_in_other_pages_cost_a_local_service_nothing(
+    client: TestClient, host: str, headers: dict[str, str], status: int
+) -> None:
+    assert client.get("/v1/model", headers={"Host": host, **headers}).status_code == status
+    assert client.get("/livez", headers={"Host": host, **headers}).status_code == 200
+
+
+def status_for_host(estimator: Estimator, host: str, server: str = "127.0.0.1", **settings: Any) -> int:
+    """The status of a request for a host on a connection to an address, from 10.0.0.1 for 192.0.2.7."""
+    app = create_app(Settings(**settings), estimator)
+    client = TestClient(app, base_url=f"http://{server}:8000", client=("10.0.0.1", 5000))
+    answer = client.get("/v1/model", headers={"Host": host, "X-Forwarded-For": "192.0.2.7"})
+    if answer.status_code != 200:
+        problem(answer, 421, "wrong-host")
+    return answer.status_code
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:8000", "localhost:8000", "[::1]:8000", "LocalHost.", "a.localhost", "10.1.1.1"]
+)
+def test_a_local_service_is_called_by_address(estimator: Estimator, host: str) -> None:
+    assert status_for_host(estimator, host) == 200
+
+
+@pytest.mark.parametrize("host", ["evil.example:8000", "localhost.evil.example", "127.0.0.1.evil.example", "lamp"])
+def test_names_that_may_point_anywhere_are_refused_by_a_local_service(estimator: Estimator, host: str) -> None:
+    assert status_for_host(estimator, host) == 421
+    assert status_for_host(estimator, host, hosts="lamp.example") == 421
+    assert status_for_host(estimator, host, "192.0.2.1", hosts="lamp.example") == 421
+    assert status_for_host(estimator, host, hosts=host.partition(":")[0]) == 200
+    assert status_for_host(estimator, host, "192.0.2.1") == 200
+    assert status_for_host(estimator, host, trusted_proxies="10.0.0.1") == 200
+    assert status_for_host(estimator, host, trusted_proxies="10.0.0.2") == 421

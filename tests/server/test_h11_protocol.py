@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import socket
 import time
 from collections.abc import Callable, Iterator
@@ -13,6 +14,7 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from server import h11_protocol
+from server.auth import SECURITY_HEADERS
 from server.h11_protocol import _READ_BYTES, MAX_CHUNKS, MAX_HEADER_BYTES, MIN_MEAN_CHUNK, BoundedProtocol
 from server.limits import PendingResponses
 from server.schemas import Problem
@@ -45,7 +47,13 @@ def pending() -> PendingResponses:
 
 @pytest.fixture(scope="module")
 def port(pending: PendingResponses) -> Iterator[int]:
-    http: Any = partial(BoundedProtocol, head_seconds=SECONDS, answer_rate=10_000_000, pending=pending)
+    http: Any = partial(
+        BoundedProtocol,
+        head_seconds=SECONDS,
+        answer_rate=10_000_000,
+        pending=pending,
+        model_name=lambda: "tiny 0.0.1",
+    )
     with serve_app(app, http) as number:
         yield number
 
@@ -79,8 +87,13 @@ def drip(connection: socket.socket) -> None:
 def refused(answer: bytes, status: int, name: str) -> None:
     head, body = answer.split(b"\r\n\r\n", 1)
     assert head.startswith(b"HTTP/1.1 %d" % status)
-    assert b"application/problem+json" in head
+    headers = dict(line.split(b": ", 1) for line in head.split(b"\r\n")[1:])
+    assert headers[b"content-type"] == b"application/problem+json"
     found = Problem.model_validate(json.loads(body))
+    assert headers[b"x-request-id"].decode() == found.request_id != ""
+    assert {name: headers[name.lower().encode()].decode() for name in SECURITY_HEADERS} == SECURITY_HEADERS
+    assert headers[b"lighting-model"] == b"tiny 0.0.1"
+    assert b"date" in headers
     assert (found.status, found.type) == (status, f"tag:outdoor-lighting,2026:{name}")
 
 
@@ -141,7 +154,10 @@ def test_what_never_became_a_request_is_logged(port: int, caplog: pytest.LogCapt
             connection.sendall(sent)
             rest(connection)
     said = [record.getMessage() for record in caplog.records if record.name == "server.access"]
-    assert said == ["refused 400 malformed-request", "refused 408 too-slow"]
+    assert [re.sub("[0-9a-f]{16}$", "ID", line) for line in said] == [
+        "refused 400 malformed-request id=ID",
+        "refused 408 too-slow id=ID",
+    ]
 
 
 @pytest.mark.parametrize("protocol", [b"h2c", b"websocket"])

@@ -1,162 +1,103 @@
 """Tests of limits."""
 
 import json
-import threading
+import sys
 from typing import Any
 
 import anyio
 import pytest
 from fastapi import FastAPI
 from starlette.testclient import TestClient
-from starlette.types import Message
 
 from lighting.estimator import Estimator
-from lighting.photo.reader import Photo
-from lighting.records import Estimate
 from server import request_body
 from server.app import create_app
 from server.dependencies import Service
-from server.limits import BusyError, PendingResponses, TooManyUploadsError, UploadLimiter, WorkLimiter
+from server.identity import UNKNOWN, client_of_address
+from server.identity import Client as Asker
+from server.limits import (
+    PLACE_BYTES,
+    ArrivingBody,
+    BusyError,
+    ConnectionLimiter,
+    PendingResponses,
+    ShareTakenError,
+    TooManyUploadsError,
+    UploadLimiter,
+    count_possible_connections,
+)
 from server.settings import Settings
 from tests.server.conftest import SKY, Client, client_of, jpeg_headers, problem, service_of, until
+
+LARGE = bytes(3 * PLACE_BYTES)  # of a body that needs a place
+
+
+def body(name: str, rate: float = 1e6) -> ArrivingBody:
+    """A body of a client, which came at a rate [B/s]."""
+    arriving = ArrivingBody(client_of_address(name) if ":" in name else Asker((name,)), lambda: None, PLACE_BYTES)
+    arriving.began -= PLACE_BYTES / rate
+    return arriving
 
 
 def test_places_run_out_and_come_back() -> None:
     uploads = UploadLimiter(3, 2)
-    with uploads.count_upload("a"), uploads.count_upload("a"):
-        with pytest.raises(TooManyUploadsError), uploads.count_upload("a"):
+    with uploads.count_upload(body("a")), uploads.count_upload(body("a")):
+        with pytest.raises(TooManyUploadsError), uploads.count_upload(body("a")):
             raise AssertionError("there was no place")
-        with uploads.count_upload("b"):
-            assert uploads.full
-            with pytest.raises(BusyError), uploads.count_upload("c"):
+        with uploads.count_upload(body("b")):
+            with pytest.raises(BusyError, match="bodies are arriving"), uploads.count_upload(body("c", 1e3)):
                 raise AssertionError("there was no place")
-        with uploads.count_upload("c"):
             assert uploads.count == 3
-    assert (uploads.count, uploads.full) == (0, False)
+            with uploads.count_upload(body("c", 2e6)):
+                assert uploads.count == 3
+        assert uploads.count <= 2
+    assert uploads.count == 0
 
 
-@pytest.fixture
-def client(estimator: Estimator) -> TestClient:
-    return client_of(estimator, uploads=3, uploads_per_client=2)
+def test_a_home_s_networks_share_places() -> None:
+    uploads = UploadLimiter(9, 1)
+    with uploads.count_upload(body("2001:db8:0:100::1")), uploads.count_upload(body("2001:db8:0:101::1")):
+        with pytest.raises(TooManyUploadsError), uploads.count_upload(body("2001:db8:0:102::1")):
+            raise AssertionError("the /56 has two")
+        with uploads.count_upload(body("2001:db8:0:200::1")):
+            with pytest.raises(TooManyUploadsError), uploads.count_upload(body("2001:db8:0:300::1")):
+                raise AssertionError("the /48 has three")
+            with uploads.count_upload(body("64:ff9b::192.0.2.1")), uploads.count_upload(body("64:ff9b::192.0.2.2")):
+                assert uploads.count == 5
 
 
-def test_too_many_from_one_address_are_429_and_from_all_503(client: TestClient, jpeg: bytes) -> None:
+def test_too_many_from_one_client_are_429(estimator: Estimator, jpeg: bytes) -> None:
+    client = client_of(estimator, uploads=3, uploads_per_client=2)
     uploads = service_of(client).uploads
+    large = jpeg + bytes(PLACE_BYTES)
 
-    def post() -> Any:
-        return client.post("/v1/lighting", content=jpeg, headers=jpeg_headers())
+    def post(data: bytes = large) -> Any:
+        return client.post("/v1/lighting", content=data, headers=jpeg_headers())
 
-    with uploads.count_upload("unknown"):
+    with uploads.count_upload(body("unknown")):
         assert post().status_code == 200
-        with uploads.count_upload("unknown"):
+        with uploads.count_upload(body("unknown")):
             answer = post()
-            assert "from this address" in problem(answer, 429, "too-many-uploads")["detail"]
+            assert "from this client" in problem(answer, 429, "too-many-uploads")["detail"]
             assert answer.headers["retry-after"] == "1"
+            assert post(jpeg).status_code == 200  # it is small
             assert client.get("/v1/model").status_code == 200
-    with uploads.count_upload("a"), uploads.count_upload("b"), uploads.count_upload("c"):
-        problem(post(), 503, "busy")
     assert post().status_code == 200
     assert uploads.count == 0
 
 
-def test_the_sentence_says_what_there_is_no_room_for() -> None:
-    uploads = UploadLimiter(1, 1)
-    with uploads.count_upload("a"), pytest.raises(BusyError, match="bodies are arriving"), uploads.count_upload("b"):
-        pass
+def test_an_upload_that_breaks_off_frees_its_place(app: FastAPI) -> None:
+    service = app.state.service
 
-
-class Held:
-    """A service with one place and one waiting place whose readings of photos last until `release`."""
-
-    def __init__(self, estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.app: FastAPI = create_app(Settings(concurrency=1, queue=1), estimator)
-        self.service: Service = self.app.state.service
-        self.release = threading.Event()
-        self.estimates = 0
-        read, estimate = self.service.read_photo, self.service.estimate
-
-        def held_read(*arguments: Any) -> Photo:
-            assert self.release.wait(30)
-            photo: Photo = read(*arguments)
-            return photo
-
-        def counted_estimate(*arguments: Any) -> list[Estimate]:
-            self.estimates += 1
-            answer: list[Estimate] = estimate(*arguments)
-            return answer
-
-        monkeypatch.setattr(self.service, "read_photo", held_read)
-        monkeypatch.setattr(self.service, "estimate", counted_estimate)
-
-
-@pytest.fixture
-def held(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> Held:
-    return Held(estimator, monkeypatch)
-
-
-def test_limiter_places_run_out_and_come_back() -> None:
-    limiter = WorkLimiter(1, 1)
-    with limiter.admission():
-        with limiter.admission():
-            assert (limiter.admitted, limiter.waiting) == (2, 2)
-            with pytest.raises(BusyError), limiter.admission():
-                raise AssertionError("there was no place")
-        with limiter.admission():
-            assert limiter.admitted == 2
-    with pytest.raises(KeyError), limiter.admission():
-        raise KeyError
-    assert limiter.admitted == 0
-
-
-def test_a_full_queue_is_told_at_once_and_who_leaves_it_makes_room(held: Held, jpeg: bytes) -> None:
     async def scenario() -> None:
-        running, waiting, refused, late = (Client(held.app, jpeg) for _ in range(4))
-        async with anyio.create_task_group() as tasks:
-            tasks.start_soon(running.ask)
-            await until(lambda: held.service.limiter.running == 1)
-            tasks.start_soon(waiting.ask)
-            await until(lambda: held.service.limiter.waiting == 1)
-            await refused.ask()
-            assert refused.status == 503
-            assert refused.headers[b"retry-after"] == b"1"
-            assert json.loads(refused.sent[1]["body"])["type"].endswith(":busy")
-            waiting.gone.set()
-            await until(lambda: held.service.limiter.admitted == 1)
-            tasks.start_soon(late.ask)
-            await until(lambda: held.service.limiter.waiting == 1)
-            held.release.set()
-        assert (running.status, waiting.status, late.status) == (200, 499, 200)
-        assert held.service.limiter.admitted == held.service.limiter.running == 0
-
-    anyio.run(scenario)
-
-
-def test_work_for_a_client_that_has_gone_stops_at_its_next_step(held: Held, jpeg: bytes) -> None:
-    async def scenario() -> None:
-        client = Client(held.app, jpeg)
+        client = Client(app, LARGE, sent=PLACE_BYTES)
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(client.ask)
-            await until(lambda: held.service.limiter.running == 1)
-            client.gone.set()
-            await anyio.sleep(0.01)
-            held.release.set()
-        assert client.status == 499
-        assert held.estimates == 0
-        assert held.service.limiter.admitted == held.service.limiter.running == 0
-
-    anyio.run(scenario)
-
-
-def test_an_upload_that_breaks_off_frees_its_place(held: Held, jpeg: bytes) -> None:
-    async def scenario() -> None:
-        client = Client(held.app, jpeg, sent=100)
-        async with anyio.create_task_group() as tasks:
-            tasks.start_soon(client.ask)
-            await until(lambda: held.service.uploads.count == 1)
-            assert held.service.limiter.admitted == 0
+            await until(lambda: service.uploads.count == 1)
+            assert service.limiter.admitted == 0
             client.gone.set()
         assert client.status == 499
-        assert held.service.uploads.count == 0
+        assert service.uploads.count == 0
 
     anyio.run(scenario)
 
@@ -188,16 +129,18 @@ def test_an_upload_that_is_slower_than_the_least_rate_is_408(
     assert anyio.run(scenario, 3000) == 503  # more than 3 s; after 1 s the scenario ends it, as a shutdown does
 
 
-def test_slow_uploads_take_no_place_from_others(held: Held, jpeg: bytes) -> None:
+@pytest.mark.parametrize("sent", [0, 100, PLACE_BYTES - 1])
+def test_a_body_takes_no_place_before_its_first_64_kb(app: FastAPI, jpeg: bytes, sent: int) -> None:
+    service = app.state.service
+
     async def scenario() -> None:
-        held.release.set()
-        slow = [Client(held.app, jpeg, sent=100) for _ in range(6)]
-        quick = Client(held.app, jpeg)
+        slow = [Client(app, LARGE, sent=sent) for _ in range(service.settings.uploads_per_client + 1)]
+        quick = Client(app, jpeg)
         async with anyio.create_task_group() as tasks:
             for client in slow:
                 tasks.start_soon(client.ask)
-            await until(lambda: held.service.uploads.count == len(slow))
-            assert not held.service.full
+            await until(lambda: not any(client.bodies for client in slow))
+            assert service.uploads.count == 0
             await quick.ask()
             for client in slow:
                 client.gone.set()
@@ -207,73 +150,89 @@ def test_slow_uploads_take_no_place_from_others(held: Held, jpeg: bytes) -> None
     anyio.run(scenario)
 
 
-def test_a_queue_that_filled_during_an_upload_is_told(held: Held, jpeg: bytes) -> None:
+def test_the_slowest_upload_gives_way(estimator: Estimator) -> None:
+    app = create_app(Settings(uploads=2, uploads_per_client=2), estimator)
+    service = app.state.service
+
     async def scenario() -> None:
-        late, *others = (Client(held.app, jpeg) for _ in range(3))
-        late.bodies = [
-            {"type": "http.request", "body": jpeg[100:], "more_body": False},
-            {"type": "http.request", "body": jpeg[:100], "more_body": True},
-        ]
-        arrived = late.receive
-
-        async def after_the_others() -> Message:
-            if len(late.bodies) == 1:
-                await until(lambda: held.service.limiter.full)
-            return await arrived()
-
-        late.receive = after_the_others  # type: ignore[method-assign]
+        slow, slower = (Client(app, LARGE, sent=PLACE_BYTES + more) for more in (50_000, 0))
+        slow.source, slower.source = "192.0.2.1", "192.0.2.2"
+        quick = Client(app, LARGE)
+        quick.source = "192.0.2.3"
         async with anyio.create_task_group() as tasks:
-            for client in (late, *others):
+            for client in (slow, slower):
                 tasks.start_soon(client.ask)
-            await until(lambda: late.status)
-            held.release.set()
-        assert [client.status for client in (late, *others)] == [503, 200, 200]
+            await until(lambda: service.uploads.count == 2)
+            await anyio.sleep(0.2)
+            await quick.ask()
+            await until(lambda: slower.status)
+            slow.gone.set()
+        assert (slow.status, slower.status) == (499, 503)
+        assert slower.headers[b"connection"] == b"close"
+        assert json.loads(slower.sent[1]["body"])["type"].endswith(":busy")
+        assert quick.status == 400  # it is no photo, which is seen once it has arrived
+        assert service.uploads.count == 0
 
     anyio.run(scenario)
 
 
-def test_what_work_raises_comes_out_as_it_is() -> None:
-    async def never() -> Message:
-        await anyio.sleep_forever()
-        raise AssertionError
+class Unsent:
+    """An answer of which some bytes wait."""
 
-    def fail() -> None:
-        raise KeyError("work")
+    def __init__(self, size: int, seconds: float = 1.0) -> None:
+        self.size, self.seconds = size, seconds
+        self.dropped = False
 
-    async def scenario() -> None:
-        with pytest.raises(KeyError, match="work"):
-            await WorkLimiter(1, 0).run(never, fail)
-
-    anyio.run(scenario)
-
-
-class UnsentHeld:
-    """As much of a transport as is counted."""
-
-    def __init__(self, size: int) -> None:
-        self.size = size
-
-    def get_write_buffer_size(self) -> int:
+    def unsent_bytes(self) -> int:
         return self.size
 
+    def seconds_left(self) -> float:
+        return self.seconds
 
-def unsent_held(pending: PendingResponses, size: int) -> UnsentHeld:
-    transport = UnsentHeld(size)
-    pending.add(transport)
-    return transport
+    def drop_answer(self) -> None:
+        self.dropped = True
+
+
+ME, YOU, SHE, HE, THEY = (Asker((name,)) for name in ("me", "you", "she", "he", "they"))
 
 
 def test_what_waits_is_counted_until_it_has_gone() -> None:
     pending = PendingResponses(100)
-    one, other = unsent_held(pending, 60), unsent_held(pending, 40)
+    one, other = Unsent(60), Unsent(40)
+    pending.add(one, ME)
+    pending.add(other, YOU)
     assert pending.size == 100
-    with pytest.raises(BusyError, match="clients to take them"):
-        pending.check()
-    one.size = 59
-    pending.check()
     pending.discard(other)
     pending.discard(other)
-    assert pending.size == 59
+    assert pending.size == 60
+    pending.check(SHE)
+    assert not one.dropped
+
+
+def test_a_client_has_a_quarter_of_what_may_wait() -> None:
+    pending = PendingResponses(100)
+    pending.add(Unsent(24), ME)
+    pending.check(ME)
+    pending.add(Unsent(1), ME)
+    with pytest.raises(ShareTakenError, match="wait for this client"):
+        pending.check(ME)
+    pending.check(YOU)
+    home = [client_of_address(f"2001:db8:0:{network:x}::1") for network in (0x100, 0x101, 0x102, 0x200)]
+    for client in home[:2]:
+        pending.add(Unsent(25), client)
+    with pytest.raises(ShareTakenError):
+        pending.check(home[2])  # twice a share waits for its /56
+    pending.check(home[3])
+
+
+def test_the_slowest_answers_make_room() -> None:
+    pending = PendingResponses(100)
+    answers = [Unsent(30, seconds) for seconds in (1.0, 9.0, 5.0, 2.0)]
+    for answer, client in zip(answers, (ME, YOU, SHE, HE), strict=True):
+        pending.add(answer, client)
+    pending.check(THEY)
+    assert [answer.dropped for answer in answers] == [False, True, False, False]
+    assert pending.size == 90
 
 
 @pytest.fixture
@@ -281,29 +240,78 @@ def unsent_client(estimator: Estimator) -> TestClient:
     return client_of(estimator, unsent_bytes=1000)
 
 
-def test_requests_are_503_while_too_much_waits(unsent_client: TestClient, jpeg: bytes) -> None:
+def test_a_client_that_takes_no_answers_gets_no_more(unsent_client: TestClient, jpeg: bytes) -> None:
     service = service_of(unsent_client)
-    service.ready = True
-    waiting = unsent_held(service.pending, 1000)
-    problem(unsent_client.get("/v1/envmap", params={**SKY, "height": 16}), 503, "busy")
-    problem(unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()), 503, "busy")
-    problem(unsent_client.get("/readyz"), 503, "busy")
-    assert unsent_client.get("/livez").status_code == 200
-    service.pending.discard(waiting)
+    service.warm_up()
+    answer = Unsent(250)
+    service.pending.add(answer, UNKNOWN)
+    problem(unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()), 429, "share-taken")
+    problem(unsent_client.get("/v1/envmap", params=SKY), 429, "share-taken")
     assert unsent_client.get("/readyz").status_code == 200
+    other = TestClient(unsent_client.app, client=("192.0.2.7", 5000))
+    assert other.post("/v1/lighting", content=jpeg, headers=jpeg_headers()).status_code == 200
+    service.pending.discard(answer)
     assert unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()).status_code == 200
 
 
-def test_one_that_was_admitted_before_is_503_too_when_its_turn_comes(
+def test_one_that_was_admitted_before_is_told_too_when_its_turn_comes(
     unsent_client: TestClient, jpeg: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     service = service_of(unsent_client)
     run = service.limiter.run
 
     async def late(*arguments: object) -> object:
-        unsent_held(service.pending, 1000)
+        service.pending.add(Unsent(1000), UNKNOWN)
         return await run(*arguments)  # type: ignore[arg-type]
 
     monkeypatch.setattr(service.limiter, "run", late)
     monkeypatch.setattr(Service, "read_photo", lambda *_: pytest.fail("work has begun"))
-    problem(unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()), 503, "busy")
+    problem(unsent_client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()), 429, "share-taken")
+
+
+class Open:
+    """A connection, and whether it gave way."""
+
+    gone = False
+
+    def give_way(self) -> None:
+        self.gone = True
+
+
+def test_the_connection_that_is_silent_longest_gives_way() -> None:
+    limiter = ConnectionLimiter(4, 3)
+    idle, working, old, young = (Open() for _ in range(4))
+    for number, connection in enumerate((idle, working, old, young)):
+        assert limiter.open(connection, Asker((str(number),)))
+    limiter.note_request(idle)
+    limiter.note_answer(idle)
+    limiter.note_request(working)
+    for expected in (old, young, None, idle):
+        if expected is None:
+            continue
+        newest = Open()
+        assert limiter.open(newest, ME if expected is old else None)
+        assert expected.gone
+        limiter.note_request(newest)
+    assert not limiter.open(Open(), YOU)  # all are at work
+    assert limiter.count == 4
+    limiter.close(working)
+    limiter.close(working)
+    assert limiter.open(Open(), YOU)
+
+
+def test_a_client_has_a_share_of_connections_and_a_proxy_has_none(caplog: pytest.LogCaptureFixture) -> None:
+    limiter = ConnectionLimiter(9, 2)
+    with caplog.at_level("WARNING", "server.limits"):
+        opened = [limiter.open(Open(), ME) for _ in range(5)]
+        assert opened == [True, True, False, False, False]
+        assert all(limiter.open(Open(), None) for _ in range(7))
+        assert limiter.open(Open(), YOU)
+    assert caplog.messages == ["too many connections: 1 ended or refused, 2 open"]  # then one a minute
+
+
+def test_connections_need_files(monkeypatch: pytest.MonkeyPatch) -> None:
+    resource = pytest.importorskip("resource")
+    for limit, least, most in ((1024, 700, 900), (resource.RLIM_INFINITY, sys.maxsize, sys.maxsize), (64, 8, 8)):
+        monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: (limit, limit))
+        assert least <= count_possible_connections(4) <= most

@@ -4,8 +4,10 @@ from prometheus_client import generate_latest
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
-from server.limits import PendingResponses, UploadLimiter, WorkLimiter
+from server.identity import UNKNOWN
+from server.limits import ArrivingBody, ConnectionLimiter, PendingResponses, UploadLimiter
 from server.metrics import Metrics
+from server.scheduling import WorkLimiter
 from tests.server.conftest import client_of, jpeg_headers, sample
 
 
@@ -47,17 +49,29 @@ def test_two_services_count_apart(estimator: Estimator) -> None:
 class Waiting:
     """A connection whose client has not taken 700 bytes yet."""
 
-    def get_write_buffer_size(self) -> int:
+    def unsent_bytes(self) -> int:
         return 700
+
+    def seconds_left(self) -> float:
+        return 7.0
+
+    def drop_answer(self) -> None:
+        raise AssertionError
+
+    def give_way(self) -> None:
+        raise AssertionError
 
 
 def test_the_gauges_follow_the_limits() -> None:
     limiter, uploads, pending = WorkLimiter(1, 2), UploadLimiter(3, 2), PendingResponses(1000)
-    metrics = Metrics(limiter, uploads, pending)
-    pending.add(Waiting())
-    with limiter.admission(), limiter.admission(), uploads.count_upload("me"):
+    connections = ConnectionLimiter(9, 9)
+    metrics = Metrics(limiter, uploads, pending, connections)
+    pending.add(Waiting(), UNKNOWN)
+    connections.open(Waiting(), UNKNOWN)
+    with limiter.admission(), limiter.admission(), uploads.count_upload(ArrivingBody(UNKNOWN, lambda: None)):
         text = generate_latest(metrics.registry).decode()
     assert "lighting_queue_depth 2.0" in text
     assert "lighting_running 0.0" in text
     assert "lighting_uploads 1.0" in text
     assert "lighting_unsent_bytes 700.0" in text
+    assert "lighting_connections 1.0" in text

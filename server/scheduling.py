@@ -1,0 +1,294 @@
+"""Work in turn by client: a fixed number of threads, a bounded queue, and the processor time that each client used.
+
+The next free thread goes to the client that used the least processor time lately (fair queueing). When the queue is
+full, whoever has fewer requests in it takes the place of the newest one of the client that has most.
+"""
+
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import partial
+from typing import TypeVar
+
+from anyio import CancelScope, CapacityLimiter, Event, create_task_group, to_thread
+from starlette.requests import ClientDisconnect
+from starlette.types import Receive
+
+import lighting.runtime as runtime
+from server.identity import GROUP_SHARES, UNKNOWN, Client, Tally
+from server.limits import BusyError, ShareTakenError
+
+T = TypeVar("T")
+
+HALF_LIFE = 20.0  # seconds after which processor time counts half
+LONG_SECONDS = 0.2  # of processor time: longer requests leave a thread to the others
+_RECENT_SECONDS = 10.0  # that a client counts as present after its last work
+_FIRST_SECONDS = 0.1  # of processor time that a route is expected to take before it has been measured
+_LEARNING_RATE = 0.2  # of a route's expected processor time
+_FORGET_SECONDS = 300.0  # after which a client's processor time is as good as none
+
+
+class CpuUsage:
+    """The processor time that clients used lately; it counts half after HALF_LIFE.
+
+    Args:
+        clock: seconds.
+    """
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._seconds: dict[str, tuple[float, float]] = {}  # by group: how much, and when
+        self._purged = clock()
+
+    def add(self, client: Client, seconds: float) -> None:
+        """Charge a client.
+
+        Args:
+            client: any.
+            seconds: of either sign.
+        """
+        now = self._clock()
+        for group in client.groups:
+            self._seconds[group] = (self._read(group, now) + seconds, now)
+        if now - self._purged > _FORGET_SECONDS:
+            self._seconds = {group: entry for group, entry in self._seconds.items() if now - entry[1] < _FORGET_SECONDS}
+            self._purged = now
+
+    def load(self, client: Client, now: float | None = None) -> float:
+        """Seconds that a client used, or, where that is more, a larger group divided by its share.
+
+        Args:
+            client: any.
+            now: the clock's time, at which clients are compared; None reads it.
+        """
+        now = self._clock() if now is None else now
+        return max(self._read(group, now) / share for group, share in zip(client.groups, GROUP_SHARES, strict=False))
+
+    def _read(self, group: str, now: float) -> float:
+        seconds, since = self._seconds.get(group, (0.0, now))
+        return float(seconds * 0.5 ** ((now - since) / HALF_LIFE))
+
+
+@dataclass(eq=False)
+class Job:
+    """An admitted request."""
+
+    client: Client
+    route: str
+    turn: Event = field(default_factory=Event)  # set when it may run, or has to go
+    started: bool = False
+    evicted: bool = False
+    released: bool = False
+    expected: float = 0.0  # seconds of processor time, charged at its start
+    seconds: float | None = None  # that it took; None before it has run
+
+
+class WorkLimiter:
+    """Runs a fixed number of requests in threads; a fixed number waits, and further ones are refused.
+
+    Args:
+        workers: threads.
+        queue: requests that may wait in addition.
+        charge: is told the processor time [s] of each request's client after its work; None tells nobody.
+        clock: seconds.
+    """
+
+    def __init__(
+        self,
+        workers: int,
+        queue: int,
+        charge: Callable[[Client, float], None] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.workers = workers
+        self.capacity = workers + queue
+        self.usage = CpuUsage(clock)
+        self._charge = charge
+        self._clock = clock
+        self._held = Tally()
+        self._admitted = 0
+        self._waiting: list[Job] = []
+        self._running: list[Job] = []
+        self._expected: dict[str, float] = {}  # processor time [s] by route
+        self._last: dict[Client, float] = {}  # when a client's work last began or ended, if that is recent
+        self._threads = CapacityLimiter(workers)
+
+    @property
+    def admitted(self) -> int:
+        """Requests that run or wait."""
+        return self._admitted
+
+    @property
+    def running(self) -> int:
+        """Requests that occupy a thread."""
+        return self._threads.borrowed_tokens
+
+    @property
+    def waiting(self) -> int:
+        """Admitted requests that wait for a thread."""
+        return self.admitted - self.running
+
+    @property
+    def full(self) -> bool:
+        """Whether the next request of a new client would be refused."""
+        return self._admitted >= self.capacity and self._find_greediest(UNKNOWN, 1.0) is None
+
+    def check(self, client: Client) -> None:
+        """Raise what `admission` would raise now.
+
+        Args:
+            client: who asks.
+        """
+        if self._admitted >= self.capacity and self._find_greediest(client) is None:
+            raise self._refusal(client)
+
+    @contextmanager
+    def admission(self, client: Client = UNKNOWN, route: str = "") -> Iterator[Job]:
+        """Count a request until the end of the block.
+
+        Args:
+            client: who asks.
+            route: requests of one route are expected to take the same time.
+
+        Raises:
+            ShareTakenError: the queue is full, and this client has its share of it.
+            BusyError: the queue is full.
+        """
+        if self._admitted >= self.capacity:
+            self._evict(client)
+        job = Job(client, route)
+        self._held.add(client, 1)
+        self._admitted += 1
+        try:
+            yield job
+        finally:
+            self._release(job)
+
+    def _release(self, job: Job) -> None:
+        if not job.released:
+            job.released = True
+            self._held.add(job.client, -1)
+            self._admitted -= 1
+
+    def _evict(self, client: Client) -> None:
+        """Send away the newest waiting request of the client that has most; raises if none has more than this one."""
+        greediest = self._find_greediest(client)
+        if greediest is None:
+            raise self._refusal(client)
+        self._waiting.remove(greediest)
+        self._release(greediest)
+        greediest.evicted = True
+        greediest.turn.set()
+
+    def _find_greediest(self, client: Client, load: float | None = None) -> Job | None:
+        """The newest waiting request of the client with most, if that has more than this one would have."""
+        load = self._held.load(client, 1) if load is None else load
+        newest = max(reversed(self._waiting), key=lambda job: self._held.load(job.client), default=None)
+        return newest if newest and self._held.load(newest.client) > load else None
+
+    def _refusal(self, client: Client) -> Exception:
+        clients = len({*self._held, client})
+        if self._held.load(client) >= max(1.0, self.capacity / clients):
+            return ShareTakenError("The queue is full, and this client has its share of it.")
+        return BusyError()
+
+    async def run(self, job: Job, receive: Receive, work: Callable[[], T]) -> T:
+        """Run work in a thread in the client's turn.
+
+        Args:
+            job: what `admission` yielded.
+            receive: ASGI's channel, which tells that the client disconnects.
+            work: on a disconnect it is dropped while it waits; while it runs, it stops at its next
+                call of anyio.from_thread.check_cancelled.
+
+        Raises:
+            ClientDisconnect: the client disconnected.
+            ShareTakenError: the queue has filled meanwhile, and others have fewer requests in it.
+        """
+        return await _run_unless_disconnected(receive, lambda: self._run_in_turn(job, work))
+
+    async def _run_in_turn(self, job: Job, work: Callable[[], T]) -> T:
+        self._waiting.append(job)
+        self._start_jobs()
+        try:
+            await job.turn.wait()
+            if job.evicted:
+                raise ShareTakenError("The queue is full, and others have fewer requests in it.")
+            return await to_thread.run_sync(partial(_measure, job, work), limiter=self._threads)
+        finally:
+            self._finish(job)
+
+    def _finish(self, job: Job) -> None:
+        if job in self._waiting:
+            self._waiting.remove(job)
+        if job.started:
+            self._running.remove(job)
+            self._note(job)
+            self._start_jobs()
+
+    def _note(self, job: Job) -> None:
+        """Charge what a request took, in place of what was expected."""
+        self.usage.add(job.client, (job.seconds or 0.0) - job.expected)
+        self._last[job.client] = self._clock()
+        if job.seconds is not None:
+            before = self._expected.get(job.route, job.seconds)
+            self._expected[job.route] = before + _LEARNING_RATE * (job.seconds - before)
+            if self._charge:
+                self._charge(job.client, job.seconds)
+
+    def _start_jobs(self) -> None:
+        while len(self._running) < self.workers and (job := self._next_job()):
+            self._waiting.remove(job)
+            self._running.append(job)
+            job.started = True
+            job.expected = self._expect(job)
+            self.usage.add(job.client, job.expected)
+            self._last[job.client] = self._clock()
+            job.turn.set()
+
+    def _next_job(self) -> Job | None:
+        """The waiting request of the client that used least; long ones leave a thread to other clients' short ones."""
+        jobs, now = self._waiting, self._clock()
+        if self.workers > 1 and sum(job.expected > LONG_SECONDS for job in self._running) >= self.workers - 1:
+            self._forget_absent()
+            jobs = [job for job in jobs if self._expect(job) <= LONG_SECONDS or not self._has_others(job)]
+        return min(jobs, key=lambda job: self.usage.load(job.client, now), default=None)
+
+    def _has_others(self, job: Job) -> bool:
+        """Whether other clients work or worked a moment ago."""
+        return bool(self._last.keys() - {job.client})
+
+    def _forget_absent(self) -> None:
+        since = self._clock() - _RECENT_SECONDS
+        self._last = {client: last for client, last in self._last.items() if last > since}
+
+    def _expect(self, job: Job) -> float:
+        return self._expected.get(job.route, _FIRST_SECONDS)
+
+
+def _measure(job: Job, work: Callable[[], T]) -> T:
+    """Do the work, and note its processor time, whether it succeeds or not."""
+    began = runtime.thread_seconds()
+    try:
+        return work()
+    finally:
+        job.seconds = runtime.thread_seconds() - began
+
+
+async def _run_unless_disconnected(receive: Receive, work: Callable[[], Awaitable[T]]) -> T:
+    try:
+        async with create_task_group() as tasks:
+            tasks.start_soon(_cancel_on_disconnect, receive, tasks.cancel_scope)
+            result = await work()
+            tasks.cancel_scope.cancel()
+            return result
+    except ExceptionGroup as group:
+        raise group.exceptions[0] from None
+    raise ClientDisconnect
+
+
+async def _cancel_on_disconnect(receive: Receive, scope: CancelScope) -> None:
+    while (await receive())["type"] != "http.disconnect":
+        pass
+    scope.cancel()
