@@ -83,8 +83,8 @@ class BrowserGuardMiddleware:
 
     def _is_own_name(self, scope: Scope, headers: Headers, host: str) -> bool:
         """Whether a request names a host that no stranger can let point here: an address, or one of the service's."""
-        if not host or _is_address(host) or host == "localhost" or host.endswith(".localhost"):
-            return True
+        if "." not in host or _is_address(host) or host.endswith(".localhost"):
+            return True  # nobody outside can have a name without a dot
         if host in self.settings.hosts:
             return True
         peer = scope.get("state", {}).get("peer") or (scope.get("client") or ("",))[0]

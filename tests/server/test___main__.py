@@ -20,6 +20,7 @@ from typing import IO
 import pytest
 
 from lighting.files.exr import read_exr
+from server.limits import PLACE_BYTES
 from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
 from tests.helpers.pages import README, ROOT, blocks
@@ -74,11 +75,11 @@ class Server:
         finally:
             connection.close()
 
-    def begin(self, length: int, path: str = "/v1/lighting") -> socket.socket:
-        """A connection on which a photo of so many bytes is announced and the first ten have come."""
+    def begin(self, length: int, path: str = "/v1/lighting", sent: int = 10) -> socket.socket:
+        """A connection on which a photo of so many bytes is announced and the first ones have come."""
         connection = socket.create_connection(("127.0.0.1", self.port), timeout=60)
         head = f"POST {path} HTTP/1.1\r\nHost: x\r\nContent-Type: image/jpeg\r\nContent-Length: {length}\r\n\r\n"
-        connection.sendall(head.encode() + PHOTO[:10])
+        connection.sendall(head.encode() + (PHOTO + bytes(PLACE_BYTES))[:sent])
         return connection
 
     def send(self, photo: bytes) -> socket.socket:
@@ -216,10 +217,11 @@ def test_a_client_names_itself_only_through_a_proxy_that_is_trusted(network: Pat
 
 @pytest.mark.slow
 def test_clients_that_go_away_in_their_upload_free_their_places(server: Server) -> None:
-    connections = [server.begin(1_000_000) for _ in range(3)]
+    connections = [server.begin(1_000_000, sent=PLACE_BYTES) for _ in range(3)]
     server.until("lighting_uploads", 3)
     assert server.metric("lighting_queue_depth") == 0
-    assert server.request("POST", "/v1/lighting", PHOTO)[0] == server.request("GET", "/readyz")[0] == 503
+    assert server.request("POST", "/v1/lighting", PHOTO + bytes(PLACE_BYTES))[0] == 200  # the slowest gave way
+    assert server.request("POST", "/v1/lighting", PHOTO)[0] == server.request("GET", "/readyz")[0] == 200
     for connection in connections:
         connection.close()
     server.until("lighting_uploads", 0)
@@ -266,7 +268,7 @@ def test_66_slow_uploads_from_one_address_leave_the_others_alone(network: Path) 
     allowed = Settings().uploads_per_client
     with started(network) as server:
         with ExitStack() as held:
-            slow = [held.enter_context(server.begin(1_000_000)) for _ in range(66)]
+            slow = [held.enter_context(server.begin(1_000_000, sent=PLACE_BYTES)) for _ in range(66)]
             server.until("lighting_uploads", allowed)
             assert server.request("GET", "/readyz")[0] == 200
             refused = first_answered(slow, len(slow) - allowed)

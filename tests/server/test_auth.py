@@ -310,13 +310,15 @@ def status_for_host(estimator: Estimator, host: str, server: str = "127.0.0.1", 
 
 
 @pytest.mark.parametrize(
-    "host", ["127.0.0.1:8000", "localhost:8000", "[::1]:8000", "LocalHost.", "a.localhost", "10.1.1.1"]
+    "host", ["127.0.0.1:8000", "localhost:8000", "[::1]:8000", "LocalHost.", "a.localhost", "lamp", "10.1.1.1"]
 )
 def test_a_local_service_is_called_by_address(estimator: Estimator, host: str) -> None:
     assert status_for_host(estimator, host) == 200
 
 
-@pytest.mark.parametrize("host", ["evil.example:8000", "localhost.evil.example", "127.0.0.1.evil.example", "lamp"])
+@pytest.mark.parametrize(
+    "host", ["evil.example:8000", "localhost.evil.example", "127.0.0.1.evil.example", "lamp.local"]
+)
 def test_names_that_may_point_anywhere_are_refused_by_a_local_service(estimator: Estimator, host: str) -> None:
     assert status_for_host(estimator, host) == 421
     assert status_for_host(estimator, host, hosts="lamp.example") == 421
