@@ -1,17 +1,16 @@
-"""What a batch does: its settings, the photos it is of, one photo's light, and its summary."""
+"""What a batch does: its settings, one photo's light, and its summary."""
 
-import glob
 import json
 import os
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from lighting.batch.photo_files import format_counts
+from lighting.batch.results import SETTINGS
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
-from lighting.photo.linear import RAW_SUFFIXES
 
 if TYPE_CHECKING:
     import numpy as np
@@ -23,17 +22,7 @@ if TYPE_CHECKING:
     from lighting.photo.reader import Photo
     from lighting.records import Estimate, Lighting
 
-SETTINGS = "batch.json"
 DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits and other work may slow the machine
-PHOTO_SUFFIXES = (  # of photos in a folder; a glob may match any file
-    ".jpg", ".jpeg", ".jpe", ".jfif", ".mpo", ".png", ".webp", ".heic", ".heif", ".hif", ".tif", ".tiff", ".avif",
-    *RAW_SUFFIXES, ".x3f",
-)  # fmt: skip
-UNREAD_SUFFIXES = (  # of pictures that are no photos, or that nothing here is known to read
-    ".heics", ".heifs", ".avifs",
-    ".srw", ".3fr", ".fff", ".iiq", ".erf", ".kdc", ".dcr", ".mrw", ".mef", ".mos",
-    ".gif", ".bmp", ".jxl", ".jp2", ".j2k", ".jxr", ".psd", ".svg", ".exr", ".hdr", ".tga", ".ppm", ".xcf", ".ico",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -76,99 +65,13 @@ class Summary:
     failed: int
     earlier: int  # of both, by the runs before
     seconds: float
-    unread: Counter[str] = field(default_factory=Counter)  # pictures of kinds that are not read, by suffix
+    skipped: Counter[str] = field(default_factory=Counter)  # pictures and clips that are not taken, by the reason
 
     def __str__(self) -> str:
         rate = (self.succeeded + self.failed - self.earlier) / max(self.seconds, 1e-3)
         before = f"{self.earlier} by an earlier run, " if self.earlier else ""
-        skipped = f"{self.unread.total()} skipped{_format_suffixes(self.unread)}"
+        skipped = f"{self.skipped.total()} skipped{format_counts(self.skipped)}"
         return f"{self.succeeded} done, {self.failed} failed, {skipped}; {before}{rate:.1f} photos a second."
-
-
-def find_photos(pattern: str) -> tuple[str, list[str]]:
-    """Find a batch's photos: their folder, and their sorted names relative to it.
-
-    Args:
-        pattern: a folder, whose photos count at any depth, or a glob, whose folder is the part before its first
-            wildcard.
-
-    Raises:
-        BatchError: there is no photo, or the pattern is empty, as an unset variable of a shell is.
-    """
-    if not pattern:
-        raise BatchError("The input is empty; it must be a folder or a pattern.")
-    if Path(pattern).is_dir():
-        source, names = pattern, list(_files_below(Path(pattern), PHOTO_SUFFIXES))
-    else:
-        source = _fixed_part(pattern)
-        names = list(_matches(pattern, Path(source)))
-    if not names:
-        unread = _format_suffixes(count_unread_pictures(pattern))
-        hint = f"; its pictures are of kinds that are not read{unread}" if unread else ""
-        raise BatchError(f"{pattern} is neither a folder with photos nor a pattern that matches any{hint}.")
-    return source, sorted(names)
-
-
-def count_unread_pictures(pattern: str) -> Counter[str]:
-    """Count the pictures in a folder that are of kinds that are not read, by suffix; none for a glob.
-
-    Maps that a batch wrote beside their photos are no such pictures.
-
-    Args:
-        pattern: a folder or a glob.
-    """
-    folder = Path(pattern)
-    names = _files_below(folder, UNREAD_SUFFIXES) if folder.is_dir() else ()
-    return Counter(Path(name).suffix.lower() for name in names if not _is_map(name))
-
-
-def _is_map(name: str) -> bool:
-    """Whether a file is named as a batch names a photo's map."""
-    return name.endswith(".exr") and name.removesuffix(".exr").lower().endswith(PHOTO_SUFFIXES)
-
-
-def _files_below(source: Path, suffixes: tuple[str, ...]) -> Iterator[str]:
-    """Names of the files at any depth that end so, without hidden files and folders."""
-    for parent, folders, files in os.walk(source):
-        folders[:] = [name for name in folders if not name.startswith(".")]
-        below = Path(parent).relative_to(source)
-        for name in files:
-            if name.lower().endswith(suffixes) and name[0] != "." and not _is_pipe_or_device(Path(parent, name)):
-                yield (below / name).as_posix()
-
-
-def _is_pipe_or_device(path: Path) -> bool:
-    """Whether a file is a pipe, a socket or a device, from which reading may not end; a broken link is none."""
-    return path.exists() and not path.is_file()
-
-
-def _matches(pattern: str, source: Path) -> Iterator[str]:
-    """Names of the files that a glob matches, each once; hidden ones only where the glob names a dot.
-
-    No link to a folder is followed by `**`, for it may lead back to where it stands. Raises BatchError for a name that
-    holds `**` beside other letters.
-    """
-    parts = Path(pattern).parts[len(source.parts) :]
-    if any("**" in part and part != "**" for part in parts):
-        raise BatchError(f"{pattern} is no pattern: ** stands for folders, between slashes alone.")
-    if parts[-1] == "**":
-        parts = (*parts, "*")
-    hidden = any(part.startswith(".") for part in parts)
-    names = {path.relative_to(source) for path in source.glob(str(Path(*parts))) if path.is_file()}
-    yield from (name.as_posix() for name in names if hidden or not any(part.startswith(".") for part in name.parts))
-
-
-def _fixed_part(pattern: str) -> str:
-    parts = Path(pattern).parts[:-1]
-    plain = next((index for index, part in enumerate(parts) if glob.has_magic(part)), len(parts))
-    return str(Path(*parts[:plain]))
-
-
-def _format_suffixes(counts: Counter[str]) -> str:
-    """The kinds in brackets after a space, such as "(2 .gif, 1 .jxl)", the most frequent first; nothing for none."""
-    ordered = sorted(counts.items(), key=lambda kind: (-kind[1], kind[0]))
-    listed = ", ".join(f"{count} {suffix}" for suffix, count in ordered)
-    return f" ({listed})" if listed else ""
 
 
 def job_settings(job: BatchJob) -> dict[str, object]:

@@ -24,7 +24,7 @@ from pathlib import Path
 from typing import Generic, TypeVar
 
 from lighting.batch import job as jobs
-from lighting.batch.results import JOURNAL, TABLE, Journal, check_table, has_lights, open_journal
+from lighting.batch.results import JOURNAL, SETTINGS, TABLE, Journal, check_table, has_lights, open_journal
 from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files.atomic import atomic_write, stale_temporaries
 from lighting.records import json_line
@@ -64,7 +64,7 @@ def open_batch(job: jobs.BatchJob, *, overwrite: bool = False) -> Iterator[Journ
     if overwrite:
         check_table(out)
     out.mkdir(parents=True, exist_ok=True)
-    settings, file = jobs.job_settings(job), out / jobs.SETTINGS
+    settings, file = jobs.job_settings(job), out / SETTINGS
     if not overwrite:
         jobs.check_settings(file.read_bytes() if file.exists() else None, settings, _has_results(out), job.out)
     with open_journal(out / JOURNAL) as journal:
@@ -84,7 +84,7 @@ def _has_results(out: Path) -> bool:
     if not journal.exists():
         return False
     with journal.open("rb") as lines:
-        return has_lights(lines) if (out / jobs.SETTINGS).exists() else any(lines)
+        return has_lights(lines) if (out / SETTINGS).exists() else any(lines)
 
 
 def run_pool(job: jobs.BatchJob, names: Sequence[str], journal: Journal, workers: int) -> Iterator[str]:
@@ -106,7 +106,7 @@ def run_pool(job: jobs.BatchJob, names: Sequence[str], journal: Journal, workers
 
 def _remove_temporaries(job: jobs.BatchJob, names: Sequence[str]) -> None:
     """Remove what killed runs left unfinished under temporary names: the batch that holds the journal is alone here."""
-    files = {Path(job.out, name) for name in (jobs.SETTINGS, JOURNAL, TABLE)}
+    files = {Path(job.out, name) for name in (SETTINGS, JOURNAL, TABLE)}
     folders = {name.rpartition("/")[0] for name in names} if job.maps else set()
     maps = {Path(job.out, folder, "map.exr") for folder in folders}
     targets = (file for file in files | maps if not file.is_symlink())  # a link may lead to where others write

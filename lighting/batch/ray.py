@@ -14,7 +14,8 @@ from time import monotonic
 from typing import Any
 
 from lighting.batch import job as jobs
-from lighting.batch.results import JOURNAL, TABLE, has_lights, table_row, table_schema
+from lighting.batch.photo_files import PHOTO_SUFFIXES, find_photos, is_set_aside
+from lighting.batch.results import JOURNAL, SETTINGS, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
 from lighting.records import Json
 
@@ -34,12 +35,13 @@ def find_photos_at(source: str) -> tuple[str, list[str]]:
         BatchError: there is no photo.
     """
     if "://" not in source:
-        return jobs.find_photos(source)
+        return find_photos(source)
     filesystem, base = _filesystem_at(source)
     from pyarrow.fs import FileSelector
 
     files = (file.path for file in filesystem.get_file_info(FileSelector(base, recursive=True)) if file.is_file)
-    names = sorted(posixpath.relpath(path, base) for path in files if path.lower().endswith(jobs.PHOTO_SUFFIXES))
+    photos = (posixpath.relpath(path, base) for path in files if path.lower().endswith(PHOTO_SUFFIXES))
+    names = sorted(name for name in photos if not is_set_aside(name, source))
     if not names:
         raise BatchError(f"{source} holds no photos.")
     return source, names
@@ -151,7 +153,7 @@ def _open_results(filesystem: Any, out: str, job: jobs.BatchJob, overwrite: bool
     from pyarrow.fs import FileType
 
     new = jobs.job_settings(job)
-    file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (jobs.SETTINGS, TABLE))
+    file, parts = (filesystem.get_file_info(f"{out}/{name}") for name in (SETTINGS, TABLE))
     existing = filesystem.open_input_file(file.path).read() if file.is_file else None
     if not overwrite:
         jobs.check_settings(existing, new, _has_results(filesystem, out), job.out)

@@ -15,6 +15,7 @@ from lighting.errors import BatchError, ParameterError, require_extra
 from lighting.files.atomic import atomic_write
 from lighting.records import Json, Lighting
 
+SETTINGS = "batch.json"
 JOURNAL = "lighting.jsonl"
 TABLE = "lighting.parquet"
 ROW_GROUP_SIZE = 8192  # of a row group, which is held in memory

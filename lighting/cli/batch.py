@@ -104,7 +104,8 @@ def _refuse_idle_options(ctx: click.Context) -> None:
 
 def _run_pool(options: _Options) -> "Summary":
     """What became of the photos."""
-    from lighting.batch.job import Summary, count_unread_pictures, find_photos
+    from lighting.batch.job import Summary
+    from lighting.batch.photo_files import count_skipped, find_photos
     from lighting.batch.pool import open_batch, run_pool
     from lighting.batch.results import TABLE, require_parquet, write_parquet
     from lighting.runtime import available_cpus
@@ -123,12 +124,12 @@ def _run_pool(options: _Options) -> "Summary":
         if parquet:
             write_parquet(Path(job.out))
     succeeded = len(journal.names) - journal.failed
-    return Summary(succeeded, journal.failed, earlier, monotonic() - began, count_unread_pictures(options.input))
+    return Summary(succeeded, journal.failed, earlier, monotonic() - began, count_skipped(options.input))
 
 
 def _run_ray(options: _Options) -> "Summary":
     """What became of the photos, in this run and in the earlier ones whose results are kept."""
-    from lighting.batch.job import count_unread_pictures
+    from lighting.batch.photo_files import count_skipped
     from lighting.batch.ray import find_photos_at, run_ray
 
     source, names = find_photos_at(options.input)
@@ -140,7 +141,7 @@ def _run_ray(options: _Options) -> "Summary":
         overwrite=options.overwrite,
         progress=options.progress,
     )
-    return replace(summary, unread=count_unread_pictures(options.input))
+    return replace(summary, skipped=count_skipped(options.input))
 
 
 def _progress(finished: Iterator[str], initial: int, total: int, visible: bool) -> Any:

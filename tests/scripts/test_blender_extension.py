@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.batch.job import PHOTO_SUFFIXES
+from lighting.batch.photo_files import PHOTO_SUFFIXES
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance

@@ -18,7 +18,7 @@ import pytest
 from click.testing import CliRunner
 from PIL import ExifTags, Image
 
-from lighting.batch.job import find_photos
+from lighting.batch.photo_files import find_photos
 from lighting.batch.pool import _block_interrupts, _dismiss, _map_in_processes, _start
 from lighting.cli import cli
 from lighting.errors import BatchError, ModelError

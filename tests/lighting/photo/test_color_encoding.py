@@ -27,7 +27,7 @@ SRGB_XYZ = ((0.4361, 0.2225, 0.0139), (0.3851, 0.7169, 0.0971), (0.1431, 0.0606,
 def pq(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     """PQ's signal (SMPTE ST 2084) of light that is 1 at 203 cd/m2."""
     power = (linear * 203 / 10000) ** (2610 / 16384)
-    return np.asarray(((3424 / 4096 + 2413 / 128 * power) / (1 + 2392 / 128 * power)) ** (2523 / 32))
+    return np.array(((3424 / 4096 + 2413 / 128 * power) / (1 + 2392 / 128 * power)) ** (2523 / 32))
 
 
 def hlg(linear: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -36,13 +36,13 @@ def hlg(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     scene = linear * 0.203 * np.maximum(0.203 * level, 1e-9)[..., None] ** (1 / 1.2 - 1)
     a = 0.17883277
     low, high = np.sqrt(3 * scene), a * np.log(np.maximum(12 * scene - (1 - 4 * a), 1e-9)) + 0.5 - a * np.log(4 * a)
-    return np.where(scene <= 1 / 12, low, high)
+    return np.asarray(np.where(scene <= 1 / 12, low, high))
 
 
 def coded(curve: Any, chromaticities: tuple[float, ...] | None = None) -> NDArray[np.uint8]:
     matrix = None if chromaticities is None else chromaticities_to_rec709(chromaticities)
     linear = LINEAR if matrix is None else LINEAR @ np.linalg.inv(matrix).T
-    return np.round(np.clip(curve(np.clip(linear, 0, None)), 0, 1) * 255).astype(np.uint8)
+    return np.asarray(np.round(np.clip(curve(np.clip(linear, 0, None)), 0, 1) * 255), np.uint8)
 
 
 def png_with(pixels: NDArray[np.uint8], *chunks: bytes) -> bytes:
@@ -139,7 +139,8 @@ def adobe(space: int, index: str | None, kind: str = "JPEG") -> bytes:
     block = exif({ExifTags.Base.ColorSpace: space})
     if index is not None:
         block.get_ifd(ExifTags.IFD.Exif)[ExifTags.IFD.Interop] = {1: index}
-    options: dict[str, Any] = {"JPEG": {"quality": 98, "subsampling": 0}, "WEBP": {"lossless": True}}.get(kind, {})
+    packed: dict[str, dict[str, Any]] = {"JPEG": {"quality": 98, "subsampling": 0}, "WEBP": {"lossless": True}}
+    options = packed.get(kind, {})
     return encode(coded(gamma(256 / 563), ADOBE), kind, exif=block.tobytes(), **options)
 
 
