@@ -35,3 +35,13 @@ def format_tilt(elevation: float, digits: int = 0) -> str:
     """
     tilt = round(elevation, digits)
     return f"{abs(tilt):.{digits}f}° {'up' if tilt >= 0 else 'down'}"
+
+
+def format_utc_offset(hours: float) -> str:
+    """Say an offset from UTC: "+05:45".
+
+    Args:
+        hours: local minus universal time.
+    """
+    minutes = round(abs(hours) * 60)
+    return f"{'-' if hours < 0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"

@@ -5,6 +5,7 @@ import reprlib
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from datetime import UTC, datetime
 from enum import StrEnum
 from functools import cached_property
 from typing import Any, Self
@@ -60,6 +61,8 @@ class WarningCode(StrEnum):
     HEADING_CONTRADICTED = "heading-contradicted"
     LENS_CONTRADICTED = "lens-contradicted"
     GRAVITY_CONTRADICTED = "gravity-contradicted"  # and not used
+    CLOCK_CONTRADICTED = "clock-contradicted"  # the camera's clock, by GPS or by what no clock shows
+    OFFSET_REPLACED = "offset-replaced"  # the file's offset from UTC, by the user's
     TURN_INFERRED = "turn-inferred"  # nothing in common says how the photos are turned
     OTHER = "other"
 
@@ -191,6 +194,9 @@ class Lighting:
     relative_heading: float | None = None  # deg clockwise from the first of several photos
     latitude: float | None = field(default=None, repr=False)
     longitude: float | None = field(default=None, repr=False)
+    utc_time: datetime | None = None  # aware, when the photo was taken, as the answer believes
+    utc_offset: float | None = None  # h, local minus universal time, -12 to 14
+    time_source: str | None = None  # of the instant, such as "GPS"
     sky_model: str = SKY_MODEL  # of SKY_MODELS: what turbidity and exposure are of
     sun_irradiance: Color | None = None  # with sky_irradiance: maps then have these irradiances
     sky_irradiance: Color | None = None
@@ -211,6 +217,7 @@ class Lighting:
         for name in ("model_name", "model_version"):
             if not isinstance(text := getattr(self, name), str):
                 raise ParameterError.about(name, f"must be a text, not {reprlib.repr(text)}.", ErrorCode.WRONG_TYPE)
+        _check_time(self.utc_time, self.time_source)
         object.__setattr__(self, "evidence", tuple(map(str, _texts("evidence", self.evidence))))
         object.__setattr__(self, "warnings", _texts("warnings", self.warnings))
         _check_sky_model("sky_model", self.sky_model)
@@ -334,6 +341,14 @@ def _check_sky_model(field: str, name: object) -> None:
         raise ParameterError.about(field, predicate, ErrorCode.UNKNOWN)
 
 
+def _check_time(utc_time: object, source: object) -> None:
+    if utc_time is not None and not (isinstance(utc_time, datetime) and utc_time.tzinfo is not None):
+        predicate = f"must be a time with its offset from UTC, not {reprlib.repr(utc_time)}."
+        raise ParameterError.about("utc_time", predicate, ErrorCode.WRONG_TYPE)
+    if not isinstance(source, str | None):
+        raise ParameterError.about("time_source", f"must be a text, not {reprlib.repr(source)}.", ErrorCode.WRONG_TYPE)
+
+
 def _texts(name: str, values: object) -> tuple[str, ...]:
     if not isinstance(values, list | tuple) or not all(isinstance(value, str) for value in values):
         raise ParameterError.about(name, f"must be a list of texts, not {reprlib.repr(values)}.", ErrorCode.WRONG_TYPE)
@@ -368,8 +383,13 @@ def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Jso
         record["suitable"] = values["suitable"]
     if values["camera_heading_probability"]:
         record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
-    if not record["place"]:
-        del record["place"]
+    if (time := values["utc_time"]) is not None:
+        record["time"]["utc"] = f"{time.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
+    if values["time_source"] is not None:
+        record["time"]["source"] = values["time_source"]
+    for section in ("place", "time"):
+        if not record[section]:
+            del record[section]
     return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
 
 
@@ -393,6 +413,8 @@ def _values_from_record(record: Mapping[str, Any]) -> Json:
     values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
     values |= {attribute: _numbers(sections, section, name) or None for section, name, attribute in _COLORS}
     values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
+    values["sky_model"] = sections["sky"].get("model")
+    values["utc_time"], values["time_source"] = _time(sections["time"].get("utc")), sections["time"].get("source")
     return {name: value for name, value in values.items() if value is not None}
 
 
@@ -403,6 +425,14 @@ def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str)
         predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
         raise ParameterError.about(f"{section}.{name}", predicate, ErrorCode.WRONG_TYPE)
     return tuple(numbers)
+
+
+def _time(text: object) -> object:
+    """The time that a record's text says; any other value as it is, to be refused."""
+    try:
+        return datetime.fromisoformat(text) if isinstance(text, str) else text
+    except ValueError:
+        return text
 
 
 def _section(record: Mapping[str, Any], name: str) -> Mapping[str, Any]:

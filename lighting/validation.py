@@ -34,6 +34,7 @@ OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
     "relative_heading": (0.0, 360.0),  # deg clockwise from the first of several photos
     "latitude": (-90.0, 90.0),  # deg, positive north; only where the user asked for it
     "longitude": (-180.0, 180.0),  # deg, positive east
+    "utc_offset": (-12.0, 14.0),  # h, local minus universal time
     "sky_cover": (0.0, 1.0),  # 0 clear, 1 overcast; goes with sky_irradiance
     "suitable": (0.0, 1.0),  # probability that this is an ordinary photo of outdoors by daylight
 }
@@ -70,6 +71,9 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
     "relative_heading": "camera.relative_heading",
     "latitude": "place.latitude",
     "longitude": "place.longitude",
+    "utc_time": "time.utc",
+    "utc_offset": "time.utc_offset",
+    "time_source": "time.source",
     "ground_color": "ground.color",
 }
 

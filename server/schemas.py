@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, ConfigDict, FailFast, Field
+from pydantic import AwareDatetime, BaseModel, ConfigDict, FailFast, Field
 
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
@@ -111,6 +111,18 @@ class PlacePart(Part):
     longitude: Annotated[float, parameter_range("longitude", "deg, positive east", 11.58)] | None = None
 
 
+class TimePart(Part):
+    """When the photo was taken, as the answer believes; absent where no zone is known."""
+
+    utc: AwareDatetime | None = Field(None, description="in UTC", examples=["2024-06-01T16:49:00Z"])
+    utc_offset: Annotated[float, parameter_range("utc_offset", "h, local minus universal time", 2.0)] | None = None
+    source: str | None = Field(
+        None,
+        description="user, offset in the file, GPS, other photos, or zone of the place",
+        examples=["offset in the file"],
+    )
+
+
 class LightingRecord(Part):
     """The light of one photo and the camera that took it."""
 
@@ -130,6 +142,7 @@ class LightingRecord(Part):
     )
     warnings: _Texts = Field([], description="sentences, mostly about metadata that contradict the pixels")
     place: PlacePart | None = None
+    time: TimePart | None = None
 
     def to_lighting(self) -> Lighting:
         """The record as the library's Lighting; raises ParameterError."""

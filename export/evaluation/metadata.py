@@ -18,7 +18,7 @@ from lighting.calibration import MAX_LENS_RATIO
 from lighting.fusion.consistency import MIN_ELEVATION_P_VALUE, MIN_HEADING_P_VALUE
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observations, Posterior, fuse_single_view
-from lighting.fusion.timezones import candidate_utc_offsets
+from lighting.fusion.timezones import offset_at
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.imu import TILT_STD
@@ -98,11 +98,10 @@ def _metadata_of_crop(truth: metrics.Truth, i: int, sighting: _SunSighting, inde
     heading = (sighting.compass - float(angles(truth.sun[i])[0])) % 360.0
     gross = bool(rng.random() < OUTLIER_RATE)
     error = rng.uniform(-180, 180) if gross else rng.normal(0, COMPASS_STD)
-    zone = rng.choice(candidate_utc_offsets(sighting.latitude, sighting.longitude))
+    zone = offset_at(sighting.latitude, sighting.longitude, sighting.time)
     metadata = PhotoMetadata(
-        local_time=(sighting.time + timedelta(hours=float(zone))).replace(tzinfo=None),
-        utc_offset=float(zone),
-        utc_time=sighting.time,
+        local_time=(sighting.time + timedelta(hours=zone)).replace(tzinfo=None),
+        utc_offset=zone,
         latitude=sighting.latitude,
         longitude=sighting.longitude,
         heading=(heading + error) % 360.0,
@@ -121,7 +120,7 @@ def keep_evidence(metadata: PhotoMetadata, parts: tuple[str, ...]) -> PhotoMetad
     """
     kept = metadata
     if EvidenceKind.TIME_AND_PLACE not in parts:
-        kept = replace(kept, utc_time=None, utc_offset=None)
+        kept = replace(kept, utc_offset=None)
     if EvidenceKind.TIME_AND_PLACE not in parts and LOCAL_TIME not in parts:
         kept = replace(kept, local_time=None, latitude=None, longitude=None)
     if EvidenceKind.HEADING not in parts:

@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from datetime import timedelta, timezone
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
@@ -16,7 +17,7 @@ import click
 import lighting.errors as errors
 from lighting.cli.process import exit_on_interrupt
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
-from lighting.formatting import format_azimuth, format_tilt
+from lighting.formatting import format_azimuth, format_tilt, format_utc_offset
 
 if TYPE_CHECKING:
     import numpy as np
@@ -93,7 +94,8 @@ def format_summary(name: str, lighting: "Lighting") -> str:
         f"{_format_radii(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
         f"turbidity {lighting.turbidity:.1f}; "
         f"camera looks {format_tilt(lighting.camera_elevation, 1)}, roll {roll:.1f}°, "
-        f"vertical field of view {lighting.vertical_fov:.1f}°{_format_headings(lighting)}{_format_evidence(lighting)}"
+        f"vertical field of view {lighting.vertical_fov:.1f}°{_format_headings(lighting)}"
+        f"{_format_time(lighting)}{_format_evidence(lighting)}"
     )
 
 
@@ -113,6 +115,16 @@ def _format_headings(lighting: "Lighting") -> str:
     if lighting.relative_heading is not None:
         text += f", {round(lighting.relative_heading) % 360}° clockwise from the first photo"
     return text
+
+
+def _format_time(lighting: "Lighting") -> str:
+    """When the photo was taken, as the answer believes, on the clock of its offset from UTC."""
+    if lighting.utc_time is None:
+        return ""
+    offset = timedelta(hours=lighting.utc_offset or 0.0)
+    local = lighting.utc_time.astimezone(timezone(offset))
+    source = f" ({lighting.time_source})" if lighting.time_source else ""
+    return f"; taken {local:%Y-%m-%d %H:%M} {format_utc_offset(lighting.utc_offset or 0.0)}{source}"
 
 
 def _format_evidence(lighting: "Lighting") -> str:

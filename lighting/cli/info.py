@@ -67,8 +67,13 @@ def _describe_picture(file: str) -> "Json":
 
 def _describe_metadata(metadata: "PhotoMetadata") -> "Json":
     """The metadata that estimates use; of the place only whether it is known, since output may be passed on."""
+    from lighting.fusion.instants import resolve_instants
+    from lighting.fusion.user_input import NO_USER_INPUT
+
     values = {**asdict(metadata), "location": metadata.latitude is not None}
     del values["latitude"], values["longitude"]
+    likeliest = resolve_instants(metadata, NO_USER_INPUT).likeliest
+    values["utc_time"], values["time_source"] = (likeliest.utc_time, likeliest.source) if likeliest else (None, None)
     return {name: value.isoformat() if isinstance(value, datetime) else value for name, value in values.items()}
 
 

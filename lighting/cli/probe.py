@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -85,7 +84,7 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str, quiet: bool, 
         raise click.UsageError("--time is that of one bracket; a series has times in EXIF or folders' names.")
     settings = _settings(options)
     shots = group_brackets(exposures) if series else [read_bracket_files(_files(exposures))]
-    moments = [_moment(shot, stated) for shot in shots]
+    moments = _moments(shots, stated)
     _check_targets(shots, moments, output)
     if series:
         _merge_series(shots, moments, settings, output, quiet)
@@ -145,15 +144,22 @@ def _files(exposures: Sequence[Path]) -> list[Path]:
     return [file for path in exposures for file in (list_pictures(path) if path.is_dir() else [path])]
 
 
-def _moment(shot: "BracketFiles", stated: "UserInput") -> "Moment":
-    """When and where a bracket was taken: as the user states, else by EXIF."""
+def _moments(shots: Sequence["BracketFiles"], stated: "UserInput") -> list["Moment"]:
+    """When and where brackets were taken, as the user states, else by EXIF; warnings of their clocks on stderr."""
     from lighting.probe.develop import Moment
 
-    timed = shot if stated.time is None else replace(shot, time=stated.time)
-    location = shot if stated.latitude is None else stated
-    if location.latitude is None or location.longitude is None:
-        raise click.UsageError("The place is not in EXIF; tell it with --lat and --lon.")
-    return Moment(timed.aware_time(stated.utc_offset), location.latitude, location.longitude)
+    moments, warnings = [], dict[str, None]()
+    for shot in shots:
+        location = stated if stated.latitude is not None else shot.metadata
+        if location.latitude is None or location.longitude is None:
+            raise click.UsageError("The place is not in EXIF; tell it with --lat and --lon.")
+        found = shot.instants(stated)
+        assert found.likeliest is not None
+        warnings |= dict.fromkeys((*found.warnings, *found.conflict_warnings(found.likeliest)))
+        moments.append(Moment(found.likeliest.utc_time, location.latitude, location.longitude))
+    for warning in warnings:
+        click.echo(f"Warning: {warning}", err=True)
+    return moments
 
 
 def _merge_one(shot: "BracketFiles", moment: "Moment", settings: "BracketSettings", output: str, quiet: bool) -> None:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.calibration import calibrate_from_lines
 from lighting.decoding import correct_sun_color, lighting_from_prediction, predicted_sun_elevation
+from lighting.fusion.instants import Instant
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
@@ -87,7 +88,9 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
         prior: the photo's observations, with their warnings.
     """
     lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
-    suitable, warnings = lighting.suitable, (*prior.warnings, *posterior.warnings)
+    instant = _chosen_instant(posterior, prior)
+    conflict = prior.instants.conflict_warnings(instant)
+    suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
     if suitable is not None:
         suitable = _suitable(suitable, prior)
         warnings = (*warnings, *(_unsuitable_warnings(prior.observations) if suitable < MIN_SUITABLE else ()))
@@ -96,8 +99,17 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
     answer = replace(
         answer, evidence=posterior.used, warnings=warnings, suitable=suitable, latitude=latitude, longitude=longitude
     )
+    if instant is not None:
+        answer = replace(answer, utc_time=instant.utc_time, utc_offset=instant.utc_offset, time_source=instant.source)
     light = posterior.prediction.light
     return Estimate(answer, posterior.on_cells(), light.surroundings if light else None)
+
+
+def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | None:
+    """The instant of the sun that the pixels find likeliest; without place, the likeliest before the pixels."""
+    each = zip(prior.observations.candidates, prior.instants.instants, strict=False)
+    matching = [instant for sun, instant in each if sun == posterior.candidate]
+    return max(matching, key=lambda instant: instant.weight, default=prior.instants.likeliest)
 
 
 def _with_headings(lighting: Lighting, posterior: Posterior) -> Lighting:

@@ -8,8 +8,9 @@ from datetime import datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
-import lighting.fusion.timezones as timezones
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fusion.ephemeris import format_below_horizon, sun_candidates
+from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import SUN_RADIUS, angle_between, direction
@@ -43,6 +44,7 @@ class MetadataPrior:
     sun_is_up: bool = True  # False where time and place say that no direct sunlight reaches the photo
     is_night: bool = False  # time and place say that it was night, too dark for these skies; they were not used
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer, deg
+    instants: PhotoInstants = field(default_factory=PhotoInstants)  # as many as candidates, if there are any of these
 
 
 def observations_from_metadata(
@@ -59,14 +61,53 @@ def observations_from_metadata(
     Raises:
         ParameterError: the user's own time or location is at night.
     """
-    merged = timezones.merge_user_input(metadata, user_input)
-    candidates = timezones.sun_candidates(merged)
+    merged = merge_user_input(metadata, user_input)
+    return _observe(merged, resolve_instants(merged, user_input), user_input, subject, allow_night=allow_night)
+
+
+def _observe(
+    merged: PhotoMetadata,
+    instants: PhotoInstants,
+    user_input: UserInput,
+    subject: str = "photo",
+    *,
+    allow_night: bool = False,
+) -> MetadataPrior:
+    """The observations of merged metadata; ParameterError where the user's own time or location is at night."""
+    candidates = sun_candidates(instants.instants, merged.location)
     is_stated = user_input.time is not None or user_input.latitude is not None
     if (highest := _max_elevation(candidates)) < CIVIL_TWILIGHT and is_stated and not allow_night:
         stated = "latitude" if user_input.time is None else "time"
-        sentence = timezones.format_below_horizon(merged, highest) + "too dark for these skies."
+        sentence = format_below_horizon(instants.instants, merged.location, highest) + "too dark for these skies."
         raise ParameterError(sentence, stated, ErrorCode.NIGHT)
-    return _prior(merged, candidates, user_input, subject)
+    return _prior(merged, instants, candidates, user_input, subject)
+
+
+def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMetadata:
+    """The photo's metadata with the place, the heading and the lens that the user states; a place is taken whole.
+
+    Args:
+        metadata: of the photo's file.
+        user_input: what the user states; `use_exif` False drops the file's. Its time is for `resolve_instants`.
+    """
+    merged = metadata if user_input.use_exif else PhotoMetadata()
+    if user_input.latitude is not None:
+        merged = replace(merged, latitude=user_input.latitude, longitude=user_input.longitude)
+    if user_input.heading is not None:
+        merged = replace(merged, heading=user_input.heading, heading_reference=HeadingReference.TRUE)
+    if user_input.vertical_fov is not None:
+        merged = replace(merged, vertical_fov=user_input.vertical_fov)
+    return merged
+
+
+def share_location(metadata: Sequence[PhotoMetadata]) -> list[PhotoMetadata]:
+    """Give photos taken together the location of the first photo that has one.
+
+    Args:
+        metadata: of each photo.
+    """
+    source = next((m for m in metadata if m.latitude is not None), PhotoMetadata())
+    return [replace(m, latitude=source.latitude, longitude=source.longitude) for m in metadata]
 
 
 def observations_single(metadata: PhotoMetadata, user_input: UserInput) -> MetadataPrior:
@@ -96,9 +137,10 @@ def observations_multi(metadata: Sequence[PhotoMetadata], user_input: UserInput)
     Raises:
         ParameterError: it was night in one of them at the user's own time or location, in whatever zone.
     """
-    located = timezones.share_location(metadata)
-    zoned = located if user_input.utc_offset is not None else timezones.drop_unzoned(located)
-    priors = [observations_from_metadata(m, user_input) for m in zoned]
+    located = share_location(metadata)
+    merged = [merge_user_input(m, user_input) for m in located]
+    instants = resolve_together(merged, user_input)
+    priors = [_observe(m, each, user_input) for m, each in zip(merged, instants, strict=True)]
     if user_input.use_exif and user_input.latitude is None:
         priors = [
             replace(p, warnings=(*p.warnings, *_location_warnings(m, used))) if p.observations.candidates else p
@@ -122,7 +164,7 @@ def camera_observations(metadata: PhotoMetadata, user_input: UserInput) -> Obser
         metadata: of the photo's file.
         user_input: what the user states.
     """
-    return _camera_observations(timezones.merge_user_input(metadata, user_input))
+    return _camera_observations(merge_user_input(metadata, user_input))
 
 
 def _camera_observations(merged: PhotoMetadata) -> Observations:
@@ -131,19 +173,24 @@ def _camera_observations(merged: PhotoMetadata) -> Observations:
     return Observations(vertical_fov=merged.vertical_fov, gravity=gravity)
 
 
-def _prior(merged: PhotoMetadata, candidates: _SunCandidates, user_input: UserInput, subject: str) -> MetadataPrior:
+def _prior(
+    merged: PhotoMetadata, instants: PhotoInstants, candidates: _SunCandidates, user_input: UserInput, subject: str
+) -> MetadataPrior:
     """The observations of merged metadata whose candidate suns may all be below the horizon."""
-    highest, warnings = _max_elevation(candidates), _unused_input_warnings(merged, user_input, subject)
+    highest = _max_elevation(candidates)
+    warnings = (*instants.warnings, *_unused_input_warnings(merged, user_input, subject))
     if highest < -SUN_RADIUS:
         consequence = _TWILIGHT_ANSWER if highest >= CIVIL_TWILIGHT else "time and place were not used."
-        warnings = (*warnings, timezones.format_below_horizon(merged, highest) + consequence)
+        sentence = format_below_horizon(instants.instants, merged.location, highest)
+        warnings = (*warnings, sentence + consequence)
     raised = _raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else ()
     camera = _camera_observations(merged)
-    compass, exposure_value = _compass(merged, user_input), merged.exposure_value
-    observations = Observations(raised, *compass, camera.vertical_fov, camera.gravity, exposure_value, subject)
+    compass, exposure_value = _compass(merged, instants, user_input), merged.exposure_value
+    weights = tuple(instant.weight for instant in instants.instants) if raised else ()
+    observations = Observations(raised, *compass, camera.vertical_fov, camera.gravity, exposure_value, subject, weights)
     is_up, is_night = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS, bool(candidates) and highest < CIVIL_TWILIGHT
-    location = timezones.location_of(merged) if user_input.keep_location else None
-    return MetadataPrior(observations, warnings, is_up, is_night, location)
+    location = merged.location if user_input.keep_location else None
+    return MetadataPrior(observations, warnings, is_up, is_night, location, instants)
 
 
 def _max_elevation(candidates: _SunCandidates) -> float:
@@ -159,7 +206,12 @@ def _raise_twilight(candidates: _SunCandidates) -> _SunCandidates:
 def _without_time(priors: Sequence[MetadataPrior], warning: str) -> list[MetadataPrior]:
     """The same without time; a warning goes to those that had one."""
     return [
-        replace(p, observations=replace(p.observations, candidates=()), warnings=(*p.warnings, warning), sun_is_up=True)
+        replace(
+            p,
+            observations=replace(p.observations, candidates=(), weights=()),
+            warnings=(*p.warnings, warning),
+            sun_is_up=True,
+        )
         if p.observations.candidates
         else p
         for p in priors
@@ -168,7 +220,7 @@ def _without_time(priors: Sequence[MetadataPrior], warning: str) -> list[Metadat
 
 def _location_warnings(metadata: PhotoMetadata, used: PhotoMetadata) -> tuple[str, ...]:
     """A warning where a photo's own location is another than the one that is used for all."""
-    locations = (timezones.location_of(metadata), timezones.location_of(used))
+    locations = (metadata.location, used.location)
     points = [direction(location[1], location[0]) for location in locations if location is not None]
     if len(points) < 2:
         return ()
@@ -180,11 +232,12 @@ def _location_warnings(metadata: PhotoMetadata, used: PhotoMetadata) -> tuple[st
 
 def _unused_input_warnings(merged: PhotoMetadata, user_input: UserInput, subject: str) -> tuple[str, ...]:
     """Sentences about what the user stated that could not be used."""
+    has_time = any(time is not None for time in (user_input.time, merged.local_time, merged.gps_time))
     if user_input.time is not None and merged.latitude is None:
         return (f"The time was not used, because the {subject} does not say where it was taken.",)
-    if user_input.latitude is not None and merged.local_time is None and merged.utc_time is None:
+    if user_input.latitude is not None and not has_time:
         return (f"The place was not used, because the {subject} does not say when it was taken.",)
-    if user_input.utc_offset is not None and merged.local_time is None:
+    if user_input.utc_offset is not None and merged.local_time is None and user_input.time is None:
         return (f"The offset from UTC was not used, because the {subject} has no local time.",)
     return ()
 
@@ -192,7 +245,7 @@ def _unused_input_warnings(merged: PhotoMetadata, user_input: UserInput, subject
 # Compass heading and magnetic declination: how far a compass needle points from true north.
 
 
-def _compass(metadata: PhotoMetadata, user_input: UserInput) -> tuple[float | None, float]:
+def _compass(metadata: PhotoMetadata, instants: PhotoInstants, user_input: UserInput) -> tuple[float | None, float]:
     """The heading from true north, if it is known, and its standard deviation [deg]."""
     if metadata.heading is None:
         return None, COMPASS_STD
@@ -200,18 +253,18 @@ def _compass(metadata: PhotoMetadata, user_input: UserInput) -> tuple[float | No
         return metadata.heading % 360.0, USER_HEADING_STD
     if metadata.heading_reference == HeadingReference.TRUE:
         return metadata.heading % 360.0, COMPASS_STD
-    declination = _declination_of(metadata)
+    declination = _declination_of(metadata, instants)
     if metadata.heading_reference == HeadingReference.MAGNETIC and declination is not None:
         return (metadata.heading + declination) % 360.0, COMPASS_STD
     std = DECLINATION_STD if declination is None else declination
     return metadata.heading % 360.0, math.hypot(COMPASS_STD, std)
 
 
-def _declination_of(metadata: PhotoMetadata) -> float | None:
+def _declination_of(metadata: PhotoMetadata, instants: PhotoInstants) -> float | None:
     """The magnetic declination [deg] at the photo's time and location; None where they are not both known."""
-    time = metadata.utc_time or metadata.local_time
-    location = timezones.location_of(metadata)
-    return None if time is None or location is None else _magnetic_declination(*location, time)
+    if (instant := instants.likeliest) is None or metadata.location is None:
+        return None
+    return _magnetic_declination(*metadata.location, instant.utc_time)
 
 
 def _magnetic_declination(latitude: float, longitude: float, time: datetime) -> float | None:

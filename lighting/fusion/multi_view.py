@@ -224,7 +224,8 @@ def _keep_photo_light(common: Light, light: Light | None) -> Light:
 
 def _share_time(observations: Sequence[Observations]) -> list[Observations]:
     """The observations with only candidates with the sun up in every photo, all of one number."""
-    first = next((o.candidates for o in observations if o.candidates), ())
+    timed = next((o for o in observations if o.candidates), Observations())
+    first, weights = timed.candidates, timed.weights or (1.0,) * len(timed.candidates)
     candidates = [o.candidates or first for o in observations]
     if len({len(suns) for suns in candidates}) > 1:
         sentence = "The times of photos taken together must all have a zone, or none."
@@ -233,7 +234,9 @@ def _share_time(observations: Sequence[Observations]) -> list[Observations]:
     if first and not up:
         sentence = "Whatever the zone of their times, the sun is below the horizon in one of the photos."
         raise ParameterError(sentence, code=ErrorCode.NIGHT)
-    return [replace(o, candidates=tuple(suns[k] for k in up)) for o, suns in zip(observations, candidates, strict=True)]
+    shared = tuple(weights[k] for k in up)
+    each = zip(observations, candidates, strict=True)
+    return [replace(o, candidates=tuple(suns[k] for k in up), weights=shared) for o, suns in each]
 
 
 def _optical_axes(predictions: Sequence[Prediction], headings: Floats) -> tuple[Floats, Floats]:
@@ -330,7 +333,8 @@ def _fuse_on_rings(predictions: list[Prediction], observations: list[Observation
         pooled = _pool_on_rings(blurred, [prior[i] for i in group], frames.heading[group], weight)
         by_photo |= dict(zip(group.tolist(), pooled, strict=True))
     shared = _share_zone([by_photo[i] for i in range(len(by_photo))], frames)
-    return [posterior_on_rings(p, o, w) for p, o, w in zip(predictions, observations, shared, strict=True)]
+    weighted = [w * single_view.candidate_weights(o)[:, None] for w, o in zip(shared, observations, strict=True)]
+    return [posterior_on_rings(p, o, w) for p, o, w in zip(predictions, observations, weighted, strict=True)]
 
 
 def _sun_similarity(observations: Sequence[Observations]) -> Floats:

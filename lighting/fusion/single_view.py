@@ -64,13 +64,14 @@ class Gravity:
 class Observations:
     """What is known about one photo besides its pixels."""
 
-    candidates: tuple[tuple[float, float], ...] = ()  # equally likely (sun elevation, sun compass azimuth) [deg]
+    candidates: tuple[tuple[float, float], ...] = ()  # (sun elevation, sun compass azimuth) [deg]
     heading: float | None = None  # deg clockwise from true north, where the camera points
     heading_std: float = COMPASS_STD  # deg, one standard deviation of that
     vertical_fov: float | None = None  # deg, of the upright photo
     gravity: Gravity | None = None  # the camera's tilt
     exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
     subject: str = "photo"  # what warnings call the pixels' source: a "clip" and a "stream" are taken, too
+    weights: tuple[float, ...] = ()  # probability of each candidate before the pixels; () where all are alike
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,6 +86,7 @@ class Posterior:
     warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
     camera_heading: Heading | None = None  # from true north; None without time and place
     relative_heading: Heading | None = None  # from the first of several photos; None where there is a heading
+    candidate: tuple[float, float] | None = None  # elevation and azimuth [deg] of the likeliest one of time and place
     predicted_sun_elevation: float | None = None  # deg, by the pixels whose light it has; None: those of `prediction`
 
     def on_cells(self) -> SunDistribution:
@@ -150,7 +152,8 @@ def fuse_with_gravity(leveled: _GravityFused) -> Posterior:
     candidates = candidates_above_horizon(observations)
     likelihood = likelihood_by_heading(prediction, candidates)
     if len(candidates):
-        posterior = posterior_on_rings(prediction, observations, likelihood * compass_prior(observations))
+        weight = likelihood * compass_prior(observations) * candidate_weights(observations)[:, None]
+        posterior = posterior_on_rings(prediction, observations, weight)
     else:
         posterior = posterior_on_grid(prediction, observations, prediction.sun_probability)
     compass = None if observations.heading is None else (observations.heading, observations.heading_std)
@@ -250,6 +253,17 @@ def candidates_above_horizon(observations: Observations) -> Floats:
     return up
 
 
+def candidate_weights(observations: Observations) -> Floats:
+    """Probabilities (K,) of the candidate suns above the horizon before the pixels, up to a factor.
+
+    Args:
+        observations: whose candidates count.
+    """
+    is_up = [elevation >= 0.0 for elevation, _ in observations.candidates]
+    weights = observations.weights or (1.0,) * len(is_up)
+    return np.array([weight for weight, up in zip(weights, is_up, strict=True) if up], dtype=np.float64)
+
+
 def daylight_candidates(candidates: Sequence[tuple[tuple[float, float], ...]]) -> list[int]:
     """Numbers of the candidates that are above the horizon in every photo.
 
@@ -305,10 +319,20 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
         weight: (K, 360) of each candidate above the horizon and each of HEADINGS, up to a factor.
     """
     p = weight / weight.sum()
-    directions = _ring_directions(candidates_above_horizon(observations)).reshape(-1, 3)
+    candidates = candidates_above_horizon(observations)
+    directions = _ring_directions(candidates).reshape(-1, 3)
     sun, heading = sun_from_rings(directions, p.ravel()), heading_from_probability(p.sum(axis=0))
     used = _used_evidence(prediction, observations)
-    return Posterior(_with_lens(prediction, observations), sun, directions, p.ravel(), used, camera_heading=heading)
+    best = _likeliest_candidate(candidates, p.sum(axis=1))
+    camera = _with_lens(prediction, observations)
+    return Posterior(camera, sun, directions, p.ravel(), used, camera_heading=heading, candidate=best)
+
+
+def _likeliest_candidate(candidates: Floats, probability: Floats) -> tuple[float, float]:
+    """The sun (elevation, azimuth) with the most probability (K,), that of equal ones added."""
+    suns, number = np.unique(candidates, axis=0, return_inverse=True)
+    elevation, azimuth = suns[np.argmax(np.bincount(number.ravel(), probability))]
+    return float(elevation), float(azimuth)
 
 
 def _ring_directions(candidates: Floats) -> Floats:

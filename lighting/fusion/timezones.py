@@ -1,87 +1,136 @@
-"""Local time -> UTC: user, EXIF, GPS, other photos, IANA zone of the location; ONE precedence."""
+"""The zones of a place, and how far a photo's clock is ahead of UTC."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
-from datetime import UTC, datetime, timedelta
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from functools import lru_cache
 
-import numpy as np
-from numpy.typing import NDArray
+from lighting.photo.clock import nearest_utc_offset
+from lighting.photo.metadata import PhotoMetadata
 
-from lighting.fusion.user_input import UserInput
-from lighting.geometry import SUN_RADIUS
-from lighting.photo.clock import to_utc
-from lighting.photo.metadata import HeadingReference, PhotoMetadata
-from lighting.solar_position import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
+ZONE_OF_PLACE = "zone of the place"  # where an offset from UTC comes from, as the record says it
 
-# Hours from UTC that clocks follow somewhere, summer times included.
-_UTC_OFFSETS = (*range(-12, 15), -9.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.75, 9.5, 10.5, 12.75, 13.75)
-# Those that clocks followed since there are digital cameras, and no longer, with the region's south, west, north and
-# east [deg] (time zone database of 2026). All others since 1995 are among _UTC_OFFSETS and within _ZONE_LEAD_HOURS, but
-# for stations in the Antarctic and Iqaluit's winter of 1999.
-_FORMER_UTC_OFFSETS = {
-    -8.5: (-26.0, -131.0, -23.0, -124.0),  # Pitcairn to 1998
-    -4.5: (0.0, -74.0, 13.0, -59.0),  # Venezuela 2007 to 2016
-    8.5: (37.0, 124.0, 43.0, 131.0),  # North Korea 2015 to 2018
-    9.75: (-33.0, 125.0, -31.0, 130.0),  # Eucla in the summers to 2009
-    11.5: (-30.0, 167.0, -28.0, 169.0),  # Norfolk Island to 2015
+_AT_SEA = "Etc/"  # how the names of the zones begin that ships keep
+_SEA_WEIGHTS = {0: 4.0, -1: 1.0, 1: 1.0}  # of the clocks so many hours from the zone of the longitude
+_COAST_WEIGHT = 4.0  # of all zones of the coasts around
+_COAST_DISTANCES = (1.0, 3.0)  # deg, from which ships bring their clocks
+_CLAIMED_TOO = {  # zones that people in disputed places keep besides
+    "Europe/Simferopol": ("Europe/Kyiv",),
+    "Asia/Urumqi": ("Asia/Shanghai",),
+    "Asia/Hebron": ("Asia/Jerusalem",),
+    "Asia/Gaza": ("Asia/Jerusalem",),
+    "Africa/El_Aaiun": ("Africa/Casablanca", "Africa/Nouakchott"),
+    "Asia/Famagusta": ("Asia/Nicosia", "Europe/Istanbul"),
 }
-_ZONE_LEAD_HOURS = (-1.25, 3.5)  # a zone's clocks, ahead of its sun's mean time (Arunachal, western China)
-_MAX_CLOCK_ERROR_HOURS = 0.1  # of a camera against GPS time, up to which the difference identifies the zone
+_CLAIMED_BOXES = (  # south, west, north and east [deg] of such places, and the zone
+    ((46.8, 37.0, 50.1, 40.3), "Europe/Kyiv", "Europe/Moscow"),  # Donetsk and Luhansk
+    ((42.4, 40.0, 43.6, 42.2), "Asia/Tbilisi", "Europe/Moscow"),  # Abkhazia
+    ((41.9, 43.3, 42.7, 44.6), "Asia/Tbilisi", "Europe/Moscow"),  # South Ossetia
+)
 
 
-def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMetadata:
-    """The photo's metadata, replaced by what the user states; a time replaces the offset, a location both coordinates.
+@dataclass(frozen=True)
+class ZoneOffset:
+    """An offset from UTC that clocks at a place may have at a local time."""
 
-    Args:
-        metadata: of the photo's file.
-        user_input: what the user states; `use_exif` False drops the file's.
-    """
-    merged = metadata if user_input.use_exif else PhotoMetadata()
-    if (offset := _known_utc_offset(merged)) is not None:  # of the file's own clock, before the user states another
-        merged = _in_zone(merged, offset)
-    if user_input.time is not None:
-        merged = _with_time(merged, user_input.time)
-    if user_input.utc_offset is not None and merged.local_time is not None:
-        utc_time = to_utc(merged.local_time, user_input.utc_offset)
-        merged = replace(merged, utc_offset=user_input.utc_offset, utc_time=utc_time)
-    if user_input.latitude is not None:
-        merged = replace(merged, latitude=user_input.latitude, longitude=user_input.longitude)
-    if user_input.heading is not None:
-        merged = replace(merged, heading=user_input.heading, heading_reference=HeadingReference.TRUE)
-    if user_input.vertical_fov is not None:
-        merged = replace(merged, vertical_fov=user_input.vertical_fov)
-    return merged
+    hours: float  # local minus universal time
+    name: str  # of the zone, the same for all photos of one clock
+    weight: float  # share of the clocks, 0 to 1
 
 
-def _with_time(metadata: PhotoMetadata, time: datetime) -> PhotoMetadata:
-    if time.tzinfo is None:
-        return replace(metadata, local_time=time, utc_offset=None, utc_time=None)
-    return replace(metadata, local_time=time.replace(tzinfo=None), utc_offset=None, utc_time=time.astimezone(UTC))
+def offsets_of_place(latitude: float, longitude: float, local_time: datetime) -> tuple[ZoneOffset, ...]:
+    """The offsets from UTC that clocks at a place follow at a local time, summer time and history included.
 
-
-def share_location(metadata: Sequence[PhotoMetadata]) -> list[PhotoMetadata]:
-    """Give photos taken together the location, and the time zone, of the first photo that has one.
+    There is one, but at sea, in disputed places, and in the hours that summer time repeats or leaves out.
 
     Args:
-        metadata: of each photo.
+        latitude: deg, positive north.
+        longitude: deg, positive east.
+        local_time: naive.
     """
-    source = next((m for m in metadata if m.latitude is not None), PhotoMetadata())
-    located = [replace(m, latitude=source.latitude, longitude=source.longitude) for m in metadata]
-    offset = next((hours for m in metadata if (hours := _known_utc_offset(m)) is not None), None)
-    return located if offset is None else [_in_zone(m, offset) for m in located]
+    from zoneinfo import ZoneInfo
+
+    found = []
+    for name, weight in _zones_of_place(round(latitude, 4), round(longitude, 4)):
+        zone = ZoneInfo(name)
+        hours = [_hours(local_time.replace(tzinfo=zone, fold=fold)) for fold in (0, 1)]
+        for fold, offset in enumerate(dict.fromkeys(hours)):
+            found.append(ZoneOffset(offset, f"{name} {fold}", weight / len(set(hours))))
+    return tuple(found)
 
 
-def drop_unzoned(metadata: list[PhotoMetadata]) -> list[PhotoMetadata]:
-    """Drop local times of unknown zone where another photo's time is known in UTC.
+def offset_at(latitude: float, longitude: float, utc_time: datetime) -> float:
+    """The offset from UTC [h] of the clocks at a place, the likeliest.
 
     Args:
-        metadata: of each photo.
+        latitude: deg, positive north.
+        longitude: deg, positive east.
+        utc_time: aware.
     """
-    has_utc = any(m.utc_time is not None for m in metadata)
-    return [replace(m, local_time=None) if has_utc and m.utc_time is None else m for m in metadata]
+    from zoneinfo import ZoneInfo
+
+    name = max(_zones_of_place(round(latitude, 4), round(longitude, 4)), key=lambda zone: zone[1])[0]
+    return _hours(utc_time.astimezone(ZoneInfo(name)))
 
 
-# How far a clock is ahead of UTC.
+def _hours(time: datetime) -> float:
+    offset = time.utcoffset()
+    assert offset is not None
+    return offset / timedelta(hours=1)
+
+
+@lru_cache(maxsize=64)
+def _zones_of_place(latitude: float, longitude: float) -> tuple[tuple[str, float], ...]:
+    """Names and weights, which sum to 1, of the IANA zones at a place."""
+    names = _names_at(latitude, longitude)
+    if all(name.startswith(_AT_SEA) for name in names):
+        weights = dict(_sea_zones(latitude, longitude, names))
+    else:
+        claimed = (zone for name in names for zone in _CLAIMED_TOO.get(name, ()))
+        boxed = (also for box, name, also in _CLAIMED_BOXES if name in names and _is_within(latitude, longitude, box))
+        weights = dict.fromkeys((*names, *claimed, *boxed), 1.0)
+    total = sum(weights.values())
+    return tuple((name, weight / total) for name, weight in weights.items())
+
+
+def _sea_zones(latitude: float, longitude: float, names: list[str]) -> Iterator[tuple[str, float]]:
+    """The zones of ships: the longitude's, its neighbours, and those of the coasts around."""
+    ahead = _nautical_hours(names[0])
+    for hours, weight in _SEA_WEIGHTS.items():
+        if -12 <= ahead + hours <= 14:
+            yield f"Etc/GMT{-(ahead + hours):+d}" if ahead + hours else "Etc/GMT", weight
+    steps = [(north, east) for north in (-1, 0, 1) for east in (-1, 0, 1) if north or east]
+    around = [
+        name
+        for distance in _COAST_DISTANCES
+        for north, east in steps
+        for name in _names_at(
+            min(max(latitude + distance * north, -90.0), 90.0), (longitude + distance * east + 540.0) % 360.0 - 180.0
+        )
+        if not name.startswith(_AT_SEA)
+    ]
+    coasts = dict.fromkeys(around)
+    yield from ((name, _COAST_WEIGHT / len(coasts)) for name in coasts)
+
+
+def _nautical_hours(name: str) -> int:
+    """Hours ahead of UTC of "Etc/GMT-12", whose sign is that of old Unix."""
+    digits = name.removeprefix("Etc/GMT")
+    return -int(digits) if digits.lstrip("+-").isdigit() else 0
+
+
+def _names_at(latitude: float, longitude: float) -> list[str]:
+    import tzfpy
+
+    return sorted(tzfpy.get_tzs(longitude, latitude)) or ["Etc/GMT"]
+
+
+def _is_within(latitude: float, longitude: float, box: tuple[float, float, float, float]) -> bool:
+    south, west, north, east = box
+    return south <= latitude <= north and west <= longitude <= east
+
+
+# How far a clock is ahead of UTC, by the file.
 
 
 def _stated_offset(metadata: PhotoMetadata) -> float | None:
@@ -91,114 +140,23 @@ def _stated_offset(metadata: PhotoMetadata) -> float | None:
 
 def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
     """The difference of clock and GPS time [h], where some zone's clocks have it."""
-    if metadata.local_time is None or metadata.utc_time is None:
+    if metadata.local_time is None or metadata.gps_time is None:
         return None
-    ahead = (metadata.local_time - metadata.utc_time.replace(tzinfo=None)).total_seconds() / 3600
-    nearest = round(4 * ahead) / 4
-    is_offset = nearest in _UTC_OFFSETS or nearest in _FORMER_UTC_OFFSETS
-    return nearest if is_offset and abs(ahead - nearest) < _MAX_CLOCK_ERROR_HOURS else None
+    return nearest_utc_offset(metadata.local_time - metadata.gps_time.replace(tzinfo=None))
 
 
 _OffsetRule = Callable[[PhotoMetadata], float | None]
 OFFSET_RULES: dict[str, _OffsetRule] = {  # how a photo tells its clock's offset from UTC; the first that answers counts
-    "stated in the file": _stated_offset,
-    "clock against GPS": _offset_by_gps,
+    "offset in the file": _stated_offset,
+    "GPS": _offset_by_gps,
 }
 
 
-def _known_utc_offset(metadata: PhotoMetadata) -> float | None:
-    """How far a photo's clock is ahead of UTC, by the first of OFFSET_RULES that knows it.
+def offset_in_file(metadata: PhotoMetadata) -> tuple[float, str] | None:
+    """How far a photo's clock is ahead of UTC [h], and the name of the first of OFFSET_RULES that knows it.
 
     Args:
         metadata: what the photo's file says.
-
-    Returns:
-        h, positive east; None where no rule answers.
     """
-    return next((hours for rule in OFFSET_RULES.values() if (hours := rule(metadata)) is not None), None)
-
-
-def _in_zone(metadata: PhotoMetadata, utc_offset: float) -> PhotoMetadata:
-    if metadata.local_time is None or metadata.utc_time is not None:
-        return metadata
-    return replace(metadata, utc_offset=utc_offset, utc_time=to_utc(metadata.local_time, utc_offset))
-
-
-def candidate_utc_offsets(latitude: float, longitude: float) -> tuple[float, ...]:
-    """The offsets from UTC [h], positive east, that clocks at a location may have, or had.
-
-    Args:
-        latitude: deg, positive north.
-        longitude: deg, positive east.
-    """
-    low, high = _ZONE_LEAD_HOURS
-    current = [zone for zone in _UTC_OFFSETS if (zone - longitude / 15.0 - low) % 24.0 <= high - low]
-    former = [zone for zone, box in _FORMER_UTC_OFFSETS.items() if _is_within(latitude, longitude, box)]
-    return tuple(sorted((*current, *former)))
-
-
-def _is_within(latitude: float, longitude: float, box: tuple[float, float, float, float]) -> bool:
-    south, west, north, east = box
-    return south <= latitude <= north and west <= longitude <= east
-
-
-# The sun at a photo's time and location.
-
-
-def location_of(metadata: PhotoMetadata) -> tuple[float, float] | None:
-    """Latitude and longitude [deg], positive north and east; None where they are unknown.
-
-    Args:
-        metadata: of the photo.
-    """
-    return None if metadata.latitude is None or metadata.longitude is None else (metadata.latitude, metadata.longitude)
-
-
-def sun_candidates(metadata: PhotoMetadata) -> tuple[tuple[float, float], ...]:
-    """Elevations and compass azimuths [deg] of the sun, one for a time in UTC, else one for each possible zone.
-
-    Args:
-        metadata: of the photo; without time or location there are no candidates.
-    """
-    if (location := location_of(metadata)) is None:
-        return ()
-    azimuth, elevation = sun_position(_utc_times(metadata, location), *location)
-    return tuple(zip(elevation.tolist(), azimuth.tolist(), strict=True))
-
-
-def _utc_times(metadata: PhotoMetadata, location: tuple[float, float]) -> NDArray[np.datetime64]:
-    """The moments (N,) in UTC at which the photo may have been taken, in the order of the zones."""
-    times = []
-    if metadata.utc_time is not None:
-        times = [metadata.utc_time.replace(tzinfo=None)]
-    elif metadata.local_time is not None:
-        times = [metadata.local_time - timedelta(hours=zone) for zone in candidate_utc_offsets(*location)]
-    return np.array(times, dtype="datetime64[us]")
-
-
-def format_below_horizon(metadata: PhotoMetadata, elevation: float) -> str:
-    """The beginning of a sentence about a sun below the horizon.
-
-    Args:
-        metadata: of the photo.
-        elevation: deg, the highest possible of the sun, negative.
-    """
-    return (
-        f"At that time and place the sun is {-elevation:.1f}° below the horizon ({_phase(elevation, metadata)}; civil "
-        "twilight ends at 6°, nautical at 12°, astronomical at 18°): "
-    )
-
-
-def _phase(elevation: float, metadata: PhotoMetadata) -> str:
-    polar = _is_polar_night(metadata)
-    if elevation < ASTRONOMICAL_TWILIGHT:
-        return "polar night" if polar else "night"
-    kind = "civil" if elevation >= CIVIL_TWILIGHT else "nautical" if elevation >= NAUTICAL_TWILIGHT else "astronomical"
-    return f"{kind} twilight of the polar night" if polar else f"{kind} twilight"
-
-
-def _is_polar_night(metadata: PhotoMetadata) -> bool:
-    if (location := location_of(metadata)) is None:
-        return False
-    day = _utc_times(metadata, location)[:1] + np.arange(-12, 13).astype("timedelta64[h]")
-    return bool(np.max(sun_position(day, *location)[1]) < -SUN_RADIUS)
+    answers = ((rule(metadata), name) for name, rule in OFFSET_RULES.items())
+    return next(((hours, name) for hours, name in answers if hours is not None), None)

@@ -1,24 +1,32 @@
-"""The photo's clocks: local time, its offset from UTC and the satellites' time, however programs write them."""
+"""What a photo's clocks say: local time, its offset from UTC and the satellites' time, however programs write them.
+
+Dates are read in every order that is beyond doubt, with words for morning and afternoon, and with offsets inside them.
+"""
 
 import re
 import reprlib
+import unicodedata
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
-from functools import partial
+from typing import Any
 
 from PIL import ExifTags
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.tags import Tags, read_number, read_text, try_read
+from lighting.photo.tags import Tags, read_number, try_read
 
 YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is computed
 UTC_OFFSET_RANGE = (-12.0, 14.0)  # h from UTC of all zones
+MAX_CLOCK_DIFFERENCE = timedelta(minutes=2)  # of two clocks that show one time
+
+# Hours from UTC that clocks followed somewhere since there are digital cameras (time zone database of 2026).
+_UTC_OFFSETS = (*range(-12, 15), -9.5, -8.5, -4.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.5, 8.75)
+UTC_OFFSETS = frozenset(map(float, (*_UTC_OFFSETS, 9.5, 9.75, 10.5, 11.5, 12.75, 13.75)))
 
 _TIME = re.compile(r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?")  # Python's reader takes any character for T and space
 _OFFSET = re.compile(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", re.ASCII)
-_TIME_TAGS = (  # local times, the better one first, with their offsets from UTC
-    (ExifTags.Base.DateTimeOriginal, ExifTags.Base.OffsetTimeOriginal),
-    (ExifTags.Base.DateTimeDigitized, ExifTags.Base.OffsetTimeDigitized),
-)
 
 
 def parse_time(text: str) -> datetime:
@@ -84,41 +92,298 @@ def to_utc(local_time: datetime, utc_offset: float) -> datetime:
     return local_time.replace(tzinfo=timezone(timedelta(hours=utc_offset))).astimezone(UTC)
 
 
-def read_local_time(tags: Tags) -> tuple[datetime | None, float | None]:
-    """The first local time that can be read, and the offset of that time: of the picture's, or of its scan's.
+@dataclass(frozen=True)
+class Stamp:
+    """One date and time that a file holds."""
+
+    time: datetime  # naive
+    utc_offset: float | None = None  # h, local minus universal time
+
+
+# Dates as texts.
+
+_SEPARATED = re.compile(
+    r"(\d{1,4}) ?[:/.\-年년] ?(\d{1,2}) ?[:/.\-月월] ?(\d{1,4})[T ,;_日일]*"  # a date, whichever number is the year
+    r"([^\d+\-]*)(\d{1,2}) ?[:.\-h時时시] ?(\d{1,2})(?: ?[:.\-m分분] ?(\d{1,2})(?:[.,:]\d+|[秒초])?)?(.*)",
+    re.DOTALL,
+)
+_COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-]?()(\d\d)(\d\d)(?:(\d\d)(?:[.,]\d+)?)?(.*)", re.DOTALL)
+_OFFSET_TEXT = re.compile(r"(?:UTC|GMT|UT)?([+-]\d.*)|(\d.*)|(?:UTC|GMT|UT|Z)")
+_SECONDS = re.compile(r"(?<=\d:\d\d):\d\d(?:\.\d+)?$")
+_ZONE_NAME = re.compile(r"[A-Z][A-Za-z]+(?:/[A-Z][A-Za-z_-]+)+")
+_MAX_LENGTH = 64  # characters of a date that are read
+_BUDDHIST_ERA = 543  # years by which Thai phones count ahead
+_ABBREVIATIONS = {  # of zones, h from UTC; others, such as CST, are of several
+    **{"WET": 0, "WEST": 1, "BST": 1, "CET": 1, "CEST": 2, "MEZ": 1, "MESZ": 2, "EET": 2, "EEST": 3, "MSK": 3},
+    **{"EST": -5, "EDT": -4, "CDT": -5, "MST": -7, "MDT": -6, "PST": -8, "PDT": -7, "AKST": -9, "AKDT": -8, "HST": -10},
+    **{"JST": 9, "KST": 9, "HKT": 8, "AEST": 10, "AEDT": 11, "ACST": 9.5, "ACDT": 10.5, "AWST": 8, "NZST": 12},
+    **{"NZDT": 13},
+}
+# Words that phones write for the halves of the day, in lower case without dots and blanks.
+_MORNING = "am a 上午 早上 凌晨 清晨 午前 오전 ص صباحا قظ לפנהצ πμ sa öö dop de ap fm vm पूर्वाह्न ก่อนเที่ยง дп прел fh"
+_AFTERNOON = "pm p 下午 晚上 傍晚 中午 午後 오후 م مساء بظ אחהצ μμ ch ös odp du ip em nm अपराह्न หลังเที่ยง пп слоб eh"
+_HALF_DAYS = dict.fromkeys(_MORNING.split(), 0) | dict.fromkeys(_AFTERNOON.split(), 12)
+
+
+def read_stamp(value: Any) -> Stamp | None:
+    """A date and time with the offset from UTC that stands in it; None where they are absent or in doubt.
 
     Args:
-        tags: of the camera's directory.
+        value: of a tag: "2024:06:01 18:49:00", "2024-06-01T16:49Z" or "2024:06:01 06:49:00 PM".
     """
-    times = [(try_read(partial(_local_time, time), tags), offset) for time, offset in _TIME_TAGS]
-    first = next((time for time, _ in times if time is not None), None)
-    offsets = (try_read(partial(_utc_offset, offset), tags) for time, offset in times if time == first)
-    return first, next((offset for offset in offsets if offset is not None), None)
+    text = _plain_text(value)
+    parts = _SEPARATED.fullmatch(text) or _COMPACT.fullmatch(text)
+    if parts is None or (date := _date(*parts.group(1, 2, 3))) is None:
+        return None
+    hour, minute, second = (int(part or 0) for part in parts.group(5, 6, 7))
+    words, rest = _split_offset(parts[8])
+    half_day = next((_HALF_DAYS[word] for word in map(_bare_word, (parts[4], words)) if word in _HALF_DAYS), None)
+    if half_day is not None and hour <= 12:
+        hour = hour % 12 + half_day
+    try:
+        time = datetime(*date, hour % 24 if hour == 24 else hour, minute, min(second, 59))
+    except ValueError:
+        return None
+    return Stamp(time, _offset_in_text(rest, time)) if YEAR_RANGE[0] <= time.year <= YEAR_RANGE[1] else None
 
 
-def _local_time(tag: int, tags: Tags) -> datetime | None:
-    year, month, day, hour, minute, second = map(int, re.findall(r"\d+", read_text(tags[tag]))[:6])
-    return _datable(datetime(year, month, day, hour, minute, second))
+def _plain_text(value: Any) -> str:
+    """A tag's text with ASCII digits and plain blanks; Pillow hands UTF-8 over as if it were Latin-1."""
+    if isinstance(value, str):
+        with suppress(UnicodeEncodeError):
+            value = value.encode("latin-1")
+    if isinstance(value, bytes):
+        value = value.decode("utf-8", errors="replace")
+    if not isinstance(value, str):
+        return ""
+    text = "".join(str(unicodedata.digit(c)) if c.isdigit() else c for c in value.split("\0")[0][:_MAX_LENGTH])
+    return " ".join(text.replace("\N{MINUS SIGN}", "-").split())
+
+
+def _date(first: str, middle: str, last: str) -> tuple[int, int, int] | None:
+    """Year, month and day; None where day and month cannot be told from each other."""
+    if len(first) == 4:
+        year, month, day = int(first), int(middle), int(last)
+        return (year - _BUDDHIST_ERA if year > YEAR_RANGE[1] else year), month, day
+    if len(last) != 4:
+        return None
+    if int(first) > 12 or first == middle:
+        return int(last), int(middle), int(first)
+    return (int(last), int(first), int(middle)) if int(middle) > 12 else None
+
+
+def _split_offset(text: str) -> tuple[str, str]:
+    """Words behind a time, and the offset from UTC behind them."""
+    start = re.search(r"[+-]\d|\bZ\b|^Z|\bUTC|\bGMT|\b[A-Z]{2,4}T\b|\b[A-Z][a-z]+/", text)
+    return (text[: start.start()], text[start.start() :]) if start else (text, "")
+
+
+def _bare_word(text: str) -> str:
+    return "".join(c for c in text if unicodedata.category(c)[0] in "LM").lower()
+
+
+def _offset_in_text(text: str, time: datetime) -> float | None:
+    """Hours from UTC in a text such as "+02:00", "UTC+2", "CEST" or "+02:00[Europe/Berlin]"; None where there are none.
+
+    Args:
+        text: plain.
+        time: local, at which a zone that has a name is asked.
+    """
+    text = text.partition("[")[0].strip(" ()")
+    if text in _ABBREVIATIONS:
+        return float(_ABBREVIATIONS[text])
+    if _ZONE_NAME.fullmatch(text):
+        return _offset_of_zone(text, time)
+    parts = _OFFSET_TEXT.fullmatch(text.replace(" ", "").upper())
+    if not parts:
+        return None
+    try:
+        return parse_utc_offset(_SECONDS.sub("", parts[1] or parts[2] or "Z"))
+    except ParameterError:
+        return None
+
+
+def _offset_of_zone(name: str, time: datetime) -> float | None:
+    from zoneinfo import ZoneInfo
+
+    try:
+        offset = time.replace(tzinfo=ZoneInfo(name)).utcoffset()
+    except (KeyError, ValueError, OSError):  # no such zone
+        return None
+    return None if offset is None else offset / timedelta(hours=1)
+
+
+# The file's clock.
+
+_TIME_ZONE_OFFSET = 0x882A  # h, of EXIF for TIFF/EP
+_EXIF, _PHOTOSHOP, _XMP = (f"http://ns.adobe.com/{name}/1.0" for name in ("exif", "photoshop", "xap"))
+_EXIF_EX = "http://cipa.jp/exif/1.0"
+_XMP_TIMES = (
+    f"{_EXIF} DateTimeOriginal",
+    f"{_PHOTOSHOP} DateCreated",
+    f"{_XMP} CreateDate",
+    f"{_EXIF} DateTimeDigitized",
+)
+_IPTC_TIMES = (((2, 55), (2, 60)), ((2, 62), (2, 63)))  # date and time, of the picture and of its digital form
+
+
+def read_clock(
+    camera: Tags, main: Tags, xmp: Mapping[str, str], iptc: Mapping[Any, Any], *, is_located: bool = False
+) -> Stamp | None:
+    """The photo's local time, the best that its file holds, with the offset from UTC that the file has for it.
+
+    Args:
+        camera: EXIF tags of the camera's directory.
+        main: EXIF tags of the main directory.
+        xmp: properties by namespace and name.
+        iptc: datasets by record and number.
+        is_located: whether the place is known, whose zone is better than the offset of a later edit.
+    """
+    tags = {**main, **camera}
+    exif = list(_exif_stamps(tags))
+    others = [stamp for name in _XMP_TIMES if (stamp := _xmp_stamp(xmp, name))] + list(_iptc_stamps(iptc))
+    stamps = exif + others or list(_late_stamps(tags))
+    if not stamps:
+        return None
+    time = stamps[0].time
+    same = (stamp.utc_offset for stamp in stamps if abs(stamp.time - time) < timedelta(seconds=1.5))
+    offset = next((hours for hours in same if hours is not None), None)
+    if offset is None:
+        offset = _offset_by_universal(time, others)
+    if offset is None:
+        offset = _offset_of_edit(tags, time, is_located)
+    return Stamp(time, offset)
+
+
+def _exif_stamps(tags: Tags) -> Iterator[Stamp]:
+    """The times of picture and scan, with the offsets beside them."""
+    base = ExifTags.Base
+    original, digitized = (read_stamp(tags.get(tag)) for tag in (base.DateTimeOriginal, base.DateTimeDigitized))
+    if original:
+        offset = _first_known(original.utc_offset, _offset(tags, base.OffsetTimeOriginal, original))
+        alone = digitized is None or digitized.time == original.time
+        scan = _offset(tags, base.OffsetTimeDigitized, original) if offset is None and alone else None
+        yield Stamp(original.time, _first_known(offset, scan, try_read(_time_zone_offset, tags)))
+    if digitized:
+        yield Stamp(
+            digitized.time, _first_known(digitized.utc_offset, _offset(tags, base.OffsetTimeDigitized, digitized))
+        )
+
+
+def _late_stamps(tags: Tags) -> Iterator[Stamp]:
+    """The time at which the file was written, unless a program did it later than the camera."""
+    base = ExifTags.Base
+    if (written := read_stamp(tags.get(base.DateTime))) and not tags.get(base.Software):
+        yield Stamp(written.time, _first_known(written.utc_offset, _offset(tags, base.OffsetTime, written)))
+
+
+def _offset_of_edit(tags: Tags, time: datetime, is_located: bool) -> float | None:
+    """The offset of the time at which the file was written, which may have been another season's."""
+    base = ExifTags.Base
+    written = read_stamp(tags.get(base.DateTime))
+    is_later = written is not None and abs(written.time - time) > MAX_CLOCK_DIFFERENCE
+    return None if is_later and is_located else _offset(tags, base.OffsetTime, Stamp(time))
+
+
+def _offset(tags: Tags, tag: int, stamp: Stamp) -> float | None:
+    return _offset_in_text(_plain_text(tags.get(tag)), stamp.time)
+
+
+def _time_zone_offset(tags: Tags) -> float | None:
+    value = tags[_TIME_ZONE_OFFSET]
+    hours = read_number(value[0] if isinstance(value, tuple | list) else value)
+    hours -= 65536 * (hours > 32767)  # of writers that take it as without a sign
+    return hours if UTC_OFFSET_RANGE[0] <= hours <= UTC_OFFSET_RANGE[1] else None
+
+
+def _first_known(*values: float | None) -> float | None:
+    return next((value for value in values if value is not None), None)
+
+
+def _xmp_stamp(xmp: Mapping[str, str], name: str) -> Stamp | None:
+    stamp = read_stamp(xmp.get(name))
+    suffix = name.rpartition("DateTime")[2]
+    if stamp is None or stamp.utc_offset is not None or suffix not in ("Original", "Digitized"):
+        return stamp
+    return Stamp(stamp.time, _offset_in_text(_plain_text(xmp.get(f"{_EXIF_EX} OffsetTime{suffix}")), stamp.time))
+
+
+def _iptc_stamps(iptc: Mapping[Any, Any]) -> Iterator[Stamp]:
+    for pair in _IPTC_TIMES:
+        date, time = (_plain_text(v[0] if isinstance(v := iptc.get(key), list) and v else v) for key in pair)
+        if stamp := read_stamp(f"{date}T{time}"):
+            yield stamp
+
+
+def _offset_by_universal(time: datetime, others: Iterable[Stamp]) -> float | None:
+    """The offset of a local time of which another stamp in the file is the same time in UTC."""
+    ahead = [time - stamp.time for stamp in others if stamp.utc_offset == 0]
+    hours = (nearest_utc_offset(difference, timedelta(seconds=2)) for difference in ahead)
+    return _first_known(*hours)
+
+
+def nearest_utc_offset(ahead: timedelta, tolerance: timedelta = MAX_CLOCK_DIFFERENCE) -> float | None:
+    """The offset from UTC [h] of some zone by which a clock is ahead; None where no zone has it.
+
+    Args:
+        ahead: local minus universal time.
+        tolerance: up to which the clocks may differ.
+    """
+    hours = ahead / timedelta(hours=1)
+    nearest = round(4 * hours) / 4
+    return nearest if nearest in UTC_OFFSETS and abs(ahead - timedelta(hours=nearest)) <= tolerance else None
+
+
+# The satellites' clock.
+
+
+def read_gps_time(gps: Tags, xmp: Mapping[str, str], local_time: datetime | None = None) -> datetime | None:
+    """The satellites' time in UTC, aware; None where it is unknown.
+
+    A time of day without a date is of the day that makes the local time one of some zone.
+
+    Args:
+        gps: EXIF tags of the GPS directory.
+        xmp: properties by namespace and name.
+        local_time: naive, of the photo's clock.
+    """
+    clock = try_read(_gps_time_of_day, gps)
+    date = try_read(_gps_date, gps)
+    if clock is not None and date is not None:
+        return _datable(date + clock)
+    if clock is not None and local_time is not None:
+        return _gps_time_near(clock, local_time)
+    if stamp := read_stamp(xmp.get(f"{_EXIF} GPSTimeStamp")):
+        return _datable(to_utc(stamp.time, stamp.utc_offset or 0.0))
+    return None
+
+
+def _gps_time_of_day(tags: Tags) -> timedelta | None:
+    value = tags[ExifTags.GPS.GPSTimeStamp]
+    parts = _plain_text(value).split(":") if isinstance(value, str | bytes) else value
+    hours, minutes = map(read_number, parts[:2])
+    seconds = try_read(lambda _: read_number(parts[2]), tags) or 0.0  # 0/0 where it is unknown
+    valid = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
+    if not (valid and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
+        return None
+    return timedelta(hours=hours, minutes=minutes, seconds=seconds)
+
+
+def _gps_date(tags: Tags) -> datetime:
+    parts = re.fullmatch(r"(\d{4})\D?(\d\d?)\D?(\d\d?)", _plain_text(tags[ExifTags.GPS.GPSDateStamp]))
+    if parts is None:
+        raise ValueError("not a date")
+    year, month, day = map(int, parts.groups())
+    return datetime(year, month, day, tzinfo=UTC)
+
+
+def _gps_time_near(clock: timedelta, local_time: datetime) -> datetime | None:
+    """The time of day in UTC on the day that makes the local time one of some zone; of two, the zone nearer to UTC."""
+    midnight = local_time.replace(hour=0, minute=0, second=0, microsecond=0)
+    times = [midnight + timedelta(days=day) + clock for day in (-1, 0, 1)]
+    offsets = {time: hours for time in times if (hours := nearest_utc_offset(local_time - time)) is not None}
+    return min(offsets, key=lambda time: abs(offsets[time])).replace(tzinfo=UTC) if offsets else None
 
 
 def _datable(time: datetime) -> datetime | None:
     return time if YEAR_RANGE[0] <= time.year <= YEAR_RANGE[1] else None
-
-
-def _utc_offset(tag: int, tags: Tags) -> float:
-    return parse_utc_offset(read_text(tags[tag]))
-
-
-def read_gps_time(tags: Tags) -> datetime | None:
-    """The satellites' time in UTC; None where it is unknown.
-
-    Args:
-        tags: of the GPS directory.
-    """
-    year, month, day = map(int, re.findall(r"\d+", read_text(tags[ExifTags.GPS.GPSDateStamp])))
-    hours, minutes, seconds = map(read_number, tags[ExifTags.GPS.GPSTimeStamp])
-    valid = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
-    if not (valid and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
-        return None
-    clock = timedelta(hours=hours, minutes=minutes, seconds=seconds)
-    return _datable(datetime(year, month, day, tzinfo=UTC) + clock)

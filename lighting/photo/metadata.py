@@ -13,8 +13,8 @@ from typing import Any
 from PIL import ExifTags, Image
 
 import lighting.photo.imu as imu
-from lighting.photo.clock import read_gps_time, read_local_time, to_utc
-from lighting.photo.tags import Tags, read_ifd, read_number, read_text, read_xmp, try_read
+from lighting.photo.clock import read_clock, read_gps_time
+from lighting.photo.tags import Tags, read_ifd, read_iptc, read_main_tags, read_number, read_text, read_xmp, try_read
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, to which 35 mm equivalents refer
 
@@ -35,8 +35,8 @@ class PhotoMetadata:
     """How a photo was taken; None is unknown. The repr omits the location, so that no log shows it."""
 
     local_time: datetime | None = None  # naive
-    utc_offset: float | None = None  # h, local minus universal time
-    utc_time: datetime | None = None  # aware
+    utc_offset: float | None = None  # h, local minus universal time, where the file has it
+    gps_time: datetime | None = None  # aware, by the satellites; it may contradict the two
     latitude: float | None = field(default=None, repr=False)  # deg, positive north
     longitude: float | None = field(default=None, repr=False)  # deg, positive east; None if latitude is
     heading: float | None = None  # deg clockwise from `heading_reference`, 0 to 360
@@ -49,6 +49,11 @@ class PhotoMetadata:
     gravity_spread: float | None = None  # deg, standard deviation of the two
     exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
 
+    @property
+    def location(self) -> tuple[float, float] | None:
+        """Latitude and longitude [deg], positive north and east; None where they are unknown."""
+        return None if self.latitude is None or self.longitude is None else (self.latitude, self.longitude)
+
 
 def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     """The metadata in an image's EXIF and XMP. Never raises.
@@ -60,9 +65,10 @@ def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     """
     camera, gps = (read_ifd(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
     xmp = read_xmp(image.info.get("xmp"))
-    local_time, utc_offset = read_local_time(camera)
-    utc_time = to_utc(local_time, utc_offset) if local_time and utc_offset is not None else try_read(read_gps_time, gps)
     latitude, longitude = try_read(_gps_location, gps) or (None, None)
+    stamp = read_clock(camera, read_main_tags(image), xmp, read_iptc(image), is_located=latitude is not None)
+    local_time, utc_offset = (stamp.time, stamp.utc_offset) if stamp else (None, None)
+    gps_time = read_gps_time(gps, xmp, local_time)
     heading, reference = try_read(_heading, gps), try_read(_heading_reference, gps)
     if heading is None and (heading := imu.heading_from_xmp(xmp)) is not None:
         reference = HeadingReference.TRUE
@@ -70,7 +76,7 @@ def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
     uncropped = try_read(lambda tags: _is_uncropped(tags, width / height), camera)
     fov = vertical_fov_from_focal_length(focal_length, width, height) if focal_length and uncropped else None
     tilt = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if uncropped else None
-    known = PhotoMetadata(local_time, utc_offset, utc_time, latitude, longitude, heading, reference, focal_length, fov)
+    known = PhotoMetadata(local_time, utc_offset, gps_time, latitude, longitude, heading, reference, focal_length, fov)
     known = replace(known, exposure_value=try_read(_exposure_value, camera))
     if tilt is None:
         return known

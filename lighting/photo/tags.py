@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from typing import Any, TypeVar
 from xml.parsers import expat
 
-from PIL import Image
+from PIL import Image, ImageFile
 
 Tags = Mapping[int, Any]
 _Value = TypeVar("_Value")
@@ -24,6 +24,35 @@ def read_ifd(image: Image.Image, ifd: int) -> Tags:
     try:
         return dict(image.getexif().get_ifd(ifd))
     except Exception:  # Pillow raises nearly anything on hostile bytes
+        return {}
+
+
+def read_main_tags(image: Image.Image) -> Tags:
+    """The tags of an image's main directory of EXIF; empty where it cannot be read. Never raises.
+
+    Args:
+        image: opened by Pillow.
+    """
+    try:
+        return dict(image.getexif())
+    except Exception:  # as above
+        return {}
+
+
+def read_iptc(image: Image.Image) -> Mapping[Any, Any]:
+    """The IPTC datasets of an image by record and number, bytes or lists of them; empty without. Never raises.
+
+    Args:
+        image: opened by Pillow.
+    """
+    has_iptc = "photoshop" in image.info or image.format == "TIFF"
+    if not (has_iptc and isinstance(image, ImageFile.ImageFile)):
+        return {}
+    try:
+        from PIL.IptcImagePlugin import getiptcinfo
+
+        return getiptcinfo(image) or {}
+    except Exception:  # as above
         return {}
 
 

@@ -6,7 +6,7 @@ Probes lie in the layout of the SkyDB, `YYYYMMDD/HHMMSS/envmap.exr`, one a momen
 import re
 import reprlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta, tzinfo
 from itertools import pairwise
 from pathlib import Path
@@ -16,7 +16,10 @@ import numpy as np
 from lighting.errors import EnvironmentMapError, ErrorCode, PhotoError, ProbeError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import read_exr_attributes
-from lighting.photo.clock import to_utc
+from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_together
+from lighting.fusion.metadata_prior import merge_user_input, share_location
+from lighting.fusion.timezones import offset_in_file
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.linear import (
     RAW_SUFFIXES,
     Curve,
@@ -115,26 +118,25 @@ class BracketFiles:
     """The files of one bracket and what they say of when and where."""
 
     files: tuple[Path, ...]
-    time: datetime | None  # naive where the zone is not known
-    latitude: float | None
-    longitude: float | None
+    metadata: PhotoMetadata  # clock and place of the first files that have them
 
-    def aware_time(self, utc_offset: float | None) -> datetime:
-        """Return the time with its zone.
+    def instants(self, user_input: UserInput = NO_USER_INPUT) -> PhotoInstants:
+        """Return when the bracket was taken.
 
         Args:
-            utc_offset: h, of the clock where the files do not say it; None is unknown.
+            user_input: what the user states of it.
 
         Raises:
             ProbeError: the time or its zone is not known.
         """
-        if self.time is None:
+        found = resolve_instants(merge_user_input(self.metadata, user_input), user_input)
+        if found.likeliest is not None:
+            return found
+        if self.metadata.local_time is None and user_input.time is None:
             sentence = f"{self.files[0]} does not say when it was taken; tell the time."
             raise ProbeError(sentence, "time", ErrorCode.MISSING)
-        if self.time.tzinfo is None and utc_offset is None:
-            sentence = f"{self.files[0]} has a local time of no known zone; tell its offset from UTC."
-            raise ProbeError(sentence, "utc_offset", ErrorCode.MISSING)
-        return self.time if self.time.tzinfo else to_utc(self.time, utc_offset or 0.0)
+        sentence = f"{self.files[0]} has a local time of no known zone; tell its offset from UTC."
+        raise ProbeError(sentence, "utc_offset", ErrorCode.MISSING)
 
 
 def read_bracket_files(files: Sequence[Path]) -> BracketFiles:
@@ -143,11 +145,12 @@ def read_bracket_files(files: Sequence[Path]) -> BracketFiles:
     Args:
         files: one or more, all in one folder.
     """
-    metadata = [read_metadata_and_exposure(file)[0] for file in files]
-    times = [time for m in metadata if (time := _capture_time(m)) is not None]
-    folder_time = _time_in_names(files[0].parent)
-    located = next((m for m in metadata if m.latitude is not None), PhotoMetadata())
-    return BracketFiles(tuple(files), times[0] if times else folder_time, located.latitude, located.longitude)
+    metadata = share_location([read_metadata_and_exposure(file)[0] for file in files])
+    timed = next((m for m in metadata if m.local_time is not None or m.gps_time is not None), None)
+    if timed is None:
+        return BracketFiles(tuple(files), replace(metadata[0], local_time=_time_in_names(files[0].parent)))
+    known = next((offset[0] for m in metadata if (offset := offset_in_file(m)) is not None), None)
+    return BracketFiles(tuple(files), timed if timed.utc_offset is not None else replace(timed, utc_offset=known))
 
 
 def group_brackets(inputs: Sequence[Path]) -> list[BracketFiles]:
@@ -180,13 +183,8 @@ def list_pictures(folder: Path) -> list[Path]:
 
 
 def _split_by_time(files: Sequence[Path]) -> list[list[Path]]:
-    timed = []
-    for file in files:
-        time = _capture_time(read_metadata_and_exposure(file)[0])
-        if time is None:
-            raise ProbeError(f"{file} has no time in EXIF; give each bracket of a series as a folder of its own.")
-        timed.append((time.replace(tzinfo=None), file))
-    timed.sort()
+    times = _comparable_times(files, [read_metadata_and_exposure(file)[0] for file in files])
+    timed = sorted(zip(times, files, strict=True))
     groups = [[timed[0][1]]] if timed else []
     for (before, _), (time, file) in pairwise(timed):
         if time - before > MAX_EXPOSURE_GAP:
@@ -195,8 +193,17 @@ def _split_by_time(files: Sequence[Path]) -> list[list[Path]]:
     return groups
 
 
-def _capture_time(metadata: PhotoMetadata) -> datetime | None:
-    return metadata.utc_time or metadata.local_time
+def _comparable_times(files: Sequence[Path], metadata: Sequence[PhotoMetadata]) -> list[datetime]:
+    """Times by one clock: the camera's, whether or not a file has its offset from UTC, or else GPS."""
+    for clock in ("local_time", "gps_time"):
+        times = [getattr(m, clock) for m in metadata]
+        if all(time is not None for time in times):
+            return times
+    instants = [one.likeliest for one in resolve_together(share_location(metadata), NO_USER_INPUT)]
+    for file, instant in zip(files, instants, strict=True):
+        if instant is None:
+            raise ProbeError(f"{file} has no time in EXIF; give each bracket of a series as a folder of its own.")
+    return [instant.utc_time for instant in instants if instant is not None]
 
 
 def _time_in_names(folder: Path) -> datetime | None:

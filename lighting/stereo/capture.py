@@ -19,8 +19,10 @@ from PIL import ExifTags, Image
 
 from lighting.errors import EnvironmentMapError, PhotoError
 from lighting.files.exr import read_exr
-from lighting.fusion.timezones import location_of
-from lighting.photo.clock import parse_time, to_utc
+from lighting.fusion.instants import resolve_together
+from lighting.fusion.metadata_prior import share_location
+from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.photo.clock import parse_time
 from lighting.photo.linear import RAW_SUFFIXES, Curve, read_linear
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.stereo.light_vectors import Skies
@@ -112,11 +114,38 @@ TIMES_FILE = "times.csv"
 MIN_SPAN = 20.0  # min, the shortest day
 
 
-def _photo_times(folder: Path, photos: list[_DayPhoto], utc_offset: float | None) -> NDArray[np.datetime64]:
-    """UTC times (T,) of the photos; `utc_offset` [h] is of clocks that do not say it. PhotoError if one is missing."""
+def _photo_times(
+    folder: Path, photos: list[_DayPhoto], user_input: UserInput
+) -> tuple[NDArray[np.datetime64], set[str]]:
+    """UTC times (T,) of the photos, and warnings of their clocks. PhotoError if one is missing."""
     listed = _listed_times(folder / TIMES_FILE)
-    moments = [_capture_time(photo, listed.get(photo.name), utc_offset) for photo in photos]
-    return np.array([moment.replace(tzinfo=None) for moment in moments], dtype="datetime64[us]")
+    located = share_location([photo.metadata for photo in photos])
+    clocks = [_with_listed_time(m, listed.get(photo.name)) for m, photo in zip(located, photos, strict=True)]
+    if user_input.latitude is not None:
+        clocks = [replace(m, latitude=user_input.latitude, longitude=user_input.longitude) for m in clocks]
+    times, warnings = [], set[str]()
+    for photo, clock, each in zip(photos, clocks, resolve_together(clocks, user_input), strict=True):
+        if (instant := each.likeliest) is None:
+            raise PhotoError(_no_time(photo.name, clock))
+        times.append(instant.utc_time.replace(tzinfo=None))
+        warnings |= {*each.warnings, *each.conflict_warnings(instant)}
+    return np.array(times, dtype="datetime64[us]"), warnings
+
+
+def _with_listed_time(metadata: PhotoMetadata, listed: datetime | None) -> PhotoMetadata:
+    """The metadata with the time that the list has in place of the file's."""
+    if listed is None:
+        return metadata
+    if listed.tzinfo is not None:
+        return replace(metadata, local_time=None, utc_offset=None, gps_time=listed.astimezone(UTC))
+    return replace(metadata, local_time=listed, utc_offset=None, gps_time=None)
+
+
+def _no_time(name: str, metadata: PhotoMetadata) -> str:
+    """Why a photo has no time."""
+    if metadata.local_time is None:
+        return f"{name} does not say when it was taken; list the times in {TIMES_FILE}."
+    return f"The clock of {name} does not say its offset from UTC; give --utc-offset."
 
 
 def _listed_times(file: Path) -> dict[str, datetime]:
@@ -130,20 +159,6 @@ def _listed_times(file: Path) -> dict[str, datetime]:
     if rows and not {"file", "time"} <= rows[0].keys():
         raise PhotoError(f"{file} needs the columns file and time.")
     return {row["file"]: parse_time(row["time"] or "") for row in rows}
-
-
-def _capture_time(photo: _DayPhoto, listed_time: datetime | None, utc_offset: float | None) -> datetime:
-    """When a photo was taken, in UTC."""
-    local = listed_time or photo.metadata.local_time
-    if listed_time is None and photo.metadata.utc_time is not None:
-        return photo.metadata.utc_time.astimezone(UTC)
-    if local is None:
-        raise PhotoError(f"{photo.name} does not say when it was taken; list the times in {TIMES_FILE}.")
-    if local.tzinfo is not None:
-        return local.astimezone(UTC)
-    if utc_offset is None:
-        raise PhotoError(f"The clock of {photo.name} does not say its offset from UTC; give --utc-offset.")
-    return to_utc(local, utc_offset)
 
 
 def _check_times(times: NDArray[np.datetime64]) -> None:
@@ -299,7 +314,7 @@ def read_day_photos(
     folder: Path,
     *,
     mask: Path | None = None,
-    utc_offset: float | None = None,
+    user_input: UserInput = NO_USER_INPUT,
     curve: Curve | None = None,
     size: int | None = MAX_SIZE,
     progress: Callable[[Sequence[Path]], Any] = iter,
@@ -309,7 +324,7 @@ def read_day_photos(
     Args:
         folder: of photos, with `times.csv` and `mask.png` where they are needed.
         mask: a picture, white where the thing is; None is the folder's, or all.
-        utc_offset: h, of a camera's clock that does not say it; None is unknown.
+        user_input: what the user states: place, and offset of the cameras' clocks from UTC.
         curve: how values are coded; None believes the files.
         size: pixels of the longer side, reached by a whole factor; None keeps all.
         progress: passes the files on as they are read.
@@ -322,7 +337,7 @@ def read_day_photos(
     if len(photos) < MIN_PHOTOS:
         count = "1 photo" if len(photos) == 1 else f"{len(photos)} photos"
         raise PhotoError(f"{folder} holds {count}; normals need at least {MIN_PHOTOS} of one day.")
-    times = _photo_times(folder, photos, utc_offset)
+    times, doubts = _photo_times(folder, photos, user_input)
     order = np.argsort(times, kind="stable")
     photos, times = [photos[index] for index in order], times[order]
     _check_same_exposure(photos)
@@ -332,11 +347,11 @@ def read_day_photos(
     _check_static_camera(images.mean(axis=-1), names)
     unclipped, lost = _exclude_clipped(inside, photos)
     metadata = [shot.metadata for shot in photos]
-    location = next((place for m in metadata if (place := location_of(m))), None)
+    location = next((place for m in metadata if (place := m.location)), None)
     headings = (m.heading for m in metadata if m.heading_reference == HeadingReference.TRUE)
     heading = next((degrees for degrees in headings if degrees is not None), None)
     focal_length = next((m.focal_length for m in metadata if m.vertical_fov is not None), None)  # not of cropped ones
-    warnings = (*_photo_warnings(photos, lost), *_day_warnings(folder, names, images, unclipped))
+    warnings = (*sorted(doubts), *_photo_warnings(photos, lost), *_day_warnings(folder, names, images, unclipped))
     return DayPhotos(names, images, times, unclipped, location, heading, focal_length, warnings)
 
 

@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
 from lighting.files.atomic import atomic_write, output_folder_error
 from lighting.files.exr import SOFTWARE
+from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.photo.linear import Curve
 from lighting.photo.metadata import FULL_FRAME_DIAGONAL
@@ -283,9 +284,9 @@ def estimate_normals(
         ParameterError: location or heading are not known.
     """
     folder, progress = Path(folder), progress or NormalsProgress()
-    offset, size = options.utc_offset, options.size
+    stated = UserInput(utc_offset=options.utc_offset, latitude=options.latitude, longitude=options.longitude)
     photos = read_day_photos(
-        folder, mask=options.mask, utc_offset=offset, curve=options.curve, size=size, progress=progress.photos
+        folder, mask=options.mask, user_input=stated, curve=options.curve, size=options.size, progress=progress.photos
     )
     pose = Pose(_heading(photos, options), options.pitch, options.roll)
     skies, turbidity = _skies(photos, options, pose)

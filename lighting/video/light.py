@@ -22,6 +22,7 @@ from lighting.fusion.likelihood import (
 from lighting.fusion.single_view import (
     Observations,
     Posterior,
+    candidate_weights,
     compass_prior,
     fuse,
     likelihood_by_heading,
@@ -119,7 +120,10 @@ class ShotLight:
         by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
         posterior = fuse(by_pixels, observations)
         if observations.candidates and (rings := self._rings(observations)) is not None:
-            posterior = replace(posterior_on_rings(by_pixels, observations, rings), warnings=posterior.warnings)
+            posterior = replace(
+                posterior_on_rings(by_pixels, observations, rings * candidate_weights(observations)[:, None]),
+                warnings=posterior.warnings,
+            )
         if self._count == 1:
             return posterior
         return replace(posterior, used=(*posterior.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS))

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from datetime import timedelta
 from typing import Any
 
 import numpy as np
@@ -218,6 +219,9 @@ def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
         angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
         fov = zoomed_fov(base.vertical_fov, float(shot.zoom[i]))
         lighting = lighting_in_camera(scale_exposure(base, shot.gains[i]), angles, fov, shot.north)
+        if lighting.utc_time is not None:
+            later = timedelta(seconds=float(path.time[i] - path.time[0]))
+            lighting = replace(lighting, utc_time=lighting.utc_time + later)
         yield FrameLight(number, frame, float(path.time[i]), lighting, (red, green, blue), bool(path.bridged[i]))
 
 

@@ -118,8 +118,7 @@ def _with_recording_time(result: PhotoMetadata, tags: Mapping[str, str]) -> Phot
     if moment is None:
         return result
     offset = moment.utcoffset().total_seconds() / 3600.0
-    local = moment.replace(tzinfo=None) if offset else None
-    return replace(result, local_time=local, utc_offset=offset if local else None, utc_time=moment.astimezone(UTC))
+    return replace(result, local_time=moment.replace(tzinfo=None), utc_offset=offset)
 
 
 def _parse_moment(text: str) -> datetime | None:
@@ -232,8 +231,8 @@ def merge_metadata(first: PhotoMetadata, second: PhotoMetadata) -> PhotoMetadata
         second: what counts where `first` says nothing.
     """
     merged = second
-    if first.local_time is not None or first.utc_time is not None:
-        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset, utc_time=first.utc_time)
+    if first.local_time is not None or first.gps_time is not None:
+        merged = replace(merged, local_time=first.local_time, utc_offset=first.utc_offset, gps_time=first.gps_time)
     if first.latitude is not None:
         merged = replace(merged, latitude=first.latitude, longitude=first.longitude)
     if first.heading is not None:

@@ -344,12 +344,14 @@ class ClipMetadata:
             ParameterError: the user's time and place are of night at 0 s. Later they are not used then.
         """
         later = timedelta(seconds=seconds)
-        times = (self.metadata.local_time, self.metadata.utc_time, self.user_input.time)
-        local, utc, told = (None if moment is None else moment + later for moment in times)
-        metadata = replace(self.metadata, local_time=local, utc_time=utc)
+        times = (self.metadata.local_time, self.metadata.gps_time, self.user_input.time)
+        local, gps, told = (None if moment is None else moment + later for moment in times)
+        metadata = replace(self.metadata, local_time=local, gps_time=gps)
         user_input = replace(self.user_input, time=told)
         if heading is not None:
             metadata = replace(metadata, heading=heading, heading_reference=HeadingReference.TRUE)
         elif seconds > 0.0:  # the one that is known is of the clip's first frame
-            metadata, user_input = replace(metadata, heading=None), replace(user_input, heading=None)
+            metadata = replace(metadata, heading=None)
+        if seconds > 0.0:  # what the user states, too
+            user_input = replace(user_input, heading=None)
         return observations_from_metadata(metadata, user_input, self.subject, allow_night=seconds != 0.0)

@@ -1,7 +1,7 @@
 """Metadata of a photo, and predictions of the network on a small and on a fine grid."""
 
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import numpy as np
@@ -23,7 +23,6 @@ MORNING = datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
 METADATA = PhotoMetadata(
     local_time=datetime(2024, 6, 1, 9, 10),
     utc_offset=2.0,
-    utc_time=MORNING,
     latitude=48.14,
     longitude=11.575,
     heading=60.0,
@@ -31,7 +30,7 @@ METADATA = PhotoMetadata(
     focal_length=26.0,
     vertical_fov=53.0,
 )
-ZONELESS = replace(METADATA, utc_offset=None, utc_time=None)
+ZONELESS = replace(METADATA, utc_offset=None)
 
 GRID = "fibonacci:1024"
 SPEC = ModelSpec("test", "0", 32, 32, (0.5, 0.5, 0.5), (0.2, 0.2, 0.2), GRID)
@@ -46,6 +45,11 @@ def grid_prediction(probability: NDArray[np.floating]) -> Prediction:
 def lobe_prediction(azimuth: float, elevation: float, concentration: float = 40.0) -> Prediction:
     """A prediction on GRID of a sun [deg] that is known to 1 / sqrt(concentration) [rad]."""
     return grid_prediction(soft_label(direction(azimuth, elevation), concentration, GRID))
+
+
+def clock(time: datetime) -> datetime:
+    """The local time that METADATA's camera shows."""
+    return (time + timedelta(hours=2)).replace(tzinfo=None)
 
 
 def observations_of(metadata: PhotoMetadata = METADATA, **stated: Any) -> Observations:

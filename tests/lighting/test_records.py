@@ -5,6 +5,7 @@ import math
 import pickle
 from copy import deepcopy
 from dataclasses import replace
+from datetime import datetime, timedelta, timezone
 from typing import Any
 
 import numpy as np
@@ -151,6 +152,31 @@ def test_every_record_in_range_survives_json(values: dict[str, Any]) -> None:
 def test_only_the_sun_and_the_sky_are_needed() -> None:
     record = {"sun": {"azimuth": 10, "elevation": 20}, "sky": {"turbidity": 3, "exposure": 0.1}}
     assert Lighting.from_dict(record) == Lighting(10.0, 20.0, 3.0, 0.1)
+
+
+def test_the_time_of_a_photo_is_kept_with_its_offset_and_its_source() -> None:
+    moment = datetime(2024, 6, 1, 18, 49, tzinfo=timezone(timedelta(hours=2)))
+    light = replace(LIGHTING, utc_time=moment, utc_offset=2.0, time_source="GPS")
+    record = light.to_dict()
+    assert record["time"] == {"utc": "2024-06-01T16:49:00Z", "utc_offset": 2.0, "source": "GPS"}
+    assert Lighting.from_dict(record) == light
+    assert "time" not in LIGHTING.to_dict()
+
+
+@pytest.mark.parametrize(
+    ("time", "field"),
+    [
+        ({"utc": "2024-06-01T16:49:00"}, "time.utc"),
+        ({"utc": "noon"}, "time.utc"),
+        ({"utc": 5}, "time.utc"),
+        ({"utc_offset": 15.0}, "time.utc_offset"),
+        ({"source": 5}, "time.source"),
+    ],
+)
+def test_a_wrong_time_is_named(time: dict[str, Any], field: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        Lighting.from_dict(LIGHTING.to_dict() | {"time": time})
+    assert caught.value.field == field
 
 
 def test_derived_values_are_recomputed_rather_than_believed() -> None:

@@ -30,6 +30,7 @@ export interface Lighting {
   };
   ground?: { color: Triple };
   camera: Camera & { heading?: number; heading_radius_50?: number; relative_heading?: number };
+  time?: { utc?: string; utc_offset?: number; source?: string }; // when the photo was taken, as the answer believes
   evidence: string[];
   warnings: string[];
   warning_codes?: string[]; // in answers: what each warning is about

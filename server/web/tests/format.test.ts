@@ -14,7 +14,7 @@ import {
   formatShort,
   formatSide,
 } from "../src/text/format";
-import { describeCameraTilt, NO_USER_INPUT } from "../src/text/metadata";
+import { describeBelievedTime, describeCameraTilt, NO_USER_INPUT } from "../src/text/metadata";
 
 const RECORD: Lighting = {
   model: { name: "outdoor", version: "1.0.0" },
@@ -122,6 +122,20 @@ describe("the headline", () => {
       "behind the camera, to the right",
       "behind the camera",
     ]);
+  });
+});
+
+describe("when the photo was taken", () => {
+  it("is told on the believed clock, with where that comes from", () => {
+    const time = { utc: "2024-06-01T16:49:00Z", utc_offset: 2, source: "zone of the place" };
+    const value = "2024-06-01 18:49:00 +02:00 (zone of the place)";
+    expect(describeBelievedTime({ ...RECORD, time })).toEqual([{ name: "Taken", value }]);
+    const early = { utc: "2025-09-14T02:18:00Z", utc_offset: -9.5 };
+    expect(describeBelievedTime({ ...RECORD, time: early })[0]?.value).toBe("2025-09-13 16:48:00 -09:30");
+  });
+
+  it("is left out where no zone is known", () => {
+    expect(describeBelievedTime(RECORD)).toEqual([]);
   });
 });
 

@@ -4,6 +4,8 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
+from datetime import UTC, datetime
 from pathlib import Path
 
 import pytest
@@ -275,3 +277,10 @@ def test_neither_does_one_in_the_name_of_a_clip_or_a_probe(network: Path, tmp_pa
         assert result.exit_code == 0, result.output
         assert SHOWN in result.output
         assert not _CONTROLS.search(result.output.replace("\n", ""))
+
+
+def test_the_line_of_an_answer_says_when_the_photo_was_taken() -> None:
+    told = Lighting(10.0, 33.0, 3.0, 0.1, utc_time=datetime(2024, 6, 1, 16, 49, tzinfo=UTC))
+    assert format_summary("x.jpg", told).endswith("; taken 2024-06-01 16:49 +00:00")
+    told = replace(told, utc_offset=5.75, time_source="zone of the place")
+    assert format_summary("x.jpg", told).endswith("; taken 2024-06-01 22:34 +05:45 (zone of the place)")

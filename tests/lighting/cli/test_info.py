@@ -12,8 +12,16 @@ from lighting.records import record_with_coefficients
 from tests.conftest import TINY
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
 
-METADATA = ["local_time", "utc_offset", "utc_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
-METADATA += ["camera_elevation", "camera_roll", "gravity_source", "gravity_spread", "exposure_value"]
+METADATA = ["local_time", "utc_offset", "gps_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
+METADATA += [
+    "camera_elevation",
+    "camera_roll",
+    "gravity_source",
+    "gravity_spread",
+    "exposure_value",
+    "utc_time",
+    "time_source",
+]
 
 
 def test_info_of_a_map_can_be_rendered_again(record_path: Path, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from lighting.records import Light, Lighting, Prediction
 from lighting.sun_grid import soft_label
 from tests.conftest import TINY
 from tests.helpers.cameras import poles
-from tests.helpers.predictions import METADATA, answer, lobe_prediction, prediction
+from tests.helpers.predictions import METADATA, answer, clock, lobe_prediction, prediction
 
 TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": datetime(2024, 12, 21, 11, 0, tzinfo=UTC)}
 
@@ -64,7 +64,7 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
     ahead = soft_label([0.0, 0.6, -0.8], 80.0, TINY.sun_grid)
     predicted = replace(prediction(ahead), light=Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0))
     evening = observations_from_metadata(
-        replace(METADATA, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput()
+        replace(METADATA, local_time=clock(datetime(2024, 6, 1, 18, 30, tzinfo=UTC))), UserInput()
     )
     alone, told = (
         build_estimate(fuse(predicted, k.observations), k).lighting
@@ -84,7 +84,7 @@ def test_the_suns_colour_follows_its_known_elevation() -> None:
 def test_photos_taken_together_keep_the_colour_of_one_low_sun() -> None:
     """One has it at 37 deg, the other at 8: both get the colour that the time asks of their common light."""
     evening = observations_from_metadata(
-        replace(METADATA, utc_time=datetime(2024, 6, 1, 18, 30, tzinfo=UTC)), UserInput()
+        replace(METADATA, local_time=clock(datetime(2024, 6, 1, 18, 30, tzinfo=UTC))), UserInput()
     )
     suns = [soft_label([0.0, math.sin(e), -math.cos(e)], 80.0, TINY.sun_grid) for e in np.radians([37.0, 8.0])]
     light = Light(np.full(3, 2.0), np.ones(3), 0.0, 1.0)

@@ -17,14 +17,14 @@ from lighting.fusion.metadata_prior import (
     observations_from_metadata,
     observations_multi,
     observations_single,
+    share_location,
 )
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import COMPASS_STD, Observations, fuse
-from lighting.fusion.timezones import share_location
 from lighting.fusion.user_input import UserInput
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Light, Lighting
-from tests.helpers.predictions import METADATA, MORNING, ZONELESS, observations_of, prediction
+from tests.helpers.predictions import METADATA, MORNING, ZONELESS, clock, observations_of, prediction
 
 
 @pytest.mark.parametrize(
@@ -116,7 +116,7 @@ def test_an_exposure_is_not_used_where_the_network_does_not_say_what_suits() -> 
 
 def test_in_twilight_no_photo_suits() -> None:
     """The sun sets at 19:07 UTC."""
-    light = answered(replace(METADATA, utc_time=datetime(2024, 6, 1, 19, 25, tzinfo=UTC)))
+    light = answered(replace(METADATA, local_time=clock(datetime(2024, 6, 1, 19, 25, tzinfo=UTC))))
     assert light.suitable == 0.1
     assert "civil twilight" in light.warnings[0]
 
@@ -141,7 +141,7 @@ def test_nothing_known_is_no_evidence() -> None:
     assert observations_from_metadata(METADATA, UserInput(use_exif=False)).observations == Observations()
 
 
-@pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": None, "local_time": None}])
+@pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"local_time": None}])
 def test_a_time_without_place_gives_no_sun_nor_the_other_way_round(lost: dict[str, None]) -> None:
     metadata = replace(METADATA, **lost)
     assert observations_of(metadata).candidates == ()
@@ -164,7 +164,9 @@ def test_a_magnetic_heading_is_turned_by_the_declination() -> None:
     assert found.heading_std == COMPASS_STD
 
 
-@pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"utc_time": MORNING.replace(year=2005)}])
+@pytest.mark.parametrize(
+    "lost", [{"latitude": None, "longitude": None}, {"local_time": clock(MORNING.replace(year=2005))}]
+)
 def test_an_unknown_declination_widens_the_heading(lost: dict[str, Any]) -> None:
     found = observations_of(replace(METADATA, heading_reference=HeadingReference.MAGNETIC, **lost))
     assert found.heading == 60.0
@@ -188,7 +190,7 @@ def test_a_heading_that_is_said_counts_for_more() -> None:
     [
         (PhotoMetadata(), {"time": MORNING}, "time"),
         (PhotoMetadata(), {"latitude": 1.0, "longitude": 2.0}, "place"),
-        (replace(METADATA, local_time=None), {"utc_offset": 1.0}, "offset"),
+        (replace(METADATA, local_time=None, gps_time=MORNING), {"utc_offset": 1.0}, "offset"),
     ],
 )
 def test_what_is_said_in_vain_is_told(metadata: PhotoMetadata, stated: dict[str, Any], part: str) -> None:
@@ -203,14 +205,14 @@ def test_a_heading_without_time_and_place_is_told_of_a_photo_alone() -> None:
     of_time, of_heading = observations_single(PhotoMetadata(), UserInput(heading=10.0, time=MORNING)).warnings
     assert "The time was not used" in of_time
     assert of_heading == warning
-    at_night = observations_single(replace(METADATA, utc_time=NIGHT), UserInput(heading=10.0))
+    at_night = observations_single(replace(METADATA, local_time=clock(NIGHT)), UserInput(heading=10.0))
     assert len(at_night.warnings) == 1
     assert observations_single(METADATA, UserInput(heading=10.0)).warnings == ()
     assert observations_single(PhotoMetadata(heading=10.0), UserInput()).warnings == ()
 
 
 def test_night_in_the_photo_is_told_and_not_used() -> None:
-    found = observations_from_metadata(replace(METADATA, utc_time=NIGHT), UserInput())
+    found = observations_from_metadata(replace(METADATA, local_time=clock(NIGHT)), UserInput())
     assert found.observations.candidates == ()
     assert found.sun_is_up
     (warning,) = found.warnings
@@ -221,7 +223,7 @@ def test_night_in_the_photo_is_told_and_not_used() -> None:
 
 @pytest.mark.parametrize("stated", [{"time": NIGHT}, {"latitude": -48.0, "longitude": -170.0}])
 def test_night_by_what_the_user_says_is_refused(stated: dict[str, Any]) -> None:
-    metadata = METADATA if "time" in stated else replace(METADATA, utc_time=MORNING.replace(hour=11))
+    metadata = METADATA if "time" in stated else replace(METADATA, local_time=clock(MORNING.replace(hour=11)))
     with pytest.raises(ParameterError, match=r"below the horizon \(.*night; civil twilight ends at 6°.*\.$"):
         observations_from_metadata(metadata, UserInput(**stated))
 
@@ -247,7 +249,7 @@ def test_half_a_sun_still_shines() -> None:
 
 
 def test_a_photo_of_night_leaves_no_time_to_the_others() -> None:
-    day, night = observations_multi([METADATA, replace(METADATA, utc_time=NIGHT)], UserInput())
+    day, night = observations_multi([METADATA, replace(METADATA, local_time=clock(NIGHT))], UserInput())
     assert day.observations.candidates == night.observations.candidates == ()
     assert "says that it was night" in day.warnings[-1]
     assert "below the horizon" in night.warnings[-1]
@@ -255,13 +257,14 @@ def test_a_photo_of_night_leaves_no_time_to_the_others() -> None:
 
 
 def test_clocks_by_which_one_photo_is_of_night_in_every_zone_are_not_used() -> None:
-    """Munich in June: by zones in which the first photo was taken by day, the second was taken at night."""
-    early, late = (replace(ZONELESS, local_time=datetime(2024, 6, 1, hour)) for hour in (5, 23))
+    """At sea in June: by zones in which the first photo was taken by day, the second was taken at night."""
+    at_sea = replace(ZONELESS, latitude=50.0, longitude=-30.0)
+    early, late = (replace(at_sea, local_time=datetime(2024, 6, 1, *time)) for time in ((2, 30), (21, 30)))
     for found in observations_multi([early, late], UserInput()):
         assert found.observations.candidates == ()
         assert found.warnings[-1].startswith("Whatever the zone of their clocks, one of the photos")
     with pytest.raises(ParameterError, match="taken at night: too dark") as refused:
-        observations_multi([early, late], UserInput(latitude=48.0, longitude=11.0))
+        observations_multi([early, late], UserInput(latitude=50.5, longitude=-30.0))
     assert refused.value.field == "latitude"  # the times are the photos' own
     assert all(known.observations.candidates for known in observations_multi([early, early], UserInput()))
 
@@ -273,7 +276,7 @@ def test_photos_of_different_places_are_told() -> None:
     assert [bool(k.warnings) for k in found] == [False, False, True]
     assert "km from that of the first photo" in found[2].warnings[-1]
     assert not any(k.warnings for k in observations_multi([METADATA, far], UserInput(use_exif=False)))
-    timeless = [replace(f, local_time=None, utc_time=None) for f in (METADATA, far)]
+    timeless = [replace(f, local_time=None) for f in (METADATA, far)]
     assert not any(k.warnings for k in observations_multi(timeless, UserInput()))
     assert not any(k.warnings for k in observations_multi([METADATA, far], UserInput(latitude=48.0, longitude=11.0)))
 

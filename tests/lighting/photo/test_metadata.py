@@ -31,7 +31,7 @@ def test_what_a_phone_notes(file_format: str) -> None:
     metadata = metadata_of(munich(), file_format=file_format)
     assert metadata.local_time == datetime(2024, 6, 1, 9, 10)
     assert metadata.utc_offset == 2.0
-    assert metadata.utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert metadata.gps_time is None
     assert metadata.latitude == pytest.approx(48 + 8 / 60 + 15 / 3600)
     assert metadata.longitude == pytest.approx(11 + 34 / 60 + 30 / 3600)
     assert (metadata.heading, metadata.heading_reference) == (60.0, "magnetic")
@@ -60,21 +60,21 @@ def test_a_local_time_without_zone_stays_local() -> None:
     metadata = metadata_of(munich(OffsetTimeOriginal=None))
     assert metadata.local_time == datetime(2024, 6, 1, 9, 10)
     assert metadata.utc_offset is None
-    assert metadata.utc_time is None
+    assert metadata.gps_time is None
 
 
 def test_the_satellites_time_is_utc() -> None:
     time = {"GPSDateStamp": "2024:06:01", "GPSTimeStamp": (7.0, 9.0, 58.5)}
     metadata = metadata_of(munich(OffsetTimeOriginal=None, **time))
-    assert metadata.utc_time == datetime(2024, 6, 1, 7, 9, 58, 500000, tzinfo=UTC)
-    assert metadata_of(munich(DateTimeOriginal=None, **time)).utc_time == metadata.utc_time
-    assert metadata_of(munich(**time)).utc_time == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert metadata.gps_time == datetime(2024, 6, 1, 7, 9, 58, 500000, tzinfo=UTC)
+    assert metadata_of(munich(DateTimeOriginal=None, **time)).gps_time == metadata.gps_time
+    assert metadata_of(munich(**time)).gps_time == metadata.gps_time
 
 
 def test_a_gps_time_of_zeros_is_unknown() -> None:
     time = {"DateTimeOriginal": None, "GPSDateStamp": "2024:06:01"}
-    assert metadata_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 0.0))).utc_time is None
-    just_after = metadata_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 1.0))).utc_time
+    assert metadata_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 0.0))).gps_time is None
+    just_after = metadata_of(munich(**time, GPSTimeStamp=(0.0, 0.0, 1.0))).gps_time
     assert just_after == datetime(2024, 6, 1, 0, 0, 1, tzinfo=UTC)
 
 
@@ -88,7 +88,7 @@ def test_the_day_a_film_was_scanned_counts_if_nothing_better_does() -> None:
 def test_the_offset_of_a_scan_is_not_that_of_the_picture() -> None:
     scan = {"DateTimeDigitized": "2023:02:03 12:00:00", "OffsetTimeDigitized": "-08:00"}
     metadata = metadata_of(munich(OffsetTimeOriginal=None, **scan))
-    assert (metadata.local_time, metadata.utc_offset, metadata.utc_time) == (datetime(2024, 6, 1, 9, 10), None, None)
+    assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 9, 10), None)
     same = {"DateTimeDigitized": "2024:06:01 09:10:00", "OffsetTimeDigitized": "+02:00"}
     assert metadata_of(munich(OffsetTimeOriginal=None, **same)).utc_offset == 2.0
 
@@ -106,8 +106,8 @@ def test_a_blank_time_hides_no_good_one() -> None:
         ("DateTimeOriginal", "2024:02:30 09:10:00", "local_time"),
         ("DateTimeOriginal", "0024:02:20 09:10:00", "local_time"),
         ("DateTimeOriginal", "yesterday", "local_time"),
-        ("OffsetTimeOriginal", "+25:00", "utc_time"),
-        ("OffsetTimeOriginal", "Berlin", "utc_time"),
+        ("OffsetTimeOriginal", "+25:00", "utc_offset"),
+        ("OffsetTimeOriginal", "Berlin", "utc_offset"),
         ("GPSLatitude", (95.0, 0.0, 0.0), "latitude"),
         ("GPSLatitude", (48.0, math.nan, 0.0), "latitude"),
         ("GPSLatitude", "48 N", "latitude"),
@@ -262,7 +262,7 @@ def test_a_damaged_block_never_rejects_a_photo(changes: list[tuple[int, int]]) -
 @given(st.binary(max_size=200))
 def test_nor_does_a_block_of_noise(noise: bytes) -> None:
     photo = read_photo(encode(SCENE, exif=b"Exif\0\0" + struct.pack("<2sHI", b"II", 42, 8) + noise))
-    assert photo.metadata.utc_time is None or isinstance(photo.metadata.utc_time, datetime)
+    assert photo.metadata.gps_time is None or isinstance(photo.metadata.gps_time, datetime)
 
 
 PITCH = "http://www.dji.com/drone-dji/1.0 GimbalPitchDegree"

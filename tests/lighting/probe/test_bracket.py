@@ -10,9 +10,11 @@ import pytest
 
 from lighting.errors import EnvironmentMapError, PhotoError, ProbeError
 from lighting.files.exr import write_exr
+from lighting.fusion.user_input import UserInput
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.bracket import (
     TIME_ATTRIBUTE,
+    BracketFiles,
     group_brackets,
     list_pictures,
     make_bracket,
@@ -31,28 +33,35 @@ def put(folder: Path, name: str, camera: dict[int, Any] | None = None) -> Path:
     return write_png16(folder / name, PIXELS, camera)
 
 
+def when(shot: BracketFiles, **stated: Any) -> datetime:
+    instant = shot.instants(UserInput(**stated)).likeliest
+    assert instant is not None
+    return instant.utc_time
+
+
 def test_files_are_split_where_their_times_leave_a_gap(tmp_path: Path) -> None:
     names = {"d": "11:02:03", "a": "11:00:00", "b": "11:00:02", "c": "11:02:00"}
     files = [put(tmp_path, f"{name}.png", taken(0.1, f"2024:06:01 {time}")) for name, time in names.items()]
     shots = group_brackets(files)
     assert [[file.stem for file in shot.files] for shot in shots] == [["a", "b"], ["c", "d"]]
-    assert shots[1].aware_time(None) == datetime(2024, 6, 1, 9, 2, tzinfo=UTC)
+    assert when(shots[1]) == datetime(2024, 6, 1, 9, 2, tzinfo=UTC)
 
 
 def test_each_folder_is_a_bracket_and_may_be_named_by_its_time(tmp_path: Path) -> None:
     put(tmp_path / "20240601" / "113000", "a.png")
     put(tmp_path / "20240601" / "113200", "a.png")
     shots = group_brackets([tmp_path / "20240601" / "113000", tmp_path / "20240601" / "113200"])
-    assert shots[1].time == datetime(2024, 6, 1, 11, 32)
-    assert shots[1].aware_time(2.0) == datetime(2024, 6, 1, 9, 32, tzinfo=UTC)
+    assert shots[1].metadata.local_time == datetime(2024, 6, 1, 11, 32)
+    assert when(shots[1], utc_offset=2.0) == datetime(2024, 6, 1, 9, 32, tzinfo=UTC)
     with pytest.raises(ProbeError, match="no known zone"):
-        shots[1].aware_time(None)
+        when(shots[1])
+    assert when(shots[1], latitude=48.14, longitude=11.58) == datetime(2024, 6, 1, 9, 32, tzinfo=UTC)
 
 
 def test_a_time_that_is_nowhere_is_asked_for(tmp_path: Path) -> None:
     shot = read_bracket_files([put(tmp_path, "a.png")])
     with pytest.raises(ProbeError, match="does not say when"):
-        shot.aware_time(0.0)
+        when(shot, utc_offset=0.0)
     with pytest.raises(ProbeError, match="folder of its own"):
         group_brackets([tmp_path / "a.png"])
 
@@ -64,8 +73,8 @@ def test_the_place_is_read_as_well(tmp_path: Path) -> None:
 
     Image.fromarray((PIXELS >> 8).astype(np.uint8)).save(tmp_path / "a.jpg", exif=munich())
     shot = read_bracket_files([tmp_path / "a.jpg"])
-    assert shot.latitude == pytest.approx(48.1375, abs=1e-3)
-    assert shot.aware_time(None) == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert shot.metadata.latitude == pytest.approx(48.1375, abs=1e-3)
+    assert when(shot) == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
 
 
 def test_a_folder_without_pictures_is_said(tmp_path: Path) -> None:

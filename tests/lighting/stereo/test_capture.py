@@ -13,6 +13,7 @@ from PIL import Image
 from lighting.color import srgb_decode
 from lighting.errors import EnvironmentMapError, ParameterError, PhotoError
 from lighting.files.exr import write_exr
+from lighting.fusion.user_input import UserInput
 from lighting.photo.linear import read_linear
 from lighting.stereo.capture import (
     _check_static_camera,
@@ -130,7 +131,7 @@ def test_one_bad_photo_is_named(tmp_path: Path, spoil: Callable[[Path], None], s
     fill(tmp_path, 3)
     spoil(tmp_path)
     with pytest.raises(PhotoError, match=sentence):
-        read_day_photos(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0))
 
 
 def test_other_days_that_cannot_be_used(tmp_path: Path) -> None:
@@ -138,22 +139,22 @@ def test_other_days_that_cannot_be_used(tmp_path: Path) -> None:
         read_day_photos(tmp_path / "none")
     fill(tmp_path, 2)
     with pytest.raises(PhotoError, match="at least 3"):
-        read_day_photos(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0))
     fill(tmp_path, 3, gap=1)
     with pytest.raises(PhotoError, match="over hours"):
-        read_day_photos(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0))
     fill(tmp_path, 3)
     with pytest.raises(PhotoError, match="--utc-offset"):
         read_day_photos(tmp_path)
     (tmp_path / "times.csv").write_text("file,time\n0.jpg,soon\n")
     with pytest.raises(ParameterError, match="soon"):
-        read_day_photos(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0))
 
 
 def test_a_folder_named_like_a_photo_is_none(tmp_path: Path) -> None:
     fill(tmp_path, 3)
     (tmp_path / "out.png").mkdir()
-    assert read_day_photos(tmp_path, utc_offset=0.0).names == ("0.jpg", "1.jpg", "2.jpg")
+    assert read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0)).names == ("0.jpg", "1.jpg", "2.jpg")
 
 
 @pytest.mark.parametrize("content", [b"file,time\n\xff,\n", b"file,time\n" + b"a" * 200_000 + b",\n"])
@@ -161,21 +162,21 @@ def test_times_that_are_no_table_are_refused(tmp_path: Path, content: bytes) -> 
     fill(tmp_path, 3)
     (tmp_path / "times.csv").write_bytes(content)
     with pytest.raises(PhotoError, match=r"times\.csv is not a CSV file in UTF-8\.$"):
-        read_day_photos(tmp_path, utc_offset=0.0)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0))
 
 
 def test_photos_may_be_small_but_not_a_point(tmp_path: Path) -> None:
     fill(tmp_path, 3)
-    assert read_day_photos(tmp_path, utc_offset=0.0, size=2).images.shape[1:3] == (2, 2)
+    assert read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0), size=2).images.shape[1:3] == (2, 2)
     with pytest.raises(PhotoError, match="1 x 1 pixels"):
-        read_day_photos(tmp_path, utc_offset=0.0, size=1)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0), size=1)
 
 
 def test_photos_of_two_sizes_are_refused_also_where_they_are_reduced_to_one(tmp_path: Path) -> None:
     fill(tmp_path, 3)
     _one_larger(tmp_path)
     with pytest.raises(PhotoError, match="differ in size"):
-        read_day_photos(tmp_path, utc_offset=0.0, size=32)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0), size=32)
 
 
 def test_a_photo_that_nothing_is_left_of_is_refused(tmp_path: Path) -> None:
@@ -184,7 +185,7 @@ def test_a_photo_that_nothing_is_left_of_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
         PhotoError, match=r"^thin\.jpg is reduced to 0 x 100 pixels; normals need 2 or more each way\.$"
     ):
-        read_day_photos(tmp_path, utc_offset=0.0, size=100)
+        read_day_photos(tmp_path, user_input=UserInput(utc_offset=0.0), size=100)
 
 
 def test_16_bit_png_and_exr_come_back_as_they_are(tmp_path: Path) -> None:

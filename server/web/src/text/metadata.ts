@@ -3,6 +3,7 @@
 import type { Lighting } from "../api";
 import type { PhotoMetadata } from "./exif";
 import { formatShort, type NamedValue } from "./format";
+import { formatUtcOffset, formatUtcTime } from "./time";
 
 /** What the user states of photos, in the names of the service; what is left out is left to the photo. */
 export interface UserInput {
@@ -87,6 +88,15 @@ export function describeCameraTilt(lighting: Lighting, { exif }: UserInput): Nam
   const [up, roll] = [Math.round(camera.elevation), Math.round(camera.roll)];
   const tilt = `looks ${Math.abs(up)}° ${up < 0 ? "down" : "up"} with a roll of ${roll}°`;
   return { name, value: `${tilt}, by the file and the picture` };
+}
+
+/** When the photo was taken, as the answer believes, on the clock of its offset from UTC; nothing where no zone is known. */
+export function describeBelievedTime({ time }: Lighting): NamedValue[] {
+  const moment = new Date(time?.utc ?? "");
+  if (Number.isNaN(moment.getTime())) return [];
+  const hours = time?.utc_offset ?? 0;
+  const local = formatUtcTime(new Date(moment.getTime() + 3_600_000 * hours)).replace("T", " ");
+  return [{ name: "Taken", value: `${local} ${formatUtcOffset(hours)}${time?.source ? ` (${time.source})` : ""}` }];
 }
 
 function formatTime({ time, offset, satellites }: PhotoMetadata): string | undefined {

@@ -6,6 +6,7 @@ import type { PhotoView, Session } from "../state";
 import type { PhotoMetadata } from "../text/exif";
 import { estimateRows, explainAccuracy, type NamedValue } from "../text/format";
 import {
+  describeBelievedTime,
   describeCameraTilt,
   describeMetadata,
   fillForm,
@@ -39,7 +40,11 @@ export class MetadataView {
       views.map((view) => view.photo.metadata),
     );
     byId("metadata").replaceChildren(
-      ...[...describeMetadata(photo.metadata, used), describeCameraTilt(answer, userInput)].map(({ name, value }) =>
+      ...[
+        ...describeMetadata(photo.metadata, used),
+        ...describeBelievedTime(answer),
+        describeCameraTilt(answer, userInput),
+      ].map(({ name, value }) =>
         createElement(
           "div",
           {},

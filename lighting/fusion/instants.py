@@ -1,0 +1,308 @@
+"""The one place where a photo's clocks become instants in UTC.
+
+The offset from UTC is, in this order, the user's, the file's, that of clock against GPS, that of other photos, and
+that of the zone of the place. Where clock and GPS contradict each other, both are kept with weights; the pixels choose.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+
+import lighting.fusion.timezones as timezones
+from lighting.formatting import format_utc_offset
+from lighting.fusion.timezones import ZONE_OF_PLACE
+from lighting.fusion.user_input import UserInput
+from lighting.photo.clock import MAX_CLOCK_DIFFERENCE, nearest_utc_offset, to_utc
+from lighting.photo.metadata import PhotoMetadata
+from lighting.records import CodedWarning, WarningCode
+
+USER = "user"  # where an instant comes from, as the record says it; ZONE_OF_PLACE and OFFSET_RULES have the others
+GPS = "GPS"
+OTHER_PHOTOS = "other photos"
+
+_ROLLOVER = timedelta(weeks=1024)  # after which GPS receivers count their weeks from 0 again
+_NEAR = timedelta(hours=26)  # within which a clock and GPS lie whose zone is unknown
+_MONTH = timedelta(days=30)
+_RECEIVER_EPOCHS = tuple(  # days that receivers without a fix show: of their weeks' zero, and of their programs
+    datetime(*day, tzinfo=UTC)
+    for day in ((1970, 1, 1), (1980, 1, 1), (1980, 1, 6), (1999, 8, 22), (2000, 1, 1), (2019, 4, 7))
+)
+_RESETS = {1970: 24.0, 1980: 24.0, 2000: 24.0, 2016: 6.0}  # years that clocks begin with, h in which none shows right
+_LAST_YEAR_WITHOUT_GPS = 1990  # of clocks that are wrong beside a GPS time
+
+# Weights of GPS against a contradicting clock. What goes wrong with either mostly makes it too early: a fix that is
+# old, weeks that count from 0 again, a clock that was reset.
+_SURE, _LIKELY, _UNLIKELY = 0.99, 0.9, 0.25
+
+
+@dataclass(frozen=True)
+class Instant:
+    """An instant at which a photo may have been taken."""
+
+    utc_time: datetime  # aware
+    utc_offset: float | None  # h, of the clock that is believed, or else of the place
+    source: str  # of the instant: USER, GPS, OTHER_PHOTOS, ZONE_OF_PLACE or a name of OFFSET_RULES
+    weight: float = 1.0  # probability before the pixels
+    clock: str = ""  # which photos of one camera have in common
+
+
+@dataclass(frozen=True)
+class ClockConflict:
+    """Clock and GPS that contradict each other."""
+
+    sentence: str  # how, without a full stop
+    gps_usable: bool = True
+    clock_usable: bool = True
+
+    def warn(self, used: Instant) -> CodedWarning:
+        """Return the warning that says what was used.
+
+        Args:
+            used: the instant that was chosen.
+        """
+        chosen = "the GPS time" if used.clock == GPS else "the camera's clock"
+        likelier = "; of the two, " if self.gps_usable and self.clock_usable else ": "
+        was_used = " is likelier and was used." if self.gps_usable and self.clock_usable else " was used."
+        return CodedWarning(f"{self.sentence}{likelier}{chosen}{was_used}", WarningCode.CLOCK_CONTRADICTED)
+
+
+@dataclass(frozen=True)
+class PhotoInstants:
+    """When a photo may have been taken, by its file and its user."""
+
+    instants: tuple[Instant, ...] = ()  # weights sum to 1; none where the time or its zone is unknown
+    conflict: ClockConflict | None = None
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def likeliest(self) -> Instant | None:
+        """The instant that counts without pixels; None where there is none."""
+        return max(self.instants, key=lambda instant: instant.weight, default=None)
+
+    def conflict_warnings(self, used: Instant | None) -> tuple[str, ...]:
+        """Return the warning of clock and GPS that contradict each other, if they do.
+
+        Args:
+            used: the instant that was chosen.
+        """
+        return () if self.conflict is None or used is None else (self.conflict.warn(used),)
+
+
+def resolve_instants(
+    metadata: PhotoMetadata, user_input: UserInput, shared_offset: float | None = None
+) -> PhotoInstants:
+    """When a photo may have been taken.
+
+    Args:
+        metadata: what the photo's file says, with the place that counts.
+        user_input: what the user states.
+        shared_offset: h, of the clock by other photos of the same camera; None is unknown.
+    """
+    if user_input.time is not None:
+        return _instants_of_user(metadata, user_input.time, user_input.utc_offset)
+    if user_input.utc_offset is not None and metadata.local_time is not None:
+        return _instants_of_stated_offset(metadata, user_input.utc_offset)
+    clock = _instants_of_clock(metadata, shared_offset)
+    if metadata.local_time is not None and metadata.gps_time is None and _is_reset(metadata.local_time):
+        sentence = f"The camera's clock of {_format(metadata.local_time)} is that of a reset: time was not used."
+        return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
+    if metadata.gps_time is None:
+        return PhotoInstants(clock)
+    if metadata.local_time is None:
+        return _instants_of_gps(metadata, metadata.gps_time)
+    return _reconcile(metadata, clock, metadata.gps_time, metadata.local_time)
+
+
+def _instants_of_user(metadata: PhotoMetadata, time: datetime, utc_offset: float | None) -> PhotoInstants:
+    if (offset := time.utcoffset()) is not None:
+        return PhotoInstants((Instant(time.astimezone(UTC), offset / timedelta(hours=1), USER),))
+    if utc_offset is not None:
+        return PhotoInstants((Instant(to_utc(time, utc_offset), utc_offset, USER),))
+    return PhotoInstants(_instants_in_zones(replace(metadata, local_time=time)))
+
+
+def _instants_of_stated_offset(metadata: PhotoMetadata, utc_offset: float) -> PhotoInstants:
+    """The instant of the file's local time at the user's offset, which replaces the file's."""
+    assert metadata.local_time is not None
+    instant = Instant(to_utc(metadata.local_time, utc_offset), utc_offset, USER)
+    in_file = timezones.offset_in_file(metadata)
+    if in_file is None or abs(in_file[0] - utc_offset) * timedelta(hours=1) <= MAX_CLOCK_DIFFERENCE:
+        return PhotoInstants((instant,))
+    stated, replaced = format_utc_offset(utc_offset), format_utc_offset(in_file[0])
+    sentence = f"The offset from UTC that was stated, {stated}, replaced that of the photo, {replaced} ({in_file[1]})."
+    return PhotoInstants((instant,), warnings=(CodedWarning(sentence, WarningCode.OFFSET_REPLACED),))
+
+
+def _instants_of_clock(metadata: PhotoMetadata, shared_offset: float | None) -> tuple[Instant, ...]:
+    """The instants by the photo's own clock."""
+    if metadata.local_time is None:
+        return ()
+    if (in_file := timezones.offset_in_file(metadata)) is not None:
+        hours, source = in_file
+        return (Instant(to_utc(metadata.local_time, hours), hours, source, clock="file"),)
+    if shared_offset is not None:
+        return (Instant(to_utc(metadata.local_time, shared_offset), shared_offset, OTHER_PHOTOS, clock="file"),)
+    return _instants_in_zones(metadata)
+
+
+def _instants_in_zones(metadata: PhotoMetadata) -> tuple[Instant, ...]:
+    """The instants of a local time in the zones of its place; none without a place."""
+    if metadata.local_time is None or metadata.location is None:
+        return ()
+    zones = timezones.offsets_of_place(*metadata.location, metadata.local_time)
+    return tuple(
+        Instant(to_utc(metadata.local_time, zone.hours), zone.hours, ZONE_OF_PLACE, zone.weight, zone.name)
+        for zone in zones
+    )
+
+
+def _instants_of_gps(metadata: PhotoMetadata, gps_time: datetime) -> PhotoInstants:
+    """The instant of GPS alone."""
+    if _is_epoch(gps_time):
+        sentence = f"The GPS time of {_format(gps_time)} is that of a receiver without a fix: it was not used."
+        return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
+    return PhotoInstants((_gps_instant(metadata, gps_time),))
+
+
+def _gps_instant(metadata: PhotoMetadata, gps_time: datetime, weight: float = 1.0) -> Instant:
+    offset = None if metadata.location is None else timezones.offset_at(*metadata.location, gps_time)
+    return Instant(gps_time, offset, GPS, weight, GPS)
+
+
+# GPS against the clock.
+
+
+def _reconcile(
+    metadata: PhotoMetadata, clock: tuple[Instant, ...], gps_time: datetime, local_time: datetime
+) -> PhotoInstants:
+    """The instants of a clock and of GPS, which may contradict each other."""
+    if agreeing := _agreeing(clock, gps_time):
+        return PhotoInstants(agreeing)
+    for shift, name in _date_errors(gps_time, local_time):
+        shifted = gps_time + shift
+        sentence = f"The GPS date, {_format(gps_time)}, is off by {name} from the camera's clock"
+        if agreeing := _agreeing(clock, shifted) or (() if clock else _clock_by_gps(local_time, shifted)):
+            return PhotoInstants(agreeing, ClockConflict(sentence, gps_usable=False))
+    gps_is_epoch, is_reset = _is_epoch(gps_time), _is_reset(local_time) or local_time.year <= _LAST_YEAR_WITHOUT_GPS
+    if gps_is_epoch and not is_reset:
+        sentence = f"The GPS time, {_format(gps_time)}, is that of a receiver without a fix and contradicts the clock"
+        return PhotoInstants(clock, ClockConflict(sentence, gps_usable=False))
+    if is_reset and not gps_is_epoch:
+        sentence = f"The camera's clock, {_format(local_time)}, was reset and contradicts GPS"
+        return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
+    if not clock:
+        sentence = (
+            f"The camera's clock, {_format(local_time)}, and GPS, {_format(gps_time)}, differ by no zone's offset"
+        )
+        return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
+    return _weigh(metadata, clock, gps_time, local_time)
+
+
+def _agreeing(clock: Iterable[Instant], gps_time: datetime) -> tuple[Instant, ...]:
+    """The instants of a clock that GPS agrees with, as one where they are of one instant."""
+    near = [instant for instant in clock if abs(instant.utc_time - gps_time) <= MAX_CLOCK_DIFFERENCE]
+    return (replace(near[0], weight=1.0),) if near else ()
+
+
+def _clock_by_gps(local_time: datetime, gps_time: datetime) -> tuple[Instant, ...]:
+    """The instant of a clock of unknown zone that is an offset of this world ahead of GPS."""
+    hours = nearest_utc_offset(local_time - gps_time.replace(tzinfo=None))
+    return () if hours is None else (Instant(to_utc(local_time, hours), hours, GPS, clock="file"),)
+
+
+def _date_errors(gps_time: datetime, local_time: datetime) -> Iterable[tuple[timedelta, str]]:
+    """What GPS receivers' dates are off by: rollovers of the week, and the date of another zone's day."""
+    ahead = local_time - gps_time.replace(tzinfo=None)
+    for rollovers in (1, 2, -1):
+        if abs(ahead - rollovers * _ROLLOVER) < _NEAR:
+            yield rollovers * _ROLLOVER, f"{abs(rollovers) * 1024} weeks (a rollover of the receiver)"
+    for days in (1, -1):
+        yield timedelta(days=days), "a day"
+
+
+def _is_epoch(gps_time: datetime) -> bool:
+    """Whether a receiver that never had a fix shows this time."""
+    return any(timedelta() <= gps_time - epoch < timedelta(days=1) for epoch in _RECEIVER_EPOCHS)
+
+
+def _is_reset(local_time: datetime) -> bool:
+    """Whether a clock that was just reset shows this time."""
+    since = local_time - datetime(local_time.year, 1, 1)
+    return since < timedelta(hours=_RESETS.get(local_time.year, 0.0))
+
+
+def _weigh(
+    metadata: PhotoMetadata, clock: tuple[Instant, ...], gps_time: datetime, local_time: datetime
+) -> PhotoInstants:
+    """Both instants with their weights, for the pixels to choose."""
+    by_clock = max(clock, key=lambda instant: instant.weight)
+    share = _gps_weight(metadata, by_clock, gps_time, local_time)
+    instants = (*(replace(m, weight=m.weight * (1.0 - share)) for m in clock), _gps_instant(metadata, gps_time, share))
+    difference = _format_difference(by_clock.utc_time - gps_time)
+    sentence = (
+        f"The camera's clock, {_format(by_clock.utc_time)}, and GPS, {_format(gps_time)}, contradict each other "
+        f"by {difference}"
+    )
+    return PhotoInstants(instants, ClockConflict(sentence))
+
+
+def _gps_weight(metadata: PhotoMetadata, by_clock: Instant, gps_time: datetime, local_time: datetime) -> float:
+    """The probability (0 to 1) that GPS is right, and not the clock."""
+    late = gps_time - by_clock.utc_time
+    if abs(abs(late) - timedelta(hours=12)) <= MAX_CLOCK_DIFFERENCE:
+        return _LIKELY  # a clock set to the other half of the day
+    hours = nearest_utc_offset(local_time - gps_time.replace(tzinfo=None))
+    in_zone = {instant.utc_offset for instant in _instants_in_zones(metadata)}
+    if hours is not None and hours in in_zone:
+        return _LIKELY  # clock, GPS and place agree; the offset beside the clock does not
+    if late > timedelta() and local_time.month == 1 and local_time.day == 1 and late > _MONTH:
+        return _SURE
+    if abs(late) > _MONTH:
+        return _LIKELY if late > timedelta() else 1.0 - _LIKELY
+    return 1.0 - _UNLIKELY if late > timedelta() else _UNLIKELY
+
+
+def _format(time: datetime) -> str:
+    return f"{time:%Y-%m-%d %H:%M}" + (" UTC" if time.tzinfo else "")
+
+
+def _format_difference(difference: timedelta) -> str:
+    minutes = round(abs(difference) / timedelta(minutes=1))
+    if minutes < 60:
+        return f"{minutes} min"
+    if minutes < 48 * 60:
+        return f"{minutes // 60} h {minutes % 60:02d} min"
+    return f"{minutes / 1440:.0f} days"
+
+
+# Several photos of one clock.
+
+
+def resolve_together(metadata: Sequence[PhotoMetadata], user_input: UserInput) -> list[PhotoInstants]:
+    """When photos taken together may have been taken; instant k of each is by the same clock or zone.
+
+    Args:
+        metadata: of each photo, with the place that counts for all.
+        user_input: what the user states of all.
+    """
+    offset = next((known[0] for m in metadata if (known := timezones.offset_in_file(m)) is not None), None)
+    each = [resolve_instants(m, user_input, offset) for m in metadata]
+    clocks = list(dict.fromkeys(instant.clock for one in each for instant in one.instants))
+    weights = [_mean_weight(each, clock) for clock in clocks]
+    return [replace(one, instants=_in_order(one, clocks, weights)) for one in each]
+
+
+def _mean_weight(each: Sequence[PhotoInstants], clock: str) -> float:
+    """The weight of a clock in the photos that have it."""
+    weights = [sum(m.weight for m in one.instants if m.clock == clock) for one in each if one.instants]
+    return math.fsum(weights) / len(weights)
+
+
+def _in_order(one: PhotoInstants, clocks: Sequence[str], weights: Sequence[float]) -> tuple[Instant, ...]:
+    """A instant of each clock; a photo without it has its likeliest there."""
+    if (likeliest := one.likeliest) is None:
+        return ()
+    by_clock = {instant.clock: instant for instant in reversed(one.instants)}
+    pairs = zip(clocks, weights, strict=True)
+    return tuple(replace(by_clock.get(clock, likeliest), weight=weight) for clock, weight in pairs)
