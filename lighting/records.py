@@ -413,7 +413,6 @@ def _values_from_record(record: Mapping[str, Any]) -> Json:
     values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
     values |= {attribute: _numbers(sections, section, name) or None for section, name, attribute in _COLORS}
     values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
-    values["sky_model"] = sections["sky"].get("model")
     values["utc_time"], values["time_source"] = _time(sections["time"].get("utc")), sections["time"].get("source")
     return {name: value for name, value in values.items() if value is not None}
 
