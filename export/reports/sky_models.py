@@ -70,6 +70,10 @@ def _hosek_wilkie(directions: Floats, sun: Floats, turbidity: float) -> Floats:
     return sky_radiance(directions, sun, turbidity, _ALBEDO)
 
 
+def _prague(directions: Floats, sun: Floats, turbidity: float) -> Floats:
+    return prague_radiance(directions, sun, turbidity)
+
+
 def _read_truths(panoramas: Sequence[Panorama]) -> Iterator[_Truth]:
     """Those of HDR panoramas whose sun is known and shines."""
     for panorama in panoramas:
@@ -84,7 +88,7 @@ def _read_truths(panoramas: Sequence[Panorama]) -> Iterator[_Truth]:
 
 def _format_errors(truths: Sequence[_Truth]) -> str:
     sections = [SKY_NOTE]
-    skies: dict[str, _Sky] = {"Hosek-Wilkie": _hosek_wilkie, "Prague": prague_radiance}
+    skies: dict[str, _Sky] = {"Hosek-Wilkie": _hosek_wilkie, "Prague": _prague}
     for low, high in BANDS:
         chosen = [truth for truth in truths if low <= truth.elevation < high or truth.elevation == high == BANDS[-1][1]]
         if not chosen:
