@@ -8,7 +8,7 @@ WORKDIR /build/server/web
 COPY server/web/package.json server/web/package-lock.json ./
 RUN npm ci --no-audit --no-fund
 COPY examples/ /build/examples/
-COPY lighting/data/hosek_wilkie.f32 /build/lighting/data/hosek_wilkie.f32
+COPY lighting/data/hosek_wilkie.f32 lighting/data/prague.f16 /build/lighting/data/
 COPY server/web/ ./
 RUN npm run build
 

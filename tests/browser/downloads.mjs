@@ -67,12 +67,12 @@ async function copy(page, seen) {
 async function loseTheTable(browser, url, seen, photo) {
   const page = await open(browser, url, seen, { width: 360, height: 800 }, { flat: true });
   const error = () => page.waitForSelector("#error:not([hidden])").then((box) => box.textContent());
-  await page.route("**/*.f32", (route) => route.abort());
+  await page.route("**/*.f{16,32}", (route) => route.abort());
   await page.setInputFiles("#file", photo);
   seen.errorWithoutTable = await error();
   await page.locator("#turbidity").press("ArrowRight");
   await error();
-  await page.unroute("**/*.f32");
+  await page.unroute("**/*.f{16,32}");
   const [download] = await Promise.all([page.waitForEvent("download"), page.click("#get-json")]);
   seen.irradianceAfterAll = JSON.parse(readFileSync(await download.path(), "utf8")).sun.irradiance;
   seen.errorAfterAll = await page.isVisible("#error");

@@ -20,7 +20,8 @@ export interface Lighting {
     radius_90: number;
   };
   sky: {
-    model: string;
+    model: string; // that of turbidity, exposure and coefficients
+    painted?: string; // what paints the sky of maps, where it is another
     turbidity: number;
     ground_albedo: number;
     exposure: number;

@@ -78,8 +78,13 @@ export function skyRequest(view: PhotoView): SkyRequest {
       ...(groundColor ? { groundColor: groundColor.color } : {}),
     },
     photoGround: view.groundColor,
+    painted: mapSky(view.estimate),
   };
 }
+
+/** What paints the sky of a record's maps. */
+const mapSky = ({ sky }: Lighting): string =>
+  sky.model === "hosek-wilkie" && sky.painted !== undefined ? sky.painted : sky.model;
 
 export function parametersFromRecord({ sun, sky, ...rest }: Lighting): LightParameters {
   return {
@@ -143,6 +148,7 @@ export function buildRecord(
     },
     sky: {
       model: record.sky.model,
+      ...(record.sky.painted === undefined ? {} : { painted: record.sky.painted }),
       turbidity: parameters.turbidity,
       ground_albedo: parameters.ground_albedo,
       exposure: parameters.exposure,

@@ -4,15 +4,19 @@ import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
 import { direction } from "../src/geometry/angles";
 import type { Triple } from "../src/geometry/color";
-import { parseSkyTable, type SkyTable, skyShape, sunIrradiance } from "../src/sky/hosekWilkie";
-import { prepareLight, renderLight, type SkyRequest } from "../src/sky/lighting";
+import { parseSkyTable, skyShape, sunIrradiance } from "../src/sky/hosekWilkie";
+import { prepareLight, renderLight, type SkyRequest, type SkyTables } from "../src/sky/lighting";
+import { parsePragueTable } from "../src/sky/prague";
 import { horizontalIrradiance, type Latlong, renderSky, toneMap } from "../src/sky/render";
 
-let table: SkyTable;
+let tables: SkyTables;
 
 beforeAll(() => {
-  const bytes = readFileSync(new URL("../../../lighting/data/hosek_wilkie.f32", import.meta.url));
-  table = parseSkyTable(bytes.slice().buffer);
+  const [hosekWilkie, prague] = ["hosek_wilkie.f32", "prague.f16"].map((name) => {
+    const bytes = readFileSync(new URL(`../../../lighting/data/${name}`, import.meta.url));
+    return new Uint8Array(bytes).buffer;
+  }) as [ArrayBuffer, ArrayBuffer];
+  tables = { hosekWilkie: parseSkyTable(hosekWilkie), prague: parsePragueTable(prague) };
 });
 
 const P = { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3.4, exposure: 5, ground_albedo: 0.3, sun: true };
@@ -30,13 +34,13 @@ const pixel = ({ width, data }: Latlong, row: number, column: number): number[] 
 
 describe("the sky in the browser", () => {
   it("has the coefficients of the record", () => {
-    const { coefficients, radiance } = skyShape(table, 33, 3.4, 0.3);
+    const { coefficients, radiance } = skyShape(tables.hosekWilkie, 33, 3.4, 0.3);
     expectNear(coefficients[0], [-1.07305, -0.14831, 1.20856, 1.09883, -2.47119, 1.00631, 0.225885, 1.26059, 0.692973]);
     expectNear(radiance, [0.0808307, 0.111253, 0.150349]);
   });
 
   it("is the map of the service, pixel by pixel", () => {
-    const { map, sky, sun } = renderLight(table, { parameters: P, estimated: P, stated: {} }, 64);
+    const { map, sky, sun } = renderLight(tables, { parameters: P, estimated: P, stated: {} }, 64);
     expectNear(pixel(map, 0, 0), [0.0977541, 0.173998, 0.338024]);
     expectNear(pixel(map, 20, 40), [0.645378, 0.783341, 0.962248]);
     expectNear(pixel(map, 31, 100), [0.772792, 0.969318, 1.00184]);
@@ -45,9 +49,25 @@ describe("the sky in the browser", () => {
     expectNear(sun, [6.95008, 5.52486, 3.79021], 5e-3);
   });
 
+  it("is painted by the Prague model where the record says so", () => {
+    const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], cover: 0.25 } as SkyRequest["stated"];
+    const request = { parameters: P, estimated: P, stated, painted: "prague" };
+    const high = renderLight(tables, request, 64);
+    expectNear(pixel(high.map, 0, 0), [0.104158, 0.130174, 0.212171], 0.01);
+    expectNear(pixel(high.map, 20, 40), [0.306389, 0.337175, 0.45288], 0.01);
+    expectNear(pixel(high.map, 31, 100), [0.461801, 0.444484, 0.460969], 0.01);
+    expectNear(pixel(high.map, 30, 49), [0.918169, 0.863184, 0.827809], 0.01);
+    expectNear(horizontalIrradiance(high.map), [0.5, 0.6, 0.9], 0.01);
+    const low = { ...P, sun_elevation: 2, turbidity: 8 };
+    const { map } = renderLight(tables, { ...request, parameters: low, estimated: low }, 64);
+    expectNear(pixel(map, 0, 0), [0.100486, 0.132794, 0.223185], 0.01);
+    expectNear(pixel(map, 30, 49), [1.834382, 1.041162, 0.484811], 0.01);
+    expectNear(pixel(map, 31, 100), [0.134077, 0.140352, 0.185818], 0.01);
+  });
+
   it("has the sun of a low and of a high elevation", () => {
-    expectNear(sunIrradiance(table, 0.1, 2).slice(0, 2), [0.0796472, 0.010731], 0.03);
-    expectNear(sunIrradiance(table, 90, 9.5), [1.11112, 0.910308, 0.733481], 5e-3);
+    expectNear(sunIrradiance(tables.hosekWilkie, 0.1, 2).slice(0, 2), [0.0796472, 0.010731], 0.03);
+    expectNear(sunIrradiance(tables.hosekWilkie, 90, 9.5), [1.11112, 0.910308, 0.733481], 5e-3);
   });
 });
 
@@ -57,10 +77,10 @@ describe("what a record may state", () => {
   it("is computed once for a photo, for all that its sliders say", () => {
     const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], cover: 0.5 } as SkyRequest["stated"];
     const ofPhoto = { estimated: P, stated, photoGround: [0.2, 0.1, 0.05] as Triple };
-    const base = prepareLight(table, ofPhoto);
+    const base = prepareLight(tables.hosekWilkie, ofPhoto);
     for (const sun_elevation of [33, 10]) {
       const request = { ...ofPhoto, parameters: { ...P, sun_elevation } };
-      expect(renderLight(table, request, 32, base)).toEqual(renderLight(table, request, 32));
+      expect(renderLight(tables, request, 32, base)).toEqual(renderLight(tables, request, 32));
     }
   });
 
@@ -71,7 +91,7 @@ describe("what a record may state", () => {
       groundColor: [0.2, 0.1, 0.05],
       cover: 0.5,
     } as SkyRequest["stated"];
-    const { sky, sun, ground } = renderLight(table, question({ stated }), 64);
+    const { sky, sun, ground } = renderLight(tables, question({ stated }), 64);
     expectNear(sun, [3, 2, 1], 1e-6);
     expectNear(sky, [0.5, 0.6, 0.9], 0.01);
     expectNear(
@@ -83,28 +103,28 @@ describe("what a record may state", () => {
   it("makes an ordinary sun of a low one that is raised, and gives the low one back", () => {
     const low = { ...P, sun_elevation: 1 };
     const stated = { sun: [15, 10, 1.5] as [number, number, number] };
-    const high = renderLight(table, question({ parameters: { ...P, sun_elevation: 35 }, estimated: low, stated }), 32);
+    const high = renderLight(tables, question({ parameters: { ...P, sun_elevation: 35 }, estimated: low, stated }), 32);
     high.sun.forEach((value, c) => {
       expect(value).toBeGreaterThan(stated.sun[c] as number);
       expect(value).toBeLessThan(25 * (stated.sun[c] as number));
     });
-    expectNear(renderLight(table, question({ parameters: low, estimated: low, stated }), 32).sun, stated.sun, 1e-6);
+    expectNear(renderLight(tables, question({ parameters: low, estimated: low, stated }), 32).sun, stated.sun, 1e-6);
   });
 
   it("holds its ratio when a slider moves", () => {
-    const before = renderLight(table, question({}), 32);
+    const before = renderLight(tables, question({}), 32);
     const stated = { sun: before.sun.map((value) => 2 * value) as [number, number, number] };
     const moved = { ...P, sun_elevation: 60 };
-    const free = renderLight(table, question({ parameters: moved }), 32);
+    const free = renderLight(tables, question({ parameters: moved }), 32);
     expectNear(
-      renderLight(table, question({ parameters: moved, stated }), 32).sun,
+      renderLight(tables, question({ parameters: moved, stated }), 32).sun,
       free.sun.map((value) => 2 * value),
       1e-6,
     );
   });
 
   it("may be an overcast sky, brightest overhead, of the same irradiance", () => {
-    const shape = skyShape(table, 33, 3.4, 0.3);
+    const shape = skyShape(tables.hosekWilkie, 33, 3.4, 0.3);
     const painting = { azimuth: 0, elevation: 33, gain: [1, 1, 1] as [number, number, number] };
     const clear = renderSky(64, shape, { ...painting, cover: 0 });
     const grey = renderSky(64, shape, { ...painting, cover: 1 });
@@ -118,11 +138,11 @@ describe("what a record may state", () => {
 describe("the ground", () => {
   it("has the photo's colour and follows the light", () => {
     const photoColor = [0.2, 0.15, 0.1] as [number, number, number];
-    const same = renderLight(table, { parameters: P, estimated: P, stated: {}, photoGround: photoColor }, 32);
+    const same = renderLight(tables, { parameters: P, estimated: P, stated: {}, photoGround: photoColor }, 32);
     expectNear(same.ground, photoColor, 1e-6);
     const brighter = { ...P, exposure: 10 };
     expectNear(
-      renderLight(table, { parameters: brighter, estimated: P, stated: {}, photoGround: photoColor }, 32).ground,
+      renderLight(tables, { parameters: brighter, estimated: P, stated: {}, photoGround: photoColor }, 32).ground,
       [0.4, 0.3, 0.2],
       1e-6,
     );
@@ -132,7 +152,7 @@ describe("the ground", () => {
 
 describe("the map's picture", () => {
   it("shows the sun where it is, and nothing brighter", () => {
-    const light = renderLight(table, { parameters: P, estimated: P, stated: {} }, 64);
+    const light = renderLight(tables, { parameters: P, estimated: P, stated: {} }, 64);
     const { data } = toneMap(light, P);
     const column = Math.floor(((P.sun_azimuth + 180) / 360) * 128);
     const row = Math.floor(((90 - P.sun_elevation) / 180) * 64);
@@ -144,5 +164,6 @@ describe("the map's picture", () => {
 describe("a table", () => {
   it("of another length is refused", () => {
     expect(() => parseSkyTable(new ArrayBuffer(100))).toThrow("another length");
+    expect(() => parsePragueTable(new ArrayBuffer(100))).toThrow("another length");
   });
 });

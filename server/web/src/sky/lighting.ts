@@ -4,7 +4,8 @@ import type { LightParameters } from "../api";
 import { radians } from "../geometry/angles";
 import type { Triple } from "../geometry/color";
 import { type SkyTable, skyShape, sunIrradiance } from "./hosekWilkie";
-import { fillGround, horizontalIrradiance, type Latlong, renderSky } from "./render";
+import { type PragueTable, pragueSky } from "./prague";
+import { addOvercast, fillGround, horizontalIrradiance, type Latlong, renderPragueSky, renderSky } from "./render";
 
 /** What a record may state of its light; whatever it leaves out follows from the model. */
 interface StatedLight {
@@ -20,6 +21,13 @@ export interface SkyRequest {
   estimated: LightParameters;
   stated: StatedLight;
   photoGround?: Triple | undefined; // the photo's own ground, linear, as it is under the estimate's light
+  painted?: string; // the model that paints the sky; the map of any but "prague" is that of Hosek and Wilkie
+}
+
+/** The tables of the sky models. */
+export interface SkyTables {
+  hosekWilkie: SkyTable;
+  prague: PragueTable;
 }
 
 export interface SceneLight {
@@ -34,6 +42,21 @@ const MIN_SUN_ELEVATION = 5; // the model's suns below it have hardly any green 
 const HIGH_SUN = 30; // of a sun at full strength
 const MIN_SUN_SHARE = 0.05; // of that sun's channels, which the model's is taken to have at least: in haze a low one has none
 const mapChannels = (make: (channel: 0 | 1 | 2) => number): Triple => [make(0), make(1), make(2)];
+
+/** A sky by the Prague model whose light on level ground is that of another sky. */
+function renderPrague(table: PragueTable, height: number, p: LightParameters, cover: number, level: Triple): Latlong {
+  const map = renderPragueSky(height, pragueSky(table, p.sun_elevation, p.turbidity), p.sun_azimuth, p.sun_elevation);
+  const own = horizontalIrradiance(map);
+  scaleMap(
+    map,
+    mapChannels((c) => ((1 - cover) * level[c]) / Math.max(own[c], 1e-9)),
+  );
+  addOvercast(
+    map,
+    mapChannels((c) => cover * level[c]),
+  );
+  return map;
+}
 
 /** The model's own light, its sky and its sun multiplied by gains. */
 function renderModel(
@@ -95,14 +118,16 @@ export function prepareLight(
 
 /** The light of a question, its map `height` rows high. */
 export function renderLight(
-  table: SkyTable,
+  tables: SkyTables,
   question: SkyRequest,
   height: number,
-  base = prepareLight(table, question),
+  base = prepareLight(tables.hosekWilkie, question),
 ): SceneLight {
   const { parameters, stated, photoGround } = question;
   const { gains, groundBefore } = base;
-  const light = renderModel(table, height, parameters, stated.cover ?? 0, gains);
+  const cover = stated.cover ?? 0;
+  const light = renderModel(tables.hosekWilkie, height, parameters, cover, gains);
+  if (question.painted === "prague") light.map = renderPrague(tables.prague, height, parameters, cover, light.sky);
   const irradiance = groundIrradiance(light, parameters);
   const ground = mapChannels((c) => {
     if (stated.groundColor) return (stated.groundColor[c] / Math.PI) * irradiance[c];

@@ -9,6 +9,7 @@ import { linearToSrgb, rgbLuminance, type Triple } from "../geometry/color";
 import { toMap } from "../geometry/sphere";
 import { gradation, lobe, type SkyShape } from "./hosekWilkie";
 import type { SceneLight } from "./lighting";
+import { type PragueSky, rowOf } from "./prague";
 
 /** Four floats a pixel: red, green, blue and one unused. */
 export interface Latlong {
@@ -62,6 +63,31 @@ export function renderSky(height: number, shape: SkyShape, painting: SkyOptions)
   return map;
 }
 
+/** A map whose upper half is the sky of the Prague model, at any scale; the lower half is black. */
+export function renderPragueSky(height: number, sky: PragueSky, sunAzimuth: number, sunElevation: number): Latlong {
+  const width = 2 * height;
+  const data = new Float32Array(4 * width * height);
+  const sun = radians(sunElevation);
+  const columns = Float64Array.from({ length: width }, (_, x) => {
+    const azimuth = ((x + 0.5) / width) * 360 - 180;
+    return Math.sin(radians(azimuth - sunAzimuth) / 2) ** 2;
+  });
+  for (let y = 0; y < height / 2; y++) {
+    const elevation = Math.PI / 2 - ((y + 0.5) * Math.PI) / height;
+    const vertical = Math.sin((elevation - sun) / 2) ** 2;
+    const horizontal = Math.cos(elevation) * Math.cos(sun);
+    const rows = CHANNELS.map((c) => rowOf(sky, ((y + 0.5) * 180) / height, c));
+    for (let x = 0; x < width; x++) {
+      const half = Math.sqrt(Math.min(vertical + horizontal * (columns[x] as number), 1));
+      const sunAngle = (360 / Math.PI) * Math.asin(half);
+      const at = 4 * (y * width + x);
+      for (const c of CHANNELS) data[at + c] = rows[c]?.(sunAngle) ?? 0;
+      data[at + 3] = 1;
+    }
+  }
+  return { width, height, data };
+}
+
 function interpolate(table: Float32Array, step: number): number {
   const low = Math.min(Math.floor(step), table.length - 2);
   const share = step - low;
@@ -90,6 +116,16 @@ function mixOvercast(map: Latlong, cover: number): void {
     const value = (zenith * (1 + 2 * Math.cos(((y + 0.5) * Math.PI) / map.height))) / 3; // (1 + 2 sin elevation) / 3
     for (let i = y * map.width * 4; i < (y + 1) * map.width * 4; i += 4) {
       for (const c of CHANNELS) map.data[i + c] = (map.data[i + c] as number) * (1 - cover) + cover * value;
+    }
+  }
+}
+
+/** Adds a standard overcast sky of an irradiance of level ground. */
+export function addOvercast(map: Latlong, irradiance: Triple): void {
+  for (let y = 0; y < map.height / 2; y++) {
+    const share = (1 + 2 * Math.cos(((y + 0.5) * Math.PI) / map.height)) / ((7 * Math.PI) / 3);
+    for (let i = y * map.width * 4; i < (y + 1) * map.width * 4; i += 4) {
+      for (const c of CHANNELS) map.data[i + c] = (map.data[i + c] as number) + share * irradiance[c];
     }
   }
 }

@@ -1,6 +1,7 @@
 /** The worker that renders skies, so that sliders need no request and the page stays quick. */
 
-import tableUrl from "../../../../lighting/data/hosek_wilkie.f32?url";
+import hosekWilkieUrl from "../../../../lighting/data/hosek_wilkie.f32?url";
+import pragueUrl from "../../../../lighting/data/prague.f16?url";
 import type { LightParameters } from "../api";
 import { direction, type Vector } from "../geometry/angles";
 import type { Camera } from "../geometry/camera";
@@ -11,8 +12,16 @@ import {
   type Surroundings,
   type SurroundingsFactors,
 } from "../surroundings/surroundings";
-import { parseSkyTable, type SkyTable } from "./hosekWilkie";
-import { type LightBase, prepareLight, renderLight, type SceneLight, type SkyRequest } from "./lighting";
+import { parseSkyTable } from "./hosekWilkie";
+import {
+  type LightBase,
+  prepareLight,
+  renderLight,
+  type SceneLight,
+  type SkyRequest,
+  type SkyTables,
+} from "./lighting";
+import { parsePragueTable } from "./prague";
 import { type MapPicture, toneMap } from "./render";
 
 export type SkyMessage =
@@ -28,7 +37,7 @@ export interface SkyAnswer {
 const LIGHT_ROWS = 128; // finer maps take phones too long to prefilter
 const PICTURE_ROWS = 256;
 
-let table: Promise<SkyTable> | undefined;
+let tables: Promise<SkyTables> | undefined;
 let surroundings: Surroundings | undefined;
 let last: { photo: string; base: LightBase } | undefined; // of the latest photo
 
@@ -39,8 +48,8 @@ self.addEventListener("message", async ({ data }: MessageEvent<SkyMessage>) => {
 
 async function answer(question: SkyRequest, id: number): Promise<void> {
   try {
-    table ??= loadTable();
-    const sky = await table;
+    tables ??= loadTables();
+    const sky = await tables;
     const base = cachedBase(sky, question);
     const light = renderLight(sky, question, LIGHT_ROWS, base);
     const picture = toneMap(renderLight(sky, question, PICTURE_ROWS, base), question.parameters);
@@ -49,23 +58,28 @@ async function answer(question: SkyRequest, id: number): Promise<void> {
     const map = surroundings ? addSurroundings(light.map, surroundings, gain, suns) : light.map;
     postMessage({ id, light: { ...light, map }, picture } satisfies SkyAnswer);
   } catch (error) {
-    table = undefined;
+    tables = undefined;
     postMessage({ id, error: error instanceof Error ? error.message : String(error) });
   }
 }
 
 /** What all lights of the photo share, computed once for each photo. */
-function cachedBase(sky: SkyTable, { parameters: _, ...ofPhoto }: SkyRequest): LightBase {
+function cachedBase(sky: SkyTables, { parameters: _, ...ofPhoto }: SkyRequest): LightBase {
   const photo = JSON.stringify(ofPhoto);
-  if (last?.photo !== photo) last = { photo, base: prepareLight(sky, ofPhoto) };
+  if (last?.photo !== photo) last = { photo, base: prepareLight(sky.hosekWilkie, ofPhoto) };
   return last.base;
 }
 
 const sunDirection = ({ sun_azimuth, sun_elevation }: LightParameters): Vector => direction(sun_azimuth, sun_elevation);
 
-async function loadTable(): Promise<SkyTable> {
-  const response = await fetch(tableUrl).catch(() => undefined);
+async function loadTables(): Promise<SkyTables> {
+  const [hosekWilkie, prague] = await Promise.all([hosekWilkieUrl, pragueUrl].map(loadTable));
+  return { hosekWilkie: parseSkyTable(hosekWilkie as ArrayBuffer), prague: parsePragueTable(prague as ArrayBuffer) };
+}
+
+async function loadTable(url: string): Promise<ArrayBuffer> {
+  const response = await fetch(url).catch(() => undefined);
   if (!response?.ok)
     throw new Error("The table of the sky could not be loaded, so the light cannot be shown. Try again.");
-  return parseSkyTable(await response.arrayBuffer());
+  return response.arrayBuffer();
 }
