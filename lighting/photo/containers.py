@@ -41,13 +41,37 @@ _MAX_THUMBNAIL_SIDE = 640  # pixels along the longer side of a thumbnail that do
 _BIG_TIFF, _CLASSIC_TIFF = 43, 42  # in the header of a TIFF with offsets of 64 and of 32 bits
 _INTEGER_TYPES = {3: "H", 4: "I", 13: "I", 16: "Q", 18: "Q"}  # a tag's types of whole numbers, as struct names them
 
+_GPS, _INTEROPERABILITY = 0x8825, 0xA005
+_TAG_TYPES = {
+    1: 1,
+    2: 1,
+    3: 2,
+    4: 4,
+    5: 8,
+    6: 1,
+    7: 1,
+    8: 2,
+    9: 4,
+    10: 8,
+    11: 4,
+    12: 8,
+    13: 4,
+    16: 8,
+    17: 8,
+    18: 8,
+}  # bytes
+_BYTE_TYPES = (1, 2, 7)  # of which Pillow makes one object, whatever their number
+_MAX_NUMBER_BYTES = 1 << 21  # of a picture's own directory: a large TIFF lists its strips, a DNG its color tables
+_MAX_EXIF_NUMBER_BYTES = 1 << 16  # of its EXIF and GPS directories, which hold a few hundred
+
 _Tags = dict[int, tuple[int, ...]]
 
 # JPEG
 _MAX_SCANS = 40  # libjpeg writes 10 of a color picture and 18 of a CMYK one, mozjpeg's search ends at about as many
 _MAX_SEGMENTS = 4096  # 64 MB need 1,000 of full length; Pillow takes microseconds for each
+_MAX_EXIF_SEGMENTS = 16  # Pillow copies all of them for each one more
 
-_SOI, _EOI, _SOS = 0xD8, 0xD9, 0xDA
+_SOI, _EOI, _SOS, _APP1 = 0xD8, 0xD9, 0xDA, 0xE1
 _SEQUENTIAL = (0xC0, 0xC1, 0xC9)  # SOF0 and SOF1, and SOF9 with arithmetic coding
 _FRAMES = (*_SEQUENTIAL, 0xC2, 0xC3, 0xC5, 0xC6, 0xC7, 0xCA, 0xCB, 0xCD, 0xCE, 0xCF)
 _DCT = (0xC0, 0xC1, 0xC2)  # what any decoder reads
@@ -99,6 +123,19 @@ class _Layout:
     tag: struct.Struct  # a tag's number, type, count of values, and the values or their offset
 
 
+@dataclass(frozen=True)
+class _DirectoryCost:
+    """What Pillow would make of a directory."""
+
+    tags: int
+    size: int  # bytes of numbers
+    inner: list[tuple[int, int]]  # positions of the tags that name other directories, and of these
+
+    def is_moderate(self, limit: int) -> bool:
+        """Whether there is as little as photos have, with `limit` bytes of numbers."""
+        return self.tags <= _MAX_TAGS and self.size <= limit
+
+
 def photo_page(data: bytes) -> _Page | None:
     """The page that is the photo, where that is not the first; None for all other bytes, damaged ones too.
 
@@ -118,12 +155,12 @@ def photo_page(data: bytes) -> _Page | None:
     return _Page(layout.offset.pack(offset), first_offset, _ORIENTATION in tags, _EXIF in tags)
 
 
-def _layout(data: bytes) -> _Layout | None:
-    order = {b"II": "<", b"MM": ">"}.get(data[:2])
+def _layout(data: bytes | memoryview) -> _Layout | None:
+    order = {b"II": "<", b"MM": ">"}.get(bytes(data[:2]))
     if order is None or len(data) < 16:
         return None
     formats = {_CLASSIC_TIFF: ("I", "H", "HHI4s"), _BIG_TIFF: ("Q", "Q", "HHQ8s")}
-    fields = formats.get(struct.unpack_from(order + "H", data, 2)[0])
+    fields = formats.get(max(data[2:4]))  # whichever comes first, as Pillow reads it
     return None if fields is None else _Layout(order, *(struct.Struct(order + field) for field in fields))
 
 
@@ -156,7 +193,7 @@ def _directory(data: bytes, offset: int, layout: _Layout) -> tuple[_Tags, int]:
     return tags, following
 
 
-def _values(data: bytes, layout: _Layout, kind: int, count: int, inside: bytes) -> tuple[int, ...]:
+def _values(data: bytes | memoryview, layout: _Layout, kind: int, count: int, inside: bytes) -> tuple[int, ...]:
     """The first _MAX_PAGES values of a tag, which are inside it if they have room."""
     numbers = struct.Struct(f"{layout.order}{min(count, _MAX_PAGES)}{_INTEGER_TYPES[kind]}")
     if count * struct.calcsize(layout.order + _INTEGER_TYPES[kind]) <= len(inside):
@@ -195,8 +232,68 @@ def _first_value(tags: _Tags, tag: int) -> int:
     return next(iter(tags.get(tag, ())), 0)
 
 
+def without_costly_exif(data: bytes) -> bytes:
+    """A TIFF without those of its EXIF and GPS directories that are not moderate; other bytes as they are.
+
+    Args:
+        data: of any file; PhotoError for a TIFF whose own first directory is not moderate.
+    """
+    if (layout := _layout(data)) is None:
+        return data
+    first = _first_directory_cost(data, layout)
+    if not first.is_moderate(_MAX_NUMBER_BYTES):
+        raise PhotoError("The TIFF has more tags, or more numbers in them, than any camera or editor writes.")
+    costly = [entry for entry, offset in first.inner if not _is_moderate_exif(data, offset, layout)]
+    if costly:
+        changed = bytearray(data)
+        for entry in costly:
+            changed[entry + 2 : entry + 4] = b"\0\0"  # a type of tag that there is not: the tag counts as absent
+        return bytes(changed)
+    return data
+
+
+def is_moderate(block: bytes | memoryview) -> bool:
+    """Whether a photo's own, EXIF and GPS directories hold few enough tags and numbers to be read at little cost.
+
+    Pillow makes an object of each number: 64 MB of them would become gigabytes. Damaged directories pass.
+
+    Args:
+        block: of a TIFF or of an EXIF block, without a prefix; other bytes pass.
+    """
+    if (layout := _layout(block)) is None:
+        return True
+    first = _first_directory_cost(block, layout)
+    inner = all(_is_moderate_exif(block, offset, layout) for _, offset in first.inner)
+    return inner and first.is_moderate(_MAX_NUMBER_BYTES)
+
+
+def _is_moderate_exif(block: bytes | memoryview, offset: int, layout: _Layout) -> bool:
+    return _directory_cost(block, offset, layout).is_moderate(_MAX_EXIF_NUMBER_BYTES)
+
+
+def _first_directory_cost(block: bytes | memoryview, layout: _Layout) -> _DirectoryCost:
+    (offset,) = layout.offset.unpack_from(block, layout.offset.size)
+    return _directory_cost(block, offset, layout)
+
+
+def _directory_cost(block: bytes | memoryview, offset: int, layout: _Layout) -> _DirectoryCost:
+    size, inner = 0, list[tuple[int, int]]()
+    try:
+        (count,) = layout.count.unpack_from(block, offset)
+        begin = offset + layout.count.size
+        for entry in range(begin, begin + min(count, _MAX_TAGS) * layout.tag.size, layout.tag.size):
+            tag, kind, values, inside = layout.tag.unpack_from(block, entry)
+            length = 0 if kind in _BYTE_TYPES else values * _TAG_TYPES.get(kind, 0)
+            size += length if length <= len(block) else 0  # Pillow leaves out what cannot be there
+            if tag in (_EXIF, _GPS, _INTEROPERABILITY) and kind in _INTEGER_TYPES:
+                inner.append((entry, _values(block, layout, kind, 1, inside)[0]))
+    except (struct.error, OverflowError):  # it ends behind the file's end
+        count = 0
+    return _DirectoryCost(count, size, inner)
+
+
 def check_scans(data: bytes) -> None:
-    """Raise PhotoError for a JPEG of more than 40 scans or 4096 segments; other bytes pass.
+    """Raise PhotoError for a JPEG of more than 40 scans, 16 EXIF or 4096 segments of any kind; other bytes pass.
 
     What follows the scan of a picture that is decoded row by row is not read: a decoder refuses another scan.
 
@@ -205,8 +302,11 @@ def check_scans(data: bytes) -> None:
     """
     if not data.startswith(b"\xff\xd8\xff"):
         return
-    scans, frame = 0, None
+    scans, blocks, frame = 0, 0, None
     for number, (marker, position) in enumerate(_segments(data), 1):
+        blocks += marker == _APP1 and data[position + 4 : position + 8] == b"Exif"
+        if blocks > _MAX_EXIF_SEGMENTS:
+            raise PhotoError(f"The JPEG has more than {_MAX_EXIF_SEGMENTS} EXIF segments, which no camera writes.")
         if number > _MAX_SEGMENTS:
             raise PhotoError(f"The JPEG has more than {_MAX_SEGMENTS} segments, which no camera or editor writes.")
         frame = position if marker in _FRAMES else frame
@@ -299,7 +399,7 @@ def is_raw(data: bytes) -> bool:
     """
     if data.startswith(_RAW_STARTS) or data[4:12] == b"ftypcrx ":
         return True
-    if not data.startswith(_TIFF_STARTS):
+    if not data.startswith(_TIFF_STARTS) or not is_moderate(data):
         return False
     try:
         tags = Image.open(BytesIO(data), formats=["TIFF"]).getexif()
@@ -339,7 +439,7 @@ def open_exif_source(data: bytes, preview: Image.Image) -> Image.Image:
         preview: opened.
     """
     try:
-        return Image.open(BytesIO(data), formats=["TIFF"])
+        return Image.open(BytesIO(data), formats=["TIFF"]) if is_moderate(data) else preview
     except Exception:
         return preview
 

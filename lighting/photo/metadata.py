@@ -14,7 +14,17 @@ from PIL import ExifTags, Image
 
 import lighting.photo.imu as imu
 from lighting.photo.clock import read_clock, read_gps_time
-from lighting.photo.tags import Tags, read_ifd, read_iptc, read_main_tags, read_number, read_text, read_xmp, try_read
+from lighting.photo.tags import (
+    Tags,
+    read_exif,
+    read_ifd,
+    read_iptc,
+    read_main_tags,
+    read_number,
+    read_text,
+    read_xmp,
+    try_read,
+)
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, to which 35 mm equivalents refer
 
@@ -103,7 +113,7 @@ def read_orientation(image: Image.Image) -> int | None:
         image: opened by Pillow.
     """
     try:
-        value = image.getexif().get(ExifTags.Base.Orientation)
+        value = read_exif(image).get(ExifTags.Base.Orientation)
     except Exception:  # EXIF is hostile input
         return None
     return value if isinstance(value, int) else None

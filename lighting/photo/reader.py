@@ -235,6 +235,7 @@ def open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     kind = heif_kind(data)
     containers.check_scans(data)
     containers.check_chunks(data)
+    data = containers.without_costly_exif(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:

@@ -3,15 +3,31 @@
 import math
 import struct
 from collections.abc import Callable, Mapping
+from io import BytesIO
 from typing import Any, TypeVar
 from xml.parsers import expat
 
 from PIL import Image, ImageFile
 
+from lighting.photo.containers import is_moderate
+
 Tags = Mapping[int, Any]
 _Value = TypeVar("_Value")
 
+_IPTC_TAG = 33723  # of a TIFF
+_MAX_IPTC_LENGTH = 1 << 16  # bytes, or numbers of four bytes, that are read; a segment of a JPEG has as many
 _MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
+
+
+def read_exif(image: Image.Image) -> Image.Exif:
+    """An image's EXIF as Pillow reads it; an empty one in place of one that is costly to read.
+
+    Args:
+        image: opened by Pillow.
+    """
+    exif = image.getexif()
+    block = getattr(exif, "fp", None)  # what Pillow reads it from: the block, or a TIFF itself
+    return exif if not isinstance(block, BytesIO) or is_moderate(block.getbuffer()) else Image.Exif()
 
 
 def read_ifd(image: Image.Image, ifd: int) -> Tags:
@@ -22,7 +38,7 @@ def read_ifd(image: Image.Image, ifd: int) -> Tags:
         ifd: number of the directory, of `ExifTags.IFD`.
     """
     try:
-        return dict(image.getexif().get_ifd(ifd))
+        return dict(read_exif(image).get_ifd(ifd))
     except Exception:  # Pillow raises nearly anything on hostile bytes
         return {}
 
@@ -34,7 +50,7 @@ def read_main_tags(image: Image.Image) -> Tags:
         image: opened by Pillow.
     """
     try:
-        return dict(image.getexif())
+        return dict(read_exif(image))
     except Exception:  # as above
         return {}
 
@@ -49,6 +65,8 @@ def read_iptc(image: Image.Image) -> Mapping[Any, Any]:
     if not (has_iptc and isinstance(image, ImageFile.ImageFile)):
         return {}
     try:
+        if len(getattr(image, "tag_v2", {}).get(_IPTC_TAG, ())) > _MAX_IPTC_LENGTH:
+            return {}
         from PIL.IptcImagePlugin import getiptcinfo
 
         return getiptcinfo(image) or {}

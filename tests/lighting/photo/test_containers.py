@@ -15,13 +15,17 @@ from PIL import ExifTags, Image
 from lighting.errors import PhotoError, PhotoTooLargeError
 from lighting.photo.containers import (
     _MAX_CHUNKS,
+    _MAX_EXIF_NUMBER_BYTES,
+    _MAX_EXIF_SEGMENTS,
     _MAX_PAGES,
     _MAX_SCANS,
     _MAX_SEGMENTS,
+    _MAX_TAGS,
     check_chunks,
     check_scans,
     dct_coefficients_per_pixel,
     embedded_preview,
+    is_moderate,
     is_raw,
     photo_page,
     webp_size,
@@ -398,3 +402,83 @@ def test_a_large_one_is_refused_as_too_large(read: Any) -> None:
     """In a process of its own, too, where the decoder has no memory to open it."""
     with pytest.raises(PhotoTooLargeError, match=r"The WebP of 11300 x 11300 pixels has more than its limit"):
         read(LARGE)
+
+
+# EXIF and directories that are costly to read.
+
+
+def exif_block(tags: int, numbers: int, pointer: int = ExifTags.IFD.Exif) -> bytes:
+    """An EXIF block: a time in the picture's own directory, and in another one tags that share some rationals."""
+    values = 8 + 2 + 12 * 2 + 4 + 2 + 12 * (tags + 1) + 4
+    own = [(ExifTags.Base.Orientation, 3, 1, 6), (pointer, 4, 1, 8 + 2 + 12 * 2 + 4)]
+    time = (ExifTags.Base.DateTimeOriginal, 2, 20, values)
+    rationals = [(40_000 + i % 20_000, 5, numbers, values + 20) for i in range(tags)]
+    directories = [struct.pack("<H", len(part)) + b"".join(struct.pack("<HHII", *tag) for tag in part) + bytes(4)
+                   for part in (own, [time, *rationals])]  # fmt: skip
+    return b"II*\0\x08\0\0\0" + b"".join(directories) + b"2024:06:01 09:10:00\0" + b"\1\0\0\0" * 2 * numbers
+
+
+COSTLY = [exif_block(_MAX_TAGS, 1), exif_block(1, _MAX_EXIF_NUMBER_BYTES // 8 + 1), exif_block(900, 5000)]
+
+
+@pytest.mark.parametrize("file_format", ["WEBP", "PNG", "AVIF", "JPEG"])
+@pytest.mark.parametrize("block", COSTLY[:1])
+def test_a_costly_exif_block_counts_as_absent(file_format: str, block: bytes) -> None:
+    photo = read_photo(encode(scene(64, 48), file_format, exif=b"Exif\0\0" + block))
+    assert photo.metadata.local_time is None
+    modest = b"Exif\0\0" + exif_block(_MAX_TAGS - 1, 1)
+    assert read_photo(encode(scene(64, 48), file_format, exif=modest)).metadata.local_time is not None
+
+
+@pytest.mark.parametrize("pointer", [ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo])
+def test_what_is_costly(pointer: int) -> None:
+    for tags, numbers in ((_MAX_TAGS - 1, 8), (1, _MAX_EXIF_NUMBER_BYTES // 8), (0, 0)):
+        assert is_moderate(exif_block(tags, numbers, pointer))
+    for block in COSTLY:
+        for start in (b"II*\0", b"II\0*"):  # Pillow reads both
+            changed = start + block[4:]
+            assert not is_moderate(changed.replace(struct.pack("<H", ExifTags.IFD.Exif), struct.pack("<H", pointer), 1))
+    for data in (b"", b"II*\0", COSTLY[0][:200], b"II*\0" + bytes(100), b"MM\0+" + b"\xff" * 60):
+        assert is_moderate(data)
+
+
+def test_a_number_of_values_that_cannot_be_costs_nothing() -> None:
+    """As damage makes it: the other tags still count."""
+    damaged = bytearray(exif_block(3, 1))
+    at = damaged.index(struct.pack("<HHI", 40_001, 5, 1))
+    damaged[at + 4 : at + 8] = b"\xff" * 4
+    photo = read_photo(encode(scene(64, 48), "WEBP", exif=b"Exif\0\0" + bytes(damaged)))
+    assert photo.metadata.local_time is not None
+
+
+def test_a_tiff_with_costly_exif_is_read_without_it() -> None:
+    for block, known in ((exif_block(1, 8), True), (COSTLY[1], False), (COSTLY[2], False)):
+        data = encode(scene(64, 48), "TIFF")
+        start = len(data) + len(data) % 2
+        first = struct.unpack_from("<I", data, 4)[0]
+        (count,) = struct.unpack_from("<H", data, first)
+        own = data[first + 2 : first + 2 + 12 * count] + struct.pack(
+            "<HHII", ExifTags.IFD.Exif, 4, 1, start + 34 + 100_000
+        )
+        directory = struct.pack("<H", count + 1) + own + bytes(4)
+        moved = bytearray(block[38:])
+        for tag in range(struct.unpack_from("<H", moved)[0]):  # their values move with the block
+            (offset,) = struct.unpack_from("<I", moved, 2 + 12 * tag + 8)
+            struct.pack_into("<I", moved, 2 + 12 * tag + 8, offset - 38 + start + 34 + 100_000)
+        whole = data[:4] + struct.pack("<I", start) + data[8:].ljust(start - 8, b"\0") + directory
+        photo = read_photo(whole.ljust(start + 34 + 100_000, b"\0") + bytes(moved))
+        assert np.array_equal(photo.pixels, scene(64, 48))
+        assert (photo.metadata.local_time is not None) == known
+
+
+def test_a_tiff_of_very_many_tags_is_refused() -> None:
+    tags = b"".join(struct.pack("<HHII", 30_000 + i, 4, 1, 0) for i in range(_MAX_TAGS + 1))
+    with pytest.raises(PhotoError, match=r"more tags, or more numbers in them, than any camera or editor writes\.$"):
+        read_photo(b"II*\0\x08\0\0\0" + struct.pack("<H", _MAX_TAGS + 1) + tags + bytes(4))
+
+
+def test_many_exif_segments_are_refused() -> None:
+    data, segment = encode(scene(64, 48)), b"\xff\xe1\0\x10Exif\0\0" + bytes(8)
+    assert read_photo(data[:2] + _MAX_EXIF_SEGMENTS * segment + data[2:]).width == 64
+    with pytest.raises(PhotoError, match=r"more than 16 EXIF segments, which no camera writes\.$"):
+        read_photo(data[:2] + (_MAX_EXIF_SEGMENTS + 1) * segment + data[2:])
