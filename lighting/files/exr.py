@@ -48,7 +48,13 @@ _THREADS = 4  # beyond which packing gets no faster
 _EFFORT = 1  # of ZIP, 1 to 9: a third less work than OpenEXR's own 4, for a seventh more bytes
 _BUFFER_BYTES = 1 << 20  # written at once; OpenEXR writes each 16 rows, with their offset and size, by themselves
 _NOT_PLAIN = 0x1A00  # version flags of tiled, deep and multi-part files
+_DEEP = 0x800  # version flag of files with any number of samples a pixel
+MAX_READ_PIXELS = 64_000_000  # of a picture that is read: twice those of the largest map, and a camera's
+_MAX_READ_BYTES = 1 << 30  # of all its channels as 32-bit numbers
 _MAX_CHUNKS = 1 << 16  # of a file, each of a row or more: a map of more rows would hold 100 GB
+_UNREADABLE = (  # OpenEXR's own words are of buffers, parts and codecs
+    "The EXR file cannot be read: it is damaged or of an unknown kind."
+)
 _SET_EFFORT = "_ZN7Imf_3_529setDefaultZipCompressionLevelEi"  # Imf::setDefaultZipCompressionLevel(int) of OpenEXR 3.5
 
 
@@ -198,19 +204,21 @@ def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
     """The pixels (H, W, 3) of an EXR file in linear Rec.709, and the lighting in its header or None.
 
     Args:
-        source: path or binary stream of a whole file with R, G and B, half or float, else EnvironmentMapError.
+        source: path or binary stream of a whole file with R, G and B, half or float, else EnvironmentMapError. So for
+            more than 64 million pixels, or more than a gigabyte of all channels.
     """
     data = _read(source)
     if not _is_whole(data):
         raise EnvironmentMapError("The EXR file is cut short or damaged.")
+    _check_exr_size(data)
     header, channels = _decode(data)
     missing = [name for name in "RGB" if name not in channels]
     if missing:
         raise EnvironmentMapError(f"The EXR file has no channel {', '.join(missing)}; it needs R, G and B.")
-    planes = [np.asarray(channels[name].pixels, dtype=np.float32) for name in "RGB"]
+    planes = [channels[name].pixels for name in "RGB"]
     if len({plane.shape for plane in planes}) > 1:
         raise EnvironmentMapError("The EXR file's channels R, G and B differ in size.")
-    return _in_rec709(np.stack(planes, axis=-1), header), _lighting_in(header)
+    return _in_rec709(np.stack(planes, axis=-1, dtype=np.float32), header), _lighting_in(header)
 
 
 def _in_rec709(pixels: Image, header: Mapping[str, Any]) -> Image:
@@ -336,6 +344,38 @@ def _read(source: WriteTarget) -> bytes:
         raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error
 
 
+def check_read_size(width: int, height: int, kind: str) -> None:
+    """Raise EnvironmentMapError for a picture of more pixels than are read.
+
+    Args:
+        width: pixels.
+        height: pixels.
+        kind: of file, for the sentence.
+    """
+    if width * height > MAX_READ_PIXELS:
+        limit = f"the limit of {MAX_READ_PIXELS / 1e6:g} million"
+        raise EnvironmentMapError(f"The {kind} of {width} x {height} pixels has more than {limit}.")
+
+
+def _check_exr_size(data: bytes) -> None:
+    """Raise EnvironmentMapError for an EXR whose headers announce more than is read, before anything is decoded."""
+    import OpenEXR
+
+    if int.from_bytes(data[4:8], "little") & _DEEP:
+        raise EnvironmentMapError("The EXR file is a deep picture, which is not read.")
+    try:
+        headers = [part.header for part in OpenEXR.File(io.BytesIO(data), header_only=True).parts]
+        corners = [np.asarray(header["dataWindow"], dtype=np.int64) for header in headers]
+        counts = [len(header["channels"]) for header in headers]
+    except (RuntimeError, ValueError, TypeError, KeyError) as error:
+        raise EnvironmentMapError(_UNREADABLE) from error
+    sizes = [(last - first + 1).tolist() for first, last in corners]
+    for width, height in sizes:
+        check_read_size(width, height, "EXR file")
+    if sum(4 * width * height * count for (width, height), count in zip(sizes, counts, strict=True)) > _MAX_READ_BYTES:
+        raise EnvironmentMapError(f"The EXR file's {sum(counts)} channels take more than a gigabyte, the limit.")
+
+
 def _decode(data: bytes) -> tuple[_Attributes, _Attributes]:
     """The header, and the channels by their names."""
     import OpenEXR
@@ -344,8 +384,7 @@ def _decode(data: bytes) -> tuple[_Attributes, _Attributes]:
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
         return file.header(), file.channels()
     except (RuntimeError, ValueError, TypeError) as error:
-        # OpenEXR's own words are of buffers, parts and codecs
-        raise EnvironmentMapError("The EXR file cannot be read: it is damaged or of an unknown kind.") from error
+        raise EnvironmentMapError(_UNREADABLE) from error
 
 
 def _is_whole(data: bytes) -> bool:

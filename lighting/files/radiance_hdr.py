@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
-from lighting.files.exr import SOFTWARE, WriteTarget, check_envmap, open_target
+from lighting.files.exr import SOFTWARE, WriteTarget, check_envmap, check_read_size, open_target
 from lighting.geometry import Floats
 from lighting.records import Lighting
 
 HDR_MAGIC = b"#?"
 _MIN_VALUE = 1e-38  # what RGBE cannot hold becomes black
 _MAX_RUN = 127  # of the run-length code
-_SIZE = re.compile(rb"-Y (\d+) \+X (\d+)\n")
+_SIZE = re.compile(rb"-Y (\d{1,9}) \+X (\d{1,9})\n")
 _XYZ = re.compile(rb"^FORMAT=\s*32-bit_rle_xyze\s*$", re.MULTILINE)
 _EXPOSURE = re.compile(rb"^EXPOSURE=\s*([0-9.eE+-]+)\s*$", re.MULTILINE)
 
@@ -83,6 +83,7 @@ def decode_hdr(data: bytes) -> NDArray[np.float32]:
     if _XYZ.search(data, 0, size.start()):
         raise EnvironmentMapError("The HDR picture holds X, Y and Z in place of red, green and blue.")
     height, width = int(size[1]), int(size[2])
+    check_read_size(width, height, "HDR picture")
     try:
         exposure = _exposure(data[: size.start()])
         pixels = _decode_rgbe(data, size.end(), height, width)

@@ -5,6 +5,7 @@ import io
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -510,3 +511,38 @@ def test_header_of_the_strength_of_the_light(rounded_map: NDArray[np.float32]) -
     assert header["lighting.sky_model"] == "hosek-wilkie"
     assert "lighting.ground_color" not in header
     assert read_exr(io.BytesIO(stream.getvalue()))[1] == known
+
+
+# Pictures that unpack to more than a computer holds
+
+
+@pytest.mark.parametrize(("width", "height", "refused"), [(16000, 8000, True), (8001, 8000, True), (32, 16, False)])
+def test_what_a_header_announces_is_limited(width: int, height: int, refused: bool) -> None:
+    """A few kilobytes can hold gigabytes of zeros."""
+    stream = io.BytesIO()
+    write_exr(stream, np.zeros((16, 32, 3), np.float32))
+    window = b"dataWindow\0box2i\0\x10\0\0\0"
+    first, _, rest = stream.getvalue().partition(window)
+    changed = first + window + struct.pack("<4i", 0, 0, width - 1, height - 1) + rest[16:]
+    if not refused:
+        assert read_exr(io.BytesIO(changed))[0].shape == (height, width, 3)
+        return
+    words = f"of {width} x {height} pixels has more than the limit of 64 million"
+    with pytest.raises(EnvironmentMapError, match=words):
+        read_exr(io.BytesIO(changed))
+
+
+def test_many_channels_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    plane = np.zeros((8, 16), np.float32)
+    names = ["R", "G", "B", "A", *(f"c{i}" for i in range(36))]
+    file = encoded(dict.fromkeys(names, plane))
+    monkeypatch.setattr("lighting.files.exr._MAX_READ_BYTES", 4 * plane.size * len(names))
+    assert read_exr(io.BytesIO(file))[0].shape == (8, 16, 3)
+    monkeypatch.setattr("lighting.files.exr._MAX_READ_BYTES", 4 * plane.size * len(names) - 1)
+    with pytest.raises(EnvironmentMapError, match="40 channels take more than a gigabyte"):
+        read_exr(io.BytesIO(file))
+
+
+def test_a_deep_picture_is_refused(data: bytes) -> None:
+    with pytest.raises(EnvironmentMapError, match="a deep picture"):
+        read_exr(io.BytesIO(data[:5] + b"\x08" + data[6:]))
