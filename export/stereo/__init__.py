@@ -57,7 +57,7 @@ def _onnx(run: Path, version: str, out: Path | None) -> None:
 def _evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, ...]) -> None:
     """Print how far normals are off on shapes and latitudes that training never saw; a quarter of an hour.
 
-    Tables: seasons, wrong, photos, heading, turbidity, gloss.
+    Tables: seasons, wrong, photos, heading, turbidity, gloss, expected.
     """
     from export.stereo.evaluate import TABLES
     from export.stereo.evaluate import evaluate_normals as run

@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from export.stereo.dataset import CaptureDay, utc_times
 from export.stereo.renders import Material, Subject, cast_shadows, read_subjects, shade_surface
+from export.stereo.surfaces import Surface, is_held_out, random_rotation
+from export.stereo.traced import trace_mesh
 from lighting.errors import LightingError
 from lighting.geometry import Floats
 from lighting.stereo.grid_search import camera_to_world, world_to_camera
@@ -23,7 +25,14 @@ from lighting.stereo.light_vectors import Skies, illumination_matrices
 from lighting.stereo.network import Network
 from lighting.stereo.output import depth_error, integrate_normals
 from lighting.stereo.schedule import gray_skies
-from lighting.stereo.solver import Session, apply_network, fit_turbidity, solve_normals, solve_with_planes
+from lighting.stereo.solver import (
+    Session,
+    add_model_error,
+    apply_network,
+    fit_turbidity,
+    solve_normals,
+    solve_with_planes,
+)
 
 # Simulated sessions: a shape photographed over a day, solved from what the photographer knows of it.
 
@@ -53,6 +62,7 @@ class Trial:
     clock_error: float = 0.0  # min
     turbidity_error: float = 0.0
     fitted: bool = False  # whether the turbidity is fitted to the photos
+    drift: float = 0.0  # share by which the last photo is darker than its EXIF says, the others in proportion
 
     def believed(self) -> CaptureDay:
         """The day as its photographer believes it to be."""
@@ -114,7 +124,7 @@ def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | No
     for subject, window in zip(subjects, windows, strict=True):
         mask[window] = subject.surface.mask
     noise = np.random.default_rng(7).normal(0, trial.noise * sheet.max(), sheet.shape).astype(np.float32)
-    images = np.maximum(sheet + noise, 0)
+    images = np.maximum(sheet + noise, 0) * _exposure_drift(trial, len(sheet))
 
     def solver_input(turbidity: float, height: int = 32) -> Session:
         skies = replace(believed, turbidity=turbidity).skies(height)
@@ -122,9 +132,13 @@ def run_session(subjects: Sequence[Subject], trial: Trial, network: Network | No
 
     turbidity = fit_turbidity(solver_input) if trial.fitted else believed.turbidity
     alone, planes = solve_with_planes(solver_input(turbidity, 64))
-    both = alone if network is None else apply_network(alone, network, planes)
+    both = add_model_error(alone if network is None else apply_network(alone, network, planes))
     placed = zip(subjects, windows, strict=True)
     return [_Result(s, alone.normal[at], both.normal[at], both.error[at]) for s, at in placed]
+
+
+def _exposure_drift(trial: Trial, count: int) -> Image:
+    return np.linspace(1, 1 - trial.drift, count, dtype=np.float32)[:, None, None, None]
 
 
 def _side_by_side(pictures: list[Image]) -> tuple[Image, list[tuple[slice, slice]]]:
@@ -165,8 +179,17 @@ _WRONG: dict[str, dict[str, Any]] = {
 }
 
 
-Table = Literal["seasons", "wrong", "photos", "heading", "turbidity", "gloss"]
+Table = Literal["seasons", "wrong", "photos", "heading", "turbidity", "gloss", "expected"]
 TABLES = get_args(Table)
+
+_UNEXPECTED: dict[str, dict[str, Any]] = {
+    "nothing wrong": {},
+    "cast shadows": {"shadows": True},
+    "gloss of 0.2": {"gloss": 0.2, "fitted": True},
+    "exposure that falls by 20 %": {"drift": 0.2, "fitted": True},
+    "exposure that falls by 50 %": {"drift": 0.5, "fitted": True},
+    "heading off by 180°": {"heading_error": 180.0, "fitted": True},
+}
 
 _CHANGES: dict[Table, tuple[str, dict[str, dict[str, Any]]]] = {
     "wrong": ("What is wrong", _WRONG),
@@ -200,7 +223,9 @@ def evaluate_normals(
         raise LightingError(f"{data} holds no scanned_objects and no meshes.")
     scanned = [subject for subject in coarse if subject.scale] or coarse
     for table in tables:
-        if table == "seasons":
+        if table == "expected":
+            _expected(data, scanned, network, say)
+        elif table == "seasons":
             _seasons(coarse if quick else list(read_subjects(data, FINE)), network, say)
         else:
             _table(*_CHANGES[table], scanned, network, say)
@@ -246,6 +271,36 @@ def _table(title: str, rows: dict[str, dict[str, Any]], shapes: Sequence[Subject
     for name, change in rows.items():
         cells = [_cell(run_session(shapes, _trial(season, change), network)) for season in range(len(SEASONS))]
         _row((name,), cells, say)
+
+
+def _expected(data: Path, shapes: Sequence[Subject], network: Network, say: Say) -> None:
+    """True and expected errors where the model is wrong, also of path-traced meshes that training never saw."""
+    say("\nMean error: true, expected; search and network, one channel\n")
+    say("| What is wrong | " + " | ".join(SEASONS) + " |")
+    say("|" + "---|" * (1 + len(SEASONS)))
+    for name, change in _UNEXPECTED.items():
+        results = [run_session(shapes, _trial(season, change), network) for season in range(len(SEASONS))]
+        _row((name,), [_means(season) for season in results], say)
+    for file in sorted((data / "meshes").glob("*.obj")):
+        if is_held_out(file):
+            results = [[_traced(file, day, network)] for day in SEASONS.values()]
+            _row((f"path-traced {file.stem}",), [_means(season) for season in results], say)
+
+
+def _means(results: Sequence[_Result]) -> str:
+    true = np.concatenate([result.errors()[1] for result in results])
+    expected = np.concatenate([result.expected[result.subject.surface.mask] for result in results])
+    return f"{true.mean():.0f}, {expected.mean():.0f}"
+
+
+def _traced(file: Path, day: CaptureDay, network: Network) -> _Result:
+    rng = np.random.default_rng(5)
+    skies = gray_skies(day.skies(64))
+    images, normals, mask = trace_mesh(file, random_rotation(rng), day, skies, _ALBEDO)
+    noise = rng.normal(0, 0.01 * images.max(), images.shape).astype(np.float32)
+    solved = solve_normals(Session(np.maximum(images + noise, 0), mask, skies, day.pose), network=network)
+    subject = Subject(file.stem, "path-traced meshes", Surface(normals, np.zeros(mask.shape, np.float32), mask))
+    return _Result(subject, solved.normal, solved.normal, solved.error)
 
 
 def _trial(season: int, change: dict[str, Any]) -> Trial:

@@ -185,10 +185,61 @@ def _check_static_camera(images: Pixels, names: Sequence[str]) -> None:
     Edges are compared by phase correlation (Kuglin and Hines, 1975); only a shift that fits far better counts, since
     shadows move too.
     """
-    spectra = [_edge_spectrum(_shrink_image(image)) for image in images]
-    for name, pair in zip(names[1:], pairwise(spectra), strict=True):
+    small = [_shrink_image(image) for image in images]
+    for name, pair in zip(names[1:], pairwise(small), strict=True):
         if (shift := _measure_shift(*pair)) > _MAX_SHIFT:
             raise PhotoError(f"{name} is shifted by {100 * shift:.1f} % of its size; the camera must not move.")
+
+
+_TILES = 4  # each way, that are compared by themselves
+_TILE_REACH = 12  # pixels that a tile is looked for, at most a quarter of it
+_MIN_TILE = 24  # pixels, of a tile's side
+_MIN_TILE_PEAK = 0.1  # of the correlation of a tile with itself, for a shift that counts
+_MIN_TILES = 4  # that must show a clear shift
+_MIN_AGREEMENT = 0.7  # of these, that show the same one
+_MIN_SHIFT = 0.7  # pixels, from where on a small move is told
+
+
+def _moved_names(images: Pixels, names: Sequence[str]) -> list[str]:
+    """Names of photos of several (T, H, W) that are shifted by a pixel or more against the one before them."""
+    moved = []
+    for name, (before, after) in zip(names[1:], pairwise(images), strict=True):
+        shifts = _tile_shifts(before, after)
+        if len(shifts) < _MIN_TILES:
+            continue
+        middle = np.median(shifts, axis=0)
+        agree = np.mean(np.hypot(*(shifts - middle).T) <= 1)
+        if np.hypot(*middle) >= _MIN_SHIFT and agree >= _MIN_AGREEMENT:
+            moved.append(name)
+    return moved
+
+
+def _tile_shifts(before: Pixels, after: Pixels) -> NDArray[Any]:
+    """Shifts (N, 2) [pixels, down and right] of the tiles that show one clearly, by phase correlation of edges."""
+    rows, columns = (side // _TILES for side in before.shape)
+    shifts = []
+    for row in range(_TILES):
+        for column in range(_TILES):
+            tile = np.s_[row * rows : (row + 1) * rows, column * columns : (column + 1) * columns]
+            shift = _tile_shift(before[tile], after[tile])
+            shifts += [] if shift is None else [shift]
+    return np.array(shifts).reshape(-1, 2)
+
+
+def _tile_shift(before: Pixels, after: Pixels) -> tuple[int, int] | None:
+    side = min(before.shape)
+    if side < _MIN_TILE:
+        return None
+    reach = min(_TILE_REACH, side // 4)
+    near = np.roll(_correlate_phase(after, before), (reach, reach), axis=(0, 1))[: 2 * reach + 1, : 2 * reach + 1]
+    row, column = np.unravel_index(int(near.argmax()), near.shape)
+    return (int(row) - reach, int(column) - reach) if near[row, column] > _MIN_TILE_PEAK else None
+
+
+def _correlate_phase(a: Pixels, b: Pixels) -> NDArray[Any]:
+    """Phase correlation (H, W) of the edges of two pictures, 1 at most."""
+    cross = _edge_spectrum(a) * np.conj(_edge_spectrum(b))
+    return np.asarray(np.fft.ifft2(cross / np.maximum(np.abs(cross), 1e-12)).real)
 
 
 def _shrink_image(image: Pixels) -> Pixels:
@@ -206,10 +257,9 @@ def _edge_spectrum(image: Pixels) -> NDArray[Any]:
     return np.asarray(np.fft.fft2((edges - edges.mean()) * window))
 
 
-def _measure_shift(a: NDArray[Any], b: NDArray[Any]) -> float:
+def _measure_shift(a: Pixels, b: Pixels) -> float:
     """How far the second picture is shifted against the first, as a share of the longer side; 0 where unclear."""
-    cross = a * np.conj(b)
-    peak = np.fft.ifft2(cross / np.maximum(np.abs(cross), 1e-12)).real
+    peak = _correlate_phase(a, b)
     row, column = np.unravel_index(int(peak.argmax()), peak.shape)
     height, width = peak.shape
     down, right = min(row, height - row), min(column, width - column)
@@ -351,7 +401,9 @@ def read_day_photos(
     headings = (m.heading for m in metadata if m.heading_reference == HeadingReference.TRUE)
     heading = next((degrees for degrees in headings if degrees is not None), None)
     focal_length = next((m.focal_length for m in metadata if m.vertical_fov is not None), None)  # not of cropped ones
-    warnings = (*sorted(doubts), *_photo_warnings(photos, lost), *_day_warnings(folder, names, images, unclipped))
+    moved = _moved_names(images.mean(axis=-1), names)
+    day = (*_day_warnings(folder, names, images, unclipped), *_move_warnings(moved))
+    warnings = (*sorted(doubts), *_photo_warnings(photos, lost), *day)
     return DayPhotos(names, images, times, unclipped, location, heading, focal_length, warnings)
 
 
@@ -414,6 +466,11 @@ def _photo_warnings(photos: list[_DayPhoto], lost: float) -> Iterator[str]:
         yield "Not every photo says its exposure; it is taken to be the same in all."
     if lost:
         yield f"{100 * lost:.1f} % of the pixels are clipped in a photo and left out."
+
+
+def _move_warnings(moved: Sequence[str]) -> Iterator[str]:
+    if moved:
+        yield f"The camera moved by a pixel or more before {', '.join(moved)}; edges get wrong normals."
 
 
 def _day_warnings(folder: Path, names: Sequence[str], images: Pixels, mask: NDArray[np.bool_]) -> Iterator[str]:

@@ -33,7 +33,16 @@ from lighting.stereo.grid_search import Pose, SearchProgress, camera_to_world, i
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, sun_directions
 from lighting.stereo.network import Network
 from lighting.stereo.schedule import gray_skies
-from lighting.stereo.solver import MIN_NOISE, NormalMap, Session, check_sun_moves, fit_turbidity, solve_normals
+from lighting.stereo.solver import (
+    MIN_NOISE,
+    NormalMap,
+    Session,
+    check_sun_moves,
+    find_other_heading,
+    fit_turbidity,
+    raise_error,
+    solve_normals,
+)
 from lighting.validation import check_location
 
 Image = NDArray[np.float32]
@@ -224,6 +233,8 @@ def depth_error(estimated: Floats, truth: Floats, mask: NDArray[np.bool_]) -> fl
 
 # From a folder of photos to its normals.
 
+_MAX_MISFIT = 0.002  # of the brightest pixel, that neighbours share beyond noise; exact skies leave half of it
+_MAX_HEADING_RATIO = 0.85  # of the unexplained, below which another heading is the better one
 _TURBIDITY_SKY_HEIGHT = 32  # rows of the skies that a turbidity is found with
 
 
@@ -291,13 +302,33 @@ def estimate_normals(
     pose = Pose(_heading(photos, options), options.pitch, options.roll)
     skies, turbidity = _skies(photos, options, pose)
     check_sun_moves(skies)
-    normals = solve_normals(Session(photos.images, photos.mask, skies, pose), options.noise, network, progress.pixels)
+    session = Session(photos.images, photos.mask, skies, pose)
+    normals, doubts = _doubt_model(session, solve_normals(session, options.noise, network, progress.pixels))
     diagonal = float(np.hypot(*photos.mask.shape))  # pixels
     focal = None if photos.focal_length is None else photos.focal_length / FULL_FRAME_DIAGONAL * diagonal
     record = _make_record(normals, photos.names) | {"times_utc": [str(time) for time in photos.times]}
     record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
     record |= {"sky": str(options.probes or "clear"), "turbidity": turbidity}
-    return NormalsResult(normals, pose, focal, record, photos.warnings)
+    return NormalsResult(normals, pose, focal, record, (*photos.warnings, *doubts))
+
+
+def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple[str, ...]]:
+    """Warn where the photos contradict the light that they were told, and expect more error of another heading."""
+    misfit = float(np.median(normals.misfit[normals.mask]))
+    if misfit < _MAX_MISFIT:
+        return normals, ()
+    warnings = [
+        f"The modelled light misses the photos by {100 * misfit:.1f} % of the brightest pixel beyond their noise: "
+        "check heading, times and place, exposure, the sky, and light between parts of the thing."
+    ]
+    other = find_other_heading(session)
+    if other.noise_ratio < _MAX_HEADING_RATIO:
+        warnings.append(
+            f"A heading of about {other.heading:.0f}° explains the photos better than the told "
+            f"{session.pose.heading % 360:.0f}°; normals would differ by {other.angle:.0f}°."
+        )
+        normals = raise_error(normals, other.angle)
+    return normals, tuple(warnings)
 
 
 def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None:
@@ -376,6 +407,7 @@ def _make_record(normals: NormalMap, names: Sequence[str]) -> Json:
         "pixels": int(normals.mask.sum()),
         "expected_error_median": round(float(np.median(error)), 2),
         "noise": round(normals.noise, 4),
+        "misfit": round(float(np.median(normals.misfit[normals.mask])), 4),
         "by_network": round(float(normals.network[normals.mask].mean()), 3),
         "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
     }

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import PhotoError
 from lighting.stereo.grid_search import (
@@ -35,6 +35,12 @@ _BRIGHT_QUANTILE = 0.999  # quantile that counts as the brightest pixel
 _NORMAL_PARAMETERS = 2  # numbers that a normal takes from a pixel's brightnesses, besides an albedo for each channel
 _COARSE_GRID_SIZE = 1000  # normals of the grid on which skies are compared
 _MIN_SKY_NOISE = 2e-3  # taken for the noise where skies are compared
+_MIN_WINDOW = 2  # pixels each way, over which residuals are averaged
+_WINDOW_SHARE = 1 / 128  # of the picture's longer side, the same
+_ERROR_BY_MISFIT = 160.0  # deg, by the root of a shared residual; fitted to path-traced sessions (export/stereo)
+_CHANCE = 2.0  # times the variance that noise alone leaves in an average, which is not counted
+_MAX_ERROR = 90.0  # deg
+_HEADING_STEP = 30.0  # deg, between the headings that are compared
 _MAX_ERROR_RATIO = 0.7  # times the search's expected error, below which the network's normal is taken
 _MIN_SUN_MOTION = np.radians(2.0)  # apart, for light to differ
 
@@ -57,6 +63,7 @@ class NormalMap:
     normal: Image  # (H, W, 3), unit vectors in the camera frame
     albedo: Image  # (H, W, C), relative: the brightest hundredth is 1
     error: Image  # (H, W), expected angle [deg] to the truth
+    misfit: Image  # (H, W), the residual that neighbours share, as a share of the brightest pixel; noise leaves none
     residual: Image  # (H, W), what the model misses of the photos, as a share of the brightest pixel
     network: NDArray[np.bool_]  # (H, W), where the network's normal was taken
     noise: float  # of the photos and the model together, as a share of the brightest pixel
@@ -81,7 +88,7 @@ def solve_normals(
         PhotoError: the mask is empty, or the images have no light.
     """
     normals, features = solve_with_planes(session, noise, progress)
-    return normals if network is None else apply_network(normals, network, features)
+    return add_model_error(normals if network is None else apply_network(normals, network, features))
 
 
 def solve_with_planes(
@@ -133,9 +140,96 @@ def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
 
 def _make_normal_map(mask: NDArray[np.bool_], result: SearchResult, noise: float) -> NormalMap:
     albedo = result.albedo / max(float(np.quantile(result.albedo, 0.99)), 1e-9)
+    misfit = shared_residual(_fill_mask(mask, result.difference), mask)
     planes = (result.normal, albedo.astype(np.float32), result.error, result.residual)
     normal, albedo, error, residual = (_fill_mask(mask, plane) for plane in planes)
-    return NormalMap(mask, normal, albedo, error, residual, np.zeros(mask.shape, dtype=bool), noise)
+    return NormalMap(mask, normal, albedo, error, misfit, residual, np.zeros(mask.shape, dtype=bool), noise)
+
+
+def shared_residual(difference: Image, mask: NDArray[np.bool_]) -> Image:
+    """Measure what the model misses of pixels and their neighbours alike.
+
+    The noise of pixels is independent and averages out; a wrong sun, a changed exposure or light between parts of the
+    surface do not.
+
+    Args:
+        difference: (H, W, T) images less what normal and albedo make of them.
+        mask: (H, W), the pixels that were solved.
+
+    Returns:
+        Standard deviation (H, W) for each degree of freedom, in the unit of the images; 0 outside the mask.
+    """
+    moments = difference.shape[2]
+    reach = max(_MIN_WINDOW, round(_WINDOW_SHARE * max(mask.shape)))
+    count = np.maximum(_sum_window(mask[..., None].astype(np.float32), reach)[..., 0], 1)
+    power = np.sum(np.square(_sum_window(difference, reach) / count[..., None]), axis=2)
+    many = mask & (count > 1)
+    own = (np.sum(np.square(difference), axis=2) - power)[many] / (1 - 1 / count[many])
+    noise = float(np.median(own)) if own.size else 0.0
+    shared = np.maximum(power - _CHANCE * noise / count, 0) / max(moments - 3, 1)
+    return np.asarray(np.sqrt(shared) * mask, dtype=np.float32)
+
+
+def _sum_window(planes: Image, reach: int) -> Image:
+    """Sums (H, W, N) over squares of 2 reach + 1 pixels."""
+    for axis in (0, 1):
+        margins = [(reach + 1, reach) if a == axis else (0, 0) for a in range(3)]
+        total = np.cumsum(np.pad(planes, margins), axis=axis, dtype=np.float64)
+        size = planes.shape[axis]
+        high = np.take(total, range(2 * reach + 1, 2 * reach + 1 + size), axis)
+        planes = (high - np.take(total, range(size), axis)).astype(np.float32)
+    return planes
+
+
+def add_model_error(normals: NormalMap) -> NormalMap:
+    """Add to the expected errors what a model that misses the photos costs.
+
+    Args:
+        normals: whose expected errors know of noise alone.
+    """
+    return raise_error(normals, _ERROR_BY_MISFIT * np.sqrt(normals.misfit))
+
+
+def raise_error(normals: NormalMap, angle: ArrayLike) -> NormalMap:
+    """Add an error that is independent of what is expected so far.
+
+    Args:
+        normals: raised within their mask.
+        angle: deg, one or (H, W).
+    """
+    error = np.minimum(np.hypot(normals.error, angle), _MAX_ERROR) * normals.mask
+    return replace(normals, error=error.astype(np.float32))
+
+
+@dataclass(frozen=True)
+class OtherHeading:
+    """A heading that explains the photos better than the one that was told."""
+
+    heading: float  # deg clockwise from true north
+    noise_ratio: float  # of what it leaves unexplained to what the one that was told leaves, under 1
+    angle: float  # deg, median between the normals of both
+
+
+def find_other_heading(session: Session) -> OtherHeading:
+    """Find the heading that explains the photos best among those _HEADING_STEP and more from the one that was told.
+
+    Args:
+        session: photos and their light.
+    """
+    pixels = _relative_pixels(session)
+    pixels = pixels[:: max(1, len(pixels) // _NOISE_PIXELS)]
+
+    def explain(heading: float) -> SearchResult:
+        pose = replace(session.pose, heading=heading)
+        return search_normals(pixels, make_candidates(session.skies, pose, _COARSE_GRID_SIZE), MIN_NOISE)
+
+    told = explain(session.pose.heading)
+    headings = session.pose.heading + np.arange(_HEADING_STEP, 360.0, _HEADING_STEP)
+    others = [(explain(float(heading)), float(heading) % 360) for heading in headings]
+    best, heading = min(others, key=lambda other: float(np.median(other[0].residual)))
+    ratio = float(np.median(best.residual)) / max(float(np.median(told.residual)), 1e-9)
+    cosine = np.clip(np.sum(best.normal * told.normal, axis=1), -1, 1)
+    return OtherHeading(heading, ratio, float(np.degrees(np.median(np.arccos(cosine)))))
 
 
 def _fill_mask(mask: NDArray[np.bool_], values: Image) -> Image:

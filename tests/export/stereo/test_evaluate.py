@@ -54,7 +54,7 @@ def test_a_row_changes_its_season() -> None:
 
 
 def test_every_table_has_a_name_and_a_folder_without_shapes_is_refused(tmp_path: Path) -> None:
-    assert TABLES == ("seasons", "wrong", "photos", "heading", "turbidity", "gloss")
+    assert TABLES == ("seasons", "wrong", "photos", "heading", "turbidity", "gloss", "expected")
     with pytest.raises(LightingError, match="no scanned_objects and no meshes"):
         evaluate_normals(tmp_path, cast(Network, None), print)
 

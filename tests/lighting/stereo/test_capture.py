@@ -18,6 +18,7 @@ from lighting.photo.linear import read_linear
 from lighting.stereo.capture import (
     _check_static_camera,
     _light_varies,
+    _moved_names,
     _read_day_photo,
     read_day_photos,
     read_nearest_skies,
@@ -26,7 +27,7 @@ from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, overcast_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
-from tests.helpers.skies import JUNE, LATITUDE, ball, gray_blocks, photos, write_photo
+from tests.helpers.skies import JUNE, LATITUDE, ball, gray_blocks, june_suns, photos, write_photo
 
 NOON = datetime(2024, 6, 21, 10)
 
@@ -347,3 +348,12 @@ def test_what_is_flat_is_not_varied_under_any_light() -> None:
     assert not _light_varies(photos(normals, mask, clear(), Pose()), mask)
     assert not _light_varies(np.zeros((3, 20, 20, 1), dtype=np.float32), mask)
     assert not _light_varies(np.ones((3, 20, 20, 1), dtype=np.float32), ~mask)
+
+
+@pytest.mark.parametrize(("down", "right", "seen"), [(0, 0, False), (0, 1, True), (-1, 0, True), (3, -2, True)])
+def test_a_camera_that_moved_by_a_pixel_is_seen(down: int, right: int, seen: bool) -> None:
+    normals, mask, _ = ball(160)
+    light = photos(normals, mask, clear_skies(june_suns()[[0, 3, 6]]), Pose())[..., 0]
+    images = light + 0.3 * gray_blocks(side=160) * ~mask
+    images[2] = np.roll(images[2], (down, right), axis=(0, 1))
+    assert _moved_names(images.astype(np.float32), ("a", "b", "c")) == (["c"] if seen else [])

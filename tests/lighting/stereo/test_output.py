@@ -84,7 +84,7 @@ def test_a_mesh_has_two_triangles_for_each_four_neighbours(tmp_path: Path) -> No
     up = np.zeros((3, 4, 3), np.float32)
     up[..., 2] = 1
     flat = np.zeros((3, 4), np.float32)
-    found = NormalMap(mask, up, np.ones((3, 4, 3), np.float32), flat, flat, np.zeros_like(mask), 0.01)
+    found = NormalMap(mask, up, np.ones((3, 4, 3), np.float32), flat, flat, flat, np.zeros_like(mask), 0.01)
     _write_mesh(tmp_path / "a.ply", np.zeros((3, 4, 3)), found)
     header = (tmp_path / "a.ply").read_bytes().split(b"end_header")[0]
     assert b"element vertex 11\n" in header
@@ -132,6 +132,23 @@ def test_a_day_becomes_normals_albedo_uncertainty_and_a_mesh(day: Path, tmp_path
     world = _read_day_photo(tmp_path / "out" / "normals_world.exr").pixels
     np.testing.assert_allclose(world[mask], camera_to_world(found[mask], Pose(20.0)), atol=1e-5)
     assert not found[~mask].any()
+
+
+def test_a_heading_that_is_opposite_is_noticed_and_doubted(day: Path) -> None:
+    right, wrong = (
+        estimate_normals(day, NormalsOptions(latitude=47, longitude=0, heading=heading, turbidity=3))
+        for heading in (20.0, 200.0)
+    )
+    assert not any("misses the photos" in warning for warning in right.warnings)
+    assert right.record["misfit"] < 0.002
+    assert wrong.record["misfit"] > 0.005
+    warning = next(w for w in wrong.warnings if "explains the photos better" in w)
+    assert "A heading of about 20°" in warning
+    assert "the told 200°" in warning
+    truth, mask, _ = ball()
+    off = float(np.mean(angles(wrong.map.normal[mask], truth[mask])))
+    assert off > 60
+    assert wrong.map.error[mask].mean() > 0.7 * off
 
 
 def test_the_mesh_holds_every_pixel_and_its_triangles_face_the_camera(day: Path, tmp_path: Path) -> None:

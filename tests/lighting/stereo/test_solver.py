@@ -1,5 +1,6 @@
 """Maps of normals, and the turbidity of a day."""
 
+from dataclasses import replace
 from typing import Any, cast
 
 import numpy as np
@@ -17,6 +18,8 @@ from lighting.stereo.solver import (
     apply_network,
     check_sun_moves,
     fit_turbidity,
+    raise_error,
+    shared_residual,
     solve_normals,
 )
 from tests.helpers.skies import angles, ball, june_suns, photos
@@ -70,7 +73,7 @@ class Fixed:
 def test_a_network_is_believed_where_it_is_clearly_the_surer(error: float, taken: bool) -> None:
     mask = np.array([[True, False]])
     flat = np.zeros((1, 2), np.float32)
-    found = NormalMap(mask, np.zeros((1, 2, 3), np.float32), flat[..., None], flat + 10, flat, ~mask & mask, 0.01)
+    found = NormalMap(mask, np.zeros((1, 2, 3), np.float32), flat[..., None], flat + 10, flat, flat, ~mask & mask, 0.01)
     planes = NormalFeatures(np.zeros((3, 6, 1, 2), np.float32), np.zeros((15, 1, 2), np.float32))
     both = apply_network(found, cast(Network, Fixed(error)), planes)
     assert both.network.tolist() == [[taken, False]]
@@ -87,3 +90,33 @@ def test_empty_masks_black_photos_and_equal_suns_are_refused() -> None:
         solve_normals(Session(0 * given.images, given.mask, given.skies, given.pose))
     with pytest.raises(PhotoError, match="same place"):
         check_sun_moves(given.skies.at(np.array([2, 2, 2])))
+
+
+def test_noise_shares_nothing_with_its_neighbours_and_a_wrong_model_does() -> None:
+    mask = np.zeros((60, 60), bool)
+    mask[5:50, 8:55] = True
+    noise = np.random.default_rng(0).normal(0, 0.02, (60, 60, 8)).astype(np.float32) * mask[..., None]
+    assert np.median(shared_residual(noise, mask)[mask]) < 0.002
+    alike = np.linspace(-1, 1, 8, dtype=np.float32) * mask[..., None]
+    alike *= 0.02 * np.sqrt(5 / np.sum(np.linspace(-1, 1, 8) ** 2))  # 0.02 for each of 8 - 3 degrees of freedom
+    shared = shared_residual(noise + alike, mask)
+    assert np.median(shared[mask]) == pytest.approx(0.02, rel=0.1)
+    assert not shared[~mask].any()
+
+
+def test_photos_that_darken_without_a_word_raise_what_is_expected() -> None:
+    given = session()
+    normals, mask, _ = ball(24)
+    fading = np.linspace(1, 0.5, len(given.images), dtype=np.float32)[:, None, None, None]
+    plain, faded = solve_normals(given), solve_normals(replace(given, images=given.images * fading))
+    off = np.median(angles(faded.normal[mask], normals[mask]))
+    assert off > 20
+    assert np.median(faded.misfit[mask]) > 3 * np.median(plain.misfit[mask])
+    assert np.median(faded.error[mask]) > np.median(plain.error[mask]) + 5
+
+
+def test_errors_add_as_independent_ones_do_and_end_at_a_right_angle() -> None:
+    mask = np.array([[True, True, False]])
+    flat = np.zeros((1, 3), np.float32)
+    found = NormalMap(mask, np.zeros((1, 3, 3), np.float32), flat[..., None], flat + 3, flat, flat, mask & ~mask, 0.01)
+    assert raise_error(found, np.array([[4.0, 200.0, 4.0]])).error.tolist() == [[5.0, 90.0, 0.0]]
