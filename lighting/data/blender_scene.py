@@ -5,8 +5,8 @@
 
 `python scene.py --save` does the same where the module bpy is installed. The light's units are those of the photo's
 linear values; +Z is up and the camera looks along +Y. The value "Native sky" in the world's nodes blends from the
-environment map (0) to Blender's own sky with the same sun and turbidity (1). Where the spot lies in the photo's shade,
-the sun lights the collection "Lit by the Sun" alone, which holds the ground.
+environment map (0) to Blender's own sky, that of Hosek and Wilkie, with the same sun and turbidity (1). Where the spot
+lies in the photo's shade, the sun lights the collection "Lit by the Sun" alone, which holds the ground.
 """
 
 import json
@@ -141,7 +141,8 @@ def _make_world(numbers: Json, environment: Any) -> Any:
     world = bpy.data.worlds.new("Sky of the photo")
     nodes, links = _clear_nodes(world)
     switch = nodes.new("ShaderNodeValue")
-    switch.label = switch.name = "Native sky"
+    switch.name = "Native sky"
+    switch.label = f"Native sky ({numbers['native']['model']}; map: {numbers['painted']})"
     switch.outputs[0].default_value = 0.0
     mix, output = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeOutputWorld")
     links.new(switch.outputs[0], mix.inputs[0])

@@ -1,7 +1,7 @@
 """A scene for Blender: a script that builds it and, if the module bpy is installed, the .blend file.
 
 Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky
-Texture is the same Hosek-Wilkie model on the same scale; by way of other colour tables it differs by a few percent.
+Texture is that of Hosek and Wilkie on the record's scale, by way of other colour tables; the map may be of another.
 """
 
 import json
@@ -19,6 +19,7 @@ from lighting.geometry import to_z_up
 from lighting.records import Json
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Folder, read_data_text, write_shared_files
+from lighting.sky import SKY_MODEL
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
@@ -91,7 +92,7 @@ def _description(scene: records.Scene) -> Json:
             "clip": [records.NEAR, records.FAR],
         },
         "sun": {"direction": sun, "angle": records.SUN_ANGLE, "colour": color.tolist(), "irradiance": strength},
-        "sky": {"yaw": YAW, "native": _native_sky(scene)},
+        "sky": {"yaw": YAW, "painted": scene.lighting.map_sky, "native": _native_sky(scene)},
         "ground": {"radius": records.GROUND_RADIUS, "albedo": scene.ground.tolist()},
         "placeholder": _placeholder(scene),
     }
@@ -99,6 +100,7 @@ def _description(scene: records.Scene) -> Json:
 
 def _native_sky(scene: records.Scene) -> Json:
     return {
+        "model": SKY_MODEL,
         "sun_direction": to_z_up(scene.sun_direction).tolist(),
         "turbidity": scene.lighting.turbidity,
         "ground_albedo": scene.lighting.ground_albedo,
