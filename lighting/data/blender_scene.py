@@ -142,7 +142,7 @@ def _make_world(numbers: Json, environment: Any) -> Any:
     nodes, links = _clear_nodes(world)
     switch = nodes.new("ShaderNodeValue")
     switch.name = "Native sky"
-    switch.label = f"Native sky ({numbers['native']['model']}; map: {numbers['painted']})"
+    switch.label = f"Native sky (0: map by {numbers['painted']})"
     switch.outputs[0].default_value = 0.0
     mix, output = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeOutputWorld")
     links.new(switch.outputs[0], mix.inputs[0])
@@ -166,7 +166,7 @@ def _environment_background(nodes: Any, links: Any, environment: Any, yaw: float
 
 def _native_background(nodes: Any, links: Any, numbers: Json) -> Any:
     sky, background = nodes.new("ShaderNodeTexSky"), nodes.new("ShaderNodeBackground")
-    sky.sky_type = "HOSEK_WILKIE"
+    sky.sky_type, sky.label = "HOSEK_WILKIE", numbers["model"]
     sky.sun_direction = numbers["sun_direction"]
     sky.turbidity, sky.ground_albedo = numbers["turbidity"], numbers["ground_albedo"]
     background.inputs["Strength"].default_value = numbers["strength"]
