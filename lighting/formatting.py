@@ -26,6 +26,17 @@ def format_side(azimuth: float, digits: int = 0) -> str:
     return f"{abs(azimuth):.{digits}f}° {'left' if azimuth < 0 else 'right'}"
 
 
+def format_sun_elevation(elevation: float, digits: int = 0) -> str:
+    """Say how high the sun stands: "33° high" or "3° below the horizon".
+
+    Args:
+        elevation: deg above the horizon, -90 to 90.
+        digits: behind the point.
+    """
+    height = round(elevation, digits)
+    return f"{height + 0.0:.{digits}f}° high" if height >= 0 else f"{-height:.{digits}f}° below the horizon"
+
+
 def format_tilt(elevation: float, digits: int = 0) -> str:
     """Say a camera's elevation: "3° down"; a level one looks "0° up".
 

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import Floats, direction
-from lighting.sky import SKY_MODEL, SKY_MODELS, format_sky_models
+from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 from lighting.sky.hosek_wilkie import sky_coefficients
 from lighting.validation import (
     COLOR_RANGES,
@@ -173,7 +173,7 @@ class Lighting:
     """The light of one photo and the camera that took it; units and ranges in RANGES. ParameterError for any other."""
 
     sun_azimuth: float  # deg, 0 = where the camera points, positive to the right, in (-180, 180]
-    sun_elevation: float  # deg above the horizon, 0 to 90
+    sun_elevation: float  # deg above the horizon, -4.2 to 90
     turbidity: float  # 1 to 10
     exposure: float  # photo's linear values / sky radiance
     ground_albedo: float = GROUND_ALBEDO  # 0 to 1
@@ -233,8 +233,13 @@ class Lighting:
 
     @property
     def map_sky(self) -> str:
-        """What paints the clear part of the sky, of SKY_MODELS: `sky_model`, where that is no other than SKY_MODEL."""
-        return self.sky_painted or SKY_MODEL if self.sky_model == SKY_MODEL else self.sky_model
+        """What paints the clear part of the sky, of SKY_MODELS: `sky_painted`, unless `sky_model` is no SKY_MODEL.
+
+        That of a sun below the horizon is PAINTED_SKY where the record names none.
+        """
+        if self.sky_model != SKY_MODEL:
+            return self.sky_model
+        return self.sky_painted or (SKY_MODEL if self.sun_elevation >= 0 else PAINTED_SKY)
 
     @property
     def sun_painted(self) -> bool:
@@ -451,7 +456,7 @@ def record_with_coefficients(lighting: Lighting) -> Json:
         lighting: any.
     """
     record = lighting.to_dict()
-    coefficients = sky_coefficients(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
+    coefficients = sky_coefficients(max(lighting.sun_elevation, 0.0), lighting.turbidity, lighting.ground_albedo)
     return record | {"sky": record["sky"] | {"coefficients": coefficients}}
 
 

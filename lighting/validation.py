@@ -15,7 +15,7 @@ from lighting.errors import ErrorCode, ParameterError
 
 RANGES: dict[str, tuple[float, float]] = {
     "sun_azimuth": (-180.0, 180.0),  # deg, 0 = where the camera points, positive to the right
-    "sun_elevation": (0.0, 90.0),  # deg above the horizon
+    "sun_elevation": (-4.2, 90.0),  # deg above the horizon; below it as far as the Prague sky reaches
     "sun_visibility": (0.0, 1.0),  # probability that direct sunlight reaches the scene
     "radius_50": (0.0, 180.0),  # deg around the sun's direction that hold 50 % of the probability
     "radius_90": (0.0, 180.0),  # the same for 90 %

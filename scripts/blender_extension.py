@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 ROOT = Path(__file__).parent.parent
 SOURCE = ROOT / "blender" / "light_from_photo"
 SCRIPT = "lighting/data/blender_scene.py"
-COEFFICIENTS = "lighting/data/hosek_wilkie.f32"
+TABLES = ("lighting/data/hosek_wilkie.f32", "lighting/data/prague.f16")  # of the skies
 _IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
 _USED = re.compile(r"^\s*from \.?lighting\.([\w.]+) import ", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # so that the same files make the same zip
@@ -44,7 +44,8 @@ def members() -> Iterator[tuple[str, bytes]]:
     for name in ("LICENSE", "NOTICE"):
         yield name, (ROOT / name).read_bytes()
     yield "scene.py", (ROOT / SCRIPT).read_bytes()
-    yield COEFFICIENTS, (ROOT / COEFFICIENTS).read_bytes()
+    for name in TABLES:
+        yield name, (ROOT / name).read_bytes()
     yield "lighting/__init__.py", b'"""The parts of outdoor-lighting that paint a sky."""\n'
     for name, text in sky_modules().items():
         yield name, relative(text, len(PurePosixPath(name).parts) - 1).encode()

@@ -17,7 +17,7 @@ import click
 import lighting.errors as errors
 from lighting.cli.process import exit_on_interrupt
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
-from lighting.formatting import format_azimuth, format_tilt, format_utc_offset
+from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt, format_utc_offset
 
 if TYPE_CHECKING:
     import numpy as np
@@ -90,7 +90,8 @@ def format_summary(name: str, lighting: "Lighting") -> str:
     """
     roll = round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
-        f"{escape_path(name)}: sun {format_azimuth(lighting.sun_azimuth, 1)}, {lighting.sun_elevation:.1f}° high"
+        f"{escape_path(name)}: sun {format_azimuth(lighting.sun_azimuth, 1)}, "
+        f"{format_sun_elevation(lighting.sun_elevation, 1)}"
         f"{_format_radii(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
         f"turbidity {lighting.turbidity:.1f}; "
         f"camera looks {format_tilt(lighting.camera_elevation, 1)}, roll {roll:.1f}°, "

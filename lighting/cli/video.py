@@ -10,7 +10,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, refuse_collisions
 from lighting.cli.options import FiniteRange, RegistryChoice
-from lighting.formatting import format_side
+from lighting.formatting import format_side, format_sun_elevation
 from lighting.scene import animated_tools
 
 if TYPE_CHECKING:
@@ -124,8 +124,8 @@ def _format_shot(number: int, shot: "Shot") -> str:
     zoom = f" at first, zoomed by {low:.2f} to {high:.2f}" if low < high else ""
     return (
         f"shot {number}, {path.time[0]:.1f} to {path.time[-1]:.1f} s, {frames}{bridged}: "
-        f"sun {light.sun_elevation:.1f}° high and {format_side(light.sun_azimuth, 1)} of the first frame "
-        f"(50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
+        f"sun {format_sun_elevation(light.sun_elevation, 1)} and {format_side(light.sun_azimuth, 1)} of the first "
+        f"frame (50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°), "
         f"direct sunlight {100 * light.sun_visibility:.0f} %; "
         f"camera turns by {rotation:.1f}°, vertical field of view {shot.vertical_fov:.1f}° ± {shot.fov_std:.1f}°"
         f"{zoom}{north}"

@@ -21,7 +21,7 @@ from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
-from lighting.sky import SKY_MODEL, SKY_MODELS, Weather, sky_shape
+from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL, sky_gradation, sky_lobe, sky_parameters
 
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
@@ -64,13 +64,15 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
 
 
 def add_sun(image: Image, lighting: Lighting) -> None:
-    """Add the sun to a map that lacks it.
+    """Add the sun to a map that lacks it; one below the horizon adds nothing.
 
     Args:
         image: (H, 2H, 3), changed in place.
         lighting: of the map.
     """
     power, glow = sun_irradiance(lighting), SKY_MODELS[lighting.map_sky].sun_glow
+    if lighting.sun_elevation < 0:
+        return
     if glow is None:
         splat_sun_disc(image, lighting, power)
     else:
@@ -278,10 +280,27 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
 def clear_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) of a horizontal surface by the model's clear sky without the disc.
 
+    That of a sun below the horizon is the one of a sun on it, times how much less the Prague sky then gives.
+
     Args:
         lighting: whose sun, turbidity, ground albedo and exposure count.
     """
-    half = _IRRADIANCE_ROWS // 2
-    sky = np.empty((half, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
+    if lighting.sun_elevation < 0:
+        horizon = replace(lighting, sun_elevation=0.0)
+        fading = _painted_irradiance(lighting) / _painted_irradiance(horizon)
+        return np.asarray(clear_irradiance(horizon) * fading)
+    sky = np.empty((_IRRADIANCE_ROWS // 2, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
     _render_clear_sky(sky, lighting)
-    return np.asarray(row_irradiance(_IRRADIANCE_ROWS)[:half] @ sky.mean(axis=1, dtype=np.float64))
+    return _level_irradiance(sky)
+
+
+def _painted_irradiance(lighting: Lighting) -> Floats:
+    """Irradiance (3,) of a horizontal surface by PAINTED_SKY, in its own unit."""
+    model, directions = SKY_MODELS[PAINTED_SKY], latlong_directions(_IRRADIANCE_ROWS)[: _IRRADIANCE_ROWS // 2]
+    weather = Weather(lighting.turbidity, lighting.ground_albedo, 0.0, 0.0)
+    return _level_irradiance(np.asarray(model.shape(directions, lighting.sun_direction, weather), dtype=np.float32))
+
+
+def _level_irradiance(sky: Image) -> Floats:
+    """Irradiance (3,) of a horizontal surface by the upper half (R, 4R, 3) of a map."""
+    return np.asarray(row_irradiance(2 * len(sky))[: len(sky)] @ sky.mean(axis=1, dtype=np.float64))

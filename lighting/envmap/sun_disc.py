@@ -49,20 +49,26 @@ def _model_disc(directions: Floats, lighting: Lighting) -> Floats:
 def disc_power(lighting: Lighting) -> tuple[Floats, Floats]:
     """Radiance x solid angle (3,) of the part of the disc above the horizon, and the irradiance (3,) of the ground.
 
+    Both are 0 of a sun below the horizon.
+
     Args:
         lighting: whose exposure, turbidity and sun the model takes.
     """
+    if lighting.sun_elevation < 0:
+        return np.zeros(3), np.zeros(3)
     points, weight = sun_disc_points(lighting.sun_direction)
     radiance = _model_disc(points, lighting)
     return np.asarray(weight @ radiance), np.asarray((weight * points[:, 1]) @ radiance)
 
 
 def sun_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) on a surface that faces the sun: as stated, else the disc's power.
+    """Irradiance (3,) on a surface that faces the sun: as stated, else the disc's power; 0 from below the horizon.
 
     Args:
         lighting: of the sun, painted or not.
     """
+    if lighting.sun_elevation < 0:
+        return np.zeros(3)
     return disc_power(lighting)[0] if lighting.sun_irradiance is None else np.array(lighting.sun_irradiance)
 
 

@@ -23,7 +23,7 @@ from lighting.model import Model
 from lighting.photo.preprocess import is_blank, is_panorama, preprocess
 from lighting.photo.reader import Photo
 from lighting.records import MIN_SUITABLE, Estimate, EvidenceKind, Lighting, Prediction
-from lighting.validation import round_significant
+from lighting.validation import clip_to_range, round_significant
 
 _UNSUITABLE = (
     "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
@@ -130,8 +130,10 @@ def _with_headings(lighting: Lighting, posterior: Posterior) -> Lighting:
 def _with_sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) -> Lighting:
     """The same with a sun of the color of its height, which does not shine from below the horizon."""
     irradiance = lighting.sun_irradiance
-    if not prior.sun_is_up:
-        return replace(lighting, sun_visibility=0.0, sun_irradiance=None if irradiance is None else (0.0, 0.0, 0.0))
+    if prior.twilight_sun is not None:
+        elevation = clip_to_range("sun_elevation", prior.twilight_sun)
+        none = None if irradiance is None else (0.0, 0.0, 0.0)
+        return replace(lighting, sun_elevation=elevation, sun_visibility=0.0, sun_irradiance=none)
     if irradiance is None:
         return lighting
     predicted = posterior.predicted_sun_elevation
@@ -145,7 +147,7 @@ def _suitable(by_pixels: float, prior: MetadataPrior) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
     exposure_value = prior.observations.exposure_value
     by_exposure = by_pixels if exposure_value is None else by_pixels * _daylight_probability(exposure_value)
-    return round_significant(min(by_exposure, 1.0 if prior.sun_is_up else _MAX_SUITABLE_IN_TWILIGHT))
+    return round_significant(min(by_exposure, 1.0 if prior.twilight_sun is None else _MAX_SUITABLE_IN_TWILIGHT))
 
 
 def _daylight_probability(exposure_value: float) -> float:

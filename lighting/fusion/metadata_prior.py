@@ -16,6 +16,7 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import SUN_RADIUS, angle_between, direction
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.solar_position import CIVIL_TWILIGHT
+from lighting.validation import RANGES
 
 if TYPE_CHECKING:
     from pygeomag import GeoMag
@@ -26,7 +27,9 @@ DECLINATION_STD = 17.0  # deg, root mean square of the magnetic declination over
 _EARTH_RADIUS_KM = 6371.0
 _MAX_DISTANCE_KM = 100.0  # within which the sun has the same direction to a degree
 _NIGHT_IN_ALL_ZONES = "Whatever the zone of their clocks, one of the photos taken together was taken at night"
-_TWILIGHT_ANSWER = "the answer is the sky of a sun on the horizon, brighter than this one, without direct sunlight."
+_TWILIGHT_ANSWER = "the answer is the sky of such a sun, without direct sunlight."
+_MIN_SUN_ELEVATION = RANGES["sun_elevation"][0]
+_LATE_ANSWER = f"the answer is the sky of a sun {-_MIN_SUN_ELEVATION:g}° below it, brighter, without direct sunlight."
 
 _DECLINATION_EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
 _MIN_HORIZONTAL_FIELD = 6000.0  # nT, under which the model's authors call compasses unreliable
@@ -41,7 +44,7 @@ class MetadataPrior:
 
     observations: Observations = field(default_factory=Observations)
     warnings: tuple[str, ...] = ()
-    sun_is_up: bool = True  # False where time and place say that no direct sunlight reaches the photo
+    twilight_sun: float | None = None  # deg, the sun's negative elevation in civil twilight by time and place
     is_night: bool = False  # time and place say that it was night, too dark for these skies; they were not used
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer, deg
     instants: PhotoInstants = field(default_factory=PhotoInstants)  # as many as candidates, if there are any of these
@@ -180,7 +183,9 @@ def _prior(
     highest = _max_elevation(candidates)
     warnings = (*instants.warnings, *_unused_input_warnings(merged, user_input, subject))
     if highest < -SUN_RADIUS:
-        consequence = _TWILIGHT_ANSWER if highest >= CIVIL_TWILIGHT else "time and place were not used."
+        consequence = "time and place were not used."
+        if highest >= CIVIL_TWILIGHT:
+            consequence = _TWILIGHT_ANSWER if highest >= _MIN_SUN_ELEVATION else _LATE_ANSWER
         sentence = format_below_horizon(instants.instants, merged.location, highest)
         warnings = (*warnings, sentence + consequence)
     raised = _raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else ()
@@ -188,9 +193,10 @@ def _prior(
     compass, exposure_value = _compass(merged, instants, user_input), merged.exposure_value
     weights = tuple(instant.weight for instant in instants.instants) if raised else ()
     observations = Observations(raised, *compass, camera.vertical_fov, camera.gravity, exposure_value, subject, weights)
-    is_up, is_night = not CIVIL_TWILIGHT <= highest < -SUN_RADIUS, bool(candidates) and highest < CIVIL_TWILIGHT
+    twilight_sun = highest if CIVIL_TWILIGHT <= highest < -SUN_RADIUS else None
+    is_night = bool(candidates) and highest < CIVIL_TWILIGHT
     location = merged.location if user_input.keep_location else None
-    return MetadataPrior(observations, warnings, is_up, is_night, location, instants)
+    return MetadataPrior(observations, warnings, twilight_sun, is_night, location, instants)
 
 
 def _max_elevation(candidates: _SunCandidates) -> float:
@@ -210,7 +216,7 @@ def _without_time(priors: Sequence[MetadataPrior], warning: str) -> list[Metadat
             p,
             observations=replace(p.observations, candidates=(), weights=()),
             warnings=(*p.warnings, warning),
-            sun_is_up=True,
+            twilight_sun=None,
         )
         if p.observations.candidates
         else p

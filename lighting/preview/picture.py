@@ -12,7 +12,7 @@ from lighting.envmap.render import render
 from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
-from lighting.formatting import format_azimuth, format_side, format_tilt
+from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.preview import drawing, panels
 from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, TextStyle, draw_text, rounded_mask, text_width
 from lighting.preview.panels import GAP, LETTERS, MARGIN, WIDTH
@@ -97,7 +97,7 @@ def _spheres_panel(scene: SphereScene, lighting: Lighting, box: panels.Box) -> I
 def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     """Write where the sun stands and how sure that is, by which network and evidence, and the warnings."""
     visible, hedge = lighting.sun_shines, "perhaps " if lighting.radius_90 > _MAX_RADIUS else ""
-    where = f"{format_azimuth(lighting.sun_azimuth)}, {lighting.sun_elevation:.0f}° high"
+    where = f"{format_azimuth(lighting.sun_azimuth)}, {format_sun_elevation(lighting.sun_elevation)}"
     none = "No direct sun" if lighting.sun_visibility < _MIN_DOUBTFUL else "Probably no direct sun"
     title = f"Sun {hedge}{where}" if visible else none
     doubtful = lighting.suitable is not None and lighting.suitable < MIN_SUITABLE
@@ -108,6 +108,8 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     if visible:
         half, most = _format_short(lighting.radius_50), _format_short(lighting.radius_90)
         accuracy = f"half of the probability lies within {half}°, 90 % within {most}°"
+    elif lighting.sun_elevation < 0:
+        accuracy = f"twilight: the sun stands {where}"
     else:
         accuracy = f"an overcast or shaded scene; if the sun shone, it would {hedge}stand {where}"
     draw_text(canvas, (MARGIN, MARGIN + 40), accuracy, TextStyle(20, MUTED))

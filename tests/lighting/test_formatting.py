@@ -2,7 +2,7 @@
 
 import pytest
 
-from lighting.formatting import format_azimuth, format_side, format_tilt
+from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 
 
 @pytest.mark.parametrize(
@@ -33,3 +33,9 @@ def test_the_side_of_anything_is_told_without_what_lies_behind() -> None:
 )
 def test_a_tilt_is_told_by_its_direction(elevation: float, digits: int, words: str) -> None:
     assert format_tilt(elevation, digits) == words
+
+
+def test_a_sun_stands_high_or_below_the_horizon() -> None:
+    assert format_sun_elevation(33.4) == "33° high"
+    assert format_sun_elevation(-0.04, 1) == "0.0° high"
+    assert format_sun_elevation(-3.14, 1) == "3.1° below the horizon"

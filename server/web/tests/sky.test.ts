@@ -65,6 +65,19 @@ describe("the sky in the browser", () => {
     expectNear(pixel(map, 31, 100), [0.134077, 0.140352, 0.185818], 0.01);
   });
 
+  it("is that of twilight where the sun is moved below the horizon", () => {
+    const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], cover: 0.25 } as SkyRequest["stated"];
+    const estimated = { ...P, sun_elevation: 10, turbidity: 5 };
+    const request = { parameters: { ...estimated, sun_elevation: -3 }, estimated, stated, painted: "prague" };
+    const { map, sky, sun } = renderLight(tables, request, 64);
+    expect(sun).toEqual([0, 0, 0]);
+    expectNear(sky, [0.0104506, 0.0114328, 0.0172583], 0.05);
+    expectNear(pixel(map, 30, 49), [0.0360172, 0.0167355, 0.0103836], 0.08);
+    expectNear(pixel(map, 0, 0), [0.0021947, 0.0025592, 0.004171], 0.05);
+    const plain = renderLight(tables, { ...request, painted: "hosek-wilkie" }, 64);
+    expect(pixel(plain.map, 30, 49)).toEqual(pixel(map, 30, 49));
+  });
+
   it("has the sun of a low and of a high elevation", () => {
     expectNear(sunIrradiance(tables.hosekWilkie, 0.1, 2).slice(0, 2), [0.0796472, 0.010731], 0.03);
     expectNear(sunIrradiance(tables.hosekWilkie, 90, 9.5), [1.11112, 0.910308, 0.733481], 5e-3);
@@ -77,7 +90,7 @@ describe("what a record may state", () => {
   it("is computed once for a photo, for all that its sliders say", () => {
     const stated = { sun: [3, 2, 1], sky: [0.5, 0.6, 0.9], cover: 0.5 } as SkyRequest["stated"];
     const ofPhoto = { estimated: P, stated, photoGround: [0.2, 0.1, 0.05] as Triple };
-    const base = prepareLight(tables.hosekWilkie, ofPhoto);
+    const base = prepareLight(tables, ofPhoto);
     for (const sun_elevation of [33, 10]) {
       const request = { ...ofPhoto, parameters: { ...P, sun_elevation } };
       expect(renderLight(tables, request, 32, base)).toEqual(renderLight(tables, request, 32));

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
+from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.render import (
     _add_sun_glow,
     _lobe_table,
@@ -16,6 +17,7 @@ from lighting.envmap.render import (
     _render_sky_shape,
     _weather,
     clear_irradiance,
+    ground_reflectance,
     render,
     sky_irradiance,
     with_irradiance,
@@ -31,7 +33,7 @@ from lighting.geometry import (
     latlong_directions,
     latlong_solid_angle,
 )
-from lighting.records import Lighting
+from lighting.records import Lighting, record_with_coefficients
 from lighting.sky import SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
 from lighting.sky.preetham import lalonde_matthews_sun
@@ -327,6 +329,37 @@ def test_tables_by_angle_paint_what_the_model_says(elevation: float) -> None:
     _render_sky_shape(sky, light)
     expected = sky_shape("prague", latlong_directions(64)[:32], light.sun_direction, _weather(light))
     np.testing.assert_allclose(sky, expected, rtol=3e-3)
+
+
+@pytest.mark.parametrize("stated", [True, False])
+def test_a_sun_below_the_horizon_leaves_the_sky_of_twilight(stated: bool) -> None:
+    light = stated_light(sky_cover=0.0) if stated else model_light()
+    dusk = edit_lighting(replace(light, sky_painted="prague"), {"sun_elevation": -3.0})
+    image, level = render(dusk, 64), sky_irradiance(dusk)
+    assert not sun_irradiance(dusk).any()
+    assert irradiance_from_rows(row_irradiance(64)[:32], image[:32]) == pytest.approx(level, rel=5e-3)
+    assert all(level < 0.05 * sky_irradiance(edit_lighting(light, {"sun_elevation": 5.0})))
+    np.testing.assert_array_equal(image, render(dusk, 64, sun=True))
+    np.testing.assert_array_equal(image, render(replace(dusk, sky_painted=None), 64))
+    assert image[40, 0] == pytest.approx(ground_reflectance(dusk) * level / np.pi, rel=1e-3)
+    glow, zenith = image[:32].max(axis=(0, 1)), image[0, 0]
+    assert glow[0] / glow[2] > 3 * zenith[0] / zenith[2]
+
+
+@pytest.mark.parametrize("model", ["hosek-wilkie", "preetham", "perez", "lalonde-matthews", "cie-12"])
+def test_skies_that_need_a_sun_refuse_one_below_the_horizon(model: str) -> None:
+    with pytest.raises(
+        ParameterError, match=r"^The sun (is below the horizon; the|elevation is -3; the sky model covers)"
+    ):
+        render(replace(stated_light(), sun_elevation=-3.0, sky_painted=model), 32)
+
+
+def test_the_record_of_a_sun_below_the_horizon_has_the_coefficients_of_one_on_it() -> None:
+    dusk = replace(stated_light(), sun_elevation=-3.0)
+    record = record_with_coefficients(dusk)
+    assert Lighting.from_dict(record) == dusk
+    expected = record_with_coefficients(replace(dusk, sun_elevation=0.0))["sky"]["coefficients"]
+    assert record["sky"]["coefficients"] == expected
 
 
 @pytest.mark.parametrize("model", ["prague", "preetham", "perez", "cie-12"])

@@ -214,7 +214,7 @@ def test_a_heading_without_time_and_place_is_told_of_a_photo_alone() -> None:
 def test_night_in_the_photo_is_told_and_not_used() -> None:
     found = observations_from_metadata(replace(METADATA, local_time=clock(NIGHT)), UserInput())
     assert found.observations.candidates == ()
-    assert found.sun_is_up
+    assert found.twilight_sun is None
     (warning,) = found.warnings
     assert "below the horizon" in warning
     assert "not used" in warning
@@ -233,7 +233,7 @@ def test_twilight_puts_the_sun_on_the_horizon_without_light() -> None:
     ((elevation, azimuth),) = found.observations.candidates
     assert elevation == 0.0
     assert azimuth == pytest.approx(180, abs=5)
-    assert not found.sun_is_up
+    assert found.twilight_sun == pytest.approx(-3.1, abs=0.2)
     (warning,) = found.warnings
     assert "civil twilight of the polar night" in warning
 
@@ -244,7 +244,7 @@ def test_half_a_sun_still_shines() -> None:
         PhotoMetadata(), UserInput(**{**TROMSO_NOON, "latitude": 67.3, "longitude": 14.4})
     )
     assert found.observations.candidates[0][0] == 0.0
-    assert found.sun_is_up
+    assert found.twilight_sun is None
     assert found.warnings == ()
 
 

@@ -58,20 +58,31 @@ function renderPrague(table: PragueTable, height: number, p: LightParameters, co
   return map;
 }
 
-/** The model's own light, its sky and its sun multiplied by gains. */
+/** How much less a sky gives whose sun is below the horizon than one whose sun is on it, by the Prague model. */
+function twilightFading(table: PragueTable, { sun_elevation, turbidity }: LightParameters): Triple {
+  const level = (elevation: number): Triple =>
+    horizontalIrradiance(renderPragueSky(64, pragueSky(table, elevation, turbidity), 0, elevation));
+  const [now, horizon] = [level(sun_elevation), level(0)];
+  return mapChannels((c) => now[c] / horizon[c]);
+}
+
+/** The model's own light, its sky and its sun multiplied by gains; below the horizon the sun gives none. */
 function renderModel(
-  table: SkyTable,
+  tables: SkyTables,
   height: number,
   p: LightParameters,
   cover: number,
   gains: Gains,
 ): Omit<SceneLight, "ground"> {
+  const table = tables.hosekWilkie;
+  const isUp = p.sun_elevation >= 0;
   const shape = skyShape(table, p.sun_elevation, p.turbidity, p.ground_albedo);
   const gain = mapChannels(() => p.exposure);
   const map = renderSky(height, shape, { azimuth: p.sun_azimuth, elevation: p.sun_elevation, gain, cover });
+  if (!isUp) scaleMap(map, twilightFading(tables.prague, p));
   if (gains.sky !== NEUTRAL) scaleMap(map, gains.sky);
   const ofModel = gains.sun === NEUTRAL ? sunIrradiance(table, p.sun_elevation, p.turbidity) : steadySun(table, p);
-  const irradiances = p.sun ? ofModel : ([0, 0, 0] as Triple);
+  const irradiances = p.sun && isUp ? ofModel : ([0, 0, 0] as Triple);
   return { map, sky: horizontalIrradiance(map), sun: mapChannels((c) => irradiances[c] * p.exposure * gains.sun[c]) };
 }
 
@@ -88,10 +99,10 @@ interface Gains {
   sun: Triple;
 }
 
-function computeGains(table: SkyTable, estimated: LightParameters, stated: StatedLight): Gains {
+function computeGains(tables: SkyTables, estimated: LightParameters, stated: StatedLight): Gains {
   if (!stated.sky && !stated.sun) return { sky: NEUTRAL, sun: NEUTRAL };
-  const { sky } = renderModel(table, 32, estimated, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
-  const sun = steadySun(table, estimated);
+  const { sky } = renderModel(tables, 32, estimated, stated.cover ?? 0, { sky: NEUTRAL, sun: NEUTRAL });
+  const sun = steadySun(tables.hosekWilkie, estimated);
   const ratio = (target: Triple | undefined, modeled: Triple): Triple =>
     target ? mapChannels((c) => target[c] / Math.max(modeled[c], 1e-9)) : NEUTRAL;
   const exposed = mapChannels((c) => sun[c] * estimated.exposure);
@@ -105,14 +116,14 @@ export interface LightBase {
 }
 
 export function prepareLight(
-  table: SkyTable,
+  tables: SkyTables,
   { estimated, stated, photoGround }: Omit<SkyRequest, "parameters">,
 ): LightBase {
-  const gains = computeGains(table, estimated, stated);
+  const gains = computeGains(tables, estimated, stated);
   const cover = stated.cover ?? 0;
   return {
     gains,
-    groundBefore: photoGround && groundIrradiance(renderModel(table, 32, estimated, cover, gains), estimated),
+    groundBefore: photoGround && groundIrradiance(renderModel(tables, 32, estimated, cover, gains), estimated),
   };
 }
 
@@ -121,13 +132,14 @@ export function renderLight(
   tables: SkyTables,
   question: SkyRequest,
   height: number,
-  base = prepareLight(tables.hosekWilkie, question),
+  base = prepareLight(tables, question),
 ): SceneLight {
   const { parameters, stated, photoGround } = question;
   const { gains, groundBefore } = base;
   const cover = stated.cover ?? 0;
-  const light = renderModel(tables.hosekWilkie, height, parameters, cover, gains);
-  if (question.painted === "prague") light.map = renderPrague(tables.prague, height, parameters, cover, light.sky);
+  const light = renderModel(tables, height, parameters, cover, gains);
+  if (question.painted === "prague" || parameters.sun_elevation < 0)
+    light.map = renderPrague(tables.prague, height, parameters, cover, light.sky);
   const irradiance = groundIrradiance(light, parameters);
   const ground = mapChannels((c) => {
     if (stated.groundColor) return (stated.groundColor[c] / Math.PI) * irradiance[c];

@@ -66,7 +66,7 @@ async function answer(question: SkyRequest, id: number): Promise<void> {
 /** What all lights of the photo share, computed once for each photo. */
 function cachedBase(sky: SkyTables, { parameters: _, ...ofPhoto }: SkyRequest): LightBase {
   const photo = JSON.stringify(ofPhoto);
-  if (last?.photo !== photo) last = { photo, base: prepareLight(sky.hosekWilkie, ofPhoto) };
+  if (last?.photo !== photo) last = { photo, base: prepareLight(sky, ofPhoto) };
   return last.base;
 }
 

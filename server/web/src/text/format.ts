@@ -102,6 +102,10 @@ export function buildHeadline(lighting: Lighting): Headline {
     const text = "The answer below is what an outdoor photo with these pixels would mean; do not rely on it.";
     return { title: "This does not look like an outdoor daylight photo", text, kind: "unsuitable" };
   }
+  if (elevation < 0) {
+    const text = `Twilight: the sun stands ${formatSide(azimuth)}, ${(-elevation).toFixed(0)}° below the horizon.`;
+    return { title: "No direct sun", text, kind: "grey" };
+  }
   if (!isSunny(lighting)) {
     const text = `An overcast or shaded scene is ${formatPercent(1 - lighting.sun.visibility)} likely. If the sun shone, it would ${
       radius_50 > LOST_RADIUS ? "be anywhere" : `stand ${formatSide(azimuth)}, ${formatHeight(elevation)}`
