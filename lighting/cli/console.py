@@ -268,6 +268,15 @@ def prefix_errors(file: str) -> Iterator[None]:
         raise error.prefixed(escape_path(file)) from error
 
 
+def path_of(name: str) -> str | None:
+    """Return the path of a photo, beside which sidecars may lie; None for stdin.
+
+    Args:
+        name: of the file; "-" is stdin.
+    """
+    return None if name == "-" else name
+
+
 def read_photo_file(name: str, target: int | None = None) -> "Photo":
     """Read the photo in a file.
 
@@ -278,7 +287,8 @@ def read_photo_file(name: str, target: int | None = None) -> "Photo":
     from lighting.photo.reader import read_photo
 
     data = read_photo_bytes(name)
-    return read_photo(data) if target is None else read_photo(data, target=target)
+    path = path_of(name)
+    return read_photo(data, path=path) if target is None else read_photo(data, target=target, path=path)
 
 
 def _stdin() -> BinaryIO:
@@ -346,7 +356,7 @@ def load_estimator(model: str | None) -> "Estimator":
 
 
 def estimate_photo(
-    data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
+    name: str, data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
 ) -> "tuple[Photo, Estimate]":
     """Decode a photo and estimate its light.
 
@@ -354,6 +364,7 @@ def estimate_photo(
     `meanwhile` is called. Ctrl-C ends the process at once, for nothing is written yet.
 
     Args:
+        name: of the photo's file, beside which sidecars may lie; "-" is stdin.
         data: the photo's bytes.
         user_input: what the user states of it.
         model: a network's file; None is the one in this package.
@@ -365,7 +376,7 @@ def estimate_photo(
         network = pool.submit(_load_for_one_photo, model)
         from lighting.photo.reader import read_photo
 
-        picture = read_photo(data)
+        picture = read_photo(data, path=path_of(name))
         prediction = pool.submit(lambda: _predict(network.result(), picture, user_input))
         from lighting.estimator import estimate_from_prediction
 

@@ -31,7 +31,7 @@ def _answers(
     """
     if len(names) == 1:
         return lambda photos: _estimate_each(
-            photos, lambda name: console.estimate_photo(console.read_photo_bytes(name), user_input, model)[1]
+            photos, lambda name: console.estimate_photo(name, console.read_photo_bytes(name), user_input, model)[1]
         )
     estimator = console.load_estimator(model)
     if together:
@@ -142,7 +142,7 @@ def _envmap(
     console.check_compression_option(output, view["compression"])
     with console.prefix_errors(photo):
         data = console.read_photo_bytes(photo)
-        picture, estimate = console.estimate_photo(data, user_input, model, console.warm_up)
+        picture, estimate = console.estimate_photo(photo, data, user_input, model, console.warm_up)
     context = console.map_context(data, picture, estimate, view["height"], surroundings)
     console.write_output_map(output, estimate.lighting, context=context, **view)
     if preview:
@@ -182,6 +182,6 @@ def _preview(
     console.refuse_collisions(photo, output)
     with console.prefix_errors(photo):
         data = console.read_photo_bytes(photo)
-        _, estimate = console.estimate_photo(data, user_input, model)
+        _, estimate = console.estimate_photo(photo, data, user_input, model)
     console.write_preview(output, data, estimate, surroundings)
     console.report_warnings(photo, estimate.warnings, quiet)

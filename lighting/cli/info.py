@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 import click
 
 from lighting.cli import cli
-from lighting.cli.console import escape_undecodable, parse_lighting, prefix_errors, read_lighting, read_picture_bytes
+from lighting.cli.console import (
+    escape_undecodable,
+    parse_lighting,
+    path_of,
+    prefix_errors,
+    read_lighting,
+    read_picture_bytes,
+)
 from lighting.cli.process import silence_libraries
 
 if TYPE_CHECKING:
@@ -60,7 +67,7 @@ def _describe_picture(file: str) -> "Json":
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):
         return _describe_lighting(parse_lighting(data, file))
     with prefix_errors(file):
-        photo = read_photo(data)
+        photo = read_photo(data, path=path_of(file))
     size = {"format": photo.format, "width": photo.width, "height": photo.height}
     return {"kind": "photo", **size, "metadata": _describe_metadata(photo.metadata)}
 

@@ -94,7 +94,9 @@ def _scene(**options: Any) -> None:
     with console.prefix_errors(chosen.photo):
         data = console.read_photo_bytes(chosen.photo)
         plate = read_photo(data, target=PLATE_SIDE)
-        estimate = None if chosen.record else console.estimate_photo(data, chosen.user_input, chosen.model)[1]
+        estimate = (
+            None if chosen.record else console.estimate_photo(chosen.photo, data, chosen.user_input, chosen.model)[1]
+        )
         lighting = estimate.lighting if estimate else console.read_lighting(chosen.record or "-")
     context = photo_context(estimate, plate.pixels, surroundings=chosen.surroundings) if estimate else None
     scene = make_scene(plate, lighting, map_height=chosen.height, sun=chosen.sun, context=context)

@@ -182,7 +182,8 @@ def _reconcile(
     for shift, name in _date_errors(gps_time, local_time):
         shifted = gps_time + shift
         sentence = f"The GPS date, {_format(gps_time)}, is off by {name} from the camera's clock"
-        if agreeing := _agreeing(clock, shifted) or (() if clock else _clock_by_gps(local_time, shifted)):
+        free = metadata.utc_offset is None and abs(shift) >= _ROLLOVER
+        if agreeing := _agreeing(clock, shifted) or (_clock_by_gps(local_time, shifted) if free else ()):
             return PhotoInstants(agreeing, ClockConflict(sentence, gps_usable=False))
     gps_is_epoch, is_reset = _is_epoch(gps_time), _is_reset(local_time) or local_time.year <= _LAST_YEAR_WITHOUT_GPS
     if gps_is_epoch and not is_reset:
@@ -190,6 +191,10 @@ def _reconcile(
         return PhotoInstants(clock, ClockConflict(sentence, gps_usable=False))
     if is_reset and not gps_is_epoch:
         sentence = f"The camera's clock, {_format(local_time)}, was reset and contradicts GPS"
+        return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
+    now = datetime.now(UTC) + _NEAR
+    if local_time.replace(tzinfo=UTC) > now >= gps_time:
+        sentence = f"The camera's clock, {_format(local_time)}, is of the future and contradicts GPS"
         return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
     if not clock:
         sentence = (

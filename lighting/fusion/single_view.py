@@ -28,7 +28,7 @@ from lighting.formatting import format_tilt
 from lighting.fusion.consistency import consistency_warnings
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
-from lighting.sun_grid import grid_directions, smooth_density, soft_label, splat_to_grid
+from lighting.sun_grid import credible_radii, grid_directions, smooth_density, soft_label, splat_to_grid
 from lighting.validation import RANGES
 
 COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
@@ -38,6 +38,8 @@ _CAMERA_ELEVATION_STD = 3.5  # deg, of the network: 91 (paper) and 79 % (phone) 
 _CAMERA_ROLL_STD = 2.0  # deg, of the network: 68 % of the crops of `val` lie within 1.0 (paper) and 2.3 deg (phone)
 MAX_TILT_DISAGREEMENT = 20.0  # deg; 1 % of the crops of `val` differ more from gravity (0.2 % of paper, 2 % of phone)
 _MAX_LEARNED_ELEVATION = 35.0  # deg up and down: the network learned from no steeper cameras and predicts none
+
+_MIN_CHOSEN_SHARE = 0.5  # of the probability, from which on the answer is that of one candidate alone
 
 _SUN_PIXEL_STD = 2.0  # deg, of the visible sun's pixel: the network predicts its cell, 16 of 224 pixels
 _MIN_VISIBLE_SHARE = 0.6  # of the probability near the answer from which the picture counts as showing the sun
@@ -320,19 +322,27 @@ def posterior_on_rings(prediction: Prediction, observations: Observations, weigh
     """
     p = weight / weight.sum()
     candidates = candidates_above_horizon(observations)
-    directions = _ring_directions(candidates).reshape(-1, 3)
+    rings = _ring_directions(candidates)
+    directions = rings.reshape(-1, 3)
     sun, heading = sun_from_rings(directions, p.ravel()), heading_from_probability(p.sum(axis=0))
     used = _used_evidence(prediction, observations)
-    best = _likeliest_candidate(candidates, p.sum(axis=1))
+    best, share = _likeliest_candidate(candidates, p.sum(axis=1))
+    if len(candidates) > 1 and share >= _MIN_CHOSEN_SHARE:  # the answer is of one instant, its radii count all
+        chosen = np.where((candidates == best).all(axis=1)[:, None], p, 0.0)
+        alone = sun_from_rings(directions, chosen.ravel() / chosen.sum())
+        radii = credible_radii(p.ravel(), directions, direction(alone.azimuth, alone.elevation))
+        sun = SunEstimate(alone.azimuth, alone.elevation, *radii)
+        heading = replace(heading, best=heading_from_probability(chosen.sum(axis=0) / chosen.sum()).best)
     camera = _with_lens(prediction, observations)
     return Posterior(camera, sun, directions, p.ravel(), used, camera_heading=heading, candidate=best)
 
 
-def _likeliest_candidate(candidates: Floats, probability: Floats) -> tuple[float, float]:
-    """The sun (elevation, azimuth) with the most probability (K,), that of equal ones added."""
+def _likeliest_candidate(candidates: Floats, probability: Floats) -> tuple[tuple[float, float], float]:
+    """The sun (elevation, azimuth) with the most probability (K,), that of equal ones added, and that probability."""
     suns, number = np.unique(candidates, axis=0, return_inverse=True)
-    elevation, azimuth = suns[np.argmax(np.bincount(number.ravel(), probability))]
-    return float(elevation), float(azimuth)
+    mass = np.bincount(number.ravel(), probability)
+    elevation, azimuth = suns[np.argmax(mass)]
+    return (float(elevation), float(azimuth)), float(mass.max())
 
 
 def _ring_directions(candidates: Floats) -> Floats:

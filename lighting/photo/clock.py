@@ -6,7 +6,7 @@ Dates are read in every order that is beyond doubt, with words for morning and a
 import re
 import reprlib
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta, timezone
@@ -15,7 +15,8 @@ from typing import Any
 from PIL import ExifTags
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.tags import Tags, read_number, try_read
+from lighting.photo.sidecar import TAKEOUT_TIME
+from lighting.photo.tags import EXIF_NAMESPACE, Tags, read_number, try_read
 
 YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is computed
 UTC_OFFSET_RANGE = (-12.0, 14.0)  # h from UTC of all zones
@@ -108,8 +109,7 @@ _SEPARATED = re.compile(
     re.DOTALL,
 )
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-]?()(\d\d)(\d\d)(?:(\d\d)(?:[.,]\d+)?)?(.*)", re.DOTALL)
-_OFFSET_TEXT = re.compile(r"(?:UTC|GMT|UT)?([+-]\d.*)|(\d.*)|(?:UTC|GMT|UT|Z)")
-_SECONDS = re.compile(r"(?<=\d:\d\d):\d\d(?:\.\d+)?$")
+_OFFSET_TEXT = re.compile(r"(?:UTC|GMT|UT)?([+-]?\d{1,2}(?::?[0-5]\d|\.\d+)?)|(?:UTC|GMT|UT|Z)(?![A-Z])")
 _ZONE_NAME = re.compile(r"[A-Z][A-Za-z]+(?:/[A-Z][A-Za-z_-]+)+")
 _MAX_LENGTH = 64  # characters of a date that are read
 _BUDDHIST_ERA = 543  # years by which Thai phones count ahead
@@ -174,7 +174,7 @@ def _date(first: str, middle: str, last: str) -> tuple[int, int, int] | None:
 
 def _split_offset(text: str) -> tuple[str, str]:
     """Words behind a time, and the offset from UTC behind them."""
-    start = re.search(r"[+-]\d|\bZ\b|^Z|\bUTC|\bGMT|\b[A-Z]{2,4}T\b|\b[A-Z][a-z]+/", text)
+    start = re.search(r"[+-]\d|\b[Zz]\b|^[Zz]|\bUTC|\bGMT|\b[A-Z]{2,4}T\b|\b[A-Z][a-z]+/", text)
     return (text[: start.start()], text[start.start() :]) if start else (text, "")
 
 
@@ -194,13 +194,13 @@ def _offset_in_text(text: str, time: datetime) -> float | None:
         return float(_ABBREVIATIONS[text])
     if _ZONE_NAME.fullmatch(text):
         return _offset_of_zone(text, time)
-    parts = _OFFSET_TEXT.fullmatch(text.replace(" ", "").upper())
-    if not parts:
+    if not (parts := _OFFSET_TEXT.match(text.replace(" ", "").upper())):
         return None
     try:
-        return parse_utc_offset(_SECONDS.sub("", parts[1] or parts[2] or "Z"))
+        hours = parse_utc_offset(parts[1] or "Z")
     except ParameterError:
         return None
+    return hours if (4.0 * hours).is_integer() else None
 
 
 def _offset_of_zone(name: str, time: datetime) -> float | None:
@@ -216,13 +216,13 @@ def _offset_of_zone(name: str, time: datetime) -> float | None:
 # The file's clock.
 
 _TIME_ZONE_OFFSET = 0x882A  # h, of EXIF for TIFF/EP
-_EXIF, _PHOTOSHOP, _XMP = (f"http://ns.adobe.com/{name}/1.0" for name in ("exif", "photoshop", "xap"))
+_PHOTOSHOP, _XMP = (f"http://ns.adobe.com/{name}/1.0" for name in ("photoshop", "xap"))
 _EXIF_EX = "http://cipa.jp/exif/1.0"
 _XMP_TIMES = (
-    f"{_EXIF} DateTimeOriginal",
+    f"{EXIF_NAMESPACE} DateTimeOriginal",
     f"{_PHOTOSHOP} DateCreated",
     f"{_XMP} CreateDate",
-    f"{_EXIF} DateTimeDigitized",
+    f"{EXIF_NAMESPACE} DateTimeDigitized",
 )
 _IPTC_TIMES = (((2, 55), (2, 60)), ((2, 62), (2, 63)))  # date and time, of the picture and of its digital form
 
@@ -241,7 +241,8 @@ def read_clock(
     """
     tags = {**main, **camera}
     exif = list(_exif_stamps(tags))
-    others = [stamp for name in _XMP_TIMES if (stamp := _xmp_stamp(xmp, name))] + list(_iptc_stamps(iptc))
+    others = [stamp for name in _XMP_TIMES if (stamp := _xmp_stamp(xmp, name))]
+    others = [*others, *_iptc_stamps(iptc), *_takeout_stamps(xmp, exif)]
     stamps = exif + others or list(_late_stamps(tags))
     if not stamps:
         return None
@@ -315,6 +316,12 @@ def _iptc_stamps(iptc: Mapping[Any, Any]) -> Iterator[Stamp]:
             yield stamp
 
 
+def _takeout_stamps(xmp: Mapping[str, str], exif: Sequence[Stamp]) -> Iterator[Stamp]:
+    """The time of Google Takeout, unless it is a local time that Google took for UTC."""
+    if (stamp := read_stamp(xmp.get(TAKEOUT_TIME))) and not any(stamp.time == other.time for other in exif):
+        yield stamp
+
+
 def _offset_by_universal(time: datetime, others: Iterable[Stamp]) -> float | None:
     """The offset of a local time of which another stamp in the file is the same time in UTC."""
     ahead = [time - stamp.time for stamp in others if stamp.utc_offset == 0]
@@ -337,7 +344,9 @@ def nearest_utc_offset(ahead: timedelta, tolerance: timedelta = MAX_CLOCK_DIFFER
 # The satellites' clock.
 
 
-def read_gps_time(gps: Tags, xmp: Mapping[str, str], local_time: datetime | None = None) -> datetime | None:
+def read_gps_time(
+    gps: Tags, xmp: Mapping[str, str], local_time: datetime | None = None, longitude: float | None = None
+) -> datetime | None:
     """The satellites' time in UTC, aware; None where it is unknown.
 
     A time of day without a date is of the day that makes the local time one of some zone.
@@ -346,14 +355,15 @@ def read_gps_time(gps: Tags, xmp: Mapping[str, str], local_time: datetime | None
         gps: EXIF tags of the GPS directory.
         xmp: properties by namespace and name.
         local_time: naive, of the photo's clock.
+        longitude: deg, positive east, of the place.
     """
     clock = try_read(_gps_time_of_day, gps)
     date = try_read(_gps_date, gps)
     if clock is not None and date is not None:
         return _datable(date + clock)
     if clock is not None and local_time is not None:
-        return _gps_time_near(clock, local_time)
-    if stamp := read_stamp(xmp.get(f"{_EXIF} GPSTimeStamp")):
+        return _gps_time_near(clock, local_time, 0.0 if longitude is None else longitude)
+    if stamp := read_stamp(xmp.get(f"{EXIF_NAMESPACE} GPSTimeStamp")):
         return _datable(to_utc(stamp.time, stamp.utc_offset or 0.0))
     return None
 
@@ -377,12 +387,14 @@ def _gps_date(tags: Tags) -> datetime:
     return datetime(year, month, day, tzinfo=UTC)
 
 
-def _gps_time_near(clock: timedelta, local_time: datetime) -> datetime | None:
-    """The time of day in UTC on the day that makes the local time one of some zone; of two, the zone nearer to UTC."""
+def _gps_time_near(clock: timedelta, local_time: datetime, longitude: float) -> datetime | None:
+    """The time of day in UTC on the day that makes the local time one of some zone; of two, the longitude's."""
     midnight = local_time.replace(hour=0, minute=0, second=0, microsecond=0)
     times = [midnight + timedelta(days=day) + clock for day in (-1, 0, 1)]
     offsets = {time: hours for time in times if (hours := nearest_utc_offset(local_time - time)) is not None}
-    return min(offsets, key=lambda time: abs(offsets[time])).replace(tzinfo=UTC) if offsets else None
+    if not offsets:
+        return None
+    return min(offsets, key=lambda time: abs(offsets[time] - longitude / 15.0)).replace(tzinfo=UTC)
 
 
 def _datable(time: datetime) -> datetime | None:

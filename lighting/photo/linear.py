@@ -21,6 +21,7 @@ from lighting.photo import pixels as photo_pixels
 from lighting.photo.color_encoding import ColorEncoding, is_gamma_encoded, read_color_encoding
 from lighting.photo.containers import photo_page
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
+from lighting.photo.sidecar import read_sidecar
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -106,7 +107,7 @@ def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto
     doubtful = full > 255 and curve is None and is_gamma_encoded(stored.header)
     white, step = (float(srgb_decode(_CLIPPED_FROM)), 1 / full / 12.92) if coded else (_CLIPPED_FROM, 1 / full)
     exposure = read_exposure(stored.exif_source)
-    metadata = read_metadata(stored.exif_source, linear.shape[1], linear.shape[0])
+    metadata = read_metadata(stored.exif_source, linear.shape[1], linear.shape[0], read_sidecar(file))
     warnings, gray = _curve_warnings(stored.header, full == 255 and curve is None, doubtful), samples.shape[2] == 1
     return LinearPhoto(linear, white, step, exposure, metadata, warnings, gray, coded, doubtful)
 
@@ -230,6 +231,7 @@ def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float |
     """
     try:
         with Image.open(file) as image:
-            return read_metadata(image, image.width, image.height), read_exposure(image)
+            beside = read_sidecar(file)
+            return read_metadata(image, image.width, image.height, beside), read_exposure(image)
     except Exception:  # an absent or strange block is no reason to refuse the pixels
         return PhotoMetadata(), None

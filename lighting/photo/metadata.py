@@ -65,20 +65,23 @@ class PhotoMetadata:
         return None if self.latitude is None or self.longitude is None else (self.latitude, self.longitude)
 
 
-def read_metadata(image: Image.Image, width: int, height: int) -> PhotoMetadata:
-    """The metadata in an image's EXIF and XMP. Never raises.
+def read_metadata(
+    image: Image.Image, width: int, height: int, beside: Mapping[str, str] | None = None
+) -> PhotoMetadata:
+    """The metadata in an image's EXIF, XMP and IPTC. Never raises.
 
     Args:
         image: opened by Pillow.
         width: of the upright photo, pixels.
         height: of the upright photo, pixels.
+        beside: XMP properties of files beside the photo, where its own say nothing; None: there are none.
     """
     camera, gps = (read_ifd(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
-    xmp = read_xmp(image.info.get("xmp"))
+    xmp = {**(beside or {}), **read_xmp(image.info.get("xmp"))}
     latitude, longitude = try_read(_gps_location, gps) or (None, None)
     stamp = read_clock(camera, read_main_tags(image), xmp, read_iptc(image), is_located=latitude is not None)
     local_time, utc_offset = (stamp.time, stamp.utc_offset) if stamp else (None, None)
-    gps_time = read_gps_time(gps, xmp, local_time)
+    gps_time = read_gps_time(gps, xmp, local_time, longitude)
     heading, reference = try_read(_heading, gps), try_read(_heading_reference, gps)
     if heading is None and (heading := imu.heading_from_xmp(xmp)) is not None:
         reference = HeadingReference.TRUE

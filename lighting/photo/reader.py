@@ -29,6 +29,7 @@ from lighting.photo.formats import unreadable_sentence
 from lighting.photo.heif import complete_avif, heif_kind, open_heif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
+from lighting.photo.sidecar import read_sidecar
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 
@@ -95,7 +96,12 @@ def check_photo(thing: object) -> None:
 
 
 def read_photo(
-    source: Source, *, max_bytes: int = MAX_BYTES, max_pixels: int = MAX_PIXELS, target: int | None = TARGET
+    source: Source,
+    *,
+    max_bytes: int = MAX_BYTES,
+    max_pixels: int = MAX_PIXELS,
+    target: int | None = TARGET,
+    path: str | os.PathLike[str] | None = None,
 ) -> Photo:
     """The photo in a file, in bytes or in a binary stream.
 
@@ -105,6 +111,7 @@ def read_photo(
         max_pixels: of the picture, at most 178 million; kinds whose decoder needs more memory may have fewer.
         target: pixels that the longer side keeps at least if it has them, rarely twice as many, and 32 million in all;
             None: all up to that.
+        path: where bytes or a stream come from, beside which sidecars may lie; None: `source`, if it is a path.
 
     Raises:
         PhotoTooLargeError: over `max_bytes` or `max_pixels`.
@@ -138,7 +145,8 @@ def read_photo(
         raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     with _no_warnings():
-        metadata = read_metadata(exif_source, width, height)
+        beside = source if isinstance(source, str | os.PathLike) else path
+        metadata = read_metadata(exif_source, width, height, None if beside is None else read_sidecar(beside))
     return Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format), metadata)
 
 

@@ -16,7 +16,8 @@ _Value = TypeVar("_Value")
 
 _IPTC_TAG = 33723  # of a TIFF
 _MAX_IPTC_LENGTH = 1 << 16  # bytes, or numbers of four bytes, that are read; a segment of a JPEG has as many
-_MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
+EXIF_NAMESPACE = "http://ns.adobe.com/exif/1.0"  # of XMP, without a slash at its end
+MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
 
 
 def read_exif(image: Image.Image) -> Image.Exif:
@@ -125,7 +126,7 @@ def read_xmp(packet: Any) -> dict[str, str]:
     Args:
         packet: bytes of XML.
     """
-    if not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
+    if not isinstance(packet, bytes) or len(packet) > MAX_XMP_BYTES:
         return {}
     reader = _Reader()
     try:

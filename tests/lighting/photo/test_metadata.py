@@ -14,7 +14,7 @@ from PIL.TiffImagePlugin import IFDRational
 
 from lighting.photo.metadata import PhotoMetadata, read_metadata, vertical_fov_from_focal_length
 from lighting.photo.reader import read_photo
-from lighting.photo.tags import _MAX_XMP_BYTES, read_xmp
+from lighting.photo.tags import MAX_XMP_BYTES, read_xmp
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, drone, packet
 
@@ -300,7 +300,7 @@ def test_the_first_of_two_counts() -> None:
         BOMB,
         b'<!DOCTYPE x SYSTEM "file:///etc/passwd"><x/>',
         b'<!DOCTYPE x [<!ENTITY e SYSTEM "file:///etc/passwd">]><x>&e;</x>',
-        drone("-1").replace(b"<rdf:RDF", b"<!--" + b"x" * _MAX_XMP_BYTES + b"--><rdf:RDF"),
+        drone("-1").replace(b"<rdf:RDF", b"<!--" + b"x" * MAX_XMP_BYTES + b"--><rdf:RDF"),
     ],
 )
 def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
@@ -311,9 +311,9 @@ def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
     "data",
     [
         BOMB,
-        b"<x>" * (_MAX_XMP_BYTES // 3),
+        b"<x>" * (MAX_XMP_BYTES // 3),
         b"<x " + b" ".join(f'a{i}="1"'.encode() for i in range(20_000)) + b"/>",
-        b"<x>" + b"&amp;" * (_MAX_XMP_BYTES // 5 - 10) + b"</x>",
+        b"<x>" + b"&amp;" * (MAX_XMP_BYTES // 5 - 10) + b"</x>",
         b"<x>" + b"\0" * 60_000_000,
     ],
 )

@@ -1,0 +1,419 @@
+"""What files say of their time in the wild: spellings, clocks that contradict each other, and what is right.
+
+Each row is a situation that people report of cameras and programs; the tags are invented to fit one sun. The picture
+is a lobe of probability at the sun's elevation, so that the pixels can choose where the file is in doubt.
+"""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import ExifTags
+
+from lighting.fusion.estimate import build_estimate
+from lighting.fusion.metadata_prior import observations_single
+from lighting.fusion.single_view import fuse
+from lighting.fusion.user_input import UserInput
+from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.reader import read_photo
+from lighting.records import Lighting, WarningCode, warning_code
+from tests.conftest import encode, exif
+from tests.helpers.photos import packet
+from tests.helpers.predictions import lobe_prediction
+
+SCENE = np.full((48, 64, 3), 120, np.uint8)
+
+MUNICH = {"place": (48.14, 11.58), "DateTimeOriginal": "2024:06:01 18:49:00", "sun": 20.0}
+DENVER = {"place": (39.74, -104.99), "DateTimeOriginal": "2025:09:14 08:18:00", "sun": 17.8}
+AUCKLAND = {"place": (-36.85, 174.76), "DateTimeOriginal": "2024:02:03 18:54:00", "sun": 17.9}
+HELSINKI = {"place": (60.17, 24.94), "DateTimeOriginal": "2024:06:15 19:22:00", "heading": 224.35, "sun": 20.0}
+KATHMANDU = {"place": (27.7, 85.32), "DateTimeOriginal": "2023:10:30 11:16:00", "sun": 47.9}
+UTC_OF = {
+    48.14: datetime(2024, 6, 1, 16, 49, tzinfo=UTC),
+    39.74: datetime(2025, 9, 14, 14, 18, tzinfo=UTC),
+    -36.85: datetime(2024, 2, 3, 5, 54, tzinfo=UTC),
+    60.17: datetime(2024, 6, 15, 16, 22, tzinfo=UTC),
+    27.7: datetime(2023, 10, 30, 5, 31, tzinfo=UTC),
+}
+
+
+ARABIC = "2024:06:01 18:49:00".translate({ord("0") + digit: 0x660 + digit for digit in range(10)})
+
+
+def degrees(angle: float) -> tuple[float, float, float]:
+    return (float(int(abs(angle))), 60.0 * (abs(angle) % 1.0), 0.0)
+
+
+def file_of(tags: dict[str, Any]) -> bytes:
+    """A JPEG with these tags; `place`, `heading` and `gps` stand for several, `main` for those of the first IFD."""
+    base, gps = ExifTags.Base, ExifTags.GPS
+    position: dict[int, Any] = {}
+    if "place" in tags:
+        latitude, longitude = tags["place"]
+        position |= {gps.GPSLatitude: degrees(latitude), gps.GPSLatitudeRef: "NS"[latitude < 0]}
+        position |= {gps.GPSLongitude: degrees(longitude), gps.GPSLongitudeRef: "EW"[longitude < 0]}
+    if "heading" in tags:
+        position |= {gps.GPSImgDirection: tags["heading"], gps.GPSImgDirectionRef: "T"}
+    if "gps" in tags:
+        date, _, time = tags["gps"].rpartition(" ")
+        position |= {gps.GPSTimeStamp: tuple(map(float, time.split(":")))}
+        position |= {gps.GPSDateStamp: date} if date else {}
+    camera: dict[int, Any] = {
+        base[name]: value for name, value in tags.items() if name in base.__members__ and value is not None
+    }
+    if "zone" in tags:
+        camera[0x882A] = tags["zone"]
+    block = exif(camera, position)
+    for name, value in tags.get("main", {}).items():
+        block[base[name]] = value
+    return encode(SCENE, exif=block, **({"xmp": tags["xmp"]} if "xmp" in tags else {}))
+
+
+def answer(metadata: PhotoMetadata, sun: float, heading: float | None = None, **stated: Any) -> Lighting:
+    """The answer about a picture whose pixels show the sun's elevation, and its azimuth where a heading is noted."""
+    prior = observations_single(metadata, UserInput(**stated))
+    azimuth = 57.6 if heading is not None else 20.0
+    return build_estimate(fuse(lobe_prediction(azimuth, sun, 30.0), prior.observations), prior).lighting
+
+
+def clock_warnings(light: Lighting) -> list[str]:
+    codes = (WarningCode.CLOCK_CONTRADICTED, WarningCode.OFFSET_REPLACED)
+    return [warning for warning in light.warnings if warning_code(warning) in codes]
+
+
+ZONE, FILE, GPS = "zone of the place", "offset in the file", "GPS"
+
+SPELLINGS: dict[str, tuple[dict[str, Any], dict[str, Any], float | None, str]] = {
+    "Z in the date": (MUNICH, {"DateTimeOriginal": "2024:06:01 16:49:00Z"}, 0.0, FILE),
+    "z in the date": (MUNICH, {"DateTimeOriginal": "2024:06:01 16:49:00z"}, 0.0, FILE),
+    "offset in the date": (MUNICH, {"DateTimeOriginal": "2024:06:01 18:49:00+02:00"}, 2.0, FILE),
+    "offset without a colon": (DENVER, {"DateTimeOriginal": "2025-09-14T08:18:00-0600"}, -6.0, FILE),
+    "fraction and Z": (DENVER, {"DateTimeOriginal": "2025:09:14 14:18:00.250Z"}, 0.0, FILE),
+    "ISO of an app": (MUNICH, {"DateTimeOriginal": "2024-06-01T16:49:00Z"}, 0.0, FILE),
+    "basic ISO": (MUNICH, {"DateTimeOriginal": "20240601T184900+0200"}, 2.0, FILE),
+    "zone by name in the date": (MUNICH, {"DateTimeOriginal": "2024-06-01T18:49:00+02:00[Europe/Berlin]"}, 2.0, FILE),
+    "IANA zone as offset": (MUNICH, {"OffsetTimeOriginal": "Europe/Paris"}, 2.0, FILE),
+    "abbreviation": (MUNICH, {"OffsetTimeOriginal": "CEST"}, 2.0, FILE),
+    "UTC+2": (MUNICH, {"OffsetTimeOriginal": "UTC+2"}, 2.0, FILE),
+    "GMT-06:00": (DENVER, {"OffsetTimeOriginal": "GMT-06:00"}, -6.0, FILE),
+    "seconds of the offset": (KATHMANDU, {"OffsetTimeOriginal": "+05:45:00"}, 5.75, FILE),
+    "PM": (HELSINKI, {"DateTimeOriginal": "2024:06:15 07:22:00 PM", "OffsetTimeOriginal": "+03:00"}, 3.0, FILE),
+    "p.m.": (HELSINKI, {"DateTimeOriginal": "2024:06:15 07:22:00\xa0p.m.", "OffsetTimeOriginal": "+03:00"}, 3.0, FILE),
+    "AM": (DENVER, {"DateTimeOriginal": "2025:09:14 08:18:00 a.m.", "OffsetTimeOriginal": "-06:00"}, -6.0, FILE),
+    "Chinese PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 下午06:49:00".encode(), "zone": 2}, 2.0, FILE),
+    "Korean PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 오후 6:49:00".encode(), "zone": 2}, 2.0, FILE),
+    "24 hours and PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 18:49:00下午".encode(), "zone": 2}, 2.0, FILE),
+    "Arabic digits": (MUNICH, {"DateTimeOriginal": ARABIC.encode()}, 2.0, ZONE),
+    "Buddhist year": (MUNICH, {"DateTimeOriginal": "2567:06:01 18:49:00"}, 2.0, ZONE),
+    "no seconds": (MUNICH, {"DateTimeOriginal": "2024:06:01 18:49"}, 2.0, ZONE),
+    "no seconds, dashes": (MUNICH, {"DateTimeOriginal": "2024-06-01 18:49", "OffsetTimeOriginal": "+02:00"}, 2.0, FILE),
+    "slashes": (MUNICH, {"DateTimeOriginal": "2024/06/01 18:49:00"}, 2.0, ZONE),
+    "a NUL too many": (MUNICH, {"DateTimeOriginal": "2024:06:01 18:49:00\0\0"}, 2.0, ZONE),
+    "OffsetTime alone": (MUNICH, {"OffsetTime": "+02:00"}, 2.0, FILE),
+    "OffsetTimeDigitized alone": (MUNICH, {"OffsetTimeDigitized": "+02:00"}, 2.0, FILE),
+    "the original's offset first": (MUNICH, {"OffsetTimeOriginal": "+02:00", "OffsetTime": "+01:00"}, 2.0, FILE),
+    "the offset of a later edit": (
+        MUNICH,
+        {"OffsetTime": "+01:00", "main": {"DateTime": "2024:12:24 10:00:00"}},
+        2.0,
+        ZONE,
+    ),
+    "TimeZoneOffset": (MUNICH, {"zone": 2}, 2.0, FILE),
+    "TimeZoneOffset of two": (DENVER, {"zone": (-6, -6)}, -6.0, FILE),
+    "TimeZoneOffset without a sign": (DENVER, {"zone": 65530}, -6.0, FILE),
+    "the writing's time alone": (
+        MUNICH,
+        {"DateTimeOriginal": None, "main": {"DateTime": "2024:06:01 18:49:00"}, "OffsetTime": "+02:00"},
+        2.0,
+        FILE,
+    ),
+    "no zone at all": (KATHMANDU, {}, 5.75, ZONE),
+    "XMP of the same second": (
+        DENVER,
+        {"xmp": packet("http://ns.adobe.com/exif/1.0/", {"DateTimeOriginal": "2025-09-14T08:18:00-06:00"})},
+        -6.0,
+        FILE,
+    ),
+    "XMP in UTC": (
+        DENVER,
+        {"xmp": packet("http://ns.adobe.com/exif/1.0/", {"DateTimeOriginal": "2025-09-14T14:18:00Z"})},
+        -6.0,
+        FILE,
+    ),
+    "Photoshop's date": (
+        KATHMANDU,
+        {"xmp": packet("http://ns.adobe.com/photoshop/1.0/", {"DateCreated": "2023-10-30T11:16:00+05:45"}, True)},
+        5.75,
+        FILE,
+    ),
+    "XMP alone": (
+        MUNICH,
+        {
+            "DateTimeOriginal": None,
+            "xmp": packet("http://ns.adobe.com/xap/1.0/", {"CreateDate": "2024-06-01T18:49:00+02:00"}),
+        },
+        2.0,
+        FILE,
+    ),
+    "GPS of the same time": (MUNICH, {"gps": "2024:06:01 16:49:00"}, 2.0, GPS),
+    "GPS a minute late": (MUNICH, {"gps": "2024:06:01 16:50:01", "OffsetTimeOriginal": "+02:00"}, 2.0, FILE),
+    "GPS a minute late, no offset": (MUNICH, {"gps": "2024:06:01 16:50:01"}, 2.0, GPS),
+    "GPS without a date": (MUNICH, {"gps": "16:49:00"}, 2.0, GPS),
+    "GPS without a date by the date line": (AUCKLAND, {"gps": "05:54:00"}, 13.0, GPS),
+    "home zone abroad": (
+        DENVER,
+        {"DateTimeOriginal": "2025:09:14 16:18:00", "OffsetTimeOriginal": "+02:00", "gps": "2025:09:14 14:18:00"},
+        2.0,
+        FILE,
+    ),
+    "home zone abroad by GPS": (
+        DENVER,
+        {"DateTimeOriginal": "2025:09:14 16:18:00", "gps": "2025:09:14 14:18:00"},
+        2.0,
+        GPS,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SPELLINGS)
+def test_times_are_read_however_they_are_written(name: str) -> None:
+    base, tags, offset, source = SPELLINGS[name]
+    metadata = read_photo(file_of(base | tags)).metadata
+    light = answer(metadata, base["sun"], base.get("heading"))
+    assert light.utc_time is not None
+    assert abs(light.utc_time - UTC_OF[base["place"][0]]).total_seconds() < 61
+    assert (light.utc_offset, light.time_source) == (offset, source)
+    assert light.sun_elevation == pytest.approx(base["sun"], abs=0.6)
+    assert clock_warnings(light) == []
+
+
+CONFLICTS: dict[str, tuple[dict[str, Any], dict[str, Any], str, str]] = {
+    "GPS 1024 weeks early": (MUNICH, {"gps": "2004:10:16 16:49:00"}, ZONE, "1024 weeks"),
+    "GPS 2048 weeks early": (
+        MUNICH,
+        {"gps": "1985:03:02 16:49:00", "OffsetTimeOriginal": "+02:00"},
+        FILE,
+        "2048 weeks",
+    ),
+    "GPS 1024 weeks late": (MUNICH, {"gps": "2044:01:16 16:49:00"}, ZONE, "1024 weeks"),
+    "1024 weeks and another zone": (
+        DENVER,
+        {"DateTimeOriginal": "2025:09:14 16:18:00", "gps": "2006:01:29 14:18:00"},
+        GPS,
+        "1024 weeks",
+    ),
+    "receiver without a fix": (AUCKLAND, {"gps": "1980:01:06 00:00:41"}, ZONE, "without a fix"),
+    "receiver at its second epoch": (MUNICH, {"gps": "1999:08:22 00:01:10"}, ZONE, "without a fix"),
+    "fix of breakfast": (MUNICH, {"gps": "2024:06:01 11:41:48"}, ZONE, "7 min"),
+    "fix 47 min old": (DENVER, {"gps": "2025:09:14 13:30:51"}, ZONE, "47 min"),
+    "fix of before the flight": (
+        DENVER,
+        {"gps": "2025:09:14 04:58:00", "OffsetTimeOriginal": "-06:00"},
+        FILE,
+        "9 h 20",
+    ),
+    "fix of the day before": (MUNICH, {"gps": "2024:05:31 16:49:00"}, ZONE, "a day"),
+    "clock reset to 2000": (
+        MUNICH,
+        {"DateTimeOriginal": "2000:01:01 00:03:12", "gps": "2024:06:01 16:49:00"},
+        GPS,
+        "reset",
+    ),
+    "clock reset to 1970": (
+        AUCKLAND,
+        {"DateTimeOriginal": "1970:01:01 00:12:44", "OffsetTimeOriginal": "+00:00", "gps": "2024:02:03 05:54:00"},
+        GPS,
+        "reset",
+    ),
+    "clock reset to 2016": (
+        AUCKLAND,
+        {"DateTimeOriginal": "2016:01:01 00:02:10", "OffsetTimeOriginal": "+00:00", "gps": "2024:02:03 05:54:00"},
+        GPS,
+        "reset",
+    ),
+    "clock reset weeks ago": (
+        AUCKLAND,
+        {"DateTimeOriginal": "2012:01:09 04:40:10", "OffsetTimeOriginal": "+00:00", "gps": "2024:02:03 05:54:00"},
+        GPS,
+        "days",
+    ),
+    "clock at the wrong half of the day": (
+        HELSINKI,
+        {"DateTimeOriginal": "2024:06:15 07:22:00", "OffsetTimeOriginal": "+03:00", "gps": "2024:06:15 16:22:00"},
+        GPS,
+        "12 h 00",
+    ),
+    "offset of another season": (MUNICH, {"gps": "2024:06:01 16:49:00", "OffsetTimeOriginal": "+01:00"}, GPS, "1 h 00"),
+    "clock half an hour slow": (
+        DENVER,
+        {"DateTimeOriginal": "2025:09:14 07:41:00", "OffsetTimeOriginal": "-06:00", "gps": "2025:09:14 14:18:00"},
+        GPS,
+        "37 min",
+    ),
+    "clock of the future": (
+        MUNICH,
+        {"DateTimeOriginal": "2097:06:01 18:49:00", "OffsetTimeOriginal": "+02:00", "gps": "2024:06:01 16:49:00"},
+        GPS,
+        "future",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CONFLICTS)
+def test_of_clocks_that_contradict_each_other_the_right_one_is_used_and_told(name: str) -> None:
+    base, tags, source, words = CONFLICTS[name]
+    metadata = read_photo(file_of(base | tags)).metadata
+    light = answer(metadata, base["sun"], base.get("heading"))
+    assert light.utc_time is not None
+    assert abs(light.utc_time - UTC_OF[base["place"][0]]).total_seconds() < 61
+    assert light.time_source == source
+    assert light.sun_elevation == pytest.approx(base["sun"], abs=0.6)
+    (warning,) = clock_warnings(light)
+    assert words in warning
+    assert "was used" in warning
+    assert "48.14" not in warning  # no place
+    if (heading := base.get("heading")) is not None:
+        assert light.camera_heading == pytest.approx(heading, abs=3.0)
+
+
+@pytest.mark.parametrize("sun", [17.8, 63.3])
+def test_the_pixels_choose_between_clock_and_gps(sun: float) -> None:
+    """One file, two pictures: of the clock's sun, and of that of GPS."""
+    metadata = read_photo(file_of(MUNICH | {"gps": "2024:06:01 11:41:48"})).metadata
+    light = answer(metadata, sun)
+    assert light.time_source == (ZONE if sun < 30 else GPS)
+    assert light.sun_elevation == pytest.approx(20.0 if sun < 30 else 63.3, abs=0.6)
+    (warning,) = clock_warnings(light)
+    assert ("the GPS time is likelier" if sun > 30 else "the camera's clock is likelier") in warning
+
+
+@pytest.mark.parametrize(
+    ("time", "words"),
+    [("1970:01:01 00:12:44", "reset"), ("1980:01:01 11:00:00", "reset"), ("2000:01:01 07:12:00", "reset")],
+)
+def test_a_clock_that_was_reset_is_no_time(time: str, words: str) -> None:
+    light = answer(read_photo(file_of(MUNICH | {"DateTimeOriginal": time})).metadata, 20.0)
+    assert light.utc_time is None
+    assert "time+place" not in light.evidence
+    (warning,) = clock_warnings(light)
+    assert words in warning
+
+
+def test_new_year_is_a_day_as_any_other() -> None:
+    tags = {"DateTimeOriginal": "2017:01:01 12:30:00", "OffsetTimeOriginal": "+01:00"}
+    light = answer(read_photo(file_of(MUNICH | tags)).metadata, 18.0)
+    assert light.utc_time == datetime(2017, 1, 1, 11, 30, tzinfo=UTC)
+    assert clock_warnings(light) == []
+
+
+@pytest.mark.parametrize(
+    "text", ["01/06/2024 18:49:00", "2024:06:01", "2024:13:01 10:00:00", "June", "2024:06:01 25:00:00"]
+)
+def test_a_date_in_doubt_is_none(text: str) -> None:
+    metadata = read_photo(file_of(MUNICH | {"DateTimeOriginal": text})).metadata
+    assert metadata.local_time is None
+
+
+def test_the_writing_time_of_a_program_is_not_the_pictures() -> None:
+    main = {"DateTime": "2024:06:01 18:49:00", "Software": "GIMP 2.10"}
+    assert read_photo(file_of(MUNICH | {"DateTimeOriginal": None, "main": main})).metadata.local_time is None
+
+
+def test_the_users_offset_wins_and_what_it_replaced_is_told() -> None:
+    metadata = read_photo(file_of(MUNICH | {"OffsetTimeOriginal": "+05:00"})).metadata
+    light = answer(metadata, 20.0, utc_offset=2.0)
+    assert (light.utc_time, light.utc_offset, light.time_source) == (UTC_OF[48.14], 2.0, "user")
+    (warning,) = clock_warnings(light)
+    assert "+02:00" in warning
+    assert "+05:00" in warning
+    assert clock_warnings(answer(metadata, 20.0, utc_offset=5.0)) == []
+
+
+def test_the_time_is_told_without_a_place() -> None:
+    tags = {name: value for name, value in MUNICH.items() if name != "place"}
+    light = answer(read_photo(file_of(tags | {"OffsetTimeOriginal": "+02:00"})).metadata, 20.0)
+    assert (light.utc_time, light.utc_offset, light.time_source) == (UTC_OF[48.14], 2.0, FILE)
+    assert light.to_dict()["time"] == {"utc": "2024-06-01T16:49:00Z", "utc_offset": 2.0, "source": FILE}
+
+
+def iptc(date: str, time: str) -> bytes:
+    """An IPTC block of Photoshop with a date and a time."""
+    sets = b"".join(
+        b"\x1c\x02" + bytes([number]) + len(text).to_bytes(2, "big") + text.encode()
+        for number, text in ((55, date), (60, time))
+    )
+    block = b"8BIM\x04\x04\0\0" + len(sets).to_bytes(4, "big") + sets + b"\0" * (len(sets) % 2)
+    return b"Photoshop 3.0\0" + block
+
+
+@pytest.mark.parametrize(("time", "offset", "source"), [("184900+0200", 2.0, FILE), ("184900", 2.0, ZONE)])
+def test_the_time_of_iptc(time: str, offset: float, source: str) -> None:
+    plain = file_of(MUNICH | {"DateTimeOriginal": None})
+    segment = iptc("20240601", time)
+    data = plain[:2] + b"\xff\xed" + (len(segment) + 2).to_bytes(2, "big") + segment + plain[2:]
+    light = answer(read_photo(data).metadata, 20.0)
+    assert (light.utc_time, light.utc_offset, light.time_source) == (UTC_OF[48.14], offset, source)
+
+
+# Files beside the photo.
+
+TAKEOUT = {
+    "title": "photo.jpg",
+    "photoTakenTime": {"timestamp": "1717260540"},
+    "geoData": {"latitude": 48.14, "longitude": 11.58, "altitude": 0.0},
+}
+
+
+@pytest.mark.parametrize(
+    ("photo", "file"),
+    [
+        ("photo.jpg", "photo.jpg.supplemental-metadata.json"),
+        ("photo.jpg", "photo.jpg.json"),
+        ("photo.jpg", "photo.jpg.supplemental-me.json"),
+        ("photo(2).jpg", "photo.jpg.supplemental-metadata(2).json"),
+        ("photo(2).jpg", "photo.jpg(2).json"),
+        ("photo-edited.jpg", "photo.jpg.supplemental-metadata.json"),
+        (f"{'x' * 44}.jpg", f"{'x' * 44}.j.json"),
+    ],
+)
+def test_the_time_of_google_takeout(tmp_path: Path, photo: str, file: str) -> None:
+    (tmp_path / photo).write_bytes(encode(SCENE))
+    (tmp_path / file).write_text(json.dumps(TAKEOUT))
+    metadata = read_photo(tmp_path / photo).metadata
+    assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 16, 49), 0.0)
+    assert read_photo((tmp_path / photo).read_bytes()).metadata == PhotoMetadata()
+    assert read_photo((tmp_path / photo).read_bytes(), path=tmp_path / photo).metadata == metadata
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "{", "[]", '{"a": 1}', '{"photoTakenTime": 3}', '{"photoTakenTime": {"timestamp": "1e999"}}', "[" * 100_000],
+)
+def test_other_json_says_nothing(tmp_path: Path, text: str) -> None:
+    (tmp_path / "photo.jpg").write_bytes(encode(SCENE))
+    (tmp_path / "photo.jpg.json").write_text(text)
+    assert read_photo(tmp_path / "photo.jpg").metadata == PhotoMetadata()
+
+
+def test_takeouts_time_tells_the_offset_of_a_clock_unless_google_took_it_for_utc(tmp_path: Path) -> None:
+    tags = {"DateTimeOriginal": "2024:06:01 18:49:00"}
+    (tmp_path / "photo.jpg").write_bytes(file_of(tags))
+    (tmp_path / "photo.jpg.json").write_text(json.dumps(TAKEOUT))
+    assert read_photo(tmp_path / "photo.jpg").metadata.utc_offset == 2.0
+    (tmp_path / "photo.jpg.json").write_text(json.dumps(TAKEOUT | {"photoTakenTime": {"timestamp": "1717267740"}}))
+    assert read_photo(tmp_path / "photo.jpg").metadata.utc_offset is None
+
+
+@pytest.mark.parametrize("name", ["photo.jpg.xmp", "photo.xmp", "photo.XMP"])
+def test_xmp_beside_the_photo_fills_gaps(tmp_path: Path, name: str) -> None:
+    (tmp_path / "photo.jpg").write_bytes(encode(SCENE))
+    stamp = packet("http://ns.adobe.com/exif/1.0/", {"DateTimeOriginal": "2024-06-01T18:49:00+02:00"})
+    (tmp_path / name).write_bytes(stamp)
+    metadata = read_photo(tmp_path / "photo.jpg").metadata
+    assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 18, 49), 2.0)
+    (tmp_path / "photo.jpg").write_bytes(file_of(DENVER | {"OffsetTimeOriginal": "-06:00"}))
+    own = read_photo(tmp_path / "photo.jpg").metadata
+    assert (own.local_time, own.utc_offset) == (datetime(2025, 9, 14, 8, 18), -6.0)
