@@ -5,10 +5,13 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directions, latlong_solid_angle
 
 Image = NDArray[np.float32]
 
+MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
+_CAP_STEPS, _CAP_TOLERANCE = 50, 1e-3  # attempts to keep an irradiance, and the share of it that may be missing
 EPSILON_IRRADIANCE = 1e-12  # irradiance, radiance or exposure that stands for none in a divisor
 
 
@@ -32,6 +35,35 @@ def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
     count, width = rows.shape[:2]
     columns = np.einsum("r,rx->x", np.asarray(levels, dtype=np.float32), rows.reshape(count, 3 * width))
     return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
+
+
+def cap_radiance(levels: Floats, rows: Image) -> None:
+    """Bring some rows of a map to at most MAX_RADIANCE in place; their irradiance of level ground stays.
+
+    Args:
+        levels: (R,) the `row_irradiance` of these rows.
+        rows: (R, W, 3) linear radiance, contiguous in memory.
+
+    Raises:
+        ParameterError: so much light does not fit.
+    """
+    limit = np.float32(MAX_RADIANCE)
+    if rows.max() <= limit:
+        return
+    target = irradiance_from_rows(levels, rows)
+    for _ in range(_CAP_STEPS):
+        np.minimum(rows, limit, out=rows)
+        short = target / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE)
+        if short.max() <= 1 + _CAP_TOLERANCE:
+            return
+        scale_colors(rows, short)
+    raise too_bright()
+
+
+def too_bright() -> ParameterError:
+    """Return the error of a light that no map holds whose values end at MAX_RADIANCE."""
+    sentence = f"The light is too bright for a map, whose values end at {MAX_RADIANCE:.0f}; lower the exposure."
+    return ParameterError(sentence, "exposure", ErrorCode.OUT_OF_RANGE)
 
 
 def envmap_irradiance(image: Image, normals: Floats) -> Floats:

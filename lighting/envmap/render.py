@@ -16,7 +16,16 @@ from numbers import Integral
 import numpy as np
 
 from lighting.color import luminance
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, row_irradiance, scale_colors
+from lighting.envmap.latlong import (
+    EPSILON_IRRADIANCE,
+    MAX_RADIANCE,
+    Image,
+    cap_radiance,
+    irradiance_from_rows,
+    row_irradiance,
+    scale_colors,
+    too_bright,
+)
 from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
@@ -27,6 +36,8 @@ from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL, sky_gradation, sky_lobe, s
 _LOBE_STEPS = 1 << 16  # of the table by the angle to the sun; taking the nearest entry errs by less than 4e-4
 _TABLE_STEPS = 512  # of a row's table by that angle; values between its entries are interpolated
 _CHUNK_PIXELS = 1 << 17  # painted at once, few enough for the processor's cache
+_GLOW_STEPS, _PEAK_SHARE = 200, 0.9  # attempts to flatten a sun's glow, and what each leaves of its peak
+_MAX_PEAK = 500.0  # radiance of the brightest part of any sky over the irradiance of the ground
 _IRRADIANCE_ROWS = 128  # of the sky that is integrated to light the ground; accurate to 2e-4
 _LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 _EFFICACY = 120.0  # lm / W of skylight
@@ -36,6 +47,8 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
     """Environment map (H, 2H, 3) of a lighting: float32, linear Rec.709, in the photo's linear values.
 
     The sum of the disc's radiance x solid angle is the same at every height. The ground is lit by what is painted.
+    No value is over 65,504, the largest half float: a sun that would be is a wider one of the same irradiances.
+    ParameterError where a light is too bright for that.
 
     Args:
         lighting: else ParameterError.
@@ -58,6 +71,7 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
         level = level + (disc_power(lighting)[1] if by_model else _level_sun_irradiance(lighting))
     lower[0] = ground_reflectance(lighting) / math.pi * level
     lower[1:] = lower[0]  # copying whole rows is fastest
+    cap_map(image, lighting)
     if painted and disc:
         add_sun(image, lighting)
     return image
@@ -78,6 +92,23 @@ def add_sun(image: Image, lighting: Lighting) -> None:
     else:
         upper = image[: len(image) // 2]
         _add_sun_glow(upper, glow(latlong_directions(len(image))[: len(upper)], lighting.sun_direction), power)
+
+
+def cap_map(image: Image, lighting: Lighting) -> None:
+    """Bring a map to at most MAX_RADIANCE in place; the irradiances of level ground by both halves stay.
+
+    Args:
+        image: (H, 2H, 3), without the sun's disc.
+        lighting: of the map, by which nearly all maps need no look.
+
+    Raises:
+        ParameterError: so much light does not fit.
+    """
+    if level_irradiance(lighting).max() * _MAX_PEAK <= MAX_RADIANCE:
+        return
+    half, levels = len(image) // 2, row_irradiance(len(image))
+    for rows in (slice(0, half), slice(half, None)):
+        cap_radiance(levels[rows], image[rows])
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:
@@ -162,10 +193,19 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> N
 
 
 def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
-    """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,)."""
+    """Add a glow (H / 2, 2H) to the upper half (H / 2, 2H, 3) of a map so that its radiance x solid angle is (3,).
+
+    Where that would be over MAX_RADIANCE, its peak is flattened as far as it must be.
+    """
     weight = latlong_solid_angle(2 * len(upper))[: len(upper)]
-    total = max(float(weight @ glow.sum(axis=1)), EPSILON_IRRADIANCE)
-    upper += np.asarray(glow[..., None] * (power / total), dtype=np.float32)
+    for _ in range(_GLOW_STEPS):
+        total = max(float(weight @ glow.sum(axis=1)), EPSILON_IRRADIANCE)
+        peak = glow >= _PEAK_SHARE * glow.max()
+        if (upper[peak] + glow[peak][:, None] * (power / total)).max() <= MAX_RADIANCE:
+            upper += np.asarray(glow[..., None] * (power / total), dtype=np.float32)
+            return
+        glow = np.minimum(glow, _PEAK_SHARE * glow.max())
+    raise too_bright()
 
 
 def _overcast_rows(rows: int) -> Image:

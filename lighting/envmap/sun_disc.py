@@ -1,17 +1,27 @@
-"""The sun's disc in a map, which is smaller than most pixels: painted by the solid angle that it covers."""
+"""The sun's disc in a map, which is smaller than most pixels: painted by the solid angle that it covers.
+
+Where its radiance would be more than half floats hold, its power is spread evenly over as wide a disc as it needs.
+"""
 
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.latlong import Image
-from lighting.geometry import SUN_RADIUS, Floats, angles, direction, latlong_solid_angle
+from lighting.envmap.latlong import MAX_RADIANCE, Image, too_bright
+from lighting.geometry import SUN_RADIUS, Floats, angle_between, angles, direction, latlong_solid_angle
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sun_disc_points, sun_disc_radiance
 
 _FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
 _FINE_PER_PIXEL = 4  # least number of grid rows per row of pixels
+
+# A sun that is spread.
+_MAX_RADIUS = 90.0  # deg
+_FITS = 1 - 1e-6  # of MAX_RADIANCE that float32 surely keeps below it
+_MIN_GROWTH, _MAX_GROWTH = 1.03, 1.5  # of its radius between attempts
+_FLATTEST = 3.0  # how much smaller than the radius half its height may be
+_MAX_SLOPE = 0.9  # by which its radiance may differ from above to below
 
 
 def splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
@@ -32,7 +42,76 @@ def splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
     sums = np.stack([np.bincount(inverse, share[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
     scale = power / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
     added = sums * scale / latlong_solid_angle(height)[pixels // width, None]
-    image.reshape(-1, 3)[pixels] += np.asarray(added, dtype=np.float32)
+    flat = image.reshape(-1, 3)
+    if (flat[pixels] + added).max(initial=0.0) > MAX_RADIANCE:
+        pixels, added = _spread_power(image, pixels, added)
+    flat[pixels] += np.asarray(added, dtype=np.float32)
+
+
+def _spread_power(image: Image, pixels: NDArray[np.intp], added: Floats) -> tuple[NDArray[np.intp], Floats]:
+    """Pixels (M,) and radiance (M, 3) of a wider sun, which gives a surface that faces it and level ground the same.
+
+    Args:
+        image: (H, 2H, 3) to which it is to be added.
+        pixels: (N,) indices of the pixels of the sun.
+        added: (N, 3) its radiance there.
+    """
+    height = len(image)
+    weighted = added * latlong_solid_angle(height)[pixels // (2 * height), None]
+    vectors = weighted.T @ _pixel_directions(pixels, height)  # (channels, 3)
+    total = vectors.sum(axis=0)
+    sun = total / np.linalg.norm(total)
+    facing = vectors @ sun
+    shrink = 1 - min(facing.max() / MAX_RADIANCE / math.pi / 2, 1.0)
+    radius = max(math.degrees(math.acos(shrink)), SUN_RADIUS)
+    while radius <= _MAX_RADIUS:
+        wider, share = _even_disc(sun, radius, height)
+        share = _at_height(share, wider, height, sun)
+        weight = latlong_solid_angle(height)[wider // (2 * height)] * share
+        spread = share[:, None] * (facing / (weight @ (_pixel_directions(wider, height) @ sun)))
+        if (over := float((image.reshape(-1, 3)[wider] + spread).max()) / MAX_RADIANCE) <= _FITS:
+            return wider, spread
+        radius *= min(max(math.sqrt(over), _MIN_GROWTH), _MAX_GROWTH)
+    raise too_bright()
+
+
+def _even_disc(sun: Floats, radius: float, height: int) -> tuple[NDArray[np.intp], Floats]:
+    """Pixels (M,) above the horizon of a map and their shares (M,) of a disc [deg] around a direction (3,).
+
+    A disc that would reach below the horizon is as flat and wide as keeps its height, up to a ratio.
+    """
+    pixel, elevation = 180.0 / height, float(angles(sun)[1])
+    vertical = max(min(radius, max(elevation, pixel / 2)), radius / _FLATTEST)
+    horizontal = radius**2 / vertical
+    rows = np.arange(max(0, math.floor((90.0 - elevation - vertical) / pixel - 1)), height // 2)
+    rows = rows[: max(1, math.ceil((90.0 - elevation + vertical) / pixel + 1) - rows[0])]
+    pixels = (rows[:, None] * 2 * height + np.arange(2 * height)).ravel()
+    directions = _pixel_directions(pixels, height)
+    up = np.degrees(np.arcsin(directions[:, 1])) - elevation
+    beside2 = np.maximum(np.square(angle_between(directions, sun)) - np.square(up), 0.0)
+    outward = np.sqrt(np.square(up / vertical) + beside2 / horizontal**2)
+    share = np.clip((1 - outward) * min(vertical, horizontal) / pixel + 0.5, 0.0, 1.0)
+    return pixels[share > 0], share[share > 0]
+
+
+def _at_height(share: Floats, pixels: NDArray[np.intp], height: int, sun: Floats) -> Floats:
+    """Shares (M,) of a disc, more above or below, so that level ground gets as much of it as from a direction (3,)."""
+    directions = _pixel_directions(pixels, height)
+    weight = share * latlong_solid_angle(height)[pixels // (2 * height)]
+    up, facing = directions[:, 1], directions @ sun
+    off = up - weight @ up / weight.sum()
+    missing = sun[1] * (weight @ facing) - weight @ up
+    gained = (weight * off) @ up - sun[1] * ((weight * off) @ facing)
+    if gained <= 0 or not off.any():
+        return share
+    slope = np.clip(missing / gained, *(np.array([-1, 1]) * _MAX_SLOPE / np.abs(off).max()))
+    return np.asarray(share * (1 + slope * off))
+
+
+def _pixel_directions(pixels: NDArray[np.intp], height: int) -> Floats:
+    """Unit vectors (N, 3) of a map's pixels by their indices."""
+    row, column = np.divmod(pixels, 2 * height)
+    return direction((column + 0.5) * (180.0 / height) - 180.0, 90.0 - (row + 0.5) * (180.0 / height))
 
 
 def _gray_disc(directions: Floats, lighting: Lighting) -> Floats:

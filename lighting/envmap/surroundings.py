@@ -20,7 +20,7 @@ from lighting.color import check_pixels, luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, scale_colors
 from lighting.envmap.projection import CLIPPED, ProjectedPhoto, project_photo, sample_photo, size_in_envmap
 from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting
-from lighting.envmap.render import add_sun, check_height, render
+from lighting.envmap.render import add_sun, cap_map, check_height, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.records import Estimate, Lighting, check_estimate, check_lighting
@@ -179,6 +179,7 @@ def render_with_surroundings(
         upper_done = pool.submit(upper)
         lower()
         upper_done.result()
+    cap_map(image, lighting)
     if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
     return image

@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.envmap.latlong import MAX_RADIANCE
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ErrorCode, ProbeError
@@ -277,6 +278,11 @@ def _probe_warnings(probe: Probe) -> Iterator[str]:
         yield "The sun is clipped in every exposure; its light is estimated by the model of the sky around it."
     elif probe.spot.clipped:
         yield "The sun is clipped in every exposure: it is brighter than the map says by an unknown factor."
+    if (brightest := float(probe.image.max())) > MAX_RADIANCE:
+        yield (
+            f"The brightest value is {brightest:.3g}; programs that read maps as half floats, which end at 65504, lose "
+            f"what is over that. The file keeps it."
+        )
     if (share := _clipped_sky_share(probe)) > _MAX_CLIPPED_SKY:
         yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
     if probe.sun_error is not None and probe.sun_error > MAX_SUN_ERROR:
@@ -332,7 +338,7 @@ def write_probe(probe: Probe, output: str | Path) -> Path:
         except OSError as error:
             sentence = f"{path.parent} cannot be made: {error.strerror or error}."
             raise ProbeError(sentence, code=ErrorCode.UNWRITABLE) from error
-    write_exr(path, probe.image, attributes=_probe_attributes(probe))
+    write_exr(path, probe.image, compression="none", attributes=_probe_attributes(probe))  # others round values
     return path
 
 

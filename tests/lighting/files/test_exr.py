@@ -54,6 +54,7 @@ def packed(image: NDArray[np.float32], compression: str) -> bytes:
 
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_the_sun_keeps_its_energy(image: NDArray[np.float32], compression: str) -> None:
+    image = image * np.float32(4)  # as bright as a measured one
     back = read_exr(io.BytesIO(packed(image, compression)))[0]
     disc = image.max(axis=-1) > 0.01 * image.max()
     rows = np.broadcast_to(latlong_solid_angle(len(image))[:, None], disc.shape)[disc]
