@@ -24,7 +24,7 @@ import tempfile
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
@@ -84,29 +84,33 @@ def _photo() -> Iterator[bytes]:
 
 
 @contextmanager
-def started(command: list[str], ready: str, queue: int = 64) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
-    """Run a service in a process group of its own; yields its port and process once it is ready."""
-    port = _free_port()
+def started(
+    command: list[str], ready: str, queue: int = 64, more: Mapping[str, str] | None = None
+) -> Iterator[tuple[int, subprocess.Popen[bytes]]]:
+    """Run a service in a process group of its own, with more variables; its port and process once it is ready."""
+    port = free_port()
     settings = {"LIGHTING_PORT": str(port), "LIGHTING_QUEUE": str(queue), "LIGHTING_LOG_LEVEL": "warning"}
     settings |= {"LIGHTING_UPLOADS": str(max(LEVELS)), "LIGHTING_UPLOADS_PER_CLIENT": str(max(LEVELS))}  # one address
     quiet = {"PYTHONPATH": str(ROOT), "ORT_DISABLE_TELEMETRY": "1"}
     arguments = command if "-m" in command else [*command, str(port)]
-    environment = {**os.environ, **settings, **quiet}
+    environment = {**os.environ, **settings, **quiet, **(more or {})}
     with subprocess.Popen(arguments, env=environment, stdout=subprocess.DEVNULL, process_group=0) as process:
         try:
-            _wait(f"http://127.0.0.1:{port}{ready}", process)
+            wait_until_answered(f"http://127.0.0.1:{port}{ready}", process)
             yield port, process
         finally:
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
 
 
-def _free_port() -> int:
+def free_port() -> int:
+    """A port on which nobody listens."""
     with socket.create_server(("127.0.0.1", 0)) as anything:
         return int(anything.getsockname()[1])
 
 
-def _wait(url: str, process: subprocess.Popen[bytes]) -> None:
+def wait_until_answered(url: str, process: subprocess.Popen[bytes]) -> None:
+    """Wait until a process answers a request; ends this one if it does not."""
     for _ in range(START * 5):
         try:
             urllib.request.urlopen(url, timeout=5).close()

@@ -89,7 +89,7 @@ def _refuse_arguments(arguments: Sequence[str]) -> NoReturn:
     from server.settings import PREFIX, Settings
 
     fields = [(f"{PREFIX}{name.upper()}", field) for name, field in Settings.model_fields.items()]
-    lines = [f"  {name:29}{field.description}{_format_default(field.default)}" for name, field in fields]
+    lines = [f"  {name:32}{field.description}{_format_default(field.default)}" for name, field in fields]
     parser = ArgumentParser(
         prog="lighting-server",
         description="Estimate the light of outdoor photos over HTTP. Settings are read from environment variables:",
@@ -201,7 +201,10 @@ def _logging_config(level: str) -> dict[str, Any]:
         "disable_existing_loggers": False,
         "formatters": {"line": {"format": "%(asctime)s %(levelname)s %(name)s: %(message)s"}},
         "handlers": {"stderr": {"class": "logging.StreamHandler", "formatter": "line"}},
-        "loggers": {"python_multipart": {"level": "ERROR"}},  # warns about every malformed form
+        "loggers": {  # these warn about every malformed form and request, which have a line of their own
+            "python_multipart": {"level": "ERROR"},
+            "server.http": {"level": "ERROR"},
+        },
         "root": {"level": level, "handlers": ["stderr"]},
     }
 

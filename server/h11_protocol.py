@@ -11,6 +11,7 @@ import logging
 import secrets
 import sys
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any
 
 import h11
@@ -38,6 +39,7 @@ _LINGER_BYTES = 262_144  # that are read and dropped, for so many seconds, after
 _LINGER_SECONDS = 1.0  # with bytes unread takes its last response with it
 
 access_log = logging.getLogger("server.access")
+http_log = logging.getLogger("server.http")  # of which warnings would repeat the line of a refusal
 
 
 class _TinyChunksError(h11.RemoteProtocolError):
@@ -95,6 +97,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         **more: Any,
     ) -> None:
         super().__init__(*arguments, **more)
+        self.logger = http_log
         self.conn: _Connection = _Connection(h11.SERVER, MAX_HEADER_BYTES)
         self._head_seconds = head_seconds
         self._answer_rate = answer_rate
@@ -317,7 +320,8 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._dropped_bytes = 0
         self._cancel_deadline()
         self._deadline = self.loop.call_later(_LINGER_SECONDS, self.transport.close)
-        self.transport.write_eof()
+        with suppress(OSError):  # where the client has gone
+            self.transport.write_eof()
         self.flow.resume_reading()
 
     def _drop(self, data: bytes) -> None:

@@ -24,7 +24,7 @@ T = TypeVar("T")
 HALF_LIFE = 20.0  # seconds after which processor time counts half
 LONG_SECONDS = 0.2  # of processor time: longer requests leave a thread to the others
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
-_FIRST_SECONDS = 0.1  # of processor time that a route is expected to take before it has been measured
+_FIRST_SECONDS = 1.0  # of processor time that a route is expected to take before it has been measured
 _LEARNING_RATE = 0.2  # of a route's expected processor time
 _FORGET_SECONDS = 300.0  # after which a client's processor time is as good as none
 

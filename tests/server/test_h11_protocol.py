@@ -1,9 +1,11 @@
 """What ends a connection, on a real socket: heads, bodies in crumbs, answers that are not taken."""
 
+import asyncio
 import json
 import logging
 import re
 import socket
+import threading
 import time
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -16,7 +18,7 @@ from starlette.types import Receive, Scope, Send
 from server import h11_protocol
 from server.auth import SECURITY_HEADERS
 from server.h11_protocol import _READ_BYTES, MAX_CHUNKS, MAX_HEADER_BYTES, MIN_MEAN_CHUNK, BoundedProtocol
-from server.limits import PendingResponses
+from server.limits import ConnectionLimiter, PendingResponses
 from server.schemas import Problem
 from tests.helpers.processes import serve_app
 
@@ -24,8 +26,29 @@ SECONDS = 1.0
 LARGE = 50_000_000  # bytes of an answer: more than the sockets of both sides keep
 
 
+gone = threading.Event()  # when the client of /wait has disconnected
+go_on = threading.Event()  # when /wait may answer
+
+
+async def wait_for_client(receive: Receive) -> None:
+    """Read the body, and wait until its client has disconnected or the answer may be sent."""
+    while (await receive()).get("more_body"):
+        pass
+    reading = asyncio.create_task(receive())
+    while not reading.done() and not go_on.is_set():
+        await asyncio.sleep(0.01)
+    if reading.done():
+        gone.set()
+    reading.cancel()
+
+
 async def app(scope: Scope, receive: Receive, send: Send) -> None:
     """Answers with the number of bytes of the body, after reading it unless the path is /early; or with LARGE ones."""
+    if scope["path"] == "/wait":
+        await wait_for_client(receive)
+        await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"4")]})
+        await send({"type": "http.response.body", "body": b"done"})
+        return
     if scope["path"] == "/large":
         await send({"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"%d" % LARGE)]})
         await send({"type": "http.response.body", "body": bytes(LARGE)})
@@ -310,3 +333,81 @@ def test_an_answer_that_is_taken_slowly_but_fast_enough_comes_whole(
             taken += len(connection.recv(1 << 20))
             time.sleep(0.02)
     until(lambda: pending.size == 0)
+
+
+WAIT = b"POST /wait HTTP/1.1\r\nHost: x\r\nContent-Length: 3\r\n\r\nabc"
+
+
+@pytest.fixture
+def waiting(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(h11_protocol, "_PROBE_SECONDS", (0.3, 0.1, 0.1))
+    gone.clear()
+    go_on.clear()
+
+
+@pytest.mark.parametrize("requests", [1, 2])
+@pytest.mark.usefixtures("waiting")
+def test_a_client_that_sends_no_more_gets_its_answers(port: int, requests: int) -> None:
+    connection = connected(port)
+    connection.sendall(WAIT * requests)
+    connection.shutdown(socket.SHUT_WR)
+    threading.Timer(0.1, go_on.set).start()
+    answer = rest(connection)
+    assert answer.count(b"HTTP/1.1 200") == answer.count(b"done") == requests
+    assert b" 100 " not in answer
+    assert not gone.is_set()
+
+
+@pytest.mark.usefixtures("waiting")
+def test_a_client_that_waits_for_long_gets_interim_answers(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(WAIT)
+    connection.shutdown(socket.SHUT_WR)
+    threading.Timer(1.0, go_on.set).start()
+    with HTTPResponse(connection) as answer:
+        answer.begin()  # skips them
+        assert (answer.status, answer.read()) == (200, b"done")
+    connection.close()
+
+
+@pytest.mark.usefixtures("waiting")
+def test_a_client_that_has_gone_altogether_is_noticed(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(WAIT)
+    time.sleep(0.1)
+    connection.close()
+    assert gone.wait(20)
+
+
+@pytest.mark.usefixtures("waiting")
+def test_half_a_body_is_no_request(port: int) -> None:
+    connection = connected(port)
+    connection.sendall(WAIT[:-1])
+    connection.shutdown(socket.SHUT_WR)
+    assert rest(connection) == b""
+    assert gone.wait(20)
+
+
+@pytest.mark.usefixtures("waiting")
+def test_silent_connections_give_way_and_working_ones_do_not() -> None:
+    limiter = ConnectionLimiter(3, 3)
+    http: Any = partial(
+        BoundedProtocol,
+        head_seconds=60.0,
+        answer_rate=1,
+        pending=PendingResponses(LARGE),
+        connections=limiter,
+        is_proxy=lambda host: host == "127.0.0.1",
+    )
+    with serve_app(app, http) as port:
+        working, silent = connected(port), connected(port)
+        working.sendall(WAIT)
+        until(lambda: limiter.count == 2)
+        others = [connected(port) for _ in range(3)]
+        assert rest(silent) == b""
+        assert limiter.count == 3
+        go_on.set()
+        assert b"done" in working.recv(1000)
+        for connection in (working, *others):
+            connection.close()
+        until(lambda: limiter.count == 0)

@@ -1,0 +1,173 @@
+"""Greedy clients keep nobody out: a real service, innocent and hostile clients at loopback addresses of their own."""
+
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from server.limits import PLACE_BYTES
+from tests.helpers.service import PHOTO, Server, started
+
+pytestmark = [
+    pytest.mark.slow,
+    pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all of 127.0.0.0/8"),
+]
+
+INNOCENT = "127.0.1.1"
+SKY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
+LARGE_MAP = f"GET /v1/envmap?{SKY}&height=1024&compression=none HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()  # 25 MB
+LONG_WORK = f"GET /v1/envmap?{SKY}&height=2048 HTTP/1.1\r\nHost: localhost\r\n\r\n".encode()
+
+
+@pytest.fixture(scope="module")
+def server(network: Path) -> Iterator[Server]:
+    with started(network, concurrency=1, queue=5, uploads=3, uploads_per_client=2, unsent_bytes=60_000_000) as server:
+        yield server
+
+
+def ask_innocently(server: Server) -> None:
+    """A photo is answered, and the service is ready."""
+    assert server.request("POST", "/v1/lighting", PHOTO, source=INNOCENT)[0] == 200
+    assert server.request("GET", "/readyz", source=INNOCENT)[0] == 200
+
+
+def status_of(connection: socket.socket) -> bytes:
+    """The status of an answer of which nothing else is read."""
+    return connection.recv(12)[9:]
+
+
+def test_unread_answers_are_the_loss_of_who_does_not_read(server: Server) -> None:
+    with ExitStack() as stack:
+        statuses = []
+        for _ in range(4):
+            connection = stack.enter_context(server.connect("127.0.2.1"))
+            connection.sendall(LARGE_MAP)
+            statuses.append(status_of(connection))
+            ask_innocently(server)
+        assert statuses == [b"200", b"429", b"429", b"429"]  # a quarter of 60 MB waits for this client
+        others = [stack.enter_context(server.connect(f"127.0.2.{number}")) for number in range(2, 6)]
+        for connection in others:
+            connection.sendall(LARGE_MAP)
+            assert status_of(connection) == b"200"
+            ask_innocently(server)
+        assert server.metric("lighting_unsent_bytes") < 60_000_000 + 26_000_000
+        assert "dropped an answer to make room for others" in server.log
+    server.until("lighting_unsent_bytes", 0)
+
+
+def test_work_goes_in_turn_and_the_greedy_one_is_refused(server: Server) -> None:
+    with ExitStack() as stack:
+        greedy = [stack.enter_context(server.connect("127.0.3.1")) for _ in range(12)]
+        for connection in greedy:
+            connection.sendall(LONG_WORK)
+        for _ in range(3):
+            ask_innocently(server)
+        statuses = [status_of(connection) for connection in greedy]
+    assert set(statuses) == {b"200", b"429"}
+    assert 1 <= statuses.count(b"200") <= 6
+    server.until("lighting_running", 0)
+
+
+def test_headers_of_uploads_take_no_place(server: Server) -> None:
+    with ExitStack() as stack:
+        for number in range(32):
+            stack.enter_context(server.begin(1_000_000, sent=0, source=f"127.0.4.{number % 4}"))
+        large = PHOTO + bytes(2 * PLACE_BYTES)  # which needs a place
+        for _ in range(3):
+            ask_innocently(server)
+            assert server.request("POST", "/v1/lighting", large, source=INNOCENT)[0] == 200
+        assert server.metric("lighting_uploads") == 0
+        slow = [
+            stack.enter_context(server.begin(1_000_000, sent=PLACE_BYTES, source=f"127.0.4.{number}"))
+            for number in range(1, 4)
+        ]
+        server.until("lighting_uploads", 3)
+        assert server.request("POST", "/v1/lighting", large, source=INNOCENT)[0] == 200
+        gone = [connection for connection in slow if _is_answered(connection)]
+        assert [status_of(connection) for connection in gone] == [b"503"]
+
+
+def _is_answered(connection: socket.socket) -> bool:
+    connection.settimeout(0.5)
+    try:
+        return bool(connection.recv(1, socket.MSG_PEEK))
+    except TimeoutError:
+        return False
+
+
+def test_silent_connections_leave_room_and_the_log_alone(network: Path) -> None:
+    with started(network, files=(64, 512), concurrency=1) as server, ExitStack() as stack:
+        limits = Path(f"/proc/{server.process.pid}/limits").read_text()
+        line = next(line for line in limits.splitlines() if line.startswith("Max open files"))
+        assert line.split()[3:5] == ["512", "512"]
+        before = len(server.log)
+        for number in range(700):
+            connection = stack.enter_context(server.connect(f"127.0.5.{1 + number % 100}"))
+            if number % 100 == 99:
+                began = time.monotonic()
+                assert server.request("GET", "/livez", source=INNOCENT)[0] == 200
+                assert time.monotonic() - began < 10
+        ask_innocently(server)
+        assert 100 < server.metric("lighting_connections") < 512
+        said = server.log[before:]
+        assert said.count("too many connections") == 1
+        assert "Traceback" not in said
+        assert "Too many open files" not in said
+        assert connection.fileno() > 0
+
+
+def test_one_client_has_its_share_of_connections(network: Path) -> None:
+    with started(network, concurrency=1, connections_per_client=10) as server, ExitStack() as stack:
+        connections = [stack.enter_context(server.connect("127.0.6.1")) for _ in range(15)]
+        ask_innocently(server)
+        gone = 0
+        for connection in connections:
+            connection.settimeout(0.2)
+            try:
+                gone += connection.recv(1) == b""
+            except ConnectionResetError:
+                gone += 1
+            except TimeoutError:
+                pass
+        assert gone == 5
+
+
+def test_a_client_that_sends_no_more_gets_its_answer(server: Server) -> None:
+    with server.begin(len(PHOTO), sent=len(PHOTO)) as connection:
+        connection.shutdown(socket.SHUT_WR)
+        with connection.makefile("rb") as answer:
+            assert b"HTTP/1.1 200 OK" in answer.read()
+
+
+def test_a_refusal_has_one_line_in_the_log(server: Server) -> None:
+    before = len(server.log)
+    with server.connect() as connection:
+        head = b"POST /v1/lighting HTTP/1.1\r\nHost: x\r\nX-Request-ID: mine\r\nContent-Type: image/jpeg\r\n"
+        connection.sendall(head + b"Transfer-Encoding: chunked\r\n\r\n" + b"1\r\nx\r\n" * 8192)
+        with connection.makefile("rb") as answer:
+            said = answer.read()
+    assert said.startswith(b"HTTP/1.1 400 ")
+    assert b"x-request-id: mine\r\n" in said
+    server.until_logged("id=mine")
+    lines = server.log[before:].splitlines()
+    assert len(lines) == 1
+    assert "POST /v1/lighting 400 unreadable-body" in lines[0]
+
+
+def test_requests_on_their_way_are_answered_at_sigterm(network: Path) -> None:
+    with started(network, concurrency=1) as server, ExitStack() as stack:
+        connections = [stack.enter_context(server.connect()) for _ in range(4)]
+        head = (
+            f"POST /v1/lighting HTTP/1.1\r\nHost: x\r\nContent-Type: image/jpeg\r\nContent-Length: {len(PHOTO)}\r\n\r\n"
+        )
+        time.sleep(0.2)  # until they are accepted
+        sender = threading.Timer(0.1, lambda: [connection.sendall(head.encode() + PHOTO) for connection in connections])
+        server.process.terminate()
+        sender.start()
+        assert [status_of(connection) for connection in connections] == [b"200"] * 4
+        server.process.wait(60)
