@@ -12,7 +12,7 @@ from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
 from lighting.envmap.render import sky_irradiance
 from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.fusion.estimate import build_estimate, predict_photo
-from lighting.fusion.metadata_prior import observations_multi, observations_single
+from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
@@ -108,6 +108,7 @@ class Estimator:
         if len(photos) < 2:
             return [self(photo, user_input) for photo in photos]
         observed = observations_multi([photo.metadata for photo in photos], user_input)
+        observed = list(map(_with_photo_warnings, observed, photos))
         observations = [one.observations for one in observed]
         predictions = [self.predict(photo, user_input) for photo in photos]
         views = None
@@ -171,7 +172,7 @@ def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: U
     Raises:
         ParameterError: the user's time and place are of night.
     """
-    observed = observations_single(photo.metadata, user_input)
+    observed = _with_photo_warnings(observations_single(photo.metadata, user_input), photo)
     posterior = fuse_single_view(prediction, observed.observations, photo.pixels)
     return apply_photo_colors([photo], [build_estimate(posterior, observed)])[0]
 
@@ -204,6 +205,10 @@ def _check_arguments(photos: object, user_input: object) -> None:
     for photo in photos:
         check_photo(photo)
     check_user_input(user_input)
+
+
+def _with_photo_warnings(prior: MetadataPrior, photo: Photo) -> MetadataPrior:
+    return replace(prior, warnings=(*photo.warnings, *prior.warnings))
 
 
 def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "View":

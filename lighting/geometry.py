@@ -163,6 +163,16 @@ def level_in_camera(heading: ArrayLike, elevation: ArrayLike, roll: ArrayLike) -
     return np.stack(np.broadcast_arrays(c * lateral - s * above, s * lateral + c * above, np.cos(el) * ahead))
 
 
+def zoomed_fov(vertical_fov: float, zoom: float) -> float:
+    """Return the vertical field of view [deg] of a zoomed lens, or of a crop.
+
+    Args:
+        vertical_fov: deg, before the zoom.
+        zoom: the new focal length by the old one, over 0; of a crop, the old height by the new one.
+    """
+    return float(np.degrees(2.0 * np.arctan(np.tan(np.radians(vertical_fov) / 2.0) / zoom)))
+
+
 def focal_length(height: float, vertical_fov: float) -> float:
     """Return the focal length [pixels] of a pinhole camera.
 

@@ -63,6 +63,8 @@ class WarningCode(StrEnum):
     GRAVITY_CONTRADICTED = "gravity-contradicted"  # and not used
     CLOCK_CONTRADICTED = "clock-contradicted"  # the camera's clock, by GPS or by what no clock shows
     OFFSET_REPLACED = "offset-replaced"  # the file's offset from UTC, by the user's
+    BORDER = "border"  # about the photo, which counts without it
+    COLLAGE = "collage"  # of several photos
     TURN_INFERRED = "turn-inferred"  # nothing in common says how the photos are turned
     OTHER = "other"
 

@@ -18,11 +18,19 @@ from export.evaluation.metrics import figures_table
 from export.reports.photo_sets import expose_panorama
 from lighting.color import luminance, srgb_decode, tone_map
 from lighting.fusion.single_view import Observations
-from lighting.geometry import Floats, Pinhole, angle_between, camera_axes, camera_directions, direction, wrap_azimuth
+from lighting.geometry import (
+    Floats,
+    Pinhole,
+    angle_between,
+    camera_axes,
+    camera_directions,
+    direction,
+    wrap_azimuth,
+    zoomed_fov,
+)
 from lighting.model import Model
 from lighting.records import SunEstimate
 from lighting.video.decode import Frame
-from lighting.video.intrinsics import zoomed_fov
 from lighting.video.keyframes import smooth_parabolic
 from lighting.video.light import FrameObservation, ShotLight
 from lighting.video.observation import NETWORK_INTERVAL, estimate_frame, observe_shots

@@ -46,6 +46,8 @@ def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_IN
         user_input: what the user states of the photo.
     """
     prediction = model.predict(preprocess(photo, model.spec))[0]
+    if photo.is_collage:
+        return _as_unsuitable(prediction)
     return screen_prediction(prediction, photo.pixels, camera_observations(photo.metadata, user_input).vertical_fov)
 
 
@@ -59,8 +61,13 @@ def screen_prediction(
         pixels: (h, w, 3) sRGB.
         vertical_fov: deg, of the known lens; None where it is unknown.
     """
-    if not (is_blank(pixels) or is_panorama(pixels)):
-        return refine_camera(prediction, pixels, vertical_fov)
+    if is_blank(pixels) or is_panorama(pixels):
+        return _as_unsuitable(prediction)
+    return refine_camera(prediction, pixels, vertical_fov)
+
+
+def _as_unsuitable(prediction: Prediction) -> Prediction:
+    """The same of a picture that is no photo of one view."""
     if prediction.light is None:
         return prediction
     suitable = min(prediction.light.suitable, _MAX_SUITABLE_NO_PHOTO)

@@ -11,7 +11,7 @@ import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
 from numbers import Integral
 from pathlib import Path
@@ -24,12 +24,15 @@ from PIL import Image, UnidentifiedImageError
 import lighting.photo.containers as containers
 from lighting.color import check_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.geometry import zoomed_fov
+from lighting.photo.borders import Rectangle, find_layout
 from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.formats import unreadable_sentence
 from lighting.photo.heif import complete_avif, heif_kind, open_heif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
 from lighting.photo.sidecar import read_sidecar
+from lighting.records import CodedWarning, WarningCode
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
 
@@ -44,6 +47,10 @@ _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of mo
 _UNREADABLE_TIFF = (
     "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
 )
+_PART = "the answer is that of {width} x {height} pixels, from column {left} and row {top} on."
+_BORDER = f"The photo lies inside a border, such as bars, a frame or a screenshot: {_PART}"
+_STEREO_PAIR = f"The picture is a stereo pair: {_PART}"
+_COLLAGE = "The picture looks like a collage of several photos, each with a light of its own."
 _WARNING_FILTERS = threading.Lock()
 _CHUNK_BYTES = 1 << 22  # read at once, so that small files need no buffer of the limit's size
 _FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")
@@ -67,13 +74,16 @@ _FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "
 
 @dataclass(frozen=True, eq=False)
 class Photo:
-    """An upright photo."""
+    """An upright photo. Of a picture with a border, it is what lies inside."""
 
     pixels: NDArray[np.uint8] = field(repr=False)  # (h, w, 3) sRGB, perhaps smaller than the photo in the file
     width: int  # of the upright photo in the file, pixels
     height: int
     format: str  # as Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", ...; "RAW", "PIXELS"
     metadata: PhotoMetadata = field(default_factory=PhotoMetadata)  # what its EXIF block and XMP packet say
+    crop: Rectangle | None = None  # the photo's part of the upright picture; None: all of it
+    is_collage: bool = False  # whether the picture shows several photos
+    warnings: tuple[str, ...] = ()  # sentences about its border
 
     @property
     def facts(self) -> PhotoMetadata:
@@ -144,14 +154,15 @@ def read_photo(
     except Exception as error:  # decoders raise nearly anything on hostile bytes
         raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
+    photo = _without_border(Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format)))
     with _no_warnings():
         beside = source if isinstance(source, str | os.PathLike) else path
-        metadata = read_metadata(exif_source, width, height, None if beside is None else read_sidecar(beside))
-    return Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format), metadata)
+        sidecar = None if beside is None else read_sidecar(beside)
+        return replace(photo, metadata=read_metadata(exif_source, photo.width, photo.height, sidecar))
 
 
 def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:
-    """The Photo of pixels that a program has already, such as a camera's frame.
+    """The Photo of pixels that a program has already, such as a camera's frame; without a border, as `read_photo`'s.
 
     They are copied only where their rows are not contiguous. PhotoError for another type or shape; for a size also
     PhotoTooLargeError, as in `read_photo`.
@@ -163,7 +174,30 @@ def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -
     array = check_pixels(pixels)
     height, width = array.shape[:2]
     _check_size(width, height, MAX_PIXELS, "photo")
-    return Photo(np.ascontiguousarray(array), width, height, _ARRAY_FORMAT, metadata or PhotoMetadata())
+    whole = Photo(np.ascontiguousarray(array), width, height, _ARRAY_FORMAT, metadata or PhotoMetadata())
+    photo = _without_border(whole)
+    fov = whole.metadata.vertical_fov
+    if photo.crop is None or fov is None:
+        return photo
+    return replace(photo, metadata=replace(whole.metadata, vertical_fov=zoomed_fov(fov, height / photo.height)))
+
+
+def _without_border(photo: Photo) -> Photo:
+    """What lies inside a picture's border, with a warning; of a stereo pair one half."""
+    layout = find_layout(photo.pixels)
+    if layout.is_collage:
+        return replace(photo, is_collage=True, warnings=(CodedWarning(_COLLAGE, WarningCode.COLLAGE),))
+    if layout.photo is None:
+        return photo
+    left, top, right, bottom = layout.photo.pixels(photo.width, photo.height)
+    width, height = right - left, bottom - top
+    if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
+        return photo
+    what = _STEREO_PAIR if layout.is_stereo_pair else _BORDER
+    warning = CodedWarning(what.format(width=width, height=height, left=left, top=top), WarningCode.BORDER)
+    x, y, x_end, y_end = layout.photo.pixels(photo.pixels.shape[1], photo.pixels.shape[0])
+    pixels = np.ascontiguousarray(photo.pixels[y:y_end, x:x_end])
+    return replace(photo, pixels=pixels, width=width, height=height, crop=layout.photo, warnings=(warning,))
 
 
 def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from lighting.geometry import Floats
+from lighting.geometry import Floats, zoomed_fov
 from lighting.registration.features import Matches
 from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_through, rotation_about
 from lighting.registration.two_view import ONE_LENS, RelativeRotation, estimate_rotation
@@ -259,16 +259,6 @@ def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> b
     """
     fit = _fit_rotation_and_zoom(matches, focal_from_fov(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
     return fit is not None and abs(np.log(fit[1])) > ONE_LENS
-
-
-def zoomed_fov(vertical_fov: float, zoom: float) -> float:
-    """Return the vertical field of view [deg] of a zoomed lens.
-
-    Args:
-        vertical_fov: deg, before the zoom.
-        zoom: the new focal length by the old one, over 0.
-    """
-    return math.degrees(2.0 * math.atan(math.tan(math.radians(vertical_fov) / 2.0) / zoom))
 
 
 def _unzoom_estimate(estimate: FrameEstimate, zoom: float) -> FrameEstimate:

@@ -20,7 +20,7 @@ from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
-from lighting.geometry import Floats, wrap_azimuth
+from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
 from lighting.model import Model
 from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.rotations import leveling_rotation
@@ -33,7 +33,6 @@ from lighting.video.intrinsics import (
     fit_fov,
     prior_fov,
     remove_zoom,
-    zoomed_fov,
 )
 from lighting.video.keyframes import (
     CameraPath,

@@ -204,7 +204,10 @@ def test_one_photo_together_is_answered_as_alone(lit_network: Path, photo_path: 
 
 def test_photos_together_share_the_colour_of_the_sky_that_some_of_them_show(lit_network: Path) -> None:
     dark, blue, red = scene(320, 240) // 2, scene(320, 240), scene(320, 240)
-    blue[:120], red[:120] = (100, 160, 240), (240, 160, 100)
+    sky = np.arange(320) % 40 < np.arange(140)[:, None]  # above a jagged skyline
+    blue[:140], red[:140] = (
+        np.where(sky[::-1, :, None], c, p[:140]) for c, p in (((100, 160, 240), blue), ((240, 160, 100), red))
+    )
     first, second, third = (read_photo(encode(picture)) for picture in (dark, blue, red))
     said = Estimator(Model.load(lit_network))(first)
 

@@ -386,11 +386,11 @@ def test_cmyk_keeps_its_colours() -> None:
 @pytest.mark.parametrize("file_format", ["PNG", "WEBP", "HEIF"])
 def test_transparent_parts_become_mid_grey(file_format: str) -> None:
     rgba = np.dstack([SCENE, np.full(SCENE.shape[:2], 255, dtype=np.uint8)])
-    rgba[:60, :, :3] = 255
-    rgba[:60, :, 3] = 0
+    rgba[:60, :40, :3] = 255
+    rgba[:60, :40, 3] = 0
     photo = read_photo(encode(rgba, file_format, **LOSSLESS[file_format]))
     expected = SCENE.copy()
-    expected[:60] = 128
+    expected[:60, :40] = 128
     assert_close(photo, expected)
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from lighting.fusion.user_input import UserInput
-from lighting.geometry import Floats
+from lighting.geometry import Floats, zoomed_fov
 from lighting.model import Model
 from lighting.records import Lighting
-from lighting.video.intrinsics import remove_zoom, zoomed_fov
+from lighting.video.intrinsics import remove_zoom
 from lighting.video.observation import observe_shots
 from lighting.video.shot import Shot, frame_lights, shot_lighting, solve_shot
 from lighting.video.tracking import ClipMetadata, ShotObservations

@@ -14,11 +14,10 @@ import pytest
 
 from lighting.errors import ParameterError, PhotoError
 from lighting.fusion.user_input import UserInput
-from lighting.geometry import Floats, wrap_azimuth
+from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
 from lighting.model import Model
 from lighting.registration.rotations import rotation_about, rotation_vector
 from lighting.video import tracking
-from lighting.video.intrinsics import zoomed_fov
 from lighting.video.observation import estimate_frame
 from lighting.video.stream import FIRST_CHAIN, MAX_KEYFRAMES, Tracker, _BankKeyframe, _KeyframeBank
 from lighting.video.tracking import FrameRotation, Keyframe

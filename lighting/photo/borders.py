@@ -1,0 +1,453 @@
+"""Borders about a photo: bars, frames, screenshots, blurred copies, stereo pairs; and collages.
+
+A border is a plain background, or one of rows (or columns) that a program has drawn: a blurred copy of the photo, or a
+gradient. On a plain background the pictures are found by recursive XY cuts [1]: rows and columns of background part
+the blocks, among them texts and buttons. A block is a picture where straight edges part it from the background.
+
+A sky of one colour ends at no straight edge, or at one that is not as straight as a picture's; so it is kept.
+
+References:
+    [1] Nagy and Seth, Hierarchical Representation of Optically Scanned Documents, ICPR 1984.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from lighting.geometry import Floats, shrink_size
+
+_Bytes = NDArray[np.uint8]
+_Mask = NDArray[np.bool_]
+
+_SIDE = 512  # pixels along the longer side of the picture that is searched
+_MIN_SIDE = 64  # pixels of the shorter side, under which an edge is too short to tell
+_TOLERANCE = 14  # gray levels in any channel by which a background's pixels differ, noise of JPEG included
+_STEP = 24  # gray levels that part a picture from its background
+_GAP_SHARE = 0.97  # of a row's pixels that are background where nothing is drawn
+_EDGE_SHARE = 0.5  # of a picture's outermost pixels that differ from the background
+_REACH = 2  # pixels within which an edge lies, blurred by the reduction and by JPEG
+_FAR = 7  # pixels from an edge, where a horizon differs yet more from the sky
+_STEEPNESS = 0.78  # of the difference so far, that an edge makes within its reach
+_MAX_BORDERS = 4  # one inside another
+_MAX_FADE = 2.5  # widths of a frame beside, up to which a side that fades into it belongs to it
+_MIN_DRAWN, _MIN_TEXT_GAP = 12, 4  # pixels of a text, and between it and a picture
+_MAX_DEPTH = 6  # of cuts within cuts
+_MIN_AREA = 0.04  # of the whole, of a picture
+_MIN_BORDER = 0.006  # of a side, under which nothing is cut off
+_SMOOTH_BEND = 4  # gray levels, second difference of neighbors up to which a blurred copy or a gradient is smooth
+_SMOOTH_JUMP = 6  # gray levels, of its end
+_SMOOTH_SHARE = 0.95  # of a row's pixels that do
+_COPY_SIDE = 48  # pixels, at which a blurred copy is compared
+_COPY_CORRELATION = 0.5
+_STEREO_CORRELATION = 0.6  # of halves; of 673 photos one has more, whose rows differ in brightness
+_STEREO_DIFFERENCE = 12.0  # gray levels between the means of rows
+_SEAM_SHARE = 0.55  # of a seam's pixels at which the picture changes more than beside it
+_CROSSING_SHARE = 0.6  # the same of two seams that cross each other anywhere
+_SEAM_POSITIONS = np.array([1 / 3, 1 / 2, 2 / 3])
+_SHADE = 4  # gray levels
+_MIN_SHADES, _MIN_SHADE_SHARE = 6, 0.005  # of a photo's pixels in each of them
+_COLLAGE_RATIO = 4.0  # of areas, up to which the largest and the second picture are equals
+
+
+@dataclass(frozen=True)
+class Rectangle:
+    """A part of a picture, in shares of its width and height."""
+
+    left: float
+    top: float
+    right: float
+    bottom: float
+
+    def pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
+        """Left, top, right and bottom in whole pixels, within the part.
+
+        Args:
+            width: of the picture, pixels.
+            height: of the picture, pixels.
+        """
+        left, top = math.ceil(self.left * width - 1e-6), math.ceil(self.top * height - 1e-6)
+        return left, top, math.floor(self.right * width + 1e-6), math.floor(self.bottom * height + 1e-6)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a picture is made up."""
+
+    photo: Rectangle | None = None  # of several like it, or inside a border; None: the whole picture
+    is_collage: bool = False
+    is_stereo_pair: bool = False
+
+
+@dataclass(frozen=True)
+class _Box:
+    """A part of the searched picture, in pixels."""
+
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def area(self) -> int:
+        return (self.right - self.left) * (self.bottom - self.top)
+
+    def of(self, values: NDArray[Any]) -> NDArray[Any]:
+        """The part's values."""
+        return values[self.top : self.bottom, self.left : self.right]
+
+
+def find_layout(pixels: _Bytes) -> Layout:
+    """Find the photo inside a border, and whether a picture is a collage; thumbnails are not searched.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+    """
+    image = Image.fromarray(pixels)
+    size = shrink_size(*image.size, _SIDE)
+    if min(size) < _MIN_SIDE:
+        return Layout()
+    small = np.asarray(image.resize(size, Image.Resampling.BOX)).astype(np.int16)
+    whole = _Box(0, 0, *size)
+    half = _stereo_half(small, whole)
+    box = half or whole
+    for _ in range(_MAX_BORDERS):
+        pictures = _pictures_on_background(small, box) or _picture_among_smooth_bars(small, box)
+        if len(pictures) > 1:
+            return Layout(is_collage=True)
+        if not pictures:
+            break
+        box = pictures[0]
+    if half is None and box != whole and (half := _stereo_half(small, box)) is not None:
+        box = half
+    elif _has_shades(small, box) and _has_seams(small, box):
+        return Layout(is_collage=True)
+    if box == whole:
+        return Layout()
+    inset = int(size != image.size)  # a line that the reduction mixed of border and photo
+    return Layout(_shares(box, size, inset), is_stereo_pair=half is not None)
+
+
+def _shares(box: _Box, size: tuple[int, int], inset: int) -> Rectangle:
+    """The box as shares of the searched picture; sides that are not the picture's own move in by some pixels."""
+    width, height = size
+    left, top = (edge + inset * (edge > 0) for edge in (box.left, box.top))
+    right, bottom = box.right - inset * (box.right < width), box.bottom - inset * (box.bottom < height)
+    return Rectangle(left / width, top / height, right / width, bottom / height)
+
+
+# Pictures on a plain background.
+
+
+def _pictures_on_background(pixels: NDArray[np.int16], box: _Box) -> list[_Box]:
+    """The pictures inside a box, by the first background that shows any; none where it has no border and no gaps."""
+    for color, is_border in _background_colors(pixels, box):
+        difference = np.abs(pixels - color).max(axis=2)
+        background = difference <= _TOLERANCE
+        blocks = [_refine(background, block) for block in _cut(background, box, 0)]
+        large = [block for block in blocks if block.area >= _MIN_AREA * box.area]
+        pictures = [found for block in large if (found := _as_picture(difference, box, block)) is not None]
+        pictures = [one for one in pictures if _has_shades(pixels, one)]
+        if not pictures:
+            continue
+        pictures.sort(key=lambda one: -one.area)
+        equals = [one for one in pictures if one.area * _COLLAGE_RATIO >= pictures[0].area]
+        if len(equals) > 1:
+            return equals
+        if is_border and _is_smaller(pictures[0], box):
+            return pictures[:1]
+    return []
+
+
+def _has_shades(pixels: NDArray[np.int16], box: _Box) -> bool:
+    """Whether a part has as many shades as any photo, not the few of a drawing or of a plain area."""
+    levels = np.bincount(box.of(pixels)[::2, ::2, 1].ravel() // _SHADE, minlength=1)
+    return int((levels >= _MIN_SHADE_SHARE * levels.sum()).sum()) >= _MIN_SHADES
+
+
+def _is_smaller(inner: _Box, outer: _Box) -> bool:
+    """Whether a border is wide enough to count."""
+    wide = _MIN_BORDER * (outer.right - outer.left), _MIN_BORDER * (outer.bottom - outer.top)
+    across = max(inner.left - outer.left, outer.right - inner.right)
+    along = max(inner.top - outer.top, outer.bottom - inner.bottom)
+    return across > max(wide[0], 1.0) or along > max(wide[1], 1.0)
+
+
+def _background_colors(pixels: NDArray[np.int16], box: _Box) -> Iterator[tuple[NDArray[np.int16], bool]]:
+    """The different colors (3,) of a box's sides and of plain lines across it; whether it is that of a side."""
+    part = box.of(pixels)
+    colors: list[NDArray[np.int16]] = []
+    sides = [part[0], part[-1], part[:, 0], part[:, -1]]
+    for number, line in enumerate([*sides, *_plain_lines(part), *_plain_lines(part.swapaxes(0, 1))]):
+        color = np.median(line, axis=0).astype(np.int16)
+        plain = (np.abs(line - color).max(axis=1) <= _TOLERANCE).mean() >= _GAP_SHARE
+        if plain and all(np.abs(color - other).max() > _TOLERANCE // 2 for other in colors):
+            colors.append(color)
+            yield color, number < len(sides)
+
+
+def _plain_lines(part: NDArray[np.int16]) -> Iterator[NDArray[np.int16]]:
+    """The plainest rows in the first, the middle and the last third, where the gaps of a collage may lie."""
+    spread = part[:, ::4, 1].max(axis=1) - part[:, ::4, 1].min(axis=1)
+    for rows in np.array_split(np.arange(len(part)), 3):
+        if len(rows):
+            yield part[rows[int(spread[rows].argmin())]]
+
+
+def _cut(background: _Mask, box: _Box, depth: int) -> list[_Box]:
+    """The blocks inside a box that rows and columns of background part."""
+    part = box.of(background)
+    rows, columns = _runs(part.mean(axis=1) < _GAP_SHARE), _runs(part.mean(axis=0) < _GAP_SHARE)
+    boxes = [
+        _Box(box.left + left, box.top + top, box.left + right, box.top + bottom)
+        for top, bottom in rows
+        for left, right in (columns if len(rows) == 1 else [(0, box.right - box.left)])
+    ]
+    if boxes == [box] or depth >= _MAX_DEPTH:
+        return boxes
+    return [leaf for one in boxes if one.area >= _MIN_AREA * part.size / 4 for leaf in _cut(background, one, depth + 1)]
+
+
+def _runs(values: _Mask) -> list[tuple[int, int]]:
+    """Beginnings and ends of the runs of true values."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], values, [False]]).astype(np.int8)))
+    return list(zip(edges[::2].tolist(), edges[1::2].tolist(), strict=True))
+
+
+def _refine(background: _Mask, box: _Box) -> _Box:
+    """The block without the noise that JPEG leaves beside its edges."""
+    part = box.of(background)
+    top, bottom = _inner_run(part.mean(axis=1))
+    left, right = _inner_run(part.mean(axis=0))
+    return _Box(box.left + left, box.top + top, box.left + right, box.top + bottom)
+
+
+def _inner_run(shares: Floats) -> tuple[int, int]:
+    """The lines between the first and the last that are drawn on, if these lie near the ends."""
+    begin, end, reach = 0, len(shares), max(4, len(shares) // 40)
+    drawn = np.flatnonzero(shares < 1 - _EDGE_SHARE)
+    if len(drawn) and drawn[0] <= reach:
+        begin = int(drawn[0])
+    if len(drawn) and end - 1 - drawn[-1] <= reach:
+        end = int(drawn[-1]) + 1
+    return begin, end
+
+
+def _as_picture(difference: NDArray[np.int16], whole: _Box, block: _Box) -> _Box | None:
+    """The block if straight edges part it from the background wherever it does not end with the whole; else None.
+
+    One side may fade into the background, as a white sky does into white. A frame is as wide there as beside, a bar as
+    wide as the opposite one, and opposite a foot with a text there is none.
+    """
+    margins = [block.left - whole.left, block.top - whole.top, whole.right - block.right, whole.bottom - block.bottom]
+    jumps = [_edge_jump(difference, whole, block, side) if margins[side] > 1 else 1.0 for side in range(4)]
+    for side in range(2):
+        if abs(margins[side] - margins[side + 2]) <= _REACH:  # equal bars confirm each other, about a dark picture too
+            jumps[side] = jumps[side + 2] = 2 * min(jumps[side], jumps[side + 2])
+    weak = [side for side in range(4) if jumps[side] < _EDGE_SHARE]
+    if not weak:
+        return block
+    if len(weak) > 1 or not any(margins[side] > 1 for side in range(4) if side not in weak):
+        return None
+    side, beside = weak[0], sorted((margins[weak[0] - 1], margins[(weak[0] + 1) % 4]))
+    opposite = margins[side - 2]
+    if _is_drawn_on(difference, whole, side, margins[side]):
+        pass  # texts or buttons: a screenshot, whose picture has no place of its own
+    elif beside[0] > 1 and beside[1] <= 2 * beside[0] and opposite > 1 and margins[side] <= _MAX_FADE * beside[1]:
+        margins[side] = min(margins[side], sum(beside) // 2)
+    elif _is_drawn_on(difference, whole, (side + 2) % 4, opposite):
+        margins[side] = 0
+    else:
+        margins[side] = min(margins[side], opposite)
+    left, top, right, bottom = margins
+    return _Box(whole.left + left, whole.top + top, whole.right - right, whole.bottom - bottom)
+
+
+def _is_drawn_on(difference: NDArray[np.int16], whole: _Box, side: int, margin: int) -> bool:
+    """Whether the strip between a block's side and the whole's holds texts or buttons, apart from the block."""
+    differs = _turn(whole.of(difference), side)[: max(0, margin)] >= _STEP
+    plain: _Mask = ~np.asarray(differs.any(axis=1))
+    gaps = [end for begin, end in _runs(plain) if end - begin >= _MIN_TEXT_GAP]
+    return bool(gaps) and int(differs[: max(gaps)].sum()) > _MIN_DRAWN
+
+
+def _edge_jump(difference: NDArray[np.int16], whole: _Box, block: _Box, side: int) -> float:
+    """By how much more of a line differs from the background just inside than just outside of a block's side.
+
+    Sides are left, top, right and bottom. A horizon below a white sky is less straight than a picture's edge.
+    """
+    differs = _turn(difference, side) >= _STEP
+    whole, block = (_turn_box(box, side, *difference.shape) for box in (whole, block))
+    lines = differs[:, block.left : block.right].mean(axis=1)
+    outside, inside = lines[max(whole.top, block.top - _REACH)], lines[min(block.top + 1, len(lines) - 1)]
+    far, deep = lines[max(whole.top, block.top - _FAR) : block.top - 1], lines[block.top + 1 : block.top + _FAR]
+    steep = inside - outside >= _STEEPNESS * (deep.max(initial=inside) - far.min(initial=outside))
+    return float(inside - outside) if steep else 0.0
+
+
+def _turn(values: NDArray[np.int16], side: int) -> NDArray[np.int16]:
+    """The values (h, w) with that side on top."""
+    values = values.T if side % 2 == 0 else values
+    return values[::-1] if side >= 2 else values
+
+
+def _turn_box(box: _Box, side: int, height: int, width: int) -> _Box:
+    box, height = (_Box(box.top, box.left, box.bottom, box.right), width) if side % 2 == 0 else (box, height)
+    return _Box(box.left, height - box.bottom, box.right, height - box.top) if side >= 2 else box
+
+
+# Bars that a program has drawn: blurred copies, gradients, shadows.
+
+
+def _picture_among_smooth_bars(pixels: NDArray[np.int16], box: _Box) -> list[_Box]:
+    """The picture between smooth bars, at two opposite sides or at all; none without."""
+    part = box.of(pixels)
+    rows, columns = _smooth_bars(part), _smooth_bars(part.swapaxes(0, 1))
+    if rows is None and columns is None:
+        return []
+    top, bottom = rows or (0, part.shape[0])
+    left, right = columns or (0, part.shape[1])
+    found = _Box(left, top, right, bottom)
+    if found.area < _MIN_AREA * part.shape[0] * part.shape[1]:
+        return []
+    if not _has_shades(part, found):
+        return []
+    one_way = rows is None or columns is None
+    if one_way and not (_is_gradient(part, found) or _is_blurred_copy(part, found)):
+        return []
+    return [_Box(box.left + left, box.top + top, box.left + right, box.top + bottom)]
+
+
+def _smooth_bars(part: NDArray[np.int16]) -> tuple[int, int] | None:
+    """First and last row, exclusive, of what lies between smooth bars at top and bottom; None without both."""
+    gray = part.sum(axis=2, dtype=np.int16) // 3
+    height = len(gray)
+    if height < 8 * _REACH:
+        return None
+    top, bottom = _end_of_smooth_bar(gray), _end_of_smooth_bar(gray[::-1])
+    return (top, height - bottom) if top and bottom and top + bottom < height else None
+
+
+def _end_of_smooth_bar(gray: NDArray[np.int16]) -> int:
+    """The row at which a straight edge ends a bar of smooth rows at the top; 0 without."""
+    bent = [(np.abs(np.diff(gray, n=2, axis=axis)) <= _SMOOTH_BEND).mean(axis=1) for axis in (0, 1)]
+    smooth = np.minimum(bent[0], bent[1][1:-1]) >= _SMOOTH_SHARE
+    count = int(np.argmin(np.append(smooth, False))) + 1  # of smooth rows from the top on
+    rows = np.arange(max(2, count - _REACH), min(count + max(3 * _REACH, len(gray) // 32), len(gray) - 1))
+    if count < 2 * _REACH or not len(rows):
+        return 0
+    share = (np.abs(gray[rows + 1] - gray[rows - 2]) > _SMOOTH_JUMP).mean(axis=1)
+    return int(rows[share.argmax()]) if share.max() >= _EDGE_SHARE else 0
+
+
+def _is_gradient(part: NDArray[np.int16], inner: _Box) -> bool:
+    """Whether a quadratic function of the position gives the bars' colors."""
+    height, width = part.shape[:2]
+    y, x = (values.ravel() for values in np.mgrid[:height:4, :width:4])
+    outside = (y < inner.top - 2) | (y > inner.bottom + 1) | (x < inner.left - 2) | (x > inner.right + 1)
+    u, v = x[outside] / width, y[outside] / height
+    if len(u) < 32:
+        return False
+    terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=1)
+    colors = part[y[outside], x[outside]].astype(np.float64)
+    fitted = terms @ np.linalg.lstsq(terms, colors, rcond=None)[0]
+    return bool((np.abs(fitted - colors).max(axis=1) <= _TOLERANCE // 2).mean() >= _GAP_SHARE)
+
+
+def _is_blurred_copy(part: NDArray[np.int16], inner: _Box) -> bool:
+    """Whether the bars show the inner picture enlarged to fill the whole, as far as blur leaves anything."""
+    height, width = part.shape[:2]
+    image = Image.fromarray(part.astype(np.uint8)).convert("L")
+    scale = max(width / (inner.right - inner.left), height / (inner.bottom - inner.top))
+    half_width, half_height = 0.5 * width / scale, 0.5 * height / scale
+    x, y = 0.5 * (inner.left + inner.right), 0.5 * (inner.top + inner.bottom)
+    source = (x - half_width, y - half_height, x + half_width, y + half_height)
+    size = (_COPY_SIDE, _COPY_SIDE)
+    actual = np.asarray(image.resize(size, Image.Resampling.BOX), dtype=np.float64)
+    copied = np.asarray(image.resize(size, Image.Resampling.BOX, box=source), dtype=np.float64)
+    rows, columns = np.mgrid[:_COPY_SIDE, :_COPY_SIDE]
+    rows, columns = (rows + 0.5) / _COPY_SIDE * height, (columns + 0.5) / _COPY_SIDE * width
+    margin = 0.5 * max(height, width) / _COPY_SIDE
+    outside = (rows < inner.top - margin) | (rows > inner.bottom + margin)
+    outside |= (columns < inner.left - margin) | (columns > inner.right + margin)
+    a, b = actual[outside], copied[outside]
+    if len(a) < 8 or min(a.std(), b.std()) < 1.0:
+        return False
+    return float(np.corrcoef(a, b)[0, 1]) >= _COPY_CORRELATION
+
+
+# Pictures that touch: stereo pairs, collages without gaps.
+
+
+def _stereo_half(pixels: NDArray[np.int16], box: _Box) -> _Box | None:
+    """The left or the upper half of a picture whose halves show the same; None of others."""
+    gray = box.of(pixels).mean(axis=2)
+    height, width = gray.shape
+    if min(height, width) < 16 or _has_round_pictures(gray):
+        return None
+    if _stereo_correlation(gray[:, : width // 2], gray[:, -(width // 2) :]) >= _STEREO_CORRELATION:
+        return _Box(box.left, box.top, box.left + width // 2, box.bottom)
+    if _stereo_correlation(gray[: height // 2], gray[-(height // 2) :]) >= _STEREO_CORRELATION:
+        return _Box(box.left, box.top, box.right, box.top + height // 2)
+    return None
+
+
+def _has_round_pictures(gray: Floats) -> bool:
+    """Whether the corners of both halves are as dark as about the circles of two fisheyes."""
+    height, width = gray.shape
+    across = width > height
+    halves = np.array_split(gray, 2, axis=1 if across else 0)
+    side = max(2, min(height, width) // 20)
+    corners = (half[rows, columns] for half in halves for rows in _ends(side) for columns in _ends(side))
+    return all(float(corner.max()) <= 2 * _TOLERANCE for corner in corners)
+
+
+def _ends(side: int) -> tuple[slice, slice]:
+    return slice(None, side), slice(-side, None)
+
+
+def _stereo_correlation(first: Floats, second: Floats) -> float:
+    """The correlation (-1 to 1) of two pictures whose rows are as bright, at the best shift along them; else 0.
+
+    Sky above and ground below correlate in any two photos, so each row counts without its mean.
+    """
+    if float(np.abs(first.mean(axis=1) - second.mean(axis=1)).mean()) > _STEREO_DIFFERENCE:
+        return 0.0
+    width = first.shape[1]
+    reach, step = width // 12, max(1, width // 128)
+    best = 0.0
+    for shift in range(-reach, reach + 1, step):
+        a = first[:, max(0, shift) : width + min(0, shift)]
+        b = second[:, max(0, -shift) : width + min(0, -shift)]
+        a, b = (values - values.mean(axis=1, keepdims=True) for values in (a, b))
+        norm = math.sqrt(float((a * a).sum()) * float((b * b).sum()))
+        best = max(best, float((a * b).sum()) / norm if norm > 0 else 0.0)
+    return best
+
+
+def _has_seams(pixels: NDArray[np.int16], box: _Box) -> bool:
+    """Whether a seam crosses the whole picture where a collage has one, or two cross each other anywhere."""
+    gray = box.of(pixels).sum(axis=2, dtype=np.int16) // 3
+    seams = _seams(gray), _seams(gray.T)
+    if min(max(shares, default=0.0) for shares, _ in seams) >= _CROSSING_SHARE:
+        return True
+    return max(max(regular, default=0.0) for _, regular in seams) >= _SEAM_SHARE
+
+
+def _seams(gray: NDArray[np.int16]) -> tuple[list[float], list[float]]:
+    """The shares of their rows in which columns part two pictures: of all, and of those at halves and thirds."""
+    width = gray.shape[1]
+    if width < 32:
+        return [], []
+    columns = np.arange(width // 6, width - width // 6)
+    step = np.abs(gray[:, columns + 1] - gray[:, columns - 1])
+    before = np.abs(gray[:, columns - 1] - gray[:, columns - 3])
+    behind = np.abs(gray[:, columns + 3] - gray[:, columns + 1])
+    shares = (step > 6 + 1.5 * np.maximum(before, behind)).mean(axis=0)
+    position = (columns + 0.5) / width
+    regular = np.abs(position[:, None] - _SEAM_POSITIONS).min(axis=1) * width <= 1.0
+    return shares.tolist(), shares[regular].tolist()
