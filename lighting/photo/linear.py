@@ -13,7 +13,7 @@ from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image, UnidentifiedImageError
 
 from lighting.color import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError, require_extra
@@ -21,6 +21,7 @@ from lighting.photo import pixels as photo_pixels
 from lighting.photo.color_encoding import ColorEncoding, is_gamma_encoded, read_color_encoding
 from lighting.photo.containers import photo_page
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
+from lighting.photo.raw_exif import open_raw_header
 from lighting.photo.sidecar import read_sidecar
 
 Pixels = NDArray[np.float32]
@@ -221,8 +222,8 @@ def _develop_raw(data: bytes, name: str, upright: bool) -> tuple[NDArray[np.uint
     return np.asarray(pixels), levels
 
 
-def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float | None]:
-    """Metadata and exposure of a photo without its pixels; empty and None where no EXIF block can be read.
+def open_header(file: str | Path) -> Image.Image:
+    """A picture with its EXIF block and nothing decoded, of RAW files their preview; raises nearly anything.
 
     Most RAW files are TIFF files inside, of which Pillow reads the tags.
 
@@ -230,7 +231,19 @@ def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float |
         file: path of a photo.
     """
     try:
-        with Image.open(file) as image:
+        return Image.open(file)
+    except UnidentifiedImageError:
+        return open_raw_header(Path(file).read_bytes())
+
+
+def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float | None]:
+    """Metadata and exposure of a photo without its pixels; empty and None where no EXIF block can be read.
+
+    Args:
+        file: path of a photo.
+    """
+    try:
+        with open_header(file) as image:
             beside = read_sidecar(file)
             return read_metadata(image, image.width, image.height, beside), read_exposure(image)
     except Exception:  # an absent or strange block is no reason to refuse the pixels

@@ -31,6 +31,7 @@ from lighting.photo.formats import unreadable_sentence
 from lighting.photo.heif import complete_avif, heif_kind, open_heif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
+from lighting.photo.raw_exif import add_raw_exif
 from lighting.photo.sidecar import read_sidecar
 from lighting.records import CodedWarning, WarningCode
 
@@ -144,6 +145,8 @@ def read_photo(
         side = target or max(image.size)
         decode_image(image, side)
         with _no_warnings():
+            if raw and exif_source is image:
+                add_raw_exif(image, data)
             orientation = read_orientation(image if page and page.has_orientation else exif_source)
             encoding = read_color_encoding(image, picture, exif_source)
         pixels = upright_pixels(image, side, orientation, encoding)

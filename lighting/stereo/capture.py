@@ -23,7 +23,7 @@ from lighting.fusion.instants import resolve_together
 from lighting.fusion.metadata_prior import share_location
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.clock import parse_time
-from lighting.photo.linear import RAW_SUFFIXES, Curve, read_linear
+from lighting.photo.linear import RAW_SUFFIXES, Curve, open_header, read_linear
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.planner import MAX_PROBE_GAP, day_maps, read_skies
@@ -93,7 +93,7 @@ def _read_photo(path: Path, curve: Curve | None) -> _DayPhoto:
 
 def _read_exposure(path: Path) -> _Exposure:
     try:
-        with Image.open(path, formats=["JPEG", "PNG", "TIFF"]) as header:
+        with open_header(path) as header:
             tags = dict(header.getexif().get_ifd(ExifTags.IFD.Exif))
     except Exception:  # EXIF is hostile input
         return _Exposure()
