@@ -1,8 +1,17 @@
-"""CPU count, malloc tuning, helper processes for work that may have to be stopped: nothing interrupts C code."""
+"""CPU count, malloc tuning, helper processes for work that may have to be stopped: nothing interrupts C code.
+
+A process is confined by system calls of Linux: Landlock, whose numbers are the same on every processor [1], and a
+filter of system calls, for processors whose numbers are listed here [2].
+
+References:
+    [1] landlock(7), landlock_create_ruleset(2), landlock_restrict_self(2).
+    [2] seccomp(2); the kernel's arch/x86/entry/syscalls/syscall_64.tbl and include/uapi/asm-generic/unistd.h.
+"""
 
 import ctypes
 import os
 import signal
+import struct
 import sys
 import threading
 import time
@@ -17,25 +26,56 @@ if TYPE_CHECKING:
 # The variables by which libraries of arrays use one thread, in a process that starts with them.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
+# What a helper process needs of the environment: where Python and libraries lie, and how names are spelled. Keys and
+# passwords, which services are given in it, are none of its business.
+_KEPT_VARIABLES = (
+    *("HOME", "LANG", "LC_ALL", "LC_CTYPE", "LD_LIBRARY_PATH", "DYLD_LIBRARY_PATH", "PATH"),
+    *("PYTHONDONTWRITEBYTECODE", "PYTHONHOME", "PYTHONNOUSERSITE", "PYTHONPYCACHEPREFIX", "PYTHONUSERBASE"),
+    *("PYTHONUTF8", "APPDATA", "SYSTEMROOT", "USERPROFILE"),
+)
 _MAX_SECONDS = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
 _KEPT = 1 << 28  # bytes of free memory that the process keeps
 _BUFFER = 1 << 25  # bytes; larger blocks are requested from the system each time; glibc allows no larger limit
+_SET_NO_NEW_PRIVILEGES = 38  # of prctl(2)
+_CREATE_RULESET, _RESTRICT_SELF = 444, 446  # system calls of Landlock
+_GET_VERSION = 1  # flag of the first
+
+# Rights that a ruleset handles, and so denies where it grants none, by the version of Landlock that brought them.
+_FILE_RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15}  # number of rights to files, folders, links and programs
+_MOST_FILE_RIGHTS = 16  # from version 5 on, which added those to devices
+_NETWORK_RIGHTS, _NETWORK_VERSION = 0b11, 4  # to listen and to connect by TCP
+_SCOPES, _SCOPE_VERSION = 0b11, 6  # abstract sockets and signals of other processes
+
+_SET_FILTER, _FILTER_MODE = 22, 2  # of prctl(2)
+_DENIED_CALLS = {  # by the processor: its number as an architecture, and the calls
+    # execve, execveat, fork, vfork, socket, socketpair, kill, ptrace, process_vm_readv and _writev, io_uring_setup
+    "x86_64": (0xC000003E, (59, 322, 57, 58, 41, 53, 62, 101, 310, 311, 425)),
+    "aarch64": (0xC00000B7, (221, 281, 198, 199, 129, 117, 270, 271, 425)),  # it has neither fork nor vfork
+}
+_CLONE = {"x86_64": 56, "aarch64": 220}
+_CLONE3, _CLONE_THREAD = 435, 0x10000  # the newer call, whose flags no filter sees, and the flag for a thread
+_X32_CALLS = 0x40000000  # x86_64's second set of calls begins here; aarch64 has none so high
+_ALLOW, _KILL, _NOT_PERMITTED, _NOT_IMPLEMENTED = 0x7FFF0000, 0x80000000, 0x50001, 0x50026
+_MAX_TASKS = 1 << 14  # of the process's user: libde265 starts a thread for each HEIC, and others' threads count
 _helped = threading.local()  # `seconds` of the processes that worked for a thread
 
 
 def start_python(code: str, environment: Mapping[str, str] | None = None) -> "Popen[bytes]":
     """Start Python with this package, one thread for arrays, and pipes to its stdin and from its stdout.
 
+    Of this process's environment it has only what finds Python and its libraries.
+
     Args:
         code: what it runs.
-        environment: variables to add to this process's; None adds none.
+        environment: variables to add; None adds none.
     """
     from subprocess import PIPE, Popen
 
     root = str(Path(__file__).parents[1])
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-    variables = {**os.environ, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
+    kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
+    variables = {**kept, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
     return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=variables)
 
 
@@ -122,6 +162,63 @@ def limit_address_space(size: int) -> None:
         import resource
 
         resource.setrlimit(resource.RLIMIT_AS, (size, resource.getrlimit(resource.RLIMIT_AS)[1]))
+
+
+def confine_process() -> None:
+    """Give up, for good, what Linux can take away from this process; elsewhere nothing.
+
+    What reads hostile bytes may be made to do whatever its process may do. Linux older than 5.13, or without Landlock,
+    leaves the limits on resources alone, some of which bind only what is no superuser.
+
+    All must be loaded that will be needed, and no other thread may run. What is open stays open. Nothing more can be
+    opened, no program and no process started, no other process reached.
+    """
+    if sys.platform != "linux":
+        return
+    import resource
+
+    library = ctypes.CDLL(None)
+    if library.prctl(_SET_NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0:  # without it, Landlock is for superusers
+        _restrict_by_landlock(library)
+        _filter_calls(library, os.uname().machine)
+    tasks = resource.getrlimit(resource.RLIMIT_NPROC)[1]
+    tasks = _MAX_TASKS if tasks == resource.RLIM_INFINITY else min(tasks, _MAX_TASKS)
+    resource.setrlimit(resource.RLIMIT_NPROC, (tasks, tasks))
+    for limit in (resource.RLIMIT_NOFILE, resource.RLIMIT_FSIZE, resource.RLIMIT_CORE):
+        resource.setrlimit(limit, (0, 0))
+
+
+def _restrict_by_landlock(library: ctypes.CDLL) -> None:
+    """Deny all that this kernel's Landlock can deny; nothing where it has none."""
+    version = library.syscall(_CREATE_RULESET, None, ctypes.c_size_t(0), _GET_VERSION)
+    if version < 1:
+        return
+    handled = [(1 << _FILE_RIGHTS.get(version, _MOST_FILE_RIGHTS)) - 1]
+    handled += [_NETWORK_RIGHTS] if version >= _NETWORK_VERSION else []
+    handled += [_SCOPES] if version >= _SCOPE_VERSION else []
+    ruleset = struct.pack(f"={len(handled)}Q", *handled)
+    descriptor = library.syscall(_CREATE_RULESET, ruleset, ctypes.c_size_t(len(ruleset)), 0)
+    if descriptor >= 0:
+        library.syscall(_RESTRICT_SELF, descriptor, 0)
+        os.close(descriptor)
+
+
+def _filter_calls(library: ctypes.CDLL, machine: str) -> None:
+    """Deny programs, processes, sockets and reaching into other processes; nothing where the calls are not known."""
+    if machine not in _DENIED_CALLS or struct.calcsize("P") != 8:
+        return
+    architecture, denied = _DENIED_CALLS[machine]
+    load, equal, at_least, any_bit, give = 0x20, 0x15, 0x35, 0x45, 0x06
+    program = [
+        (load, 0, 0, 4), (equal, 1, 0, architecture), (give, 0, 0, _KILL),
+        (load, 0, 0, 0), (at_least, 0, 1, _X32_CALLS), (give, 0, 0, _NOT_PERMITTED),
+        *(step for call in denied for step in ((equal, 0, 1, call), (give, 0, 0, _NOT_PERMITTED))),
+        (equal, 0, 1, _CLONE3), (give, 0, 0, _NOT_IMPLEMENTED),  # the C library then takes the older one
+        (equal, 0, 3, _CLONE[machine]), (load, 0, 0, 16), (any_bit, 1, 0, _CLONE_THREAD), (give, 0, 0, _NOT_PERMITTED),
+        (give, 0, 0, _ALLOW),
+    ]  # fmt: skip
+    steps = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in program))
+    library.prctl(_SET_FILTER, _FILTER_MODE, struct.pack("@HP", len(program), ctypes.addressof(steps)), 0, 0)
 
 
 def keep_memory() -> None:

@@ -1,29 +1,40 @@
-"""Decoding in a killable worker process.
+"""Decoding in a killable worker process that has given up files, connections and secrets.
 
 Nothing in Python interrupts a decoder that runs, so only another process can be stopped. The processes are this one's,
 whoever asks: each reads one photo at a time, and there are as many as photos were ever read at once.
 
-Requests and answers are pickles on stdin and stdout, each followed by the bytes of a photo or of its pixels. The
+Requests and answers are lines of JSON on stdin and stdout, each followed by the bytes of a photo or of its pixels.
+Whoever takes over a decoder by a photo can answer nothing but a wrong photo: an answer is checked, and nothing in it is
+run. The
 process ends with its stdin; where nobody waits any more, it does so at most a second after its photo took too long. It
 logs nothing: what decoders print about a photo is nobody's business.
 """
 
 import atexit
+import codecs
+import json
+import math
 import os
-import pickle
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, fields, is_dataclass
+from datetime import datetime
+from enum import Enum
+from importlib import import_module
 from pathlib import Path
 from threading import Event, Timer
-from typing import TYPE_CHECKING, Any, BinaryIO
+from types import NoneType, UnionType
+from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Union, get_args, get_origin, get_type_hints
 
 import numpy as np
 
 import lighting.runtime as runtime
-from lighting.errors import PhotoError, PhotoTooLargeError
-from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, Source, memory_budget, read_bytes, read_photo
+from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.pixels import MAX_KEPT_PIXELS
+from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, memory_budget, read_bytes, read_photo
+from lighting.records import Json
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -40,27 +51,29 @@ _ENVIRONMENT = {  # one heap, which keeps what it has: fresh memory costs more t
     "MALLOC_MMAP_THRESHOLD_": str(1 << 25),
     "MALLOC_TRIM_THRESHOLD_": str(1 << 25),
 }
-_READY = "ready"
+_Record = TypeVar("_Record")
+
+_READY = b"ready\n"
+_MAX_HEADER = 1 << 16  # bytes of an answer before its pixels
+_MODULES = (  # what Pillow and Python load when a photo first needs it
+    *("AvifImagePlugin", "ImageCms", "IptcImagePlugin", "JpegImagePlugin", "MpoImagePlugin"),
+    *("PngImagePlugin", "TiffImagePlugin", "WebPImagePlugin"),
+)
+_XML_ENCODINGS = ("ascii", "latin-1", "cp1252", "utf-16", "utf-32")
+_ERRORS: dict[str, type[LightingError]] = {
+    kind.__name__: kind for kind in (PhotoError, PhotoTooLargeError, ParameterError)
+}
 
 
 @dataclass(frozen=True)
 class DecodeRequest:
     """A photo to read, the limits of `read_photo`, and one of time."""
 
-    source: str | int  # a path, or the number of bytes that follow
+    size: int  # bytes of the photo, which follow
     max_bytes: int
     max_pixels: int
     target: int | None  # pixels
     seconds: float
-
-
-@dataclass(frozen=True)
-class _Reply:
-    """A photo without its pixels, which follow, and their shape; or the error that reading it raised."""
-
-    photo: Photo | None = None
-    shape: tuple[int, ...] = ()
-    error: Exception | None = None
 
 
 def read_photo_isolated(
@@ -83,10 +96,17 @@ def read_photo_isolated(
         target: as in `read_photo`.
         seconds: that reading may take.
     """
-    data = read_bytes(source, max_bytes) if isinstance(source, bytes) else b""
-    size_or_path = len(source) if isinstance(source, bytes) else str(Path(source).absolute())
+    if not isinstance(source, bytes):
+        _check_file(Path(source))
+    data = read_bytes(source, max_bytes)
     with _borrow_decoder() as decoder:
-        return decoder.read(DecodeRequest(size_or_path, max_bytes, max_pixels, target, seconds), data)
+        return decoder.read(DecodeRequest(len(data), max_bytes, max_pixels, target, seconds), data)
+
+
+def _check_file(path: Path) -> None:
+    """Raise PhotoError for a pipe or a device, which may never end."""
+    if path.exists() and not (path.is_file() or path.is_dir()):
+        raise PhotoError("This is a pipe or a device; a photo is a file.")
 
 
 def start_decoder_pool(count: int) -> None:
@@ -116,7 +136,7 @@ class DecoderProcess:
 
         Args:
             request: what to read.
-            data: of the photo; empty where the request names a path.
+            data: of the photo.
         """
         try:
             self.prepare()
@@ -149,10 +169,9 @@ class DecoderProcess:
         if self._ready:
             return
         with _alarm(_START_SECONDS, self._running):
-            try:
-                self._ready = pickle.load(_open_pipe(self._running.stdout)) == _READY
-            except (EOFError, pickle.UnpicklingError) as error:
-                raise PhotoError("The process that decodes photos does not start.") from error
+            self._ready = _open_pipe(self._running.stdout).readline(_MAX_HEADER) == _READY
+        if not self._ready:
+            raise PhotoError("The process that decodes photos does not start.")
 
     def end(self) -> None:
         """Kill the process if there is one."""
@@ -173,7 +192,7 @@ class DecoderProcess:
     def _read_in_time(self, request: DecodeRequest, data: bytes) -> Photo | Exception:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
-        death = suppress(EOFError, BrokenPipeError, pickle.UnpicklingError)
+        death = suppress(EOFError, BrokenPipeError, TypeError, ValueError, RecursionError)  # or an answer that is none
         helper = runtime.charge_helper(self.pid)
         with helper, _alarm(request.seconds, self._running) as expired, death:
             answer = _request_photo(self._running, request, data)
@@ -204,16 +223,112 @@ def _borrow_decoder() -> Iterator[DecoderProcess]:
 
 def _request_photo(process: "Popen[bytes]", request: DecodeRequest, data: bytes) -> Photo | Exception:
     requests, answers = _open_pipe(process.stdin), _open_pipe(process.stdout)
-    pickle.dump(request, requests)
+    requests.write(_json_line(asdict(request)))
     requests.write(data)
     requests.flush()
-    answer: _Reply = pickle.load(answers)
-    if answer.photo is None:
-        return answer.error or EOFError()
-    pixels = np.empty(answer.shape, dtype=np.uint8)
+    line = answers.readline(_MAX_HEADER)
+    if not line.endswith(b"\n"):
+        raise EOFError
+    header = json.loads(line)
+    if "error" in header:
+        return _make_error(_parse_record(_Failure, header))
+    answer = _parse_record(_Decoded, header)
+    if not (answer.rows > 0 < answer.columns and answer.rows * answer.columns <= MAX_KEPT_PIXELS):
+        raise ValueError("no picture has this size")
+    pixels = np.empty((answer.rows, answer.columns, 3), dtype=np.uint8)
     if answers.readinto(pixels.data.cast("B")) < pixels.nbytes:
         raise EOFError
-    return replace(answer.photo, pixels=pixels)
+    return Photo(pixels, answer.width, answer.height, answer.format, answer.metadata)
+
+
+@dataclass(frozen=True)
+class _Decoded:
+    """An answer: a photo without its pixels, which follow."""
+
+    rows: int
+    columns: int
+    width: int
+    height: int
+    format: str
+    metadata: PhotoMetadata
+
+
+@dataclass(frozen=True)
+class _Failure:
+    """An answer: the error that reading the photo raised."""
+
+    error: str  # its class
+    text: str
+    field: str | None
+    code: ErrorCode | None
+
+
+def _make_error(failure: _Failure) -> Exception:
+    if kind := _ERRORS.get(failure.error):
+        return kind(failure.text, failure.field, failure.code)
+    return RuntimeError(f"Decoding the photo failed: {failure.error}: {failure.text}")
+
+
+def _json_line(record: Json) -> bytes:
+    return json.dumps(record, default=_plain).encode() + b"\n"
+
+
+def _plain(value: object) -> object:
+    """What JSON has no word for, as metadata hold it."""
+    return value.isoformat() if isinstance(value, datetime) else value.item() if isinstance(value, np.generic) else None
+
+
+# Records of what another process says, which may be anybody's.
+
+
+def _parse_record(kind: type[_Record], value: Any) -> _Record:
+    """A frozen dataclass of what JSON holds: numbers, texts, moments, enums, tuples, other records, and None.
+
+    `value` is a dict of its fields. Raises ValueError where one is missing or unknown, TypeError or ValueError where a
+    value is none of its field's type.
+    """
+    hints = _hints(kind)
+    if not isinstance(value, dict) or value.keys() != hints.keys():
+        raise ValueError(f"not the fields of {kind.__name__}")
+    return kind(**{name: _parse(hint, value[name]) for name, hint in hints.items()})
+
+
+def _hints(kind: type) -> dict[str, Any]:
+    hints = get_type_hints(kind)
+    return {field.name: hints[field.name] for field in fields(kind)}
+
+
+def _parse(hint: Any, value: Any) -> Any:
+    if get_origin(hint) in (Union, UnionType):
+        return _parse_optional(get_args(hint), value)
+    if get_origin(hint) is tuple:
+        return _parse_tuple(get_args(hint), value)
+    if is_dataclass(hint) and isinstance(hint, type):
+        return _parse_record(hint, value)
+    if hint is float and type(value) in (int, float) and math.isfinite(value):
+        return float(value)
+    if hint is datetime and isinstance(value, str):
+        return datetime.fromisoformat(value)
+    if isinstance(hint, type) and issubclass(hint, Enum):
+        return hint(value)
+    if hint in (int, str, bool) and type(value) is hint:
+        return value
+    raise TypeError(f"not of the type {hint}")
+
+
+def _parse_optional(hints: tuple[Any, ...], value: Any) -> Any:
+    if value is None and NoneType in hints:
+        return None
+    (hint,) = (hint for hint in hints if hint is not NoneType)
+    return _parse(hint, value)
+
+
+def _parse_tuple(hints: tuple[Any, ...], value: Any) -> tuple[Any, ...]:
+    if not isinstance(value, list):
+        raise TypeError("not a list")
+    if hints[1:] == (...,):
+        hints = hints[:1] * len(value)
+    return tuple(_parse(hint, part) for hint, part in zip(hints, value, strict=True))
 
 
 @contextmanager
@@ -256,40 +371,44 @@ def serve_decoder() -> None:
     """Answer requests until stdin ends."""
     runtime.ignore_signals()
     requests, answers = sys.stdin.buffer, runtime.claim_stdout()
-    _decode_in_one_thread()
+    _load_decoders()
     own = runtime.address_space_used()
-    pickle.dump(_READY, answers)
+    runtime.confine_process()
+    sys.meta_path.clear()  # a module that was not loaded is then missing in one way, on every system
+    answers.write(_READY)
     answers.flush()
-    while request := _next_request(requests):
+    while line := requests.readline():
+        request = _parse_record(DecodeRequest, json.loads(line))
         with runtime.exit_after(request.seconds):
-            _answer_request(request, requests, answers, own)
+            _answer_request(request, requests.read(request.size), answers, own)
             answers.flush()
 
 
-def _next_request(requests: BinaryIO) -> DecodeRequest | None:
+def _answer_request(request: DecodeRequest, data: bytes, answers: BinaryIO, own: int) -> None:
     try:
-        request: DecodeRequest = pickle.load(requests)
-    except EOFError:
-        return None
-    return request
-
-
-def _answer_request(request: DecodeRequest, requests: BinaryIO, answers: BinaryIO, own: int) -> None:
-    source: Source = request.source if isinstance(request.source, str) else requests.read(request.source)
-    try:
-        size = len(source) if isinstance(source, bytes) else request.max_bytes
-        runtime.limit_address_space(own + memory_budget(size, request.max_pixels, request.target))
-        photo = read_photo(source, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
+        runtime.limit_address_space(own + memory_budget(len(data), request.max_pixels, request.target))
+        photo = read_photo(data, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
     except Exception as error:
-        pickle.dump(_Reply(error=error), answers)
+        field, code = getattr(error, "field", None), getattr(error, "code", None)
+        answers.write(_json_line(asdict(_Failure(type(error).__name__, str(error), field, code))))
         return
-    pickle.dump(_Reply(replace(photo, pixels=photo.pixels[:0]), photo.pixels.shape), answers)
+    rows, columns, _ = photo.pixels.shape
+    decoded = _Decoded(rows, columns, photo.width, photo.height, photo.format, photo.metadata)
+    answers.write(_json_line(asdict(decoded)))
     answers.write(photo.pixels.data)
 
 
-def _decode_in_one_thread() -> None:
-    """One thread per photo, since each photo that is read at a time has a decoder."""
+def _load_decoders() -> None:
+    """Load all that reading a photo may need, since no file can be opened later.
+
+    One thread per photo, since each photo that is read at a time has a decoder.
+    """
     from pi_heif import options
-    from PIL import AvifImagePlugin
+    from PIL import AvifImagePlugin, Image
 
     AvifImagePlugin.DEFAULT_MAX_THREADS = options.DECODE_THREADS = 1
+    Image.preinit()
+    for name in _MODULES:
+        import_module(f"PIL.{name}")
+    for encoding in _XML_ENCODINGS:
+        codecs.lookup(encoding)

@@ -1,10 +1,14 @@
 """The number of CPUs."""
 
 import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 
-from lighting.runtime import available_cpus
+from lighting.runtime import available_cpus, start_python
 
 
 def test_a_container_may_have_fewer_than_the_machine(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -16,3 +20,74 @@ def test_elsewhere_all_count(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delattr(os, "sched_getaffinity", raising=False)
     monkeypatch.setattr(os, "cpu_count", lambda: None)
     assert available_cpus() == 1
+
+
+PROBE = """
+import ctypes, os, resource, socket, sys, _thread
+import lighting.runtime as runtime
+if {drop}:
+    os.setgroups([]), os.setgid(65534), os.setuid(65534)
+if {without} == "landlock":
+    runtime._restrict_by_landlock = lambda library: None
+if {without} == "filter":
+    runtime._filter_calls = lambda library, machine: None
+runtime.confine_process()
+def attempt(act):
+    try:
+        act()
+        return "works"
+    except (OSError, ValueError):
+        return "denied"
+parent = os.getppid()
+def trace():
+    if ctypes.CDLL(None).ptrace(16, parent, 0, 0) != 0:
+        raise OSError
+def fork():
+    if os.fork() == 0:
+        os._exit(0)
+probes = {{
+    "read": lambda: open(os.devnull),
+    "write": lambda: open("{folder}/new", "w"),
+    "secrets": lambda: open(f"/proc/{{parent}}/environ"),
+    "tcp": lambda: socket.create_connection(("127.0.0.1", {port})),
+    "udp": lambda: socket.socket(socket.AF_INET, socket.SOCK_DGRAM),
+    "pair": socket.socketpair,
+    "program": lambda: os.execv("/bin/true", ["true"]),
+    "process": fork,
+    "signal": lambda: os.kill(parent, 0),
+    "trace": trace,
+    "raised": lambda: resource.setrlimit(resource.RLIMIT_NOFILE, (9, 9)),
+    "thread": lambda: _thread.start_new_thread(int, ()),
+}}
+for name, act in probes.items():
+    print(name, attempt(act))
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Linux's")
+@pytest.mark.parametrize("drop", [False, True])
+@pytest.mark.parametrize("without", ["", "landlock", "filter"])
+def test_what_a_confined_process_cannot_do(tmp_path: Path, drop: bool, without: str) -> None:
+    """Each of the two does most of it without the other, for kernels that lack one."""
+    if drop and os.getuid():
+        pytest.skip("nobody but root can become another user")
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        code = PROBE.format(drop=drop, without=repr(without), folder=tmp_path, port=server.getsockname()[1])
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    found = dict(line.split() for line in done.stdout.splitlines())
+    assert len(found) == 12, done.stderr
+    works = {name for name, outcome in found.items() if outcome == "works"}
+    allowed = {"thread"}  # a decoder of HEIC starts one
+    allowed |= set() if drop or os.getuid() else {"raised"}  # a superuser's own limits
+    allowed |= {"process"} if without == "filter" else set()
+    assert works <= allowed
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_a_helper_process_has_no_secrets(monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("LIGHTING_API_KEYS", "AWS_SECRET_ACCESS_KEY", "SOMEBODYS_PASSWORD"):
+        monkeypatch.setenv(name, "secret")
+    process = start_python("import os; print(sorted(os.environ.items()))", {"MORE": "1"})
+    text = process.communicate()[0].decode()
+    assert "secret" not in text
+    assert "('MORE', '1')" in text

@@ -1,22 +1,31 @@
 """Tests of sandbox."""
 
+import json
 import os
+import pickle
 import random
+import re
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import Field, asdict, fields
+from datetime import datetime, timedelta, timezone
+from io import BytesIO
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from benchmarks.fuzz import changed, fuzz, seeds
-from lighting.errors import PhotoError, PhotoTooLargeError
+from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.photo import sandbox
-from lighting.photo.reader import TARGET, read_photo
+from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.reader import TARGET, Photo, read_photo
 from lighting.photo.sandbox import DecodeRequest, DecoderProcess, read_photo_isolated, start_decoder_pool
 from tests.conftest import encode, munich, scene
 from tests.helpers.processes import wait_until_ended
@@ -171,3 +180,136 @@ def test_the_same_seed_changes_alike() -> None:
     )
     assert first == second
     assert len(set(first)) > 40
+
+
+# What a decoder that somebody took over can do.
+
+
+def answer_of(reply: bytes) -> Photo | Exception:
+    """What is made of those bytes of a decoder."""
+    process: Any = SimpleNamespace(stdin=BytesIO(), stdout=BytesIO(reply))
+    return sandbox._request_photo(process, request(GOOD), GOOD)
+
+
+ANSWER: dict[str, Any] = {
+    "rows": 1, "columns": 2, "width": 64, "height": 32, "format": "JPEG", "metadata": asdict(PhotoMetadata()),
+}  # fmt: skip
+
+
+def test_a_true_answer_is_taken() -> None:
+    photo = answer_of(json.dumps(ANSWER).encode() + b"\nabcdef")
+    assert isinstance(photo, Photo)
+    assert photo.pixels.tobytes() == b"abcdef"
+    assert (photo.width, photo.height, photo.metadata) == (64, 32, PhotoMetadata())
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"rows": 60_000, "columns": 60_000}, {"rows": -1, "columns": -6}, {"rows": 1.5}, {"rows": True}, {"format": 3},
+        {"more": 1}, {"metadata": {}}, {"metadata": asdict(PhotoMetadata()) | {"heading": float("nan")}},
+        {"metadata": asdict(PhotoMetadata()) | {"latitude": "north"}}, {"error": "PhotoError"},
+        {"metadata": asdict(PhotoMetadata()) | {"local_time": "yesterday"}},
+        {"metadata": asdict(PhotoMetadata()) | {"heading_reference": "up"}},
+    ],
+)  # fmt: skip
+def test_an_answer_is_checked(change: dict[str, Any]) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        answer_of(json.dumps(ANSWER | change).encode() + b"\nabcdef")
+
+
+@pytest.mark.parametrize(
+    "reply", [b"", b"{", b"x" * (1 << 17), b"[" * 60_000 + b"\n", json.dumps(ANSWER).encode() + b"\nabc"]
+)
+def test_half_an_answer_is_none(reply: bytes) -> None:
+    with pytest.raises((EOFError, ValueError, RecursionError)):
+        answer_of(reply)
+
+
+def test_errors_keep_their_kinds() -> None:
+    failure = {"error": "ParameterError", "text": "No.", "field": "target", "code": "wrong-type"}
+    error = answer_of(json.dumps(failure).encode() + b"\n")
+    assert isinstance(error, ParameterError)
+    assert (str(error), error.field, error.code) == ("No.", "target", ErrorCode.WRONG_TYPE)
+    other = answer_of(json.dumps(failure | {"error": "SystemExit", "code": None}).encode() + b"\n")
+    assert type(other) is RuntimeError
+
+
+class _Trap:
+    """Creates a file when it is unpickled."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Path.touch, (self.path,)
+
+
+def test_nothing_in_an_answer_is_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    trap = pickle.dumps(_Trap(tmp_path / "run"), 0) + b"\n"
+    lying = f"import lighting.photo.sandbox as d; d._answer_request = lambda r, data, out, own: out.write({trap!r}); "
+    decoder = DecoderProcess()
+    with monkeypatch.context() as context:
+        context.setattr(sandbox, "_WORKER_CODE", lying + sandbox._WORKER_CODE)
+        decoder.prepare()
+    try:
+        with pytest.raises(PhotoError, match="ended the process that decoded it"):
+            decoder.read(request(GOOD), GOOD)
+        assert decoder.read(request(GOOD), GOOD).width == 640
+    finally:
+        decoder.end()
+    assert not list(tmp_path.iterdir())
+
+
+def test_metadata_come_as_they_are() -> None:
+    moment = datetime(2024, 6, 1, 9, 10, tzinfo=timezone(timedelta(hours=2)))
+    values: dict[Any, Any] = {"datetime | None": moment, "float | None": 0.1 + 0.2, "str | None": "a \u00e4"}
+    values["HeadingReference | None"] = "true"
+    metadata = PhotoMetadata(**{f.name: values.get(_annotation(f), f.default) for f in fields(PhotoMetadata)})
+    record = json.loads(sandbox._json_line(asdict(metadata)))
+    assert sandbox._parse_record(PhotoMetadata, record) == metadata
+    assert all(record[field.name] is not None for field in fields(PhotoMetadata) if _annotation(field) in values)
+
+
+def _annotation(field: Field[Any]) -> str:
+    return str(field.type).replace("datetime.datetime", "datetime").replace("lighting.photo.metadata.", "")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+def test_it_has_given_up_what_it_does_not_need(decoder: DecoderProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LIGHTING_API_KEYS", "secret")
+    decoder.start()
+    decoder.prepare()
+    process = Path("/proc", str(decoder.pid))
+    assert b"LIGHTING" not in (process / "environ").read_bytes()
+    status = dict(line.split(":\t", 1) for line in (process / "status").read_text().splitlines())
+    assert status["NoNewPrivs"] == "1"
+    assert status["Seccomp"] == "2" or os.uname().machine not in ("x86_64", "aarch64")
+    limits = (process / "limits").read_text()
+    for name in ("Max open files", "Max file size", "Max core file size"):
+        assert re.search(rf"^{name} +0 +0 ", limits, re.MULTILINE)
+    assert re.search(r"^Max processes +\d+ +\d+ ", limits, re.MULTILINE)
+
+
+@pytest.mark.skipif(sys.platform != "linux" or os.getuid() != 0, reason="nobody but root can become another user")
+def test_every_kind_is_read_by_who_is_no_superuser(monkeypatch: pytest.MonkeyPatch) -> None:
+    """HEIC's decoder starts a thread, and no module can be loaded once the process is confined."""
+    humble = "import os, resource, lighting.runtime as r; c = r.confine_process; "
+    humble += "r.confine_process = lambda: (os.setgroups([]), os.setgid(65534), os.setuid(65534), c()); "
+    monkeypatch.setattr(sandbox, "_WORKER_CODE", humble + sandbox._WORKER_CODE)
+    decoder = DecoderProcess()
+    try:
+        for data in seeds():
+            expected = read_photo(data)
+            photo = decoder.read(request(data), data)
+            assert np.array_equal(photo.pixels, expected.pixels)
+            assert (photo.format, photo.metadata) == (expected.format, expected.metadata)
+    finally:
+        decoder.end()
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX")
+def test_a_pipe_is_no_photo(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.jpg")
+    with pytest.raises(PhotoError, match="a pipe or a device"):
+        read_photo_isolated(tmp_path / "a.jpg")
