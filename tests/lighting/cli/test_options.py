@@ -111,18 +111,31 @@ def test_what_is_said_counts_for_a_photo_without_metadata(phone: Path, photo_pat
     assert all_said["camera"]["vertical_fov"] == 40.0
 
 
-def test_an_offset_narrows_a_local_time(tmp_path: Path, network: Path) -> None:
+def test_a_local_time_is_of_the_zone_of_its_place_unless_an_offset_is_stated(tmp_path: Path, network: Path) -> None:
     local = write(tmp_path, "local.jpg", OffsetTimeOriginal=None)
-    (there,) = records(invoke_command("estimate", "--json", "--model", network, "--utc-offset", "+02:00", local))
+    (there,) = records(invoke_command("estimate", "--json", "--model", network, local))
+    assert there["time"] == {"utc": "2024-06-01T07:10:00Z", "utc_offset": 2.0, "source": "zone of the place"}
     assert there["sun"]["elevation"] == pytest.approx(35.9, abs=0.2)
-    (wide,) = records(invoke_command("estimate", "--json", "--model", network, local))
-    assert wide["evidence"] == there["evidence"]
-    assert wide["sun"]["radius_90"] > there["sun"]["radius_90"]
+    stated = invoke_command("estimate", "--json", "--model", network, "--utc-offset", "+01:00", local)
+    (there,) = records(stated)
+    assert there["time"] == {"utc": "2024-06-01T08:10:00Z", "utc_offset": 1.0, "source": "user"}
+    assert there["sun"]["elevation"] > 40.0
+
+
+def test_what_a_stated_offset_replaces_is_told(phone: Path, network: Path) -> None:
+    stated = invoke_command("estimate", "--json", "--model", network, "--utc-offset", "-01:00", phone)
+    (there,) = records(stated)
+    assert there["time"] == {"utc": "2024-06-01T10:10:00Z", "utc_offset": -1.0, "source": "user"}
+    assert there["warnings"][0] == (
+        "The offset from UTC that was stated, -01:00, replaced that of the photo, +02:00 (offset in the file)."
+    )
 
 
 def test_words_name_heading_and_evidence(phone: Path, photo_path: Path, network: Path) -> None:
     words = invoke_command("estimate", "--model", network, phone).stdout
-    assert re.search(r", heading \d+° \(50 % within \d+°\); from pixels, time\+place, heading, focal length$", words)
+    taken = r"taken 2024-06-01 09:10 \+02:00 \(offset in the file\)"
+    used = r"from pixels, time\+place, heading, focal length"
+    assert re.search(rf", heading \d+° \(50 % within \d+°\); {taken}; {used}$", words)
     assert "from pixels" not in invoke_command("estimate", "--model", network, photo_path).stdout
 
 

@@ -217,7 +217,7 @@ def sentence(error: BaseException) -> str:
     return text
 
 
-def refusal(data: bytes, **limits: int) -> str:
+def refusal(data: bytes, **limits: Any) -> str:
     with pytest.raises(PhotoError) as caught:
         read_photo(data, **limits)
     return sentence(caught.value)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import ExifTags
 
 from lighting.errors import EnvironmentMapError, PhotoError, ProbeError
 from lighting.files.exr import write_exr
@@ -185,3 +186,25 @@ def test_a_damaged_probe_is_said(tmp_path: Path) -> None:
     put_folder(tmp_path, "20240601/140000").write_bytes(b"nothing")
     with pytest.raises(EnvironmentMapError, match="not an OpenEXR"):
         probes_in(tmp_path)
+
+
+def test_files_with_and_without_an_offset_are_compared_by_the_cameras_clock(tmp_path: Path) -> None:
+    """The offset was read as a gap of two hours."""
+    seconds = {"a": 0, "b": 2, "c": 4, "d": 120, "e": 122}
+    files = []
+    for index, (name, after) in enumerate(seconds.items()):
+        camera = taken(0.1, f"2024:06:01 11:{after // 60:02d}:{after % 60:02d}")
+        if index % 2:
+            del camera[ExifTags.Base.OffsetTimeOriginal]
+        files.append(put(tmp_path, f"{name}.png", camera))
+    shots = group_brackets(files)
+    assert [[file.stem for file in shot.files] for shot in shots] == [["a", "b", "c"], ["d", "e"]]
+    assert [when(shot) for shot in shots] == [datetime(2024, 6, 1, 9, minute, tzinfo=UTC) for minute in (0, 2)]
+
+
+def test_a_stated_offset_wins_over_the_files_and_says_so(tmp_path: Path) -> None:
+    shot = read_bracket_files([put(tmp_path, "a.png", taken(0.1))])
+    found = shot.instants(UserInput(utc_offset=5.0))
+    assert found.likeliest is not None
+    assert found.likeliest.utc_time == datetime(2024, 6, 1, 6, 0, tzinfo=UTC)
+    assert "+05:00, replaced that of the photo, +02:00" in found.warnings[0]

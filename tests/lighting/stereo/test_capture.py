@@ -357,3 +357,22 @@ def test_a_camera_that_moved_by_a_pixel_is_seen(down: int, right: int, seen: boo
     images = light + 0.3 * gray_blocks(side=160) * ~mask
     images[2] = np.roll(images[2], (down, right), axis=(0, 1))
     assert _moved_names(images.astype(np.float32), ("a", "b", "c")) == (["c"] if seen else [])
+
+
+def test_a_stated_offset_wins_over_the_files_and_says_so(tmp_path: Path) -> None:
+    fill(tmp_path, 3, OffsetTimeOriginal="+02:00")
+    shots = read_day_photos(tmp_path, user_input=UserInput(utc_offset=1.0))
+    assert shots.times[0] == np.datetime64("2024-06-21T09:00:00")
+    assert "+01:00, replaced that of the photo, +02:00" in shots.warnings[0]
+
+
+def test_a_clock_without_an_offset_is_of_the_zone_of_the_place(tmp_path: Path) -> None:
+    fill(tmp_path, 3)
+    shots = read_day_photos(tmp_path, user_input=UserInput(latitude=48.14, longitude=11.58))
+    assert shots.times[0] == np.datetime64("2024-06-21T08:00:00")
+
+
+def test_one_photo_tells_the_offset_of_all(tmp_path: Path) -> None:
+    fill(tmp_path, 3)
+    write_photo(tmp_path / "1.jpg", gray_blocks(), NOON + timedelta(hours=1), OffsetTimeOriginal="+05:00")
+    assert read_day_photos(tmp_path).times[0] == np.datetime64("2024-06-21T05:00:00")

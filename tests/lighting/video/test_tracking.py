@@ -1,15 +1,19 @@
 """Points tracked, and the rotations and gains that follow."""
 
+from datetime import timedelta
+
 import numpy as np
 import pytest
 
+from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
 from lighting.registration.features import Matches
 from lighting.registration.rotations import camera_from_world, focal_from_fov, project_points, rotation_vector
 from lighting.registration.two_view import RelativeRotation
 from lighting.video.intrinsics import constrains_fov
-from lighting.video.tracking import PointTracker, chain_gains, estimate_frame_rotation
+from lighting.video.tracking import ClipMetadata, PointTracker, chain_gains, estimate_frame_rotation
 from tests.helpers.clips import FOV, SIZE, Pixels, frames, look, orientation, pan, seen
+from tests.helpers.predictions import METADATA, MORNING
 
 
 def test_turns_are_followed_to_a_tenth_of_a_degree_over_several_keyframes() -> None:
@@ -141,3 +145,18 @@ def test_a_lens_is_told_by_clear_turns_only(fov: float, inliers: int, translates
 
 def test_a_lens_is_not_told_by_a_zoom() -> None:
     assert not constrains_fov(RelativeRotation(np.eye(3), np.eye(3), (40.0, 30.0), 1.0, 90, 100, zoomed=True), 50.0)
+
+
+def test_a_stated_heading_is_that_of_the_first_frame_and_the_gimbals_counts_later() -> None:
+    clip = ClipMetadata(METADATA, user_input=UserInput(heading=10.0))
+    assert clip.prior_at(0.0, 200.0).observations.heading == 10.0
+    assert clip.prior_at(5.0, 200.0).observations.heading == 200.0
+    assert clip.prior_at(5.0).observations.heading is None
+
+
+def test_a_stated_offset_replaces_that_of_the_clip_and_says_so() -> None:
+    prior = ClipMetadata(METADATA, user_input=UserInput(utc_offset=3.0)).prior_at(60.0)
+    (instant,) = prior.instants.instants
+    assert instant.utc_time == MORNING - timedelta(hours=1) + timedelta(minutes=1)
+    assert instant.source == "user"
+    assert "replaced that of the photo, +02:00" in prior.warnings[0]
