@@ -220,7 +220,7 @@ class Lighting:
             if not isinstance(text := getattr(self, name), str):
                 raise ParameterError.about(name, f"must be a text, not {reprlib.repr(text)}.", ErrorCode.WRONG_TYPE)
         _check_time(self.utc_time, self.time_source)
-        object.__setattr__(self, "evidence", tuple(map(str, _texts("evidence", self.evidence))))
+        object.__setattr__(self, "evidence", tuple(map(_evidence_kind, _texts("evidence", self.evidence))))
         object.__setattr__(self, "warnings", _texts("warnings", self.warnings))
         _check_sky_model("sky_model", self.sky_model)
         if self.sky_painted is not None:
@@ -362,6 +362,15 @@ def _texts(name: str, values: object) -> tuple[str, ...]:
     return tuple(values)
 
 
+def _evidence_kind(word: str) -> str:
+    """The plain text of a kind of evidence; ParameterError for another word."""
+    if word not in tuple(EvidenceKind):
+        known = ", ".join(map(repr, map(str, EvidenceKind)))
+        predicate = f"has an unknown word {reprlib.repr(str(word))}; it may hold {known}."
+        raise ParameterError.about("evidence", predicate, ErrorCode.UNKNOWN)
+    return str(word)
+
+
 def _check_spec(name: str, fits: bool) -> None:
     if not fits:
         raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
@@ -418,19 +427,19 @@ def _values_from_record(record: Mapping[str, Any]) -> Json:
     values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
     values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
     values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
-    values |= {attribute: _numbers(sections, section, name) or None for section, name, attribute in _COLORS}
+    values |= {attribute: _numbers(sections, section, name) for section, name, attribute in _COLORS}
     values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
     values["utc_time"], values["time_source"] = _time(sections["time"].get("utc")), sections["time"].get("source")
     return {name: value for name, value in values.items() if value is not None}
 
 
-def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str) -> tuple[float, ...]:
-    given = sections[section].get(name)
-    numbers = () if given is None else given
-    if not isinstance(numbers, list | tuple):
+def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str) -> tuple[float, ...] | None:
+    """A list in a record; None where it is absent, which an empty one is not."""
+    numbers = sections[section].get(name)
+    if numbers is not None and not isinstance(numbers, list | tuple):
         predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
         raise ParameterError.about(f"{section}.{name}", predicate, ErrorCode.WRONG_TYPE)
-    return tuple(numbers)
+    return None if numbers is None else tuple(numbers)
 
 
 def _time(text: object) -> object:

@@ -27,6 +27,9 @@ _HOME = {  # the module of each command; a call imports no other
 }
 
 
+_NO_ARGUMENTS: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())  # from click 8.2 on
+
+
 class _Group(click.Group):
     """Commands whose expected errors end as one sentence and status 1."""
 
@@ -49,6 +52,8 @@ class _Group(click.Group):
     def invoke(self, ctx: click.Context) -> Any:
         try:
             return super().invoke(ctx)
+        except _NO_ARGUMENTS:  # a group's name alone, whose message is the group's help
+            raise
         except click.UsageError as error:
             error.message = escape_control_chars(error.message)  # type: ignore[misc]  # declared final, for users of click
             raise

@@ -71,6 +71,19 @@ def unreadable_sentence(data: bytes) -> str:
     return UNREADABLE
 
 
+def kind_name(data: bytes) -> str | None:
+    """What a file is other than a JPEG, PNG or TIFF, with an article, such as "a GIF"; None where it has no name here.
+
+    Args:
+        data: the first bytes of a file.
+    """
+    if kind := heif_kind(data):
+        return "a HEIC" if kind == "HEIF" else "an AVIF"
+    if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
+        return "a WebP"
+    return _raw_name(data) or _clip_name(data) or _picture_name(data) or _other_name(data)
+
+
 def _raw_name(data: bytes) -> str | None:
     return next((name for name, start in _RAWS if data.startswith(start)), None)
 

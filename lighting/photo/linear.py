@@ -20,6 +20,7 @@ from lighting.errors import PhotoError, PhotoExtraError, require_extra
 from lighting.photo import pixels as photo_pixels
 from lighting.photo.color_encoding import ColorEncoding, is_gamma_encoded, read_color_encoding
 from lighting.photo.containers import photo_page
+from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
 from lighting.photo.raw_exif import open_raw_header
 from lighting.photo.sidecar import read_sidecar
@@ -31,6 +32,7 @@ RAW_SUFFIXES = (".arw", ".cr2", ".cr3", ".dng", ".nef", ".nrw", ".orf", ".pef", 
 _CLIPPED_FROM = 0.98  # of full scale: from here on a value counts as clipped, for noise and demosaicing spread the end
 _GRAY_ALPHA = "LA;16B"  # Pillow's name for gray of 16 bits with transparency in a PNG, of which it keeps half the bits
 _GRAY_MODES = ("1", "L", "LA")
+_KIND_HEAD = 1 << 16  # bytes that tell what a file is
 _MIN_PLATEAU = 3  # pixels of exactly the largest value that say a float picture was clipped there
 
 
@@ -81,7 +83,14 @@ def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool =
     except Image.DecompressionBombError as error:
         raise PhotoError(f"{file} has too many pixels to be read.") from error
     except Exception as error:  # decoders raise nearly anything on hostile bytes
-        raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture.") from error
+        raise PhotoError(f"{file} cannot be read as a PNG, TIFF or JPEG picture{_kind_of(file)}.") from error
+
+
+def _kind_of(file: Path) -> str:
+    """What a file is instead, as the rest of a sentence; nothing for a damaged picture or without a name."""
+    with file.open("rb") as stream:
+        name = kind_name(stream.read(_KIND_HEAD))
+    return f"; it is {name}" if name else ""
 
 
 def linear_from_array(pixels: Pixels) -> LinearPhoto:

@@ -405,6 +405,28 @@ def test_evidence_and_warnings_are_texts(name: str, value: object) -> None:
         Lighting.from_dict({**LIGHTING.to_dict(), name: value})
 
 
+@pytest.mark.parametrize("word", ["", "Pixels", "astrology", "time"])
+def test_evidence_is_of_known_kinds(word: str) -> None:
+    with pytest.raises(ParameterError, match=r"^evidence has an unknown word .*'time\+place'.*\.$") as caught:
+        Lighting.from_dict({**LIGHTING.to_dict(), "evidence": ["pixels", word]})
+    assert (caught.value.field, caught.value.code) == ("evidence", "unknown")
+    every = list(map(str, EvidenceKind))
+    assert Lighting.from_dict({**LIGHTING.to_dict(), "evidence": every}).evidence == tuple(every)
+
+
+@pytest.mark.parametrize("path", ["sun.irradiance", "sky.irradiance", "ground.color"])
+def test_an_empty_list_is_no_absent_colour(path: str) -> None:
+    section, name = path.split(".")
+    record = deepcopy(STRONG.to_dict())
+    record[section][name] = []
+    with pytest.raises(ParameterError, match="must be three numbers: red, green and blue"):
+        Lighting.from_dict(record)
+    record = deepcopy(LIGHTING.to_dict())
+    record["sun"]["irradiance"] = record["sky"]["irradiance"] = []
+    with pytest.raises(ParameterError, match="must be three numbers"):
+        Lighting.from_dict(record)
+
+
 def test_what_paints_the_sky_stands_beside_its_model() -> None:
     """Records without `sky.painted` keep their maps; a `sky.model` that is set by hand counts."""
     painted = replace(LIGHTING, sky_painted="prague")

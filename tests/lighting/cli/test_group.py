@@ -37,6 +37,13 @@ def test_every_option_has_help() -> None:
             assert isinstance(option, click.Argument) or getattr(option, "help", None), (command.name, option.name)
 
 
+@pytest.mark.parametrize("group", [[], ["probe"], ["stereo"]], ids=lambda c: " ".join(c) or "lighting")
+def test_a_group_alone_shows_its_help_in_lines(group: list[str]) -> None:
+    result = invoke_command(*group)
+    assert result.output == invoke_command(*group, "--help").output
+    assert "\\n" not in result.output
+
+
 def test_version() -> None:
     assert invoke_command("--version").stdout == f"lighting, version {__version__}\n"
 

@@ -1,12 +1,14 @@
 """What is no photo is named when it is refused."""
 
 from io import BytesIO
+from pathlib import Path
 
 import pytest
 from PIL import Image
 
 from lighting.errors import PhotoError
 from lighting.photo.formats import UNREADABLE, unreadable_sentence
+from lighting.photo.linear import read_linear
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, scene
 
@@ -99,6 +101,21 @@ def test_damaged_photos_are_called_so(data: bytes, name: str) -> None:
 @pytest.mark.parametrize("data", [b"no photo", b"{}", b"\x00\x01\x02\x03" * 9, b"BMP is a word", b"P", b"\0\0\x02\0"])
 def test_what_has_no_name_gets_none(data: bytes) -> None:
     assert unreadable_sentence(data) in (UNREADABLE, "This is a cursor (CUR), not a photo that is read; " + CONVERT)
+
+
+@pytest.mark.parametrize(
+    ("data", "name"),
+    [
+        (encode(SCENE, "GIF"), "a GIF"),
+        (encode(SCENE, "WEBP"), "a WebP"),
+        (ftyp(b"heic"), "a HEIC"),
+        (ftyp(b"mp42"), "an MP4"),
+    ],
+)
+def test_linear_values_are_refused_by_name_too(data: bytes, name: str, tmp_path: Path) -> None:
+    (tmp_path / "a.png").write_bytes(data)
+    with pytest.raises(PhotoError, match=rf"a\.png cannot be read as a PNG, TIFF or JPEG picture; it is {name}"):
+        read_linear(tmp_path / "a.png")
 
 
 CONVERT = "convert it to JPEG, PNG, WebP, TIFF, AVIF or HEIC."
