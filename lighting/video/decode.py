@@ -29,7 +29,7 @@ from lighting.color import (
 from lighting.errors import VideoError, require_extra
 from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.reader import MAX_ASPECT, MAX_PIXELS, MIN_SIDE
+from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
 from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, read_subtitles, subtitle_metadata
 
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
@@ -109,6 +109,7 @@ def _resize_picture(picture: Any, width: int, height: int, pixel_format: str) ->
 
 FRAME_SIDE = 640  # pixels of a frame's longer side: what is tracked and shown to the network
 DECODING_THREADS = 2  # that decode a clip
+MAX_CLIP_PIXELS = 8192 * 4608  # of a picture: what cameras call 8K
 _DURATION_TAG = re.compile(r"(\d{1,4}):(\d\d):(\d\d(?:\.\d+)?)")
 _MIN_JUMP_BACK = 3.0  # frames by which times jump back between joined recordings; less is out of order
 _MAX_TIME = 1e9  # s of a clip, 32 years, beyond which a frame's time is wrong
@@ -119,6 +120,7 @@ _FORMATS = (  # FFmpeg's names of what is read: each keeps all it shows in its o
     *("dnxhd", "h263", "h264", "hevc", "av1", "m4v", "mjpeg", "mpegvideo", "obu", "vc1", "vvc", "yuv4mpegpipe"),
     *("aac", "aiff", "amr", "flac", "mp3", "wav"),  # to say that they hold only sound
 )
+_DECODER_OPTIONS = {"max_pixels": str(MAX_CLIP_PIXELS)}
 _PLAYLIST_SUFFIXES = (".m3u8", ".m3u", ".ffconcat", ".mpd", ".ism", ".sdp", ".pls", ".asx", ".xspf", ".smil")
 _PLAYLIST_START = re.compile(rb"(\xef\xbb\xbf)?\s*(#EXTM3U|ffconcat|\[playlist\]|v=0\s|<[?a-z])", re.IGNORECASE)
 
@@ -272,7 +274,7 @@ def _open_container(path: Path) -> Any:
     """The file by FFmpeg, which opens no other file and no connection for it."""
     av = require_extra("av", "Video needs PyAV", "video")
     _check_file(path)
-    options = {"protocol_whitelist": "file", "format_whitelist": ",".join(_FORMATS)}
+    options = {"protocol_whitelist": "file", "format_whitelist": ",".join(_FORMATS), **_DECODER_OPTIONS}
     try:
         return av.open(local_address(path), options=options, metadata_errors="replace")
     except (av.FFmpegError, ValueError) as error:
@@ -297,6 +299,9 @@ def _video_stream(container: Any) -> Any:
     moving = [s for s in container.streams.video if not s.disposition & Disposition.attached_pic]  # not a song's cover
     if not moving:
         raise VideoError("The file has no moving picture, only sound or other data.")
+    moving[0].codec_context.options = _DECODER_OPTIONS
+    if moving[0].width:  # announced; a decoder counts for itself
+        _check_pixel_count(moving[0].width, moving[0].height)
     moving[0].thread_type = "AUTO"
     moving[0].codec_context.thread_count = DECODING_THREADS
     return moving[0]
@@ -316,10 +321,15 @@ def _picture_duration(picture: Any) -> float:
     return float(picture.duration * picture.time_base) if picture.duration and picture.time_base else 0.0
 
 
-def _check_size(width: int, height: int) -> None:
-    if width * height > MAX_PIXELS:
-        limit = f"the limit of {MAX_PIXELS / 1e6:g} million"
+def _check_pixel_count(width: int, height: int) -> None:
+    """Raise VideoError for more pixels than a decoder, which holds up to 17 pictures, is given."""
+    if width * height > MAX_CLIP_PIXELS:
+        limit = f"the limit of {MAX_CLIP_PIXELS / 1e6:.0f} million"
         raise VideoError(f"The clip's pictures of {width} x {height} pixels are larger than {limit}.")
+
+
+def _check_size(width: int, height: int) -> None:
+    _check_pixel_count(width, height)
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
         raise VideoError(
             f"The clip is {width} x {height} pixels; each side must have at least {MIN_SIDE}, "

@@ -1,5 +1,6 @@
 """A clip observed frame by frame: every frame is tracked, some are shown to the network, and shots are divided."""
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from typing import Any
@@ -12,7 +13,7 @@ from lighting.decoding import lighting_from_prediction
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
 from lighting.fusion.estimate import screen_prediction
 from lighting.model import Model
-from lighting.photo.preprocess import preprocess
+from lighting.photo.preprocess import is_blank, preprocess
 from lighting.photo.reader import Photo
 from lighting.records import Prediction
 from lighting.video.decode import Frame
@@ -20,6 +21,7 @@ from lighting.video.shot_detection import Dissolve, DissolveDetector, split_at_d
 from lighting.video.tracking import FrameEstimate, Keyframe, PointTracker, ShotObservations, TrackedFrame
 
 NETWORK_INTERVAL = 0.2  # s between the frames that the network sees
+MIN_LOOK_INTERVAL = 0.1  # s between frames that it sees because something new begins
 MIN_STRETCH_FRAMES = 15  # frames of a new stretch, after which it is compared with what was before
 MIN_BRIGHTNESS = 0.01  # linear value that 5 % of a daylight frame's pixels exceed
 
@@ -31,6 +33,7 @@ class _ClipObserver:
 
     def __init__(self, model: Model, every: float, vertical_fov: float | None) -> None:
         self._model, self._every, self._due = model, every, 0.0
+        self._last_look = -math.inf
         self._vertical_fov = vertical_fov
         self._tracker, self._dissolves = PointTracker(), DissolveDetector()
         self._check_pending = False  # whether a new stretch is to be compared with what was before
@@ -50,7 +53,9 @@ class _ClipObserver:
         self._steps.append(step)
         if (key := self._tracker.new_key) is not None:
             self._keys[key.number] = key
-        if frame.time >= self._due or (step.is_start and step.frame > 0):
+        if step.is_start and step.frame > 0:  # where every frame begins a stretch, not every one is looked at
+            self._due = min(self._due, self._last_look + MIN_LOOK_INTERVAL)
+        if frame.time >= self._due:
             self._estimate(frame)
         if (dissolve := self._dissolves.take(frame)) is not None:
             yield from self._divide(dissolve)
@@ -86,7 +91,8 @@ class _ClipObserver:
 
     def _estimate(self, frame: Frame) -> None:
         self._due = frame.time
-        if not is_dark(frame.pixels):
+        if not (is_dark(frame.pixels) or is_blank(frame.pixels)):
+            self._last_look = frame.time
             self._estimates[frame.index] = estimate_frame(self._model, frame.pixels, self._vertical_fov)
             self._due = frame.time + self._every - 1e-6
 

@@ -93,7 +93,7 @@ def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
         ParameterError: the user's time and place are of night at the clip's first frame.
     """
     if not tracked.estimates:
-        raise VideoError("No frame of the shot is bright enough for daylight.")
+        raise VideoError("No frame of the shot is bright enough, and shows enough, for daylight.")
     if (unzoomed := remove_zoom(tracked, clip_metadata)) is None:
         lens = fit_fov(tracked, clip_metadata)
         unzoomed = UnzoomedShot(tracked.with_fixed_lens(), np.ones(len(tracked.steps)), lens)

@@ -12,6 +12,7 @@ import pytest
 
 from lighting.color import hlg_decode, pq_decode, srgb_encode
 from lighting.errors import VideoError
+from lighting.video import decode
 from lighting.video.decode import Clip, _to_srgb, _upright_pixels, local_address
 from tests.helpers.clips import Pixels, pan, write_clip
 
@@ -278,6 +279,18 @@ def test_a_playlist_opens_no_other_file(tmp_path: Path, text: str, suffix: str) 
     )
     with pytest.raises(VideoError, match=words):
         Clip(playlist)
+
+
+@pytest.mark.parametrize("name", ["a.mp4", "a.ts", "a.h264"])
+def test_larger_pictures_than_8k_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    path = write_clip(tmp_path / name, pan(3))
+    with monkeypatch.context() as context:
+        context.setattr(decode, "MAX_CLIP_PIXELS", 320 * 180 - 1)
+        with pytest.raises(VideoError, match=r"pictures of 320 x 180 pixels are larger than the limit"):
+            Clip(path)
+    monkeypatch.setattr(decode, "_DECODER_OPTIONS", {"max_pixels": "57599"})  # a file may announce less than it holds
+    with pytest.raises(VideoError):
+        Clip(path)
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="POSIX")

@@ -1,6 +1,7 @@
 """One frame of a clip, as the network sees it."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,9 +10,11 @@ from lighting.fusion.estimate import predict_photo
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
-from lighting.video.observation import estimate_frame
+from lighting.video import observation
+from lighting.video.observation import MIN_LOOK_INTERVAL, estimate_frame, observe_shots
 from tests.conftest import scene
 from tests.helpers.cameras import poles
+from tests.helpers.clips import frames, look, pan
 
 
 def sky_of(model: Model, pixels: np.ndarray) -> np.ndarray:
@@ -53,3 +56,34 @@ def test_a_frames_ground_has_the_colour_that_it_shows(lit_network: Path) -> None
     ground = estimate_frame(model, green).ground
     assert ground is not None
     assert ground[1] > 2 * ground[0] > 2 * ground[2]
+
+
+def looks_at(monkeypatch: pytest.MonkeyPatch, pictures: list[np.ndarray], rate: float) -> list[int]:
+    """The frames that the network sees of a clip."""
+    seen: list[int] = []
+    monkeypatch.setattr(observation, "estimate_frame", lambda _, pixels, __: seen.append(int(pixels[0, 0, 0])))
+    numbered = [picture.copy() for picture in pictures]
+    for number, picture in enumerate(numbered):
+        picture[0, 0] = number
+    model: Any = None
+    for _ in observe_shots(frames(numbered, rate), model):
+        pass
+    return seen
+
+
+def test_frames_without_contrast_are_not_looked_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    flat = [np.full((90, 160, 3), level, np.uint8) for level in (128, 60, 180, 250, 128)] * 4
+    assert looks_at(monkeypatch, flat, 1.0) == []
+    assert looks_at(monkeypatch, [*flat[:3], pan(1)[0]], 1.0) == [3]
+
+
+def test_a_clip_in_which_nothing_can_be_followed_costs_no_look_a_frame(monkeypatch: pytest.MonkeyPatch) -> None:
+    noise = np.random.default_rng(0).integers(0, 255, (60, 90, 160, 3), dtype=np.uint8)
+    seen = looks_at(monkeypatch, list(noise), 60.0)
+    assert 5 <= len(seen) <= 11
+    assert np.diff(seen).min() >= 60 * MIN_LOOK_INTERVAL - 1e-6
+
+
+def test_a_new_shot_is_looked_at_soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    pictures = [look(0.0)] * 20 + [look(90.0, seed=1)] * 20
+    assert next(n for n in looks_at(monkeypatch, pictures, 30.0) if n >= 20) <= 23
