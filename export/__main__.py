@@ -146,6 +146,17 @@ def _suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
     click.echo(fit_suitability_head(runs, data, labels))
 
 
+@export_cli.command("segments")
+@_data
+@_option("--out", "ONNX file to write, named segments-VERSION.onnx.", FILE, "runs/segments-1.0.0.onnx")
+@_flag("--cross-validate", "Write nothing; print what such networks find on groups that they never saw.")
+def _segments(data: Path, out: Path, cross_validate: bool) -> None:
+    """Train the network that says what each part of a photo shows; 10 minutes on two cores."""
+    from export.training import segmentation
+
+    click.echo(segmentation.cross_validate(data) if cross_validate else segmentation.train_segmentation(data, out))
+
+
 @export_cli.command("prior")
 @_data
 @_labels
@@ -258,6 +269,18 @@ def _shadow_mask(count: int, model: Path | None) -> None:
     from lighting.model import Model
 
     click.echo(report_shadow_mask(Model.load(model), count))
+
+
+@_report.command("ground")
+@_data
+@_option("--split", "Rows of `ground.csv`.", click.Choice(["val", "train"]), "val")
+@_network
+def _ground(data: Path, split: str, model: Path | None) -> None:
+    """How well photos' ground is found, and the spot where an object may stand."""
+    from export.reports.ground import report_ground
+    from lighting.model import Model
+
+    click.echo(report_ground(Model.load(model), data, split))
 
 
 @_report.command("video")

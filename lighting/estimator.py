@@ -16,6 +16,7 @@ from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, ob
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
+from lighting.ground import describe_ground
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
 from lighting.records import Estimate, Prediction
@@ -116,7 +117,9 @@ class Estimator:
             register_views = register if callable(register) else _register_here
             views = register_views(list(map(_view, photos, predictions, observations)))
         posteriors = fuse_views(predictions, observations, headings, views)
-        return apply_photo_colors(photos, list(map(build_estimate, posteriors, observed)))
+        estimates = list(map(build_estimate, posteriors, observed))
+        aerial = [one.is_aerial for one in observed]
+        return apply_photo_colors(photos, list(map(describe_ground, photos, estimates, aerial)))
 
     def together(
         self,
@@ -174,7 +177,8 @@ def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: U
     """
     observed = _with_photo_warnings(observations_single(photo.metadata, user_input), photo)
     posterior = fuse_single_view(prediction, observed.observations, photo.pixels)
-    return apply_photo_colors([photo], [build_estimate(posterior, observed)])[0]
+    estimate = describe_ground(photo, build_estimate(posterior, observed), observed.is_aerial)
+    return apply_photo_colors([photo], [estimate])[0]
 
 
 def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:
@@ -193,7 +197,9 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
         skies = (clip_color(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
     each = zip(photos, lights, estimates, strict=True)
-    grounds = [estimate_ground_albedo(photo.pixels, light, one.surroundings) for photo, light, one in each]
+    grounds = [
+        estimate_ground_albedo(photo.pixels, light, one.surroundings, one.segments) for photo, light, one in each
+    ]
     lights = list(map(with_ground_color, lights, grounds))
     return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
 

@@ -1,6 +1,7 @@
 """The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate; JSON in and out."""
 
 import json
+import math
 import reprlib
 from collections import Counter
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
-from lighting.geometry import Floats, direction
+from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 from lighting.sky.hosek_wilkie import sky_coefficients
 from lighting.validation import (
@@ -39,6 +40,8 @@ MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400
 SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
 _PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
+_SPOT = {"spot_pixel": (2, 0.0, 1e6), "spot_direction": (3, -1.0, 1.0)}  # how many numbers, and their range
+_UNIT_TOLERANCE = 1e-3  # of a unit vector's length
 
 
 class EvidenceKind(StrEnum):
@@ -206,9 +209,13 @@ class Lighting:
     ground_color: Color | None = None  # reflectance, 0 to 1
     suitable: float | None = None  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
     sky_painted: str | None = None  # of SKY_MODELS: what paints the sky of SKY_MODEL; None: that model
+    camera_height: float = EYE_HEIGHT  # m above the ground
+    ground_visible: float | None = None  # share of the picture, 0 to 1, that shows firm, level ground; None: not sought
+    spot_pixel: tuple[float, float] | None = None  # (x, y) of the upright photo where an object may stand
+    spot_direction: Color | None = None  # unit vector from the camera to it; None with the pixel: there is no such spot
 
     def __post_init__(self) -> None:
-        convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, "camera_heading_probability")
+        convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, *_SPOT, "camera_heading_probability")
         for name, limits in _PLAIN_RANGES.items():
             if name in RANGES or getattr(self, name) is not None:
                 check_range(name, getattr(self, name), *limits)
@@ -232,6 +239,21 @@ class Lighting:
         if self.sky_cover is not None and self.sky_irradiance is None:
             predicate = "needs sky.irradiance and sun.irradiance beside it."
             raise ParameterError.about("sky_cover", predicate, ErrorCode.CONTRADICTION)
+        self._check_spot()
+
+    def _check_spot(self) -> None:
+        for name, (count, low, high) in _SPOT.items():
+            if (value := getattr(self, name)) is not None:
+                if not isinstance(value, tuple) or len(value) != count:
+                    raise ParameterError.about(name, f"must be {count} numbers.", ErrorCode.WRONG_TYPE)
+                for number in value:
+                    check_range(name, number, low, high)
+        if (self.spot_pixel is None) != (self.spot_direction is None):
+            missing = "spot_pixel" if self.spot_pixel is None else "spot_direction"
+            sentence = "ground.spot.pixel and ground.spot.direction go together; the record has only one of them."
+            raise ParameterError(sentence, missing, ErrorCode.MISSING)
+        if self.spot_direction is not None and abs(math.hypot(*self.spot_direction) - 1) > _UNIT_TOLERANCE:
+            raise ParameterError.about("spot_direction", "must be a vector of length 1.", ErrorCode.OUT_OF_RANGE)
 
     @property
     def map_sky(self) -> str:
@@ -307,6 +329,7 @@ class Estimate:
     lighting: Lighting
     distribution: SunDistribution  # with all evidence counted
     surroundings: NDArray[np.float32] | None = field(default=None, repr=False)  # as in `Light`
+    segments: NDArray[np.float32] | None = field(default=None, repr=False)  # what the photo shows, of `segmentation`
 
     @property
     def evidence(self) -> tuple[str, ...]:
@@ -392,6 +415,12 @@ def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Jso
     for section, name, attribute in _COLORS:
         if (color := values[attribute]) is not None:
             record.setdefault(section, {})[name] = list(color)
+    if values["spot_pixel"] is not None:
+        record["ground"]["spot"] = {name: list(values[f"spot_{name}"]) for name in ("pixel", "direction")}
+    elif values["ground_visible"] is not None:
+        record["ground"]["spot"] = None  # it was sought, and there is none
+    if not record["ground"]:
+        del record["ground"]
     record["sky"]["model"] = values["sky_model"]
     if values["sky_painted"] is not None:
         record["sky"]["painted"] = values["sky_painted"]
@@ -428,6 +457,9 @@ def _values_from_record(record: Mapping[str, Any]) -> Json:
     values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
     values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
     values |= {attribute: _numbers(sections, section, name) for section, name, attribute in _COLORS}
+    if sections["ground"].get("spot") is not None:
+        spots = {"spot": _section(sections["ground"], "spot")}
+        values |= {f"spot_{name}": _numbers(spots, "spot", name) for name in ("pixel", "direction")}
     values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
     values["utc_time"], values["time_source"] = _time(sections["time"].get("utc")), sections["time"].get("source")
     return {name: value for name, value in values.items() if value is not None}

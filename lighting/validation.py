@@ -25,6 +25,7 @@ RANGES: dict[str, tuple[float, float]] = {
     "camera_elevation": (-90.0, 90.0),  # deg, positive looks up
     "camera_roll": (-180.0, 180.0),  # deg, positive turns the camera clockwise
     "vertical_fov": (1.0, 170.0),  # deg
+    "camera_height": (0.1, 20000.0),  # m above the ground; 1.6 where nothing tells it
 }
 
 OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
@@ -37,6 +38,7 @@ OPTIONAL_RANGES: dict[str, tuple[float, float]] = {  # what is not always known
     "utc_offset": (-12.0, 14.0),  # h, local minus universal time
     "sky_cover": (0.0, 1.0),  # 0 clear, 1 overcast; goes with sky_irradiance
     "suitable": (0.0, 1.0),  # probability that this is an ordinary photo of outdoors by daylight
+    "ground_visible": (0.0, 1.0),  # share of the picture that shows firm, level ground near by
 }
 
 COLOR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not always known
@@ -64,6 +66,7 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
     "camera_elevation": "camera.elevation",
     "camera_roll": "camera.roll",
     "vertical_fov": "camera.vertical_fov",
+    "camera_height": "camera.height",
     "camera_heading": "camera.heading",
     "camera_heading_radius_50": "camera.heading_radius_50",
     "camera_heading_radius_90": "camera.heading_radius_90",
@@ -75,6 +78,9 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
     "utc_offset": "time.utc_offset",
     "time_source": "time.source",
     "ground_color": "ground.color",
+    "ground_visible": "ground.visible",
+    "spot_pixel": "ground.spot.pixel",
+    "spot_direction": "ground.spot.direction",
 }
 
 SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise

@@ -52,6 +52,9 @@ class UserInputQuery(Query):
     fov: Annotated[
         float | None, parameter_range("vertical_fov", "deg, vertical field of view of the upright photo", 48.7)
     ] = None
+    camera_height: Annotated[
+        float | None, parameter_range("camera_height", "m, of the camera above the ground; by default 1.6", 1.6)
+    ] = None
     keep_location: types.Flag = Field(False, description="put latitude and longitude into the answer")
 
     @model_validator(mode="after")
@@ -163,6 +166,12 @@ class _SurroundingsQuery(Query):
 
 class PreviewQuery(UserInputQuery, _SurroundingsQuery):
     """The preview of a photo."""
+
+
+class GroundQuery(UserInputQuery):
+    """The mask of a photo's ground."""
+
+    sun: types.FlagOrAuto = Field(None, description=f"whether the ground may lie in direct sunlight; {SUN_BY_DEFAULT}")
 
 
 class EnvmapQuery(MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):

@@ -15,7 +15,15 @@ from server import query_params as queries
 from server import responses, tasks
 from server.dependencies import AdmissionDep, PhotoDep, ServiceDep, UploadsDep
 from server.problems import problem_responses
-from server.query_params import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkyQuery, SkySceneQuery
+from server.query_params import (
+    EnvmapQuery,
+    GroundQuery,
+    LightingQuery,
+    PhotoSceneQuery,
+    PreviewQuery,
+    SkyQuery,
+    SkySceneQuery,
+)
 from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, media_type, parse_record
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 
@@ -122,6 +130,16 @@ async def show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
 async def draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotated[PreviewQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
     return Response(await admission.run(tasks.encode_preview, admission.service, photo, query), media_type="image/png")
+
+
+@_post_photo("/ground", summary="What a photo shows of the ground", responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS})
+async def draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotated[GroundQuery, Query()]) -> Response:
+    """A mask as PNG, at most 256 pixels wide or high.
+
+    Red is the probability of firm, level ground near by. Green says how far the sun reaches the ground, and is 0 on
+    what stands before it. Blue is the probability of that: plants, vehicles, people and other things.
+    """
+    return Response(await admission.run(tasks.encode_ground, admission.service, photo, query), media_type="image/png")
 
 
 @_get_file("/scene", summary="A scene for another tool, of a sky", responses={200: _SCENE_RESPONSE, **_SKY_ANSWERS})

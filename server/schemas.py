@@ -6,6 +6,7 @@ from pydantic import AwareDatetime, BaseModel, ConfigDict, FailFast, Field
 
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
+from lighting.geometry import EYE_HEIGHT
 from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
@@ -73,14 +74,31 @@ class SkyPart(Part):
     coefficients: CoefficientsPart = Field(default_factory=CoefficientsPart, description="computed from the others")
 
 
+class SpotPart(Part):
+    """Where an object may stand."""
+
+    pixel: Annotated[list[float], Field(min_length=2, max_length=2)] = Field(
+        description="(x, y) in the upright photo", examples=[[1012.5, 1140.0]]
+    )
+    direction: Annotated[list[float], Field(min_length=3, max_length=3)] = Field(
+        description="unit vector from the camera", examples=[[0.02, -0.31, -0.95]]
+    )
+
+
 class GroundPart(Part):
     color: list[types.Reflectance] | None = _rgb_field(types.GROUND_COLOR, [0.14, 0.13, 0.11])
+    visible: (
+        Annotated[float, parameter_range("ground_visible", "share of the photo that shows firm, level ground", 0.31)]
+        | None
+    ) = None
+    spot: SpotPart | None = Field(None, description="null where the photo shows no ground for an object")
 
 
 class CameraPart(Part):
     elevation: types.CameraElevation = 0.0
     roll: types.CameraRoll = 0.0
     vertical_fov: types.VerticalFov = 50.0
+    height: Annotated[float, parameter_range("camera_height", "m above the ground", 1.6)] = EYE_HEIGHT
     heading: Annotated[float, parameter_range("camera_heading", "deg from true north, clockwise", 134.2)] | None = (
         Field(None, description="only where time and place are known")
     )

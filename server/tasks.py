@@ -9,15 +9,18 @@ from numpy.typing import NDArray
 
 from lighting.envmap import surroundings
 from lighting.envmap.relighting import edit_lighting
+from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, photo_context, render_view, surroundings_gain
 from lighting.errors import PhotoError
 from lighting.files import encode_envmap
-from lighting.files.atomic import encode_jpeg
+from lighting.files.atomic import encode_jpeg, encode_png
+from lighting.ground import draw_ground_mask
 from lighting.photo.reader import TARGET, Photo
 from lighting.preview.picture import PHOTO_SIDE, preview_png
 from lighting.records import Estimate, Lighting
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
+from lighting.segmentation import Segments
 from server import query_params as queries
 from server.dependencies import PhotoAnswer, PhotoMatcher, Service
 from server.query_params import MapQuery, SceneQuery
@@ -140,10 +143,27 @@ def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -
     return preview_png(pixels, estimate, surroundings=query.surroundings)
 
 
+def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> bytes:
+    """Estimate the light of a photo and draw what it shows of the ground as PNG.
+
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: what the client states, and whether the sun shines.
+    """
+    photo, estimate = _estimate_photo(service, data, query)
+    lit = ground_shadow_mask(photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
+    return encode_png(draw_ground_mask(shadow_receivers(lit, estimate.segments), estimate.segments))
+
+
 def _zip_scene_of_plate(
-    plate: Photo, lighting: Lighting, query: SceneQuery, context: PhotoContext | None = None
+    plate: Photo,
+    lighting: Lighting,
+    query: SceneQuery,
+    context: PhotoContext | None = None,
+    segments: Segments | None = None,
 ) -> FileWithWarnings:
-    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, context=context)
+    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, context=context, segments=segments)
     check_cancelled()
     return zip_scene(scene, query.tool, **query.options()), scene.warnings
 
@@ -160,7 +180,7 @@ def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQ
     lighting = edit_lighting(estimate.lighting, query.changes())
     plate = service.reread_photo(data, PLATE_SIDE)
     context = photo_context(estimate, plate.pixels, surroundings=query.surroundings, exposure=query.photo_exposure)
-    return _zip_scene_of_plate(plate, lighting, query, context)
+    return _zip_scene_of_plate(plate, lighting, query, context, estimate.segments)
 
 
 def zip_scene_of_sky(query: queries.SkySceneQuery) -> FileWithWarnings:

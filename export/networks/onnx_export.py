@@ -94,17 +94,25 @@ def _unify_tensors(graph: Any) -> dict[str, str]:
     return names
 
 
-def _strip_origin(model: Any) -> None:
-    """Remove each node's origin in the code and the shapes between nodes: nothing reads them."""
+def strip_origin(model: Any) -> None:
+    """Remove each node's origin in the code and the shapes between nodes: nothing reads them.
+
+    Args:
+        model: the ONNX model, changed in place.
+    """
     del model.graph.value_info[:]
     for node in model.graph.node:
         del node.metadata_props[:]
 
 
-def _store_small(model: Any) -> None:
+def store_small(model: Any, min_bytes: int = MIN_BYTES) -> None:
     """Store large tensors of weights as bytes with a scale for each output, others in half precision.
 
     Small tensors stay as they are.
+
+    Args:
+        model: the ONNX model, changed in place.
+        min_bytes: elements of a tensor that is stored as bytes.
     """
     columns = {node.input[1] for node in model.graph.node if node.op_type == "MatMul"}  # an output is a column there
     tensors, nodes = [], []
@@ -113,16 +121,16 @@ def _store_small(model: Any) -> None:
         if weights.dtype != np.float32 or weights.size < _MIN_HALF:
             tensors.append(tensor)
             continue
-        stored, widening = _quantize(tensor.name, weights, axis=int(tensor.name in columns))
+        stored, widening = _quantize(tensor.name, weights, int(tensor.name in columns), min_bytes)
         tensors += stored
         nodes += widening
     _replace(model.graph.initializer, tensors)
     _replace(model.graph.node, [*nodes, *model.graph.node])
 
 
-def _quantize(name: str, weights: NDArray[np.float32], axis: int) -> tuple[list[Any], list[Any]]:
+def _quantize(name: str, weights: NDArray[np.float32], axis: int, min_bytes: int) -> tuple[list[Any], list[Any]]:
     """Small tensors that replace a large one, whose outputs lie along `axis`, and the nodes that widen them."""
-    if weights.size < MIN_BYTES:
+    if weights.size < min_bytes:
         half = numpy_helper.from_array(weights.astype(np.float16), f"{name}.half")
         return [half], [helper.make_node("Cast", [half.name], [name], to=TensorProto.FLOAT)]
     others = tuple(i for i in range(weights.ndim) if i != axis)
@@ -267,16 +275,17 @@ def write_onnx(
     target.parent.mkdir(parents=True, exist_ok=True)
     with TemporaryDirectory(dir=target.parent) as folder:
         path = Path(folder, target.name)
-        model = _trace(ensemble, spec)
-        _add_metadata(model, {"spec": spec.to_json(), **_readable(spec), **metadata})
+        example = torch.zeros(2, 3, spec.height, spec.width)
+        model = trace_onnx(ensemble, example, ensemble.outputs, {0: torch.export.Dim("batch", min=1)})
+        add_metadata(model, {"spec": spec.to_json(), **_readable(spec), **metadata})
         _save_graph(model, path)
         _check(_parity(ensemble, path), _TOLERANCE)
-        _strip_origin(model)
+        strip_origin(model)
         _merge_equal_nodes(model)
-        _store_small(model)
+        store_small(model)
         _save_graph(model, path)
         difference = _check(_parity(ensemble, path), ROUNDED_TOLERANCE)
-        _add_metadata(model, {"parity": f"{difference:.2e}"})
+        add_metadata(model, {"parity": f"{difference:.2e}"})
         _save_graph(model, path)
         weights_path(path).replace(weights_path(target))
         path.replace(target)
@@ -299,17 +308,24 @@ def _check(difference: float, allowed: float) -> float:
     return difference
 
 
-def _trace(ensemble: _Ensemble, spec: ModelSpec) -> Any:
-    """The network as an ONNX model whose batch may have any size."""
+def trace_onnx(network: nn.Module, example: Tensor, outputs: Sequence[str], dynamic: dict[int, Any]) -> Any:
+    """A network as an ONNX model.
+
+    Args:
+        network: of one input, which the model calls "photo".
+        example: of the input.
+        outputs: their names.
+        dynamic: the input's axes of any size, each a torch.export.Dim.
+    """
     logging.getLogger("torch.onnx").setLevel(logging.ERROR)  # it reports that torchvision's operators are missing
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # of the exporter's own use of torch
         program = torch.onnx.export(
-            ensemble,
-            (torch.zeros(2, 3, spec.height, spec.width),),
+            network,
+            (example,),
             input_names=["photo"],
-            output_names=ensemble.outputs,
-            dynamic_shapes={"photo": {0: torch.export.Dim("batch", min=1)}},
+            output_names=list(outputs),
+            dynamic_shapes={"photo": dynamic},
             opset_version=_OPSET,
             dynamo=True,
             verbose=False,
@@ -318,8 +334,13 @@ def _trace(ensemble: _Ensemble, spec: ModelSpec) -> Any:
     return program.model_proto
 
 
-def _add_metadata(model: Any, metadata: dict[str, str]) -> None:
-    """Add metadata to the model: `spec` is for programs, the others are for people."""
+def add_metadata(model: Any, metadata: dict[str, str]) -> None:
+    """Add metadata to the model: `spec` is for programs, the others are for people.
+
+    Args:
+        model: the ONNX model, changed in place.
+        metadata: by key.
+    """
     for key, value in metadata.items():
         entry = model.metadata_props.add()
         entry.key, entry.value = key, value

@@ -379,7 +379,9 @@ def estimate_photo(
         picture = read_photo(data, path=path_of(name))
         prediction = pool.submit(lambda: _predict(network.result(), picture, user_input))
         from lighting.estimator import estimate_from_prediction
+        from lighting.segmentation import packaged_segmenter
 
+        packaged_segmenter()  # loads it
         meanwhile()
     return picture, estimate_from_prediction(picture, prediction.result(), user_input)
 

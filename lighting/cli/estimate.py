@@ -179,9 +179,11 @@ def _preview(
     photo: str, output: str, surroundings: bool | None, user_input: "UserInput", model: str | None, quiet: bool
 ) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
+    from lighting.ground import spot_warnings
+
     console.refuse_collisions(photo, output)
     with console.prefix_errors(photo):
         data = console.read_photo_bytes(photo)
         _, estimate = console.estimate_photo(photo, data, user_input, model)
     console.write_preview(output, data, estimate, surroundings)
-    console.report_warnings(photo, estimate.warnings, quiet)
+    console.report_warnings(photo, (*estimate.warnings, *spot_warnings(estimate.lighting)), quiet)

@@ -278,6 +278,9 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         "--heading", type=float, metavar="DEG", help="Where the camera points, clockwise from true north."
     ),
     "vertical_fov": click.option("--fov", "vertical_fov", type=float, metavar="DEG", help="Vertical field of view."),
+    "camera_height": click.option(
+        "--camera-height", type=float, metavar="METRES", help="Of the camera above the ground.  [default: 1.6]"
+    ),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
 together_option = click.option("--together", is_flag=True, help="The photos are of one place and light.")

@@ -99,7 +99,8 @@ def _scene(**options: Any) -> None:
         )
         lighting = estimate.lighting if estimate else console.read_lighting(chosen.record or "-")
     context = photo_context(estimate, plate.pixels, surroundings=chosen.surroundings) if estimate else None
-    scene = make_scene(plate, lighting, map_height=chosen.height, sun=chosen.sun, context=context)
+    segments = estimate.segments if estimate else None
+    scene = make_scene(plate, lighting, map_height=chosen.height, sun=chosen.sun, context=context, segments=segments)
     write_scene(scene, chosen.tool, chosen.output, overwrite=chosen.overwrite, **chosen.of_tool)
     if not chosen.quiet:
         click.echo(console.format_summary(chosen.photo, lighting))

@@ -27,6 +27,8 @@
   scene.add(sun, sun.target);
 
   const resolution = new THREE.Vector2();
+  const sunShare = { value: 1 }; // of the sun, that reaches the object and that it takes from the ground
+  const contact = { value: new THREE.Vector4(0, 1, 0, 0) }; // a ball in the object's place: center and radius
   const ground = new THREE.Mesh(new THREE.CircleGeometry(data.groundRadius, 64), shadowCatcher());
   ground.rotation.x = -Math.PI / 2;
   ground.receiveShadow = true;
@@ -56,7 +58,8 @@
   }
 
   // The plate itself where the sun shines; where it is hidden, the plate times the sky's share of the ground's light. The
-  // sun's share is less where the plate's ground already lies in shade.
+  // sun's share is less where the plate's ground already lies in shade. Of the sky's share a ball in the object's place hides
+  // height x radius^2 / distance^3.
   function shadowCatcher() {
     const material = new THREE.ShadowMaterial({ transparent: false });
     material.onBeforeCompile = (shader) => {
@@ -65,14 +68,24 @@
         resolution: { value: resolution },
         lit: { value: lit },
         shade: { value: vector(data.shadow) },
+        share: sunShare,
+        ball: contact,
       });
+      shader.vertexShader =
+        "varying vec3 spot;\n" +
+        shader.vertexShader.replace(
+          "#include <project_vertex>",
+          "#include <project_vertex>\nspot = ( modelMatrix * vec4( transformed, 1.0 ) ).xyz;",
+        );
       shader.fragmentShader =
-        "uniform sampler2D plate, lit; uniform vec2 resolution; uniform vec3 shade;\n" +
+        "uniform sampler2D plate, lit; uniform vec2 resolution; uniform vec3 shade; uniform float share;\n" +
+        "uniform vec4 ball; varying vec3 spot;\n" +
         shader.fragmentShader.replace(
           /gl_FragColor = .*;/,
           `vec2 place = gl_FragCoord.xy / resolution;
            vec3 sun = texture2D( lit, place ).r * ( 1.0 - shade );
-           vec3 light = ( shade + sun * getShadowMask() ) / max( shade + sun, 1e-6 );
+           float open = 1.0 - min( 1.0, ball.y * ball.w * ball.w / pow( distance( spot, ball.xyz ), 3.0 ) );
+           vec3 light = ( open * shade + sun * mix( 1.0, getShadowMask(), share ) ) / max( shade + sun, 1e-6 );
            gl_FragColor = vec4( texture2D( plate, place ).rgb * light, 1.0 );`,
         );
     };
@@ -108,8 +121,8 @@
   Object.assign(mask.canvas, { width: lit.image.width, height: lit.image.height });
   mask.drawImage(lit.image, 0, 0);
 
-  // How much of the sun reaches the object: as far as the plate's ground is lit in a square around its foot. It is the rule
-  // of `lit_around` in lighting/envmap.
+  // Whether the object stands in the sun: where half of the plate's ground in a square around its foot is lit. It is the
+  // rule of lighting/envmap/shadow_mask.
   function litAtFoot() {
     const { width, height } = mask.canvas;
     const foot = object.position.clone().project(camera);
@@ -123,7 +136,7 @@
     const [top, rows] = span(((1 - foot.y) / 2) * height, height);
     if (columns <= 0 || rows <= 0) return 1;
     const pixels = mask.getImageData(left, top, columns, rows).data;
-    return pixels.reduce((sum, value, i) => (i % 4 ? sum : sum + value), 0) / (255 * columns * rows);
+    return pixels.reduce((sum, value, i) => (i % 4 ? sum : sum + value), 0) < 127.5 * columns * rows ? 0 : 1;
   }
 
   // Where the plate's ground is in shade, the sun reaches neither the object nor the ground that reflects light to it. The
@@ -133,6 +146,7 @@
     const share = litAtFoot();
     if (share === lastShare) return;
     lastShare = share;
+    sunShare.value = share;
     sun.intensity = share * data.sunIntensity;
     scene.environment?.dispose();
     scene.environment = environment(share);
@@ -140,7 +154,11 @@
 
   // The shadow map covers the object as the sun sees it, and reaches as far as its shadow.
   function aim() {
-    const sphere = new THREE.Box3().setFromObject(object).getBoundingSphere(new THREE.Sphere());
+    const box = new THREE.Box3().setFromObject(object);
+    const sphere = box.getBoundingSphere(new THREE.Sphere());
+    const [x, y, z] = box.getCenter(new THREE.Vector3()).toArray();
+    const extent = box.getSize(new THREE.Vector3());
+    contact.value.set(x, y, z, Math.min(extent.x, extent.y, extent.z) / 2);
     const { shadow } = sun;
     const height = Math.max(data.sunDirection[1], 0.01);
     sun.target.position.copy(sphere.center);

@@ -9,6 +9,7 @@ from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.geometry import Floats, sample_latlong
 from lighting.records import Lighting
+from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, enlarge_cells
 
 # Which pixels count as sky, and how far they tint it.
 _MAP_ROWS = 32  # of the map with which the photo is compared
@@ -23,6 +24,8 @@ _MAX_COLOR_RATIO = 2.0  # by which a channel changes against green
 # Which pixels count as ground, and how far the network's view of it counts.
 _MIN_SIN_DEPRESSION = (0.2, 0.05)  # sines of the angle below the horizon; the first that leaves enough ground counts
 _MIN_GROUND_SHARE = 0.02  # share of the picture that must show ground
+_NEVER_GROUND = (SurfaceClass.PERSON, SurfaceClass.VEHICLE)
+_MAX_HIDDEN = 0.4  # probability of a thing at a pixel that counts
 _QUANTILES = (0.25, 0.75)  # of brightness, between which pixels count
 _REFLECTANCE_RANGE = (0.02, 0.9)
 # The last two by `python -m export fit ground`, on places that a network never saw.
@@ -83,7 +86,10 @@ def _brightness_steps(gray: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def estimate_ground_albedo(
-    pixels: NDArray[np.uint8], lighting: Lighting, panorama: NDArray[np.float32] | None = None
+    pixels: NDArray[np.uint8],
+    lighting: Lighting,
+    panorama: NDArray[np.float32] | None = None,
+    segments: Segments | None = None,
 ) -> Floats | None:
     """Reflectance (3,) of the ground that a photo shows under the lighting's irradiances.
 
@@ -96,12 +102,15 @@ def estimate_ground_albedo(
         lighting: estimated for the photo.
         panorama: (R, 2R, 3) the network's surroundings. They draw the brightness to that of the ground which the photo
             does not show, the less the cloudier the sky is, for then the network errs more. None: the photo alone.
+        segments: of the photo. People, vehicles, plants and other things do not count then; where little else is below
+            the horizon, plants and things do, and people and vehicles never. None: all below the horizon counts.
     """
     if lighting.sky_irradiance is None or lighting.sun_irradiance is None:
         return None
     photo, directions = sample_photo(pixels, lighting)
     down = -directions[..., 1]
-    shows_ground = (down > sine for sine in _MIN_SIN_DEPRESSION)
+    free = _free_of_things(segments, down.shape)
+    shows_ground = (mask & (down > sine) for mask in free for sine in _MIN_SIN_DEPRESSION)
     below = next((mask for mask in shows_ground if np.mean(mask) >= _MIN_GROUND_SHARE), None)
     if below is None:
         return None
@@ -115,6 +124,14 @@ def estimate_ground_albedo(
         radiance = radiance * (2**_NETWORK_BIAS_STOPS * ground_luminance(panorama) / brightness) ** share
     level = np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
     return np.asarray(np.clip(np.pi * radiance / level, *_REFLECTANCE_RANGE))
+
+
+def _free_of_things(segments: Segments | None, shape: tuple[int, ...]) -> list[NDArray[np.bool_]]:
+    """Which pixels (h, w) of a photo may count as ground, the better choice first."""
+    if segments is None:
+        return [np.ones(shape, dtype=bool)]
+    hidden = (enlarge_cells(class_share(segments, *classes), shape[1], shape[0]) for classes in (THINGS, _NEVER_GROUND))
+    return [share < _MAX_HIDDEN for share in hidden]
 
 
 def ground_luminance(panorama: NDArray[np.float32]) -> float:

@@ -13,7 +13,7 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
 from lighting.envmap.render import clear_irradiance
 from lighting.envmap.sun_disc import disc_power
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats, wrap_azimuth
+from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.records import Color, Lighting, check_lighting
 from lighting.validation import RANGES, clip_color, round_significant
 
@@ -56,6 +56,9 @@ def rotate_lighting(lighting: Lighting, yaw: float) -> Lighting:
     azimuth = round(float(wrap_azimuth(lighting.sun_azimuth + yaw)), _ANGLE_DIGITS)
     relative = None if lighting.relative_heading is None else _heading(lighting.relative_heading - yaw)
     rotated = replace(lighting, sun_azimuth=azimuth, relative_heading=relative)
+    if lighting.spot_direction is not None:
+        spot_azimuth, spot_elevation = angles(lighting.spot_direction)
+        rotated = replace(rotated, spot_direction=_to_unit(direction(spot_azimuth + yaw, spot_elevation)))
     if lighting.camera_heading is None:
         return rotated
     degrees, probability = np.arange(360.0), lighting.camera_heading_probability
@@ -108,7 +111,7 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
     """
     check_lighting(lighting)
     values: Any = dict(changes)
-    changed = replace(lighting, **values)
+    changed = _keep_spot_pixel(lighting, replace(lighting, **values))
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
         return changed
     models = {"sun_irradiance": _model_sun_irradiance, "sky_irradiance": _model_sky_irradiance}
@@ -118,6 +121,25 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
             before, after = np.maximum(by_model(lighting), EPSILON_IRRADIANCE), by_model(changed)
             rescaled[name] = clip_color(np.array(getattr(lighting, name)) * after / before, name)
     return replace(changed, **rescaled)
+
+
+def _keep_spot_pixel(before: Lighting, now: Lighting) -> Lighting:
+    """The light with the spot in the direction in which a changed camera sees its pixel."""
+    if before.spot_direction is None or now.spot_direction != before.spot_direction:
+        return now
+    old, new = (
+        Pinhole(1, 1, light.vertical_fov, 0.0, light.camera_elevation, light.camera_roll) for light in (before, now)
+    )
+    if old == new:
+        return now
+    right, up, ahead = old.axes @ np.array(before.spot_direction)
+    return replace(now, spot_direction=_to_unit([right, up, ahead * new.focal_length / old.focal_length] @ new.axes))
+
+
+def _to_unit(vector: Floats) -> Color:
+    """A vector (3,) at length 1."""
+    x, y, z = map(float, vector / np.linalg.norm(vector))
+    return x, y, z
 
 
 def _model_sun_irradiance(lighting: Lighting) -> Floats:

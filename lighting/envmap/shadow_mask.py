@@ -1,6 +1,8 @@
 """Where the ground that a photo shows lies in sunlight, and where in shade.
 
-The page in the browser has the same rule (`server/web/src/surroundings/shadowMask.ts`), tested on the same numbers.
+One rule holds for the preview, the scenes and the page: what stands where less than half of the sun reaches the ground
+is in shade. The sun does not reach it, and it casts no shadow of the sun. Anything else stands in the sun, and its
+shadow falls on lit ground alone.
 """
 
 from dataclasses import dataclass
@@ -16,11 +18,16 @@ from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.records import Lighting, check_lighting
+from lighting.segmentation import THINGS, Segments, class_share, enlarge_cells
 
 _MAX_SIDE = 256  # pixels of the mask's longer side
 _GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade
 _SIN_BELOW = np.sin(np.radians(1.0))  # sine of the angle below the horizon from which a pixel counts as ground
 _MIN_GROUND = 0.02  # share of the picture that must show ground
+
+_MAX_THINGS = 0.5  # probability of a thing at a pixel that counts as ground
+_THINGS_EDGE = 0.4  # of that probability, over which a shadow fades at a thing
+_MIN_SUNLIT = 0.5  # share of the sun under things, below which they stand in shade
 
 _LOG2_RANGE = (-7.0, 0.0)  # of luminance
 _BINS = 64  # of a histogram over it
@@ -52,7 +59,9 @@ class _OtsuClasses:
         return self.bright - self.dark
 
 
-def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None) -> NDArray[np.float32]:
+def ground_shadow_mask(
+    photo: NDArray[np.uint8], lighting: Lighting, *, sun: bool | None = None, segments: Segments | None = None
+) -> NDArray[np.float32]:
     """How much of the sun reaches what each pixel of a photo shows: (H, W), 0 in shade, 1 in sunlight.
 
     It has the photo's aspect and at most 256 pixels on its longer side. It is 1 above the horizon, and everywhere if
@@ -67,6 +76,8 @@ def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: boo
         photo: (h, w, 3) sRGB, else PhotoError.
         lighting: of the photo, else ParameterError.
         sun: whether the light has one; None: by `Lighting.sun_painted`.
+        segments: of the photo. Plants, people and other things are no ground then, and count as lit. None: all below
+            the horizon is ground.
 
     References:
         [1] Otsu, A Threshold Selection Method from Gray-Level Histograms, IEEE SMC 1979.
@@ -78,13 +89,45 @@ def ground_shadow_mask(photo: NDArray[np.uint8], lighting: Lighting, *, sun: boo
     step = _predicted_step(lighting) if shines else 0.0
     gray = _block_means(luminance(SRGB_LINEAR[small].astype(np.float64)))
     rays = camera_directions(photo_camera(lighting, gray.shape[1], gray.shape[0]))
-    ground = rays[..., 1] < -_SIN_BELOW
+    ground = (rays[..., 1] < -_SIN_BELOW) & ~_shows_things(segments, gray.shape)
     if step < _MIN_STEP or ground.mean() < _MIN_GROUND:
         return np.ones((height, width), dtype=np.float32)
     stops = np.log2(np.clip(gray, *np.exp2(_LOG2_RANGE)))[ground]
     lit = np.ones(gray.shape, dtype=np.float32)
     lit[ground] = _sunlit_share(stops, _white_level(lighting), step, lighting.sun_visibility)
     return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
+
+
+def _shows_things(segments: Segments | None, shape: tuple[int, ...]) -> NDArray[np.bool_]:
+    """Which pixels (h, w) of a picture rather show things than the ground behind them."""
+    if segments is None:
+        return np.zeros(shape, dtype=bool)
+    return enlarge_cells(class_share(segments, *THINGS), shape[1], shape[0]) > _MAX_THINGS
+
+
+def shadow_receivers(lit: NDArray[np.float32], segments: Segments | None) -> NDArray[np.float32]:
+    """Where (H, W) the sun's shadow of what stands on the ground may fall: the lit ground, without what stands on it.
+
+    Args:
+        lit: (H, W) the picture's `ground_shadow_mask`.
+        segments: of the picture; None: nothing stands on its ground.
+    """
+    if segments is None:
+        return lit
+    things = enlarge_cells(class_share(segments, *THINGS), lit.shape[1], lit.shape[0])
+    return np.asarray(lit * np.clip((_MAX_THINGS - things) / _THINGS_EDGE + 0.5, 0, 1))
+
+
+def is_in_shade(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> bool:
+    """Whether things stand in shade, by the rule above.
+
+    Args:
+        lit: (H, W) the picture's `ground_shadow_mask`.
+        camera: of the picture.
+        feet: (N, 3) where things touch the ground, from the camera.
+        reach: pixels of the camera beside the feet, of the rectangle that counts.
+    """
+    return mean_sunlit(lit, camera, feet, reach) < _MIN_SUNLIT
 
 
 def mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:

@@ -24,6 +24,7 @@ from lighting.envmap.render import add_sun, cap_map, check_height, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.records import Estimate, Lighting, check_estimate, check_lighting
+from lighting.segmentation import Segments
 from lighting.sky import SKY_MODEL
 
 _CELL_ROWS = 24  # of the cells in which the map is changed
@@ -54,6 +55,7 @@ class PhotoContext:
     coarse_panorama: NDArray[np.float32] | None = None  # `Estimate.surroundings`; None: bare sky and ground
     exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
     light: Lighting | None = None  # that light; what it makes of the surroundings stays under another sun
+    segments: Segments | None = None  # what the photo shows, of `segmentation`; None: unknown
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "photo", check_pixels(self.photo))
@@ -94,8 +96,9 @@ def photo_context(
     if not (estimate.surroundings is not None if surroundings is None else surroundings):
         return None
     if exposure is not None:
-        return PhotoContext(photo, estimate.surroundings, exposure)
-    return PhotoContext(photo, estimate.surroundings, estimate.lighting.exposure, estimate.lighting)
+        return PhotoContext(photo, estimate.surroundings, exposure, segments=estimate.segments)
+    light = estimate.lighting
+    return PhotoContext(photo, estimate.surroundings, light.exposure, light, estimate.segments)
 
 
 def photo_context_for_height(

@@ -103,9 +103,9 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
         warnings = (*warnings, *(_unsuitable_warnings(prior.observations) if suitable < MIN_SUITABLE else ()))
     latitude, longitude = prior.location or (None, None)
     answer = _with_headings(_with_sunlight(lighting, posterior, prior), posterior)
-    answer = replace(
-        answer, evidence=posterior.used, warnings=warnings, suitable=suitable, latitude=latitude, longitude=longitude
-    )
+    answer = replace(answer, evidence=posterior.used, warnings=warnings, suitable=suitable)
+    height = round_significant(prior.camera_height)
+    answer = replace(answer, latitude=latitude, longitude=longitude, camera_height=height)
     if instant is not None:
         answer = replace(answer, utc_time=instant.utc_time, utc_offset=instant.utc_offset, time_source=instant.source)
     light = posterior.prediction.light

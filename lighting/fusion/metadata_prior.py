@@ -13,7 +13,7 @@ from lighting.fusion.ephemeris import format_below_horizon, sun_candidates
 from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
 from lighting.fusion.user_input import UserInput
-from lighting.geometry import SUN_RADIUS, angle_between, direction
+from lighting.geometry import EYE_HEIGHT, SUN_RADIUS, angle_between, direction
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.solar_position import CIVIL_TWILIGHT
 from lighting.validation import RANGES
@@ -32,6 +32,7 @@ _MIN_SUN_ELEVATION = RANGES["sun_elevation"][0]
 _LATE_ANSWER = f"the answer is the sky of a sun {-_MIN_SUN_ELEVATION:g}° below it, brighter, without direct sunlight."
 
 _DECLINATION_EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
+_MAX_AERIAL_ELEVATION = -10.0  # deg, of a camera on a gimbal that looks down from above
 _MIN_HORIZONTAL_FIELD = 6000.0  # nT, under which the model's authors call compasses unreliable
 _DECLINATION_LOCK = threading.Lock()  # a model stores intermediate values in itself, so threads must take turns
 
@@ -48,6 +49,8 @@ class MetadataPrior:
     is_night: bool = False  # time and place say that it was night, too dark for these skies; they were not used
     location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer, deg
     instants: PhotoInstants = field(default_factory=PhotoInstants)  # as many as candidates, if there are any of these
+    camera_height: float = EYE_HEIGHT  # m above the ground
+    is_aerial: bool = False  # a gimbal says that the camera flies, and nothing says how high
 
 
 def observations_from_metadata(
@@ -100,6 +103,8 @@ def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMet
         merged = replace(merged, heading=user_input.heading, heading_reference=HeadingReference.TRUE)
     if user_input.vertical_fov is not None:
         merged = replace(merged, vertical_fov=user_input.vertical_fov)
+    if user_input.camera_height is not None:
+        merged = replace(merged, camera_height=user_input.camera_height)
     return merged
 
 
@@ -196,7 +201,15 @@ def _prior(
     twilight_sun = highest if CIVIL_TWILIGHT <= highest < -SUN_RADIUS else None
     is_night = bool(candidates) and highest < CIVIL_TWILIGHT
     location = merged.location if user_input.keep_location else None
-    return MetadataPrior(observations, warnings, twilight_sun, is_night, location, instants)
+    height = EYE_HEIGHT if merged.camera_height is None else merged.camera_height
+    aerial = _flies_at_unknown_height(merged)
+    return MetadataPrior(observations, warnings, twilight_sun, is_night, location, instants, height, aerial)
+
+
+def _flies_at_unknown_height(metadata: PhotoMetadata) -> bool:
+    """Whether a gimbal turned the camera down, as drones' do, and no altitude is known."""
+    elevation = metadata.camera_elevation if metadata.gravity_source == "gimbal" else None
+    return metadata.camera_height is None and elevation is not None and elevation < _MAX_AERIAL_ELEVATION
 
 
 def _max_elevation(candidates: _SunCandidates) -> float:

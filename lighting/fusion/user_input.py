@@ -12,6 +12,7 @@ from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE
 from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, is_finite
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
+_RANGES["camera_height"] = RANGES["camera_height"]
 _RANGES |= {name: OPTIONAL_RANGES[name] for name in ("latitude", "longitude")}
 
 
@@ -29,6 +30,7 @@ class UserInput:
     longitude: float | None = field(default=None, repr=False)  # deg, positive east, -180 to 180
     heading: float | None = None  # deg clockwise from true north, -360 to 360
     vertical_fov: float | None = None  # deg, of the upright photo
+    camera_height: float | None = None  # m above the ground, 0.1 to 20,000
     keep_location: bool = False  # whether the answer may hold latitude and longitude
 
     def __post_init__(self) -> None:

@@ -27,6 +27,7 @@ _ACCELERATION, _FRONT = 0x0008, 0x0045
 _AT_REST = (0.9, 1.1)  # g; beyond, the phone was shaken, and acceleration is not gravity
 _DJI = "http://www.dji.com/drone-dji/1.0"
 _PIX4D = "http://pix4d.com/camera/1.0"
+_FLIGHT_HEIGHTS = (0.5, 20000.0)  # m over the place of take-off, at which a drone flies
 _UNKNOWN = (-1, 0xFFFFFFFF)  # denominators of an elevation that is not known, as EXIF says
 _LANDSCAPE, _PORTRAIT = (1, 3), (6, 8)  # orientations that keep the sensor's longer side across, and that raise it
 
@@ -89,6 +90,19 @@ def heading_from_xmp(xmp: Mapping[str, str]) -> float | None:
         if (angles := _gimbal_angles(xmp, names)) is not None:
             return heading_from_gimbal(*angles)
     return None
+
+
+def height_from_xmp(xmp: Mapping[str, str]) -> float | None:
+    """Height of a DJI drone's camera in m above where it took off; None where it says none, or stands there.
+
+    Args:
+        xmp: properties by "namespace name".
+    """
+    try:
+        height = float(xmp[f"{_DJI} RelativeAltitude"])
+    except (KeyError, ValueError):
+        return None
+    return height if _FLIGHT_HEIGHTS[0] <= height <= _FLIGHT_HEIGHTS[1] else None
 
 
 def heading_from_gimbal(pitch: float, roll: float, yaw: float) -> float:

@@ -58,6 +58,7 @@ class PhotoMetadata:
     gravity_source: str | None = None  # of the two: "accelerometer", "gimbal" or "elevation angle"
     gravity_spread: float | None = None  # deg, standard deviation of the two
     exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
+    camera_height: float | None = None  # m above the ground where a drone took off
 
     @property
     def location(self) -> tuple[float, float] | None:
@@ -90,7 +91,8 @@ def read_metadata(
     fov = vertical_fov_from_focal_length(focal_length, width, height) if focal_length and uncropped else None
     tilt = _camera_tilt(camera, xmp, read_orientation(image), (width, height)) if uncropped else None
     known = PhotoMetadata(local_time, utc_offset, gps_time, latitude, longitude, heading, reference, focal_length, fov)
-    known = replace(known, exposure_value=try_read(_exposure_value, camera))
+    exposure_value = try_read(_exposure_value, camera)
+    known = replace(known, exposure_value=exposure_value, camera_height=imu.height_from_xmp(xmp))
     if tilt is None:
         return known
     known = replace(known, camera_elevation=tilt.elevation, camera_roll=tilt.roll)

@@ -1,8 +1,9 @@
 """Three balls composited into the photo: on its ground, in its light, with their shadows and bounced light.
 
-A ball replaces the photo's pixels. The ground keeps them, times the share of its light that the balls leave: where the
-picture's ground already lies in shade, only the sky's light is left to take, so no shadow darkens it twice. Balls that
-stand on such ground are in shade, too.
+They stand on the spot that the photo's record states. A ball replaces the photo's pixels. The ground keeps them, times
+the share of its light that the balls leave: where the picture's ground already lies in shade, only the sky's light is
+left to take, so no shadow darkens it twice. Balls that stand on such ground are in shade, too. What stands before the
+ground, as people and plants do, keeps its light.
 """
 
 from dataclasses import replace
@@ -14,73 +15,62 @@ from PIL import Image
 import lighting.geometry as geometry
 from lighting.color import srgb_decode, tone_map
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
+from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
 from lighting.geometry import Floats, Pinhole
+from lighting.ground import object_radius
 from lighting.preview.spheres import SPACING, SphereScene, dim_sun, ground_radiance, shade_sphere, visible_sun_share
 from lighting.records import Lighting
+from lighting.segmentation import Segments
 
-MAX_BALL_RADIUS = 0.055  # of a ball in the picture, in picture heights
-
-_HALF_WIDTH = SPACING + 1.0  # of the balls side by side, in radii
-_MAX_WIDTH_SHARE = 0.95  # of a narrow picture's width, which they fill at most
 _FINE = 2  # rays per pixel and side on the balls and in their shadows
 _COARSE = 2  # pixels per ray and side on the ground where light changes slowly
 _FAR = 40.0  # radii from the balls to which they change the ground
 
-_PLAIN_ROWS = 150  # in which differences count: paving and grass are plain in them, people and bollards are not
-_MAX_FOOT_ROW = 0.95  # of the picture's height, where a foot may stand
-_ABOVE, _BELOW = 2.0, 0.5  # ball radii that must be free over the feet and under them
-_DISTANCE_PENALTY = 100.0  # gray levels of difference that one is ready to bear to stay in the lower middle
 
-
-def insert_balls(picture: Image.Image, lighting: Lighting, scene: SphereScene) -> Image.Image:
-    """The picture with balls on its ground; as it is where it shows too little ground.
+def insert_balls(
+    picture: Image.Image, lighting: Lighting, scene: SphereScene, segments: Segments | None = None
+) -> Image.Image:
+    """The picture with balls on its ground; as it is where the record states no spot for them.
 
     Args:
         picture: the photo, sRGB.
-        lighting: the photo's light and camera.
-        scene: balls in the light of the photo's own map; they are moved to where the picture shows ground.
+        lighting: the photo's light, camera and spot.
+        scene: balls in the light of the photo's own map; they are moved to the spot.
+        segments: of the photo: what stands before the ground takes no shadow. None: nothing does.
     """
-    camera = photo_camera(lighting, picture.width, picture.height)
-    spot = _find_plain_spot(picture, camera, _ball_radius(camera), _HALF_WIDTH)
-    if spot is None:
+    if lighting.spot_direction is None:
         return picture
-    centers = _ball_centers(camera, spot)
+    camera = photo_camera(lighting, picture.width, picture.height)
+    centers, radius = _ball_centers(camera, np.array(lighting.spot_direction), lighting.camera_height)
     moved = replace(scene, centers=centers)
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
-    lit = ground_shadow_mask(np.asarray(picture), lighting)
-    share = mean_sunlit(lit, camera, centers - [0.0, 1.0, 0.0], _ball_radius(camera))
-    standing = dim_sun(moved, share) if share < 1.0 else moved
-    shaded = linear * _remaining_light(lit, camera, replace(moved, exchange=standing.exchange))
-    return Image.fromarray(tone_map(_composite_balls(shaded, camera, standing)))
+    lit = ground_shadow_mask(np.asarray(picture), lighting, segments=segments)
+    in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
+    standing = dim_sun(moved, 0.0) if in_shade else moved
+    left = _remaining_light(lit, camera, replace(moved, exchange=standing.exchange), casts_shadow=not in_shade)
+    return Image.fromarray(tone_map(_composite_balls(linear * _on_ground(left, segments), camera, standing)))
 
 
-def shows_ground(camera: Pinhole) -> bool:
-    """Whether `insert_balls` puts balls into a picture.
+def _on_ground(left: NDArray[np.float32], segments: Segments | None) -> NDArray[np.float32]:
+    """The share (h, w, 3) of light that balls leave, 1 on what stands before the ground."""
+    free = shadow_receivers(np.ones(left.shape[:2], dtype=np.float32), segments)
+    return 1 + free[..., None] * (left - 1)
 
-    Args:
-        camera: the photo's.
+
+def _ball_centers(camera: Pinhole, spot: Floats, camera_height: float) -> tuple[Floats, float]:
+    """The balls' centers (3, 3) from the camera, in radii, and their radius [pixels]; the middle one is on the spot.
+
+    `spot` (3,) is the unit vector to it, `camera_height` in m.
     """
-    return _has_room(camera, _ball_radius(camera), _HALF_WIDTH)
+    ahead = float(spot @ camera.axes[2])
+    radius = float(object_radius(camera, np.array(-spot[1] / ahead), camera_height))
+    middle = spot / ahead * camera.focal_length / radius + [0.0, 1.0, 0.0]
+    return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0]), radius
 
 
-def _ball_radius(camera: Pinhole) -> float:
-    """Radius [pixels] of the balls in a picture, so small that three side by side fit."""
-    return min(MAX_BALL_RADIUS * camera.height, _MAX_WIDTH_SHARE * camera.width / (2 * _HALF_WIDTH))
-
-
-def _ball_centers(camera: Pinhole, spot: tuple[float, float]) -> Floats:
-    """The balls' centers (3, 3) as the camera at the origin has them, in radii; the middle one stands on a pixel."""
-    right, up, forward = camera.axes
-    x, y = (np.array(spot) - [camera.width / 2, camera.height / 2]) / camera.focal_length
-    sight = forward + x * right - y * up
-    depth = geometry.EYE_HEIGHT / -sight[1]
-    radius = _ball_radius(camera) / camera.focal_length * depth
-    middle = sight * depth / radius + [0.0, 1.0, 0.0]
-    return np.asarray(middle + np.array([[-SPACING], [0.0], [SPACING]]) * [1.0, 0.0, 0.0])
-
-
-def _remaining_light(lit: NDArray[np.float32], camera: Pinhole, scene: SphereScene) -> NDArray[np.float32]:
+def _remaining_light(
+    lit: NDArray[np.float32], camera: Pinhole, scene: SphereScene, *, casts_shadow: bool
+) -> NDArray[np.float32]:
     """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground.
 
     `lit` (H, W) says how far the picture's ground lies in sunlight.
@@ -90,7 +80,8 @@ def _remaining_light(lit: NDArray[np.float32], camera: Pinhole, scene: SphereSce
     points, near = _coarse_ground_points(camera, scene)
     added = np.zeros((*near.shape, 3), dtype=np.float32)  # by the balls and all but the sun, less than 0 under them
     added[near] = ground_radiance(points, replace(scene, ground=scene.ground_sky)) - scene.ground_sky
-    shadow = _shadow_factors(camera, scene, _shadow_cells(points, near, scene))
+    dark = _shadow_cells(points, near, scene) if casts_shadow else np.zeros_like(near)
+    shadow = _shadow_factors(camera, scene, dark)
     left = open_ground + _enlarge(added, camera) + shadow[..., None] * sun
     return np.asarray(left / (open_ground + sun))
 
@@ -173,71 +164,3 @@ def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, scene: Sphe
     cover = hit.reshape(blocks).mean(axis=(1, 3))[..., None]
     window *= 1 - cover
     window += np.minimum(color, 1.0).reshape(*blocks, 3).mean(axis=(1, 3))
-
-
-# Where a photo has room for the balls: on plain ground, off people and things.
-
-
-def _has_room(camera: Pinhole, radius: float, half_width: float) -> bool:
-    """Whether the picture of a camera shows ground for balls as _find_plain_spot has them."""
-    half = half_width * radius / camera.height
-    return bool(_foot_mask(_coarse_camera(camera), half, radius / camera.focal_length).any())
-
-
-def _find_plain_spot(
-    picture: Image.Image, camera: Pinhole, radius: float, half_width: float
-) -> tuple[float, float] | None:
-    """The pixel (x, y) where balls side by side disturb a picture least; None where it shows no ground for them.
-
-    `radius` [pixels] is a ball's, and they are `half_width` radii wide to either side; none is as high as the camera.
-    The box around them holds the least mean difference between neighbours; the nearer to the lower middle, the better.
-    """
-    small = _coarse_camera(camera)
-    tall = radius / camera.height
-    feet = _foot_mask(small, half_width * tall, radius / camera.focal_length)
-    if not feet.any():
-        return None
-    gray = picture.convert("L").resize((small.width, small.height), Image.Resampling.BOX)
-    y, x = np.mgrid[: small.height, : small.width] + 0.5
-    away = np.abs(x / small.width - 0.5) + np.abs(y / small.height - (1 + geometry.OBJECT_POSITION) / 2)
-    lateral, above, below = (radii * tall * small.height for radii in (half_width, _ABOVE, _BELOW))
-    differences = _box_means(_pixel_differences(np.asarray(gray, dtype=np.float32)), lateral, above, below)
-    cost = np.where(feet, differences + _DISTANCE_PENALTY * away, np.inf)
-    down, across = np.unravel_index(np.argmin(cost), feet.shape)
-    return (float(across) + 0.5) * camera.width / small.width, (float(down) + 0.5) * camera.height / small.height
-
-
-def _coarse_camera(camera: Pinhole) -> Pinhole:
-    """The camera with a picture of at most _PLAIN_ROWS rows."""
-    rows = min(camera.height, _PLAIN_ROWS)
-    return replace(camera, width=max(1, round(camera.width * rows / camera.height)), height=rows)
-
-
-def _foot_mask(camera: Pinhole, half: float, radius: float) -> NDArray[np.bool_]:
-    """Which pixels (h, w) show ground where balls stand wholly in the picture and lower than the camera.
-
-    `half` is the half width of all [picture heights], `radius` a ball's [focal lengths].
-    """
-    rays = geometry.camera_directions(camera)
-    below = rays[..., 1] < -2 * radius * (rays @ camera.axes[2])
-    below[int(_MAX_FOOT_ROW * camera.height) :] = False
-    lateral = np.abs(np.arange(camera.width) + 0.5 - camera.width / 2) / camera.height
-    return np.asarray(below & (lateral <= max(camera.width / 2 / camera.height - half, 0.5 / camera.height)))
-
-
-def _pixel_differences(gray: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Differences (h, w) of a picture's pixels from their neighbours to the right and below."""
-    across, down = (np.abs(np.diff(gray, axis=axis)) for axis in (1, 0))
-    return np.asarray(np.pad(across, ((0, 0), (0, 1))) + np.pad(down, ((0, 1), (0, 0))))
-
-
-def _box_means(values: NDArray[np.float32], lateral: float, above: float, below: float) -> Floats:
-    """The mean (h, w) of values (h, w) within the boxes around each pixel that reach so far [pixels]."""
-    rows, columns = values.shape
-    sums = np.pad(values.astype(np.float64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-    y, x = np.arange(rows) + 0.5, np.arange(columns) + 0.5
-    top, bottom = (np.clip(np.round(edge), 0, rows).astype(int) for edge in (y - above, y + below))
-    left, right = (np.clip(np.round(edge), 0, columns).astype(int) for edge in (x - lateral, x + lateral))
-    sums_of_rows = sums[bottom] - sums[top]
-    area = np.maximum(np.outer(bottom - top, right - left), 1)
-    return np.asarray((sums_of_rows[:, right] - sums_of_rows[:, left]) / area)

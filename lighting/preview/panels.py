@@ -10,9 +10,10 @@ from PIL import Image
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
 from lighting.preview import drawing
 from lighting.preview.drawing import TEXT, WHITE, TextStyle, draw_lines, draw_suns, draw_text, draw_text_inside
-from lighting.preview.object_insertion import insert_balls, shows_ground
+from lighting.preview.object_insertion import insert_balls
 from lighting.preview.spheres import SphereScene
 from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.segmentation import Segments
 from lighting.sun_grid import grid_directions
 
 WIDTH = 1600  # of the whole picture
@@ -89,7 +90,11 @@ def lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
 
 
 def draw_photo_panel(
-    photo: NDArray[np.uint8], lighting: Lighting, box: Box, scene: SphereScene | None = None
+    photo: NDArray[np.uint8],
+    lighting: Lighting,
+    box: Box,
+    scene: SphereScene | None = None,
+    segments: Segments | None = None,
 ) -> Image.Image:
     """The photo with its horizon and its sun.
 
@@ -98,12 +103,13 @@ def draw_photo_panel(
         lighting: the photo's light and camera.
         box: the panel's size.
         scene: balls to put on the photo's ground; None for none.
+        segments: of the photo; None: nothing stands before its ground.
     """
     panel = Image.new("RGB", (box.width, box.height), drawing.PANEL)
     height, width = photo.shape[:2]
     size = fit_in_box(width, height, box.width, box.height)
     picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
-    picture = picture if scene is None else insert_balls(picture, lighting, scene)
+    picture = picture if scene is None else insert_balls(picture, lighting, scene, segments)
     drawing.draw_horizon(picture, lighting)
     drawing.draw_sun(picture, lighting)
     panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
@@ -116,10 +122,10 @@ def format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
     Args:
         camera: the photo's.
         width: of the panel, in pixels.
-        balls: whether it draws them where there is ground.
+        balls: whether it draws them.
     """
     horizon = ["its horizon"] if _shows_horizon(camera) else []
-    if not (balls and shows_ground(camera)):
+    if not balls:
         return _join_caption(horizon)
     long, short = (_join_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
     return long if drawing.text_width(long, LETTERS) <= width else short

@@ -13,6 +13,7 @@ from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
+from lighting.ground import spot_warnings
 from lighting.preview import drawing, panels
 from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, TextStyle, draw_text, rounded_mask, text_width
 from lighting.preview.panels import GAP, LETTERS, MARGIN, WIDTH
@@ -59,14 +60,14 @@ def _draw_preview(
     compass = panels.draw_compass(estimate, aspect, plan.compass.width)
     centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
-    photo_scene = scene if lighting.sun_irradiance is not None else None
+    photo_scene = scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     photo_text = panels.format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
     map_panel = panels.draw_map_panel(envmap, lighting, aspect, plan.envmap)
     for box, caption, panel in (
-        (plan.photo, photo_text, panels.draw_photo_panel(photo, lighting, plan.photo, photo_scene)),
+        (plan.photo, photo_text, panels.draw_photo_panel(photo, lighting, plan.photo, photo_scene, estimate.segments)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(scene, lighting, plan.spheres)),
@@ -126,8 +127,9 @@ def _fit_text_size(text: str, size: int, width: float) -> int:
 
 
 def _warning_lines(lighting: Lighting) -> list[str]:
-    """The record's warnings, in lines as wide as the picture."""
-    return [line for warning in lighting.warnings for line in wrap(f"Warning: {warning}", _WARNING_LETTERS)]
+    """The record's warnings, and why no ball stands in the photo, in lines as wide as the picture."""
+    warnings = (*lighting.warnings, *spot_warnings(lighting))
+    return [line for warning in warnings for line in wrap(f"Warning: {warning}", _WARNING_LETTERS)]
 
 
 def _format_sources(lighting: Lighting) -> str:

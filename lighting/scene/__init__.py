@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Any
 
-PLATE, ENVIRONMENT, RECORD, LIT_GROUND = "plate.png", "environment.exr", "lighting.json", "lit_ground.png"
-SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND)  # the same for every tool that has them
+PLATE, ENVIRONMENT, RECORD = "plate.png", "environment.exr", "lighting.json"
+LIT_GROUND, GROUND = "lit_ground.png", "ground.png"
+SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND, GROUND)  # the same for every tool that has them
 
 
 @dataclass(frozen=True)

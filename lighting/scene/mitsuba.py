@@ -64,7 +64,7 @@ def _object_values(scene: Scene) -> dict[str, object]:
     foot = scene.spot + placeholder.stick_foot
     return {
         "spot": _numbers(scene.spot),
-        "spot_lit": f"{scene.spot_lit:.9g}",
+        "spot_lit": "0" if scene.spot_in_shade else "1",
         "albedo": PLACEHOLDER_ALBEDO,
         "ball_centre": _numbers(scene.spot + placeholder.ball_center),
         "ball_radius": f"{placeholder.ball_radius:.9g}",

@@ -1,7 +1,7 @@
 """A photo's scene: its camera, sun, map and ground, and a placeholder for the user's object.
 
 The frame is that of geometry.py in metres: +Y up, the camera looks along -Z at azimuth 0, the ground is y = 0 and the
-camera stands over its origin at EYE_HEIGHT. Light is in the map's units, `exposure` x the sky model's radiance, which
+camera stands over its origin at its height. Light is in the map's units, `exposure` x the sky model's radiance, which
 are the photo's linear values: a white diffuse surface under irradiance pi shows as 1.
 
 No light counts twice. The sun's disc is left out of the map and is a light of its own. Below the horizon the map holds
@@ -18,13 +18,15 @@ from numpy.typing import NDArray
 import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance
-from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
+from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import Floats, Pinhole
+from lighting.ground import max_object_meters, spot_warnings
 from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, check_lighting
+from lighting.segmentation import Segments
 
 SUN_ANGLE = 2 * geometry.SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
@@ -36,14 +38,13 @@ BALL = 0.08  # radius of the placeholder's ball on the spot, in picture heights
 PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previews' gray ball
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
-_MIN_DESCENT = 0.05  # slope of the line from camera to spot, for cameras that are level or look up
-_HIDDEN_SPOT = (
-    "The picture shows no ground where an object could stand: it would stand {:.0f} m ahead, below the picture's edge."
-)
+_MIN_DESCENT = 0.05  # slope of the line from camera to a stage, for cameras that are level or look up
 _SHADED_SPOT = (
     "The object would stand in the photo's shade, so the scene takes the sun from it, as far as the tool knows how."
 )
-_MIN_SUNLIT = 0.5  # share of the sun at the spot, below which what stands there counts as in shade
+_HIDDEN_SPOT = (
+    "The picture shows no ground where an object could stand: it would stand {:.0f} m ahead, below the picture's edge."
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,6 +57,7 @@ class Scene:
     sun_irradiance: Floats  # (3,) linear Rec.709 on a surface that faces the sun; 0 where no direct sun reaches
     sky_irradiance: Floats  # (3,) on open level ground, without the sun
     lit_ground: NDArray[np.float32]  # (H, W) of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere
+    segments: Segments | None = None  # what the plate shows; None: unknown
 
     @property
     def width(self) -> int:
@@ -90,7 +92,7 @@ class Scene:
     @property
     def camera_position(self) -> Floats:
         """(3,) meters; the camera is over the origin."""
-        return np.array([0.0, geometry.EYE_HEIGHT, 0.0])
+        return np.array([0.0, self.lighting.camera_height, 0.0])
 
     @property
     def camera_matrix(self) -> Floats:
@@ -127,30 +129,45 @@ class Scene:
 
     @cached_property
     def spot(self) -> Floats:
-        """Where the user's object goes: the point (3,) on the ground that the lower middle of the picture shows."""
+        """Where the user's object goes: the point (3,) on the ground in the direction of the record's spot.
+
+        Without one it is the point that the lower middle of the picture shows, on a stage of the object's own.
+        """
+        if self.lighting.spot_direction is not None:
+            sight = np.array(self.lighting.spot_direction)
+            return np.asarray(self.camera_position + sight * (self.lighting.camera_height / -sight[1])) * [1, 0, 1]
         _, up, forward = self.camera_axes
         sight = forward - geometry.OBJECT_POSITION * np.tan(np.radians(self.vertical_fov) / 2) * up
         ahead = np.array([sight[0], 0.0, sight[2]])
         slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _MIN_DESCENT)
-        return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * geometry.EYE_HEIGHT / slope)
+        return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * self.lighting.camera_height / slope)
 
     @cached_property
-    def spot_lit(self) -> float:
-        """How much of the sun reaches what stands on the spot, 0 to 1: as far as the plate's ground there is lit."""
-        return mean_sunlit(self.lit_ground, self._camera, self._sight[None], BALL * self.height)
-
-    @property
     def spot_in_shade(self) -> bool:
-        """Whether less than half of the sun reaches it, for tools that can only light it by the sun or not."""
-        return self.spot_lit < _MIN_SUNLIT
+        """Whether what stands on the spot is in shade, by the rule of `envmap.shadow_mask`."""
+        return is_in_shade(self.lit_ground, self._camera, self._sight[None], BALL * self.height)
+
+    @cached_property
+    def shadow_receivers(self) -> NDArray[np.float32]:
+        """Where (H, W) of the plate the sun's shadow of an object may fall, 0 to 1: on lit ground alone.
+
+        It falls nowhere where the object stands on a stage of its own.
+        """
+        if self.lighting.ground_visible is not None and self.lighting.spot_pixel is None:
+            return np.zeros_like(self.lit_ground)
+        return shadow_receivers(self.lit_ground, self.segments)
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Those of the light, and one each where the spot lies out of the picture and where it lies in shade."""
+        """Those of the light, why no object stands in the photo, and one where it stands in shade."""
+        shaded = (_SHADED_SPOT,) if self.spot_in_shade else ()
+        return (*self.lighting.warnings, *(spot_warnings(self.lighting) or self._hidden_warnings()), *shaded)
+
+    def _hidden_warnings(self) -> tuple[str, ...]:
+        """A sentence where the spot lies out of the picture, as one may of a record that does not state it."""
         x, y = geometry.camera_pixel(self._sight, self._camera)
         in_view = 0 <= x <= self.width and 0 <= y <= self.height
-        hidden = () if in_view else (_HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))),)
-        return (*self.lighting.warnings, *hidden, *((_SHADED_SPOT,) if self.spot_in_shade else ()))
+        return () if in_view else (_HIDDEN_SPOT.format(float(np.linalg.norm(self.spot))),)
 
     @property
     def _camera(self) -> Pinhole:
@@ -181,6 +198,7 @@ def make_scene(
     map_height: int = MAP_HEIGHT,
     sun: bool | None = None,
     context: PhotoContext | None = None,
+    segments: Segments | None = None,
 ) -> Scene:
     """The scene of a photo under its lighting.
 
@@ -190,6 +208,7 @@ def make_scene(
         map_height: rows of the environment map.
         sun: whether direct sunlight reaches the scene; None leaves that to `Lighting.sun_painted`.
         context: what the map shows of the place; None for sky and ground alone.
+        segments: what the photo shows, `Estimate.segments`; None: unknown.
 
     Raises:
         ParameterError: `lighting`, `map_height` or `context` is none.
@@ -203,8 +222,9 @@ def make_scene(
     else:
         environment = render_with_surroundings(lighting, context, map_height, sun=shines, disc=False)
     direct = sun_irradiance(lighting) if shines else np.zeros(3)
-    lit = ground_shadow_mask(photo.pixels, context.light_at_exposure(lighting) if context else lighting, sun=shines)
-    return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit)
+    light = context.light_at_exposure(lighting) if context else lighting
+    lit = ground_shadow_mask(photo.pixels, light, sun=shines, segments=segments)
+    return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit, segments)
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,10 +256,11 @@ class _Placeholder:
 
 
 def make_placeholder(scene: Scene) -> _Placeholder:
-    """The placeholder of a scene, which always takes up the same part of the picture.
+    """The placeholder of a scene, which takes up the same part of each picture where that is no giant.
 
     Args:
         scene: made by `make_scene`.
     """
     distance = float(np.linalg.norm(scene.spot - scene.camera_position))
-    return _Placeholder(2 * BALL * distance * float(np.tan(np.radians(scene.vertical_fov) / 2)))
+    radius = 2 * BALL * distance * float(np.tan(np.radians(scene.vertical_fov) / 2))
+    return _Placeholder(min(radius, max_object_meters(scene.lighting.camera_height)))

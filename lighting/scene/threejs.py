@@ -57,7 +57,7 @@ def _description(scene: Scene) -> Json:
         "stickRadius": placeholder.stick_radius,
         "albedo": PLACEHOLDER_ALBEDO,
         "plate": _png_url(encode_plate(scene)),
-        "litGround": _png_url(encode_lit_ground(scene)),
+        "litGround": _png_url(encode_lit_ground(scene, movable=True)),
         "environment": b64encode(encode_envmap(rotate_envmap(scene.environment, _YAW), format="hdr")).decode(),
         "lighting": record_with_coefficients(scene.lighting),
     }

@@ -19,8 +19,9 @@ import numpy as np
 from lighting.errors import ErrorCode, SceneError
 from lighting.files import encode_envmap
 from lighting.files.atomic import encode_png, output_folder_error
+from lighting.ground import draw_ground_mask
 from lighting.records import record_with_coefficients
-from lighting.scene import ENVIRONMENT, EXPORTERS, LIT_GROUND, PLATE, RECORD
+from lighting.scene import ENVIRONMENT, EXPORTERS, GROUND, LIT_GROUND, PLATE, RECORD
 from lighting.scene.records import Scene
 
 _COMPRESSION = {".png": zipfile.ZIP_STORED, ".exr": zipfile.ZIP_STORED}  # compressed already
@@ -200,6 +201,7 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
     record = json.dumps(record_with_coefficients(scene.lighting), indent=2)
     (folder / RECORD).write_text(record + "\n", encoding="utf-8")
     (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
+    (folder / GROUND).write_bytes(encode_png(draw_ground_mask(scene.shadow_receivers, scene.segments)))
 
 
 def encode_plate(scene: Scene) -> bytes:
@@ -211,13 +213,18 @@ def encode_plate(scene: Scene) -> bytes:
     return encode_png(scene.plate, compress_level=3)
 
 
-def encode_lit_ground(scene: Scene) -> bytes:
-    """Where the plate's ground lies in sunlight, as PNG of one channel: 0 in shade, 255 in sunlight or above ground.
+def encode_lit_ground(scene: Scene, *, movable: bool = False) -> bytes:
+    """Where the sun's shadow of an object falls on the plate, as PNG of one channel: 255 on lit ground, 0 elsewhere.
+
+    Elsewhere is shade, and what stands before the ground; of an object in shade, all. Above the horizon the value means
+    nothing.
 
     Args:
         scene: made by `make_scene`.
+        movable: whether the object may move out of the shade, so that its own place does not count.
     """
-    return encode_png(np.round(255 * scene.lit_ground).astype(np.uint8))
+    share = 0.0 if scene.spot_in_shade and not movable else 1.0
+    return encode_png(np.round(255 * share * scene.shadow_receivers).astype(np.uint8))
 
 
 def read_data_text(name: str) -> str:

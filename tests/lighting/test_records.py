@@ -98,6 +98,7 @@ PLACES = {  # of each field in the JSON record
     "camera_elevation": ("camera", "elevation"),
     "camera_roll": ("camera", "roll"),
     "vertical_fov": ("camera", "vertical_fov"),
+    "camera_height": ("camera", "height"),
 }
 
 
@@ -371,7 +372,7 @@ def test_a_record_keeps_what_is_known() -> None:
 
 def test_a_record_leaves_out_what_is_unknown() -> None:
     record = LIGHTING.to_dict()
-    assert set(record["camera"]) == {"elevation", "roll", "vertical_fov"}
+    assert set(record["camera"]) == {"elevation", "roll", "vertical_fov", "height"}
     assert (record["evidence"], record["warnings"]) == ([], [])
 
 
@@ -447,6 +448,35 @@ STRONG = replace(
     ground_color=(0.12, 0.11, 0.1),
     suitable=0.97,
 )
+
+
+ON_GROUND = replace(LIGHTING, ground_visible=0.4, spot_pixel=(12.5, 80.0), spot_direction=(0.6, -0.8, 0.0))
+
+
+def test_the_spot_survives_json() -> None:
+    record = json.loads(json.dumps(ON_GROUND.to_dict()))
+    assert record["ground"] == {"visible": 0.4, "spot": {"pixel": [12.5, 80.0], "direction": [0.6, -0.8, 0.0]}}
+    assert Lighting.from_dict(record) == ON_GROUND
+    without = replace(LIGHTING, ground_visible=0.0)
+    assert without.to_dict()["ground"] == {"visible": 0.0, "spot": None}
+    assert Lighting.from_dict(without.to_dict()) == without
+
+
+@pytest.mark.parametrize(
+    "spot",
+    [
+        {"pixel": [1.0, 2.0]},
+        {"direction": [0.0, -1.0, 0.0]},
+        {"pixel": [1.0], "direction": [0.0, -1.0, 0.0]},
+        {"pixel": [1.0, math.nan], "direction": [0.0, -1.0, 0.0]},
+        {"pixel": [1.0, 2.0], "direction": [0.0, -0.5, 0.0]},
+        {"pixel": "here", "direction": [0.0, -1.0, 0.0]},
+        7,
+    ],
+)
+def test_a_spot_is_a_pixel_and_a_unit_vector(spot: object) -> None:
+    with pytest.raises(ParameterError, match="spot"):
+        Lighting.from_dict({**LIGHTING.to_dict(), "ground": {"spot": spot}})
 
 
 def test_the_strength_of_the_light_survives_json() -> None:

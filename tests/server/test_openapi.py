@@ -31,6 +31,7 @@ OPERATIONS = {
     "estimate_envmap": ("post", "/v1/envmap"),
     "show_photo": ("post", "/v1/photo"),
     "draw_preview": ("post", "/v1/preview"),
+    "draw_ground": ("post", "/v1/ground"),
     "render_scene": ("get", "/v1/scene"),
     "estimate_scene": ("post", "/v1/scene"),
     "describe_model": ("get", "/v1/model"),

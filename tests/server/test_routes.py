@@ -209,3 +209,15 @@ def test_the_shape_of_the_sky_and_the_place_are_choices(client: TestClient, jpeg
     bare = image("")
     assert image("surroundings=false") == bare
     assert len({bare, image("surroundings=true"), image("sky=preetham")}) == 3
+
+
+def test_the_mask_of_the_ground_is_a_png(client: TestClient, jpeg: bytes) -> None:
+    answer = client.post("/v1/ground", **form(jpeg))
+    assert answer.headers["content-type"] == "image/png"
+    with Image.open(BytesIO(answer.content)) as mask:
+        assert (mask.mode, mask.size) == ("RGB", (256, 192))
+    record = client.post("/v1/lighting?camera_height=12", **form(jpeg)).json()
+    assert record["camera"]["height"] == 12.0
+    assert 0.0 <= record["ground"]["visible"] <= 1.0
+    assert "spot" in record["ground"]
+    assert client.post("/v1/ground?camera_height=0", **form(jpeg)).status_code == 422

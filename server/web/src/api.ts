@@ -29,12 +29,18 @@ export interface Lighting {
     irradiance?: Triple; // of level ground
     coefficients?: unknown;
   };
-  ground?: { color: Triple };
-  camera: Camera & { heading?: number; heading_radius_50?: number; relative_heading?: number };
+  ground?: { color?: Triple; visible?: number; spot?: GroundSpot | null }; // null: it shows no ground for an object
+  camera: Camera & { height?: number; heading?: number; heading_radius_50?: number; relative_heading?: number };
   time?: { utc?: string; utc_offset?: number; source?: string }; // when the photo was taken, as the answer believes
   evidence: string[];
   warnings: string[];
   warning_codes?: string[]; // in answers: what each warning is about
+}
+
+/** Where an object may stand in a photo. */
+export interface GroundSpot {
+  pixel: [number, number]; // of the upright photo
+  direction: Triple; // unit vector from the camera
 }
 
 /** The record of a light that was changed by hand, without what only the estimate can state. */
@@ -104,6 +110,10 @@ export async function estimatePhotos(photos: Blob[], userInput: UserInput, signa
 /** The photo upright, as JPEG, for browsers that cannot decode the file. */
 export const fetchUprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =>
   post("v1/photo", buildForm([photo]), signal);
+
+/** What a photo shows of its ground, as PNG: green is where the sun's shadow of an object may fall. */
+export const fetchGroundMask = (photo: Blob, userInput: UserInput, signal: AbortSignal): Promise<Blob> =>
+  post(`v1/ground?${userInputQuery(userInput, 1)}`, buildForm([photo]), signal);
 
 /** An example's file. */
 export const fetchExample = async (url: string, signal: AbortSignal): Promise<Blob> =>

@@ -9,6 +9,7 @@ import {
   currentState,
   decodePhoto,
   type EditState,
+  loadShadowMask,
   type Photo,
   type PhotoSource,
   type PhotoView,
@@ -138,14 +139,15 @@ async function runEstimate({ sources, userInput }: EstimateRequest, signal: Abor
   const startTime = performance.now();
   const decoding = decodePhotos(files, signal);
   decoding.catch(() => {}); // thrown below: the service's error comes first, for it names the photo
+  const shadowMasks = Promise.all(files.map((file) => loadShadowMask(file, userInput, signal)));
   const answers = await estimatePhotos(files, userInput, signal).catch((error: unknown) => {
     const [file, ...others] = files; // of several, the service names the one
     throw error instanceof ServiceError && file && others.length === 0 ? error.withFileName(file) : error;
   });
-  const photos = await decoding;
+  const [photos, masks] = [await decoding, await shadowMasks];
   if (signal.aborted) return;
   for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
-  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number]));
+  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number], masks[i]));
   session = { views, index: 0, userInput };
   clearErrors();
   byId("intro").hidden = true;

@@ -4,6 +4,7 @@ import {
   type EditedLighting,
   type Estimate,
   fetchExample,
+  fetchGroundMask,
   fetchUprightPhoto,
   type Irradiances,
   type Lighting,
@@ -11,11 +12,10 @@ import {
   type LightParameters,
 } from "./api";
 import { direction } from "./geometry/angles";
-import type { Pixels, Triple } from "./geometry/color";
+import type { Pixels } from "./geometry/color";
 import { initialPlacement, type Placement } from "./geometry/placement";
 import type { SkyRequest } from "./sky/lighting";
-import { estimateGroundColor, findFreeSpot } from "./surroundings/ground";
-import { groundShadowMask } from "./surroundings/shadowMask";
+import { type ShadowMask, SUNLIT, shadowMaskFromPixels } from "./surroundings/shadowMask";
 import { type PhotoMetadata, readMetadata } from "./text/exif";
 import { isSunny } from "./text/format";
 import type { UserInput } from "./text/metadata";
@@ -35,8 +35,7 @@ export interface PhotoView {
   estimate: Estimate;
   history: History<EditState>;
   irradiances: Irradiances; // of the light on show
-  groundColor: Triple | undefined; // the photo's own, linear
-  shadowMask: Uint8Array; // where it lies in the sun
+  shadowMask: ShadowMask; // where the ground lies in the sun
 }
 
 /** Photos that were estimated together, one of them on show. */
@@ -46,9 +45,9 @@ export interface Session {
   userInput: UserInput;
 }
 
-export function createView(photo: Photo, estimate: Estimate): PhotoView {
-  const { camera } = estimate;
-  const placement = initialPlacement(camera, aspectRatio(photo), findFreeSpot(photo.pixels, camera));
+export function createView(photo: Photo, estimate: Estimate, shadowMask = SUNLIT): PhotoView {
+  const { camera, ground } = estimate;
+  const placement = initialPlacement(camera, aspectRatio(photo), ground?.spot?.direction ?? null);
   const initial: EditState = {
     parameters: parametersFromRecord(estimate),
     placement,
@@ -57,8 +56,7 @@ export function createView(photo: Photo, estimate: Estimate): PhotoView {
   };
   return {
     ...{ photo, estimate, history: new History(initial), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
-    groundColor: estimateGroundColor(photo.pixels, camera),
-    shadowMask: groundShadowMask(photo.pixels, estimate),
+    shadowMask,
   };
 }
 
@@ -67,7 +65,7 @@ export const currentState = ({ history }: PhotoView): EditState => history.state
 
 /** What the sky's worker renders for a view. */
 export function skyRequest(view: PhotoView): SkyRequest {
-  const { sun, sky, ground: groundColor } = view.estimate;
+  const { sun, sky, ground } = view.estimate;
   return {
     parameters: currentState(view).parameters,
     estimated: parametersFromRecord(view.estimate),
@@ -75,9 +73,8 @@ export function skyRequest(view: PhotoView): SkyRequest {
       ...(sun.irradiance ? { sun: sun.irradiance } : {}),
       ...(sky.irradiance ? { sky: sky.irradiance } : {}),
       ...(sky.cover === undefined ? {} : { cover: sky.cover }),
-      ...(groundColor ? { groundColor: groundColor.color } : {}),
+      ...(ground?.color ? { groundColor: ground.color } : {}),
     },
-    photoGround: view.groundColor,
     painted: mapSky(view.estimate),
   };
 }
@@ -115,7 +112,7 @@ export function statedOverrides(
     ...(hasIrradiances ? { sun_irradiance: unchanged ? sun.irradiance : irradiances.sun } : {}),
     ...(hasIrradiances ? { sky_irradiance: unchanged ? sky.irradiance : irradiances.sky } : {}),
     ...(sky.cover === undefined ? {} : { sky_cover: sky.cover }),
-    ...(ground ? { ground_color: ground.color } : {}),
+    ...(ground?.color ? { ground_color: ground.color } : {}),
   };
 }
 
@@ -192,7 +189,7 @@ export interface Photo {
   file: File;
   url: string;
   picture: HTMLCanvasElement; // upright, for the stage
-  pixels: Pixels; // the same, small, to look for ground and shade
+  pixels: Pixels; // the same, small, for reflections
   metadata: PhotoMetadata;
   byService: boolean; // whether the service decoded it
 }
@@ -211,6 +208,15 @@ export async function decodePhoto(file: File, signal: AbortSignal): Promise<Phot
   if (!image) throw new Error(`${file.name} cannot be shown.`);
   const picture = drawScaled(image, MAX_BACKDROP);
   return { file, url: image.src, picture, pixels: readPixels(image), metadata, byService: !local };
+}
+
+/** Where the ground of a photo lies in the sun; in the sun everywhere where the service does not say. */
+export async function loadShadowMask(file: File, userInput: UserInput, signal: AbortSignal): Promise<ShadowMask> {
+  const mask = await fetchGroundMask(file, userInput, signal).catch(() => null);
+  const image = mask && (await decodeImage(mask));
+  if (!image) return SUNLIT;
+  URL.revokeObjectURL(image.src);
+  return shadowMaskFromPixels(readPixels(image));
 }
 
 export const aspectRatio = ({ picture }: Photo): number => picture.width / picture.height;

@@ -1,9 +1,10 @@
 import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
 import type { Estimate, Irradiances, Lighting } from "../src/api";
+import { combine, type Vector } from "../src/geometry/angles";
 import type { Camera, Point } from "../src/geometry/camera";
 import {
-  EYE_HEIGHT,
+  cameraHeight,
   footPoint,
   groundDistance,
   groundPoint,
@@ -125,9 +126,15 @@ describe("undo", () => {
 });
 
 describe("the object's place", () => {
-  const nearPlacement = initialPlacement(CAMERA, 4 / 3, [0.5, 0.9]);
+  const spot = (camera: Camera): Vector => {
+    const ray = groundPoint(camera, 4 / 3, [0.5, 0.9]) as Vector;
+    return combine([1 / Math.hypot(...ray), ray]);
+  };
+  const nearPlacement = initialPlacement(CAMERA, 4 / 3, spot(CAMERA));
 
-  it("is on the ground that the photo shows there", () => {
+  it("is on the spot that the record states, below the camera", () => {
+    const high = { ...CAMERA, height: 5 };
+    expect(initialPlacement(high, 4 / 3, spot(high)).position[1]).toBeCloseTo(-5);
     expect(nearPlacement.grounded).toBe(true);
     expect(nearPlacement.position[1]).toBeCloseTo(-1.6);
     const foot = footPoint(nearPlacement, CAMERA, 4 / 3);
@@ -145,7 +152,7 @@ describe("the object's place", () => {
     };
     const groundHit = groundPoint(camera, aspect, shares) ?? [];
     expect(groundHit.map((metres) => metres.toFixed(4))).toEqual(point.map((metres) => metres.toFixed(4)));
-    expect(point[1]).toBe(-EYE_HEIGHT);
+    expect(point[1]).toBe(-cameraHeight(camera));
   });
 
   it("keeps its size in metres when it moves, so that it shrinks with distance", () => {

@@ -3,47 +3,13 @@ import { describe, expect, it } from "vitest";
 import { direction } from "../src/geometry/angles";
 import { linearToSrgb, type Pixels, srgbToLinear, type Triple } from "../src/geometry/color";
 import type { Latlong } from "../src/sky/render";
-import { estimateGroundColor, findFreeSpot } from "../src/surroundings/ground";
-import { type EstimatedLight, groundShadowMask, meanSunlit } from "../src/surroundings/shadowMask";
+import { meanSunlit, shadowMaskFromPixels, standsInSun } from "../src/surroundings/shadowMask";
 import { addSurroundings, buildSurroundings, foldAzimuth, SmoothFactors } from "../src/surroundings/surroundings";
 
 const LEVEL = { elevation: 0, roll: 0, vertical_fov: 60 };
 const STILL = { before: direction(0, 30), now: direction(0, 30) };
-const UP = { elevation: 60, roll: 0, vertical_fov: 40 };
-
-/** A picture and its light in tests/lighting/envmap/lit_ground.json, with the service's answer. */
-interface ShadowCase extends LightCase {
-  width: number;
-  height: number;
-  pixels: string;
-  lit: string;
-}
-
-interface LightCase {
-  sun_elevation: number;
-  visibility: number;
-  sun: [number, number, number];
-  sky: [number, number, number] | undefined;
-  camera_elevation: number;
-  roll: number;
-  vertical_fov: number;
-}
-
-const DARK: LightCase = {
-  ...{ sun_elevation: 40, visibility: 0.8, sun: [9, 8, 6], sky: [0.4, 0.5, 0.8] },
-  ...{ camera_elevation: 0, roll: 0, vertical_fov: 60 },
-};
 
 const bytesOf = (text: string): Uint8Array => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-
-function estimatedLight({ sun_elevation, visibility, sun, sky, ...camera }: LightCase): EstimatedLight {
-  const { camera_elevation: elevation, roll, vertical_fov } = camera;
-  return {
-    sun: { ...{ azimuth: 0, elevation: sun_elevation, direction: [0, 1, 0] }, visibility, irradiance: sun },
-    sky: { ...{ model: "", turbidity: 3, ground_albedo: 0.3, exposure: 1 }, ...(sky ? { irradiance: sky } : {}) },
-    camera: { elevation, roll, vertical_fov },
-  };
-}
 
 /** A photo of 64 x 48 pixels by a rule for its grey levels or colours. */
 function photo(rule: (x: number, y: number) => number | [number, number, number]): Pixels {
@@ -55,54 +21,11 @@ function photo(rule: (x: number, y: number) => number | [number, number, number]
   return { width: 64, height: 48, data };
 }
 
-describe("the photo's ground", () => {
-  it("has the median colour below the horizon", () => {
-    const colour = estimateGroundColor(
-      photo((_, y) => (y < 24 ? 250 : [120, 90, 60])),
-      LEVEL,
-    );
-    expect(colour).toEqual([srgbToLinear(120), srgbToLinear(90), srgbToLinear(60)]);
-    expect(
-      estimateGroundColor(
-        photo(() => 100),
-        UP,
-      ),
-    ).toBeUndefined();
-  });
-
-  it("is in shade where the service finds it in shade", () => {
-    const file = readFileSync(new URL("../../../tests/lighting/envmap/lit_ground.json", import.meta.url));
-    const { cases } = JSON.parse(new TextDecoder().decode(file)) as { cases: ShadowCase[] };
-    expect(cases.length).toBeGreaterThan(3);
-    for (const testCase of cases) {
-      const { width, height } = testCase;
-      const rgb = bytesOf(testCase.pixels);
-      const data = Uint8ClampedArray.from({ length: 4 * width * height }, (_, i) =>
-        i % 4 < 3 ? (rgb[3 * (i >> 2) + (i % 4)] as number) : 255,
-      );
-      const lit = groundShadowMask({ width, height, data }, estimatedLight(testCase));
-      const expected = bytesOf(testCase.lit);
-      expect(lit).toHaveLength(expected.length);
-      expect(Math.max(...lit.map((value, i) => Math.abs(value - (expected[i] as number))))).toBeLessThanOrEqual(1);
-    }
-  });
-
-  it("counts as lit where the record states no irradiances", () => {
-    const [testCase] = [{ ...DARK, sky: undefined }];
-    expect(
-      new Set(
-        groundShadowMask(
-          photo(() => 10),
-          estimatedLight(testCase),
-        ),
-      ),
-    ).toEqual(new Set([255]));
-    expect(
-      groundShadowMask(
-        photo(() => 10),
-        estimatedLight(DARK),
-      )[40 * 64],
-    ).toBe(0);
+describe("the mask of the service", () => {
+  it("has its sunlit ground in green", () => {
+    const { width, height, data } = shadowMaskFromPixels(photo((x, y) => [255, x < 32 ? 0 : 200, y]));
+    expect([width, height, data.length]).toEqual([64, 48, 64 * 48]);
+    expect([data[0], data[63]]).toEqual([0, 200]);
   });
 });
 
@@ -113,37 +36,12 @@ describe("the light on what stands on the ground", () => {
     expect(meanSunlit(half, [0.2, 0.5], [0.1, 0.1])).toBe(0);
     expect(meanSunlit(half, [0.85, 0.5], [0.1, 0.1])).toBe(1);
     expect(meanSunlit(half, [0.5, 0.5], [0.199, 0.1])).toBeCloseTo(0.5);
+    expect([0.2, 0.85].map((x) => standsInSun(half, [x, 0.5], [0.1, 0.1]))).toEqual([false, true]);
   });
 
   it("is whole where the foot is out of the picture", () => {
     expect(meanSunlit(half, [-0.5, 0.5], [0.1, 0.1])).toBe(1);
     expect(meanSunlit(half, [0.2, 3], [0.1, 0.1])).toBe(1);
-  });
-});
-
-describe("room for an object", () => {
-  it("is off a person in the middle", () => {
-    const person = (x: number, y: number): boolean => x > 26 && x < 38 && y > 15 && y < 46;
-    const spot = findFreeSpot(
-      photo((x, y) => (y < 24 ? 220 : person(x, y) ? (((x >> 2) + (y >> 2)) % 2 ? 20 : 240) : 130)),
-      LEVEL,
-    );
-    expect(Math.abs((spot?.[0] ?? 0.5) - 0.5) * 64).toBeGreaterThan(6);
-    expect(spot?.[1]).toBeGreaterThan(0.5);
-  });
-
-  it("is in the lower middle of plain ground, and nowhere without ground", () => {
-    const spot = findFreeSpot(
-      photo((_, y) => (y < 24 ? 220 : 130)),
-      LEVEL,
-    );
-    expect(spot?.[0]).toBeCloseTo(0.5, 0);
-    expect(
-      findFreeSpot(
-        photo(() => 130),
-        UP,
-      ),
-    ).toBeNull();
   });
 });
 

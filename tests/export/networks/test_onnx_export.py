@@ -21,7 +21,7 @@ from export.networks.onnx_export import (
     _merge_equal_nodes,
     _parity,
     _save_graph,
-    _store_small,
+    store_small,
     write_onnx,
 )
 from export.networks.outdoor import build_network, network_specs
@@ -92,7 +92,7 @@ def test_weights_are_stored_in_bytes_with_a_scale_for_each_output() -> None:
     network = model((uneven.astype(np.float32),))
     x = RNG.normal(size=(200, LONG)).astype(np.float32)
     before, size = answer(network, x), network.ByteSize()
-    _store_small(network)
+    store_small(network)
     error = np.abs(answer(network, x) - before).max(axis=0) / np.abs(before).max(axis=0)
     assert error.max() < 0.02
     assert kinds(network) == {TensorProto.INT8, TensorProto.FLOAT}
@@ -110,7 +110,7 @@ def test_smaller_filters_are_stored_as_halves_and_small_tensors_as_they_are() ->
     network = _model(nodes, [depthwise, pointwise, bias], ["B", "C", 5, 5])
     x = RNG.normal(size=(2, LONG, 5, 5)).astype(np.float32)
     before = answer(network, x)
-    _store_small(network)
+    store_small(network)
     stored = {t.name: t.data_type for t in network.graph.initializer}
     assert stored["w.half"] == TensorProto.FLOAT16
     assert stored["v.bytes"] == TensorProto.INT8
@@ -120,14 +120,14 @@ def test_smaller_filters_are_stored_as_halves_and_small_tensors_as_they_are() ->
 
 def test_an_output_without_weights_stays_zero() -> None:
     network = model((np.zeros((LONG, WIDE), np.float32),))
-    _store_small(network)
+    store_small(network)
     assert not answer(network, np.ones((1, LONG), np.float32)).any()
 
 
 def test_weights_lie_beside_the_graph_and_answer_the_same(tmp_path: Path) -> None:
     """Writing twice leaves what writing once does, and the model keeps its weights."""
     network = model((FIRST, SECOND))
-    _store_small(network)
+    store_small(network)
     x = RNG.normal(size=(3, 80)).astype(np.float32)
     before, file = answer(network, x), tmp_path / "n.onnx"
     for _ in range(2):

@@ -15,6 +15,7 @@ from lighting.envmap.appearance import (
     sky_white_balance,
 )
 from lighting.records import Lighting
+from lighting.segmentation import SurfaceClass
 from tests.helpers.lights import SKY_IRRADIANCE, stated_light
 
 LEVEL = np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(33.0)) * np.array([1.9, 1.5, 0.9])
@@ -180,3 +181,31 @@ def test_a_sky_without_green_gives_bounded_factors() -> None:
     assert factors is not None
     assert np.isfinite(factors).all()
     assert (factors > 0).all()
+
+
+def test_an_orange_jacket_does_not_colour_the_ground() -> None:
+    """Grey ground, most of it hidden by people in orange; without knowing what the photo shows it is brown."""
+    light = replace(stated_light(40.0), camera_elevation=-10.0, vertical_fov=50.0)
+    picture = np.full((90, 120, 3), 110, dtype=np.uint8)
+    picture[36:, 24:96] = (230, 120, 20)
+    segments = np.zeros((18, 24, 10), dtype=np.float32)
+    segments[..., SurfaceClass.GROUND] = 1.0
+    segments[7:, 4:20] = np.eye(10, dtype=np.float32)[SurfaceClass.PERSON]
+    masked, plain = (estimate_ground_albedo(picture, light, segments=one) for one in (segments, None))
+    bare = estimate_ground_albedo(np.full_like(picture, 110), light)
+    assert masked is not None
+    assert plain is not None
+    assert masked == pytest.approx(bare, rel=1e-3)
+    assert plain[0] > 2 * plain[2]
+
+
+def test_ground_that_is_all_people_has_no_colour_and_all_plants_has_theirs() -> None:
+    light = replace(stated_light(40.0), camera_elevation=-30.0)
+    green = np.broadcast_to(np.array([40, 90, 30], dtype=np.uint8), (90, 120, 3))
+    colors = {}
+    for kind in (SurfaceClass.PERSON, SurfaceClass.PLANTS):
+        segments = np.zeros((18, 24, 10), dtype=np.float32)
+        segments[..., kind] = 1.0
+        colors[kind] = estimate_ground_albedo(green, light, segments=segments)
+    assert colors[SurfaceClass.PERSON] is None
+    assert colors[SurfaceClass.PLANTS] == pytest.approx(estimate_ground_albedo(green, light))

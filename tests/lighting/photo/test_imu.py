@@ -17,7 +17,7 @@ from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import upright_pixels
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, exif, munich, scene
-from tests.helpers.photos import BASE, FRONT, PIX4D, apple_note, drone, note_of, packet, phone, with_note, with_xmp
+from tests.helpers.photos import BASE, DJI, FRONT, PIX4D, apple_note, drone, note_of, packet, phone, with_note, with_xmp
 
 LYING, STANDING = scene(160, 120), scene(120, 160)
 SIN_20, COS_20 = math.sin(math.radians(20)), math.cos(math.radians(20))
@@ -267,3 +267,11 @@ def test_no_note_whatever_raises(note: bytes, orientation: int | None) -> None:
     image.getexif = lambda: block  # type: ignore[method-assign]
     metadata = read_metadata(image, 160, 120)
     assert metadata.camera_elevation is None or -90.0 <= metadata.camera_elevation <= 90.0
+
+
+@pytest.mark.parametrize(
+    ("written", "height"),
+    [("+63.10", 63.1), ("120", 120.0), ("+0.00", None), ("-3.2", None), ("nan", None), ("high", None), ("1e9", None)],
+)
+def test_a_drones_height_over_its_place_of_take_off_is_read(written: str, height: float | None) -> None:
+    assert metadata_of(xmp=packet(DJI, {"RelativeAltitude": written})).camera_height == height

@@ -9,27 +9,26 @@ from PIL import Image
 
 from lighting.color import srgb_decode, tone_map
 from lighting.envmap.render import render
-from lighting.geometry import Pinhole, camera_pixel
+from lighting.geometry import EYE_HEIGHT, Pinhole, angle_between, camera_directions, camera_pixel
+from lighting.ground import OBJECT_RADIUS
 from lighting.preview.object_insertion import (
-    MAX_BALL_RADIUS,
     _ball_centers,
-    _ball_radius,
     _coarse_ground_points,
-    _find_plain_spot,
-    _has_room,
     _shadow_cells,
     _shadow_factors,
     insert_balls,
-    shows_ground,
 )
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE, SphereScene, build_sphere_scene, sphere_centers
 from lighting.records import Lighting
+from lighting.segmentation import SurfaceClass
 from tests.helpers.lights import stated_light
 
-LIGHT = replace(stated_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
 WIDTH, HEIGHT = 160, 120
-CAMERA = Pinhole(WIDTH, HEIGHT, LIGHT.vertical_fov, elevation=-10.0)
-CENTERS = _ball_centers(CAMERA, (WIDTH / 2, 0.8 * HEIGHT))  # where they stand on plain ground
+BARE = replace(stated_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
+CAMERA = Pinhole(WIDTH, HEIGHT, BARE.vertical_fov, elevation=-10.0)
+SPOT = camera_directions(replace(CAMERA, width=WIDTH + 1))[round(0.8 * HEIGHT), WIDTH // 2]
+LIGHT = replace(BARE, spot_pixel=(80.0, 96.0), spot_direction=tuple(SPOT.tolist()), ground_visible=0.5)
+CENTERS, RADIUS = _ball_centers(CAMERA, SPOT, EYE_HEIGHT)
 SUNLIT = (
     np.array(stated_light(40.0).ground_color)
     / np.pi
@@ -50,37 +49,45 @@ def drawn(ground: np.ndarray) -> np.ndarray:
     return srgb_decode(np.asarray(insert_balls(picture, LIGHT, stage())) / 255.0)
 
 
-def test_the_balls_stand_side_by_side_on_the_ground_below_the_middle() -> None:
+def test_the_balls_stand_side_by_side_on_the_spot() -> None:
     centers = CENTERS
     assert np.ptp(centers[:, 1]) == pytest.approx(0.0, abs=1e-9)
     assert centers[0, 0] < centers[1, 0] < centers[2, 0]
+    foot = centers[1] - [0.0, 1.0, 0.0]
+    assert angle_between(foot, SPOT) < 1e-6
     x, y = camera_pixel(centers[1], CAMERA)
     assert x == pytest.approx(WIDTH / 2, abs=1)
-    foot = camera_pixel(centers[1] - [0.0, 1.0, 0.0], CAMERA)[1]
-    assert foot == pytest.approx(0.8 * HEIGHT, abs=0.1)
-    assert foot - y == pytest.approx(MAX_BALL_RADIUS * HEIGHT, rel=0.15)
+    assert camera_pixel(foot, CAMERA)[1] - y == pytest.approx(OBJECT_RADIUS * HEIGHT, rel=0.15)
+    assert pytest.approx(OBJECT_RADIUS * HEIGHT) == RADIUS
 
 
-def test_a_picture_without_ground_stays_as_it_is() -> None:
-    up = replace(LIGHT, camera_elevation=40.0)
+def test_balls_on_far_ground_are_no_giants() -> None:
+    """A metre of radius at most, however high the camera is, and none reaches above the camera."""
+    far = camera_directions(replace(CAMERA, height=1200, width=1600))[420, 800]
+    for height, radius in ((1.6, 0.4 * 1.6), (60.0, 1.0)):
+        centers, pixels = _ball_centers(CAMERA, far, height)
+        assert height / (1 - centers[1, 1]) == pytest.approx(radius)  # its radius, by the camera's height in radii
+        assert pixels < OBJECT_RADIUS * HEIGHT
+
+
+def test_a_picture_without_a_spot_stays_as_it_is() -> None:
     picture = Image.new("RGB", (80, 60), (90, 120, 160))
-    assert insert_balls(picture, up, stage()) is picture
-    assert not shows_ground(replace(CAMERA, elevation=40.0))
-    assert shows_ground(CAMERA)
+    assert insert_balls(picture, replace(BARE, ground_visible=0.0), stage()) is picture
 
 
-def test_the_balls_stand_beside_what_fills_the_middle() -> None:
-    """Without it they would stand at the picture's lower middle."""
-    ground = np.full((HEIGHT, WIDTH, 3), 90, dtype=np.uint8)
-    with_thing = ground.copy()
-    with_thing[72:110, 70:130] = np.random.default_rng(0).integers(0, 255, (38, 60, 1))
-    changed = {}
-    for name, picture in (("plain", ground), ("thing", with_thing)):
-        drawn = np.asarray(insert_balls(Image.fromarray(picture), LIGHT, stage()))
-        changed[name] = np.abs(drawn.astype(int) - picture).max(axis=2) > 40
-    assert changed["plain"][72:110, 70:90].any()
-    assert not changed["thing"][72:110, 90:130].any()
-    assert changed["thing"].any()
+def test_what_stands_before_the_ground_takes_no_shadow() -> None:
+    """A person where the shadow falls keeps the picture's pixels; without them they are darker."""
+    people = np.zeros((18, 24, 10), dtype=np.float32)
+    people[..., SurfaceClass.GROUND] = 1.0
+    people[8:17, 15:22] = np.eye(10, dtype=np.float32)[SurfaceClass.PERSON]
+    picture = Image.fromarray(tone_map(np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3))))
+    before = np.asarray(picture).astype(int)
+    with_people, plain = (
+        np.abs(np.asarray(insert_balls(picture, LIGHT, stage(), segments)).astype(int) - before)[80:105, 108:124]
+        for segments in (people, None)
+    )
+    assert plain.max() > 20
+    assert with_people.max() <= 1
 
 
 @pytest.mark.parametrize("size", [(32, 256), (256, 32)])
@@ -93,16 +100,11 @@ def test_a_narrow_picture_shows_the_balls(size: tuple[int, int]) -> None:
 
 def test_a_narrow_picture_has_all_balls_inside() -> None:
     narrow = Pinhole(32, 256, LIGHT.vertical_fov, elevation=-10.0)
-    x = camera_pixel(_ball_centers(narrow, (16.0, 200.0)), narrow)[:, 0]
-    radius = _ball_radius(narrow)
-    assert radius < MAX_BALL_RADIUS * 256
+    centers, radius = _ball_centers(narrow, SPOT, EYE_HEIGHT)
+    x = camera_pixel(centers, narrow)[:, 0]
+    assert radius < OBJECT_RADIUS * 256
     assert x.min() - radius > 0
     assert x.max() + radius < 32
-
-
-def test_balls_behind_a_camera_that_looks_straight_down_are_left_out() -> None:
-    down = replace(LIGHT, camera_elevation=-90.0, vertical_fov=170.0)
-    assert insert_balls(Image.new("RGB", (80, 60), (90, 120, 160)), down, stage()).size == (80, 60)
 
 
 def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
@@ -164,6 +166,7 @@ def test_a_light_of_overcast_skies_throws_no_hard_shadow() -> None:
     dull = Lighting(
         0.0, 40.0, 3.0, 1.0, camera_elevation=-10.0, sky_cover=1.0, ground_color=(0.12, 0.12, 0.12),
         sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=(0.8, 0.8, 0.8),
+        spot_pixel=LIGHT.spot_pixel, spot_direction=LIGHT.spot_direction,
     )  # fmt: skip
     centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
     lit = build_sphere_scene(render(dull, 64), dull.sun_direction, centers)
@@ -173,48 +176,16 @@ def test_a_light_of_overcast_skies_throws_no_hard_shadow() -> None:
     assert share[70:110, 125:].min() > 0.75
 
 
-ROOM_CAMERA = Pinhole(320, 240, 50.0)  # level: its horizon is the picture's middle
-RADIUS, ROW = 12.5, 3.6
-REACH = ROW * RADIUS
-
-
-def spot_in(pixels: np.ndarray, camera: Pinhole = ROOM_CAMERA) -> tuple[float, float]:
-    spot_of_balls = _find_plain_spot(Image.fromarray(pixels), camera, RADIUS, ROW)
-    assert spot_of_balls is not None
-    return spot_of_balls
-
-
-def test_plain_ground_has_room_in_its_lower_middle() -> None:
-    assert spot_in(np.full((240, 320, 3), 120, dtype=np.uint8)) == pytest.approx((160, 192), abs=2)
-
-
-@pytest.mark.parametrize(("left", "side"), [(60, 1), (140, -1)])
-def test_a_thing_is_passed_on_its_shorter_side(left: int, side: int) -> None:
-    pixels = np.full((240, 320, 3), 120, dtype=np.uint8)
-    pixels[120:, left : left + 120] = np.random.default_rng(1).integers(0, 255, (120, 120, 1))
-    x, y = spot_in(pixels)
-    edge = left + 120 if side > 0 else left
-    assert (x - edge) * side > REACH - 5
-    assert y == pytest.approx(192, abs=6)
-
-
-def test_balls_stand_lower_than_the_camera_and_wholly_in_the_picture() -> None:
-    """All but a far corner is restless, and there they would reach over the horizon or out of the picture."""
-    pixels = np.random.default_rng(2).integers(0, 255, (240, 320, 3), dtype=np.uint8)
-    pixels[:132, 250:] = 120
-    x, y = spot_in(pixels)
-    assert y - 2 * RADIUS > 120
-    assert REACH <= x <= 320 - REACH
-
-
-def test_a_camera_that_shows_no_ground_has_no_room() -> None:
-    up = Pinhole(320, 240, 50.0, elevation=40.0)
-    assert _find_plain_spot(Image.new("RGB", (320, 240)), up, RADIUS, ROW) is None
-    assert not _has_room(up, RADIUS, ROW)
-    assert _has_room(ROOM_CAMERA, RADIUS, ROW)
-
-
-@pytest.mark.parametrize("size", [(1, 1), (3, 400), (400, 3)])
-def test_pictures_of_few_pixels_are_taken(size: tuple[int, int]) -> None:
-    camera = Pinhole(*size, 50.0, elevation=-30.0)
-    _find_plain_spot(Image.new("RGB", size), camera, 0.05 * size[1], 3.6)
+def test_soft_light_leaves_a_contact_shadow_at_every_ball() -> None:
+    """Level ground before each foot gets less of the sky: by a third at half a radius, by none at three."""
+    dull = replace(LIGHT, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=(0.8, 0.8, 0.8), sky_cover=1.0)
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(dull, 64), dull.sun_direction, centers)
+    level = np.array(LIGHT.ground_color) / np.pi * 0.8
+    picture = Image.fromarray(tone_map(np.broadcast_to(level, (4 * HEIGHT, 4 * WIDTH, 3))))
+    share = srgb_decode(np.asarray(insert_balls(picture, dull, lit)) / 255.0)[..., 1] / level[1]
+    large = replace(CAMERA, width=4 * WIDTH, height=4 * HEIGHT)
+    for center in CENTERS:
+        for radii, low, high in ((0.5, 0.2, 0.65), (3.0, 0.9, 1.05)):  # from the foot towards the camera
+            x, y = camera_pixel(center - [0.0, 1.0, 0.0] + [0.0, 0.0, radii], large).round().astype(int)
+            assert low < share[y, x] < high

@@ -28,6 +28,7 @@ from lighting.geometry import (
 from lighting.photo.reader import Photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.scene.records import PLACEHOLDER_ALBEDO, make_placeholder, make_scene
+from lighting.segmentation import SurfaceClass
 from tests.helpers.scenes import LIGHT, PLAIN, half_shaded_scene, plain_scene, shaded_spot_scene, sunlit_scene
 
 
@@ -107,6 +108,41 @@ def test_a_spot_that_the_picture_does_not_show_has_a_warning(elevation: float, f
     assert hidden.endswith("it would stand 32 m ahead, below the picture's edge.")
 
 
+def test_the_object_stands_on_the_records_spot_at_the_cameras_height() -> None:
+    forward = direction(10.0, -15.0)
+    light = replace(LIGHT, camera_height=5.0, ground_visible=0.4, spot_pixel=(3.0, 4.0), spot_direction=tuple(forward))
+    scene = make_scene(Photo(PLAIN, 40, 30, "PNG"), light, map_height=32)
+    assert scene.camera_position == pytest.approx([0.0, 5.0, 0.0])
+    assert scene.spot[1] == 0.0
+    assert angle_between(scene.spot - scene.camera_position, forward) < 1e-4
+    assert scene.warnings == ()
+
+
+def test_without_a_spot_the_object_stands_on_a_stage_of_its_own() -> None:
+    """A warning says so, and no shadow of the sun falls on the photo."""
+    scene = plain_scene(ground_visible=0.0)
+    (warning,) = scene.warnings
+    assert "a stage of their own" in warning
+    assert scene.shadow_receivers.max() == 0.0
+    assert plain_scene().shadow_receivers.max() == 1.0
+
+
+def test_no_shadow_falls_on_what_stands_before_the_ground() -> None:
+    segments = np.zeros((9, 12, 10), dtype=np.float32)
+    segments[..., SurfaceClass.GROUND] = 1.0
+    segments[:, :6] = np.eye(10)[SurfaceClass.PERSON]
+    scene = make_scene(Photo(PLAIN, 40, 30, "PNG"), LIGHT, map_height=32, segments=segments)
+    assert scene.shadow_receivers[:, :14].max() == 0.0
+    assert scene.shadow_receivers[-3:, -14:].min() == 1.0
+
+
+def test_the_placeholder_is_no_giant() -> None:
+    """From 80 m above, the ball would be as large as a house in the share of the picture that it has on a street."""
+    scene = plain_scene(camera_height=80.0, camera_elevation=-40.0)
+    assert make_placeholder(scene).ball_radius == 1.0
+    assert make_placeholder(plain_scene()).ball_radius < 0.7
+
+
 # Light
 
 
@@ -157,10 +193,7 @@ def test_where_a_channel_has_no_light_its_shadow_is_none() -> None:
 # The spot in shade
 
 
-def test_the_spot_is_lit_as_the_plates_ground_around_it() -> None:
-    assert sunlit_scene().spot_lit == 1.0
-    assert half_shaded_scene().spot_lit == pytest.approx(0.5, abs=0.1)
-    assert shaded_spot_scene().spot_lit == 0.0
+def test_the_spot_is_in_shade_where_the_plates_ground_around_it_is() -> None:
     assert (sunlit_scene().spot_in_shade, shaded_spot_scene().spot_in_shade) == (False, True)
 
 
@@ -191,7 +224,7 @@ def test_shade_is_where_the_photo_has_it_whatever_the_exposure_of_the_scene(stop
 def test_a_scene_without_sun_has_no_spot_in_shade() -> None:
     scene = shaded_spot_scene()
     photo = Photo(scene.plate, scene.width, scene.height, "PNG")
-    assert make_scene(photo, scene.lighting, map_height=32, sun=False).spot_lit == 1.0
+    assert not make_scene(photo, scene.lighting, map_height=32, sun=False).spot_in_shade
 
 
 def test_the_ball_always_has_the_same_size_in_the_picture() -> None:

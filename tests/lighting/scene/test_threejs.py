@@ -182,15 +182,14 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
 
 
 @pytest.mark.slow
-def test_the_page_finds_the_same_share_of_the_sun(tmp_path: Path) -> None:
+@pytest.mark.parametrize("scene", [half_shaded_scene(), shaded_spot_scene()], ids=["half", "shade"])
+def test_the_page_has_the_same_rule_of_shade(scene: Scene, tmp_path: Path) -> None:
     """Shown as a grey background."""
-    scene = half_shaded_scene()
     threejs.write_threejs(scene, tmp_path)
     values = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
     script = SHARE.replace("WHOLE", str(values["sunIntensity"]))
     share_drawn = drawings(tmp_path / threejs.PAGE, script, scene.width, scene.height)["share"]
-    assert 0.4 < scene.spot_lit < 0.6
-    assert srgb_decode(share_drawn[0, 0] / 255.0) == pytest.approx(scene.spot_lit, abs=0.02)
+    assert srgb_decode(share_drawn[0, 0] / 255.0) == pytest.approx(0.0 if scene.spot_in_shade else 1.0, abs=0.02)
 
 
 SHARE = """

@@ -117,6 +117,7 @@ def test_the_shared_files_hold_plate_map_and_record(tmp_path: Path) -> None:
     write_shared_files(scene, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         "environment.exr",
+        "ground.png",
         "lighting.json",
         "lit_ground.png",
         "plate.png",
@@ -134,7 +135,7 @@ def test_the_plate_is_the_photo() -> None:
 
 def test_the_mask_is_white_in_the_sun_and_black_in_shade() -> None:
     lit = np.array([[0.0, 0.5, 1.0]], np.float32)
-    with Image.open(BytesIO(encode_lit_ground(replace(plain_scene(), lit_ground=lit)))) as mask:
+    with Image.open(BytesIO(encode_lit_ground(replace(plain_scene(), lit_ground=lit), movable=True))) as mask:
         assert mask.mode == "L"
         assert np.asarray(mask).tolist() == [[0, 128, 255]]
 

@@ -8,6 +8,7 @@ export interface Camera {
   elevation: number;
   roll: number;
   vertical_fov: number;
+  height?: number; // metres above the ground
 }
 
 interface Size {

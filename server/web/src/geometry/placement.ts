@@ -11,29 +11,34 @@ export interface Placement {
   grounded: boolean;
 }
 
-export const EYE_HEIGHT = 1.6; // metres, as the service has it; the photo itself does not tell the scale
+const EYE_HEIGHT = 1.6; // metres, of a camera whose record does not state it
 const DEFAULT_SHARE = 0.14; // of half the photo's height, the object's radius
+const MAX_DEFAULT_RADIUS = 1; // metres
+const MAX_HEIGHT_SHARE = 0.4; // of the camera's height
 const MIN_DEPRESSION = 1; // degrees below the horizon: 92 m away
 const FLOATING_DISTANCE = 4; // metres, of an object without ground
 const MIN_RADIUS = 0.02; // metres, the radius
 const MAX_RADIUS = 20;
 const MIN_DISTANCE = 2; // radii that the camera keeps away from the object's middle, which then takes at most 60 degrees
 
-/** A placement at a spot of the photo, in shares of its width and height, as large as looks well there. */
-export function initialPlacement(camera: Camera, aspect: number, spot: Point | null): Placement {
-  const onGround = spot && groundPoint(camera, aspect, spot);
-  const position = onGround ?? floatingPoint(camera, aspect, spot ?? [0.5, 0.66]);
+/** A placement in the direction of the record's spot, as large as looks well there; afloat where it states none. */
+export function initialPlacement(camera: Camera, aspect: number, spot: Vector | null): Placement {
+  const onGround = spot && combine([cameraHeight(camera) / -spot[1], spot]);
+  const position = onGround ?? floatingPoint(camera, aspect, [0.5, 0.66]);
   return resizePlacement(
     { position, radius: 0, rotation: 0, grounded: onGround !== null },
     defaultRadius(camera, position),
   );
 }
 
+/** Metres of a camera above the ground. */
+export const cameraHeight = ({ height = EYE_HEIGHT }: Camera): number => height;
+
 /** The point of the ground that a spot of the photo shows; null at and above the horizon. */
 export function groundPoint(camera: Camera, aspect: number, [x, y]: Point): Vector | null {
   const ray = pixelRay([x * aspect, y], camera, { width: aspect, height: 1 });
   if (-ray[1] < Math.hypot(...ray) * Math.sin(radians(MIN_DEPRESSION))) return null;
-  return combine([EYE_HEIGHT / -ray[1], ray]);
+  return combine([cameraHeight(camera) / -ray[1], ray]);
 }
 
 /** Moved to a spot of the photo: over the ground, or at its distance where it floats. Null where there is no ground. */
@@ -79,8 +84,9 @@ function floatingPoint(camera: Camera, aspect: number, [x, y]: Point): Vector {
   return combine([FLOATING_DISTANCE / Math.hypot(...ray), ray]);
 }
 
-/** The radius [m] that takes its share of the photo's height there. */
+/** The radius [m] that takes its share of the photo's height there; no giant, and not above the horizon. */
 function defaultRadius(camera: Camera, position: Vector): number {
   const depth = dot(position, cameraAxes(camera).forward);
-  return DEFAULT_SHARE * depth * Math.tan(radians(camera.vertical_fov) / 2);
+  const share = DEFAULT_SHARE * depth * Math.tan(radians(camera.vertical_fov) / 2);
+  return Math.min(share, MAX_DEFAULT_RADIUS, MAX_HEIGHT_SHARE * cameraHeight(camera));
 }

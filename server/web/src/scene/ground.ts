@@ -33,7 +33,7 @@ void main() {
 }`;
 
 // The share of a uniform sky that a sphere hides from level ground is height x radius^2 / distance^3. The sun that the
-// object takes away is only what the picture's ground has there: none in shade.
+// object takes away is only what the picture's ground has there: none in shade, and none if it stands in shade itself.
 const FRAGMENT = /* glsl */ `
 #include <common>
 #include <packing>
@@ -45,6 +45,7 @@ uniform vec3 sun;
 uniform vec3 object;
 uniform float radius;
 uniform sampler2D lit;
+uniform float share;
 uniform vec2 canvas;
 varying vec3 spot;
 void main() {
@@ -52,7 +53,7 @@ void main() {
   float open = 1.0 - min(pow(radius / gap, 3.0), 1.0);
   vec2 at = gl_FragCoord.xy / canvas;
   vec3 here = sun * texture2D(lit, vec2(at.x, 1.0 - at.y)).r;
-  gl_FragColor = vec4((sky * open + here * getShadowMask()) / max(sky + here, vec3(1e-6)), 1.0);
+  gl_FragColor = vec4((sky * open + here * mix(1.0, getShadowMask(), share)) / max(sky + here, vec3(1e-6)), 1.0);
   #include <colorspace_fragment>
 }`;
 
@@ -77,6 +78,11 @@ export class ShadowGround extends Mesh<PlaneGeometry, ShaderMaterial> {
   setShadowMask({ width, height, data }: ShadowMask): void {
     this.material.uniforms.lit?.value?.dispose();
     Object.assign(this.material.uniforms, { lit: { value: maskTexture(data, width, height) } });
+  }
+
+  /** How much of the sun reaches the object, which it then takes from the ground: 0 or 1. */
+  setSunShare(share: number): void {
+    Object.assign(this.material.uniforms, { share: { value: share } });
   }
 
   /** The size of what is drawn on, pixels. */
@@ -105,6 +111,7 @@ function createMaterial(): ShaderMaterial {
         sun: { value: new Vector3() },
         object: { value: new Vector3() },
         radius: { value: 1 },
+        share: { value: 1 },
         canvas: { value: new Vector2(1, 1) },
         lit: { value: maskTexture(Uint8Array.of(255), 1, 1) },
       },

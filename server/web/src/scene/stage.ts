@@ -30,7 +30,7 @@ import type { Placement } from "../geometry/placement";
 import type { SceneLight } from "../sky/lighting";
 import type { Latlong } from "../sky/render";
 import type { Finish, Shape } from "../state";
-import { meanSunlit, type ShadowMask } from "../surroundings/shadowMask";
+import { type ShadowMask, SUNLIT, standsInSun } from "../surroundings/shadowMask";
 import { ShadowGround } from "./ground";
 import { createFinish, createShape, heightAboveOrigin } from "./objects";
 
@@ -54,7 +54,7 @@ export class Stage {
   private appearance = ""; // the shape and finish that the object has
   private height = 0; // of the object at radius 1
   private sunDirection = new Vector3(0, 1, 0);
-  private shadowMask: ShadowMask = { width: 1, height: 1, data: Uint8Array.of(255) };
+  private shadowMask = SUNLIT;
   private scheduled = false;
 
   /** Throws where the browser has no WebGL. */
@@ -110,17 +110,18 @@ export class Stage {
     this.object.rotation.y = radians(rotation);
     this.ground.visible = grounded;
     this.ground.setObject(this.object.position, radius);
-    this.sun.intensity = grounded ? this.sunlitAtFoot(radius) : 1;
+    this.sun.intensity = Number(!grounded || this.standsInSun(radius));
+    this.ground.setSunShare(this.sun.intensity);
     this.aimSun();
     this.draw();
   }
 
-  /** How far the photo's ground under the object lies in the sun: in shade the sun does not reach the object either. */
-  private sunlitAtFoot(radius: number): number {
+  /** Whether the photo's ground under the object lies in the sun: in shade it takes no sun from the ground either. */
+  private standsInSun(radius: number): boolean {
     this.camera.updateMatrixWorld();
     const foot = this.object.position.clone().project(this.camera);
     const tall = radius / (2 * Math.tan(radians(this.camera.fov) / 2) * this.object.position.length());
-    return meanSunlit(this.shadowMask, [(1 + foot.x) / 2, (1 - foot.y) / 2], [tall / this.camera.aspect, tall]);
+    return standsInSun(this.shadowMask, [(1 + foot.x) / 2, (1 - foot.y) / 2], [tall / this.camera.aspect, tall]);
   }
 
   /** The user's own object, shown as the shape `own`. */

@@ -20,7 +20,6 @@ export interface SkyRequest {
   parameters: LightParameters;
   estimated: LightParameters;
   stated: StatedLight;
-  photoGround?: Triple | undefined; // the photo's own ground, linear, as it is under the estimate's light
   painted?: string; // the model that paints the sky; the map of any but "prague" is that of Hosek and Wilkie
 }
 
@@ -112,19 +111,10 @@ function computeGains(tables: SkyTables, estimated: LightParameters, stated: Sta
 /** What all lights of a photo share, whatever its sliders say. */
 export interface LightBase {
   gains: Gains;
-  groundBefore: Triple | undefined; // irradiance of level ground by the estimate, where the photo's ground is known
 }
 
-export function prepareLight(
-  tables: SkyTables,
-  { estimated, stated, photoGround }: Omit<SkyRequest, "parameters">,
-): LightBase {
-  const gains = computeGains(tables, estimated, stated);
-  const cover = stated.cover ?? 0;
-  return {
-    gains,
-    groundBefore: photoGround && groundIrradiance(renderModel(tables, 32, estimated, cover, gains), estimated),
-  };
+export function prepareLight(tables: SkyTables, { estimated, stated }: Omit<SkyRequest, "parameters">): LightBase {
+  return { gains: computeGains(tables, estimated, stated) };
 }
 
 /** The light of a question, its map `height` rows high. */
@@ -134,8 +124,8 @@ export function renderLight(
   height: number,
   base = prepareLight(tables, question),
 ): SceneLight {
-  const { parameters, stated, photoGround } = question;
-  const { gains, groundBefore } = base;
+  const { parameters, stated } = question;
+  const { gains } = base;
   const cover = stated.cover ?? 0;
   const light = renderModel(tables, height, parameters, cover, gains);
   if (question.painted === "prague" || parameters.sun_elevation < 0)
@@ -143,7 +133,6 @@ export function renderLight(
   const irradiance = groundIrradiance(light, parameters);
   const ground = mapChannels((c) => {
     if (stated.groundColor) return (stated.groundColor[c] / Math.PI) * irradiance[c];
-    if (photoGround && groundBefore) return (photoGround[c] * irradiance[c]) / Math.max(groundBefore[c], 1e-9);
     return (parameters.ground_albedo / Math.PI) * irradiance[c];
   });
   fillGround(light.map, ground);

@@ -2,7 +2,7 @@
 
 import { addRadioButtons, byId, findRadio, isTouchDevice } from "../dom";
 import {
-  EYE_HEIGHT,
+  cameraHeight,
   footPoint,
   groundDistance,
   maxRadius,
@@ -22,7 +22,7 @@ const usageText = (where: string): string =>
   isTouchDevice()
     ? `Tap the ${where} to move it, drag to turn it.`
     : `Click the ${where} to move it, drag to turn it. ${KEYS}`;
-const NO_GROUND = "The photo shows no ground, so the object floats.";
+const NO_GROUND = "The photo shows no firm, level ground with room for it, so the object floats before it.";
 const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
 const STAGE_NOT_LOADED =
   "What draws the object could not be loaded; everything else works. Load the page again to see it.";
@@ -60,9 +60,8 @@ export class ObjectView {
     this.view = view;
     this.startLoading();
     this.canvas.hidden = true;
-    const { pixels, picture } = view.photo;
-    const lit = { width: pixels.width, height: pixels.height, data: view.shadowMask };
-    this.withStage((stage) => stage.setPhoto(picture, view.estimate.camera, lit));
+    const { photo, estimate, shadowMask } = view;
+    this.withStage((stage) => stage.setPhoto(photo.picture, estimate.camera, shadowMask));
   }
 
   /** Shows the object in a state. */
@@ -109,7 +108,8 @@ export class ObjectView {
   private describePlacement(updatePlacement: Placement, height: number): void {
     const text = `${formatMeters(height)} high`;
     const distance = updatePlacement.grounded ? `, ${formatMeters(groundDistance(updatePlacement))} away` : "";
-    byId("object-where").textContent = `${text}${distance}, if the camera was ${EYE_HEIGHT} m above the ground.`;
+    const above = this.view ? cameraHeight(this.view.estimate.camera) : 0;
+    byId("object-where").textContent = `${text}${distance}, if the camera was ${above} m above the ground.`;
     this.size.setAttribute("aria-valuetext", text);
   }
 

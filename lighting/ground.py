@@ -1,0 +1,191 @@
+"""Where an object may stand on the ground that a photo shows, and how much of it the photo shows.
+
+What the photo shows is of `segmentation`; the camera says where the ground lies and how far it is.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+import lighting.geometry as geometry
+from lighting.envmap.projection import photo_camera
+from lighting.geometry import Floats, Pinhole
+from lighting.photo.reader import Photo
+from lighting.records import Estimate, Lighting
+from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, enlarge_cells, packaged_segmenter
+from lighting.validation import round_significant
+
+OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
+ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
+
+_MIN_RADIUS = 0.012  # of a ball, in picture heights; smaller ones are hardly seen
+_MAX_RADIUS_METERS = 1.0  # of a ball; on ground that is farther away it is smaller in the picture
+_MAX_RADIUS_SHARE = 0.4  # of the camera's height, so that no ball reaches above the horizon
+_MAX_WIDTH_SHARE = 0.95  # of a narrow picture's width, which three balls fill at most
+_MAX_FOOT_ROW = 0.95  # of the picture's height, where a foot may stand
+
+_MIN_VISIBLE = 0.02  # share of a picture that shows ground to speak of
+_STAGE = "objects stand on a stage of their own beside it."
+
+_ROWS = 72  # of the picture in which the spot is sought
+_MIN_GROUND = 0.5  # probability from which a cell counts as ground
+_MIN_SUPPORT = 0.6  # probability of ground under a ball
+_MIN_ROW_SUPPORT = 0.5  # the same under three of them side by side
+_FOOT_HEIGHT = 0.7  # radii over and under a foot that must show ground
+_LATERAL_COST = 0.15  # of probability that one is ready to lose for the picture's whole width
+_VERTICAL_COST = 0.1  # the same for its height, from _BEST_ROW
+_BEST_ROW = 0.8  # of the picture's height
+_SIZE_COST = 0.03  # the same for half the size
+_STRETCH_COST = 0.3  # the same for a ball that perspective draws twice as long as wide
+_MAX_STRETCH = 1.3  # how much longer than wide a ball may be drawn; wide lenses draw eggs at their pictures' edges
+
+
+def draw_ground_mask(lit: NDArray[np.float32], segments: Segments | None) -> NDArray[np.uint8]:
+    """Return what is known of a photo's ground as a picture (H, W, 3), 0 to 255.
+
+    Red is the probability of firm, level ground. Green is how far the sun reaches the ground, and 0 on what stands
+    before it. Blue is the probability of that: plants, buildings, vehicles, people and other things.
+
+    Args:
+        lit: (H, W) the photo's `shadow_receivers`.
+        segments: of the photo; None: all is ground.
+    """
+    height, width = lit.shape
+    if segments is None:
+        ground, things = np.ones_like(lit), np.zeros_like(lit)
+    else:
+        shares = class_share(segments, SurfaceClass.GROUND), class_share(segments, *THINGS)
+        ground, things = (enlarge_cells(share, width, height) for share in shares)
+    return np.round(255 * np.stack([ground, lit, things], axis=-1).clip(0, 1)).astype(np.uint8)
+
+
+@dataclass(frozen=True)
+class GroundSpot:
+    """Where an object may stand."""
+
+    pixel: tuple[float, float]  # (x, y) in the picture
+    direction: tuple[float, float, float]  # unit vector from the camera
+
+
+def describe_ground(photo: Photo, estimate: Estimate, is_aerial: bool = False) -> Estimate:
+    """Return the estimate of a photo with what the photo shows, and where in it an object may stand.
+
+    Args:
+        photo: as `read_photo` returns it.
+        estimate: of its light and camera.
+        is_aerial: whether the camera flies at an unknown height; there is no spot then.
+
+    Raises:
+        ModelError: the network that says what photos show cannot be read.
+    """
+    segments, light = packaged_segmenter()(photo.pixels), estimate.lighting
+    camera = photo_camera(light, photo.width, photo.height)
+    spot = None if is_aerial else find_ground_spot(segments, camera, light.camera_height)
+    light = replace(
+        light,
+        ground_visible=round_significant(visible_ground(segments)),
+        spot_pixel=None if spot is None else spot.pixel,
+        spot_direction=None if spot is None else spot.direction,
+    )
+    return replace(estimate, lighting=light, segments=segments)
+
+
+def spot_warnings(lighting: Lighting) -> tuple[str, ...]:
+    """Return why no object stands in a photo; nothing where its record states a spot, or the ground was not sought.
+
+    Args:
+        lighting: the photo's.
+    """
+    if lighting.spot_pixel is not None or lighting.ground_visible is None:
+        return ()
+    if lighting.ground_visible < _MIN_VISIBLE:
+        return (f"The photo shows no firm, level ground near by: {_STAGE}",)
+    return (f"The ground that the photo shows has no room for an object, or is too far below the camera: {_STAGE}",)
+
+
+def visible_ground(segments: Segments) -> float:
+    """Return the share of a picture that shows firm, level ground near by.
+
+    Args:
+        segments: of the picture.
+    """
+    return float((class_share(segments, SurfaceClass.GROUND) >= _MIN_GROUND).mean())
+
+
+def object_radius(camera: Pinhole, down: Floats, camera_height: float) -> Floats:
+    """Return the radius [pixels] of balls (...) on the ground, so small that three side by side fit; 0 above it.
+
+    Args:
+        camera: whose picture it is.
+        down: (...) how far directions point down for each length that they point ahead of the camera.
+        camera_height: m above the ground.
+    """
+    most = min(OBJECT_RADIUS * camera.height, _MAX_WIDTH_SHARE * camera.width / (2 * ROW_WIDTH))
+    meters = max_object_meters(camera_height)
+    return np.asarray(np.minimum(most, camera.focal_length * meters * np.maximum(down, 0.0) / camera_height))
+
+
+def max_object_meters(camera_height: float) -> float:
+    """Return the largest radius [m] of a ball on the ground: no giant, and none that reaches above the horizon.
+
+    Args:
+        camera_height: m above the ground.
+    """
+    return min(_MAX_RADIUS_METERS, _MAX_RADIUS_SHARE * camera_height)
+
+
+def find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) -> GroundSpot | None:
+    """Return where an object may stand in a picture; None where it shows no ground for one.
+
+    The ground must be below the horizon, and so near that a ball is seen there. Of such places the one counts most
+    under and beside which the picture most surely shows ground; then the nearer to the lower middle, the better.
+
+    Args:
+        segments: of the picture.
+        camera: that took it, at its size.
+        camera_height: m above the ground.
+    """
+    small = replace(camera, width=max(1, round(camera.width * _ROWS / camera.height)), height=_ROWS)
+    ground = enlarge_cells(class_share(segments, SurfaceClass.GROUND), small.width, small.height)
+    rays = geometry.camera_directions(small)
+    ahead = rays @ small.axes[2]
+    score = _spot_scores(ground, object_radius(small, -rays[..., 1] / ahead, camera_height))
+    score = np.where(ahead >= 1 / _MAX_STRETCH, score + _STRETCH_COST * (1 - 1 / ahead), -np.inf)
+    row, column = np.unravel_index(np.argmax(score), score.shape)
+    if not np.isfinite(score[row, column]):
+        return None
+    x, y = (np.array([column, row]) + 0.5) * [camera.width / small.width, camera.height / small.height]
+    right, up, forward = camera.axes
+    ray = camera.focal_length * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
+    ray = ray / np.linalg.norm(ray)
+    return GroundSpot((round(float(x), 1), round(float(y), 1)), (float(ray[0]), float(ray[1]), float(ray[2])))
+
+
+def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
+    """How well (h, w) a row of balls would stand in each place, -inf where none can.
+
+    `ground` (h, w) is the probability of ground, `radius` (h, w) that of a ball [pixels].
+    """
+    rows, columns = ground.shape
+    y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
+    under_one, under_all = (_box_means(ground, width * radius, _FOOT_HEIGHT * radius) for width in (1.0, ROW_WIDTH))
+    fits = (np.abs(x - columns / 2) + ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
+    stands = (under_one >= _MIN_SUPPORT) & (under_all >= _MIN_ROW_SUPPORT) & (radius >= _MIN_RADIUS * rows)
+    away = _LATERAL_COST * np.abs(x / columns - 0.5) + _VERTICAL_COST * np.abs(y / rows - _BEST_ROW)
+    size = np.log2(np.maximum(radius, 1e-6) / (OBJECT_RADIUS * rows))
+    return np.where(fits & stands, (under_one + under_all) / 2 - away + _SIZE_COST * size, -np.inf)
+
+
+def _box_means(values: NDArray[np.float32], lateral: Floats, vertical: Floats) -> Floats:
+    """The mean (h, w) of values (h, w) within boxes around each pixel that reach so far (h, w) [pixels]."""
+    rows, columns = values.shape
+    sums = np.pad(values.astype(np.float64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+    y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
+    top, bottom = (np.clip(np.round(edge), 0, rows).astype(np.intp) for edge in (y - vertical, y + vertical))
+    left, right = (np.clip(np.round(edge), 0, columns).astype(np.intp) for edge in (x - lateral, x + lateral))
+    bottom, right = np.maximum(bottom, top + 1), np.maximum(right, left + 1)
+    bottom, right = np.minimum(bottom, rows), np.minimum(right, columns)
+    top, left = np.minimum(top, bottom - 1), np.minimum(left, right - 1)
+    total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
+    return np.asarray(total / ((bottom - top) * (right - left)))

@@ -1,0 +1,144 @@
+"""Where an object may stand, and what is known of a photo's ground."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.envmap.relighting import edit_lighting, rotate_lighting
+from lighting.geometry import Pinhole, angle_between, camera_pixel
+from lighting.ground import (
+    OBJECT_RADIUS,
+    describe_ground,
+    draw_ground_mask,
+    find_ground_spot,
+    max_object_meters,
+    object_radius,
+    spot_warnings,
+    visible_ground,
+)
+from lighting.photo.reader import photo_from_array
+from lighting.records import Estimate, Lighting
+from lighting.segmentation import Segments, SurfaceClass
+from tests.helpers.scenes import distribution
+
+CAMERA = Pinhole(1600, 1200, 50.0, elevation=-10.0)
+LIGHT = Lighting(30.0, 40.0, 3.0, 5.0, camera_elevation=-10.0)
+
+
+def cells(*patches: tuple[slice, slice, SurfaceClass]) -> Segments:
+    """Sky over ground, with patches of other classes."""
+    numbers = np.full((18, 24), SurfaceClass.SKY)
+    numbers[8:] = SurfaceClass.GROUND
+    for rows, columns, kind in patches:
+        numbers[rows, columns] = kind
+    return np.eye(10, dtype=np.float32)[numbers]
+
+
+def test_on_open_ground_the_spot_is_in_the_lower_middle() -> None:
+    spot = find_ground_spot(cells(), CAMERA, 1.6)
+    assert spot is not None
+    assert spot.pixel[0] == pytest.approx(800, abs=60)
+    assert 0.7 < spot.pixel[1] / 1200 < 0.9
+    assert camera_pixel(np.array(spot.direction), CAMERA) == pytest.approx(spot.pixel, abs=0.1)
+    assert np.linalg.norm(spot.direction) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("kind", [kind for kind in SurfaceClass if kind != SurfaceClass.GROUND])
+@pytest.mark.parametrize(("columns", "side"), [(slice(6, 14), 1), (slice(10, 18), -1)])
+def test_the_spot_is_beside_what_is_no_ground(kind: SurfaceClass, columns: slice, side: int) -> None:
+    spot = find_ground_spot(cells((slice(8, 18), columns, kind)), CAMERA, 1.6)
+    assert spot is not None
+    edge = 1600 / 24 * (columns.stop if side > 0 else columns.start)
+    assert (spot.pixel[0] - edge) * side > OBJECT_RADIUS * 1200
+
+
+@pytest.mark.parametrize("kind", [SurfaceClass.WATER, SurfaceClass.PLANTS, SurfaceClass.UNEVEN, SurfaceClass.BUILDING])
+def test_a_picture_without_ground_has_no_spot(kind: SurfaceClass) -> None:
+    everywhere = cells((slice(8, 18), slice(0, 24), kind))
+    assert find_ground_spot(everywhere, CAMERA, 1.6) is None
+    assert visible_ground(everywhere) == 0.0
+
+
+def test_what_looks_like_ground_above_the_horizon_has_no_spot() -> None:
+    assert find_ground_spot(cells(), replace(CAMERA, elevation=50.0), 1.6) is None
+
+
+def test_ground_so_far_below_that_an_object_is_not_seen_has_no_spot() -> None:
+    assert find_ground_spot(cells(), replace(CAMERA, elevation=-40.0), 40.0) is not None
+    assert find_ground_spot(cells(), replace(CAMERA, elevation=-40.0), 400.0) is None
+
+
+@pytest.mark.parametrize("size", [(32, 256), (256, 32), (33, 33)])
+def test_narrow_and_tiny_pictures_have_their_spot_inside(size: tuple[int, int]) -> None:
+    spot = find_ground_spot(cells(), replace(CAMERA, width=size[0], height=size[1]), 1.6)
+    assert spot is not None
+    assert 0 < spot.pixel[0] < size[0]
+    assert 0 < spot.pixel[1] < size[1]
+
+
+def test_the_balls_are_no_giants() -> None:
+    assert object_radius(CAMERA, np.array(1.0), 1.6) == pytest.approx(OBJECT_RADIUS * 1200)
+    assert object_radius(CAMERA, np.array(-1.0), 1.6) == 0.0
+    assert max_object_meters(1.6) == pytest.approx(0.64)
+    assert max_object_meters(100.0) == 1.0
+
+
+def test_visible_ground_is_the_share_of_its_cells() -> None:
+    assert visible_ground(cells()) == pytest.approx(10 / 18)
+
+
+def test_the_mask_holds_ground_sunlight_and_things() -> None:
+    lit = np.zeros((36, 48), dtype=np.float32)
+    mask = draw_ground_mask(lit, cells((slice(8, 18), slice(12, 24), SurfaceClass.PERSON)))
+    assert mask.shape == (36, 48, 3)
+    assert mask[30, 4].tolist() == [255, 0, 0]
+    assert mask[30, 44].tolist() == [0, 0, 255]
+    assert draw_ground_mask(lit, None)[0, 0].tolist() == [255, 0, 0]
+
+
+def test_an_estimate_says_what_its_photo_shows() -> None:
+    pixels = np.full((120, 160, 3), 128, dtype=np.uint8)
+    answer = describe_ground(photo_from_array(pixels), Estimate(LIGHT, distribution()))
+    assert answer.segments is not None
+    assert answer.segments.shape == (18, 24, 10)
+    assert answer.lighting.ground_visible is not None
+    record = answer.lighting.to_dict()["ground"]
+    assert {"spot", "visible"} <= set(record)
+    flying = describe_ground(photo_from_array(pixels), Estimate(LIGHT, distribution()), is_aerial=True)
+    assert flying.lighting.to_dict()["ground"]["spot"] is None
+
+
+def test_the_warning_says_why_there_is_no_spot() -> None:
+    assert spot_warnings(LIGHT) == ()
+    assert spot_warnings(with_spot()) == ()
+    assert "no firm, level ground" in spot_warnings(replace(LIGHT, ground_visible=0.0))[0]
+    assert "too far below" in spot_warnings(replace(LIGHT, ground_visible=0.4))[0]
+
+
+def with_spot() -> Lighting:
+    spot = find_ground_spot(cells(), CAMERA, 1.6)
+    assert spot is not None
+    return replace(LIGHT, ground_visible=0.5, spot_pixel=spot.pixel, spot_direction=spot.direction)
+
+
+def test_a_spot_turns_with_the_map() -> None:
+    light = with_spot()
+    turned = rotate_lighting(light, 90.0)
+    assert light.spot_direction is not None
+    assert turned.spot_direction is not None
+    x, y, z = light.spot_direction
+    assert turned.spot_direction == pytest.approx((-z, y, x), abs=1e-9)
+    assert turned.spot_pixel == light.spot_pixel
+
+
+def test_a_spot_stays_on_its_pixel_when_the_camera_is_edited() -> None:
+    light = with_spot()
+    edited = edit_lighting(light, {"camera_elevation": -20.0, "vertical_fov": 70.0, "camera_roll": 5.0})
+    assert edited.spot_direction is not None
+    camera = replace(CAMERA, elevation=-20.0, vertical_fov=70.0, roll=5.0)
+    assert camera_pixel(np.array(edited.spot_direction), camera) == pytest.approx(light.spot_pixel, abs=0.1)
+    moved = edit_lighting(light, {"sun_azimuth": 10.0})
+    assert light.spot_direction is not None
+    assert moved.spot_direction is not None
+    assert angle_between(np.array(moved.spot_direction), np.array(light.spot_direction)) == 0.0
