@@ -11,8 +11,8 @@ They run alone, and beside as many hostile clients, which are of four kinds in e
 - headers: send the headers of eight uploads and no body;
 - silent: open 100 connections and say nothing.
 
-Each begins again as soon as it is refused or its connection ends. At the end the service gets SIGTERM under attack. All
-this is done on the service itself and behind Caddy with this project's Caddyfile, where `--caddy` names that program.
+Each begins again a second after it is refused or its connection ends. At the end the service gets SIGTERM under attack.
+All this is done on the service itself and behind Caddy with this project's Caddyfile, where `--caddy` names it.
 
 An innocent answer is right if it is the same to the byte as the first one. `late` are answers after more than three
 times the p99 of the same clients alone; `lost` are requests that the service had taken and did not answer.
@@ -42,11 +42,12 @@ from benchmarks.common import ROOT, describe_machine, make_photo
 from benchmarks.load import free_port, processor_time, started, wait_until_answered
 
 PERIOD = 2.0  # seconds between an innocent client's photos
-PHOTO_SIZE = (640, 480)
+PHOTO_SIZE = (480, 360)
 MAP = "/v1/envmap?sun_azimuth=-41&sun_elevation=33&turbidity=3&exposure=4&height=2048&compression=none"
 KINDS = ("unread", "work", "headers", "silent")
+PAUSE = 1.0  # seconds after which a hostile client begins again
 TIMEOUT = 120.0  # seconds for an innocent answer
-COST_RUNS = 20
+COST_RUNS = 5
 HEAD = f"{'':<22}{'answers':>8}{'right':>7}{'p50':>8}{'p95':>8}{'p99':>8}{'x alone':>9}   others"
 
 
@@ -226,7 +227,7 @@ async def attack(target: Target, clients: int) -> None:
         while True:
             with suppress(OSError, EOFError, StopIteration, ValueError):
                 await ATTACKS[kind][1](target, source, number)
-            await asyncio.sleep(0.2)
+            await asyncio.sleep(PAUSE)
 
     kinds = [(KINDS[n % len(KINDS)], f"127.0.2.{n + 1}") for n in range(clients)]
     await asyncio.gather(*(repeat(kind, source, n) for kind, source in kinds for n in range(ATTACKS[kind][0])))

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from server.dependencies import Service
 
 
+_SWITCH_SECONDS = 0.001  # for which one thread may keep others waiting; Python's five times that delay short requests
 _WAITING_CONNECTIONS = 2048  # that the system keeps until they are accepted, a few at a time
 
 
@@ -70,6 +71,7 @@ def _prepare_process() -> None:
     to the system and request them again for the next photo.
     """
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    sys.setswitchinterval(_SWITCH_SECONDS)
     keep_memory()
 
 

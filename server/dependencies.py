@@ -210,14 +210,18 @@ class _Admission:
         Raises BusyError or ShareTakenError if the queue has filled meanwhile, or too many bytes wait for clients.
         """
         client = client_of_request(self.request)
-        route = f"{self.request.method} {getattr(self.request.scope.get('route'), 'path', '')}"
 
         def checked() -> T:
             from_thread.run_sync(self.service.pending.check, client)
             return work(*arguments)
 
-        with self.service.limiter.admission(client, route) as job:
+        with self.service.limiter.admission(client, _route(self.request)) as job:
             return await self.service.limiter.run(job, self.request.receive, checked)
+
+
+def _route(request: Request) -> str:
+    """The method and the template of the path of a request, by which its work is expected to be long or short."""
+    return f"{request.method} {getattr(request.scope.get('route'), 'path', '')}"
 
 
 def _get_service(request: Request) -> Service:
@@ -231,7 +235,7 @@ ServiceDep = Annotated[Service, Depends(_get_service)]
 async def _admit(request: Request, service: ServiceDep) -> _Admission:
     """Admit a request before its body is read; raises BusyError or ShareTakenError if there is no room."""
     client = client_of_request(request)
-    service.limiter.check(client)
+    service.limiter.check(client, _route(request))
     service.pending.check(client)
     return _Admission(request, service)
 

@@ -1,7 +1,8 @@
 """Work in turn by client: a fixed number of threads, a bounded queue, and the processor time that each client used.
 
-The next free thread goes to the client that used the least processor time lately (fair queueing). When the queue is
-full, whoever has fewer requests in it takes the place of the newest one of the client that has most.
+A client is charged what its requests took lately, and what those are expected to take that wait and run. The next free
+thread goes to the client with the least (fair queueing). When the queue is full, a client with much less takes the
+place of the newest request of the client with most.
 """
 
 import time
@@ -16,13 +17,15 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
 import lighting.runtime as runtime
-from server.identity import GROUP_SHARES, UNKNOWN, Client, Tally
+from server.identity import GROUP_SHARES, UNKNOWN, Client
 from server.limits import BusyError, ShareTakenError
 
 T = TypeVar("T")
 
 HALF_LIFE = 20.0  # seconds after which processor time counts half
-LONG_SECONDS = 0.2  # of processor time: longer requests leave a thread to the others
+LONG_SECONDS = 0.1  # of processor time: longer requests leave a thread to the others
+MORE = 1.2  # times the mean processor time of the clients, beyond which one uses more than its share
+MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
 _FIRST_SECONDS = 1.0  # of processor time that a route is expected to take before it has been measured
 _LEARNING_RATE = 0.2  # of a route's expected processor time
@@ -41,33 +44,42 @@ class CpuUsage:
         self._seconds: dict[str, tuple[float, float]] = {}  # by group: how much, and when
         self._purged = clock()
 
-    def add(self, client: Client, seconds: float) -> None:
+    def add(self, client: Client, seconds: float, at: float | None = None) -> None:
         """Charge a client.
 
         Args:
             client: any.
             seconds: of either sign.
+            at: the clock's time at which it counted fully; None is now.
         """
         now = self._clock()
+        counted = seconds if at is None else seconds * _decay(now - at)
         for group in client.groups:
-            self._seconds[group] = (self._read(group, now) + seconds, now)
+            self._seconds[group] = (self._read(group, now) + counted, now)
         if now - self._purged > _FORGET_SECONDS:
             self._seconds = {group: entry for group, entry in self._seconds.items() if now - entry[1] < _FORGET_SECONDS}
             self._purged = now
 
-    def load(self, client: Client, now: float | None = None) -> float:
+    def load(self, client: Client, more: float = 0.0, now: float | None = None) -> float:
         """Seconds that a client used, or, where that is more, a larger group divided by its share.
 
         Args:
             client: any.
+            more: seconds to be counted in addition.
             now: the clock's time, at which clients are compared; None reads it.
         """
         now = self._clock() if now is None else now
-        return max(self._read(group, now) / share for group, share in zip(client.groups, GROUP_SHARES, strict=False))
+        pairs = zip(client.groups, GROUP_SHARES, strict=False)
+        return max((self._read(group, now) + more) / share for group, share in pairs)
 
     def _read(self, group: str, now: float) -> float:
         seconds, since = self._seconds.get(group, (0.0, now))
-        return float(seconds * 0.5 ** ((now - since) / HALF_LIFE))
+        return seconds * _decay(now - since)
+
+
+def _decay(seconds: float) -> float:
+    """The part that counts of processor time so long ago."""
+    return float(0.5 ** (seconds / HALF_LIFE))
 
 
 @dataclass(eq=False)
@@ -76,11 +88,12 @@ class Job:
 
     client: Client
     route: str
+    expected: float  # seconds of processor time, charged while it waits and runs
+    charged: float  # the clock's time of that
     turn: Event = field(default_factory=Event)  # set when it may run, or has to go
     started: bool = False
     evicted: bool = False
     released: bool = False
-    expected: float = 0.0  # seconds of processor time, charged at its start
     seconds: float | None = None  # that it took; None before it has run
 
 
@@ -106,7 +119,6 @@ class WorkLimiter:
         self.usage = CpuUsage(clock)
         self._charge = charge
         self._clock = clock
-        self._held = Tally()
         self._admitted = 0
         self._waiting: list[Job] = []
         self._running: list[Job] = []
@@ -132,15 +144,20 @@ class WorkLimiter:
     @property
     def full(self) -> bool:
         """Whether the next request of a new client would be refused."""
-        return self._admitted >= self.capacity and self._find_greediest(UNKNOWN, 1.0) is None
+        return (
+            self._admitted >= self.capacity
+            and self._find_greediest(min(self._expected.values(), default=_FIRST_SECONDS)) is None
+        )
 
-    def check(self, client: Client) -> None:
+    def check(self, client: Client, route: str = "") -> None:
         """Raise what `admission` would raise now.
 
         Args:
             client: who asks.
+            route: of the request.
         """
-        if self._admitted >= self.capacity and self._find_greediest(client) is None:
+        load = self.usage.load(client, self._expect(route))
+        if self._admitted >= self.capacity and self._find_greediest(load) is None:
             raise self._refusal(client)
 
     @contextmanager
@@ -152,13 +169,13 @@ class WorkLimiter:
             route: requests of one route are expected to take the same time.
 
         Raises:
-            ShareTakenError: the queue is full, and this client has its share of it.
+            ShareTakenError: the queue is full, and this client uses more than others in it.
             BusyError: the queue is full.
         """
         if self._admitted >= self.capacity:
-            self._evict(client)
-        job = Job(client, route)
-        self._held.add(client, 1)
+            self._evict(client, self.usage.load(client, self._expect(route)))
+        job = Job(client, route, self._expect(route), self._clock())
+        self.usage.add(client, job.expected)
         self._admitted += 1
         try:
             yield job
@@ -166,14 +183,16 @@ class WorkLimiter:
             self._release(job)
 
     def _release(self, job: Job) -> None:
+        """Count a request no more, and charge what it took in place of what was expected."""
         if not job.released:
             job.released = True
-            self._held.add(job.client, -1)
             self._admitted -= 1
+            self.usage.add(job.client, -job.expected, job.charged)
+            self.usage.add(job.client, job.seconds or 0.0)
 
-    def _evict(self, client: Client) -> None:
-        """Send away the newest waiting request of the client that has most; raises if none has more than this one."""
-        greediest = self._find_greediest(client)
+    def _evict(self, client: Client, load: float) -> None:
+        """Send away the newest waiting request of the client that uses most; raises if none uses much more."""
+        greediest = self._find_greediest(load)
         if greediest is None:
             raise self._refusal(client)
         self._waiting.remove(greediest)
@@ -181,16 +200,21 @@ class WorkLimiter:
         greediest.evicted = True
         greediest.turn.set()
 
-    def _find_greediest(self, client: Client, load: float | None = None) -> Job | None:
-        """The newest waiting request of the client with most, if that has more than this one would have."""
-        load = self._held.load(client, 1) if load is None else load
-        newest = max(reversed(self._waiting), key=lambda job: self._held.load(job.client), default=None)
-        return newest if newest and self._held.load(newest.client) > load else None
+    def _find_greediest(self, load: float) -> Job | None:
+        """The newest waiting request of the client that uses most, if that is much more than another's load."""
+        now = self._clock()
+        greediest = max(reversed(self._waiting), key=lambda job: self.usage.load(job.client, now=now), default=None)
+        much_more = greediest and self.usage.load(greediest.client, now=now) > MUCH_MORE * load
+        return greediest if much_more else None
 
     def _refusal(self, client: Client) -> Exception:
-        clients = len({*self._held, client})
-        if self._held.load(client) >= max(1.0, self.capacity / clients):
-            return ShareTakenError("The queue is full, and this client has its share of it.")
+        """Why a client is refused: it uses much more than its share, or there are many."""
+        clients = {client, *(job.client for job in (*self._waiting, *self._running))}
+        now = self._clock()
+        loads = {other: self.usage.load(other, now=now) for other in clients}
+        share = sum(loads.values()) / len(clients)
+        if loads[client] > 0 and (len(clients) == 1 or loads[client] > MORE * share):
+            return ShareTakenError("The queue is full, and this client uses more than others.")
         return BusyError()
 
     async def run(self, job: Job, receive: Receive, work: Callable[[], T]) -> T:
@@ -204,7 +228,7 @@ class WorkLimiter:
 
         Raises:
             ClientDisconnect: the client disconnected.
-            ShareTakenError: the queue has filled meanwhile, and others have fewer requests in it.
+            ShareTakenError: the queue has filled meanwhile, and others use less.
         """
         return await _run_unless_disconnected(receive, lambda: self._run_in_turn(job, work))
 
@@ -214,7 +238,7 @@ class WorkLimiter:
         try:
             await job.turn.wait()
             if job.evicted:
-                raise ShareTakenError("The queue is full, and others have fewer requests in it.")
+                raise ShareTakenError("The queue is full, and others use less.")
             return await to_thread.run_sync(partial(_measure, job, work), limiter=self._threads)
         finally:
             self._finish(job)
@@ -228,8 +252,7 @@ class WorkLimiter:
             self._start_jobs()
 
     def _note(self, job: Job) -> None:
-        """Charge what a request took, in place of what was expected."""
-        self.usage.add(job.client, (job.seconds or 0.0) - job.expected)
+        """Learn and charge what a request took."""
         self._last[job.client] = self._clock()
         if job.seconds is not None:
             before = self._expected.get(job.route, job.seconds)
@@ -242,18 +265,19 @@ class WorkLimiter:
             self._waiting.remove(job)
             self._running.append(job)
             job.started = True
-            job.expected = self._expect(job)
-            self.usage.add(job.client, job.expected)
             self._last[job.client] = self._clock()
             job.turn.set()
 
     def _next_job(self) -> Job | None:
         """The waiting request of the client that used least; long ones leave a thread to other clients' short ones."""
         jobs, now = self._waiting, self._clock()
-        if self.workers > 1 and sum(job.expected > LONG_SECONDS for job in self._running) >= self.workers - 1:
+        if (
+            self.workers > 1
+            and sum(self._expect(job.route) > LONG_SECONDS for job in self._running) >= self.workers - 1
+        ):
             self._forget_absent()
-            jobs = [job for job in jobs if self._expect(job) <= LONG_SECONDS or not self._has_others(job)]
-        return min(jobs, key=lambda job: self.usage.load(job.client, now), default=None)
+            jobs = [job for job in jobs if self._expect(job.route) <= LONG_SECONDS or not self._has_others(job)]
+        return min(jobs, key=lambda job: self.usage.load(job.client, now=now), default=None)
 
     def _has_others(self, job: Job) -> bool:
         """Whether other clients work or worked a moment ago."""
@@ -263,8 +287,8 @@ class WorkLimiter:
         since = self._clock() - _RECENT_SECONDS
         self._last = {client: last for client, last in self._last.items() if last > since}
 
-    def _expect(self, job: Job) -> float:
-        return self._expected.get(job.route, _FIRST_SECONDS)
+    def _expect(self, route: str) -> float:
+        return self._expected.get(route, _FIRST_SECONDS)
 
 
 def _measure(job: Job, work: Callable[[], T]) -> T:

@@ -34,7 +34,7 @@ async def wait_for_client(receive: Receive) -> None:
     """Read the body, and wait until its client has disconnected or the answer may be sent."""
     while (await receive()).get("more_body"):
         pass
-    reading = asyncio.create_task(receive())
+    reading = asyncio.ensure_future(receive())
     while not reading.done() and not go_on.is_set():
         await asyncio.sleep(0.01)
     if reading.done():
