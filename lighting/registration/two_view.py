@@ -28,8 +28,6 @@ from lighting.registration.features import Matches, import_opencv
 from lighting.registration.ransac import TOLERANCE, LeastSquaresResult, least_squares, ransac_rotation
 from lighting.registration.rotations import focal_from_fov, fov_from_focal, rotation_about, transfer_errors
 
-ONE_LENS = 0.06  # logarithm of the ratio of two focal lengths up to which they may be those of one lens
-
 _DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is unknown
 _MIN_INLIERS = 12  # matches that agree
 _MIN_INLIER_SHARE = 0.15  # of the matches in the common part of both photos
@@ -350,8 +348,8 @@ class _ZoomedPair:
 
 def _estimate_zoom(
     matches: Matches, focal: tuple[float, float], zooms: Sequence[float], mean_prior: float
-) -> _ZoomedPair | None:
-    """The best rotation with two focal lengths, for matches of which nearly all are right; None where one would do.
+) -> _ZoomedPair:
+    """The best rotation with two focal lengths, for matches of which nearly all are right.
 
     `focal` are guesses [half diagonals], of which only the ratio to the mean of both photos is kept: `zooms` are the
     factors on it to try, `mean_prior` is the inverse variance of its logarithm.
@@ -359,9 +357,7 @@ def _estimate_zoom(
     half = 0.5 * (_log_growth(matches) - float(np.log(focal[1] / focal[0])))
     scaled = (focal[0] * float(np.exp(-half)), focal[1] * float(np.exp(half)))
     # Several, for a wrong start creeps along a valley.
-    result = min((_refine_zoom(matches, scaled, z, mean_prior) for z in zooms), key=lambda t: _cost(matches, t))
-    ratio = result.focal[1] / result.focal[0] * focal[0] / focal[1]
-    return result if abs(np.log(ratio)) > ONE_LENS else None
+    return min((_refine_zoom(matches, scaled, z, mean_prior) for z in zooms), key=lambda t: _cost(matches, t))
 
 
 def _refine_zoom(matches: Matches, focal: tuple[float, float], zoom: float, mean_prior: float) -> _ZoomedPair:

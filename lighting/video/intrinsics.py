@@ -17,7 +17,7 @@ import numpy as np
 from lighting.geometry import Floats, zoomed_fov
 from lighting.registration.features import Matches
 from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_through, rotation_about
-from lighting.registration.two_view import ONE_LENS, RelativeRotation, estimate_rotation
+from lighting.registration.two_view import RelativeRotation, estimate_rotation
 from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes, smooth_parabolic
 from lighting.video.tracking import TOLERANCE, ClipMetadata, FrameEstimate, Keyframe, ShotObservations, TrackedFrame
 
@@ -36,6 +36,7 @@ MIN_ZOOMED_FRAMES = 0.9  # share of a shot's frames whose zoom must be told, or 
 FIRST_SECONDS = 1.0  # s of a shot, whose estimates tell the lens that it begins with
 MIN_PAIR_AGREEMENT = 0.9  # share of the points that must agree with a zoom alone, where one pair of frames decides
 _START_FACTORS = (1.0, 0.8, 1.25)  # times that lens, from where the zoom is followed: one far off is lost on the way
+_ONE_LENS = 0.06  # logarithm of the ratio of two focal lengths up to which they may be those of one lens
 _PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
 _REWEIGHTINGS = 8  # of re-weighting, from eight times the tolerance down to it
 
@@ -195,7 +196,7 @@ def _zoomed_rotations(tracked: ShotObservations, vertical_fov: float) -> list[tu
     candidates = []
     for step in _distant_frames(tracked):
         fit = _fit_rotation_and_zoom(step.matches, focal, np.eye(3), 1.0)
-        if fit is None or abs(np.log(fit[1])) <= 0.5 * ONE_LENS or step.key not in tracked.keys:
+        if fit is None or abs(np.log(fit[1])) <= 0.5 * _ONE_LENS or step.key not in tracked.keys:
             continue
         fovs, size = (vertical_fov, vertical_fov), tracked.size
         if (rotation := estimate_rotation(step.matches, size, size, fovs, GUESSED_FOV_STD)) is not None:
@@ -229,7 +230,7 @@ def _track_zoom(tracked: ShotObservations, vertical_fov: float) -> tuple[Floats,
         zooms.append(zoom)
         last = step.key
     logs = smooth_parabolic(np.array([step.time for step in tracked.steps]), np.log(zooms))
-    relative = np.exp(logs - logs[0]) if np.ptp(logs) > ONE_LENS else np.ones(len(logs))
+    relative = np.exp(logs - logs[0]) if np.ptp(logs) > _ONE_LENS else np.ones(len(logs))
     return relative, float(np.mean(agreeing))
 
 
@@ -258,7 +259,7 @@ def is_zoomed(matches: Matches, vertical_fov: float, size: tuple[int, int]) -> b
         size: width and height of the frames, pixels.
     """
     fit = _fit_rotation_and_zoom(matches, focal_from_fov(vertical_fov, *size), np.eye(3), 1.0, MIN_PAIR_AGREEMENT)
-    return fit is not None and abs(np.log(fit[1])) > ONE_LENS
+    return fit is not None and abs(np.log(fit[1])) > _ONE_LENS
 
 
 def _unzoom_estimate(estimate: FrameEstimate, zoom: float) -> FrameEstimate:
