@@ -33,6 +33,7 @@ _KEPT_VARIABLES = (
     *("PYTHONDONTWRITEBYTECODE", "PYTHONHOME", "PYTHONNOUSERSITE", "PYTHONPYCACHEPREFIX", "PYTHONUSERBASE"),
     *("PYTHONUTF8", "APPDATA", "SYSTEMROOT", "USERPROFILE"),
 )
+_KEPT_PREFIXES = ("MKL_", "NPY_", "OMP_", "OPENBLAS_", "OPENCV_")  # how arrays are computed: helpers answer alike
 _MAX_SECONDS = 86400.0  # seconds that a process goes on where nobody ends it, whatever the limit
 _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8  # glibc's malloc.h
 _KEPT = 1 << 28  # bytes of free memory that the process keeps
@@ -74,7 +75,8 @@ def start_python(code: str, environment: Mapping[str, str] | None = None) -> "Po
 
     root = str(Path(__file__).parents[1])
     path = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))
-    kept = {name: os.environ[name] for name in _KEPT_VARIABLES if name in os.environ}
+    names = [name for name in os.environ if name in _KEPT_VARIABLES or name.startswith(_KEPT_PREFIXES)]
+    kept = {name: os.environ[name] for name in names}
     variables = {**kept, **ONE_THREAD, "MALLOC_ARENA_MAX": "1", **(environment or {}), "PYTHONPATH": path}
     return Popen([sys.executable, "-P", "-c", code], stdin=PIPE, stdout=PIPE, env=variables)
 

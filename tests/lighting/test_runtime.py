@@ -91,3 +91,9 @@ def test_a_helper_process_has_no_secrets(monkeypatch: pytest.MonkeyPatch) -> Non
     text = process.communicate()[0].decode()
     assert "secret" not in text
     assert "('MORE', '1')" in text
+
+
+def test_a_helper_process_computes_as_this_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
+    process = start_python("import os; print(os.environ['OPENBLAS_CORETYPE'], os.environ['OPENBLAS_NUM_THREADS'])")
+    assert process.communicate()[0].decode().split() == ["Haswell", "1"]

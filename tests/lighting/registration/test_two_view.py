@@ -10,6 +10,7 @@ from lighting.registration.features import Matches, detect_features, match_featu
 from lighting.registration.rotations import (
     camera_from_world,
     focal_from_fov,
+    fov_from_focal,
     project_points,
     rays_through,
     rotation_vector,
@@ -150,13 +151,12 @@ def matched(second: float, noise: float = 0.3, count: int = 300) -> Matches:
     return Matches(first, other, PIXEL)
 
 
-def estimated(second: float, noise: float = 0.3) -> _ZoomedPair | None:
+def estimated(second: float, noise: float = 0.3) -> _ZoomedPair:
     return _estimate_zoom(matched(second, noise), (GUESS, GUESS), ZOOMS, 1.0)
 
 
 def test_a_zoom_is_found_with_its_turn() -> None:
     answer = estimated(TELE)
-    assert answer is not None
     assert np.degrees(np.linalg.norm(rotation_vector(answer.rotation @ relative_rotation(ZOOMED_A, ZOOMED_B).T))) < 0.1
     assert answer.focal == pytest.approx((focal_from_fov(WIDE, *SIZE), focal_from_fov(TELE, *SIZE)), rel=0.01)
     assert answer.inliers.mean() > 0.99
@@ -164,14 +164,29 @@ def test_a_zoom_is_found_with_its_turn() -> None:
 
 def test_the_first_lens_is_as_sure_as_it_says() -> None:
     answer = estimated(TELE, noise=0.6)
-    assert answer is not None
     error_of = np.log(answer.focal[0] / focal_from_fov(WIDE, *SIZE))
     assert abs(error_of) < 4.0 * np.sqrt(2.0 * answer.covariance[3, 3])
     assert np.sqrt(answer.covariance[3, 3]) < 0.01
 
 
 def test_one_lens_is_no_zoom() -> None:
-    assert estimated(WIDE) is None
+    answer = estimated(WIDE)
+    assert answer.focal[1] / answer.focal[0] == pytest.approx(1.0, abs=2e-3)
+    pair = estimate_rotation(matched(WIDE), SIZE, SIZE, (45.0, 45.0), 7.0)
+    assert pair is not None
+    assert not pair.zoomed
+    assert not pair.translates
+
+
+@pytest.mark.parametrize("ratio", [1.03, 1.05, 1.06, 1.08])
+@pytest.mark.parametrize(("fovs", "std"), [((45.0, 45.0), 7.0), ((None, None), 0.0)])
+def test_a_small_zoom_is_no_walk(ratio: float, fovs: tuple[float | None, float | None], std: float) -> None:
+    """Focal lengths a few percent apart: matches leave one lens, and a walk would turn the pair wrongly."""
+    second = fov_from_focal(ratio * focal_from_fov(WIDE, *SIZE), *SIZE)
+    answer = estimate_rotation(matched(second), SIZE, SIZE, fovs, std)
+    assert answer is not None
+    assert not answer.translates
+    assert error_of(answer, ZOOMED_A, ZOOMED_B) < 0.2
 
 
 def test_a_pair_is_given_both_lenses() -> None:
