@@ -1,8 +1,8 @@
 """Work in turn by client: a fixed number of threads, a bounded queue, and the processor time that each client used.
 
 A client is charged what its requests took lately, and what those are expected to take that wait and run. The next free
-thread goes to the client with the least (fair queueing). When the queue is full, a client with much less takes the
-place of the newest request of the client with most.
+thread goes to the client with the least (fair queueing). When the queue is full, a client with fewer requests in it, or
+as many that take much less, takes the place of the newest request of the client that demands most.
 """
 
 import time
@@ -10,14 +10,14 @@ from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from anyio import CancelScope, CapacityLimiter, Event, create_task_group, to_thread
 from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
 import lighting.runtime as runtime
-from server.identity import GROUP_SHARES, UNKNOWN, Client
+from server.identity import GROUP_SHARES, UNKNOWN, Client, Tally
 from server.limits import BusyError, ShareTakenError
 
 T = TypeVar("T")
@@ -97,6 +97,19 @@ class Job:
     seconds: float | None = None  # that it took; None before it has run
 
 
+class _Demand(NamedTuple):
+    """What a client demands, divided by its share."""
+
+    requests: float  # that run or wait
+    seconds: float  # of processor time, used lately and to be used
+
+    def exceeds(self, other: "_Demand") -> bool:
+        """Whether it is much more than another's: more requests, or as many that take longer."""
+        if self.requests > other.requests:
+            return other.seconds <= MUCH_MORE * self.seconds
+        return self.requests == other.requests and self.seconds > MUCH_MORE * other.seconds
+
+
 class WorkLimiter:
     """Runs a fixed number of requests in threads; a fixed number waits, and further ones are refused.
 
@@ -119,6 +132,7 @@ class WorkLimiter:
         self.usage = CpuUsage(clock)
         self._charge = charge
         self._clock = clock
+        self._held = Tally()
         self._admitted = 0
         self._waiting: list[Job] = []
         self._running: list[Job] = []
@@ -144,10 +158,8 @@ class WorkLimiter:
     @property
     def full(self) -> bool:
         """Whether the next request of a new client would be refused."""
-        return (
-            self._admitted >= self.capacity
-            and self._find_greediest(min(self._expected.values(), default=_FIRST_SECONDS)) is None
-        )
+        least = min(self._expected.values(), default=_FIRST_SECONDS)
+        return self._admitted >= self.capacity and self._find_greediest(_Demand(1.0, least)) is None
 
     def check(self, client: Client, route: str = "") -> None:
         """Raise what `admission` would raise now.
@@ -156,8 +168,7 @@ class WorkLimiter:
             client: who asks.
             route: of the request.
         """
-        load = self.usage.load(client, self._expect(route))
-        if self._admitted >= self.capacity and self._find_greediest(load) is None:
+        if self._admitted >= self.capacity and self._find_greediest(self._demand(client, route)) is None:
             raise self._refusal(client)
 
     @contextmanager
@@ -173,9 +184,10 @@ class WorkLimiter:
             BusyError: the queue is full.
         """
         if self._admitted >= self.capacity:
-            self._evict(client, self.usage.load(client, self._expect(route)))
+            self._evict(client, route)
         job = Job(client, route, self._expect(route), self._clock())
         self.usage.add(client, job.expected)
+        self._held.add(client, 1)
         self._admitted += 1
         try:
             yield job
@@ -187,12 +199,13 @@ class WorkLimiter:
         if not job.released:
             job.released = True
             self._admitted -= 1
+            self._held.add(job.client, -1)
             self.usage.add(job.client, -job.expected, job.charged)
             self.usage.add(job.client, job.seconds or 0.0)
 
-    def _evict(self, client: Client, load: float) -> None:
-        """Send away the newest waiting request of the client that uses most; raises if none uses much more."""
-        greediest = self._find_greediest(load)
+    def _evict(self, client: Client, route: str) -> None:
+        """Send away a waiting request of a client that demands much more; raises if there is none."""
+        greediest = self._find_greediest(self._demand(client, route))
         if greediest is None:
             raise self._refusal(client)
         self._waiting.remove(greediest)
@@ -200,21 +213,28 @@ class WorkLimiter:
         greediest.evicted = True
         greediest.turn.set()
 
-    def _find_greediest(self, load: float) -> Job | None:
-        """The newest waiting request of the client that uses most, if that is much more than another's load."""
+    def _demand(self, client: Client, route: str) -> "_Demand":
+        """What a client would have with one more request."""
+        return _Demand(self._held.load(client, 1), self.usage.load(client, self._expect(route)))
+
+    def _find_greediest(self, demand: "_Demand") -> Job | None:
+        """The newest waiting request of the client that demands most, if that is much more."""
         now = self._clock()
-        greediest = max(reversed(self._waiting), key=lambda job: self.usage.load(job.client, now=now), default=None)
-        much_more = greediest and self.usage.load(greediest.client, now=now) > MUCH_MORE * load
-        return greediest if much_more else None
+        demands = {
+            job.client: _Demand(self._held.load(job.client), self.usage.load(job.client, now=now))
+            for job in self._waiting
+        }
+        jobs = [job for job in reversed(self._waiting) if demands[job.client].exceeds(demand)]
+        return max(jobs, key=lambda job: demands[job.client], default=None)
 
     def _refusal(self, client: Client) -> Exception:
-        """Why a client is refused: it uses much more than its share, or there are many."""
+        """Why a client is refused: it has its share of the queue, or uses more time than others, or there are many."""
         clients = {client, *(job.client for job in (*self._waiting, *self._running))}
         now = self._clock()
-        loads = {other: self.usage.load(other, now=now) for other in clients}
-        share = sum(loads.values()) / len(clients)
-        if loads[client] > 0 and (len(clients) == 1 or loads[client] > MORE * share):
-            return ShareTakenError("The queue is full, and this client uses more than others.")
+        share = sum(self.usage.load(other, now=now) for other in clients) / len(clients)
+        many = self._held.load(client) >= max(1.0, self.capacity / len(clients))
+        if many or self.usage.load(client, now=now) > MORE * share:
+            return ShareTakenError("The queue is full, and this client has its share of it.")
         return BusyError()
 
     async def run(self, job: Job, receive: Receive, work: Callable[[], T]) -> T:
