@@ -33,7 +33,7 @@ _LAST_YEAR_WITHOUT_GPS = 1990  # of clocks that are wrong beside a GPS time
 
 # Weights of GPS against a contradicting clock. What goes wrong with either mostly makes it too early: a fix that is
 # old, weeks that count from 0 again, a clock that was reset.
-_SURE, _LIKELY, _UNLIKELY = 0.99, 0.9, 0.25
+_SURE, _AGREED, _LIKELY, _UNLIKELY = 0.99, 0.95, 0.9, 0.25
 
 
 @dataclass(frozen=True)
@@ -54,13 +54,16 @@ class ClockConflict:
     sentence: str  # how, without a full stop
     gps_usable: bool = True
     clock_usable: bool = True
+    agreed: str | None = None  # of instants, the `clock` by which the two do not contradict each other
 
-    def warn(self, used: Instant) -> CodedWarning:
-        """Return the warning that says what was used.
+    def warn(self, used: Instant) -> CodedWarning | None:
+        """Return the warning that says what was used; None where clock and GPS agree on it.
 
         Args:
             used: the instant that was chosen.
         """
+        if used.clock == self.agreed:
+            return None
         chosen = "the GPS time" if used.clock == GPS else "the camera's clock"
         likelier = "; of the two, " if self.gps_usable and self.clock_usable else ": "
         was_used = " is likelier and was used." if self.gps_usable and self.clock_usable else " was used."
@@ -86,7 +89,8 @@ class PhotoInstants:
         Args:
             used: the instant that was chosen.
         """
-        return () if self.conflict is None or used is None else (self.conflict.warn(used),)
+        warning = None if self.conflict is None or used is None else self.conflict.warn(used)
+        return () if warning is None else (warning,)
 
 
 def resolve_instants(
@@ -178,7 +182,7 @@ def _reconcile(
 ) -> PhotoInstants:
     """The instants of a clock and of GPS, which may contradict each other."""
     if agreeing := _agreeing(clock, gps_time):
-        return PhotoInstants(agreeing)
+        return _believed_together(metadata, agreeing, gps_time)
     for shift, name in _date_errors(gps_time, local_time):
         shifted = gps_time + shift
         sentence = f"The GPS date, {_format(gps_time)}, is off by {name} from the camera's clock"
@@ -202,6 +206,19 @@ def _reconcile(
         )
         return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
     return _weigh(metadata, clock, gps_time, local_time)
+
+
+def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], gps_time: datetime) -> PhotoInstants:
+    """The instant that clock and GPS agree on; where no clock of the place has that offset, the pixels may object."""
+    zones = _instants_in_zones(metadata)
+    if metadata.utc_offset is not None or not zones or agreeing[0].utc_offset in {zone.utc_offset for zone in zones}:
+        return PhotoInstants(agreeing)
+    instants = (replace(agreeing[0], weight=_AGREED), *(replace(z, weight=z.weight * (1.0 - _AGREED)) for z in zones))
+    difference = _format_difference(zones[0].utc_time - gps_time)
+    sentence = (
+        f"The GPS time, {_format(gps_time)}, contradicts the camera's clock in the zone of the place by {difference}"
+    )
+    return PhotoInstants(instants, ClockConflict(sentence, agreed=agreeing[0].clock))
 
 
 def _agreeing(clock: Iterable[Instant], gps_time: datetime) -> tuple[Instant, ...]:

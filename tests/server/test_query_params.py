@@ -2,7 +2,7 @@
 
 import json
 import logging
-from datetime import UTC, datetime
+from datetime import datetime, timedelta, timezone
 from io import BytesIO
 from typing import Any
 from urllib.parse import urlencode
@@ -34,6 +34,8 @@ from server.query_params import (
 )
 from tests.conftest import encode, munich, scene
 from tests.server.conftest import client_of, jpeg_headers, problem, together
+
+SUMMER = timezone(timedelta(hours=2))  # of Munich
 
 
 def error_of(error: ProblemError) -> tuple[str, int]:
@@ -99,7 +101,7 @@ def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClien
 @pytest.mark.parametrize(
     ("query", "given"),
     [
-        (NOON, {"time": datetime(2024, 6, 1, 10, tzinfo=UTC), "latitude": 48.1375, "longitude": 11.575}),
+        (NOON, {"time": datetime(2024, 6, 1, 12, tzinfo=SUMMER), "latitude": 48.1375, "longitude": 11.575}),
         (
             {**NOON, "time": "2024-06-01T12:00", "utc_offset": "2", "heading": 20, "fov": 40},
             {
@@ -127,7 +129,7 @@ def test_a_plus_that_the_url_made_a_space_is_a_plus(client: TestClient) -> None:
 
 
 def test_maps_and_previews_take_the_same_parameters(client: TestClient, estimator: Estimator) -> None:
-    given = UserInput(time=datetime(2024, 6, 1, 10, tzinfo=UTC), latitude=48.1375, longitude=11.575, heading=100.0)
+    given = UserInput(time=datetime(2024, 6, 1, 12, tzinfo=SUMMER), latitude=48.1375, longitude=11.575, heading=100.0)
     expected = estimator(read_photo(PLAIN), given).lighting
     image, lighting = read_exr(BytesIO(ask(client, path="/v1/envmap", height=32, heading=100, **NOON).content))
     assert lighting == expected

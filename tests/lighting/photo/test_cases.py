@@ -290,6 +290,16 @@ def test_the_pixels_choose_between_clock_and_gps(sun: float) -> None:
     assert ("the GPS time is likelier" if sun > 30 else "the camera's clock is likelier") in warning
 
 
+@pytest.mark.parametrize("sun", [20.0, 49.4])
+def test_the_pixels_choose_between_an_old_fix_and_a_clock_of_another_zone(sun: float) -> None:
+    """GPS is five hours before the clock: Pakistan's zone, or a fix three hours old."""
+    metadata = read_photo(file_of(MUNICH | {"gps": "2024:06:01 13:49:00"})).metadata
+    light = answer(metadata, sun)
+    assert light.utc_offset == (2.0 if sun < 30 else 5.0)
+    assert light.sun_elevation == pytest.approx(sun, abs=0.6)
+    assert len(clock_warnings(light)) == (sun < 30)
+
+
 @pytest.mark.parametrize(
     ("time", "words"),
     [("1970:01:01 00:12:44", "reset"), ("1980:01:01 11:00:00", "reset"), ("2000:01:01 07:12:00", "reset")],
