@@ -8,7 +8,7 @@ import json
 import random
 import time
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -112,10 +112,14 @@ def _imagenet_features() -> Features:
 
 
 def _render_plain(lighting: Lighting, context: PhotoContext) -> NDArray[np.float32]:
-    return render_with_surroundings(lighting, context, MAP_ROWS)
+    return render_with_surroundings(lighting, replace(context, detail=False), MAP_ROWS)
 
 
-METHODS: dict[str, Render] = {"without detail": _render_plain}
+def _render_detail(lighting: Lighting, context: PhotoContext) -> NDArray[np.float32]:
+    return render_with_surroundings(lighting, replace(context, detail=True), MAP_ROWS)
+
+
+METHODS: dict[str, Render] = {"without detail": _render_plain, "with detail": _render_detail}
 
 
 def _in_library(panorama: Panorama) -> bool:

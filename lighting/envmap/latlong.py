@@ -1,6 +1,7 @@
 """Operations on lat-long images: row weights, irradiance, resize, blur, remove sun."""
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,8 @@ Image = NDArray[np.float32]
 
 MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
 _CAP_STEPS, _CAP_TOLERANCE = 50, 1e-3  # attempts to keep an irradiance, and the share of it that may be missing
+_BAND_ROWS = 32  # that are multiplied at once
+
 EPSILON_IRRADIANCE = 1e-12  # irradiance, radiance or exposure that stands for none in a divisor
 
 
@@ -160,3 +163,50 @@ def max_channel(image: Image) -> Image:
         image: (..., 3).
     """
     return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
+
+
+def multiply_cells(image: Image, cells: Image) -> None:
+    """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
+
+    Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
+
+    Args:
+        image: changed in place.
+        cells: factors on a grid of the same directions.
+    """
+    (height, width), (rows, columns) = image.shape[:2], cells.shape[:2]
+    wide = (_interpolation_weights(width, columns, lambda cell: cell % columns) @ cells).reshape(rows, -1)  # (R, 3 W)
+    down = _interpolation_weights(height, rows, lambda cell: np.clip(cell, 0, rows - 1))
+    flat = image.reshape(height, -1)
+    for start in range(0, height, _BAND_ROWS):
+        band = slice(start, start + _BAND_ROWS)
+        near = np.flatnonzero(down[band].any(axis=0))
+        between = slice(near[0], near[-1] + 1)
+        flat[band] *= down[band, between] @ wide[between]
+
+
+def interpolate_cells(cells: Image, height: int, rows: slice, columns: slice) -> Image:
+    """The cells (R, 2R, 3) of a map in a window (r, c, 3) of its pixels, linear between their centres.
+
+    Args:
+        cells: on a grid of the map's directions.
+        height: rows of the map.
+        rows: of the window.
+        columns: of the window.
+    """
+    down = _interpolation_weights(height, len(cells), lambda cell: np.clip(cell, 0, len(cells) - 1))[rows]
+    across = _interpolation_weights(2 * height, cells.shape[1], lambda cell: cell % cells.shape[1])[columns]
+    wide = (across @ cells).reshape(len(cells), -1)
+    return np.asarray((down @ wide).reshape(len(down), len(across), 3))
+
+
+def _interpolation_weights(
+    pixels: int, cells: int, bound: Callable[[NDArray[np.intp]], NDArray[np.intp]]
+) -> NDArray[np.float32]:
+    """The shares (pixels, cells) of the cells on either side of each pixel; `bound` maps those beyond the ends."""
+    position = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
+    low = np.floor(position).astype(np.intp)
+    shares = np.zeros((pixels, cells), np.float32)
+    for cell, share in ((low, 1 - (position - low)), (low + 1, position - low)):
+        shares[np.arange(pixels), bound(cell)] += np.asarray(share, dtype=np.float32)
+    return shares

@@ -11,9 +11,16 @@ from lighting.color import SRGB_LINEAR
 from lighting.envmap.latlong import Image, max_channel
 from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
+from lighting.segmentation import Segments, SurfaceClass, class_share
 
 FEATHER = 0.15  # share of the picture's half width and half height over which it fades into its surroundings
 CLIPPED = 0.95  # linear value from which a pixel may have been brighter
+
+# How far a photo goes on beyond its edges, as its own mirror image, in shares of its half width and half height.
+_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM = 0.4, 0.2, 0.4
+
+_MAX_ONCE = 0.15  # probability of a person or a vehicle up to which a cell may be seen twice
+_MIN_UPWARD = 0.5  # probability of plants or sky from which a cell goes on upwards
 
 _SAMPLED_SIDE = 96  # pixels along the longer side at which a photo's colors are sampled
 _WINDOW_ROWS = 48  # rows of a map in which the photo's window is sought
@@ -54,6 +61,13 @@ class ProjectedPhoto:
         return ProjectedPhoto(slice(top, bottom), self.columns, self.linear[part], self.weight[part])
 
 
+@dataclass(frozen=True, eq=False)
+class ContinuedPhoto(ProjectedPhoto):
+    """A photo in a window of a map that goes on beyond its edges as its own mirror image."""
+
+    share: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 where it no longer goes on
+
+
 def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
     """The camera that took a photo; it looks to azimuth 0.
 
@@ -78,13 +92,59 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
     window = _find_window(camera, height)
     if window is None:
         return None
-    rows, columns = window
-    x, y = _map_to_picture(camera, height, rows, columns)
+    x, y = _map_to_picture(camera, height, *window)
+    return ProjectedPhoto(*window, _pixels_at(picture, x, y), _inner_weight(x, y))
+
+
+def continue_photo(
+    lighting: Lighting, photo: NDArray[np.uint8], height: int, segments: Segments | None = None
+) -> ContinuedPhoto | None:
+    """`project_photo`, with the photo's mirror image beyond its edges, fading out.
+
+    People and vehicles are not seen twice. Upwards only plants and sky go on.
+
+    Args:
+        lighting: with the photo's camera.
+        photo: (h, w, 3) sRGB.
+        height: rows of the map.
+        segments: what the photo shows; None: unknown, and nothing goes on upwards.
+    """
+    picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
+    camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
+    window = _find_window(camera, height, max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM))
+    if window is None:
+        return None
+    x, y = _map_to_picture(camera, height, *window)
+    weight = _inner_weight(x, y)
+    above = y > 1
+    vertical = np.where(above, np.float32(_CONTINUED_TOP), np.float32(_CONTINUED_BOTTOM))
+    beyond = np.maximum((np.abs(x) - 1) / np.float32(_CONTINUED_SIDES), (np.abs(y) - 1) / vertical)
+    share = 1 - np.clip(beyond, 0, 1)
+    for position in (x, y):
+        outside = np.abs(position) > 1
+        position[outside] = (2 * np.sign(position) - position)[outside]
+    if segments is None:
+        share[above] = 0
+    else:
+        rows, columns = segments.shape[:2]
+        cell = _pixel_index(y, rows, -1) * columns + _pixel_index(x, columns, 1)
+        once = class_share(segments, SurfaceClass.PERSON, SurfaceClass.VEHICLE) > _MAX_ONCE
+        upward = class_share(segments, SurfaceClass.PLANTS, SurfaceClass.SKY) > _MIN_UPWARD
+        share[(beyond > 0) & (once.reshape(-1)[cell] | above & ~upward.reshape(-1)[cell])] = 0
+    return ContinuedPhoto(*window, _pixels_at(picture, x, y), weight, share)
+
+
+def _inner_weight(x: Image, y: Image) -> Image:
+    """Weight of a photo at positions in it, each -1 to 1; it falls to 0 at its edges."""
     ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER), 0, 1)
-    weight = ramp * ramp * (3 - 2 * ramp)
-    index = _pixel_index(y, camera.height, -1) * camera.width + _pixel_index(x, camera.width, 1)
-    linear = SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0))
-    return ProjectedPhoto(rows, columns, linear, weight)
+    return np.asarray(ramp * ramp * (3 - 2 * ramp))
+
+
+def _pixels_at(picture: NDArray[np.uint8], x: Image, y: Image) -> Image:
+    """Linear values (..., 3) of the pixels at positions in a picture, each -1 to 1."""
+    height, width = picture.shape[:2]
+    index = _pixel_index(y, height, -1) * width + _pixel_index(x, width, 1)
+    return np.asarray(SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0)))
 
 
 def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
@@ -129,10 +189,11 @@ def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: in
     return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
 
 
-def _find_window(camera: Pinhole, height: int) -> tuple[slice, slice] | None:
-    """Rows and columns of a map (H, 2H) that hold the picture."""
+def _find_window(camera: Pinhole, height: int, reach: float = 0.0) -> tuple[slice, slice] | None:
+    """Rows and columns of a map (H, 2H) that hold the picture, and a share of its half sides beyond it."""
     x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
-    inside = (x >= 0) & (x < camera.width) & (y >= 0) & (y < camera.height)  # false where NaN
+    right, below = reach / 2 * camera.width, reach / 2 * camera.height
+    inside = (x >= -right) & (x < camera.width + right) & (y >= -below) & (y < camera.height + below)  # false for NaN
     return geometry.pixel_window(inside, height, 2 * height)
 
 

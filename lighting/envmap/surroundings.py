@@ -15,14 +15,23 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
+import lighting.envmap.detail as detail
 import lighting.envmap.latlong as latlong
 from lighting.color import check_pixels, luminance
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, scale_colors
-from lighting.envmap.projection import CLIPPED, ProjectedPhoto, project_photo, sample_photo, size_in_envmap
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells, scale_colors
+from lighting.envmap.projection import (
+    CLIPPED,
+    ContinuedPhoto,
+    ProjectedPhoto,
+    continue_photo,
+    project_photo,
+    sample_photo,
+    size_in_envmap,
+)
 from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting
 from lighting.envmap.render import add_sun, cap_map, check_height, render
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
+from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.records import Estimate, Lighting, check_estimate, check_lighting
 from lighting.segmentation import Segments
 from lighting.sky import SKY_MODEL
@@ -32,7 +41,6 @@ _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for e
 _CELL_RATIO_RANGE = (0.05, 4.0)  # by which a cell of the bare map may be dimmed or lit
 _REST_SCALE_RANGE = (0.1, 4.0)  # of what the photo does not show; beyond it the photo is scaled too
 _IRRADIANCE_TOLERANCE = 1e-5  # share by which an irradiance may differ from the target
-_BAND_ROWS = 32  # that are multiplied at once
 _FINE_SIDE = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _CONTRAST = 0.7  # power of the network's panorama, whose contrast is too high at places that it has not learnt
 
@@ -56,6 +64,7 @@ class PhotoContext:
     exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
     light: Lighting | None = None  # that light; what it makes of the surroundings stays under another sun
     segments: Segments | None = None  # what the photo shows, of `segmentation`; None: unknown
+    detail: bool = False  # whether the map has detail all around
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "photo", check_pixels(self.photo))
@@ -169,19 +178,24 @@ def render_with_surroundings(
     check_lighting(lighting)
     check_height(height)
     _check_context(context)
-    halves = slice(0, height // 2), slice(height // 2, height)
+    detailed = context.detail and height >= detail.MIN_ROWS
     with ThreadPoolExecutor(1) as pool:  # projects the photo while the sky is painted; then each half has a thread
-        projection = pool.submit(project_photo, lighting, context.photo, height)
+        projection = pool.submit(_project_photo, lighting, context, height, detailed)
         image = render(lighting, height, sun=sun, disc=False)
         factors, photo = _context_factors(image, lighting, context), projection.result()
-        gain = context.gain(lighting)
+        gain, targets = context.gain(lighting), _half_irradiances(image)
         upper, lower = (
-            partial(_lay_surroundings, image, half, cells, photo.within(half) if photo else None, gain)
-            for half, cells in zip(halves, np.split(factors, 2), strict=True)
+            partial(_lay_surroundings, image, rows, target, cells, photo.within(rows) if photo else None, gain)
+            for rows, target, cells in zip(_halves(height), targets, np.split(factors, 2), strict=True)
         )
-        upper_done = pool.submit(upper)
-        lower()
+        upper_done = pool.submit(upper, not detailed)
+        lower(not detailed)
         upper_done.result()
+    if detailed:
+        continued = photo if isinstance(photo, ContinuedPhoto) else None
+        detail.add_detail(image, _detail_source(context, lighting), lighting, context.photo, continued, gain)
+        for rows, target in zip(_halves(height), targets, strict=True):
+            _lay_photo(image, rows, target, photo.within(rows) if photo else None, gain)
     cap_map(image, lighting)
     if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
@@ -200,6 +214,20 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
     _check_context(context)
     bare = render(lighting, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False)
     return _surroundings_factors(_pool_cells(bare), lighting, context)
+
+
+def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_on: bool) -> ProjectedPhoto | None:
+    """The photo in the pixels of a map, with its continuation for detail."""
+    if goes_on:
+        return continue_photo(lighting, context.photo, height, context.segments)
+    return project_photo(lighting, context.photo, height)
+
+
+def _detail_source(context: PhotoContext, lighting: Lighting) -> detail.DetailSource:
+    """The detail for a photo, by the light that it shows: it stays under another sun."""
+    light = context.light or lighting
+    bare = _pool_cells(render(light, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False))
+    return detail.choose_source(light, context.photo, bare * _surroundings_factors(bare, light, context))
 
 
 def _check_context(thing: object) -> None:
@@ -241,7 +269,7 @@ def _surroundings_factors(bare: Image, lighting: Lighting, context: PhotoContext
     if context.coarse_panorama is not None:
         panorama = _panorama_ratio(np.float32(gain) * context.coarse_panorama, bare)
         for half, cells in zip(np.split(ratio, 2), np.split(panorama, 2), strict=True):  # the horizon does not blend
-            _multiply_half(half, cells)
+            multiply_cells(half, cells)
     return np.asarray(ratio * _extrapolate_edges(ratio * bare, context.photo, lighting, gain))
 
 
@@ -325,51 +353,54 @@ def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: s
     return np.where(visible[..., None], values, fading[..., None] * mean).astype(np.float32)
 
 
-def _multiply_half(image: Image, cells: Image) -> None:
-    """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
-
-    Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
-    """
-    (height, width), (rows, columns) = image.shape[:2], cells.shape[:2]
-    wide = (_interpolation_weights(width, columns, lambda cell: cell % columns) @ cells).reshape(rows, -1)  # (R, 3 W)
-    down = _interpolation_weights(height, rows, lambda cell: np.clip(cell, 0, rows - 1))
-    flat = image.reshape(height, -1)
-    for start in range(0, height, _BAND_ROWS):
-        band = slice(start, start + _BAND_ROWS)
-        near = np.flatnonzero(down[band].any(axis=0))
-        between = slice(near[0], near[-1] + 1)
-        flat[band] *= down[band, between] @ wide[between]
+def _halves(height: int) -> tuple[slice, slice]:
+    """The rows of a map above and below the horizon."""
+    return slice(0, height // 2), slice(height // 2, height)
 
 
-def _interpolation_weights(
-    pixels: int, cells: int, bound: Callable[[NDArray[np.intp]], NDArray[np.intp]]
-) -> NDArray[np.float32]:
-    """The shares (pixels, cells) of the cells on either side of each pixel; `bound` maps those beyond the ends."""
-    position = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
-    low = np.floor(position).astype(np.intp)
-    shares = np.zeros((pixels, cells), np.float32)
-    for cell, share in ((low, 1 - (position - low)), (low + 1, position - low)):
-        shares[np.arange(pixels), bound(cell)] += np.asarray(share, dtype=np.float32)
-    return shares
-
-
-def _lay_surroundings(image: Image, half: slice, cells: Image, photo: ProjectedPhoto | None, gain: float) -> None:
-    """Give one half of the bare map its cells' factors, and the photo times a gain. Its irradiance stays."""
+def _half_irradiances(image: Image) -> tuple[Floats, Floats]:
+    """Irradiances (3,) of level ground from above and from below."""
     levels = latlong.row_irradiance(len(image))
-    target = irradiance_from_rows(levels[half], image[half])
-    _multiply_half(image[half], cells)
-    total = irradiance_from_rows(levels[half], image[half])
+    above, below = (irradiance_from_rows(levels[rows], image[rows]) for rows in _halves(len(image)))
+    return above, below
+
+
+def _lay_surroundings(
+    image: Image, half: slice, target: Floats, cells: Image, photo: ProjectedPhoto | None, gain: float, lay: bool
+) -> None:
+    """Give one half of the bare map its cells' factors, and the photo times a gain. Its irradiance stays.
+
+    `lay` False leaves the photo out, but the rest is as bright as with it.
+    """
+    multiply_cells(image[half], cells)
+    if lay or photo is None:
+        _lay_photo(image, half, target, photo, gain)
+    else:
+        scale_colors(image[half], _rest_scale(image, half, target, photo.over(image, gain))[0])
+
+
+def _lay_photo(image: Image, half: slice, target: Floats, photo: ProjectedPhoto | None, gain: float) -> None:
+    """Lay the photo times a gain over one half of a map, which gets the irradiance (3,) of the target."""
     if photo is None:
+        total = irradiance_from_rows(latlong.row_irradiance(len(image))[half], image[half])
         scale_colors(image[half], target / np.maximum(total, EPSILON_IRRADIANCE))
         return
     photo = photo.over(image, gain)
     window, weight = image[photo.rows, photo.columns], photo.weight[..., None].repeat(3, axis=2)
+    rest, reached = _rest_scale(image, half, target, photo)
+    scale_colors(image[half], rest)
+    window += weight * (photo.linear - window)
+    if np.any(np.abs(reached - target) > _IRRADIANCE_TOLERANCE * target):
+        scale_colors(image[half], target / np.maximum(reached, EPSILON_IRRADIANCE))
+
+
+def _rest_scale(image: Image, half: slice, target: Floats, photo: ProjectedPhoto) -> tuple[Floats, Floats]:
+    """The gain (3,) of what the photo leaves open in one half of a map, and the irradiance (3,) that it then has."""
+    levels = latlong.row_irradiance(len(image))
+    window, weight = image[photo.rows, photo.columns], photo.weight[..., None].repeat(3, axis=2)
     share = window.shape[1] / image.shape[1]  # of the columns
+    total = irradiance_from_rows(levels[half], image[half])
     from_photo = irradiance_from_rows(levels[photo.rows], weight * photo.linear) * share
     hidden = irradiance_from_rows(levels[photo.rows], weight * window) * share
     rest = np.clip((target - from_photo) / np.maximum(total - hidden, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
-    scale_colors(image[half], rest)
-    window += weight * (photo.linear - window)
-    reached = rest * (total - hidden) + from_photo
-    if np.any(np.abs(reached - target) > _IRRADIANCE_TOLERANCE * target):
-        scale_colors(image[half], target / np.maximum(reached, EPSILON_IRRADIANCE))
+    return rest, rest * (total - hidden) + from_photo

@@ -1,0 +1,147 @@
+"""Make lighting/data/detail.npz out of the panoramas of `train` that Poly Haven gives away (CC0).
+
+    python -m export.data.detail_library --data DIR
+
+Each is exposed like a photo, the sun and its glare are taken out, since a map has a sun of its own, and it is kept as a
+small WebP picture beside the features by which it is chosen.
+"""
+
+import argparse
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from export.data.panoramas import Panorama, linearize, read_index, read_picture
+from lighting.color import luminance, tone_map
+from lighting.envmap.detail_library import FEATURE_RANGE, FEATURE_ROWS, LIBRARY_PATH, PICTURE_ROWS, cell_features
+from lighting.envmap.latlong import shrink_envmap
+from lighting.geometry import angle_between, direction, latlong_directions
+
+LICENCE = "poly haven"  # in the field of a row whose panorama may ship
+LEFT_OUT = (
+    *("mfecane_1189", "mfecane_1194", "mfecane_1195", "mfecane_1204", "mfecane_1213"),  # others show the same
+    *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
+    "industrial_sunset_02",  # no detail but rows of plants
+)
+QUALITY = 32  # of WebP, 0 to 100
+
+_BRIGHT, _BRIGHT_SHARE, _MEAN = (
+    0.9,
+    0.95,
+    0.25,
+)  # exposure: most of the pixels darker than _BRIGHT, the mean under _MEAN
+_MIDDLE = slice(1, 3)  # quarters of the rows by which a panorama is exposed
+_GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, as it was beyond the second
+_SKY_LUMINANCE = 0.3
+_BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
+
+
+def make_detail_library(data: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of the library's file.
+
+    Args:
+        data: folder of panoramas.
+    """
+    chosen = [p for p in read_index(data, "train") if may_ship(p) and p.name not in LEFT_OUT]
+    linear = [_prepare(p) for p in chosen]
+    pictures = [_encode(one) for one in linear]
+    low, high = FEATURE_RANGE
+    features = np.stack([_features(one) for one in linear])
+    return {
+        "names": np.array([p.name for p in chosen]),
+        "sizes": np.array([len(picture) for picture in pictures]),
+        "pictures": np.frombuffer(b"".join(pictures), dtype=np.uint8),
+        "features": np.round((np.clip(features, low, high) - low) * (255 / (high - low))).astype(np.uint8),
+        "sun_azimuth": np.array([np.nan if p.sun_azimuth is None else p.sun_azimuth for p in chosen]),
+        "sunlit": np.array([p.direct in ("yes", "partly") and p.sun_azimuth is not None for p in chosen]),
+    }
+
+
+def may_ship(panorama: Panorama) -> bool:
+    """Whether a panorama's licence is Poly Haven's CC0.
+
+    Args:
+        panorama: a row of the index.
+    """
+    licence = panorama.licence.lower()
+    return LICENCE in licence and "cc0" in licence
+
+
+def _prepare(panorama: Panorama) -> NDArray[np.float32]:
+    """A panorama (PICTURE_ROWS, 2 PICTURE_ROWS, 3), linear, 0 to 1, without its sun."""
+    linear = shrink_envmap(linearize(panorama, read_picture(panorama)), PICTURE_ROWS)
+    if panorama.kind == "hdr":
+        quarter = len(linear) // 4
+        bright = luminance(linear[_MIDDLE.start * quarter : _MIDDLE.stop * quarter])
+        limit = float(np.quantile(bright, _BRIGHT_SHARE))
+        linear = linear * np.float32(min(_BRIGHT / limit, _MEAN / float(np.minimum(bright, limit).mean())))
+    linear = np.clip(linear, 0, 1)
+    if panorama.sun == "visible" and panorama.sun_azimuth is not None and panorama.sun_elevation is not None:
+        _remove_glare(linear, direction(panorama.sun_azimuth, panorama.sun_elevation))
+    return linear
+
+
+def _remove_glare(linear: NDArray[np.float32], sun: NDArray[np.floating]) -> None:
+    """Smooth the bright sky around the sun, so that no edge of its glare is left among the detail."""
+    rows = len(linear) // 2
+    sky = linear[:rows]
+    distance = angle_between(latlong_directions(len(linear))[:rows], sun)
+    share = np.clip((_GLARE_DEG[1] - distance) / (_GLARE_DEG[1] - _GLARE_DEG[0]), 0, 1)[..., None]
+    bright = (luminance(sky)[..., None] > _SKY_LUMINANCE).astype(np.float32)  # trees before the sun stay
+    kernels = _gaussian(rows, len(linear), wraps=False), _gaussian(2 * len(linear), len(linear), wraps=True)
+    total, weight = (
+        np.einsum("ij,jkc,kl->ilc", kernels[0], x, kernels[1], optimize=True) for x in (bright * sky, bright)
+    )
+    sky += (share * bright * (total / np.maximum(weight, 1e-3) - sky)).astype(np.float32)
+
+
+def _gaussian(count: int, rows: int, wraps: bool) -> NDArray[np.float32]:
+    """Weights (count, count) of a normal distribution of _GLARE_DEG[0] between pixels of a map of some rows."""
+    distance = np.abs(np.arange(count)[:, None] - np.arange(count))
+    distance = np.minimum(distance, count - distance) if wraps else distance
+    return np.asarray(np.exp(-0.5 * (distance * (180.0 / rows) / _GLARE_DEG[0]) ** 2), dtype=np.float32)
+
+
+def _encode(linear: NDArray[np.float32]) -> bytes:
+    Image.fromarray(tone_map(linear)).save(stream := io.BytesIO(), "WEBP", quality=QUALITY, method=6)
+    return stream.getvalue()
+
+
+def _features(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The FEATURES (F, FEATURE_ROWS, 2 FEATURE_ROWS) of a panorama."""
+    step = len(linear) / FEATURE_ROWS
+    rows = np.arange(0, len(linear), 2)
+    columns = np.arange(0, 2 * len(linear), 2)
+    cell = (rows // step).astype(np.intp)[:, None] * 2 * FEATURE_ROWS + (columns // step).astype(np.intp)
+    four, _ = cell_features(linear[::2, ::2].reshape(-1, 3), cell.reshape(-1))
+    return np.concatenate([four, _smooth(four[0])[None]])
+
+
+def _smooth(cells: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Cells smoothed within each half; columns wrap."""
+    rows, columns = cells.shape
+    spacing = 180.0 / rows
+    index = np.arange(columns)
+    around = np.minimum(np.abs(index[:, None] - index), columns - np.abs(index[:, None] - index))
+    across = np.abs(np.arange(rows)[:, None] - np.arange(rows))
+    half = np.arange(rows) < rows // 2
+    kernels = [np.exp(-0.5 * (d * spacing / _BROAD_DEG) ** 2) for d in (across, around)]
+    kernels[0] = kernels[0] * (half[:, None] == half)
+    vertical, horizontal = (k / k.sum(axis=1, keepdims=True) for k in kernels)
+    return np.asarray(vertical @ cells @ horizontal.T, dtype=np.float32)
+
+
+def _main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--data", type=Path, required=True, help="folder with panoramas.csv and the pictures")
+    library = make_detail_library(parser.parse_args().data)
+    np.savez_compressed(LIBRARY_PATH, allow_pickle=False, **library)
+    print(f"{LIBRARY_PATH}: {len(library['names'])} panoramas, {LIBRARY_PATH.stat().st_size} bytes")
+
+
+if __name__ == "__main__":
+    _main()

@@ -1,0 +1,321 @@
+"""Detail all around a map: what is coarse stays as it is, what is finer comes from the photo and from real places.
+
+Beside its edges the photo goes on by its own mirror image for some degrees; beyond them lies a panorama of the library
+that looks like the photo. Both are divided by what is coarse in them, so that they add no light. Then each cell, and
+the light on matte objects in each half of the map exactly, is brought back to what it was. Around the sun the sky stays
+smooth, and no part of the sky becomes much brighter than its brightest was: there is one sun.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.color import SRGB_LINEAR, luminance
+from lighting.envmap.detail_library import (
+    FEATURE_ROWS,
+    LOG_OFFSET,
+    DetailChoice,
+    cell_features,
+    choose_detail,
+    detail_picture,
+    feature_weights,
+)
+from lighting.envmap.latlong import Image, interpolate_cells, multiply_cells, shrink_envmap
+from lighting.envmap.projection import CLIPPED, ContinuedPhoto, sample_photo
+from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions
+from lighting.records import Lighting
+
+MIN_ROWS = 48  # of maps that have room for detail
+
+_CELL_ROWS = 48  # of the cells whose light stays
+_COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
+_HORIZON_DEG = 10.0  # standard deviation by which the map is smoothed, so that its horizon vanishes
+_LIGHT_DEG = 10.0  # standard deviation over which light stays as bright as it was
+_COLOR_DEG = 40.0  # and over which its color stays
+_DETAIL_RANGE = (0.1, 2.5)  # of a pixel over what is coarse
+_CONTRAST = {20.0: 0.9, 0.0: 0.85}  # power of the library's detail at elevations [deg], linear between them
+_HAND_OVER_DEG = 8.0  # standard deviation over which the photo's own brightness reaches beyond its edges
+_RIM_WEIGHT = 0.85  # of the photo in a cell, up to which the cell lies at the photo's edge
+_CLIPPED_LOG = math.log(CLIPPED)
+_HAND_OVER = 0.7  # largest logarithm of its gain
+_GAIN_RANGE = (0.25, 4.0)
+_SUN_DEG = (4.0, 14.0)  # around the sun: no detail within the first, all of it beyond the second
+_GLARE_DEG = 20.0  # around the sun, where the sky may be bright
+_BRIGHTEST = 1.2  # times the brightest cell of the sky, which no other part exceeds
+_MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
+_COLORFUL = 0.12  # spread of a photo's colors, in logarithms, from which the library's are shown in full
+_SEAM = 0.35  # how far the darker of two neighbors is preferred between photo and library
+_SEAM_WIDTH = 0.15  # of the continuation's reach
+
+
+@dataclass(frozen=True)
+class DetailSource:
+    """What is chosen for a photo: a panorama of the library, and how colorful it may be."""
+
+    choice: DetailChoice
+    saturation: float
+
+
+def choose_source(lighting: Lighting, photo: NDArray[np.uint8], around: Image) -> DetailSource:
+    """The detail that suits a photo.
+
+    Args:
+        lighting: of the photo; its camera and its sun count.
+        photo: (h, w, 3) sRGB, upright.
+        around: (FEATURE_ROWS, 2 FEATURE_ROWS, 3) linear, the coarse map that it lies in.
+    """
+    samples, directions = sample_photo(photo, lighting)
+    colors = samples.reshape(-1, 3)
+    four, count = cell_features(colors, _cell_indices(directions.reshape(-1, 3), FEATURE_ROWS))
+    level = np.cos(np.radians(latlong_angles(FEATURE_ROWS)[1]))[:, None].repeat(2 * FEATURE_ROWS, axis=1)
+    seen = np.where(count >= _MIN_SAMPLES, level, 0.0)
+    broad = np.log(np.maximum(luminance(around), 1e-3))
+    target = np.concatenate([four, broad[None]]).astype(np.float32)
+    weight = feature_weights(seen, level)
+    shines = lighting.sun_painted and lighting.sun_shines
+    choice = choose_detail(target, weight, lighting.sun_azimuth if shines else None)
+    return DetailSource(choice, _saturation(colors))
+
+
+def _cell_indices(directions: Floats, rows: int) -> NDArray[np.intp]:
+    """Row x 2 rows + column (P,) of the cells in which directions (P, 3) lie."""
+    azimuth, elevation = angles(directions)
+    row = np.minimum((90.0 - elevation) / 180.0 * rows, rows - 1).astype(np.intp)
+    return np.asarray(row * 2 * rows + np.minimum((azimuth + 180.0) / 180.0 * rows, 2 * rows - 1).astype(np.intp))
+
+
+def _saturation(colors: Image) -> float:
+    """How colorful detail may be beside samples (P, 3) of a photo: 0 for a grey one."""
+    log = np.log(np.maximum(colors, LOG_OFFSET))
+    spread = float(np.std(log[:, 0] - log[:, 1]) + np.std(log[:, 2] - log[:, 1]))
+    return round(min(spread / _COLORFUL, 1.0), 2)
+
+
+def add_detail(
+    image: Image,
+    source: DetailSource,
+    lighting: Lighting,
+    photo: NDArray[np.uint8],
+    continued: ContinuedPhoto | None,
+    gain: float = 1.0,
+) -> None:
+    """Give a coarse map detail; its light stays where the photo will not be laid over it.
+
+    Args:
+        image: (H, 2H, 3) linear, MIN_ROWS rows at least, without photo and disc, changed in place.
+        source: of the detail.
+        lighting: of the map; its camera and its sun count.
+        photo: (h, w, 3) sRGB, upright.
+        continued: the photo in the map with its continuation; None: it is too narrow to be seen.
+        gain: over 0, by which the photo's linear values are multiplied.
+    """
+    height = len(image)
+    detail = _library_detail(source, height)
+    hidden = np.zeros((height, 2 * height, 1), np.float32)
+    edge = None
+    if continued is not None:
+        log, shown = _photo_cells(photo, lighting)
+        _blend_continuation(detail, continued, _spread(log, shown, _COARSE_DEG)[0])
+        hidden[continued.rows, continued.columns, 0] = continued.weight
+        weight = shrink_envmap(hidden, _CELL_ROWS)
+        rim = shown * ((weight > 0.02) & (weight < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
+        edge = log + np.float32(math.log(gain)), rim.astype(np.float32)
+    sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
+    if sun is not None:
+        _calm_sun(detail, sun)
+    level = np.cos(np.radians(latlong_angles(_CELL_ROWS)[1])).astype(np.float32)[:, None, None]
+    open_share = (1 - shrink_envmap(hidden, _CELL_ROWS)) * level
+    before = shrink_envmap(image, _CELL_ROWS)
+    log = np.log(np.maximum(before, np.float32(1e-9)))
+    blurred = np.exp(_blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
+    np.clip(detail, *_DETAIL_RANGE, out=detail)
+    lit = before * blurred * shrink_envmap(detail, _CELL_ROWS)
+    gains = blurred * _light_gains(before, lit, open_share, edge)
+    _limit_sky(detail[: height // 2], before * gains, _sky_limit(before, open_share, sun))
+    _keep_moments(gains, before, shrink_envmap(detail, _CELL_ROWS), open_share)
+    image *= detail
+    for half, cells in zip(np.split(image, 2), np.split(gains, 2), strict=True):
+        multiply_cells(half, cells)
+
+
+def _library_detail(source: DetailSource, height: int) -> Image:
+    """A panorama (H, 2H, 3) over what is coarse in it, to the power _CONTRAST."""
+    picture = detail_picture(source.choice, height, source.saturation)
+    log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
+    coarse = _blur_cells(shrink_envmap(log_offset.take(_reduce(picture)), _CELL_ROWS), _COARSE_DEG)
+    detail = np.empty(picture.shape, np.float32)
+    contrast = _contrast(height)
+    first = 0
+    for last in [*(np.flatnonzero(np.diff(contrast)) + 1), height]:  # rows of one contrast
+        table = np.exp(log_offset * contrast[first]).astype(np.float32)
+        detail[first:last] = table.take(picture[first:last])
+        first = last
+    multiply_cells(detail, np.exp(-coarse * _contrast(_CELL_ROWS)[:, None, None]))
+    return detail
+
+
+def _contrast(height: int) -> Image:
+    """_CONTRAST of the rows (H,) of a map, in steps of a hundredth."""
+    below, above = min(_CONTRAST), max(_CONTRAST)
+    contrast = np.interp(latlong_angles(height)[1], [below, above], [_CONTRAST[below], _CONTRAST[above]])
+    return np.asarray(np.round(contrast, 2), dtype=np.float32)
+
+
+def _reduce(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """A picture (H, 2H, 3) at a quarter of its pixels or so, for its cells."""
+    step = max(1, len(picture) // (4 * _CELL_ROWS))
+    rest = (len(picture) // step) * step
+    return picture[step // 2 : rest : step, step // 2 : 2 * rest : step]
+
+
+def _blend_continuation(detail: Image, continued: ContinuedPhoto, coarse: Image) -> None:
+    """Lay the photo's own detail over the library's, along a seam that prefers the darker of both.
+
+    Args:
+        detail: (H, 2H, 3) of the library, changed in place.
+        continued: the photo.
+        coarse: (R, 2R, 3) logarithm of what is coarse in the photo.
+    """
+    window = detail[continued.rows, continued.columns]
+    own = continued.linear + LOG_OFFSET
+    own *= interpolate_cells(np.exp(-coarse), len(detail), continued.rows, continued.columns)
+    green, own_green = window[..., 1], own[..., 1]
+    contrast = (green - own_green) / (green + own_green)
+    place = 2 * continued.share - 1 + np.float32(2 * _SEAM) * contrast
+    mask = np.clip(place * np.float32(0.5 / _SEAM_WIDTH) + np.float32(0.5), 0, 1) * (continued.share > 0)
+    own -= window
+    own *= mask[..., None]
+    window += own
+
+
+def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Image]:
+    """Mean logarithm (R, 2R, 3) of the photo in each cell, and (R, 2R, 1) 1 where it shows the cell, else 0."""
+    samples, directions = sample_photo(photo, lighting)
+    cell = _cell_indices(directions.reshape(-1, 3), _CELL_ROWS)
+    cells, shape = 2 * _CELL_ROWS**2, (_CELL_ROWS, 2 * _CELL_ROWS, -1)
+    log = np.log(samples.reshape(-1, 3) + LOG_OFFSET)
+    count = np.bincount(cell, minlength=cells)[:, None]
+    total = np.stack([np.bincount(cell, channel, cells) for channel in log.T], axis=-1)
+    mean, shown = (total / np.maximum(count, 1)).astype(np.float32), (count > 0).astype(np.float32)
+    return mean.reshape(shape), shown.reshape(shape)
+
+
+def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:
+    """Values (R, 2R, 3) of the cells that are shown, spread to all, and the weight (R, 2R, 1) of what was spread."""
+    share = _blur_cells(shown, deg)
+    return np.asarray(_blur_cells(values * shown, deg) / np.maximum(share, np.float32(1e-6))), share
+
+
+def _calm_sun(detail: Image, sun: Floats) -> None:
+    """Fade detail (H, 2H, 3) out around the sun."""
+    cells = angle_between(latlong_directions(_CELL_ROWS), sun)
+    share = np.clip((cells - _SUN_DEG[0]) / (_SUN_DEG[1] - _SUN_DEG[0]), 0, 1)
+    share = np.asarray(share * share * (3 - 2 * share), dtype=np.float32)[..., None].repeat(3, axis=2)
+    rows = np.flatnonzero((share < 1).any(axis=(1, 2)))
+    if not rows.size:
+        return
+    scale = len(detail) / _CELL_ROWS
+    window = slice(int(max(0, (rows[0] - 1) * scale)), int(min(len(detail), (rows[-1] + 2) * scale)))
+    part = detail[window]
+    part -= 1
+    part *= interpolate_cells(share, len(detail), window, slice(None))
+    part += 1
+
+
+def _light_gains(before: Image, lit: Image, open_share: Image, edge: tuple[Image, Image] | None) -> Image:
+    """Factors of the cells of the detailed map by which its light is nearly that of the map before.
+
+    Args:
+        before: (R, 2R, 3) the map without detail.
+        lit: (R, 2R, 3) the map with detail; it is changed.
+        open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
+        edge: (R, 2R, 3) mean logarithm of the photo, and the cells (R, 2R, 1) at its edges, 1 or 0; None: no photo.
+    """
+    gains = np.ones_like(before)
+    for _ in range(2):
+        for deg in (_COLOR_DEG, _LIGHT_DEG):
+            wanted, reached = (_blur_cells(one * open_share, deg) for one in (before, lit))
+            if deg == _LIGHT_DEG:
+                wanted, reached = luminance(wanted)[..., None], luminance(reached)[..., None]
+            change = np.clip(wanted / np.maximum(reached, np.float32(1e-9)), *_GAIN_RANGE)
+            _multiply_both(gains, lit, change.astype(np.float32))
+    if edge is not None:
+        log, shown = edge
+        off = np.clip(log - np.log(lit + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
+        spread, share = _spread(off, shown, _HAND_OVER_DEG)
+        reference = float(np.median(share[shown > 0])) if shown.any() else 1.0
+        _multiply_both(gains, lit, np.exp(spread * np.clip(share / reference, 0, 1)))
+    return gains
+
+
+def _limit_sky(detail: Image, cells: Image, limit: Floats) -> None:
+    """Darken what would be too bright in the sky.
+
+    Args:
+        detail: (H / 2, 2H, 3), changed in place.
+        cells: (R, 2R, 3) what it will be multiplied with.
+        limit: (R / 2, 2R) luminance that no part of the sky may exceed.
+    """
+    ceiling = np.maximum(limit / np.maximum(luminance(cells[: len(limit)]), 1e-9), 1)
+    both = np.concatenate([ceiling, ceiling[::-1]]).astype(np.float32)[..., None].repeat(3, axis=2)
+    np.minimum(detail, interpolate_cells(both, 2 * len(detail), slice(0, len(detail)), slice(None)), out=detail)
+
+
+def _keep_moments(gains: Image, before: Image, detail: Image, open_share: Image) -> None:
+    """Change gains (R, 2R, 3) smoothly, so that the light on matte objects stays, and that on level ground exactly.
+
+    Args:
+        gains: of the cells, changed in place.
+        before: (R, 2R, 3) the map without detail.
+        detail: (R, 2R, 3) means of the detail.
+        open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
+    """
+    lit, moments = before * gains * detail, _moments(len(before))
+    flat = moments.reshape(-1, moments.shape[-1])
+    for channel in range(3):
+        power = (open_share[..., 0] * lit[..., channel]).reshape(-1)
+        missing = flat.T @ (open_share[..., 0] * (before - lit)[..., channel]).reshape(-1)
+        solution = np.linalg.lstsq(flat.T @ (power[:, None] * flat), missing, rcond=1e-5)[0]
+        change = np.clip(1 + flat @ solution, *_GAIN_RANGE)
+        gains[..., channel] *= change.reshape(gains.shape[:2]).astype(np.float32)
+
+
+def _moments(rows: int) -> Floats:
+    """Spherical harmonics (R, 2R, 10) up to the second order, of any scale, and the cosine of level ground."""
+    x, y, z = np.moveaxis(latlong_directions(rows), -1, 0)
+    return np.stack([np.ones_like(x), x, y, z, x * y, y * z, x * z, x * x - z * z, 3 * y * y - 1, np.abs(y)], axis=-1)
+
+
+def _multiply_both(gains: Image, lit: Image, change: Image) -> None:
+    gains *= change
+    lit *= change
+
+
+def _sky_limit(before: Image, open_share: Image, sun: Floats | None) -> Floats:
+    """The luminance (R / 2, 2R) that no part of the sky may exceed."""
+    sky = luminance(before[: len(before) // 2])
+    away = open_share[: len(sky), :, 0] > 0
+    if sun is not None:
+        away &= angle_between(latlong_directions(len(before))[: len(sky)], sun) > _GLARE_DEG
+    return np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky)
+
+
+def _blur_cells(cells: Image, deg: float) -> Image:
+    """Cells (r, 2R, C), some rows of a map, blurred; columns wrap and rows end."""
+    rows, columns = cells.shape[:2]
+    down, across = _blur_matrix(rows, columns // 2, deg, False), _blur_matrix(columns, columns // 2, deg, True)
+    blurred = (down @ cells.reshape(rows, -1)).reshape(cells.shape)
+    return np.asarray(across @ blurred, dtype=np.float32)
+
+
+@lru_cache(maxsize=8)
+def _blur_matrix(count: int, map_rows: int, deg: float, wraps: bool) -> Image:
+    """Weights (count, count) of a normal distribution between cells; rows sum to 1."""
+    index = np.arange(count)
+    distance = np.abs(index[:, None] - index)
+    distance = np.minimum(distance, count - distance) if wraps else distance
+    weight = np.exp(-0.5 * (distance * (180.0 / map_rows) / deg) ** 2)
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)

@@ -1,0 +1,166 @@
+"""The library of detail: small CC0 panoramas of real places, and which of them suits a photo.
+
+A map takes from one of them what is finer than the network's cells. It is chosen by what the photo shows in each cell
+(brightness, contrast, colors), by what the network predicts around it, and by its sun, so that shadows agree.
+`python -m export.data.detail_library` made the file.
+"""
+
+import io
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.envmap.latlong import Image
+from lighting.geometry import Floats, wrap_azimuth
+
+LIBRARY_PATH = Path(__file__).parent.parent / "data" / "detail.npz"
+PICTURE_ROWS = 512  # of the library's panoramas
+FEATURE_ROWS = 24  # rows of cells by which they are chosen
+FEATURES = ("brightness", "contrast", "red", "blue", "broad brightness")  # logarithms; the last is smoothed
+FEATURE_RANGE = (-6.0, 2.0)  # that 8 bits hold
+
+LOG_OFFSET = np.float32(0.006)  # linear value added before a logarithm
+
+_DARKEST = 1e-3  # linear value that counts in a logarithm
+_LEAST_CONTRAST = 0.02
+_SEEN_WEIGHTS = (1.0, 2.0, 1.0, 1.0)  # of the first four features, where the photo shows them
+_BROAD_WEIGHT = 1.0  # of the last, everywhere
+_SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
+_SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
+
+
+@dataclass(frozen=True, eq=False)
+class DetailLibrary:
+    """N panoramas of detail and their features."""
+
+    names: tuple[str, ...]
+    pictures: tuple[bytes, ...]  # WebP, sRGB, PICTURE_ROWS rows
+    features: NDArray[np.float32]  # (N, F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES
+    sun_azimuth: Floats  # (N,) deg, NaN where unknown
+    sunlit: NDArray[np.bool_]  # (N,) whether direct sunlight reaches the place
+
+
+@dataclass(frozen=True)
+class DetailChoice:
+    """A panorama of the library, perhaps flipped, and rotated afterwards."""
+
+    index: int
+    flipped: bool
+    yaw: float  # deg; what was at azimuth a (-a if flipped) is at a + yaw
+
+
+@lru_cache(maxsize=1)
+def load_detail_library() -> DetailLibrary:
+    """The library in this package."""
+    with np.load(LIBRARY_PATH) as stored:
+        ends, raw = np.cumsum(stored["sizes"]), stored["pictures"].tobytes()
+        low, high = FEATURE_RANGE
+        return DetailLibrary(
+            names=tuple(map(str, stored["names"])),
+            pictures=tuple(raw[end - size : end] for end, size in zip(ends, stored["sizes"], strict=True)),
+            features=stored["features"] * np.float32((high - low) / 255) + np.float32(low),
+            sun_azimuth=stored["sun_azimuth"],
+            sunlit=stored["sunlit"],
+        )
+
+
+def cell_features(colors: Image, cell: NDArray[np.intp]) -> tuple[Image, NDArray[np.intp]]:
+    """The first four FEATURES (4, FEATURE_ROWS, 2 FEATURE_ROWS) of samples, and how many lie in each cell.
+
+    Args:
+        colors: (P, 3) linear, 0 to 1.
+        cell: (P,) row x 2 FEATURE_ROWS + column of each.
+    """
+    cells = 2 * FEATURE_ROWS**2
+    count = np.bincount(cell, minlength=cells)
+    share = 1 / np.maximum(count, 1)
+    log = np.log(np.maximum(colors, np.float32(_DARKEST)))
+    brightness, squares = (np.bincount(cell, value, cells) * share for value in (log[:, 1], log[:, 1] ** 2))
+    mean = [np.log(np.maximum(np.bincount(cell, channel, cells) * share, _DARKEST)) for channel in colors.T]
+    contrast = 0.5 * np.log(np.maximum(squares - brightness**2, _LEAST_CONTRAST**2))
+    values = np.stack([brightness, contrast, mean[0] - mean[1], mean[2] - mean[1]])
+    shape = FEATURE_ROWS, 2 * FEATURE_ROWS
+    return np.asarray(values.reshape(4, *shape), dtype=np.float32), count.reshape(shape)
+
+
+def feature_weights(seen: Floats, level: Floats) -> Image:
+    """How much each cell counts (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
+
+    Args:
+        seen: (FEATURE_ROWS, 2 FEATURE_ROWS) solid angle of the cells that the photo shows, 0 elsewhere.
+        level: as `seen`, of all cells.
+    """
+    share = seen / max(float(seen.sum()), 1e-6)
+    return np.asarray(np.stack([share * w for w in _SEEN_WEIGHTS] + [_BROAD_WEIGHT * level / level.sum()]), np.float32)
+
+
+def choose_detail(
+    target: Image, weight: Image, sun_azimuth: float | None, library: DetailLibrary | None = None
+) -> DetailChoice:
+    """The panorama, of all rotations and both ways round, with the least squared difference of features.
+
+    Args:
+        target: (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
+        weight: as `target`, of `feature_weights`.
+        sun_azimuth: deg, of a sun that shines; None: without.
+        library: None is the one in this package.
+    """
+    library = load_detail_library() if library is None else library
+    columns = 2 * FEATURE_ROWS
+    turned = (np.arange(columns)[:, None] + np.arange(columns)) % columns  # (turns, columns)
+    weights, targets = (
+        np.moveaxis(values[..., turned], -2, 0).reshape(columns, -1) for values in (weight, weight * target)
+    )
+    costs = []
+    for flipped in (False, True):
+        features = _flat_features(library, flipped)
+        cost = features**2 @ weights.T - 2 * features @ targets.T  # (N, turns), but for what is the same for all
+        costs.append(cost + _sun_cost(library, flipped, sun_azimuth))
+    cost = np.stack(costs)
+    way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 360.0 / columns)))
+
+
+def _flat_features(library: DetailLibrary, flipped: bool) -> Image:
+    features = library.features[..., ::-1] if flipped else library.features
+    return features.reshape(len(features), -1)
+
+
+def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:
+    """What the library's suns cost (N, turns) where the sun is; a panorama in shade fits any."""
+    turns = np.arange(2 * FEATURE_ROWS) * 180.0 / FEATURE_ROWS
+    known = np.isfinite(library.sun_azimuth) & library.sunlit
+    if sun_azimuth is None:
+        return np.where(library.sunlit, _SHADE_COST, 0.0)[:, None] * np.ones(len(turns))
+    azimuth = np.nan_to_num(library.sun_azimuth) * (-1 if flipped else 1)
+    off = np.radians(azimuth[:, None] + turns - sun_azimuth)
+    return np.asarray(np.where(known[:, None], _SUN_WEIGHT * (1 - np.cos(off)), _SUN_WEIGHT))
+
+
+def detail_picture(
+    choice: DetailChoice, height: int, saturation: float = 1.0, library: DetailLibrary | None = None
+) -> NDArray[np.uint8]:
+    """The chosen panorama (H, 2H, 3), sRGB, as it is to lie around the camera.
+
+    Args:
+        choice: of the library.
+        height: rows.
+        saturation: 0 for grey to 1 for its own colors.
+        library: None is the one in this package.
+    """
+    from PIL import Image as Pictures
+    from PIL import ImageEnhance
+
+    library = load_detail_library() if library is None else library
+    with Pictures.open(io.BytesIO(library.pictures[choice.index]), formats=["WEBP"]) as file:
+        picture = file.convert("RGB")
+    if saturation < 1:
+        picture = ImageEnhance.Color(picture).enhance(saturation)
+    if choice.flipped:
+        picture = picture.transpose(Pictures.Transpose.FLIP_LEFT_RIGHT)
+    kernel = Pictures.Resampling.BICUBIC if height > picture.height else Pictures.Resampling.BOX
+    pixels = np.asarray(picture if height == picture.height else picture.resize((2 * height, height), kernel))
+    return np.roll(pixels, round(choice.yaw / 360.0 * 2 * height), axis=1)

@@ -1,0 +1,74 @@
+"""What ships of panoramas as detail: only those that may, exposed as photos are, without their suns."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import lighting.envmap.detail_library as detail_library
+from export.data.detail_library import _remove_glare, make_detail_library, may_ship
+from export.data.panoramas import Panorama
+from lighting.geometry import angle_between, direction, latlong_directions
+
+
+@pytest.mark.parametrize(
+    ("licence", "allowed"),
+    [
+        ("CC0 (Poly Haven)", True),
+        ("Poly Haven CC0 (inferred)", True),
+        ("CC0 (Poly Haven; inferred from file name)", True),
+        ("none stated", False),
+        ("unknown (shipped MIT with Open3D; likely Poly Haven)", False),
+        ("CC0", False),
+    ],
+)
+def test_only_poly_havens_gifts_may_ship(licence: str, allowed: bool) -> None:
+    assert may_ship(Panorama("name", Path("x"), "ldr", "place", "train", licence=licence)) == allowed
+
+
+def test_a_sun_leaves_a_smooth_sky() -> None:
+    linear = np.full((64, 128, 3), 0.5, np.float32)
+    linear[32:] = 0.2
+    sun = direction(30.0, 40.0)
+    distance = angle_between(latlong_directions(64), sun)
+    linear[distance < 4] = 1.0
+    tree = distance < 2.9
+    linear[tree] = 0.05
+    _remove_glare(linear, sun)
+    ring = (distance > 4) & (distance < 12)
+    assert linear[ring].min() > 0.45
+    assert np.ptp(linear[(distance < 4) & ~tree]) < 0.1
+    assert (linear[tree] == np.float32(0.05)).all()
+    assert (linear[32:] == np.float32(0.2)).all()
+
+
+def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("export.data.detail_library.PICTURE_ROWS", 96)
+    rng = np.random.default_rng(0)
+    rows = ["name,file,kind,place,split,sun,sun_azimuth,sun_elevation,direct,licence"]
+    for name, split, licence in (
+        ("a", "train", "CC0 (Poly Haven)"),
+        ("b", "train", "none"),
+        ("c", "val", "Poly Haven CC0"),
+    ):
+        Image.fromarray(rng.integers(0, 255, (96, 192, 3), dtype=np.uint8)).save(tmp_path / f"{name}.png")
+        rows.append(f"{name},{name}.png,ldr,{name},{split},visible,-20,30,yes,{licence}")
+    (tmp_path / "panoramas.csv").write_text("\n".join(rows))
+    arrays = make_detail_library(tmp_path)
+    assert arrays["names"].tolist() == ["a"]
+    np.savez(tmp_path / "detail.npz", **arrays)
+    monkeypatch.setattr(detail_library, "LIBRARY_PATH", tmp_path / "detail.npz")
+    detail_library.load_detail_library.cache_clear()
+    try:
+        library = detail_library.load_detail_library()
+    finally:
+        detail_library.load_detail_library.cache_clear()
+    assert library.names == ("a",)
+    assert library.sunlit.tolist() == [True]
+    assert library.sun_azimuth.tolist() == [-20.0]
+    picture = detail_library.detail_picture(detail_library.DetailChoice(0, False, 0.0), 96, library=library)
+    assert picture.shape == (96, 192, 3)
+    assert np.isfinite(library.features).all()

@@ -1,0 +1,222 @@
+"""Detail around a map: what it must leave as it is, and what it adds."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from lighting.color import luminance
+from lighting.envmap.detail import MIN_ROWS, _blur_cells
+from lighting.envmap.detail_library import (
+    FEATURE_ROWS,
+    DetailChoice,
+    choose_detail,
+    detail_picture,
+    feature_weights,
+    load_detail_library,
+)
+from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
+from lighting.envmap.projection import continue_photo, project_photo
+from lighting.envmap.relighting import edit_lighting
+from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.geometry import angle_between, latlong_angles, latlong_directions
+from lighting.records import Lighting
+from lighting.segmentation import SurfaceClass
+from tests.helpers.lights import stated_light
+
+HEIGHT = 128
+LIGHT = replace(stated_light(40.0, camera_elevation=0.0), vertical_fov=50.0)
+
+
+def photo(width: int = 160, height: int = 120) -> np.ndarray:
+    """Blue sky over a brown wall with windows, and grey ground."""
+    pixels = np.empty((height, width, 3), np.uint8)
+    pixels[: height // 3] = (90, 130, 200)
+    pixels[height // 3 : height // 2] = (120, 90, 60)
+    pixels[height // 3 : height // 2, ::7] = (30, 30, 40)
+    pixels[height // 2 :] = (110, 110, 105)
+    pixels[height // 2 :, ::9] = (90, 95, 100)
+    return pixels
+
+
+def maps(
+    pixels: np.ndarray | None = None, light: Lighting = LIGHT, height: int = HEIGHT, sun: bool | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """A map without and one with detail."""
+    context = PhotoContext(photo() if pixels is None else pixels)
+    return (
+        render_with_surroundings(light, replace(context, detail=False), height, sun=sun, disc=False),
+        render_with_surroundings(light, replace(context, detail=True), height, sun=sun, disc=False),
+    )
+
+
+def fine_contrast(image: np.ndarray) -> float:
+    """Mean difference of neighboring columns in the logarithm, behind the camera."""
+    log = np.log(luminance(image) + 1e-3)
+    width = log.shape[1]
+    behind = np.concatenate([log[:, -width // 4 :], log[:, : width // 4]], axis=1)
+    return float(np.abs(np.diff(behind, axis=1)).mean())
+
+
+def test_there_is_detail_all_around() -> None:
+    plain, detailed = maps()
+    assert fine_contrast(detailed) > 4 * fine_contrast(plain)
+    assert np.isfinite(detailed).all()
+    assert (detailed >= 0).all()
+
+
+@pytest.mark.parametrize("sun", [True, False])
+def test_level_ground_keeps_its_irradiance_from_above_and_below(sun: bool) -> None:
+    levels = row_irradiance(HEIGHT)
+    for half in (slice(0, HEIGHT // 2), slice(HEIGHT // 2, HEIGHT)):
+        plain, detailed = (irradiance_from_rows(levels[half], image[half]) for image in maps(sun=sun))
+        np.testing.assert_allclose(detailed, plain, rtol=1e-4)
+
+
+def test_matte_objects_look_the_same() -> None:
+    plain, detailed = (envmap_irradiance(image, latlong_directions(8).reshape(-1, 3)) for image in maps())
+    np.testing.assert_allclose(detailed, plain, rtol=0.03)
+    assert np.mean(np.abs(detailed / plain - 1)) < 0.01
+
+
+def test_what_is_coarse_stays() -> None:
+    plain, detailed = (_blur_cells(shrink_envmap(image, 24), 20.0) for image in maps())
+    ratio = luminance(detailed) / luminance(plain)
+    assert np.abs(np.log(ratio)).max() < 0.35
+    assert np.abs(np.log(ratio)).mean() < 0.1
+
+
+def test_the_photo_stays_where_it_lies() -> None:
+    plain, detailed = maps()
+    shown = project_photo(LIGHT, photo(), HEIGHT)
+    assert shown is not None
+    inside = shown.weight > 0.999
+    window = np.s_[shown.rows, shown.columns]
+    np.testing.assert_allclose(detailed[window][inside], plain[window][inside], rtol=0.02)
+
+
+def test_the_same_photo_has_the_same_detail() -> None:
+    np.testing.assert_array_equal(maps()[1], maps()[1])
+
+
+def test_the_seam_is_no_edge() -> None:
+    _, detailed = maps(height=256)
+    log = np.log(luminance(detailed) + 1e-3)
+    across = np.abs(log[:, 0] - log[:, -1]).mean()
+    beside = np.abs(np.diff(log[:, :40], axis=1)).mean()
+    assert across < 2 * beside
+
+
+def test_the_detail_stays_when_the_sun_is_moved() -> None:
+    context = PhotoContext(photo(), exposure=LIGHT.exposure, light=LIGHT, detail=True)
+    moved = edit_lighting(LIGHT, {"sun_azimuth": LIGHT.sun_azimuth + 120})
+    images = [render_with_surroundings(light, context, HEIGHT, disc=False) for light in (LIGHT, moved)]
+    below = [np.log(luminance(image[70:120])) for image in images]
+    behind = [np.diff(one[:, :60], axis=1).ravel() for one in below]
+    assert np.corrcoef(*behind)[0, 1] > 0.9
+
+
+@pytest.mark.parametrize("height", [MIN_ROWS, 50, 94, 130])
+def test_any_height_that_has_room_gets_detail(height: int) -> None:
+    plain, detailed = maps(height=height)
+    assert detailed.shape == (height, 2 * height, 3)
+    assert fine_contrast(detailed) > 2 * fine_contrast(plain)
+
+
+@pytest.mark.parametrize("height", [16, MIN_ROWS - 2])
+def test_a_tiny_map_stays_as_it_is(height: int) -> None:
+    plain, detailed = maps(height=height)
+    np.testing.assert_array_equal(detailed, plain)
+
+
+@pytest.mark.parametrize(("width", "height"), [(12, 160), (160, 12), (1, 1), (40, 40)])
+def test_narrow_and_tiny_photos_work(width: int, height: int) -> None:
+    pixels = np.asarray(np.resize(photo(), (height, width, 3)))
+    plain, detailed = maps(pixels)
+    assert np.isfinite(detailed).all()
+    assert fine_contrast(detailed) > 3 * fine_contrast(plain)
+
+
+@pytest.mark.parametrize("value", [0, 128, 255])
+def test_a_photo_of_one_grey_gets_grey_detail(value: int) -> None:
+    plain, detailed = maps(np.full((60, 80, 3), value, np.uint8))
+    assert np.isfinite(detailed).all()
+    ground = np.s_[80:120, :60]
+    chroma, chroma_before = (np.log(image[ground][..., 0] / image[ground][..., 2]) for image in (detailed, plain))
+    assert np.std(chroma) < 0.05 + np.std(chroma_before)
+    assert np.std(np.log(detailed[ground][..., 1])) > 0.05
+
+
+def test_no_second_sun() -> None:
+    plain, detailed = maps(height=256)
+    sky = latlong_directions(64)[:32]
+    away = angle_between(sky, LIGHT.sun_direction) > 20
+    before, after = (luminance(shrink_envmap(image, 64)[:32])[away].max() for image in (plain, detailed))
+    assert after < 1.4 * before
+
+
+def test_people_are_not_repeated() -> None:
+    """A red patch at the photo's edge goes on beside it, unless a mask says that it must not."""
+    pixels = photo()
+    pixels[70:100, -12:] = (250, 0, 0)
+    segments = np.zeros((12, 16, len(SurfaceClass)), np.float32)
+    segments[..., SurfaceClass.GROUND] = 1
+    everything = continue_photo(LIGHT, pixels, 256, segments)
+    segments[6:11, -2:] = np.eye(len(SurfaceClass))[SurfaceClass.PERSON]
+    masked = continue_photo(LIGHT, pixels, 256, segments)
+    assert everything is not None
+    assert masked is not None
+    azimuth, _ = latlong_angles(256)
+    beyond = (azimuth[masked.columns] > 33) & np.ones((masked.share.shape[0], 1), bool)
+    red = (masked.linear[..., 0] > 0.8) & (masked.linear[..., 1] < 0.1) & beyond & (masked.weight == 0)
+    assert (red & (everything.share > 0.3)).any()
+    assert not (red & (masked.share > 0)).any()
+    assert (masked.share[masked.weight > 0] == 1).all()
+
+
+def test_only_sky_and_plants_go_on_upwards() -> None:
+    segments = np.zeros((12, 16, len(SurfaceClass)), np.float32)
+    segments[..., SurfaceClass.BUILDING] = 1
+    segments[:, :8] = np.eye(len(SurfaceClass))[SurfaceClass.SKY]
+    continued = continue_photo(LIGHT, photo(), 256, segments)
+    assert continued is not None
+    azimuth, elevation = latlong_angles(256)
+    above = (elevation[continued.rows] > 26)[:, None] & (continued.weight == 0) & (continued.share > 0)
+    left, right = (above & (sign * azimuth[continued.columns] > 3) for sign in (-1, 1))
+    inside = np.abs(azimuth[continued.columns]) < 25
+    assert (left & inside).any()
+    assert not (right & inside).any()
+
+
+def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
+    library = load_detail_library()
+    azimuth, elevation = latlong_angles(FEATURE_ROWS)
+    level = np.cos(np.radians(elevation))[:, None] * np.ones(len(azimuth))
+    seen = level * ((np.abs(elevation) < 30)[:, None] & (np.abs(azimuth) < 40))
+    weight = feature_weights(seen, level)
+    for index, turn in ((3, 5), (20, -11), (40, 0)):
+        target = np.roll(library.features[index], turn, axis=-1)
+        assert choose_detail(target, weight, None) == DetailChoice(index, False, turn * 7.5)
+        flipped = choose_detail(target[..., ::-1], weight, None)
+        assert (flipped.index, flipped.flipped) == (index, True)
+
+
+def test_a_sun_is_put_where_it_stands() -> None:
+    library = load_detail_library()
+    cells = np.zeros((len(library.features[0]), FEATURE_ROWS, 2 * FEATURE_ROWS), np.float32)
+    choice = choose_detail(cells, np.zeros_like(cells), 75.0)
+    side = -1 if choice.flipped else 1
+    there = (side * library.sun_azimuth[choice.index] + choice.yaw - 75.0 + 180) % 360 - 180
+    assert library.sunlit[choice.index]
+    assert abs(there) < 4
+    assert not library.sunlit[choose_detail(cells, np.zeros_like(cells), None).index]
+
+
+def test_pictures_are_rotated_and_flipped() -> None:
+    plain = detail_picture(DetailChoice(5, False, 0.0), 64).astype(int)
+    turned = detail_picture(DetailChoice(5, False, 90.0), 64)
+    flipped = detail_picture(DetailChoice(5, True, 0.0), 64)
+    np.testing.assert_array_equal(np.roll(plain, 32, axis=1), turned)
+    assert np.abs(plain[:, ::-1] - flipped).mean() < 1.0
+    grey = detail_picture(DetailChoice(5, False, 0.0), 64, saturation=0.0)
+    assert (grey[..., 0] == grey[..., 1]).all()
