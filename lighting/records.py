@@ -429,7 +429,7 @@ def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Jso
     if values["camera_heading_probability"]:
         record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
     if (time := values["utc_time"]) is not None:
-        record["time"]["utc"] = f"{time.astimezone(UTC):%Y-%m-%dT%H:%M:%SZ}"
+        record["time"]["utc"] = time.astimezone(UTC).isoformat().replace("+00:00", "Z")
     if values["time_source"] is not None:
         record["time"]["source"] = values["time_source"]
     for section in ("place", "time"):

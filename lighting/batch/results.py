@@ -6,6 +6,7 @@ import sys
 from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, fields
+from datetime import datetime
 from itertools import islice
 from pathlib import Path
 from types import NoneType, UnionType
@@ -216,11 +217,13 @@ def table_schema() -> Any:
 
 
 def _kind(pyarrow: Any, hint: Any) -> Any:
-    """The pyarrow type of a field of Lighting: text, number, or a list of either; any may be absent."""
+    """The pyarrow type of a field of Lighting: text, time, number, or a list of one; any may be absent."""
     if get_origin(hint) is UnionType:
         return _kind(pyarrow, next(kind for kind in get_args(hint) if kind is not NoneType))
     if get_origin(hint) is tuple:
         return pyarrow.list_(_kind(pyarrow, get_args(hint)[0]))
+    if hint is datetime:
+        return pyarrow.timestamp("us", tz="UTC")
     return pyarrow.string() if hint is str else pyarrow.float64()
 
 

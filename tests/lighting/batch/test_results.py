@@ -3,6 +3,7 @@
 import json
 import os
 import sys
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from lighting.batch.results import _read_records, open_journal, require_parquet,
 from lighting.errors import BatchError, MissingExtraError
 from lighting.records import Lighting
 from lighting.validation import RANGES
-from tests.conftest import encode, scene
+from tests.conftest import encode, munich, scene
 from tests.helpers.processes import read_records, run_batch
 
 FAILED = json.dumps({"file": "c.jpg", "error": "No."})
@@ -162,6 +163,16 @@ def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -
     assert run_batch(folder, tmp_path / "out", "--parquet", "--model", network).exit_code == 0
     (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
     assert row["file"] == "caf\\udce9.jpg"
+
+
+@pytest.mark.slow
+def test_parquet_holds_when_a_photo_was_taken(tmp_path: Path, network: Path) -> None:
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "phone.jpg").write_bytes(encode(scene(), exif=munich()))
+    assert run_batch(tmp_path / "photos", tmp_path / "out", "--parquet", "--model", network).exit_code == 0
+    (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
+    assert row["utc_time"] == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
+    assert (row["utc_offset"], row["time_source"]) == (2.0, "offset in the file")
 
 
 def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
