@@ -58,6 +58,7 @@ _HDR_SIGNALS = (128, 148, 178, 204, 230)  # of 255, at which a profile's curve i
 _HDR_TOLERANCE = 4  # of 255
 _HLG_SYSTEM_GAMMA = 1.2
 _BT2020_LUMINANCE = np.array([0.2627, 0.6780, 0.0593], dtype=np.float32)
+_MAX_KNOWN_PROFILE = 1 << 16  # bytes of a profile that is kept in mind
 _ADOBE_RGB, _UNCALIBRATED = 2, 65535  # of EXIF's ColorSpace
 _WITH_DCF = ("JPEG", "MPO", "TIFF", "WEBP")  # formats whose EXIF may state the space
 _INTEROP_INDEX = 1
@@ -96,10 +97,9 @@ def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Imag
     for code_points in (_png_code_points(data), _profile_code_points(profile), _nclx_code_points(image)):
         if code_points is not None and (encoding := _by_code_points(*code_points)) is not None:
             return encoding
-    if profile and _open_profile(profile) is not None:
-        matrix = profile_to_rec709(profile)
-        curve = _hdr_curve(profile)
-        return ColorEncoding(curve, matrix) if curve else ColorEncoding(to_rec709=matrix, profile=profile)
+    read = _by_known_profile if profile and len(profile) <= _MAX_KNOWN_PROFILE else _by_profile
+    if profile and (encoding := read(profile)) is not None:
+        return encoding
     return _by_png_chunks(image.info) or _by_exif(image, exif_source) or ColorEncoding()
 
 
@@ -182,6 +182,21 @@ def _by_exif(image: Image.Image, exif_source: Image.Image) -> ColorEncoding | No
 # ICC profiles.
 
 
+def _by_profile(profile: bytes) -> ColorEncoding | None:
+    """The encoding that an ICC profile describes; None for what is none."""
+    icc = _open_profile(profile)
+    if icc is None:
+        return None
+    if _is_srgb(icc):
+        return ColorEncoding()
+    matrix = profile_to_rec709(profile)
+    curve = _hdr_curve(profile)
+    return ColorEncoding(curve, matrix) if curve else ColorEncoding(to_rec709=matrix, profile=profile)
+
+
+_by_known_profile = lru_cache(maxsize=16)(_by_profile)  # most photos have one of few, and asking lcms takes 4 ms
+
+
 def _open_profile(profile: bytes) -> ImageCms.ImageCmsProfile | None:
     try:
         return ImageCms.ImageCmsProfile(BytesIO(profile))
@@ -257,9 +272,9 @@ _HDR_CURVES: dict[Literal["pq", "hlg"], Callable[[Floats], Floats]] = {"pq": pq_
 
 
 def _profile_transform(profile: bytes) -> Callable[[Image.Image], NDArray[np.uint8]] | None:
-    """A function as of `to_srgb` by a profile; None where it makes the colors that stand there already."""
+    """A function as of `to_srgb` by a profile; None for what is none."""
     icc = _open_profile(profile)
-    if icc is None or _is_srgb(icc):
+    if icc is None:
         return None
     transforms: dict[str, Callable[[Image.Image], NDArray[np.uint8]]] = {}
 
