@@ -168,7 +168,7 @@ def test_names_that_are_no_text_reach_the_table(tmp_path: Path, network: Path) -
 @pytest.mark.slow
 def test_parquet_holds_when_a_photo_was_taken(tmp_path: Path, network: Path) -> None:
     (tmp_path / "photos").mkdir()
-    (tmp_path / "photos" / "phone.jpg").write_bytes(encode(scene(), exif=munich()))
+    (tmp_path / "photos" / "phone.jpg").write_bytes(encode(scene(64, 64), exif=munich()))
     assert run_batch(tmp_path / "photos", tmp_path / "out", "--parquet", "--model", network).exit_code == 0
     (row,) = read_table(tmp_path / "out" / "lighting.parquet").to_pylist()
     assert row["utc_time"] == datetime(2024, 6, 1, 7, 10, tzinfo=UTC)
