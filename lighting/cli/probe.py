@@ -16,6 +16,9 @@ from lighting.errors import ProbeError
 from lighting.formatting import format_side
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from lighting.fusion.user_input import UserInput
     from lighting.probe.bracket import Bracket, BracketFiles
     from lighting.probe.develop import BracketSettings, Moment, Probe
@@ -221,11 +224,14 @@ def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -
 
 
 @_probe.command("fit")
-@click.argument("sky", metavar="PROBE.exr", type=click.Path(exists=True, dir_okay=False))
+@click.argument("sky", metavar="PROBE", type=click.Path(exists=True, dir_okay=False))
 @click.option("--sun", metavar="AZIMUTH,ELEVATION", callback=_direction, help="Where it is, deg. [found in the map]")
 @click.option("--json", "as_json", is_flag=True, help="One JSON record.")
 def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
-    """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE.exr, a lat-long map."""
+    """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE, a lat-long map.
+
+    PROBE is an EXR file, or a panorama of 8 or 16 bits, which tells them roughly.
+    """
     state = _state(sky, sun)
     if as_json:
         click.echo(json.dumps({"file": escape_undecodable(sky), **state.to_dict()}))
@@ -241,10 +247,27 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
 
 def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
     """What the map in a file says; errors name the file."""
-    from lighting.files.exr import read_envmap
     from lighting.probe.sky_fit import describe_sky
 
     with silence_libraries():
-        image = read_envmap(sky)
+        image = _read_map(sky)
     with prefix_errors(sky):
         return describe_sky(image, sun)
+
+
+def _read_map(sky: str) -> "NDArray[np.float32]":
+    """The map (H, 2H, 3) in a file, of 8 or 16 bits with a warning."""
+    from lighting.files.exr import check_envmap, is_exr, read_envmap
+
+    if sky.lower().endswith(".exr") or is_exr(Path(sky)):
+        return read_envmap(sky)
+    from lighting.photo.linear import read_linear
+
+    photo = read_linear(sky)
+    with prefix_errors(sky):
+        image = check_envmap(photo.pixels)
+    clipped = 100 * float((image >= photo.white).any(axis=-1).mean())
+    curve = "their curve is taken to be sRGB's, and " if photo.srgb_decoded else ""
+    sentence = f"The values have an upper end: {curve}{clipped:.1f} % are clipped. Turbidity and exposure are rough."
+    click.echo(f"Warning: {escape_path(sky)}: {sentence}", err=True)
+    return image

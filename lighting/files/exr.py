@@ -246,6 +246,16 @@ def read_envmap(file: str | os.PathLike[str]) -> Image:
     return image
 
 
+def is_exr(file: Path) -> bool:
+    """Whether a file begins as an OpenEXR image does.
+
+    Args:
+        file: path of a file, else OSError.
+    """
+    with file.open("rb") as stream:
+        return stream.read(len(EXR_MAGIC)) == EXR_MAGIC
+
+
 def read_exr_attributes(source: str | os.PathLike[str]) -> _Attributes:
     """The header of an EXR file, without its pixels.
 
