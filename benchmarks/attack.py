@@ -42,7 +42,7 @@ from benchmarks.common import ROOT, describe_machine, make_photo
 from benchmarks.load import free_port, processor_time, started, wait_until_answered
 
 PERIOD = 2.0  # seconds between an innocent client's photos
-PHOTO_SIZE = (480, 360)
+PHOTO_SIZE = (640, 480)
 MAP = "/v1/envmap?sun_azimuth=-41&sun_elevation=33&turbidity=3&exposure=4&height=2048&compression=none"
 KINDS = ("unread", "work", "headers", "silent")
 PAUSE = 1.0  # seconds after which a hostile client begins again

@@ -89,7 +89,7 @@ class BrowserGuardMiddleware:
             return True
         peer = scope.get("state", {}).get("peer") or (scope.get("client") or ("",))[0]
         if "x-forwarded-for" in headers and self.settings.is_trusted_proxy(peer):
-            return True
+            return not (self.settings.hosts and _is_loopback(peer))  # a browser of this machine could say so itself
         return not self.settings.hosts and not _is_loopback((scope.get("server") or ("",))[0])
 
     def _is_foreign(self, scope: Scope, headers: Headers, host: str) -> bool:

@@ -4,12 +4,14 @@ import re
 from typing import Any
 
 import pytest
+import uvicorn
 
 from lighting.photo.reader import memory_budget
 from lighting.registration import photo_set
 from lighting.registration.features import MAX_SIDE
 from lighting.scene.records import PLATE_SIDE
 from server.h11_protocol import MAX_HEADER_BYTES
+from server.limits import PLACE_BYTES
 from server.settings import PREFIX, Settings
 from tests.helpers.pages import ROOT
 
@@ -19,6 +21,7 @@ IDLE, DECODER, MATCHER = (
     50_000_000,
     60_000_000,
 )  # bytes of the process, and of each that decodes or matches
+CONNECTION = 50_000  # bytes of an open connection
 LARGEST = 4 * 3 * 4096 * 2048  # bytes of an answer: a map without compression
 
 
@@ -56,8 +59,16 @@ def test_the_proxy_s_limits_are_the_service_s(services: Any) -> None:
         "read_body {$UPLOAD_SECONDS}s",
         "read_header {$HEADER_SECONDS}s",
         f"max_header_size {MAX_HEADER_BYTES}",
+        "respond /metrics 404",
     ):
         assert line in caddy
+
+
+def test_the_proxy_ends_idle_connections_before_the_service_does() -> None:
+    """A request on a connection that the service just ends would be lost."""
+    seconds = re.search(r"keepalive (\d+)s", (ROOT / "Caddyfile").read_text())
+    assert seconds
+    assert int(seconds[1]) < uvicorn.Config("").timeout_keep_alive
 
 
 def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
@@ -70,5 +81,6 @@ def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     assert kept + memory_budget(s.max_bytes, s.max_pixels, MAX_SIDE) < decoding
     workers = s.workers * (DECODER + max(decoding, matching))
     answers = s.unsent_bytes + 2 * s.workers * LARGEST
+    connections = s.connections * (PLACE_BYTES + CONNECTION)
     limit = services["lighting"]["deploy"]["resources"]["limits"]["memory"]
-    assert IDLE + workers + bodies + answers < int(limit.removesuffix("g")) * 2**30
+    assert IDLE + workers + bodies + answers + connections < int(limit.removesuffix("g")) * 2**30

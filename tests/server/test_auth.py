@@ -326,4 +326,14 @@ def test_names_that_may_point_anywhere_are_refused_by_a_local_service(estimator:
     assert status_for_host(estimator, host, hosts=host.partition(":")[0]) == 200
     assert status_for_host(estimator, host, "192.0.2.1") == 200
     assert status_for_host(estimator, host, trusted_proxies="10.0.0.1") == 200
+    assert status_for_host(estimator, host, trusted_proxies="10.0.0.1", hosts="lamp.example") == 200
     assert status_for_host(estimator, host, trusted_proxies="10.0.0.2") == 421
+
+
+def test_a_proxy_of_this_machine_passes_the_service_s_names_alone(estimator: Estimator) -> None:
+    """A page in a browser of this machine could send the proxy's headers itself."""
+    app = create_app(Settings(trusted_proxies="127.0.0.1", hosts="lamp.example"), estimator)
+    client = TestClient(app, base_url="http://127.0.0.1:8000", client=("127.0.0.1", 5000))
+    for host, status in (("lamp.example", 200), ("evil.example", 421)):
+        headers = {"Host": host, "X-Forwarded-For": "192.0.2.7"}
+        assert client.get("/v1/model", headers=headers).status_code == status

@@ -1,16 +1,21 @@
 """Greedy clients keep nobody out: a real service, innocent and hostile clients at loopback addresses of their own."""
 
+import http.client
+import os
+import shutil
 import socket
+import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import pytest
 
 from server.limits import PLACE_BYTES
+from tests.helpers.pages import ROOT
 from tests.helpers.service import PHOTO, Server, started
 
 pytestmark = [
@@ -135,6 +140,61 @@ def test_one_client_has_its_share_of_connections(network: Path) -> None:
             except TimeoutError:
                 pass
         assert gone == 5
+
+
+@contextmanager
+def behind_caddy(server: Server, folder: Path) -> Iterator[int]:
+    """The port of a Caddy with this project's Caddyfile in front of a service."""
+    program = shutil.which("caddy")
+    if not program:
+        pytest.skip("caddy is not installed")
+    with socket.create_server(("127.0.0.1", 0)) as anything:
+        port = int(anything.getsockname()[1])
+    config = folder / "Caddyfile"
+    config.write_text((ROOT / "Caddyfile").read_text().replace("{\n", "{\n\tadmin off\n", 1))
+    variables = {"SITE": f"http://:{port}", "SERVICE": f"127.0.0.1:{server.port}", "MAX_BYTES": "64000000"}
+    variables |= {"UPLOAD_SECONDS": "60", "HEADER_SECONDS": "10", "HOME": str(folder)}
+    command = [program, "run", "--config", str(config), "--adapter", "caddyfile"]
+    with subprocess.Popen(command, env=os.environ | variables, stderr=subprocess.DEVNULL) as process:
+        try:
+            deadline = time.monotonic() + 30
+            while _status_at(port, "/livez", INNOCENT) != 200:
+                assert time.monotonic() < deadline
+                time.sleep(0.05)
+            yield port
+        finally:
+            process.kill()
+
+
+def _status_at(port: int, path: str, source: str) -> int:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60, source_address=(source, 0))
+    try:
+        connection.request("GET", path)
+        return connection.getresponse().status
+    except ConnectionRefusedError:
+        return 0
+    finally:
+        connection.close()
+
+
+def test_behind_caddy_clients_have_their_own_shares_and_no_counters(network: Path, tmp_path: Path) -> None:
+    settings = {"trusted_proxies": "127.0.0.1", "unsent_bytes": 100_000_000, "connections_per_client": 2}
+    with started(network, concurrency=1, **settings) as server, behind_caddy(server, tmp_path) as port:
+        assert [_status_at(port, path, INNOCENT) for path in ("/metrics", "/v1/model", "/")] == [404, 200, 200]
+        assert server.request("GET", "/metrics")[0] == 200
+        with ExitStack() as stack:
+            statuses = []
+            for number in range(6):
+                connection = socket.create_connection(("127.0.0.1", port), 60, (f"127.0.7.{number // 3}", 0))
+                stack.enter_context(connection)
+                connection.sendall(LARGE_MAP)
+                statuses.append(status_of(connection))
+                time.sleep(0.2)
+                assert _status_at(port, "/v1/model", INNOCENT) == 200
+                assert _status_at(port, f"/v1/envmap?{SKY}&height=16", INNOCENT) == 200
+        assert statuses[0] == statuses[3] == b"200"
+        assert b"429" in statuses[:3]
+        assert b"429" in statuses[3:]
 
 
 def test_a_client_that_sends_no_more_gets_its_answer(server: Server) -> None:
