@@ -98,6 +98,7 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
     app.add_middleware(SecurityHeadersMiddleware)
     app.add_middleware(middleware.AccessLogMiddleware, service=service)
     app.add_middleware(DrainBodyMiddleware)
+    app.add_middleware(middleware.SliceMiddleware)
 
 
 @asynccontextmanager

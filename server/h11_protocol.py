@@ -10,7 +10,7 @@ import asyncio
 import logging
 import secrets
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -108,7 +108,8 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._peer = UNKNOWN
         self._deadline: asyncio.TimerHandle | None = None  # of a head
         self._send_deadline: asyncio.TimerHandle | None = None  # of a response that its client does not take
-        self._answer_size, self._answer_began = 0, 0.0  # of that response: bytes, and the loop's time
+        self._answer: Any = None  # uvicorn's object of that response
+        self._answer_size, self._answer_began = 0, 0.0  # its bytes, and the loop's time
         self._buffer = bytearray()
         self._dropped_bytes: int | None = None  # after a refusal; None before
         self._half_closed = False  # whether the client sends no more
@@ -224,7 +225,9 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
     def pause_writing(self) -> None:
         super().pause_writing()
         self._pending.add(self, self._client())
-        self._answer_size, self._answer_began = self.unsent_bytes(), self.loop.time()
+        if self._answer is not self.cycle:
+            self._answer = self.cycle
+            self._answer_size, self._answer_began = self.unsent_bytes(), self.loop.time()
         self._set_send_deadline()
 
     def resume_writing(self) -> None:
@@ -241,7 +244,8 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
 
     def unsent_bytes(self) -> int:
         """Bytes of an answer that its client has not taken."""
-        return self.transport.get_write_buffer_size()
+        scope: Mapping[str, Any] = self.scope or {}
+        return int(self.transport.get_write_buffer_size() + scope.get("unsent_rest", 0))
 
     def seconds_left(self) -> float:
         """Seconds until all is taken, at the mean speed so far; a fresh answer counts as taken fast."""

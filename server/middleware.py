@@ -22,6 +22,7 @@ _UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics")
 _SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
 _UNMATCHED_ROUTE = "unmatched"  # label of requests that match no route
 _LABELED_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
+SLICE_BYTES = 262_144  # of a body that are sent at once
 DRAIN_SECONDS = 5.0  # for the rest of a body, as long as a connection that stays open is kept
 _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
 
@@ -195,6 +196,29 @@ class DrainBodyMiddleware(_Middleware):
             await send(message)
 
         await self.app(scope, receive_noting_end, send_after_draining)
+
+
+class SliceMiddleware(_Middleware):
+    """Sends large bodies in slices, each when the one before has been taken, so that other connections have their turn.
+
+    The bytes of a body that are not yet sent stand in the scope, where the connection counts them.
+    """
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def send_in_slices(message: Message) -> None:
+            body = message.get("body", b"")
+            for start in range(0, len(body) - SLICE_BYTES, SLICE_BYTES):
+                scope["unsent_rest"] = len(body) - start - SLICE_BYTES
+                await send({**message, "body": memoryview(body)[start : start + SLICE_BYTES], "more_body": True})
+            if scope.pop("unsent_rest", 0):
+                message = {**message, "body": memoryview(body)[-(len(body) % SLICE_BYTES or SLICE_BYTES) :]}
+            await send(message)
+
+        try:
+            await self.app(scope, receive, send_in_slices)
+        except asyncio.CancelledError:  # by a shutdown that waited long enough for a client
+            if not scope.get("unsent_rest"):
+                raise
 
 
 def _closes_connection(scope: Scope) -> bool:

@@ -16,7 +16,7 @@ from lighting.errors import ModelError
 from lighting.estimator import Estimator
 from server import middleware
 from server.app import create_app
-from server.middleware import DrainBodyMiddleware
+from server.middleware import SLICE_BYTES, DrainBodyMiddleware, SliceMiddleware
 from server.settings import Settings
 from tests.helpers.processes import serve_app
 from tests.server.conftest import client_of, problem, sample
@@ -166,3 +166,28 @@ def test_a_body_that_does_not_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -
 
     sent = answered({"type": "http", "headers": [], "http_version": "1.0"}, receive)
     assert not sent[-1].get("more_body")
+
+
+@pytest.mark.parametrize("size", [0, 1, SLICE_BYTES, SLICE_BYTES + 1, 3 * SLICE_BYTES, 3 * SLICE_BYTES + 7])
+def test_large_bodies_are_sent_in_slices_and_the_rest_is_known(size: int) -> None:
+    body = bytes(index % 251 for index in range(size))
+    scope: Scope = {"type": "http"}
+    sent: list[tuple[bytes, bool, int]] = []
+
+    async def app(_scope: Scope, _receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.start", "status": 200})
+        await send({"type": "http.response.body", "body": body})
+
+    async def send(message: Message) -> None:
+        if message["type"] == "http.response.body":
+            sent.append((bytes(message["body"]), message.get("more_body", False), scope.get("unsent_rest", 0)))
+
+    async def receive() -> Message:
+        raise AssertionError
+
+    anyio.run(SliceMiddleware(app), scope, receive, send)
+    assert b"".join(part for part, _, _ in sent) == body
+    assert [more for _, more, _ in sent] == [True] * (len(sent) - 1) + [False]
+    assert max(len(part) for part, _, _ in sent) <= SLICE_BYTES
+    lengths = [len(part) for part, _, _ in sent]
+    assert [rest for _, _, rest in sent] == [sum(lengths[n + 1 :]) for n in range(len(sent))]
