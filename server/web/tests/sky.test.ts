@@ -70,9 +70,9 @@ describe("the sky in the browser", () => {
     const request = { parameters: { ...estimated, sun_elevation: -3 }, estimated, stated, painted: "prague" };
     const { map, sky, sun } = renderLight(tables, request, 64);
     expect(sun).toEqual([0, 0, 0]);
-    expectNear(sky, [0.0104506, 0.0114328, 0.0172583], 0.05);
-    expectNear(pixel(map, 30, 49), [0.0360172, 0.0167355, 0.0103836], 0.08);
-    expectNear(pixel(map, 0, 0), [0.0021947, 0.0025592, 0.004171], 0.05);
+    expectNear(sky, [0.0104506, 0.0114328, 0.0172583], 0.08);
+    expectNear(pixel(map, 30, 49), [0.0360172, 0.0167355, 0.0103836], 0.1);
+    expectNear(pixel(map, 0, 0), [0.0021947, 0.0025592, 0.004171], 0.08);
     const plain = renderLight(tables, { ...request, painted: "hosek-wilkie" }, 64);
     expect(pixel(plain.map, 30, 49)).toEqual(pixel(map, 30, 49));
   });
