@@ -16,6 +16,9 @@ _MAP_ROWS = 32  # of the map with which the photo is compared
 _MIN_SIN_ELEVATION = 0.05  # sine of the angle above the horizon from which a pixel may show sky
 _MAX_STEP = 0.1  # of brightness, 0 to 1, from a pixel of sky to its neighbours
 _MIN_SKY_LUMINANCE = 0.6  # share of the map's luminance that a pixel of sky has at least
+_SUNSET_SUN = (20.0, 30.0)  # deg, of suns under which an orange sky is that of a sunset, and above which it is none
+_SUNSET_STOPS = (0.5, 1.8)  # of red over blue in a photo's sky: from none to an orange that counts in full
+_MIN_SUNSET_LUMINANCE = 0.15  # share of the map's luminance that its pixels have at least: the map's glow is brighter
 _MIN_SKY_SHARE = 0.02  # share of the picture that must show sky
 _MAX_SAMPLES = 500  # pixels, of which the mean is exact enough
 _TINT_EXPONENT = (0.11, 0.51)  # under a clear sky, and what cover squared adds; fitted on crops of `train`
@@ -37,18 +40,27 @@ def sky_white_balance(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats |
     """Factors (3,) that bring the sky's irradiance nearer to the color of the sky in a photo; luminance stays.
 
     A cloudy sky has one color, so the photo counts for much. A clear one differs from place to place, and the sky low
-    over the horizon says little of the rest. None where the photo shows too little sky, or irradiances are unknown.
+    over the horizon says little of the rest, but that an orange one is of a sunset. None where the photo shows too
+    little sky, or irradiances are unknown.
 
     Args:
         pixels: (h, w, 3) sRGB.
         lighting: estimated for the photo.
     """
-    ratio = sky_color_ratio(pixels, lighting)
-    if ratio is None:
+    colors = _sky_colors(pixels, lighting)
+    if colors is None:
         return None
     irradiance = np.array(lighting.sky_irradiance) + EPSILON_IRRADIANCE
-    tint = ratio ** (_TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2)
+    exponent = _TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2
+    tint = _color_ratio(*colors) ** max(exponent, _sunset_exponent(colors[0], lighting.sun_elevation))
     return np.asarray(tint * float(luminance(irradiance) / luminance(irradiance * tint)))
+
+
+def _sunset_exponent(sky: Floats, sun_elevation: float) -> float:
+    """How far the color (3,) of a photo's sky counts by itself, 0 to 1: fully if it is orange and the sun low [deg]."""
+    red, _, blue = np.maximum(sky, EPSILON_IRRADIANCE)
+    low = float(np.interp(sun_elevation, _SUNSET_SUN, (1.0, 0.0)))
+    return low * float(np.interp(np.log2(red / blue), _SUNSET_STOPS, (0.0, 1.0)))
 
 
 def sky_color_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
@@ -60,6 +72,18 @@ def sky_color_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | N
         pixels: (h, w, 3) sRGB.
         lighting: estimated for the photo.
     """
+    colors = _sky_colors(pixels, lighting)
+    return None if colors is None else _color_ratio(*colors)
+
+
+def _color_ratio(colors: Floats, map_colors: Floats) -> Floats:
+    """One color (3,) over another; green is 1."""
+    ratio = colors / np.maximum(map_colors, EPSILON_IRRADIANCE)
+    return np.asarray(np.clip(ratio / max(ratio[1], EPSILON_IRRADIANCE), 1 / _MAX_COLOR_RATIO, _MAX_COLOR_RATIO))
+
+
+def _sky_colors(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Floats, Floats] | None:
+    """The mean colors (3,) of the sky in a photo and of the bare map there; None as in `sky_white_balance`."""
     if lighting.sky_irradiance is None:
         return None
     photo, directions = sample_photo(pixels, lighting)
@@ -71,11 +95,13 @@ def sky_color_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | N
     chosen = tuple(axis[:: len(axis) // _MAX_SAMPLES + 1] for axis in candidates)
     colors = photo[chosen]
     map_colors = sample_latlong(render(lighting, _MAP_ROWS, sun=False), directions[chosen])
-    sky = luminance(colors) > _MIN_SKY_LUMINANCE * luminance(map_colors)
+    least = np.full(len(colors), _MIN_SKY_LUMINANCE)
+    if lighting.sun_elevation < _SUNSET_SUN[0]:
+        least[colors[:, 0] > 2 ** _SUNSET_STOPS[0] * colors[:, 2]] = _MIN_SUNSET_LUMINANCE
+    sky = luminance(colors) > least * luminance(map_colors)
     if sky.mean() * len(candidates[0]) < needed:
         return None
-    ratio = colors[sky].mean(axis=0) / np.maximum(map_colors[sky].mean(axis=0), EPSILON_IRRADIANCE)
-    return np.asarray(np.clip(ratio / max(ratio[1], EPSILON_IRRADIANCE), 1 / _MAX_COLOR_RATIO, _MAX_COLOR_RATIO))
+    return colors[sky].mean(axis=0), map_colors[sky].mean(axis=0)
 
 
 def _brightness_steps(gray: NDArray[np.float32]) -> NDArray[np.float32]:

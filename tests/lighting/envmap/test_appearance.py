@@ -127,6 +127,27 @@ def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust
     )
 
 
+ORANGE = np.array([0.42, 0.2, 0.08])
+
+
+@pytest.mark.parametrize(("elevation", "trust"), [(3.0, 1.0), (20.0, 1.0), (25.0, 0.5)])
+def test_an_orange_sky_of_a_low_sun_makes_the_sky_orange(elevation: float, trust: float) -> None:
+    light = replace(stated_light(sky_cover=0.0), sun_elevation=elevation, sun_azimuth=150.0)
+    off = sky_color_ratio(photo_of_sky(ORANGE), light)
+    assert off is not None
+    found = balanced_sky(photo_of_sky(ORANGE), light)
+    assert relative_to_green(found) == pytest.approx(relative_to_green(SKY) * off**trust, rel=0.02)
+    assert luminance(found) == pytest.approx(luminance(SKY), rel=1e-6)
+
+
+def test_an_orange_sky_counts_beside_the_glow_of_the_map() -> None:
+    """The map's sky is far brighter there than the photo's, which is still the sky."""
+    light = replace(stated_light(3.0, sky_cover=0.0), sun_elevation=6.0, sun_azimuth=0.0)
+    found = balanced_sky(photo_of_sky(0.5 * ORANGE), light)
+    assert found[0] / found[2] > 3 * SKY[0] / SKY[2]
+    assert sky_color_ratio(photo_of_sky(0.5 * SKY / np.pi), light) is None
+
+
 def test_its_brightness_stays() -> None:
     for light in (overcast(), stated_light()):
         found = balanced_sky(photo_of_sky(SUNSET), light)
