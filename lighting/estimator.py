@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.decoding import with_ground_color
-from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
+from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance, snow_gain
+from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.render import sky_irradiance
 from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.fusion.estimate import build_estimate, predict_photo
@@ -184,13 +185,16 @@ def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: U
 def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:
     """Give estimates of photos under one sky the colors that the photos show, where irradiances are known.
 
-    The sky has one color in all of them, the geometric mean; each photo shows its own ground.
+    The sky has one color in all of them, the geometric mean; each photo shows its own ground. Snow says how bright the
+    light is at least.
 
     Args:
         photos: one or more.
         estimates: one a photo.
     """
     lights = [estimate.lighting for estimate in estimates]
+    gains = [snow_gain(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
+    lights = [scale_exposure(light, np.full(3, gain)) for light, gain in zip(lights, gains, strict=True)]
     balances = [sky_white_balance(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
     if tints := [tint for tint in balances if tint is not None]:
         tint = np.exp(np.mean(np.log(tints), axis=0))

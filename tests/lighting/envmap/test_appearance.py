@@ -13,6 +13,7 @@ from lighting.envmap.appearance import (
     ground_luminance,
     sky_color_ratio,
     sky_white_balance,
+    snow_gain,
 )
 from lighting.records import Lighting
 from lighting.segmentation import SurfaceClass
@@ -80,6 +81,34 @@ def test_a_black_or_white_picture_stays_in_range() -> None:
 def test_quantiles_are_numpys(count: int) -> None:
     values = np.random.default_rng(count).integers(0, 40, count).astype(np.float32) / 7
     assert _quantiles(values, (0.25, 0.75)) == pytest.approx(np.quantile(values, (0.25, 0.75)))
+
+
+def test_clipped_ground_is_grey() -> None:
+    light = stated_light(sun_irradiance=(1.0, 1.2, 1.6), sky_irradiance=(1.5, 2.0, 3.0))
+    half = np.full((40, 60, 3), 255, np.uint8)
+    half[:, ::2] = (150, 150, 150)
+    clear, mixed, clipped = (
+        estimate_ground_albedo(picture, light)
+        for picture in (np.full((40, 60, 3), 150, np.uint8), half, np.full((40, 60, 3), 255, np.uint8))
+    )
+    assert clear is not None
+    assert mixed is not None
+    assert clipped is not None
+    assert clear[0] > 1.5 * clear[2]
+    assert 1.1 < mixed[0] / mixed[2] < clear[0] / clear[2]
+    assert np.ptp(clipped) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_snow_says_how_bright_the_light_is_at_least() -> None:
+    """Ground that is white reflects 85 % and no more, so the light is brighter than was said."""
+    assert snow_gain(photo([1.2, 1.2, 1.2]), stated_light()) == pytest.approx(1.2 / 0.85, rel=0.05)
+    assert snow_gain(photo([0.8, 0.8, 0.8]), stated_light()) == 1.0
+    assert snow_gain(photo([1.2, 1.2, 0.6]), stated_light()) == 1.0  # yellow
+    spotted = photo([1.2, 1.2, 1.2])
+    spotted[:, ::2] = (30, 60, 20)  # half of it is grass
+    assert snow_gain(spotted, stated_light()) == 1.0
+    assert snow_gain(np.full((40, 60, 3), 255, np.uint8), stated_light(sky_irradiance=(0.01,) * 3)) <= 4.0
+    assert snow_gain(photo([1.2, 1.2, 1.2]), Lighting(0.0, 30.0, 3.0, 1.0)) == 1.0
 
 
 SKY = np.array(SKY_IRRADIANCE)
