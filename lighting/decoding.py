@@ -25,6 +25,10 @@ _TARGET_STD = 4.0  # deg, of the lobes about true suns that networks are trained
 
 _MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
 _VISIBILITY_EXPONENT = 5.0  # of the fall below it, by panoramas of `train` that the networks asked never saw
+_DAPPLED_VISIBILITY = (0.25, 0.8)  # in which the network doubts that the sun shines
+_MIN_DAPPLED_ELEVATION = 5.0  # deg, of a sun whose patches on the ground say how strong it is
+_MIN_DAPPLED_SUN = 0.05  # irradiance of level ground by such a sun as the network sees it, over that by the sky
+_MAX_SUN_OVER_SKY = 8.0  # irradiance of a surface that faces a clear sun, over that of level ground by the sky
 _SUN_STOPS = 0.18  # by which a shining sun is understated; `python -m export fit sun-power` fitted it on `train`
 _OVERCAST_STOPS = 0.7  # by which an overcast sky is understated, by the overcast HDR panoramas of `train`
 _CLEAR_SUN_EXPONENT = 0.4  # of a sun's way to the clear sun's color, by `python -m export fit sun-color` on `train`
@@ -172,6 +176,32 @@ def _visibility_attenuation(visibility: float) -> float:
     Where it doubts that the sun shines, a sun painted at that power casts a shadow that is not in the photo.
     """
     return float(np.clip(visibility / _MIN_SURE_VISIBILITY, 0.0, 1.0) ** _VISIBILITY_EXPONENT)
+
+
+def with_dappled_sun(lighting: Lighting, share: float, step: float) -> Lighting:
+    """The lighting with as much sun as its ground has in patches, where the network doubts that the sun shines.
+
+    Elsewhere it stays: where the network is sure of sun or shade, or where it sees next to no sun.
+
+    Args:
+        lighting: with irradiances, else it stays as well.
+        share: of the ground that the sun reaches, 0 to 1.
+        step: stops between sun and shade there, which say how strong the sun is beside the sky.
+    """
+    if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
+        return lighting
+    low, high = _DAPPLED_VISIBILITY
+    sun, sky = np.array(lighting.sun_irradiance), float(luminance(np.array(lighting.sky_irradiance)))
+    own = float(luminance(sun))
+    if not low <= lighting.sun_visibility < high or lighting.sun_elevation < _MIN_DAPPLED_ELEVATION or own <= 0:
+        return lighting
+    height = math.sin(math.radians(lighting.sun_elevation))
+    if own / _visibility_attenuation(lighting.sun_visibility) * height < _MIN_DAPPLED_SUN * sky:
+        return lighting
+    strength = share * min((2.0**step - 1) * sky / height, _MAX_SUN_OVER_SKY * sky)
+    if strength <= own:
+        return lighting
+    return replace(lighting, sun_irradiance=clip_color(sun * strength / own, "sun_irradiance"))
 
 
 def with_ground_color(lighting: Lighting, reflectance: Floats | None) -> Lighting:

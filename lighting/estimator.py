@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from lighting.decoding import with_ground_color
+from lighting.decoding import with_dappled_sun, with_ground_color
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance, snow_gain
 from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.render import sky_irradiance
+from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.fusion.estimate import build_estimate, predict_photo
 from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
@@ -20,7 +21,7 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings,
 from lighting.ground import describe_ground
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
-from lighting.records import Estimate, Prediction
+from lighting.records import Estimate, Lighting, Prediction
 from lighting.validation import clip_color
 
 if TYPE_CHECKING:
@@ -185,16 +186,16 @@ def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: U
 def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:
     """Give estimates of photos under one sky the colors that the photos show, where irradiances are known.
 
-    The sky has one color in all of them, the geometric mean; each photo shows its own ground. Snow says how bright the
-    light is at least.
+    The sky has one color in all of them, the geometric mean; each photo shows its own ground. The
+    ground of a single photo also says how strong its light is.
 
     Args:
         photos: one or more.
         estimates: one a photo.
     """
     lights = [estimate.lighting for estimate in estimates]
-    gains = [snow_gain(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
-    lights = [scale_exposure(light, np.full(3, gain)) for light, gain in zip(lights, gains, strict=True)]
+    if len(photos) == 1:
+        lights = [_with_ground_light(photos[0], estimates[0])]
     balances = [sky_white_balance(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
     if tints := [tint for tint in balances if tint is not None]:
         tint = np.exp(np.mean(np.log(tints), axis=0))
@@ -206,6 +207,15 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
     ]
     lights = list(map(with_ground_color, lights, grounds))
     return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
+
+
+def _with_ground_light(photo: Photo, estimate: Estimate) -> Lighting:
+    """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
+    light = estimate.lighting
+    if (dapple := dappled_sunlight(photo.pixels, light, estimate.segments)) is not None:
+        light = with_dappled_sun(light, *dapple)
+    gain = snow_gain(photo.pixels, light, estimate.segments)
+    return light if gain == 1 else scale_exposure(light, np.full(3, gain))
 
 
 def _check_arguments(photos: object, user_input: object) -> None:

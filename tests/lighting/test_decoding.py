@@ -22,6 +22,7 @@ from lighting.decoding import (
     light_to_vector,
     lighting_from_prediction,
     sun_from_rings,
+    with_dappled_sun,
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.records import Light, Lighting, Prediction
@@ -213,3 +214,39 @@ def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:
     skies = [_with_light(BARE, light, 1.0).sky_irradiance for light in (clear, overcast)]
     assert skies[0] == (1.0, 1.0, 1.0)
     assert skies[1] == pytest.approx((2**0.7,) * 3, rel=1e-5)
+
+
+def doubtful(visibility: float, **fields: Any) -> Lighting:
+    """A light whose network saw a sun of irradiance 4 and doubts it."""
+    sun = 4.0 * min(visibility / 0.8, 1.0) ** 5
+    irradiances = {"sun_irradiance": (sun, sun, 0.5 * sun), "sky_irradiance": (1.0, 1.0, 1.0)}
+    return replace(BARE, **{**irradiances, "sun_visibility": visibility, **fields})
+
+
+def test_a_doubtful_sun_in_patches_is_as_strong_as_they_say() -> None:
+    """In patches of 2 stops, level ground has four times the sky's light; three are the sun's, six at 30 deg."""
+    sun = with_dappled_sun(doubtful(0.5), 0.4, 2.0).sun_irradiance
+    assert sun is not None
+    assert luminance(np.array(sun)) == pytest.approx(0.4 * 6.0, rel=1e-3)
+    assert sun[2] == pytest.approx(0.5 * sun[0], rel=1e-4)
+    strongest = with_dappled_sun(doubtful(0.5), 0.5, 5.0).sun_irradiance
+    assert luminance(np.array(strongest)) == pytest.approx(0.5 * 8.0, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    "light",
+    [
+        doubtful(0.9),
+        doubtful(0.1),
+        doubtful(0.5, sun_elevation=3.0),
+        doubtful(0.5, sun_irradiance=(0.0, 0.0, 0.0)),
+        doubtful(0.5, sun_irradiance=(0.001, 0.001, 0.001)),
+        Lighting(0.0, 30.0, 3.0, 1.0, sun_visibility=0.5),
+    ],
+)
+def test_a_sure_or_a_missing_sun_stays(light: Lighting) -> None:
+    assert with_dappled_sun(light, 0.5, 3.0) is light
+
+
+def test_patches_take_nothing_from_a_sun() -> None:
+    assert with_dappled_sun(doubtful(0.75), 0.16, 2.0).sun_irradiance == doubtful(0.75).sun_irradiance

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.color import tone_map
-from lighting.envmap.shadow_mask import ground_shadow_mask, mean_sunlit
+from lighting.envmap.shadow_mask import dappled_sunlight, ground_shadow_mask, mean_sunlit
 from lighting.geometry import Pinhole
 from lighting.records import Lighting
 from tests.helpers.lights import (
@@ -156,3 +156,29 @@ def test_where_the_picture_does_not_show_the_foot_the_sun_is_whole() -> None:
     assert around(-50.0, 60.0, 8.0) == 1.0
     assert around(40.0, 300.0, 8.0) == 1.0
     assert mean_sunlit(np.zeros((2, 2), np.float32), CAMERA, -CAMERA.axes[2][None], 8.0) == 1.0
+
+
+def dappled(patch: int, share: float, step: float) -> NDArray[np.uint8]:
+    """Sky over ground with bright patches of some pixels, a share of it, the rest darker by a step of stops."""
+    linear = np.full((120, 160, 3), 0.8)
+    cells = np.random.default_rng(0).random((80 // patch + 1, 160 // patch + 1)) < share
+    bright = np.kron(cells, np.ones((patch, patch)))[:80, :160, None]
+    linear[40:] = np.where(bright > 0, 0.4, 0.4 * 2.0**-step)
+    return tone_map(linear)
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_patches_of_sun_say_how_much_there_is_of_it(share: float) -> None:
+    found = dappled_sunlight(dappled(8, share, 3.0), LIGHT)
+    assert found is not None
+    assert found[0] == pytest.approx(share, abs=0.06)
+    assert found[1] == pytest.approx(3.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("patch", "share", "step"), [(8, 0.5, 1.5), (80, 0.5, 3.0), (8, 0.05, 3.0), (8, 0.95, 3.0)])
+def test_weak_large_and_rare_patches_are_no_dapples(patch: int, share: float, step: float) -> None:
+    assert dappled_sunlight(dappled(patch, share, step), LIGHT) is None
+
+
+def test_without_ground_there_are_no_dapples() -> None:
+    assert dappled_sunlight(dappled(8, 0.5, 3.0), replace(LIGHT, camera_elevation=60.0)) is None
