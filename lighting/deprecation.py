@@ -19,7 +19,7 @@ RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_o
     "lighting.Given": _RenamedName("lighting", "UserInput", "0.3.0"),
     "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.3.0"),
     "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.3.0"),
-    "lighting.photo.read_time": _RenamedName("lighting.photo.metadata", "parse_time", "0.3.0"),
+    "lighting.photo.read_time": _RenamedName("lighting.photo.clock", "parse_time", "0.3.0"),
     "lighting.photo.reader.Photo.facts": _RenamedName("lighting.photo.reader", "Photo.metadata", "0.3.0"),
     "lighting.probe.probes_in": _RenamedName("lighting.probe.bracket", "probes_in", "0.3.0"),
     "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.3.0"),

@@ -189,23 +189,34 @@ def _reconcile(
         free = metadata.utc_offset is None and abs(shift) >= _ROLLOVER
         if agreeing := _agreeing(clock, shifted) or (_clock_by_gps(local_time, shifted) if free else ()):
             return PhotoInstants(agreeing, ClockConflict(sentence, gps_usable=False))
-    gps_is_epoch, is_reset = _is_epoch(gps_time), _is_reset(local_time) or local_time.year <= _LAST_YEAR_WITHOUT_GPS
-    if gps_is_epoch and not is_reset:
-        sentence = f"The GPS time, {_format(gps_time)}, is that of a receiver without a fix and contradicts the clock"
-        return PhotoInstants(clock, ClockConflict(sentence, gps_usable=False))
-    if is_reset and not gps_is_epoch:
-        sentence = f"The camera's clock, {_format(local_time)}, was reset and contradicts GPS"
-        return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
-    now = datetime.now(UTC) + _NEAR
-    if local_time.replace(tzinfo=UTC) > now >= gps_time:
-        sentence = f"The camera's clock, {_format(local_time)}, is of the future and contradicts GPS"
-        return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
-    if not clock:
-        sentence = (
-            f"The camera's clock, {_format(local_time)}, and GPS, {_format(gps_time)}, differ by no zone's offset"
-        )
-        return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence, clock_usable=False))
-    return _weigh(metadata, clock, gps_time, local_time)
+    return _without_impossible(metadata, clock, gps_time, local_time) or _weigh(metadata, clock, gps_time, local_time)
+
+
+def _without_impossible(
+    metadata: PhotoMetadata, clock: tuple[Instant, ...], gps_time: datetime, local_time: datetime
+) -> PhotoInstants | None:
+    """The instants of the one of two clocks that can be right; None where both can be."""
+    by_clock = clock[0].utc_time if clock else local_time.replace(tzinfo=UTC)
+    difference, gps = _format_difference(by_clock - gps_time), (_gps_instant(metadata, gps_time),)
+    beside_gps, beside_clock = (
+        f"contradicts {other} by {difference}" for other in (f"GPS, {_format(gps_time)},", "the clock")
+    )
+    no_fix = f"The GPS time, {_format(gps_time)}, is that of a receiver without a fix and {beside_clock}"
+    is_reset = _is_reset(local_time) or local_time.year <= _LAST_YEAR_WITHOUT_GPS
+    if _is_epoch(gps_time) and is_reset:
+        warning = CodedWarning(f"{no_fix}, which was reset, too: no time was used.", WarningCode.CLOCK_CONTRADICTED)
+        return PhotoInstants(warnings=(warning,))
+    if _is_epoch(gps_time):
+        return PhotoInstants(clock, ClockConflict(no_fix, gps_usable=False))
+    if is_reset:
+        sentence = f"The camera's clock, {_format(local_time)}, was reset and {beside_gps}"
+    elif by_clock > datetime.now(UTC) + _NEAR >= gps_time:
+        sentence = f"The camera's clock, {_format(local_time)}, is of the future and {beside_gps}"
+    elif not clock:
+        sentence = f"The camera's clock, {_format(local_time)}, {beside_gps} which is no zone's offset"
+    else:
+        return None
+    return PhotoInstants(gps, ClockConflict(sentence, clock_usable=False))
 
 
 def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], gps_time: datetime) -> PhotoInstants:
@@ -278,10 +289,9 @@ def _gps_weight(metadata: PhotoMetadata, by_clock: Instant, gps_time: datetime, 
     in_zone = {instant.utc_offset for instant in _instants_in_zones(metadata)}
     if hours is not None and hours in in_zone:
         return _LIKELY  # clock, GPS and place agree; the offset beside the clock does not
-    if late > timedelta() and local_time.month == 1 and local_time.day == 1 and late > _MONTH:
-        return _SURE
     if abs(late) > _MONTH:
-        return _LIKELY if late > timedelta() else 1.0 - _LIKELY
+        is_new_year = (local_time.month, local_time.day) == (1, 1)
+        return (_SURE if is_new_year else _AGREED) if late > timedelta() else 1.0 - _AGREED
     return 1.0 - _UNLIKELY if late > timedelta() else _UNLIKELY
 
 

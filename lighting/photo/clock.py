@@ -387,14 +387,13 @@ def _gps_date(tags: Tags) -> datetime:
     return datetime(year, month, day, tzinfo=UTC)
 
 
-def _gps_time_near(clock: timedelta, local_time: datetime, longitude: float) -> datetime | None:
-    """The time of day in UTC on the day that makes the local time one of some zone; of two, the longitude's."""
+def _gps_time_near(clock: timedelta, local_time: datetime, longitude: float) -> datetime:
+    """The time of day in UTC on the day that makes the local time one of some zone, the longitude's if it can be."""
     midnight = local_time.replace(hour=0, minute=0, second=0, microsecond=0)
     times = [midnight + timedelta(days=day) + clock for day in (-1, 0, 1)]
-    offsets = {time: hours for time in times if (hours := nearest_utc_offset(local_time - time)) is not None}
-    if not offsets:
-        return None
-    return min(offsets, key=lambda time: abs(offsets[time] - longitude / 15.0)).replace(tzinfo=UTC)
+    of_zones = [time for time in times if nearest_utc_offset(local_time - time) is not None] or times
+    by_sun = local_time - timedelta(hours=longitude / 15.0)
+    return min(of_zones, key=lambda time: abs(time - by_sun)).replace(tzinfo=UTC)
 
 
 def _datable(time: datetime) -> datetime | None:

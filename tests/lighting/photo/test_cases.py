@@ -215,6 +215,7 @@ CONFLICTS: dict[str, tuple[dict[str, Any], dict[str, Any], str, str]] = {
         FILE,
         "9 h 20",
     ),
+    "fix 47 min old without a date": (DENVER, {"gps": "13:30:51"}, ZONE, "47 min"),
     "fix of the day before": (MUNICH, {"gps": "2024:05:31 16:49:00"}, ZONE, "a day"),
     "clock reset to 2000": (
         MUNICH,
@@ -310,6 +311,14 @@ def test_a_clock_that_was_reset_is_no_time(time: str, words: str) -> None:
     assert "time+place" not in light.evidence
     (warning,) = clock_warnings(light)
     assert words in warning
+
+
+def test_two_clocks_that_began_anew_are_no_time() -> None:
+    tags = {"DateTimeOriginal": "2000:01:01 00:01:12", "gps": "1980:01:06 00:00:10"}
+    light = answer(read_photo(file_of(MUNICH | tags)).metadata, 20.0)
+    assert light.utc_time is None
+    (warning,) = clock_warnings(light)
+    assert "no time was used" in warning
 
 
 def test_new_year_is_a_day_as_any_other() -> None:
