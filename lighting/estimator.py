@@ -13,7 +13,7 @@ from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError
-from lighting.fusion.estimate import build_estimate, predict_photo
+from lighting.fusion.estimate import build_estimate, check_metadata, predict_photo
 from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
@@ -110,10 +110,14 @@ class Estimator:
         check_headings(len(photos), headings, user_input.heading)
         if len(photos) < 2:
             return [self(photo, user_input) for photo in photos]
-        observed = observations_multi([photo.metadata for photo in photos], user_input)
-        observed = list(map(_with_photo_warnings, observed, photos))
-        observations = [one.observations for one in observed]
         predictions = [self.predict(photo, user_input) for photo in photos]
+        checked = [check_metadata(p.metadata, one, user_input) for p, one in zip(photos, predictions, strict=True)]
+        observed = observations_multi([metadata for metadata, _ in checked], user_input)
+        observed = [
+            _with_warnings(prior, (*photo.warnings, *warnings))
+            for prior, photo, (_, warnings) in zip(observed, photos, checked, strict=True)
+        ]
+        observations = [one.observations for one in observed]
         views = None
         if headings is None and register:
             register_views = register if callable(register) else _register_here
@@ -177,7 +181,8 @@ def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: U
     Raises:
         ParameterError: the user's time and place are of night.
     """
-    observed = _with_photo_warnings(observations_single(photo.metadata, user_input), photo)
+    metadata, warnings = check_metadata(photo.metadata, prediction, user_input)
+    observed = _with_warnings(observations_single(metadata, user_input), (*photo.warnings, *warnings))
     posterior = fuse_single_view(prediction, observed.observations, photo.pixels)
     estimate = describe_ground(photo, build_estimate(posterior, observed), observed.is_aerial)
     return apply_photo_colors([photo], [estimate])[0]
@@ -227,8 +232,8 @@ def _check_arguments(photos: object, user_input: object) -> None:
     check_user_input(user_input)
 
 
-def _with_photo_warnings(prior: MetadataPrior, photo: Photo) -> MetadataPrior:
-    return replace(prior, warnings=(*photo.warnings, *prior.warnings))
+def _with_warnings(prior: MetadataPrior, warnings: tuple[str, ...]) -> MetadataPrior:
+    return replace(prior, warnings=(*warnings, *prior.warnings))
 
 
 def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "View":

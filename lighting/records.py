@@ -68,6 +68,9 @@ class WarningCode(StrEnum):
     OFFSET_REPLACED = "offset-replaced"  # the file's offset from UTC, by the user's
     BORDER = "border"  # about the photo, which counts without it
     COLLAGE = "collage"  # of several photos
+    PANORAMA = "panorama"  # by its file
+    LENS_OPEN = "lens-open"  # the file's lens was cropped, and the pixels chose, or it was not used
+    LOCATION_OPEN = "location-open"  # the file states no hemisphere; the zone chose, or the place was not used
     TURN_INFERRED = "turn-inferred"  # nothing in common says how the photos are turned
     OTHER = "other"
 

@@ -68,7 +68,9 @@ def _describe_picture(file: str) -> "Json":
         return _describe_lighting(parse_lighting(data, file))
     with prefix_errors(file):
         photo = read_photo(data, path=path_of(file))
-    size = {"format": photo.format, "width": photo.width, "height": photo.height}
+    size: Json = {"format": photo.format, "width": photo.width, "height": photo.height}
+    if photo.crop is not None:
+        size["crop"] = asdict(photo.crop)
     return {"kind": "photo", **size, "metadata": _describe_metadata(photo.metadata)}
 
 
@@ -78,7 +80,7 @@ def _describe_metadata(metadata: "PhotoMetadata") -> "Json":
     from lighting.fusion.user_input import NO_USER_INPUT
 
     values = {**asdict(metadata), "location": metadata.latitude is not None}
-    del values["latitude"], values["longitude"]
+    del values["latitude"], values["longitude"], values["locations"]
     likeliest = resolve_instants(metadata, NO_USER_INPUT).likeliest
     values["utc_time"], values["time_source"] = (likeliest.utc_time, likeliest.source) if likeliest else (None, None)
     return {name: value.isoformat() if isinstance(value, datetime) else value for name, value in values.items()}

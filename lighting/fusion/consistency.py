@@ -5,18 +5,31 @@ calibrated, so the thresholds are those that one true record in a hundred passes
 `python -m export evaluate --with-metadata` prints how often each fires on true and on false records.
 """
 
+import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
 from lighting.calibration import MAX_LENS_RATIO, lens_ratio
 from lighting.circular import HEADINGS, blur_headings
 from lighting.geometry import Floats, angles
+from lighting.photo.metadata import PhotoMetadata
 from lighting.records import CodedWarning, Prediction, WarningCode
 from lighting.sun_grid import grid_directions
 
+_CROPPED = "The focal length in the file was not used, because the photo was cropped."
+
 MIN_ELEVATION_P_VALUE = 0.004  # by the pixels, under which the elevation of time and place is contradicted
 MIN_HEADING_P_VALUE = 0.008  # the same of a compass heading
+
+# Of 561 photos with a true lens [1] the pixels find a lens that is 1.5 times longer for 0.2 %, one that is 1.9 times
+# shorter for 5.7 %, and 4 times for 1.1 %: long lenses are rare where the network learned. A file with a 35 mm value
+# alone, as no camera writes it, is doubted sooner.
+_MAX_WIDER_RATIO = 1.5
+_MAX_LONGER_RATIO = 4.0
+_LENS_BIAS = 0.1  # logarithm of a true lens by the pixels', in the mean
+_UNDECIDED = 0.15  # difference of such logarithms, under which the pixels do not choose
 
 _CELL_SCALE = 2.2  # deg, of the logistic curve that smooths a cell's elevation: 4 deg of standard deviation
 
@@ -56,6 +69,43 @@ def consistency_warnings(
             f"{prediction.vertical_fov:.0f}° by the pixels: {cause}.",
             WarningCode.LENS_CONTRADICTED,
         )
+
+
+def choose_lens(metadata: PhotoMetadata, pixel_fov: float) -> tuple[PhotoMetadata, tuple[CodedWarning, ...]]:
+    """The metadata with the lens that the pixels choose, and what is to be said of it.
+
+    Args:
+        metadata: of the photo's file; a lens that the pixels contradict is dropped.
+        pixel_fov: deg, the vertical field of view by the pixels.
+    """
+    if metadata.vertical_fov is None:
+        is_lost = metadata.focal_length is not None and not metadata.is_panorama
+        return metadata, (CodedWarning(_CROPPED, WarningCode.LENS_OPEN),) * is_lost
+    fovs = (metadata.vertical_fov, *metadata.other_vertical_fovs)
+    longer = [math.log(_tangent(pixel_fov) / _tangent(fov)) for fov in fovs]
+    errors = [abs(ratio - _LENS_BIAS) for ratio in longer]
+    best = min(range(len(fovs)), key=errors.__getitem__)
+    limit = _MAX_LONGER_RATIO if metadata.is_lens_consistent else MAX_LENS_RATIO
+    if not -math.log(_MAX_WIDER_RATIO) <= longer[best] <= math.log(limit):
+        cause = "check the focal length" if longer[best] > 0 else "the photo may be cropped"
+        sentence = (
+            f"The vertical field of view is {fovs[best]:.0f}° by the focal length in the file, {pixel_fov:.0f}° by the "
+            f"pixels, which was used: {cause}."
+        )
+        chosen = replace(metadata, vertical_fov=None, other_vertical_fovs=())
+        return chosen, (CodedWarning(sentence, WarningCode.LENS_CONTRADICTED),)
+    chosen = replace(metadata, vertical_fov=fovs[best], other_vertical_fovs=())
+    if len(fovs) == 1 or (best == 0 and min(errors[1:]) - errors[0] > _UNDECIDED):
+        return chosen, ()
+    values = " or ".join(f"{fov:.0f}°" for fov in fovs)
+    sentence = (
+        f"The vertical field of view is {values} by the file, which leaves the crop open; {fovs[best]:.0f}° was used."
+    )
+    return chosen, (CodedWarning(sentence, WarningCode.LENS_OPEN),)
+
+
+def _tangent(fov: float) -> float:
+    return math.tan(math.radians(fov) / 2)
 
 
 def _elevation_p_value(prediction: Prediction, elevation: Floats) -> float:

@@ -15,20 +15,24 @@ from numpy.typing import NDArray
 
 from lighting.calibration import calibrate_from_lines
 from lighting.decoding import correct_sun_color, lighting_from_prediction, predicted_sun_elevation
+from lighting.fusion.consistency import choose_lens
+from lighting.fusion.hemisphere import resolve_hemisphere
 from lighting.fusion.instants import Instant
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.model import Model
+from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.preprocess import is_blank, is_panorama, preprocess
 from lighting.photo.reader import Photo
-from lighting.records import MIN_SUITABLE, Estimate, EvidenceKind, Lighting, Prediction
+from lighting.records import MIN_SUITABLE, CodedWarning, Estimate, EvidenceKind, Lighting, Prediction, WarningCode
 from lighting.validation import clip_to_range, round_significant
 
 _UNSUITABLE = (
     "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
     "the answer may mean nothing."
 )
+_PANORAMA = "By its file the picture is a panorama of several views, which is no ordinary photo."
 _MAX_SUITABLE_IN_TWILIGHT = 0.1  # where time and place have the sun below the horizon
 _EVEN_ODDS_EXPOSURE = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
 _ODDS_EXPONENT = 2.5  # doublings of the odds of daylight for each EV: scenes and meters vary by a stop
@@ -46,9 +50,34 @@ def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_IN
         user_input: what the user states of the photo.
     """
     prediction = model.predict(preprocess(photo, model.spec))[0]
-    if photo.is_collage:
+    if photo.is_collage or (user_input.use_exif and photo.metadata.is_panorama):
         return _as_unsuitable(prediction)
-    return screen_prediction(prediction, photo.pixels, camera_observations(photo.metadata, user_input).vertical_fov)
+    metadata, _ = check_metadata(photo.metadata, prediction, user_input)
+    return screen_prediction(prediction, photo.pixels, camera_observations(metadata, user_input).vertical_fov)
+
+
+def check_metadata(
+    metadata: PhotoMetadata, prediction: Prediction, user_input: UserInput = NO_USER_INPUT
+) -> tuple[PhotoMetadata, tuple[CodedWarning, ...]]:
+    """The metadata whose place has a hemisphere and whose lens the pixels do not exclude; and what is to be said of it.
+
+    Args:
+        metadata: of the photo's file.
+        prediction: of the network, with the lens by the pixels.
+        user_input: what the user states; nothing is said of what it replaces.
+    """
+    if not user_input.use_exif:
+        return metadata, ()
+    warnings: tuple[CodedWarning, ...] = ()
+    if metadata.is_panorama:
+        warnings = (CodedWarning(_PANORAMA, WarningCode.PANORAMA),)
+    if user_input.latitude is None:
+        metadata, about_place = resolve_hemisphere(metadata)
+        warnings = (*warnings, *about_place)
+    if user_input.vertical_fov is None:
+        metadata, about_lens = choose_lens(metadata, prediction.vertical_fov)
+        warnings = (*warnings, *about_lens)
+    return metadata, warnings
 
 
 def screen_prediction(

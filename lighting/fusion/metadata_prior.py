@@ -14,7 +14,8 @@ from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_to
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import EYE_HEIGHT, SUN_RADIUS, angle_between, direction
-from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.photo.location import HeadingReference
+from lighting.photo.metadata import PhotoMetadata
 from lighting.solar_position import CIVIL_TWILIGHT
 from lighting.validation import RANGES
 

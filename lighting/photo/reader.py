@@ -161,7 +161,9 @@ def read_photo(
     with _no_warnings():
         beside = source if isinstance(source, str | os.PathLike) else path
         sidecar = None if beside is None else read_sidecar(beside)
-        return replace(photo, metadata=read_metadata(exif_source, photo.width, photo.height, sidecar))
+        inside = photo.crop is not None
+        metadata = read_metadata(exif_source, photo.width, photo.height, sidecar, is_inside=inside)
+    return replace(photo, metadata=metadata)
 
 
 def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:

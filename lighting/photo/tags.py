@@ -1,8 +1,13 @@
-"""EXIF tags and XMP properties as plain values; all of them are hostile input."""
+"""EXIF tags and XMP properties as plain values; all of them are hostile input.
+
+References:
+    [1] ExifTool's documentation, PNG Tags, TextualData.
+"""
 
 import math
 import struct
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from io import BytesIO
 from typing import Any, TypeVar
 from xml.parsers import expat
@@ -14,6 +19,9 @@ from lighting.photo.containers import is_moderate
 Tags = Mapping[int, Any]
 _Value = TypeVar("_Value")
 
+_EXIF_PREFIX, _XMP_PREFIX = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"  # of a JPEG's segments
+_TIFF_STARTS = (b"II*\0", b"MM\0*")  # how an EXIF block begins
+_MAX_EXIF_BLOCKS = 4  # that are read
 _IPTC_TAG = 33723  # of a TIFF
 _MAX_IPTC_LENGTH = 1 << 16  # bytes, or numbers of four bytes, that are read; a segment of a JPEG has as many
 EXIF_NAMESPACE = "http://ns.adobe.com/exif/1.0"  # of XMP, without a slash at its end
@@ -24,36 +32,95 @@ def read_exif(image: Image.Image) -> Image.Exif:
     """An image's EXIF as Pillow reads it; an empty one in place of one that is costly to read.
 
     Args:
-        image: opened by Pillow.
+        image: opened by Pillow. A PNG's text counts before its pixels are decoded and after.
     """
-    exif = image.getexif()
+    is_decoded_png = image.format == "PNG" and not getattr(
+        image, "tile", None
+    )  # whose own method would decode it again
+    exif = Image.Image.getexif(image) if is_decoded_png else image.getexif()
+    if not exif and (block := _raw_profile(image, "APP1")).startswith(_EXIF_PREFIX):
+        exif = _load_exif(block)
+    return exif if _is_cheap(exif) else Image.Exif()
+
+
+def _is_cheap(exif: Image.Exif) -> bool:
     block = getattr(exif, "fp", None)  # what Pillow reads it from: the block, or a TIFF itself
-    return exif if not isinstance(block, BytesIO) or is_moderate(block.getbuffer()) else Image.Exif()
+    return not isinstance(block, BytesIO) or is_moderate(block.getbuffer())
+
+
+def _load_exif(block: bytes) -> Image.Exif:
+    exif = Image.Exif()
+    exif.load(block)
+    return exif
+
+
+def _raw_profile(image: Image.Image, name: str) -> bytes:
+    """What ImageMagick and ExifTool write as text into a PNG: a name, a length, and hexadecimal digits [1]."""
+    text = image.info.get(f"Raw profile type {name}")
+    if not isinstance(text, str):
+        return b""
+    try:
+        return bytes.fromhex("".join(text.split("\n")[3:]))
+    except ValueError:
+        return b""
+
+
+def _later_exif(image: Image.Image) -> Iterator[Image.Exif]:
+    """The EXIF blocks of a JPEG behind its first, which a program put before the camera's; Pillow reads one alone."""
+    blocks: list[bytes] = []
+    for name, segment in getattr(image, "applist", ()):
+        if name != "APP1" or not segment.startswith(_EXIF_PREFIX):
+            continue
+        body = segment[len(_EXIF_PREFIX) :]
+        if blocks and not body.startswith(_TIFF_STARTS):
+            blocks[-1] += body  # one that goes on
+        elif len(blocks) < _MAX_EXIF_BLOCKS:
+            blocks.append(body)
+    for block in blocks[1:]:
+        if is_moderate(block):
+            yield _load_exif(_EXIF_PREFIX + block)
 
 
 def read_ifd(image: Image.Image, ifd: int) -> Tags:
-    """The tags of one directory of an image's EXIF block; empty where it cannot be read. Never raises.
+    """The tags of one directory of an image's EXIF blocks; empty where it cannot be read. Never raises.
 
     Args:
         image: opened by Pillow.
         ifd: number of the directory, of `ExifTags.IFD`.
     """
-    try:
-        return dict(read_exif(image).get_ifd(ifd))
-    except Exception:  # Pillow raises nearly anything on hostile bytes
-        return {}
+    return _merge_tags(image, lambda exif: dict(exif.get_ifd(ifd)))
 
 
 def read_main_tags(image: Image.Image) -> Tags:
-    """The tags of an image's main directory of EXIF; empty where it cannot be read. Never raises.
+    """The tags of the main directory of an image's EXIF blocks; empty where it cannot be read. Never raises.
 
     Args:
         image: opened by Pillow.
     """
-    try:
-        return dict(read_exif(image))
-    except Exception:  # as above
-        return {}
+    return _merge_tags(image, dict)
+
+
+def _merge_tags(image: Image.Image, read: Callable[[Image.Exif], dict[int, Any]]) -> Tags:
+    """The tags of all EXIF blocks; of two with one number the first counts."""
+    merged: dict[int, Any] = {}
+    with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
+        merged = read(read_exif(image))
+    with suppress(Exception):
+        for exif in _later_exif(image):
+            merged = {**read(exif), **merged}
+    return merged
+
+
+def read_packet(image: Image.Image) -> dict[str, str]:
+    """The properties of an image's XMP packet, as `read_xmp` returns them.
+
+    Args:
+        image: opened by Pillow.
+    """
+    packet = image.info.get("xmp")
+    if packet is None:
+        packet = _raw_profile(image, "xmp") or _raw_profile(image, "APP1").removeprefix(_XMP_PREFIX)
+    return read_xmp(packet)
 
 
 def read_iptc(image: Image.Image) -> Mapping[Any, Any]:
@@ -101,6 +168,20 @@ def read_number(value: Any) -> float:
     if not math.isfinite(number):
         raise ValueError("not a finite number")
     return number
+
+
+def read_xmp_number(text: str) -> float:
+    """A finite number in an XMP property, such as "17" or "22329/100".
+
+    Args:
+        text: of the property.
+
+    Raises:
+        ValueError: it is none.
+        ZeroDivisionError: its denominator is 0.
+    """
+    numerator, _, denominator = text.strip().partition("/")
+    return read_number(numerator) / (read_number(denominator) if denominator else 1.0)
 
 
 def read_text(value: Any) -> str:

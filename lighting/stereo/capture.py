@@ -24,7 +24,8 @@ from lighting.fusion.metadata_prior import share_location
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.clock import parse_time
 from lighting.photo.linear import RAW_SUFFIXES, Curve, open_header, read_linear
-from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.photo.location import HeadingReference
+from lighting.photo.metadata import PhotoMetadata
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.planner import MAX_PROBE_GAP, day_maps, read_skies
 

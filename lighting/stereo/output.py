@@ -25,8 +25,8 @@ from lighting.files.atomic import atomic_write, output_folder_error
 from lighting.files.exr import SOFTWARE
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
+from lighting.photo.lens import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import Curve
-from lighting.photo.metadata import FULL_FRAME_DIAGONAL
 from lighting.records import GROUND_ALBEDO, Json
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
 from lighting.stereo.grid_search import Pose, SearchProgress, camera_to_world, ignore_progress

@@ -16,7 +16,8 @@ import numpy as np
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.photo.clock import YEAR_RANGE
 from lighting.photo.imu import heading_from_gimbal
-from lighting.photo.metadata import PhotoMetadata, vertical_fov_from_focal_length
+from lighting.photo.lens import vertical_fov_from_focal_length
+from lighting.photo.metadata import PhotoMetadata
 
 QUICKTIME = "com.apple.quicktime."
 LOCATION_TAGS = (f"{QUICKTIME}location.ISO6709", "location", "location-eng", "\xa9xyz")

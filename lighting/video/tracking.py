@@ -21,7 +21,8 @@ from lighting.color import SRGB_LINEAR
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations, observations_from_metadata
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
-from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.photo.location import HeadingReference
+from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Prediction
 from lighting.registration.features import Features, Matches, detect_features, import_opencv, resize_to, to_centered
 from lighting.registration.ransac import ransac_rotation

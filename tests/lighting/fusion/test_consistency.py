@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from lighting.fusion.consistency import _elevation_p_value, _heading_p_value, consistency_warnings
+from lighting.fusion.consistency import _elevation_p_value, _heading_p_value, choose_lens, consistency_warnings
 from lighting.fusion.single_view import Observations, fuse, likelihood_by_heading
+from lighting.photo.metadata import PhotoMetadata
+from lighting.records import warning_code
 from lighting.sun_grid import grid_directions
 from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 
@@ -99,3 +101,46 @@ def test_what_smoothing_puts_below_the_horizon_counts_as_above_it() -> None:
 def test_several_zones_are_named_as_a_range() -> None:
     predicted = lobe_prediction(0.0, 80.0, 150.0)
     assert "3 to 12°" in fuse(predicted, Observations(((3.0, 80.0), (12.0, 95.0)))).warnings[0]
+
+
+def lens(*fovs: float, is_consistent: bool = True) -> PhotoMetadata:
+    return PhotoMetadata(
+        focal_length=26.0, vertical_fov=fovs[0], other_vertical_fovs=fovs[1:], is_lens_consistent=is_consistent
+    )
+
+
+@pytest.mark.parametrize(
+    ("metadata", "pixel_fov", "chosen"),
+    [
+        (lens(54.0), 60.0, 54.0),
+        (lens(29.0), 66.0, 29.0),  # a long lens, of which the file says more than its 35 mm value
+        (lens(29.0, is_consistent=False), 66.0, None),
+        (lens(14.0), 66.0, None),
+        (lens(7.0, is_consistent=False), 54.0, None),
+        (lens(85.0), 50.0, None),  # the photo was cropped
+        (lens(85.0, 69.0), 68.0, 69.0),
+        (lens(64.0, 35.0), 66.0, 64.0),
+        (lens(120.0, 100.0), 40.0, None),
+    ],
+)
+def test_a_lens_that_the_pixels_exclude_is_not_used(
+    metadata: PhotoMetadata, pixel_fov: float, chosen: float | None
+) -> None:
+    settled, warnings = choose_lens(metadata, pixel_fov)
+    assert settled.vertical_fov == chosen
+    assert settled.other_vertical_fovs == ()
+    assert settled.focal_length == 26.0
+    code = "lens-contradicted" if chosen is None else "lens-open"
+    assert [warning_code(w) for w in warnings] == [code] * (chosen != metadata.vertical_fov)
+
+
+def test_of_lenses_that_the_pixels_hardly_part_a_warning_tells() -> None:
+    settled, (warning,) = choose_lens(lens(62.0, 58.0), 64.0)
+    assert settled.vertical_fov in (62.0, 58.0)
+    assert "62° or 58°" in warning
+
+
+def test_a_focal_length_that_a_crop_made_useless_is_told() -> None:
+    _, (warning,) = choose_lens(PhotoMetadata(focal_length=26.0), 50.0)
+    assert "was cropped" in warning
+    assert choose_lens(PhotoMetadata(), 50.0) == (PhotoMetadata(), ())

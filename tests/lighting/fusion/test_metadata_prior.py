@@ -22,7 +22,8 @@ from lighting.fusion.metadata_prior import (
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import COMPASS_STD, Observations, fuse
 from lighting.fusion.user_input import UserInput
-from lighting.photo.metadata import HeadingReference, PhotoMetadata
+from lighting.photo.location import HeadingReference
+from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Light, Lighting
 from tests.helpers.predictions import METADATA, MORNING, ZONELESS, clock, observations_of, prediction
 
@@ -142,7 +143,7 @@ def test_nothing_known_is_no_evidence() -> None:
 
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"local_time": None}])
-def test_a_time_without_place_gives_no_sun_nor_the_other_way_round(lost: dict[str, None]) -> None:
+def test_a_time_without_place_gives_no_sun_nor_the_other_way_round(lost: dict[str, Any]) -> None:
     metadata = replace(METADATA, **lost)
     assert observations_of(metadata).candidates == ()
     assert observations_from_metadata(metadata, UserInput()).warnings == ()

@@ -10,9 +10,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from PIL import ExifTags, Image
+from PIL.PngImagePlugin import PngInfo
 from PIL.TiffImagePlugin import IFDRational
 
-from lighting.photo.metadata import PhotoMetadata, read_metadata, vertical_fov_from_focal_length
+from lighting.photo.lens import vertical_fov_from_focal_length
+from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.reader import read_photo
 from lighting.photo.tags import MAX_XMP_BYTES, read_xmp
 from tests.conftest import encode, exif, munich, scene
@@ -110,7 +112,7 @@ def test_a_blank_time_hides_no_good_one() -> None:
         ("OffsetTimeOriginal", "Berlin", "utc_offset"),
         ("GPSLatitude", (95.0, 0.0, 0.0), "latitude"),
         ("GPSLatitude", (48.0, math.nan, 0.0), "latitude"),
-        ("GPSLatitude", "48 N", "latitude"),
+        ("GPSLatitude", "north", "latitude"),
         ("GPSLatitudeRef", None, "longitude"),
         ("GPSLatitudeRef", "E", "longitude"),
         ("GPSLongitude", (181.0, 0.0, 0.0), "latitude"),
@@ -334,3 +336,54 @@ def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
 def test_no_packet_whatever_raises(data: bytes) -> None:
     for start in (b"", b"<", b"<x ", drone("-1")[:200]):
         read_xmp(start + data)
+
+
+def with_segment(jpeg: bytes, block: bytes) -> bytes:
+    """The JPEG with another EXIF segment before its own."""
+    body = b"Exif\0\0" + block
+    return jpeg[:2] + b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body + jpeg[2:]
+
+
+def test_the_second_exif_segment_counts_where_the_first_says_nothing() -> None:
+    """Each with its own byte order; of two that say the same, the first counts."""
+    editor = Image.Exif()
+    editor[BASE.Orientation] = 6
+    first = editor.tobytes().removeprefix(b"Exif\0\0")
+    metadata = read_photo(with_segment(encode(SCENE, exif=munich().tobytes()), first)).metadata
+    assert metadata == read_photo(encode(SCENE.transpose(1, 0, 2), exif=munich().tobytes())).metadata
+    photo = read_photo(with_segment(encode(SCENE, exif=munich(Orientation=8).tobytes()), first))
+    assert photo.pixels.shape[:2] == (160, 120)
+    assert photo.pixels[0, 0, 1] > 200  # turned as the first says
+
+
+def test_segments_of_damaged_exif_lose_no_photo() -> None:
+    for block in (b"", b"II*\0", b"MM\0*\xff\xff\xff\xff", b"\0" * 100):
+        assert read_photo(with_segment(encode(SCENE, exif=munich().tobytes()), block)).pixels.shape == (120, 160, 3)
+
+
+@pytest.mark.parametrize(("name", "prefix"), [("exif", b""), ("exif", b"Exif\0\0"), ("APP1", b"Exif\0\0")])
+def test_exif_as_text_in_a_png(name: str, prefix: bytes) -> None:
+    """As ImageMagick and old versions of ExifTool write it."""
+    block = prefix + munich().tobytes().removeprefix(b"Exif\0\0")
+    assert read_photo(raw_profile(name, block)).metadata == metadata_of(munich(), file_format="PNG")
+
+
+def test_xmp_as_text_in_a_png() -> None:
+    xmp = packet("http://ns.adobe.com/exif/1.0/", {"FocalLengthIn35mmFilm": "26"})
+    assert read_photo(raw_profile("xmp", xmp)).metadata.focal_length == 26.0
+    assert read_photo(raw_profile("APP1", b"http://ns.adobe.com/xap/1.0/\0" + xmp)).metadata.focal_length == 26.0
+
+
+@pytest.mark.parametrize("text", ["", "\nexif\n 4\nzz", "\nexif\n", "x" * 1000])
+def test_damaged_text_in_a_png_is_no_exif(text: str) -> None:
+    chunks = PngInfo()
+    chunks.add_text("Raw profile type exif", text, zip=True)
+    assert read_photo(encode(SCENE, "PNG", pnginfo=chunks)).metadata == PhotoMetadata()
+
+
+def raw_profile(name: str, block: bytes) -> bytes:
+    digits = block.hex()
+    lines = "\n".join(digits[i : i + 72] for i in range(0, len(digits), 72))
+    chunks = PngInfo()
+    chunks.add_text(f"Raw profile type {name}", f"\n{name}\n{len(block):8d}\n{lines}\n", zip=True)
+    return encode(SCENE, "PNG", pnginfo=chunks)

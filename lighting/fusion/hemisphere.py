@@ -1,0 +1,45 @@
+"""The hemisphere of a place whose file states none: by the clock's zone, for photos are taken on land.
+
+A place without north or south, east or west is up to four places. Three of Munich's four lie in the sea, and of those
+on land few keep the zone that the clock shows.
+"""
+
+from dataclasses import replace
+from datetime import datetime
+
+from lighting.fusion.timezones import ZoneOffset, offset_in_file, offsets_of_place
+from lighting.photo.metadata import PhotoMetadata
+from lighting.records import CodedWarning, WarningCode
+
+_AT_SEA = "Etc/"  # how the names of the zones begin that ships keep
+_MAX_OFFSET_ERROR = 0.01  # h
+_ANY_TIME = datetime(2024, 7, 1, 12)  # for a place whose zone's name alone counts
+_CHOSEN = (
+    "The file states no hemisphere of its place: of the places that it may be, the one was used that lies on land, by "
+    "the clock's zone."
+)
+_DROPPED = "The place in the file was not used: the file states no hemisphere, and its clock does not tell it."
+
+
+def resolve_hemisphere(metadata: PhotoMetadata) -> tuple[PhotoMetadata, tuple[CodedWarning, ...]]:
+    """The metadata with the one place that fits the clock, or without a place; and what is to be said of it.
+
+    Args:
+        metadata: of a photo's file.
+    """
+    if not metadata.locations or metadata.location is not None:
+        return metadata, ()
+    stated, time = offset_in_file(metadata), metadata.local_time or _ANY_TIME
+    zones = {place: offsets_of_place(*place, time) for place in metadata.locations}
+    on_land = [place for place in zones if not any(zone.name.startswith(_AT_SEA) for zone in zones[place])]
+    fitting = [place for place in on_land if stated and _keeps(zones[place], stated[0])] or on_land
+    known = replace(metadata, locations=())
+    if len(fitting) != 1:
+        return known, (CodedWarning(_DROPPED, WarningCode.LOCATION_OPEN),)
+    latitude, longitude = fitting[0]
+    return replace(known, latitude=latitude, longitude=longitude), (CodedWarning(_CHOSEN, WarningCode.LOCATION_OPEN),)
+
+
+def _keeps(zones: tuple[ZoneOffset, ...], utc_offset: float) -> bool:
+    """Whether clocks of one of the zones are as far ahead of UTC [h]."""
+    return any(abs(zone.hours - utc_offset) < _MAX_OFFSET_ERROR for zone in zones)
