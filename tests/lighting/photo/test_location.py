@@ -108,7 +108,8 @@ def test_no_text_raises(text: str, reference: object) -> None:
 def test_a_heading_in_exif_or_else_in_xmp() -> None:
     properties = {f"{EXIF} GPSImgDirection": "22329/100", f"{EXIF} GPSImgDirectionRef": "T"}
     heading, reference = read_heading({}, properties)
-    assert (heading, str(reference)) == (pytest.approx(223.29), "true")
+    assert heading == pytest.approx(223.29)
+    assert str(reference) == "true"
     assert read_heading({GPS.GPSImgDirection: 60.0, GPS.GPSImgDirectionRef: "M"}, properties) == (60.0, "magnetic")
     assert read_heading({}, {f"{EXIF} GPSImgDirection": "5/0"}) == (None, None)
     assert read_heading({GPS.GPSImgDirection: 361.0}, {}) == (None, None)
