@@ -19,6 +19,7 @@ METADATA += [
     "gravity_source",
     "gravity_spread",
     "exposure_value",
+    "camera_height",
     "utc_time",
     "time_source",
 ]
