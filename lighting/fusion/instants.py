@@ -318,11 +318,19 @@ def resolve_together(metadata: Sequence[PhotoMetadata], user_input: UserInput) -
         metadata: of each photo, with the place that counts for all.
         user_input: what the user states of all.
     """
-    offset = next((known[0] for m in metadata if (known := timezones.offset_in_file(m)) is not None), None)
-    each = [resolve_instants(m, user_input, offset) for m in metadata]
+    alone = [resolve_instants(m, user_input) for m in metadata]
+    offset = next((hours for one in alone if (hours := _offset_of_file(one)) is not None), None)
+    each = alone if offset is None else [resolve_instants(m, user_input, offset) for m in metadata]
     clocks = list(dict.fromkeys(instant.clock for one in each for instant in one.instants))
     weights = [_mean_weight(each, clock) for clock in clocks]
     return [replace(one, instants=_in_order(one, clocks, weights)) for one in each]
+
+
+def _offset_of_file(one: PhotoInstants) -> float | None:
+    """The offset from UTC [h] of a clock that the file tells, and that GPS does not contradict."""
+    is_doubted = one.conflict is not None and one.conflict.agreed is None
+    likeliest = one.likeliest
+    return None if likeliest is None or is_doubted or likeliest.clock != "file" else likeliest.utc_offset
 
 
 def _mean_weight(each: Sequence[PhotoInstants], clock: str) -> float:

@@ -110,6 +110,11 @@ def test_a_clock_beside_the_satellites_time_tells_the_zone() -> None:
     assert instants_of(by_satellite, later) == [(MORNING, "GPS"), (MORNING + timedelta(hours=1), "other photos")]
 
 
+def test_a_clock_that_was_reset_tells_no_offset_to_the_others() -> None:
+    reset = replace(METADATA, local_time=datetime(1970, 1, 1, 0, 10), utc_offset=0.0, gps_time=MORNING)
+    assert instants_of(reset, ZONELESS) == [(MORNING, "GPS"), (MORNING, "zone of the place")]
+
+
 @pytest.mark.parametrize("hours", [-4.5, 8.5, 11.5])
 def test_a_clock_of_a_former_zone_tells_it(hours: float) -> None:
     """Venezuela's to 2016, North Korea's to 2018, Norfolk Island's to 2015: the other photos were left without time."""
