@@ -48,6 +48,7 @@ _Matrix = NDArray[np.float32]
 
 _H273_CURVES: Mapping[int, _Curve] = {4: 2.2, 5: 2.8, 8: 1.0, 16: "pq", 17: 2.6, 18: "hlg"}  # the rest count as sRGB
 _H273_KNOWN_CURVES = (1, 4, 5, 6, 7, 8, 11, 13, 14, 15, 16, 17, 18)
+_UNSPECIFIED, _REC2020 = 2, 9  # numbers of H.273, the latter of primaries
 _PNG_GAMMAS = (0.25, 1.2)  # of a gAMA that is believed
 _SRGB_GAMMA, _LIKE_SRGB = 1 / 2.2, 0.05  # a gAMA that stands for sRGB, and the relative difference up to which it does
 _NARROW_BLACK, _NARROW_WHITE = 16, 235  # of 8-bit values that do not use their full range
@@ -107,10 +108,14 @@ def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Imag
 
 
 def _by_code_points(primaries: int, curve: int, full_range: bool) -> ColorEncoding | None:
-    """The encoding of H.273's numbers; None where they leave the curve open."""
-    if curve not in _H273_KNOWN_CURVES:
+    """The encoding of H.273's numbers; None where they say nothing, or a curve that is not known.
+
+    Primaries alone have sRGB's curve, and HDR curves alone have Rec.2020's primaries.
+    """
+    if curve not in _H273_KNOWN_CURVES and not (curve == _UNSPECIFIED and primaries in H273_CHROMATICITIES):
         return None
-    chromaticities = H273_CHROMATICITIES.get(primaries)
+    unstated = _REC2020 if _H273_CURVES.get(curve) in _HDR_CURVES else _UNSPECIFIED
+    chromaticities = H273_CHROMATICITIES.get(primaries, H273_CHROMATICITIES.get(unstated))
     matrix = None if chromaticities is None else chromaticities_to_rec709(chromaticities)
     return ColorEncoding(_H273_CURVES.get(curve, "srgb"), matrix, full_range=full_range)
 
