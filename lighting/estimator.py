@@ -217,7 +217,7 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
 def _with_ground_light(photo: Photo, estimate: Estimate) -> Lighting:
     """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
     light = estimate.lighting
-    if (dapple := dappled_sunlight(photo.pixels, light, estimate.segments)) is not None:
+    if (dapple := dappled_sunlight(photo.pixels, light)) is not None:
         light = with_dappled_sun(light, *dapple)
     gain = snow_gain(photo.pixels, light, estimate.segments)
     return light if gain == 1 else scale_exposure(light, np.full(3, gain))
