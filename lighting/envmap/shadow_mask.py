@@ -36,7 +36,7 @@ _MIN_PREDICTED_SHARE = 0.6  # of the predicted step
 _MIN_CLASS_SHARE = 0.03  # of the ground that the rarer class takes
 _THRESHOLD_REACH = 1.0  # stops from the threshold of ordinary ground, within which the picture's is sought first
 
-# Which ground is dappled: of the photos of `train` in which the network doubts the sun, 25 of 29 by this rule are sunny.
+# Which ground is dappled. Of the photos of `train` whose sun the network doubts, 25 of 29 found so are in the sun.
 _SIN_NEAR = 0.15  # sine of the angle below the horizon from which its grain is seen
 _MIN_DAPPLED_STEP = 2.0  # stops
 _MIN_DAPPLED_SHARE = 0.15  # of sun and of shade
