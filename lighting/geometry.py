@@ -233,31 +233,55 @@ def camera_pixel(direction: ArrayLike, camera: Pinhole) -> Floats:
 def sample_latlong(image: NDArray[Any], direction: ArrayLike) -> Floats:
     """Sample a lat-long image bilinearly (..., C).
 
-    It wraps at the seam; across a pole it continues on the opposite side.
+    It wraps at the seam; across a pole it continues on the opposite side. Directions of 32 bits are placed with 32
+    bits: to a thousandth of a pixel.
 
     Args:
         image: (H, 2H, C).
         direction: (..., 3), of any length.
     """
     height, width = image.shape[:2]
-    pixel = latlong_pixel(direction, height) - 0.5
-    x0, y0 = np.floor(pixel[..., 0]).astype(np.intp), np.floor(pixel[..., 1]).astype(np.intp)
-    fx = (pixel[..., 0] - x0)[..., None].astype(np.float32)
-    fy = (pixel[..., 1] - y0)[..., None].astype(np.float32)
-    left, right, rest = np.where(x0 < 0, width - 1, x0), np.where(x0 == width - 1, 0, x0 + 1), 1 - fx
-    top, bottom = (_texels(image, left, row) * rest + _texels(image, right, row) * fx for row in (y0, y0 + 1))
-    return np.asarray(top * (1 - fy) + bottom * fy)
+    vectors = np.asarray(direction)
+    x, y, z = np.moveaxis(vectors if vectors.dtype == np.float32 else vectors.astype(np.float64), -1, 0)
+    column, row = np.arctan2(x, -z), np.arctan2(y, np.sqrt(x * x + z * z))
+    column *= width / (2 * np.pi)
+    column += width / 2 + 0.5  # of `bordered`, whose pixels begin a pixel later
+    row *= -height / np.pi
+    row += height / 2 + 0.5
+    left, top = np.floor(column), np.floor(row)
+    right_share = (column - left).astype(np.float32)[..., None]
+    lower_share = (row - top).astype(np.float32)[..., None]
+    bordered = _with_border(image)
+    first = top.astype(np.intp)
+    first *= width + 2
+    first += left.astype(np.intp)
+    upper, lower = (_mix_columns(bordered, first + step, right_share) for step in (0, width + 2))
+    lower -= upper
+    lower *= lower_share
+    lower += upper
+    return np.asarray(lower)
 
 
-def _texels(image: NDArray[Any], column: NDArray[np.intp], row: NDArray[np.intp]) -> NDArray[Any]:
-    """Pixels (..., C) of a lat-long image; the rows -1 and H are the first and the last on the opposite side."""
-    height, width = image.shape[:2]
-    index = row * width + column
-    for pole, edge in ((-1, 0), (height, height - 1)):
-        beyond = row == pole
-        if beyond.any():
-            index = np.where(beyond, edge * width + np.mod(column + width // 2, width), index)
-    return np.asarray(image.reshape(height * width, -1).take(index, axis=0))
+def _with_border(image: NDArray[Any]) -> NDArray[Any]:
+    """The pixels ((H + 2) (2H + 2), C) of a lat-long image with those that lie beyond its edges."""
+    height, width, channels = image.shape
+    bordered = np.empty((height + 2, width + 2, channels), image.dtype)
+    bordered[1:-1, 1:-1] = image
+    for edge, inside in ((0, 0), (-1, -1)):
+        bordered[edge, 1:-1] = np.roll(image[inside], width // 2, axis=0)
+    bordered[:, 0], bordered[:, -1] = bordered[:, -2], bordered[:, 1]
+    return bordered.reshape(-1, channels)
+
+
+def _mix_columns(pixels: NDArray[Any], first: NDArray[np.intp], share: NDArray[np.float32]) -> Floats:
+    """Values (..., C) between the pixels at indices (...) and those after them, which have shares (..., 1)."""
+    left, right = pixels.take(first, axis=0), pixels.take(first + 1, axis=0)
+    if not np.issubdtype(left.dtype, np.floating):
+        left, right = left.astype(np.float32), right.astype(np.float32)
+    right -= left
+    right *= share
+    right += left
+    return np.asarray(right)
 
 
 def ray_sphere(origin: Floats, direction: Floats, center: Floats, radius: float = 1.0) -> Floats:

@@ -137,10 +137,14 @@ def blur_envmap(image: Image, concentration: float) -> Image:
         concentration: over 0; the larger, the less blur.
     """
     height = len(image)
-    d = latlong_directions(height).reshape(-1, 3).astype(np.float32)
-    weight = np.exp(np.float32(concentration) * (d @ d.T - 1)) * np.repeat(latlong_solid_angle(height), 2 * height)
-    blurred = weight.astype(np.float32) @ image.reshape(-1, 3) / weight.sum(axis=1, keepdims=True)
-    return np.asarray(blurred.reshape(image.shape), dtype=np.float32)
+    directions = latlong_directions(height).astype(np.float32)
+    cosine = np.einsum("ri,kji->rkj", directions[:, 0], directions)  # of each row's first pixel with all
+    weight = np.exp(np.float32(concentration) * (cosine - 1)) * latlong_solid_angle(height)[:, None].astype(np.float32)
+    weight /= weight.sum(axis=(1, 2), keepdims=True)
+    # all pixels of a row see the others alike, so that the mean is a convolution along the rows
+    seen, shares = np.fft.rfft(image, axis=1), np.fft.rfft(weight, axis=2)
+    blurred = np.fft.irfft(np.einsum("rkf,kfc->rfc", shares, seen), n=2 * height, axis=1)
+    return np.asarray(blurred, dtype=np.float32)
 
 
 def scale_colors(image: Image, gain: Floats) -> None:

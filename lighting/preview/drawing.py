@@ -62,8 +62,18 @@ def _paint_mask(
     """Color `picture` through a mask; `paint(draw, scale)` draws the mask in white, enlarged by `scale`."""
     mask = Image.new("L", (picture.width * _SUPERSAMPLING, picture.height * _SUPERSAMPLING))
     paint(ImageDraw.Draw(mask), _SUPERSAMPLING)
-    small = mask.reduce(_SUPERSAMPLING)
-    picture.paste(color, mask=small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
+    if (painted := mask.getbbox()) is None:
+        return
+    scale = _SUPERSAMPLING
+    left, top, right, bottom = (
+        painted[0] // scale,
+        painted[1] // scale,
+        -(-painted[2] // scale),
+        -(-painted[3] // scale),
+    )
+    small = mask.reduce(scale, (scale * left, scale * top, scale * right, scale * bottom))
+    box = (left, top, right, bottom)
+    picture.paste(color, box, small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
 
 
 def draw_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width: float, opacity: float = 1.0) -> None:

@@ -42,13 +42,13 @@ def insert_balls(
         return picture
     camera = photo_camera(lighting, picture.width, picture.height)
     centers, radius = _ball_centers(camera, np.array(lighting.spot_direction), lighting.camera_height)
-    moved = replace(scene, centers=centers)
+    moved = replace(scene, centers=centers.astype(np.float32))
     linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
     lit = ground_shadow_mask(np.asarray(picture), lighting, segments=segments)
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
     standing = dim_sun(moved, 0.0) if in_shade else moved
     left = _remaining_light(lit, camera, replace(moved, exchange=standing.exchange), casts_shadow=not in_shade)
-    return Image.fromarray(tone_map(_composite_balls(linear * _on_ground(left, segments), camera, standing)))
+    return Image.fromarray(tone_map(_composite_balls(linear * _on_ground(left, segments), camera, standing, centers)))
 
 
 def _on_ground(left: NDArray[np.float32], segments: Segments | None) -> NDArray[np.float32]:
@@ -116,7 +116,7 @@ def _ground_points(rays: Floats, scene: SphereScene) -> tuple[Floats, NDArray[np
     reach = (scene.centers[0, 1] - 1) / np.minimum(rays[..., 1], -1e-6)
     points = rays * reach[..., None]
     near = (rays[..., 1] < 0) & (np.linalg.norm(points - scene.centers[1], axis=-1) < _FAR)
-    return points[near], near
+    return points[near].astype(np.float32), near
 
 
 def _enlarge(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]:
@@ -126,10 +126,12 @@ def _enlarge(small: NDArray[np.float32], camera: Pinhole) -> NDArray[np.float32]
     return np.stack([np.asarray(plane) for plane in planes], axis=-1)
 
 
-def _composite_balls(linear: NDArray[np.float32], camera: Pinhole, scene: SphereScene) -> NDArray[np.float32]:
-    """The picture (h, w, 3) with each ball drawn into its own window."""
+def _composite_balls(
+    linear: NDArray[np.float32], camera: Pinhole, scene: SphereScene, centers: Floats
+) -> NDArray[np.float32]:
+    """The picture (h, w, 3) with each ball, at centers (3, 3) of 64 bits, drawn into its own window."""
     result = linear.copy()
-    for kind, center in enumerate(scene.centers):
+    for kind, center in enumerate(centers):
         depth = float(center @ camera.axes[2])
         if depth <= 0:  # behind a camera that looks straight down through a very wide lens
             continue
@@ -138,7 +140,7 @@ def _composite_balls(linear: NDArray[np.float32], camera: Pinhole, scene: Sphere
         rows, columns = geometry.clip_slice(y, reach, camera.height), geometry.clip_slice(x, reach, camera.width)
         window = result[rows, columns]
         if window.size:
-            _draw_ball(window, kind, _window_rays(camera, rows, columns), scene)
+            _draw_ball(window, kind, _window_rays(camera, rows, columns), scene, center)
     return result
 
 
@@ -152,13 +154,14 @@ def _window_rays(camera: Pinhole, rows: slice, columns: slice) -> Floats:
     return np.asarray(rays / np.linalg.norm(rays, axis=-1, keepdims=True))
 
 
-def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, scene: SphereScene) -> None:
+def _draw_ball(window: NDArray[np.float32], kind: int, rays: Floats, scene: SphereScene, center: Floats) -> None:
     """Lay a ball over a window (h, w, 3), mixed with it where it covers a pixel in part."""
     flat = rays.reshape(-1, 3)
-    distance = geometry.ray_sphere(np.zeros(3), flat, scene.centers[kind])
+    distance = geometry.ray_sphere(np.zeros(3), flat, center)
     hit = np.isfinite(distance)
-    color = np.zeros_like(flat)
-    color[hit] = shade_sphere(kind, flat[hit] * distance[hit, None], flat[hit], scene, mirrored=False)
+    color = np.zeros(flat.shape, dtype=np.float32)
+    points = (flat[hit] * distance[hit, None]).astype(np.float32)
+    color[hit] = shade_sphere(kind, points, flat[hit].astype(np.float32), scene, mirrored=False)
     height, width = window.shape[:2]
     blocks = (height, _FINE, width, _FINE)
     cover = hit.reshape(blocks).mean(axis=(1, 3))[..., None]

@@ -23,6 +23,7 @@ from lighting.records import MIN_SUITABLE, Estimate, Lighting, check_estimate
 MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
+_PNG_LEVEL = 4  # half the work of 6, for 3 % more bytes
 _MAX_RADIUS = 90.0  # deg: where a tenth of the probability lies farther off, the sun may as well be opposite
 _MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence is not certain
 _WARNING_LETTERS = 160  # of a line of warnings
@@ -40,7 +41,8 @@ def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: b
         ParameterError: `estimate` is no Estimate.
         PhotoError: `photo` is no photo's pixels.
     """
-    return encode_png(_draw_preview(photo, estimate, _render_map(photo, estimate, surroundings)))
+    picture = _draw_preview(photo, estimate, _render_map(photo, estimate, surroundings))
+    return encode_png(picture, compress_level=_PNG_LEVEL)
 
 
 def _draw_preview(
@@ -59,7 +61,7 @@ def _draw_preview(
     plan = panels.lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
     compass = panels.draw_compass(estimate, aspect, plan.compass.width)
     centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
-    scene = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
+    scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
     photo_scene = scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
     photo_text = panels.format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)

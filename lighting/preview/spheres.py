@@ -84,7 +84,7 @@ def render_spheres(
         centers: (3, 3) of the spheres from the camera, on one level; None for those of `sphere_centers`.
     """
     centers = sphere_centers(width / height, limit_pitch(lighting)) if centers is None else centers
-    scene = build_sphere_scene(envmap, lighting.sun_direction, centers.astype(np.float64))
+    scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
     return render_sphere_scene(scene, lighting, width, height, supersampling)
 
 
@@ -103,7 +103,7 @@ def render_sphere_scene(
     columns, rows = width * supersampling, height * supersampling
     camera = Pinhole(columns, rows, VERTICAL_FOV, elevation=limit_pitch(lighting))
     rays = geometry.camera_directions(camera).astype(np.float32).reshape(-1, 3)
-    picture = _trace(np.zeros(3, np.float32), rays, replace(scene, centers=scene.centers.astype(np.float32)))
+    picture = _trace(np.zeros(3, np.float32), rays, scene)
     return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
 
 
@@ -147,7 +147,7 @@ def build_sphere_scene(envmap: NDArray[np.float32], sun: Floats, centers: Floats
     direct = sun_irradiance * max(float(sun[1]), 0.0)
     albedo = np.pi * ground / (overhead + direct)
     scene = SphereScene(
-        centers=centers,
+        centers=centers.astype(np.float32),
         sky=sky,
         coarse_sky=coarse,
         glossy_sky=blur_envmap(coarse, GLOSSINESS),
@@ -206,9 +206,10 @@ class _RaysToSphere:
 def _rays_to_sphere(kind: int, scene: SphereScene) -> _RaysToSphere:
     """A ground point sees the center in one direction; the sphere then fills a cone that touches the horizon."""
     to_center = geometry.latlong_directions(_EXCHANGE_ROWS)[: _EXCHANGE_ROWS // 2].reshape(-1, 3)
-    cones, weight = _cones(to_center)
+    cones, weight = (part.astype(np.float32) for part in _cones(to_center))
     rays = cones.reshape(-1, 3)
-    points = np.repeat(scene.centers[kind] - to_center / to_center[:, 1:2], cones.shape[1], axis=0)
+    feet = (scene.centers[kind] - to_center / to_center[:, 1:2]).astype(np.float32)
+    points = np.repeat(feet, cones.shape[1], axis=0)
     distances = [ray_sphere(points, rays, center) for center in scene.centers]
     unobstructed = np.all([distances[kind] <= distance for distance in distances], axis=0)
     hits = points + rays * distances[kind][:, None]
@@ -249,8 +250,10 @@ def _diffuse_irradiance(scene: SphereScene) -> Floats:
         geometry.latlong_solid_angle(_INCOMING_ROWS), 2 * _INCOMING_ROWS
     )
     normal, ray = np.nonzero(weight)
-    radiance = np.zeros((*weight.shape, 3))
-    radiance[normal, ray] = _trace(scene.centers[DIFFUSE] + normals[normal], rays[ray], soft, DIFFUSE, disc_radius=None)
+    radiance = np.zeros((*weight.shape, 3), dtype=np.float32)
+    points = (scene.centers[DIFFUSE] + normals).astype(np.float32)
+    light = _trace(points[normal], rays.astype(np.float32)[ray], soft, DIFFUSE, disc_radius=None)
+    radiance[normal, ray] = light
     total = np.einsum("nr,nrc->nc", weight, radiance) * np.pi / weight.sum(axis=1, keepdims=True)
     return np.asarray(total.reshape(_NORMAL_ROWS, -1, 3))
 

@@ -244,7 +244,7 @@ def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
     radiance = shade_sphere(MIRROR, CENTERS[MIRROR] + normal, ray, stage, mirrored=False)
     reflected = ray - 2 * (ray @ normal.T) * normal
     expected: Floats = MIRROR_REFLECTANCE * _sky_radiance(reflected, stage, None)
-    np.testing.assert_allclose(radiance, expected, rtol=1e-9)
+    np.testing.assert_allclose(radiance, expected, rtol=1e-6)  # spheres are of 32 bits
 
 
 def test_the_diffuse_sphere_is_lit_on_the_suns_side(stage: SphereScene) -> None:
