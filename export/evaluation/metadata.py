@@ -18,7 +18,7 @@ from lighting.calibration import MAX_LENS_RATIO
 from lighting.fusion.consistency import MIN_ELEVATION_P_VALUE, MIN_HEADING_P_VALUE
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import MAX_TILT_DISAGREEMENT, Gravity, Observations, Posterior, fuse_single_view
-from lighting.fusion.timezones import offset_at
+from lighting.fusion.timezones import is_at_sea, offset_at
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.imu import TILT_STD
@@ -56,9 +56,11 @@ class SimulatedMetadata:
 
 
 def _simulate_sighting(elevation: float, rng: np.random.Generator) -> _SunSighting:
-    """A random place and a time at which the sun has an elevation [deg] there."""
+    """A random place on land and a time at which the sun has an elevation [deg] there."""
     while True:
         latitude, longitude = rng.uniform(*LATITUDES), rng.uniform(-180, 180)
+        if is_at_sea(latitude, longitude):
+            continue
         day = FIRST_DAY + np.timedelta64(int(rng.integers(DAYS)), "D")
         passing = _passings(elevation, day + np.arange(0, 86400, STEP), latitude, longitude)
         if len(passing):
@@ -142,8 +144,8 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
 SIMULATION = fill(
     "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
     f"a median error of {COMPASS_MEDIAN:g}°, {100 * OUTLIER_RATE:.0f} % of them pointing anywhere; the true focal "
-    "length. A heading without time and place says nothing about the sun. A time without its zone leaves all zones "
-    "that the longitude allows.",
+    "length. A heading without time and place says nothing about the sun. A time without its zone is of that of "
+    "the place, on land.",
     120,
 )
 WARNED = fill(

@@ -73,6 +73,16 @@ def offset_at(latitude: float, longitude: float, utc_time: datetime) -> float:
     return _hours(utc_time.astimezone(ZoneInfo(name)))
 
 
+def is_at_sea(latitude: float, longitude: float) -> bool:
+    """Whether a place is of no country's zone.
+
+    Args:
+        latitude: deg, positive north.
+        longitude: deg, positive east.
+    """
+    return all(name.startswith(_AT_SEA) for name in _names_at(latitude, longitude))
+
+
 def _hours(time: datetime) -> float:
     offset = time.utcoffset()
     assert offset is not None
@@ -83,7 +93,7 @@ def _hours(time: datetime) -> float:
 def _zones_of_place(latitude: float, longitude: float) -> tuple[tuple[str, float], ...]:
     """Names and weights, which sum to 1, of the IANA zones at a place."""
     names = _names_at(latitude, longitude)
-    if all(name.startswith(_AT_SEA) for name in names):
+    if is_at_sea(latitude, longitude):
         weights = dict(_sea_zones(latitude, longitude, names))
     else:
         claimed = (zone for name in names for zone in _CLAIMED_TOO.get(name, ()))

@@ -403,6 +403,7 @@ def test_the_time_of_google_takeout(tmp_path: Path, photo: str, file: str) -> No
     (tmp_path / file).write_text(json.dumps(TAKEOUT))
     metadata = read_photo(tmp_path / photo).metadata
     assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 16, 49), 0.0)
+    assert metadata.location == pytest.approx((48.14, 11.58))
     assert read_photo((tmp_path / photo).read_bytes()).metadata == PhotoMetadata()
     assert read_photo((tmp_path / photo).read_bytes(), path=tmp_path / photo).metadata == metadata
 
@@ -429,10 +430,12 @@ def test_takeouts_time_tells_the_offset_of_a_clock_unless_google_took_it_for_utc
 @pytest.mark.parametrize("name", ["photo.jpg.xmp", "photo.xmp", "photo.XMP"])
 def test_xmp_beside_the_photo_fills_gaps(tmp_path: Path, name: str) -> None:
     (tmp_path / "photo.jpg").write_bytes(encode(SCENE))
-    stamp = packet("http://ns.adobe.com/exif/1.0/", {"DateTimeOriginal": "2024-06-01T18:49:00+02:00"})
-    (tmp_path / name).write_bytes(stamp)
+    place = {"GPSLatitude": "48,8.4000N", "GPSLongitude": "11,34.8000E"}
+    beside = packet("http://ns.adobe.com/exif/1.0/", {"DateTimeOriginal": "2024-06-01T18:49:00+02:00", **place})
+    (tmp_path / name).write_bytes(beside)
     metadata = read_photo(tmp_path / "photo.jpg").metadata
     assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 18, 49), 2.0)
+    assert metadata.location == pytest.approx((48.14, 11.58))
     (tmp_path / "photo.jpg").write_bytes(file_of(DENVER | {"OffsetTimeOriginal": "-06:00"}))
     own = read_photo(tmp_path / "photo.jpg").metadata
     assert (own.local_time, own.utc_offset) == (datetime(2025, 9, 14, 8, 18), -6.0)
