@@ -30,8 +30,8 @@ _STAGE = "objects stand on a stage of their own beside it."
 
 _ROWS = 72  # of the picture in which the spot is sought
 _MIN_GROUND = 0.5  # probability from which a cell counts as ground
-_MIN_SUPPORT = 0.6  # probability of ground under a ball
-_MIN_ROW_SUPPORT = 0.5  # the same under three of them side by side
+_MIN_SUPPORT = 0.5  # probability of ground under a ball
+_MIN_ROW_SUPPORT = 0.15  # the same under each of three of them side by side
 _FOOT_HEIGHT = 0.7  # radii over and under a foot that must show ground
 _LATERAL_COST = 0.15  # of probability that one is ready to lose for the picture's whole width
 _VERTICAL_COST = 0.1  # the same for its height, from _BEST_ROW
@@ -149,9 +149,9 @@ def find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) 
     small = replace(camera, width=max(1, round(camera.width * _ROWS / camera.height)), height=_ROWS)
     ground = enlarge_cells(class_share(segments, SurfaceClass.GROUND), small.width, small.height)
     rays = geometry.camera_directions(small)
-    ahead = rays @ small.axes[2]
-    score = _spot_scores(ground, object_radius(small, -rays[..., 1] / ahead, camera_height))
-    score = np.where(ahead >= 1 / _MAX_STRETCH, score + _STRETCH_COST * (1 - 1 / ahead), -np.inf)
+    radius = object_radius(small, -rays[..., 1] / (rays @ small.axes[2]), camera_height)
+    stretch = _stretches(small, radius)
+    score = np.where(stretch <= _MAX_STRETCH, _spot_scores(ground, radius) - _STRETCH_COST * (stretch - 1), -np.inf)
     row, column = np.unravel_index(np.argmax(score), score.shape)
     if not np.isfinite(score[row, column]):
         return None
@@ -162,6 +162,13 @@ def find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) 
     return GroundSpot((round(float(x), 1), round(float(y), 1)), (float(ray[0]), float(ray[1]), float(ray[2])))
 
 
+def _stretches(camera: Pinhole, radius: Floats) -> Floats:
+    """How much longer than wide (h, w) the picture of the outermost of three balls would be, by its radius (h, w)."""
+    y, x = np.arange(camera.height)[:, None] + 0.5, np.arange(camera.width) + 0.5
+    outermost = np.abs(x - camera.width / 2) + (ROW_WIDTH - 1) * radius
+    return np.asarray(np.sqrt(1 + (outermost**2 + (y - camera.height / 2) ** 2) / camera.focal_length**2))
+
+
 def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
     """How well (h, w) a row of balls would stand in each place, -inf where none can.
 
@@ -169,7 +176,10 @@ def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
     """
     rows, columns = ground.shape
     y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
-    under_one, under_all = (_box_means(ground, width * radius, _FOOT_HEIGHT * radius) for width in (1.0, ROW_WIDTH))
+    under_one = _box_means(ground, radius, _FOOT_HEIGHT * radius)
+    shift = np.round((ROW_WIDTH - 1) * radius).astype(np.intp)
+    sides = (np.clip(np.arange(columns) + side * shift, 0, columns - 1) for side in (-1, 1))
+    under_all = np.minimum.reduce([under_one, *(np.take_along_axis(under_one, side, axis=1) for side in sides)])
     fits = (np.abs(x - columns / 2) + ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
     stands = (under_one >= _MIN_SUPPORT) & (under_all >= _MIN_ROW_SUPPORT) & (radius >= _MIN_RADIUS * rows)
     away = _LATERAL_COST * np.abs(x / columns - 0.5) + _VERTICAL_COST * np.abs(y / rows - _BEST_ROW)

@@ -25,6 +25,7 @@ _CHANNELS = {"middle": 112, "deep": 192}
 _MIN_BYTES = 4096  # elements of a tensor that is stored as bytes with scales
 _TOLERANCE = 0.15  # of a probability, largest difference between torch and onnxruntime: weights are stored small
 _MIN_CELLS = 4  # of the input, each way
+_FEATURES_DROP = 0.3  # share of the frozen stages' features that training leaves out
 _DROP = 0.2  # share of the head's channels that training leaves out
 
 
@@ -40,10 +41,10 @@ class SegmentationNetwork(nn.Module):
         self.stem = backbone.stem
         self.middle = nn.Sequential(*blocks[:_MIDDLE])
         self.deep = nn.Sequential(*blocks[_MIDDLE:_DEEP])
+        self.features_drop = nn.Dropout(_FEATURES_DROP)
         self.near = conv_batch_norm(_CHANNELS["middle"], _WIDTH, 1)
         self.far = conv_batch_norm(_CHANNELS["deep"], _WIDTH, 1)
         self.whole = nn.Linear(_CHANNELS["deep"], _WIDTH)
-        self.mix = nn.ModuleList(_mixer() for _ in range(2))
         self.classes = nn.Sequential(nn.Dropout2d(_DROP), nn.Conv2d(_WIDTH, len(SurfaceClass), 1))
         for part in self._frozen():
             part.requires_grad_(False)
@@ -75,21 +76,14 @@ class SegmentationNetwork(nn.Module):
             middle: the first of them.
             deep: the second.
         """
+        middle, deep = self.features_drop(middle), self.features_drop(deep)
         far = nn.functional.interpolate(self.far(deep), size=middle.shape[2:], mode="bilinear", align_corners=False)
         x = nn.functional.relu6(self.near(middle) + far + self.whole(deep.mean(dim=(2, 3)))[..., None, None])
-        for mix in self.mix:
-            x = nn.functional.relu6(x + mix(x))
         logits: Tensor = self.classes(x)
         return logits
 
     def forward(self, pictures: Tensor) -> Tensor:
         return self.classify(*self.frozen_features(pictures))
-
-
-def _mixer() -> nn.Sequential:
-    """What a cell's neighbours add to its features."""
-    depthwise = conv_batch_norm(_WIDTH, _WIDTH, 5, groups=_WIDTH)
-    return nn.Sequential(depthwise, nn.ReLU6(), conv_batch_norm(_WIDTH, _WIDTH, 1))
 
 
 class _Probabilities(nn.Module):

@@ -26,18 +26,19 @@ LETTERS = "GUWTBVPOMS"  # of the grid, in the order of SurfaceClass
 
 _COLUMNS = ("file", "split", "columns", "rows", "grid", "weak", "panorama")
 _VARIANTS = 6  # of each picture
-_EPOCHS = 5  # over all variants
+_WHOLE = 2  # times that each picture counts as it is, besides
+_EPOCHS = 2.5  # over all variants
 _BATCH = 16
 _LEARNING_RATE = 2e-3
-_WEIGHT_DECAY = 0.03
+_WEIGHT_DECAY = 0.3
 _WARM_UP = 0.1  # of the steps
 _MIN_CROP = 0.55  # share of a picture's sides
 _TURNED = 0.15  # share of the variants of the other orientation
 _NOISY, _NOISE = 0.3, np.float32(0.03)  # share of the variants with noise, and its standard deviation
 _SAMPLES = 4  # of a grid, each way in a cell of the network
 _BLUR = 0.2  # of a cell's label that it has from its neighbours: edges are uncertain by one class
-_RARITY_POWER = 0.3  # of a class's share by which its cells count more
-_GROUND_WEIGHT = 0.5  # of the loss of ground against the rest
+_RARITY_POWER = 0.15  # of a class's share by which its cells count more
+_GROUND_WEIGHT = 1.0  # of the loss of ground against the rest
 _FOLDS = 4
 
 
@@ -122,6 +123,14 @@ def vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> tuple[ND
     return pixels, target
 
 
+def _whole_picture(picture: LabelledPicture) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """The same as `vary_picture` returns it, of the picture as it is."""
+    size = INPUT_SIZE if picture.pixels.shape[1] >= picture.pixels.shape[0] else INPUT_SIZE[::-1]
+    pixels = np.array(Image.fromarray(picture.pixels).resize(size, Image.Resampling.BOX))
+    cells = size[1] // CELL_PIXELS, size[0] // CELL_PIXELS
+    return pixels, _cell_shares(picture.grid, np.zeros(2), np.ones(2), cells)
+
+
 def _cell_shares(grid: NDArray[np.intp], first: Floats, shares: Floats, size: tuple[int, int]) -> NDArray[np.float32]:
     """The shares (h, w, classes) of classes in the cells of a part of a grid, which begins at `first` (x, y)."""
     rows, columns = (
@@ -152,9 +161,11 @@ def _vary_light(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[
 
 
 def _make_variants(network: SegmentationNetwork, pictures: Sequence[LabelledPicture], seed: int) -> list[_Variant]:
-    """_VARIANTS of each picture but the weak ones, of one picture after the other."""
+    """_VARIANTS and _WHOLE of each picture but the weak ones."""
     rng = np.random.default_rng(seed)
-    varied = [vary_picture(p, rng) for p in pictures if not p.weak for _ in range(_VARIANTS)]
+    sure = [picture for picture in pictures if not picture.weak]
+    varied = [vary_picture(picture, rng) for picture in sure for _ in range(_VARIANTS)]
+    varied += [_whole_picture(picture) for picture in sure for _ in range(_WHOLE)]
     made: dict[int, _Variant] = {}
     for shape in {pixels.shape for pixels, _ in varied}:
         numbers = [number for number, (pixels, _) in enumerate(varied) if pixels.shape == shape]
