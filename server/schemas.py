@@ -132,7 +132,7 @@ class PlacePart(Part):
 class TimePart(Part):
     """When the photo was taken, as the answer believes; absent where no zone is known."""
 
-    utc: AwareDatetime | None = Field(None, description="in UTC", examples=["2024-06-01T16:49:00Z"])
+    utc: AwareDatetime | None = Field(None, strict=False, description="in UTC", examples=["2024-06-01T16:49:00Z"])
     utc_offset: Annotated[float, parameter_range("utc_offset", "h, local minus universal time", 2.0)] | None = None
     source: str | None = Field(
         None,

@@ -40,6 +40,15 @@ def test_the_strength_of_the_light_becomes_the_librarys() -> None:
     assert LightingRecord.model_validate(lighting.to_dict()).to_lighting() == lighting
 
 
+def test_an_answers_record_comes_back_with_its_time_and_its_sky() -> None:
+    time = {"utc": "2026-06-21T19:35:00Z", "utc_offset": 2.0, "source": "user"}
+    sky = {**RECORD["sky"], "painted": "prague"}
+    lighting = LightingRecord.model_validate({**RECORD, "time": time, "sky": sky}).to_lighting()
+    assert lighting.map_sky == "prague"
+    assert lighting.to_dict()["time"] == time
+    assert lighting.to_dict()["sky"]["painted"] == "prague"
+
+
 @pytest.mark.parametrize("irradiance", [[1.0, 2.0], [1.0, 2.0, -1.0], "white"])
 def test_an_irradiance_is_three_numbers(irradiance: object) -> None:
     with pytest.raises(ValidationError):
