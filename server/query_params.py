@@ -162,6 +162,7 @@ class _SurroundingsQuery(Query):
     surroundings: types.FlagOrAuto = Field(
         None, description="show the place, not the sky alone; by default where the network predicts it"
     )
+    detail: types.Flag = Field(True, description="give a map that shows the place detail all around the photo")
 
 
 class PreviewQuery(UserInputQuery, _SurroundingsQuery):
@@ -293,6 +294,6 @@ def refuse_photo_parameters(query: EnvmapQuery) -> None:
     Args:
         query: the parameters of a request with a lighting record instead of a photo.
     """
-    for name in (*UserInputQuery.model_fields, *_EditQuery.model_fields, "surroundings"):
+    for name in (*UserInputQuery.model_fields, *_EditQuery.model_fields, "surroundings", "detail"):
         if name in query.explicit_fields():
             raise invalid_field_error(name, "It goes with a photo; a lighting record is rendered as it is.")

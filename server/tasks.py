@@ -106,7 +106,13 @@ def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQ
         return service.reread_photo(data, side).pixels
 
     context = surroundings.photo_context_for_height(
-        estimate, photo.pixels, query.height, reread, surroundings=query.surroundings, exposure=query.photo_exposure
+        estimate,
+        photo.pixels,
+        query.height,
+        reread,
+        surroundings=query.surroundings,
+        exposure=query.photo_exposure,
+        detail=query.detail,
     )
     return encode_envmap_of_lighting(edit_lighting(estimate.lighting, query.changes()), query, context)
 
@@ -140,7 +146,7 @@ def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -
     """
     _, estimate = _estimate_photo(service, data, query)
     pixels = service.reread_photo(data, PHOTO_SIDE).pixels
-    return preview_png(pixels, estimate, surroundings=query.surroundings)
+    return preview_png(pixels, estimate, surroundings=query.surroundings, detail=query.detail)
 
 
 def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> bytes:
@@ -179,7 +185,13 @@ def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQ
     _, estimate = _estimate_photo(service, data, query)
     lighting = edit_lighting(estimate.lighting, query.changes())
     plate = service.reread_photo(data, PLATE_SIDE)
-    context = photo_context(estimate, plate.pixels, surroundings=query.surroundings, exposure=query.photo_exposure)
+    context = photo_context(
+        estimate,
+        plate.pixels,
+        surroundings=query.surroundings,
+        exposure=query.photo_exposure,
+        detail=query.detail,
+    )
     return _zip_scene_of_plate(plate, lighting, query, context, estimate.segments)
 
 

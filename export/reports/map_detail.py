@@ -31,6 +31,7 @@ from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 from lighting.records import Lighting
+from lighting.segmentation import packaged_segmenter
 
 MAP_ROWS = 512
 CROP_WIDTH, CROP_HEIGHT, CROP_FOV = 800, 600, 60.0  # pixels; deg, vertical
@@ -180,7 +181,8 @@ def _read_views(files: Sequence[Path], panoramas: Sequence[Panorama]) -> Iterato
         with np.load(file) as stored:
             lighting = Lighting.from_dict(json.loads(str(stored["lighting"])))
             coarse = stored["coarse"] if stored["coarse"].size else None
-            context = PhotoContext(stored["photo"], coarse, lighting.exposure, lighting)
+            photo = stored["photo"]
+            context = PhotoContext(photo, coarse, lighting.exposure, lighting, packaged_segmenter()(photo))
             yield _TrueView(panorama.place, lighting, context, stored["truth"].astype(np.float32))
 
 

@@ -35,6 +35,7 @@ class MapOptions:
     sky: str | None = None  # of SKY_MODELS; None: the lighting's
     compression: str = "zip"
     surroundings: bool | None = None  # whether they show the photo; None: where the network predicts the rest
+    detail: bool = True  # whether they have detail all around the photo, where they show it
 
 
 @dataclass(frozen=True)
@@ -179,4 +180,6 @@ def _map_context(source: Path | bytes, photo: "Photo", estimate: "Estimate", map
     def finer(side: int) -> "NDArray[np.uint8]":
         return read_photo_isolated(source, target=side, seconds=DECODE_SECONDS).pixels
 
-    return photo_context_for_height(estimate, photo.pixels, maps.height, finer, surroundings=maps.surroundings)
+    return photo_context_for_height(
+        estimate, photo.pixels, maps.height, finer, surroundings=maps.surroundings, detail=maps.detail
+    )

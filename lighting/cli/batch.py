@@ -32,6 +32,7 @@ class _Options:
     sky: str | None
     compression: str | None
     surroundings: bool | None
+    detail: bool
     parquet: bool
     workers: int | None
     overwrite: bool
@@ -47,7 +48,9 @@ class _Options:
 
         maps = None
         if self.envmap:
-            maps = MapOptions(self.height, self.sun, self.yaw, self.sky, self.compression or "zip", self.surroundings)
+            compression = self.compression or "zip"
+            view = self.height, self.sun, self.yaw, self.sky
+            maps = MapOptions(*view, compression, self.surroundings, self.detail)
         return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
 
     @property
@@ -61,6 +64,7 @@ class _Options:
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @common.map_options
 @common.surroundings_option
+@common.detail_option
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
 @click.option("--workers", type=click.IntRange(1), help="Number of processes; one per CPU by default.")
 @click.option("--overwrite", is_flag=True, help="Discard earlier results instead of resuming; maps stay.")
@@ -94,8 +98,10 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
 def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
     explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-    if not ctx.params["envmap"] and explicit & {"height", "sun", "yaw", "sky", "compression", "surroundings"}:
-        raise click.UsageError("--height, --sun, --yaw, --sky, --compression and --surroundings need --envmap.")
+    of_maps = {"height", "sun", "yaw", "sky", "compression", "surroundings", "detail"}
+    if not ctx.params["envmap"] and explicit & of_maps:
+        names = "--height, --sun, --yaw, --sky, --compression, --surroundings and --detail"
+        raise click.UsageError(f"{names} need --envmap.")
     if ctx.params["engine"] == "pool" and "address" in explicit:
         raise click.UsageError("--address needs --engine ray.")
     if ctx.params["engine"] == "ray" and "parquet" in explicit:

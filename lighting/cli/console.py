@@ -437,7 +437,7 @@ def is_same_file(one: str, other: str) -> bool:
 
 
 def map_context(
-    data: bytes, photo: "Photo", estimate: "Estimate", height: int, surroundings: bool | None
+    data: bytes, photo: "Photo", estimate: "Estimate", height: int, surroundings: bool | None, detail: bool
 ) -> "PhotoContext | None":
     """Return the surroundings for a photo's map, as `photo_context_for_height` does.
 
@@ -447,6 +447,7 @@ def map_context(
         estimate: of its light.
         height: rows of the map.
         surroundings: whether the map shows them; None where the network predicts them.
+        detail: whether the map then has detail all around the photo.
     """
     from lighting.envmap.surroundings import photo_context_for_height
     from lighting.photo.reader import read_photo
@@ -454,7 +455,7 @@ def map_context(
     def finer(side: int) -> "NDArray[np.uint8]":
         return read_photo(data, target=side).pixels
 
-    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings)
+    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings, detail=detail)
 
 
 def check_compression_option(output: str, compression: str | None) -> None:
@@ -493,7 +494,7 @@ def write_output_map(output: str, lighting: "Lighting", compression: str | None,
         write_envmap(output, image, lighting, compression=compression or "zip")
 
 
-def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings: bool | None) -> None:
+def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings: bool | None, detail: bool) -> None:
     """Draw a photo, its light and three spheres lit by it.
 
     Args:
@@ -501,12 +502,13 @@ def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings:
         photo: its bytes.
         estimate: of its light.
         surroundings: whether the spheres mirror them; None where the network predicts them.
+        detail: whether the map then has detail all around the photo.
     """
     from lighting.photo.reader import read_photo
     from lighting.preview.picture import PHOTO_SIDE, preview_png
 
     pixels = read_photo(photo, target=PHOTO_SIDE).pixels
-    write_png(output, preview_png(pixels, estimate, surroundings=surroundings))
+    write_png(output, preview_png(pixels, estimate, surroundings=surroundings, detail=detail))
 
 
 def write_png(output: str, data: bytes) -> None:

@@ -121,6 +121,7 @@ def _estimate(
 @common.map_output
 @common.map_options
 @common.surroundings_option
+@common.detail_option
 @click.option(
     "--preview", metavar="FILE.png", callback=common.check_png_file, help="Also draw what `lighting preview` draws."
 )
@@ -131,6 +132,7 @@ def _envmap(
     photo: str,
     output: str,
     surroundings: bool | None,
+    detail: bool,
     preview: str | None,
     user_input: "UserInput",
     model: str | None,
@@ -143,10 +145,10 @@ def _envmap(
     with console.prefix_errors(photo):
         data = console.read_photo_bytes(photo)
         picture, estimate = console.estimate_photo(photo, data, user_input, model, console.warm_up)
-    context = console.map_context(data, picture, estimate, view["height"], surroundings)
+    context = console.map_context(data, picture, estimate, view["height"], surroundings, detail)
     console.write_output_map(output, estimate.lighting, context=context, **view)
     if preview:
-        console.write_preview(preview, data, estimate, surroundings)
+        console.write_preview(preview, data, estimate, surroundings, detail)
     if not quiet and "-" not in (output, preview):
         click.echo(console.format_summary(photo, estimate.lighting))
     console.report_warnings(photo, estimate.warnings, quiet)
@@ -172,11 +174,18 @@ def _render(record: str, output: str, **view: Any) -> None:
     "-o", "--output", required=True, metavar="FILE.png", callback=common.check_png_file, help='"-" is stdout.'
 )
 @common.surroundings_option
+@common.detail_option
 @common.user_input_options
 @common.model_option
 @common.silent_option
 def _preview(
-    photo: str, output: str, surroundings: bool | None, user_input: "UserInput", model: str | None, quiet: bool
+    photo: str,
+    output: str,
+    surroundings: bool | None,
+    detail: bool,
+    user_input: "UserInput",
+    model: str | None,
+    quiet: bool,
 ) -> None:
     """Draw PHOTO, its light and three spheres lit by it."""
     from lighting.ground import spot_warnings
@@ -185,5 +194,5 @@ def _preview(
     with console.prefix_errors(photo):
         data = console.read_photo_bytes(photo)
         _, estimate = console.estimate_photo(photo, data, user_input, model)
-    console.write_preview(output, data, estimate, surroundings)
+    console.write_preview(output, data, estimate, surroundings, detail)
     console.report_warnings(photo, (*estimate.warnings, *spot_warnings(estimate.lighting)), quiet)

@@ -210,6 +210,11 @@ surroundings_option = click.option(
     default=None,
     help="Whether the map shows the place, not the sky alone; by default where the network predicts it.",
 )
+detail_option = click.option(
+    "--detail/--no-detail",
+    default=True,
+    help="Whether a map that shows the place has detail all around the photo; by default it has.",
+)
 map_output = _required_output(
     metavar="FILE", callback=_map_file, help=f'{_either(_map_suffixes())}; "-" is EXR on stdout.'
 )

@@ -28,6 +28,7 @@ class _Options:
     height: int
     sun: bool | None
     surroundings: bool | None
+    detail: bool
     user_input: "UserInput"
     model: str | None
     quiet: bool
@@ -72,6 +73,7 @@ def _tool_options() -> list[click.Option]:
 @common.height_option
 @common.sun_option
 @common.surroundings_option
+@common.detail_option
 @common.user_input_options
 @common.model_option
 @common.silent_option
@@ -98,8 +100,10 @@ def _scene(**options: Any) -> None:
             None if chosen.record else console.estimate_photo(chosen.photo, data, chosen.user_input, chosen.model)[1]
         )
         lighting = estimate.lighting if estimate else console.read_lighting(chosen.record or "-")
-    context = photo_context(estimate, plate.pixels, surroundings=chosen.surroundings) if estimate else None
-    segments = estimate.segments if estimate else None
+    context = segments = None
+    if estimate:
+        context = photo_context(estimate, plate.pixels, surroundings=chosen.surroundings, detail=chosen.detail)
+        segments = estimate.segments
     scene = make_scene(plate, lighting, map_height=chosen.height, sun=chosen.sun, context=context, segments=segments)
     write_scene(scene, chosen.tool, chosen.output, overwrite=chosen.overwrite, **chosen.of_tool)
     if not chosen.quiet:
@@ -115,8 +119,8 @@ def _check(options: _Options) -> None:
     height = click.get_current_context().get_parameter_source("height")
     if height is ParameterSource.COMMANDLINE and not entry.has_map:
         raise click.UsageError(f"--height is the map's, and a scene for {options.tool} holds no map.")
-    if options.surroundings is not None and not entry.has_map:
-        raise click.UsageError(f"--surroundings is the map's, and a scene for {options.tool} holds no map.")
+    for name in _explicit_map_options(options) if not entry.has_map else ():
+        raise click.UsageError(f"{name} is the map's, and a scene for {options.tool} holds no map.")
     if options.record:
         _check_record(options)
     if options.overwrite:
@@ -131,13 +135,19 @@ def _check_inputs(options: _Options) -> None:
             raise click.UsageError(f"The scene would replace {console.escape_path(source)}; choose another folder.")
 
 
+def _explicit_map_options(options: _Options) -> list[str]:
+    """The options about what lies around that the user stated."""
+    stated = click.get_current_context().get_parameter_source("detail") is ParameterSource.COMMANDLINE
+    return ["--surroundings"] * (options.surroundings is not None) + ["--detail"] * stated
+
+
 def _check_record(options: _Options) -> None:
     from lighting.fusion.user_input import NO_USER_INPUT
 
     if options.model is not None:
         raise click.UsageError("--lighting states the light; no network is run, so --model does not go with it.")
-    if options.surroundings is not None:
-        raise click.UsageError("--lighting states the light; what lies around is not in it: leave out --surroundings.")
+    for name in _explicit_map_options(options):
+        raise click.UsageError(f"--lighting states the light; what lies around is not in it: leave out {name}.")
     if options.user_input != NO_USER_INPUT:
         raise click.UsageError("--lighting states the light; time, place, heading and the like do not go with it.")
     if options.photo == options.record == "-":

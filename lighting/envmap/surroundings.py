@@ -15,7 +15,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-import lighting.envmap.detail as detail
+import lighting.envmap.detail as map_detail
 import lighting.envmap.latlong as latlong
 from lighting.color import check_pixels, luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells, scale_colors
@@ -87,7 +87,12 @@ class PhotoContext:
 
 
 def photo_context(
-    estimate: Estimate, photo: NDArray[np.uint8], *, surroundings: bool | None = None, exposure: float | None = None
+    estimate: Estimate,
+    photo: NDArray[np.uint8],
+    *,
+    surroundings: bool | None = None,
+    exposure: float | None = None,
+    detail: bool = True,
 ) -> PhotoContext | None:
     """The photo and the predicted surroundings of an estimate; None where the map is to be bare.
 
@@ -96,6 +101,7 @@ def photo_context(
         photo: (h, w, 3) sRGB, upright, of any resolution.
         surroundings: whether the map has them; None: where the network predicted them.
         exposure: of the light that the photo shows; None: the estimate's.
+        detail: whether the map has detail all around the photo.
 
     Raises:
         ParameterError: for what is no Estimate.
@@ -105,9 +111,9 @@ def photo_context(
     if not (estimate.surroundings is not None if surroundings is None else surroundings):
         return None
     if exposure is not None:
-        return PhotoContext(photo, estimate.surroundings, exposure, segments=estimate.segments)
+        return PhotoContext(photo, estimate.surroundings, exposure, segments=estimate.segments, detail=detail)
     light = estimate.lighting
-    return PhotoContext(photo, estimate.surroundings, light.exposure, light, estimate.segments)
+    return PhotoContext(photo, estimate.surroundings, light.exposure, light, estimate.segments, detail)
 
 
 def photo_context_for_height(
@@ -118,6 +124,7 @@ def photo_context_for_height(
     *,
     surroundings: bool | None = None,
     exposure: float | None = None,
+    detail: bool = True,
 ) -> PhotoContext | None:
     """`photo_context` for a map of a certain height, with a finer photo where the map shows more of its pixels.
 
@@ -128,9 +135,10 @@ def photo_context_for_height(
         read_finer: reads the photo again, with so many pixels along its longer side. It costs as much as the network.
         surroundings: whether the map has them; None: where the network predicted them.
         exposure: of the light that the photo shows; None: the estimate's.
+        detail: whether the map has detail all around the photo.
     """
     check_height(height)
-    context = photo_context(estimate, photo, surroundings=surroundings, exposure=exposure)
+    context = photo_context(estimate, photo, surroundings=surroundings, exposure=exposure, detail=detail)
     if context is None or max(size_in_envmap(photo, estimate.lighting.vertical_fov, height)) <= max(photo.shape[:2]):
         return context
     return replace(context, photo=read_finer(_FINE_SIDE))
@@ -178,7 +186,7 @@ def render_with_surroundings(
     check_lighting(lighting)
     check_height(height)
     _check_context(context)
-    detailed = context.detail and height >= detail.MIN_ROWS
+    detailed = context.detail and height >= map_detail.MIN_ROWS
     with ThreadPoolExecutor(1) as pool:  # projects the photo while the sky is painted; then each half has a thread
         projection = pool.submit(_project_photo, lighting, context, height, detailed)
         image = render(lighting, height, sun=sun, disc=False)
@@ -193,7 +201,7 @@ def render_with_surroundings(
         upper_done.result()
     if detailed:
         continued = photo if isinstance(photo, ContinuedPhoto) else None
-        detail.add_detail(image, _detail_source(context, lighting), lighting, context.photo, continued, gain)
+        map_detail.add_detail(image, _detail_source(context, lighting), lighting, context.photo, continued, gain)
         for rows, target in zip(_halves(height), targets, strict=True):
             _lay_photo(image, rows, target, photo.within(rows) if photo else None, gain)
     cap_map(image, lighting)
@@ -223,11 +231,11 @@ def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_
     return project_photo(lighting, context.photo, height)
 
 
-def _detail_source(context: PhotoContext, lighting: Lighting) -> detail.DetailSource:
+def _detail_source(context: PhotoContext, lighting: Lighting) -> map_detail.DetailSource:
     """The detail for a photo, by the light that it shows: it stays under another sun."""
     light = context.light or lighting
     bare = _pool_cells(render(light, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False))
-    return detail.choose_source(light, context.photo, bare * _surroundings_factors(bare, light, context))
+    return map_detail.choose_source(light, context.photo, bare * _surroundings_factors(bare, light, context))
 
 
 def _check_context(thing: object) -> None:

@@ -29,19 +29,22 @@ _MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence
 _WARNING_LETTERS = 160  # of a line of warnings
 
 
-def preview_png(photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: bool | None = None) -> bytes:
+def preview_png(
+    photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: bool | None = None, detail: bool = True
+) -> bytes:
     """The picture of a photo and its light, as PNG.
 
     Args:
         photo: (H, W, 3) sRGB, upright.
         estimate: the photo's light.
         surroundings: whether the map shows the place; None where the network predicted it.
+        detail: whether the map then has detail all around the photo.
 
     Raises:
         ParameterError: `estimate` is no Estimate.
         PhotoError: `photo` is no photo's pixels.
     """
-    picture = _draw_preview(photo, estimate, _render_map(photo, estimate, surroundings))
+    picture = _draw_preview(photo, estimate, _render_map(photo, estimate, surroundings, detail))
     return encode_png(picture, compress_level=_PNG_LEVEL)
 
 
@@ -56,7 +59,7 @@ def _draw_preview(
     check_estimate(estimate)
     photo = check_pixels(photo)
     lighting = estimate.lighting
-    envmap = _render_map(photo, estimate, None) if envmap is None else check_envmap(envmap)
+    envmap = _render_map(photo, estimate) if envmap is None else check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
     plan = panels.lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
     compass = panels.draw_compass(estimate, aspect, plan.compass.width)
@@ -82,8 +85,10 @@ def _draw_preview(
     return np.asarray(canvas)
 
 
-def _render_map(photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None) -> NDArray[np.float32]:
-    context = photo_context(estimate, photo, surroundings=surroundings)
+def _render_map(
+    photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None = None, detail: bool = True
+) -> NDArray[np.float32]:
+    context = photo_context(estimate, photo, surroundings=surroundings, detail=detail)
     if context:
         return render_with_surroundings(estimate.lighting, context, MAP_HEIGHT)
     return render(estimate.lighting, MAP_HEIGHT)

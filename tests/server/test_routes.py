@@ -211,6 +211,16 @@ def test_the_shape_of_the_sky_and_the_place_are_choices(client: TestClient, jpeg
     assert len({bare, image("surroundings=true"), image("sky=preetham")}) == 3
 
 
+def test_detail_is_a_choice_where_the_place_is_shown(client: TestClient, jpeg: bytes) -> None:
+    def image(query: str) -> bytes:
+        return client.post(f"/v1/envmap?height=64&{query}", content=jpeg, headers=JPEG).content
+
+    detailed = image("surroundings=true")
+    assert image("surroundings=true&detail=true") == detailed
+    assert image("surroundings=true&detail=false") != detailed
+    assert image("surroundings=false&detail=true") == image("surroundings=false&detail=false")
+
+
 def test_the_mask_of_the_ground_is_a_png(client: TestClient, jpeg: bytes) -> None:
     answer = client.post("/v1/ground", **form(jpeg))
     assert answer.headers["content-type"] == "image/png"

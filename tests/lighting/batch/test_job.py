@@ -36,6 +36,7 @@ def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_pat
         "sky": None,
         "compression": "zip",
         "surroundings": None,
+        "detail": True,
     }
     assert found["metadata"] == {"vertical_fov": 40.0}
     assert found["network"] == network.name

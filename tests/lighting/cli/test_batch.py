@@ -11,7 +11,9 @@ from lighting.cli import cli
 from tests.helpers.processes import run_batch
 
 
-@pytest.mark.parametrize("options", [["--height", 64], ["--yaw", 0], ["--surroundings"], ["--address", "auto"]])
+@pytest.mark.parametrize(
+    "options", [["--height", 64], ["--yaw", 0], ["--surroundings"], ["--no-detail"], ["--address", "auto"]]
+)
 def test_options_that_would_do_nothing_are_refused(tmp_path: Path, options: list[object]) -> None:
     result = run_batch(tmp_path, tmp_path / "out", *options)
     assert result.exit_code == 2

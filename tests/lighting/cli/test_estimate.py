@@ -178,6 +178,20 @@ def test_a_preview_shows_the_place_unless_the_sky_alone_is_wanted(
     assert drawn[0] == drawn[1] != drawn[2]
 
 
+def test_the_place_has_detail_unless_a_smooth_one_is_wanted(
+    lit_network: Path, photo_path: Path, tmp_path: Path
+) -> None:
+    for command, kind in (("envmap", "exr"), ("preview", "png")):
+        drawn = []
+        for number, flags in enumerate([[], ["--detail"], ["--no-detail"]]):
+            file = tmp_path / f"{number}.{kind}"
+            size = ["--height", "64"] if command == "envmap" else []
+            result = invoke_command(command, photo_path, "-o", file, *size, *flags, "--model", lit_network)
+            assert result.exit_code == 0
+            drawn.append(file.read_bytes())
+        assert drawn[0] == drawn[1] != drawn[2]
+
+
 def test_the_place_can_be_asked_of_any_network(network: Path, photo_path: Path, tmp_path: Path) -> None:
     invoke_command(
         "envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--surroundings", "--model", network
