@@ -42,6 +42,7 @@ _NORMAL_ROWS = 12  # of `SphereScene.diffuse_irradiance`, by the normal
 _INCOMING_ROWS = 16  # of the directions from which light comes to the diffuse sphere
 _BOUNCES = 3  # of light between spheres and ground
 _BOUNCES_DIMMED = 2  # where that light is nearly right already
+_EVEN = 0.005  # difference of square roots of linear values, 1 of 255 levels, up to which one ray a pixel will do
 _EPSILON = 1e-9  # stands for no light
 
 
@@ -98,13 +99,40 @@ def render_sphere_scene(
         lighting: the camera's elevation.
         width: pixels.
         height: pixels.
-        supersampling: rays per pixel and side.
+        supersampling: rays per pixel and side, where neighbouring pixels differ; else one.
     """
-    columns, rows = width * supersampling, height * supersampling
-    camera = Pinhole(columns, rows, VERTICAL_FOV, elevation=limit_pitch(lighting))
-    rays = geometry.camera_directions(camera).astype(np.float32).reshape(-1, 3)
-    picture = _trace(np.zeros(3, np.float32), rays, scene)
-    return np.asarray(picture.reshape(rows, columns, 3), dtype=np.float32)
+    camera = Pinhole(width, height, VERTICAL_FOV, elevation=limit_pitch(lighting))
+    even = _trace_rays(geometry.camera_directions(camera).astype(np.float32), scene)
+    if supersampling == 1:
+        return even
+    fine = replace(camera, width=supersampling * width, height=supersampling * height)
+    blocks = np.empty((height, width, supersampling, supersampling, 3), dtype=np.float32)
+    blocks[:] = even[:, :, None, None]
+    rays = geometry.camera_directions(fine).astype(np.float32)
+    rays = rays.reshape(height, supersampling, width, supersampling, 3).transpose(0, 2, 1, 3, 4)
+    uneven = _is_uneven(even)
+    blocks[uneven] = _trace_rays(rays[uneven], scene)
+    return np.ascontiguousarray(blocks.transpose(0, 2, 1, 3, 4)).reshape(fine.height, fine.width, 3)
+
+
+def _trace_rays(rays: NDArray[np.float32], scene: SphereScene) -> NDArray[np.float32]:
+    """Radiance (..., 3) along rays (..., 3) from the origin."""
+    return np.asarray(_trace(np.zeros(3, np.float32), rays.reshape(-1, 3), scene).reshape(rays.shape), dtype=np.float32)
+
+
+def _is_uneven(picture: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """Which pixels (H, W) of a picture (H, W, 3) lie within two of one that differs from the next by more than _EVEN.
+
+    Edges that fall between the rays show beside them; what is smaller than a pixel lies on such edges.
+    """
+    shown = np.sqrt(np.clip(picture, 0.0, 1.0))
+    uneven = np.zeros(shown.shape[:2], dtype=bool)
+    across, down = (np.abs(np.diff(shown, axis=axis)).max(axis=2) > _EVEN for axis in (1, 0))
+    uneven[:, 1:] |= across
+    uneven[1:] |= down
+    near = np.pad(uneven, 2)
+    rows = np.logical_or.reduce([near[start : len(near) - 4 + start] for start in range(5)])
+    return np.asarray(np.logical_or.reduce([rows[:, start : rows.shape[1] - 4 + start] for start in range(5)]))
 
 
 def limit_pitch(lighting: Lighting) -> float:

@@ -7,10 +7,10 @@ import mitsuba as mitsuba_renderer
 import numpy as np
 import pytest
 
-from lighting.color import luminance
+from lighting.color import luminance, srgb_encode
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
-from lighting.geometry import Floats, Pinhole, camera_pixel, direction, latlong_directions
+from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, direction, latlong_directions
 from lighting.preview import spheres as spheres
 from lighting.preview.spheres import (
     DIFFUSE,
@@ -251,3 +251,20 @@ def test_the_diffuse_sphere_is_lit_on_the_suns_side(stage: SphereScene) -> None:
     sides = np.array([[0.7, 0.7, 0.0], [-0.7, 0.7, 0.0]])
     lit, dark = shade_sphere(DIFFUSE, CENTERS[DIFFUSE] + sides, np.zeros((2, 3)), stage, mirrored=False).mean(axis=1)
     assert lit > 1.5 * dark
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(-60.0, 25.0), (150.0, 8.0)])
+def test_fewer_rays_on_even_ground_and_sky_change_no_level(azimuth: float, elevation: float) -> None:
+    """Against four rays for every pixel, by the picture as it is shown, before it is rounded."""
+    lighting = render_outdoors(azimuth, elevation)
+    centers = spheres.sphere_centers(WIDTH / HEIGHT, PITCH)
+    scene = build_sphere_scene(render(lighting, 256), lighting.sun_direction, centers)
+    fine = Pinhole(2 * WIDTH, 2 * HEIGHT, spheres.VERTICAL_FOV, elevation=PITCH)
+    every = spheres._trace_rays(camera_directions(fine).astype(np.float32), scene)
+    some = spheres.render_sphere_scene(scene, lighting, WIDTH, HEIGHT, supersampling=2)
+    before, after = (
+        255 * srgb_encode(np.clip(picture, 0, 1)).reshape(HEIGHT, 2, WIDTH, 2, 3).mean(axis=(1, 3))
+        for picture in (every, some)
+    )
+    assert np.abs(after - before).max() < 0.5
+    assert np.any(every != some)
