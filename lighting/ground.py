@@ -23,7 +23,7 @@ _MIN_RADIUS = 0.012  # of a ball, in picture heights; smaller ones are hardly se
 _MAX_RADIUS_METERS = 1.0  # of a ball; on ground that is farther away it is smaller in the picture
 _MAX_RADIUS_SHARE = 0.4  # of the camera's height, so that no ball reaches above the horizon
 _MAX_WIDTH_SHARE = 0.95  # of a narrow picture's width, which three balls fill at most
-_MAX_FOOT_ROW = 0.95  # of the picture's height, where a foot may stand
+_MAX_FOOT_ROW = 0.97  # of the picture's height, where a foot may stand
 
 _MIN_VISIBLE = 0.02  # share of a picture that shows ground to speak of
 _STAGE = "objects stand on a stage of their own beside it."
@@ -31,7 +31,7 @@ _STAGE = "objects stand on a stage of their own beside it."
 _ROWS = 72  # of the picture in which the spot is sought
 _MIN_GROUND = 0.5  # probability from which a cell counts as ground
 _MIN_SUPPORT = 0.5  # probability of ground under a ball
-_MIN_ROW_SUPPORT = 0.15  # the same under each of three of them side by side
+_MIN_ROW_SUPPORT = 0.1  # the same under each of three of them side by side
 _FOOT_HEIGHT = 0.7  # radii over and under a foot that must show ground
 _LATERAL_COST = 0.15  # of probability that one is ready to lose for the picture's whole width
 _VERTICAL_COST = 0.1  # the same for its height, from _BEST_ROW

@@ -168,6 +168,8 @@ describe("the object's place", () => {
     expect(floating.grounded).toBe(false);
     expect(Math.hypot(...floating.position)).toBeCloseTo(4);
     expect(movePlacement(floating, CAMERA, 1, [0.5, 0.1])?.grounded).toBe(false);
+    const down = movePlacement(floating, CAMERA, 1, [0.5, 0.9]);
+    expect([down?.grounded, down?.position[1]]).toEqual([true, -1.6]);
   });
 
   it("is shifted, turned and scaled within bounds", () => {

@@ -41,10 +41,16 @@ export function groundPoint(camera: Camera, aspect: number, [x, y]: Point): Vect
   return combine([cameraHeight(camera) / -ray[1], ray]);
 }
 
-/** Moved to a spot of the photo: over the ground, or at its distance where it floats. Null where there is no ground. */
+/**
+ * Moved to a spot of the photo: over the ground, onto which one that floats comes down, or, as long as it floats, at its
+ * distance. Null where there is no ground.
+ */
 export function movePlacement(placement: Placement, camera: Camera, aspect: number, spot: Point): Placement | null {
-  const position = placement.grounded ? groundPoint(camera, aspect, spot) : floatingPoint(camera, aspect, spot);
-  return position && resizePlacement({ ...placement, position }, placement.radius);
+  const onGround = groundPoint(camera, aspect, spot);
+  if (placement.grounded) return onGround && resizePlacement({ ...placement, position: onGround }, placement.radius);
+  const position = onGround ?? floatingPoint(camera, aspect, spot);
+  const radius = onGround ? defaultRadius(camera, position) : placement.radius;
+  return resizePlacement({ ...placement, position, grounded: onGround !== null }, radius);
 }
 
 /** Moved by metres to the right and away from the camera, kept on ground in front of it. */

@@ -22,7 +22,8 @@ const usageText = (where: string): string =>
   isTouchDevice()
     ? `Tap the ${where} to move it, drag to turn it.`
     : `Click the ${where} to move it, drag to turn it. ${KEYS}`;
-const NO_GROUND = "The photo shows no firm, level ground with room for it, so the object floats before it.";
+const NO_GROUND =
+  "The photo shows no firm, level ground with room for it, so the object floats before it until you click the ground.";
 const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
 const STAGE_NOT_LOADED =
   "What draws the object could not be loaded; everything else works. Load the page again to see it.";
