@@ -1,10 +1,10 @@
 """Innocent clients beside hostile ones: who is kept out, how long answers take, and what each route costs.
 
-    python -m benchmarks.attack [--seconds 180] [--clients 64] [--caddy caddy]
+    python -m benchmarks.attack [--seconds 180] [--clients 64] [--hostile 64] [--caddy caddy]
     python -m benchmarks.attack --costs
 
 Innocent clients send a photo each two seconds, every client from a loopback address of its own (Linux has 127.0.0.0/8).
-They run alone, and beside as many hostile clients, which are of four kinds in equal parts:
+They run alone, and beside hostile clients, which are of four kinds in equal parts:
 
 - unread: ask for maps of 100 MB, four at a time, and read nothing or 10 kB/s;
 - work: ask for previews, four at a time;
@@ -14,8 +14,8 @@ They run alone, and beside as many hostile clients, which are of four kinds in e
 Each begins again a second after it is refused or its connection ends. At the end the service gets SIGTERM under attack.
 All this is done on the service itself and behind Caddy with this project's Caddyfile, where `--caddy` names it.
 
-An innocent answer is right if it is the same to the byte as the first one. `late` are answers after more than three
-times the p99 of the same clients alone; `lost` are requests that the service had taken and did not answer.
+An innocent answer is right if it is the same to the byte as the first one. `refused` are connections that nobody took,
+as after SIGTERM; `lost` are requests on a connection that ended without an answer. Times are milliseconds.
 """
 
 import argparse
@@ -294,7 +294,7 @@ def compare(options: argparse.Namespace, photo: bytes, caddy: str | None) -> Non
         asyncio.run(ask_as_innocents(target, options.clients, 2 * PERIOD, expected))  # every thread exists afterwards
         alone = asyncio.run(ask_as_innocents(target, options.clients, options.seconds, expected))
         print(alone.row(f"{name}, alone"), flush=True)
-        with attacked(target, options.clients):
+        with attacked(target, options.hostile):
             time.sleep(5)
             tally = asyncio.run(ask_as_innocents(target, options.clients, options.seconds, expected))
             print(tally.row(f"{name}, attacked", alone), flush=True)
@@ -362,7 +362,8 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--seconds", type=float, default=180, help="of each of the four runs")
-    parser.add_argument("--clients", type=int, default=64, help="innocent ones, and as many hostile ones")
+    parser.add_argument("--clients", type=int, default=64, help="innocent ones; fewer where the machine is busy")
+    parser.add_argument("--hostile", type=int, default=64, help="hostile clients")
     parser.add_argument("--caddy", metavar="PROGRAM", help="measure behind Caddy, too")
     parser.add_argument("--costs", action="store_true", help="print what each route costs, and nothing else")
     options = parser.parse_args()
@@ -373,7 +374,7 @@ def main() -> None:
         print_costs(photo)
         return
     size = len(photo) / 1e3
-    print(f"{options.clients} innocent clients, photos of {size:.0f} kB; {options.clients} hostile ones\n{HEAD}")
+    print(f"{options.clients} innocent clients, photos of {size:.0f} kB; {options.hostile} hostile ones\n{HEAD}")
     compare(options, photo, None)
     if options.caddy:
         compare(options, photo, options.caddy)

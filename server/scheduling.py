@@ -95,6 +95,7 @@ class Job:
     evicted: bool = False
     released: bool = False
     seconds: float | None = None  # that it took; None before it has run
+    succeeded: bool = False
 
 
 class _Demand(NamedTuple):
@@ -274,11 +275,13 @@ class WorkLimiter:
     def _note(self, job: Job) -> None:
         """Learn and charge what a request took."""
         self._last[job.client] = self._clock()
-        if job.seconds is not None:
+        if job.seconds is None:
+            return
+        if job.succeeded:  # others, as with a damaged photo, say nothing of the next
             before = self._expected.get(job.route, job.seconds)
             self._expected[job.route] = before + _LEARNING_RATE * (job.seconds - before)
-            if self._charge:
-                self._charge(job.client, job.seconds)
+        if self._charge:
+            self._charge(job.client, job.seconds)
 
     def _start_jobs(self) -> None:
         while len(self._running) < self.workers and (job := self._next_job()):
@@ -315,7 +318,9 @@ def _measure(job: Job, work: Callable[[], T]) -> T:
     """Do the work, and note its processor time, whether it succeeds or not."""
     began = runtime.thread_seconds()
     try:
-        return work()
+        result = work()
+        job.succeeded = True
+        return result
     finally:
         job.seconds = runtime.thread_seconds() - began
 
