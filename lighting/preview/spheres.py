@@ -214,9 +214,10 @@ def _scale_ground(image: NDArray[np.float32], gain: Floats | float) -> NDArray[n
 def _add_bounces(scene: SphereScene, times: int) -> SphereScene:
     """The scene with the light that its spheres and its ground send to each other, so many times."""
     rays = [_rays_to_sphere(kind, scene) for kind in range(len(scene.centers))]
+    soft_sky = shrink_envmap(scene.sky, _INCOMING_ROWS)
     for _ in range(times):
         scene = replace(scene, exchange=tuple(_exchange(kind, to_it, scene) for kind, to_it in enumerate(rays)))
-        scene = replace(scene, diffuse_irradiance=_diffuse_irradiance(scene))
+        scene = replace(scene, diffuse_irradiance=_diffuse_irradiance(replace(scene, sky=soft_sky)))
     return scene
 
 
@@ -270,8 +271,7 @@ def _exchange(kind: int, paths: _RaysToSphere, scene: SphereScene) -> Floats:
 
 
 def _diffuse_irradiance(scene: SphereScene) -> Floats:
-    """Irradiance (h, 2h, 3) of the diffuse sphere by sky, ground and the other spheres, by its normals."""
-    soft = replace(scene, sky=shrink_envmap(scene.sky, _INCOMING_ROWS))
+    """Irradiance (h, 2h, 3) of the diffuse sphere by a coarse sky, ground and other spheres, by its normals."""
     rays = geometry.latlong_directions(_INCOMING_ROWS).reshape(-1, 3)
     normals = geometry.latlong_directions(_NORMAL_ROWS).reshape(-1, 3)
     weight = np.maximum(normals @ rays.T, 0) * np.repeat(
@@ -280,8 +280,7 @@ def _diffuse_irradiance(scene: SphereScene) -> Floats:
     normal, ray = np.nonzero(weight)
     radiance = np.zeros((*weight.shape, 3), dtype=np.float32)
     points = (scene.centers[DIFFUSE] + normals).astype(np.float32)
-    light = _trace(points[normal], rays.astype(np.float32)[ray], soft, DIFFUSE, disc_radius=None)
-    radiance[normal, ray] = light
+    radiance[normal, ray] = _trace(points[normal], rays.astype(np.float32)[ray], scene, DIFFUSE, disc_radius=None)
     total = np.einsum("nr,nrc->nc", weight, radiance) * np.pi / weight.sum(axis=1, keepdims=True)
     return np.asarray(total.reshape(_NORMAL_ROWS, -1, 3))
 
