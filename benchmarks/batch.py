@@ -101,13 +101,14 @@ def ray_rate(photos: Path, count: int) -> dict[str, Any]:
 _RAY = """
 import sys, time
 import ray
-from lighting.batch import Job, find_photos_at, run_ray
+from lighting.batch.job import BatchJob
+from lighting.batch.ray import find_photos_at, run_ray
 ray.init(logging_level="error")
 source, names = find_photos_at(sys.argv[1])
 options = dict(address=None, workers=None, overwrite=True, progress=False)
-run_ray(Job(source, sys.argv[2], engine="ray"), names[:8], **options)
+run_ray(BatchJob(source, sys.argv[2], engine="ray"), names[:8], **options)
 started = time.perf_counter()
-run_ray(Job(source, sys.argv[2], engine="ray"), names, **options)
+run_ray(BatchJob(source, sys.argv[2], engine="ray"), names, **options)
 print(time.perf_counter() - started)
 """
 
