@@ -111,20 +111,21 @@ def find_layout(pixels: _Bytes) -> Layout:
     size = shrink_size(*image.size, _SIDE)
     if min(size) < _MIN_SIDE:
         return Layout()
-    small = np.asarray(image.resize(size, Image.Resampling.BOX)).astype(np.int16)
+    reduced = image.resize(size, Image.Resampling.BOX)
+    small, gray = (np.asarray(one).astype(np.int16) for one in (reduced, reduced.convert("L")))
     whole = _Box(0, 0, *size)
-    half = _stereo_half(small, whole)
+    half = _stereo_half(gray, whole)
     box = half or whole
     for _ in range(_MAX_BORDERS):
-        pictures = _pictures_on_background(small, box) or _picture_among_smooth_bars(small, box)
+        pictures = _pictures_on_background(small, box) or _picture_among_smooth_bars(small, gray, box)
         if len(pictures) > 1:
             return Layout(is_collage=True)
         if not pictures:
             break
         box = pictures[0]
-    if half is None and box != whole and (half := _stereo_half(small, box)) is not None:
+    if half is None and box != whole and (half := _stereo_half(gray, box)) is not None:
         box = half
-    elif _has_shades(small, box) and _has_seams(small, box):
+    elif _has_shades(small, box) and _has_seams(gray, box):
         return Layout(is_collage=True)
     if box == whole:
         return Layout()
@@ -303,10 +304,10 @@ def _turn_box(box: _Box, side: int, height: int, width: int) -> _Box:
 # Bars that a program has drawn: blurred copies, gradients, shadows.
 
 
-def _picture_among_smooth_bars(pixels: NDArray[np.int16], box: _Box) -> list[_Box]:
+def _picture_among_smooth_bars(pixels: NDArray[np.int16], gray: NDArray[np.int16], box: _Box) -> list[_Box]:
     """The picture between smooth bars, at two opposite sides or at all; none without."""
     part = box.of(pixels)
-    rows, columns = _smooth_bars(part), _smooth_bars(part.swapaxes(0, 1))
+    rows, columns = _smooth_bars(box.of(gray)), _smooth_bars(box.of(gray).T)
     if rows is None and columns is None:
         return []
     top, bottom = rows or (0, part.shape[0])
@@ -322,9 +323,8 @@ def _picture_among_smooth_bars(pixels: NDArray[np.int16], box: _Box) -> list[_Bo
     return [_Box(box.left + left, box.top + top, box.left + right, box.top + bottom)]
 
 
-def _smooth_bars(part: NDArray[np.int16]) -> tuple[int, int] | None:
+def _smooth_bars(gray: NDArray[np.int16]) -> tuple[int, int] | None:
     """First and last row, exclusive, of what lies between smooth bars at top and bottom; None without both."""
-    gray = part.sum(axis=2, dtype=np.int16) // 3
     height = len(gray)
     if height < 8 * _REACH:
         return None
@@ -383,15 +383,15 @@ def _is_blurred_copy(part: NDArray[np.int16], inner: _Box) -> bool:
 # Pictures that touch: stereo pairs, collages without gaps.
 
 
-def _stereo_half(pixels: NDArray[np.int16], box: _Box) -> _Box | None:
+def _stereo_half(gray: NDArray[np.int16], box: _Box) -> _Box | None:
     """The left or the upper half of a picture whose halves show the same; None of others."""
-    gray = box.of(pixels).mean(axis=2)
-    height, width = gray.shape
-    if min(height, width) < 16 or _has_round_pictures(gray):
+    part = box.of(gray).astype(np.float32)
+    height, width = part.shape
+    if min(height, width) < 16 or _has_round_pictures(part):
         return None
-    if _stereo_correlation(gray[:, : width // 2], gray[:, -(width // 2) :]) >= _STEREO_CORRELATION:
+    if _stereo_correlation(part[:, : width // 2], part[:, -(width // 2) :]) >= _STEREO_CORRELATION:
         return _Box(box.left, box.top, box.left + width // 2, box.bottom)
-    if _stereo_correlation(gray[: height // 2], gray[-(height // 2) :]) >= _STEREO_CORRELATION:
+    if _stereo_correlation(part[: height // 2], part[-(height // 2) :]) >= _STEREO_CORRELATION:
         return _Box(box.left, box.top, box.right, box.top + height // 2)
     return None
 
@@ -429,10 +429,9 @@ def _stereo_correlation(first: Floats, second: Floats) -> float:
     return best
 
 
-def _has_seams(pixels: NDArray[np.int16], box: _Box) -> bool:
+def _has_seams(gray: NDArray[np.int16], box: _Box) -> bool:
     """Whether a seam crosses the whole picture where a collage has one, or two cross each other anywhere."""
-    gray = box.of(pixels).sum(axis=2, dtype=np.int16) // 3
-    seams = _seams(gray), _seams(gray.T)
+    seams = _seams(box.of(gray)), _seams(box.of(gray).T)
     if min(max(shares, default=0.0) for shares, _ in seams) >= _CROSSING_SHARE:
         return True
     return max(max(regular, default=0.0) for _, regular in seams) >= _SEAM_SHARE
