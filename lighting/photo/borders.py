@@ -413,7 +413,8 @@ def _ends(side: int) -> tuple[slice, slice]:
 def _stereo_correlation(first: Floats, second: Floats) -> float:
     """The correlation (-1 to 1) of two pictures whose rows are as bright, at the best shift along them; else 0.
 
-    Sky above and ground below correlate in any two photos, so each row counts without its mean.
+    Sky above and ground below correlate in any two photos, and so do bars beside them; rows and columns count without
+    their means.
     """
     if float(np.abs(first.mean(axis=1) - second.mean(axis=1)).mean()) > _STEREO_DIFFERENCE:
         return 0.0
@@ -423,10 +424,16 @@ def _stereo_correlation(first: Floats, second: Floats) -> float:
     for shift in range(-reach, reach + 1, step):
         a = first[:, max(0, shift) : width + min(0, shift)]
         b = second[:, max(0, -shift) : width + min(0, -shift)]
-        a, b = (values - values.mean(axis=1, keepdims=True) for values in (a, b))
+        a, b = (_without_means(values) for values in (a, b))
         norm = math.sqrt(float((a * a).sum()) * float((b * b).sum()))
         best = max(best, float((a * b).sum()) / norm if norm > 0 else 0.0)
     return best
+
+
+def _without_means(values: Floats) -> Floats:
+    """The values (h, w) less the means of their rows and columns."""
+    rows = values - values.mean(axis=1, keepdims=True)
+    return np.asarray(rows - rows.mean(axis=0))
 
 
 def _has_seams(gray: NDArray[np.int16], box: _Box) -> bool:

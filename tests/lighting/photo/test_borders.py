@@ -6,12 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image, ImageDraw, ImageFilter
+from PIL import ExifTags, Image, ImageDraw, ImageFilter
 
 from lighting.photo.borders import Rectangle, find_layout
+from lighting.photo.lens import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import photo_from_array, read_photo
 from lighting.records import warning_code
+from tests.conftest import encode, exif
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 NAMES = ("wide_street", "railway_field", "park_evening", "snow_field", "garden_noon")
@@ -166,3 +168,34 @@ def test_the_photo_inside_has_its_own_size_pixels_lens_and_a_warning() -> None:
 
 def test_a_rectangle_in_pixels_lies_within_its_shares() -> None:
     assert Rectangle(0.1, 0.0, 0.95, 1.0).pixels(101, 50) == (11, 0, 95, 50)
+
+
+def test_bars_beside_a_photo_do_not_make_it_a_stereo_pair() -> None:
+    """They are the same above and below."""
+    whole, corners = framed(example("railway_field"), BLACK, 150, 0, 150, 0)
+    layout = find_layout(as_jpeg(whole, 75))
+    assert not layout.is_stereo_pair
+    assert layout.photo is not None
+    assert layout.photo.pixels(*whole.size) == pytest.approx(corners, abs=6)
+
+
+@pytest.mark.parametrize("recorded", [(480, 270), (480, 360)])
+def test_a_lens_in_the_file_is_that_of_the_photo_inside(recorded: tuple[int, int]) -> None:
+    """Whether the file has the camera's own size or that of the picture with its bars."""
+    whole, corners = framed(example(), BLACK, 0, 45, 0, 45)
+    base = ExifTags.Base
+    tags = {base.FocalLengthIn35mmFilm: 26, base.ExifImageWidth: recorded[0], base.ExifImageHeight: recorded[1]}
+    photo = read_photo(encode(whole, exif=exif(tags).tobytes(), quality=90))
+    assert photo.crop is not None
+    width, height = corners[2] - corners[0], corners[3] - corners[1]
+    assert photo.metadata.vertical_fov == pytest.approx(vertical_fov_from_focal_length(26.0, width, height), abs=0.5)
+
+
+def test_a_collage_is_told_and_a_read_photo_says_so() -> None:
+    whole = Image.new("RGB", (610, 300), WHITE)
+    for column, name in enumerate(("garden_noon", "snow_field")):
+        whole.paste(example(name).resize((300, 300)), (310 * column, 0))
+    photo = read_photo(encode(whole, quality=85))
+    assert photo.is_collage
+    assert photo.crop is None
+    assert [warning_code(warning) for warning in photo.warnings] == ["collage"]
