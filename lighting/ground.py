@@ -158,8 +158,8 @@ def find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) 
     x, y = (np.array([column, row]) + 0.5) * [camera.width / small.width, camera.height / small.height]
     right, up, forward = camera.axes
     ray = camera.focal_length * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
-    ray = ray / np.linalg.norm(ray)
-    return GroundSpot((round(float(x), 1), round(float(y), 1)), (float(ray[0]), float(ray[1]), float(ray[2])))
+    lateral, vertical, depth = (round(float(part), 6) for part in ray / np.linalg.norm(ray))
+    return GroundSpot((round(float(x), 1), round(float(y), 1)), (lateral, vertical, depth))
 
 
 def _stretches(camera: Pinhole, radius: Floats) -> Floats:

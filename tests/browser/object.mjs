@@ -15,7 +15,6 @@ export async function visit(browser, url, seen, { small, model, wideModel, folde
   await page.waitForSelector("#stage:not([hidden])");
   await press(page.locator("#show-marks"));
   await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
-  seen.scene = await page.textContent("#object-where");
   await movePlacement(page, seen, folder);
   await changeMaterial(page, seen, folder);
   await useOwnModel(page, seen, model, folder);
@@ -53,6 +52,7 @@ async function movePlacement(page, seen, folder) {
   const { x, y, width, height } = await page.locator("#stage").boundingBox();
   await page.mouse.click(x + 0.44 * width, y + 0.85 * height);
   seen.clicked = await foot(page);
+  seen.scene = await page.textContent("#object-where");
   await screenshotOf(page, `${folder}/shadow.png`);
   await page.mouse.move(x + 0.5 * width, y + 0.6 * height);
   await page.mouse.down();

@@ -35,7 +35,7 @@ def numbers(folder: Path) -> dict[str, Any]:
 
 
 def test_the_folder_is_whole_without_blender(folder: Path) -> None:
-    names = {"scene.py", "scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
+    names = {"scene.py", "scene.json", "plate.png", "environment.exr", "lit_ground.png", "ground.png", "lighting.json"}
     assert {path.name for path in folder.iterdir()} == names
 
 
