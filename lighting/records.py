@@ -41,6 +41,7 @@ SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimut
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
 _PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
 _SPOT = {"spot_pixel": (2, 0.0, 1e6), "spot_direction": (3, -1.0, 1.0)}  # how many numbers, and their range
+MIN_SPOT_DESCENT = 1e-3  # sine of the angle below the horizon at which an object may stand
 _UNIT_TOLERANCE = 1e-3  # of a unit vector's length
 
 
@@ -257,6 +258,8 @@ class Lighting:
             raise ParameterError(sentence, missing, ErrorCode.MISSING)
         if self.spot_direction is not None and abs(math.hypot(*self.spot_direction) - 1) > _UNIT_TOLERANCE:
             raise ParameterError.about("spot_direction", "must be a vector of length 1.", ErrorCode.OUT_OF_RANGE)
+        if self.spot_direction is not None and self.spot_direction[1] > -MIN_SPOT_DESCENT:
+            raise ParameterError.about("spot_direction", "must point below the horizon.", ErrorCode.OUT_OF_RANGE)
 
     @property
     def map_sky(self) -> str:

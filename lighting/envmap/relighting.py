@@ -14,7 +14,7 @@ from lighting.envmap.render import clear_irradiance
 from lighting.envmap.sun_disc import disc_power
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
-from lighting.records import Color, Lighting, check_lighting
+from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting
 from lighting.validation import RANGES, clip_color, round_significant
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
@@ -124,7 +124,7 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
 
 
 def _keep_spot_pixel(before: Lighting, now: Lighting) -> Lighting:
-    """The light with the spot in the direction in which a changed camera sees its pixel."""
+    """The light with the spot where a changed camera sees its pixel; without one where that is above the horizon."""
     if before.spot_direction is None or now.spot_direction != before.spot_direction:
         return now
     old, new = (
@@ -133,7 +133,10 @@ def _keep_spot_pixel(before: Lighting, now: Lighting) -> Lighting:
     if old == new:
         return now
     right, up, ahead = old.axes @ np.array(before.spot_direction)
-    return replace(now, spot_direction=_to_unit([right, up, ahead * new.focal_length / old.focal_length] @ new.axes))
+    spot = _to_unit([right, up, ahead * new.focal_length / old.focal_length] @ new.axes)
+    if spot[1] > -MIN_SPOT_DESCENT:
+        return replace(now, spot_pixel=None, spot_direction=None)
+    return replace(now, spot_direction=spot)
 
 
 def _to_unit(vector: Floats) -> Color:

@@ -138,6 +138,8 @@ def test_a_spot_stays_on_its_pixel_when_the_camera_is_edited() -> None:
     assert edited.spot_direction is not None
     camera = replace(CAMERA, elevation=-20.0, vertical_fov=70.0, roll=5.0)
     assert camera_pixel(np.array(edited.spot_direction), camera) == pytest.approx(light.spot_pixel, abs=0.1)
+    up = edit_lighting(light, {"camera_elevation": 60.0})
+    assert (up.spot_pixel, up.spot_direction) == (None, None)
     moved = edit_lighting(light, {"sun_azimuth": 10.0})
     assert light.spot_direction is not None
     assert moved.spot_direction is not None

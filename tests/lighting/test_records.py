@@ -470,6 +470,7 @@ def test_the_spot_survives_json() -> None:
         {"pixel": [1.0], "direction": [0.0, -1.0, 0.0]},
         {"pixel": [1.0, math.nan], "direction": [0.0, -1.0, 0.0]},
         {"pixel": [1.0, 2.0], "direction": [0.0, -0.5, 0.0]},
+        {"pixel": [1.0, 2.0], "direction": [0.0, 0.6, -0.8]},
         {"pixel": "here", "direction": [0.0, -1.0, 0.0]},
         7,
     ],
