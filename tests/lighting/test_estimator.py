@@ -21,8 +21,9 @@ from lighting.fusion.single_view import Gravity, Observations
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import angle_between, direction
 from lighting.model import Model
+from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array, read_photo
-from lighting.records import Lighting
+from lighting.records import Lighting, warning_code
 from tests.conftest import AROUND, encode, scene, write_network
 from tests.helpers.predictions import UNIFORM, grid_prediction
 
@@ -193,6 +194,33 @@ def test_an_empty_frame_is_no_photo_whatever_the_network_says(lit_network: Path,
     assert told.lighting.suitable == 0.01
     assert _unsuitable_warnings(Observations())[0] in estimator.estimate_views([empty, other])[0].warnings
     assert estimator(other).lighting.suitable == pytest.approx(0.97)
+
+
+def test_pictures_of_several_views_are_no_photos_whatever_the_network_says(lit_network: Path) -> None:
+    """Collages by their pixels, panoramas by their files; the latter not where the file does not count."""
+    estimator, plain = Estimator(Model.load(lit_network)), photo_from_array(scene(320, 240))
+    collage = replace(plain, is_collage=True, warnings=("A collage.",))
+    panorama = replace(plain, metadata=PhotoMetadata(is_panorama=True))
+    for photo, told in ((collage, "A collage."), (panorama, "By its file the picture is a panorama")):
+        estimate = estimator(photo)
+        assert estimate.lighting.suitable == 0.01
+        assert estimate.warnings[0].startswith(told)
+        assert estimator.estimate_views([photo, plain])[0].warnings[0].startswith(told)
+    by_pixels = estimator(panorama, UserInput(use_exif=False))
+    assert by_pixels.warnings == estimator(plain).warnings
+    assert by_pixels.lighting.suitable == pytest.approx(0.97)
+
+
+def test_a_lens_that_the_pixels_exclude_is_that_of_the_pixels(lit_network: Path) -> None:
+    """Unless the user states it."""
+    estimator = Estimator(Model.load(lit_network))
+    plain = photo_from_array(scene(320, 240))
+    wrong = replace(plain, metadata=PhotoMetadata(focal_length=400.0, vertical_fov=5.0))
+    estimate = estimator(wrong)
+    assert estimate.lighting.vertical_fov == estimator(plain).lighting.vertical_fov
+    assert "focal length" not in estimate.evidence
+    assert [warning_code(warning) for warning in estimate.warnings] == ["lens-contradicted"]
+    assert estimator(wrong, UserInput(vertical_fov=5.0)).lighting.vertical_fov == 5.0
 
 
 def test_one_photo_together_is_answered_as_alone(lit_network: Path, photo_path: Path) -> None:
