@@ -17,9 +17,26 @@ from PIL import Image
 
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from lighting.color import luminance, tone_map
-from lighting.envmap.detail_library import FEATURE_RANGE, FEATURE_ROWS, LIBRARY_PATH, PICTURE_ROWS, cell_features
+from lighting.envmap.detail_library import (
+    FEATURE_CLASSES,
+    FEATURE_RANGE,
+    FEATURE_ROWS,
+    LIBRARY_PATH,
+    PICTURE_ROWS,
+    cell_features,
+    class_features,
+)
 from lighting.envmap.latlong import shrink_envmap
-from lighting.geometry import angle_between, direction, latlong_directions
+from lighting.geometry import (
+    Pinhole,
+    angle_between,
+    camera_directions,
+    direction,
+    latlong_directions,
+    latlong_pixel,
+    sample_latlong,
+)
+from lighting.segmentation import INPUT_SIZE, packaged_segmenter
 
 LICENCE = "poly haven"  # in the field of a row whose panorama may ship
 LEFT_OUT = (
@@ -37,6 +54,7 @@ _BRIGHT, _BRIGHT_SHARE, _MEAN = (
 _MIDDLE = slice(1, 3)  # quarters of the rows by which a panorama is exposed
 _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, as it was beyond the second
 _SKY_LUMINANCE = 0.3
+_VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
@@ -118,7 +136,27 @@ def _features(linear: NDArray[np.float32]) -> NDArray[np.float32]:
     columns = np.arange(0, 2 * len(linear), 2)
     cell = (rows // step).astype(np.intp)[:, None] * 2 * FEATURE_ROWS + (columns // step).astype(np.intp)
     four, _ = cell_features(linear[::2, ::2].reshape(-1, 3), cell.reshape(-1))
-    return np.concatenate([four, _smooth(four[0])[None]])
+    return np.concatenate([four, _smooth(four[0])[None], _classes(linear)])
+
+
+def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Probabilities of FEATURE_CLASSES (C, FEATURE_ROWS, 2 FEATURE_ROWS) by views all around.
+
+    Rows above and below the views have those of the nearest row.
+    """
+    shape = FEATURE_ROWS, 2 * FEATURE_ROWS
+    total, count = np.zeros((len(FEATURE_CLASSES), *shape)), np.zeros(shape)
+    for azimuth in range(0, 360, _VIEW_STEP):
+        directions = camera_directions(Pinhole(*INPUT_SIZE, _VIEW_FOV, azimuth=azimuth))
+        segments = packaged_segmenter()(tone_map(sample_latlong(linear, directions)))
+        x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)
+        cell = np.minimum(y, FEATURE_ROWS - 1).astype(np.intp) * shape[1] + x.astype(np.intp) % shape[1]
+        seen = np.bincount(cell.reshape(-1), minlength=shape[0] * shape[1]).reshape(shape)
+        total += class_features(segments, (len(cell), cell.shape[1]), cell.reshape(-1)) * seen
+        count += seen
+    rows = np.flatnonzero((count > 0).all(axis=1))
+    mean = total / np.maximum(count, 1)
+    return np.asarray(mean[:, np.clip(np.arange(FEATURE_ROWS), rows[0], rows[-1])], dtype=np.float32)
 
 
 def _smooth(cells: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -15,11 +15,13 @@ from numpy.typing import NDArray
 
 from lighting.color import SRGB_LINEAR, luminance
 from lighting.envmap.detail_library import (
+    FEATURE_CLASSES,
     FEATURE_ROWS,
     LOG_OFFSET,
     DetailChoice,
     cell_features,
     choose_detail,
+    class_features,
     detail_picture,
     feature_weights,
 )
@@ -27,6 +29,7 @@ from lighting.envmap.latlong import Image, interpolate_cells, multiply_cells, sh
 from lighting.envmap.projection import CLIPPED, ContinuedPhoto, sample_photo
 from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions
 from lighting.records import Lighting
+from lighting.segmentation import Segments
 
 MIN_ROWS = 48  # of maps that have room for detail
 
@@ -59,22 +62,29 @@ class DetailSource:
     saturation: float
 
 
-def choose_source(lighting: Lighting, photo: NDArray[np.uint8], around: Image) -> DetailSource:
+def choose_source(
+    lighting: Lighting, photo: NDArray[np.uint8], around: Image, segments: Segments | None = None
+) -> DetailSource:
     """The detail that suits a photo.
 
     Args:
         lighting: of the photo; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
         around: (FEATURE_ROWS, 2 FEATURE_ROWS, 3) linear, the coarse map that it lies in.
+        segments: what the photo shows; None: unknown.
     """
     samples, directions = sample_photo(photo, lighting)
     colors = samples.reshape(-1, 3)
-    four, count = cell_features(colors, _cell_indices(directions.reshape(-1, 3), FEATURE_ROWS))
+    cell = _cell_indices(directions.reshape(-1, 3), FEATURE_ROWS)
+    four, count = cell_features(colors, cell)
+    kinds = np.zeros((len(FEATURE_CLASSES), *count.shape), np.float32)
+    if segments is not None:
+        kinds = class_features(segments, (len(samples), samples.shape[1]), cell)
     level = np.cos(np.radians(latlong_angles(FEATURE_ROWS)[1]))[:, None].repeat(2 * FEATURE_ROWS, axis=1)
     seen = np.where(count >= _MIN_SAMPLES, level, 0.0)
     broad = np.log(np.maximum(luminance(around), 1e-3))
-    target = np.concatenate([four, broad[None]]).astype(np.float32)
-    weight = feature_weights(seen, level)
+    target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
+    weight = feature_weights(seen, level, segments is not None)
     shines = lighting.sun_painted and lighting.sun_shines
     choice = choose_detail(target, weight, lighting.sun_azimuth if shines else None)
     return DetailSource(choice, _saturation(colors))

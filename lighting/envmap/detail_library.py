@@ -1,7 +1,8 @@
 """The library of detail: small CC0 panoramas of real places, and which of them suits a photo.
 
 A map takes from one of them what is finer than the network's cells. It is chosen by what the photo shows in each cell
-(brightness, contrast, colors), by what the network predicts around it, and by its sun, so that shadows agree.
+(brightness, contrast, colors; plants, buildings, water), by what the network predicts around it, and by its sun, so
+that shadows agree.
 `python -m export.data.detail_library` made the file.
 """
 
@@ -15,11 +16,14 @@ from numpy.typing import NDArray
 
 from lighting.envmap.latlong import Image
 from lighting.geometry import Floats, wrap_azimuth
+from lighting.segmentation import Segments, SurfaceClass
 
 LIBRARY_PATH = Path(__file__).parent.parent / "data" / "detail.npz"
 PICTURE_ROWS = 512  # of the library's panoramas
 FEATURE_ROWS = 24  # rows of cells by which they are chosen
-FEATURES = ("brightness", "contrast", "red", "blue", "broad brightness")  # logarithms; the last is smoothed
+FEATURE_CLASSES = (SurfaceClass.PLANTS, SurfaceClass.BUILDING, SurfaceClass.WATER)
+# Four logarithms of what a cell shows, brightness smoothed over its neighbors, and probabilities of FEATURE_CLASSES.
+FEATURES = ("brightness", "contrast", "red", "blue", "broad brightness", "plants", "building", "water")
 FEATURE_RANGE = (-6.0, 2.0)  # that 8 bits hold
 
 LOG_OFFSET = np.float32(0.006)  # linear value added before a logarithm
@@ -27,7 +31,8 @@ LOG_OFFSET = np.float32(0.006)  # linear value added before a logarithm
 _DARKEST = 1e-3  # linear value that counts in a logarithm
 _LEAST_CONTRAST = 0.02
 _SEEN_WEIGHTS = (1.0, 2.0, 1.0, 1.0)  # of the first four features, where the photo shows them
-_BROAD_WEIGHT = 1.0  # of the last, everywhere
+_BROAD_WEIGHT = 1.0  # of the fifth, everywhere
+_CLASS_WEIGHT = 3.0  # of each of the last, where the photo shows them
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
 
@@ -86,15 +91,40 @@ def cell_features(colors: Image, cell: NDArray[np.intp]) -> tuple[Image, NDArray
     return np.asarray(values.reshape(4, *shape), dtype=np.float32), count.reshape(shape)
 
 
-def feature_weights(seen: Floats, level: Floats) -> Image:
+def feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image:
     """How much each cell counts (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
 
     Args:
         seen: (FEATURE_ROWS, 2 FEATURE_ROWS) solid angle of the cells that the photo shows, 0 elsewhere.
         level: as `seen`, of all cells.
+        classes: whether it is known what the cells show.
     """
     share = seen / max(float(seen.sum()), 1e-6)
-    return np.asarray(np.stack([share * w for w in _SEEN_WEIGHTS] + [_BROAD_WEIGHT * level / level.sum()]), np.float32)
+    of_classes = [_CLASS_WEIGHT * classes] * len(FEATURE_CLASSES)
+    weights = [
+        *(share * w for w in _SEEN_WEIGHTS),
+        _BROAD_WEIGHT * level / level.sum(),
+        *(share * w for w in of_classes),
+    ]
+    return np.stack(weights).astype(np.float32)
+
+
+def class_features(segments: Segments, size: tuple[int, int], cell: NDArray[np.intp]) -> Image:
+    """Probabilities of FEATURE_CLASSES (C, FEATURE_ROWS, 2 FEATURE_ROWS), the means of samples in each cell.
+
+    Args:
+        segments: (R, C, classes) of a picture.
+        size: rows and columns of the samples, which are spread evenly over the picture.
+        cell: (rows x columns,) row x 2 FEATURE_ROWS + column of each sample.
+    """
+    height, width = segments.shape[:2]
+    rows, columns = size
+    row, column = np.arange(rows) * height // rows, np.arange(columns) * width // columns
+    shown = segments[row[:, None], column].reshape(rows * columns, -1)
+    cells = 2 * FEATURE_ROWS**2
+    count = np.maximum(np.bincount(cell, minlength=cells), 1)
+    means = [np.bincount(cell, shown[:, kind], cells) / count for kind in FEATURE_CLASSES]
+    return np.stack(means).reshape(-1, FEATURE_ROWS, 2 * FEATURE_ROWS).astype(np.float32)
 
 
 def choose_detail(

@@ -235,7 +235,8 @@ def _detail_source(context: PhotoContext, lighting: Lighting) -> map_detail.Deta
     """The detail for a photo, by the light that it shows: it stays under another sun."""
     light = context.light or lighting
     bare = _pool_cells(render(light, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False))
-    return map_detail.choose_source(light, context.photo, bare * _surroundings_factors(bare, light, context))
+    around = bare * _surroundings_factors(bare, light, context)
+    return map_detail.choose_source(light, context.photo, around, context.segments)
 
 
 def _check_context(thing: object) -> None:
