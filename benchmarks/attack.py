@@ -174,9 +174,7 @@ async def leave_unread(target: Target, source: str, number: int) -> None:
         status = await reader.readuntil(b"\r\n")
         while b" 200 " in status:
             await asyncio.sleep(1)
-            if not writer.transport.is_reading() or number % 2:
-                continue
-            if not await reader.read(10_000):
+            if number % 2 and not await reader.read(10_000):
                 break
     finally:
         writer.transport.abort()

@@ -1,8 +1,8 @@
 """Work in turn by client: a fixed number of threads, a bounded queue, and the processor time that each client used.
 
 A client is charged what its requests took lately, and what those are expected to take that wait and run. The next free
-thread goes to the client with the least (fair queueing). When the queue is full, a client with fewer requests in it, or
-as many that take much less, takes the place of the newest request of the client that demands most.
+thread goes to the client with the least (fair queueing), to short requests first. When the queue is full, a client with
+fewer requests in it, or as many that take much less, takes the place of the newest one of the client that demands most.
 """
 
 import time
@@ -23,10 +23,11 @@ from server.limits import BusyError, ShareTakenError
 T = TypeVar("T")
 
 HALF_LIFE = 20.0  # seconds after which processor time counts half
-LONG_SECONDS = 0.1  # of processor time: longer requests leave a thread to the others
+LONG_SECONDS = 0.15  # of processor time: longer requests leave a thread to the others
 MORE = 1.2  # times the mean processor time of the clients, beyond which one uses more than its share
 MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
+_PATIENCE_SECONDS = 10.0  # for which short requests go first
 _FIRST_SECONDS = 1.0  # of processor time that a route is expected to take before it has been measured
 _LEARNING_RATE = 0.2  # of a route's expected processor time
 _FORGET_SECONDS = 300.0  # after which a client's processor time is as good as none
@@ -93,22 +94,26 @@ class Job:
     turn: Event = field(default_factory=Event)  # set when it may run, or has to go
     started: bool = False
     evicted: bool = False
+    had_more: bool = False  # requests than the client for which it was evicted
     released: bool = False
     seconds: float | None = None  # that it took; None before it has run
     succeeded: bool = False
 
 
 class _Demand(NamedTuple):
-    """What a client demands, divided by its share."""
+    """What a client demands; counts and sums are divided by its share."""
 
     requests: float  # that run or wait
-    seconds: float  # of processor time, used lately and to be used
+    length: float  # seconds of processor time that the request in question is expected to take
+    seconds: float  # of processor time, used lately and to be used by all
 
     def exceeds(self, other: "_Demand") -> bool:
-        """Whether it is much more than another's: more requests, or as many that take longer."""
-        if self.requests > other.requests:
-            return other.seconds <= MUCH_MORE * self.seconds
-        return self.requests == other.requests and self.seconds > MUCH_MORE * other.seconds
+        """Whether it has to make room for another: it has more requests, or as many and this one takes much more."""
+        if self.requests != other.requests:
+            return self.requests > other.requests and other.seconds <= MUCH_MORE * self.seconds
+        if self.length > max(LONG_SECONDS, MUCH_MORE * other.length):
+            return True
+        return self.length >= other.length and self.seconds > MUCH_MORE * other.seconds
 
 
 class WorkLimiter:
@@ -160,7 +165,7 @@ class WorkLimiter:
     def full(self) -> bool:
         """Whether the next request of a new client would be refused."""
         least = min(self._expected.values(), default=_FIRST_SECONDS)
-        return self._admitted >= self.capacity and self._find_greediest(_Demand(1.0, least)) is None
+        return self._admitted >= self.capacity and self._find_greediest(_Demand(1.0, least, least)) is None
 
     def check(self, client: Client, route: str = "") -> None:
         """Raise what `admission` would raise now.
@@ -206,9 +211,11 @@ class WorkLimiter:
 
     def _evict(self, client: Client, route: str) -> None:
         """Send away a waiting request of a client that demands much more; raises if there is none."""
-        greediest = self._find_greediest(self._demand(client, route))
+        demand = self._demand(client, route)
+        greediest = self._find_greediest(demand)
         if greediest is None:
             raise self._refusal(client)
+        greediest.had_more = self._held.load(greediest.client) > demand.requests
         self._waiting.remove(greediest)
         self._release(greediest)
         greediest.evicted = True
@@ -216,17 +223,18 @@ class WorkLimiter:
 
     def _demand(self, client: Client, route: str) -> "_Demand":
         """What a client would have with one more request."""
-        return _Demand(self._held.load(client, 1), self.usage.load(client, self._expect(route)))
+        length = self._expect(route)
+        return _Demand(self._held.load(client, 1), length, self.usage.load(client, length))
 
     def _find_greediest(self, demand: "_Demand") -> Job | None:
-        """The newest waiting request of the client that demands most, if that is much more."""
+        """The newest waiting request of the client that demands most, of those that exceed a demand."""
         now = self._clock()
         demands = {
-            job.client: _Demand(self._held.load(job.client), self.usage.load(job.client, now=now))
-            for job in self._waiting
+            job: _Demand(self._held.load(job.client), self._expect(job.route), self.usage.load(job.client, now=now))
+            for job in reversed(self._waiting)
         }
-        jobs = [job for job in reversed(self._waiting) if demands[job.client].exceeds(demand)]
-        return max(jobs, key=lambda job: demands[job.client], default=None)
+        jobs = [job for job in demands if demands[job].exceeds(demand)]
+        return max(jobs, key=demands.__getitem__, default=None)
 
     def _refusal(self, client: Client) -> Exception:
         """Why a client is refused: it has its share of the queue, or uses more time than others, or there are many."""
@@ -259,7 +267,7 @@ class WorkLimiter:
         try:
             await job.turn.wait()
             if job.evicted:
-                raise ShareTakenError("The queue is full, and others use less.")
+                raise ShareTakenError("The queue is full, and others use less.") if job.had_more else BusyError()
             return await to_thread.run_sync(partial(_measure, job, work), limiter=self._threads)
         finally:
             self._finish(job)
@@ -292,7 +300,7 @@ class WorkLimiter:
             job.turn.set()
 
     def _next_job(self) -> Job | None:
-        """The waiting request of the client that used least; long ones leave a thread to other clients' short ones."""
+        """The waiting request of the client that used least, short ones first; long ones leave a thread to others."""
         jobs, now = self._waiting, self._clock()
         if (
             self.workers > 1
@@ -300,7 +308,11 @@ class WorkLimiter:
         ):
             self._forget_absent()
             jobs = [job for job in jobs if self._expect(job.route) <= LONG_SECONDS or not self._has_others(job)]
-        return min(jobs, key=lambda job: self.usage.load(job.client, now=now), default=None)
+        return min(jobs, key=lambda job: (self._has_time(job, now), self.usage.load(job.client, now=now)), default=None)
+
+    def _has_time(self, job: Job, now: float) -> bool:
+        """Whether a request lets short ones go first: it is long and has not waited for long."""
+        return self._expect(job.route) > LONG_SECONDS and now - job.charged < _PATIENCE_SECONDS
 
     def _has_others(self, job: Job) -> bool:
         """Whether other clients work or worked a moment ago."""

@@ -11,6 +11,7 @@ import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -178,7 +179,11 @@ def _status_at(port: int, path: str, source: str) -> int:
 
 
 def test_behind_caddy_clients_have_their_own_shares_and_no_counters(network: Path, tmp_path: Path) -> None:
-    settings = {"trusted_proxies": "127.0.0.1", "unsent_bytes": 100_000_000, "connections_per_client": 2}
+    settings: dict[str, Any] = {
+        "trusted_proxies": "127.0.0.1",
+        "unsent_bytes": 100_000_000,
+        "connections_per_client": 2,
+    }
     with started(network, concurrency=1, **settings) as server, behind_caddy(server, tmp_path) as port:
         assert [_status_at(port, path, INNOCENT) for path in ("/metrics", "/v1/model", "/")] == [404, 200, 200]
         assert server.request("GET", "/metrics")[0] == 200
@@ -226,8 +231,12 @@ def test_requests_on_their_way_are_answered_at_sigterm(network: Path) -> None:
             f"POST /v1/lighting HTTP/1.1\r\nHost: x\r\nContent-Type: image/jpeg\r\nContent-Length: {len(PHOTO)}\r\n\r\n"
         )
         time.sleep(0.2)  # until they are accepted
-        sender = threading.Timer(0.1, lambda: [connection.sendall(head.encode() + PHOTO) for connection in connections])
+
+        def send() -> None:
+            for connection in connections:
+                connection.sendall(head.encode() + PHOTO)
+
         server.process.terminate()
-        sender.start()
+        threading.Timer(0.1, send).start()
         assert [status_of(connection) for connection in connections] == [b"200"] * 4
         server.process.wait(60)

@@ -321,3 +321,28 @@ def test_the_processor_time_of_a_photo_is_the_decoder_s_too(estimator: Estimator
     service.reread_photo(data, 64)
     assert thread_seconds() - began > time.thread_time() - own > 0
     assert thread_seconds() - began < 10
+
+
+def test_short_requests_go_first_and_take_the_place_of_long_ones() -> None:
+    """Many hostile clients with one long request each keep nobody out, whatever they used before."""
+    runs = Runs(WorkLimiter(1, 2))
+
+    async def scenario(start: Any) -> None:
+        for name, route, seconds in (("l", "long", 0.25), ("s", "short", 0.0)):
+            await start(name, OTHER, route=route, seconds=seconds)
+            runs.gates[name].set()
+            await until(partial(runs.ended.get, name))
+        runs.limiter.usage.add(MODEST, 2.0)
+        for number in range(3):
+            await start(f"long {number}", Asker((f"hostile {number}",)), route="long")
+        assert runs.limiter.admitted == 3
+        await start("short", MODEST, route="short")
+        assert [name for name, end in runs.ended.items() if end == "BusyError"] == ["long 2"]
+        await start("too long", MODEST, route="long")
+        assert runs.ended["too long"] != "done"
+        runs.gates["long 0"].set()
+        await until(lambda: "short" in runs.began)
+        assert "long 1" not in runs.began
+
+    run_scenario(runs, scenario)
+    assert runs.ended["short"] == runs.ended["long 1"] == "done"
