@@ -121,7 +121,7 @@ def test_every_missing_parameter_is_named(client: TestClient) -> None:
     ("section", "name", "value", "limits"),
     [
         ("sun", "azimuth", 181, RANGES["sun_azimuth"]),
-        ("sun", "elevation", -0.1, RANGES["sun_elevation"]),
+        ("sun", "elevation", -4.3, RANGES["sun_elevation"]),
         ("sun", "visibility", 2, RANGES["sun_visibility"]),
         ("sky", "turbidity", "3", RANGES["turbidity"]),
         ("sky", "exposure", True, RANGES["exposure"]),

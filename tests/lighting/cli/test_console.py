@@ -88,8 +88,8 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
             "stdin: sky.turbidity is 11; it must",
         ),
         (
-            '{"sun": {"azimuth": 3, "elevation": -3}, "sky": {"turbidity": 3, "exposure": 1}}',
-            "stdin: sun.elevation is -3",
+            '{"sun": {"azimuth": 3, "elevation": -5}, "sky": {"turbidity": 3, "exposure": 1}}',
+            "stdin: sun.elevation is -5",
         ),
         ('{"sun": {"azimuth": 1' + "0" * 5000 + "}}", "stdin does not hold one JSON record: Exceeds the limit"),
         ('{"sun": {"azimuth": 3, "azimuth": 4}}', "stdin: The key 'azimuth' stands twice."),
