@@ -6,6 +6,7 @@ resembles.
 """
 
 import csv
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
@@ -23,6 +24,7 @@ from lighting.fusion.instants import resolve_together
 from lighting.fusion.metadata_prior import share_location
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.clock import parse_time
+from lighting.photo.lens import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import RAW_SUFFIXES, Curve, open_header, read_linear
 from lighting.photo.location import HeadingReference
 from lighting.photo.metadata import PhotoMetadata
@@ -401,11 +403,19 @@ def read_day_photos(
     location = next((place for m in metadata if (place := m.location)), None)
     headings = (m.heading for m in metadata if m.heading_reference == HeadingReference.TRUE)
     heading = next((degrees for degrees in headings if degrees is not None), None)
-    focal_length = next((m.focal_length for m in metadata if m.vertical_fov is not None), None)  # not of cropped ones
+    focal_length = next((length for photo in photos if (length := _focal_length(photo)) is not None), None)
     moved = _moved_names(images.mean(axis=-1), names)
     day = (*_day_warnings(folder, names, images, unclipped), *_move_warnings(moved))
     warnings = (*sorted(doubts), *_photo_warnings(photos, lost), *day)
     return DayPhotos(names, images, times, unclipped, location, heading, focal_length, warnings)
+
+
+def _focal_length(photo: _DayPhoto) -> float | None:
+    """Of the lens that covers the photo, a crop as well, as on 35 mm film [mm]; None where it is unknown."""
+    if (fov := photo.metadata.vertical_fov) is None:
+        return None
+    height, width = photo.shape
+    return FULL_FRAME_DIAGONAL * 0.5 * height / math.tan(math.radians(0.5 * fov)) / math.hypot(height, width)
 
 
 def _list_photos(folder: Path) -> list[Path]:

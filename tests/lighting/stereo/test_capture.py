@@ -1,5 +1,6 @@
 """A day of photos: times, masks, exposure and motion checks."""
 
+import math
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -42,15 +43,16 @@ def test_a_day_of_jpegs(tmp_path: Path) -> None:
     shots = read_day_photos(tmp_path, size=32)
     assert shots.images.shape == (4, 32, 32, 3)
     assert shots.times[0] == np.datetime64("2024-06-21T08:00:00")
-    assert shots.focal_length == 50
+    assert shots.focal_length == pytest.approx(50.0)
     assert shots.mask.all()
     assert "JPEG" in shots.warnings[0]
 
 
-def test_cropped_photos_tell_no_lens(tmp_path: Path) -> None:
-    """The camera noted 96 x 64 pixels, of which 64 x 64 are left: the diagonal is no longer the lens's."""
+def test_cropped_photos_tell_the_lens_of_what_is_left(tmp_path: Path) -> None:
+    """The camera noted 96 x 64 pixels, of which 64 x 64 are left: the same lens covers a shorter diagonal."""
     fill(tmp_path, OffsetTimeOriginal="+02:00", ExifImageWidth=96, ExifImageHeight=64)
-    assert read_day_photos(tmp_path).focal_length is None
+    full, left = math.hypot(96.0, 64.0), math.hypot(64.0, 64.0)
+    assert read_day_photos(tmp_path).focal_length == pytest.approx(50.0 * full / left)
 
 
 def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
