@@ -28,7 +28,7 @@
 
   const resolution = new THREE.Vector2();
   const sunShare = { value: 1 }; // of the sun, that reaches the object and that it takes from the ground
-  const contact = { value: new THREE.Vector4(0, 1, 0, 0) }; // a ball in the object's place: center and radius
+  const contact = { value: { x: 0, y: 1, z: 0, w: 0 } }; // a ball in the object's place: center and radius
   const ground = new THREE.Mesh(new THREE.CircleGeometry(data.groundRadius, 64), shadowCatcher());
   ground.rotation.x = -Math.PI / 2;
   ground.receiveShadow = true;
@@ -158,7 +158,7 @@
     const sphere = box.getBoundingSphere(new THREE.Sphere());
     const [x, y, z] = box.getCenter(new THREE.Vector3()).toArray();
     const extent = box.getSize(new THREE.Vector3());
-    contact.value.set(x, y, z, Math.min(extent.x, extent.y, extent.z) / 2);
+    Object.assign(contact.value, { x, y, z, w: Math.min(extent.x, extent.y, extent.z) / 2 });
     const { shadow } = sun;
     const height = Math.max(data.sunDirection[1], 0.01);
     sun.target.position.copy(sphere.center);
