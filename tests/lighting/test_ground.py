@@ -32,7 +32,8 @@ def cells(*patches: tuple[slice, slice, SurfaceClass]) -> Segments:
     numbers[8:] = SurfaceClass.GROUND
     for rows, columns, kind in patches:
         numbers[rows, columns] = kind
-    return np.eye(10, dtype=np.float32)[numbers]
+    segments: Segments = np.eye(10, dtype=np.float32)[numbers]
+    return segments
 
 
 def test_on_open_ground_the_spot_is_in_the_lower_middle() -> None:
