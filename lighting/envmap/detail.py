@@ -42,6 +42,8 @@ _DETAIL_RANGE = (0.1, 2.5)  # of a pixel over what is coarse
 _CONTRAST = {20.0: 1.0, 0.0: 0.95}  # power of the library's detail at elevations [deg], linear between them
 _HAND_OVER_DEG = 8.0  # standard deviation over which the photo's own brightness reaches beyond its edges
 _RIM_WEIGHT = 0.85  # of the photo in a cell, up to which the cell lies at the photo's edge
+_ROUNDS = 3  # in which the photo's edges and the light on matte objects are both brought near what they are to be
+_MIN_GAIN = 1e-6  # of a photo, in a logarithm
 _CLIPPED_LOG = math.log(CLIPPED)
 _HAND_OVER = 0.7  # largest logarithm of its gain
 _GAIN_RANGE = (0.25, 4.0)
@@ -125,14 +127,17 @@ def add_detail(
     height = len(image)
     detail = _library_detail(source, height)
     hidden = np.zeros((height, 2 * height, 1), np.float32)
-    edge = None
+    edge, rim = (
+        np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, 3), np.float32),
+        np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, 1), np.float32),
+    )
     if continued is not None:
         log, shown = _photo_cells(photo, lighting)
         _blend_continuation(detail, continued, _spread(log, shown, _COARSE_DEG)[0])
         hidden[continued.rows, continued.columns, 0] = continued.weight
         weight = shrink_envmap(hidden, _CELL_ROWS)
-        rim = shown * ((weight > 0.02) & (weight < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
-        edge = log + np.float32(math.log(gain)), rim.astype(np.float32)
+        rim[:] = shown * ((weight > 0.02) & (weight < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
+        edge[:] = log + np.float32(math.log(max(gain, _MIN_GAIN)))
     sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
     if sun is not None:
         _calm_sun(detail, sun)
@@ -143,9 +148,13 @@ def add_detail(
     blurred = np.exp(_blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
     np.clip(detail, *_DETAIL_RANGE, out=detail)
     lit = before * blurred * shrink_envmap(detail, _CELL_ROWS)
-    gains = blurred * _light_gains(before, lit, open_share, edge)
+    gains = blurred * _light_gains(before, lit, open_share)
+    gains *= _hand_over(lit, edge, rim)
     _limit_sky(detail[: height // 2], before * gains, _sky_limit(before, open_share, sun))
-    _keep_moments(gains, before, shrink_envmap(detail, _CELL_ROWS), open_share)
+    cells = before * shrink_envmap(detail, _CELL_ROWS)
+    for _ in range(_ROUNDS):
+        gains *= _hand_over(cells * gains, edge, rim)
+        _keep_moments(gains, before, cells, open_share)
     image *= detail
     for half, cells in zip(np.split(image, 2), np.split(gains, 2), strict=True):
         multiply_cells(half, cells)
@@ -235,14 +244,13 @@ def _calm_sun(detail: Image, sun: Floats) -> None:
     part += 1
 
 
-def _light_gains(before: Image, lit: Image, open_share: Image, edge: tuple[Image, Image] | None) -> Image:
+def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
     """Factors of the cells of the detailed map by which its light is nearly that of the map before.
 
     Args:
         before: (R, 2R, 3) the map without detail.
         lit: (R, 2R, 3) the map with detail; it is changed.
         open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
-        edge: (R, 2R, 3) mean logarithm of the photo, and the cells (R, 2R, 1) at its edges, 1 or 0; None: no photo.
     """
     gains = np.ones_like(before)
     for _ in range(2):
@@ -252,13 +260,22 @@ def _light_gains(before: Image, lit: Image, open_share: Image, edge: tuple[Image
                 wanted, reached = luminance(wanted)[..., None], luminance(reached)[..., None]
             change = np.clip(wanted / np.maximum(reached, np.float32(1e-9)), *_GAIN_RANGE)
             _multiply_both(gains, lit, change.astype(np.float32))
-    if edge is not None:
-        log, shown = edge
-        off = np.clip(log - np.log(lit + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
-        spread, share = _spread(off, shown, _HAND_OVER_DEG)
-        reference = float(np.median(share[shown > 0])) if shown.any() else 1.0
-        _multiply_both(gains, lit, np.exp(spread * np.clip(share / reference, 0, 1)))
     return gains
+
+
+def _hand_over(lit: Image, log: Image, rim: Image) -> Image:
+    """Gains (R, 2R, 3) that take the photo's own brightness beyond its edges, so that no frame is seen.
+
+    Args:
+        lit: (R, 2R, 3) the map with detail.
+        log: (R, 2R, 3) mean logarithm of the photo.
+        rim: (R, 2R, 1) the cells at its edges, 1 or 0.
+    """
+    if not rim.any():
+        return np.ones_like(lit)
+    off = np.clip(log - np.log(lit + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
+    spread, share = _spread(off, rim, _HAND_OVER_DEG)
+    return np.asarray(np.exp(spread * np.clip(share / np.median(share[rim > 0]), 0, 1)), dtype=np.float32)
 
 
 def _limit_sky(detail: Image, cells: Image, limit: Floats) -> None:
@@ -274,16 +291,16 @@ def _limit_sky(detail: Image, cells: Image, limit: Floats) -> None:
     np.minimum(detail, interpolate_cells(both, 2 * len(detail), slice(0, len(detail)), slice(None)), out=detail)
 
 
-def _keep_moments(gains: Image, before: Image, detail: Image, open_share: Image) -> None:
+def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) -> None:
     """Change gains (R, 2R, 3) smoothly, so that the light on matte objects stays, and that on level ground exactly.
 
     Args:
         gains: of the cells, changed in place.
         before: (R, 2R, 3) the map without detail.
-        detail: (R, 2R, 3) means of the detail.
+        cells: (R, 2R, 3) the map with detail, before the gains.
         open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
     """
-    lit, moments = before * gains * detail, _moments(len(before))
+    lit, moments = cells * gains, _moments(len(before))
     flat = moments.reshape(-1, moments.shape[-1])
     for channel in range(3):
         power = (open_share[..., 0] * lit[..., channel]).reshape(-1)

@@ -184,7 +184,11 @@ def test_a_lens_in_the_file_is_that_of_the_photo_inside(recorded: tuple[int, int
     """Whether the file has the camera's own size or that of the picture with its bars."""
     whole, corners = framed(example(), BLACK, 0, 45, 0, 45)
     base = ExifTags.Base
-    tags = {base.FocalLengthIn35mmFilm: 26, base.ExifImageWidth: recorded[0], base.ExifImageHeight: recorded[1]}
+    tags: dict[int, int] = {
+        base.FocalLengthIn35mmFilm: 26,
+        base.ExifImageWidth: recorded[0],
+        base.ExifImageHeight: recorded[1],
+    }
     photo = read_photo(encode(whole, exif=exif(tags).tobytes(), quality=90))
     assert photo.crop is not None
     width, height = corners[2] - corners[0], corners[3] - corners[1]
