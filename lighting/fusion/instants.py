@@ -33,7 +33,7 @@ _LAST_YEAR_WITHOUT_GPS = 1990  # of clocks that are wrong beside a GPS time
 
 # Weights of GPS against a contradicting clock. What goes wrong with either mostly makes it too early: a fix that is
 # old, weeks that count from 0 again, a clock that was reset.
-_SURE, _AGREED, _LIKELY, _UNLIKELY = 0.99, 0.95, 0.9, 0.25
+_SURE, _AGREED, _LIKELY, _EVEN, _UNLIKELY = 0.99, 0.95, 0.9, 0.5, 0.25
 
 
 @dataclass(frozen=True)
@@ -212,6 +212,9 @@ def _without_impossible(
         sentence = f"The camera's clock, {_format(local_time)}, was reset and {beside_gps}"
     elif by_clock > datetime.now(UTC) + _NEAR >= gps_time:
         sentence = f"The camera's clock, {_format(local_time)}, is of the future and {beside_gps}"
+    elif gps_time > datetime.now(UTC) + _NEAR >= by_clock:
+        sentence = f"The GPS time, {_format(gps_time)}, is of the future and {beside_clock}"
+        return PhotoInstants(clock, ClockConflict(sentence, gps_usable=False)) if clock else None
     elif not clock:
         sentence = f"The camera's clock, {_format(local_time)}, {beside_gps} which is no zone's offset"
     else:
@@ -224,12 +227,21 @@ def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], g
     zones = _instants_in_zones(metadata)
     if metadata.utc_offset is not None or not zones or agreeing[0].utc_offset in {zone.utc_offset for zone in zones}:
         return PhotoInstants(agreeing)
-    instants = (replace(agreeing[0], weight=_AGREED), *(replace(z, weight=z.weight * (1.0 - _AGREED)) for z in zones))
+    if by_date := next((z for z in zones if _is_day_apart(z.utc_time, gps_time)), None):
+        return PhotoInstants(
+            (replace(by_date, weight=1.0),)
+        )  # of one time of day, on the place's side of the date line
+    share = _AGREED if agreeing[0].utc_offset else _EVEN  # some programs write the local time in place of GPS's
+    instants = (replace(agreeing[0], weight=share), *(replace(z, weight=z.weight * (1.0 - share)) for z in zones))
     difference = _format_difference(zones[0].utc_time - gps_time)
     sentence = (
         f"The GPS time, {_format(gps_time)}, contradicts the camera's clock in the zone of the place by {difference}"
     )
     return PhotoInstants(instants, ClockConflict(sentence, agreed=agreeing[0].clock))
+
+
+def _is_day_apart(time: datetime, gps_time: datetime) -> bool:
+    return abs(abs(time - gps_time) - timedelta(days=1)) <= MAX_CLOCK_DIFFERENCE
 
 
 def _agreeing(clock: Iterable[Instant], gps_time: datetime) -> tuple[Instant, ...]:
@@ -286,6 +298,8 @@ def _gps_weight(metadata: PhotoMetadata, by_clock: Instant, gps_time: datetime, 
     if abs(abs(late) - timedelta(hours=12)) <= MAX_CLOCK_DIFFERENCE:
         return _LIKELY  # a clock set to the other half of the day
     hours = nearest_utc_offset(local_time - gps_time.replace(tzinfo=None))
+    if hours == 0.0 and metadata.utc_offset:
+        return 1.0 - _LIKELY  # a program that wrote the local time in place of GPS's
     in_zone = {instant.utc_offset for instant in _instants_in_zones(metadata)}
     if hours is not None and hours in in_zone:
         return _LIKELY  # clock, GPS and place agree; the offset beside the clock does not

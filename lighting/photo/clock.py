@@ -16,7 +16,7 @@ from PIL import ExifTags
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.photo.sidecar import TAKEOUT_TIME
-from lighting.photo.tags import EXIF_NAMESPACE, Tags, read_number, try_read
+from lighting.photo.tags import EXIF_NAMESPACE, Tags, read_number, read_xmp_number, try_read
 
 YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is computed
 UTC_OFFSET_RANGE = (-12.0, 14.0)  # h from UTC of all zones
@@ -103,13 +103,21 @@ class Stamp:
 
 # Dates as texts.
 
-_SEPARATED = re.compile(
-    r"(\d{1,4}) ?[:/.\-年년] ?(\d{1,2}) ?[:/.\-月월] ?(\d{1,4})[T ,;_日일]*"  # a date, whichever number is the year
-    r"([^\d+\-]*)(\d{1,2}) ?[:.\-h時时시] ?(\d{1,2})(?: ?[:.\-m分분] ?(\d{1,2})(?:[.,:]\d+|[秒초])?)?(.*)",
+_SEPARATED = re.compile(  # a date, whichever number is the year, and a time of day
+    r"(\d{1,4}) ?[:/.\-年년] ?(\d{1,2}) ?[:/.\-月월] ?(\d{1,4})"
+    r"(?:[T ,;_日일]|-(?=\d\d?[-:]\d\d?[-:]\d))*([^\d+\-]*)"
+    r"(\d{1,2}) ?[:.\-h時时시] ?(\d{1,2})"
+    r"(?: ?(?:[:.m分분]|(?<=-\d\d)-) ?(\d{1,2})(?:[.,:]\d+|[秒초])?)?(.*)",
     re.DOTALL,
 )
 _COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-]?()(\d\d)(\d\d)(?:(\d\d)(?:[.,]\d+)?)?(.*)", re.DOTALL)
-_OFFSET_TEXT = re.compile(r"(?:UTC|GMT|UT)?([+-]?\d{1,2}(?::?[0-5]\d|\.\d+)?)|(?:UTC|GMT|UT|Z)(?![A-Z])")
+_MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec"
+_MONTH_NAME = re.compile(rf"\b({_MONTHS.replace(' ', '|')})[a-z]*\b", re.IGNORECASE)
+_YEAR, _DAY = re.compile(r"\b(?:19|20)\d\d\b"), re.compile(r"(?<![:.+-])\b(\d{1,2})(?:st|nd|rd|th)?\b(?![:.])")
+_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d.*", re.DOTALL)
+_SECONDS = re.compile(r"([1-4]\d{9})(?:\d{3})?")  # since 1970 in UTC, after 2001, or thousandths of them
+_OFFSET_TEXT = re.compile(r"(?:UTC|GMT|UT)?([+-]?\d{1,2}(?::?[0-5]\d|\.\d+)?)(?!\d)|(?:UTC|GMT|UT|Z)(?![A-Z])")
+_MINUTES_BEHIND_DOT = re.compile(r"\.(?=(?:30|45)$)")
 _ZONE_NAME = re.compile(r"[A-Z][A-Za-z]+(?:/[A-Z][A-Za-z_-]+)+")
 _MAX_LENGTH = 64  # characters of a date that are read
 _BUDDHIST_ERA = 543  # years by which Thai phones count ahead
@@ -120,8 +128,10 @@ _ABBREVIATIONS = {  # of zones, h from UTC; others, such as CST, are of several
     **{"NZDT": 13},
 }
 # Words that phones write for the halves of the day, in lower case without dots and blanks.
-_MORNING = "am a 上午 早上 凌晨 清晨 午前 오전 ص صباحا قظ לפנהצ πμ sa öö dop de ap fm vm पूर्वाह्न ก่อนเที่ยง дп прел fh"
-_AFTERNOON = "pm p 下午 晚上 傍晚 中午 午後 오후 م مساء بظ אחהצ μμ ch ös odp du ip em nm अपराह्न หลังเที่ยง пп слоб eh"
+_MORNING = "damanhã demanhã delamañana "
+_MORNING += "am a 上午 早上 凌晨 清晨 午前 오전 ص صباحا قظ לפנהצ πμ sa öö dop de ap fm vm पूर्वाह्न ก่อนเที่ยง дп прел fh"
+_AFTERNOON = "datarde danoite delatarde delanoche "
+_AFTERNOON += "pm p 下午 晚上 傍晚 中午 午後 오후 م مساء بظ אחהצ μμ ch ös odp du ip em nm अपराह्न หลังเที่ยง пп слоб eh"
 _HALF_DAYS = dict.fromkeys(_MORNING.split(), 0) | dict.fromkeys(_AFTERNOON.split(), 12)
 
 
@@ -131,7 +141,9 @@ def read_stamp(value: Any) -> Stamp | None:
     Args:
         value: of a tag: "2024:06:01 18:49:00", "2024-06-01T16:49Z" or "2024:06:01 06:49:00 PM".
     """
-    text = _plain_text(value)
+    text = _with_month_number(_plain_text(value).strip("\"'"))
+    if seconds := _SECONDS.fullmatch(text):
+        return Stamp(datetime.fromtimestamp(int(seconds[1]), UTC).replace(tzinfo=None), 0.0)
     parts = _SEPARATED.fullmatch(text) or _COMPACT.fullmatch(text)
     if parts is None or (date := _date(*parts.group(1, 2, 3))) is None:
         return None
@@ -160,6 +172,19 @@ def _plain_text(value: Any) -> str:
     return " ".join(text.replace("\N{MINUS SIGN}", "-").split())
 
 
+def _with_month_number(text: str) -> str:
+    """A date such as "Sat Jun 01 18:49:00 GMT+02:00 2024" or "1 June 2024 18:49" as "2024:6:1 18:49" has it."""
+    if not (month := _MONTH_NAME.search(text)) or not (year := _YEAR.search(text)):
+        return text
+    others = _YEAR.sub("", text, count=1)
+    day, time = _DAY.search(others), _TIME_OF_DAY.search(others)
+    return (
+        f"{year[0]}:{_MONTHS.index(month[1].lower()) // 4 + 1}:{day[1]} {' '.join(time[0].split())}"
+        if day and time
+        else text
+    )
+
+
 def _date(first: str, middle: str, last: str) -> tuple[int, int, int] | None:
     """Year, month and day; None where day and month cannot be told from each other."""
     if len(first) == 4:
@@ -174,7 +199,7 @@ def _date(first: str, middle: str, last: str) -> tuple[int, int, int] | None:
 
 def _split_offset(text: str) -> tuple[str, str]:
     """Words behind a time, and the offset from UTC behind them."""
-    start = re.search(r"[+-]\d|\b[Zz]\b|^[Zz]|\bUTC|\bGMT|\b[A-Z]{2,4}T\b|\b[A-Z][a-z]+/", text)
+    start = re.search(r"[+-]\d|\b[Zz]\b|^[Zz]|\bUTC|\bGMT|\b(?:[A-Z]{2,4}T|MESZ|MEZ|MSK)\b|\b[A-Z][a-z]+/|\[", text)
     return (text[: start.start()], text[start.start() :]) if start else (text, "")
 
 
@@ -189,7 +214,8 @@ def _offset_in_text(text: str, time: datetime) -> float | None:
         text: plain.
         time: local, at which a zone that has a name is asked.
     """
-    text = text.partition("[")[0].strip(" ()")
+    before, _, name = text.partition("[")
+    text = (before.strip() or name.strip(" ]")).strip(" ()")
     if text in _ABBREVIATIONS:
         return float(_ABBREVIATIONS[text])
     if _ZONE_NAME.fullmatch(text):
@@ -197,7 +223,7 @@ def _offset_in_text(text: str, time: datetime) -> float | None:
     if not (parts := _OFFSET_TEXT.match(text.replace(" ", "").upper())):
         return None
     try:
-        hours = parse_utc_offset(parts[1] or "Z")
+        hours = parse_utc_offset(_MINUTES_BEHIND_DOT.sub(":", parts[1] or "Z"))
     except ParameterError:
         return None
     return hours if (4.0 * hours).is_integer() else None
@@ -247,13 +273,18 @@ def read_clock(
     if not stamps:
         return None
     time = stamps[0].time
-    same = (stamp.utc_offset for stamp in stamps if abs(stamp.time - time) < timedelta(seconds=1.5))
+    same = (stamp.utc_offset for stamp in stamps if _is_same_time(stamp.time, time))
     offset = next((hours for hours in same if hours is not None), None)
     if offset is None:
         offset = _offset_by_universal(time, others)
     if offset is None:
         offset = _offset_of_edit(tags, time, is_located)
     return Stamp(time, offset)
+
+
+def _is_same_time(time: datetime, other: datetime) -> bool:
+    """Whether two local times are one, of which a program may have rounded the second or left it out."""
+    return abs(time - other) < timedelta(seconds=1.5) or other.replace(second=0, microsecond=0) == time
 
 
 def _exif_stamps(tags: Tags) -> Iterator[Stamp]:
@@ -343,6 +374,9 @@ def nearest_utc_offset(ahead: timedelta, tolerance: timedelta = MAX_CLOCK_DIFFER
 
 # The satellites' clock.
 
+_LAST_YEAR_OF_EPOCHS = 1980  # which receivers without a fix show
+_RATIONAL = re.compile(r"\d+(?:\.\d*)?(?:/\d+)?")
+
 
 def read_gps_time(
     gps: Tags, xmp: Mapping[str, str], local_time: datetime | None = None, longitude: float | None = None
@@ -357,23 +391,26 @@ def read_gps_time(
         local_time: naive, of the photo's clock.
         longitude: deg, positive east, of the place.
     """
-    clock = try_read(_gps_time_of_day, gps)
     date = try_read(_gps_date, gps)
+    clock = try_read(lambda tags: _gps_time_of_day(tags, date), gps)
     if clock is not None and date is not None:
         return _datable(date + clock)
     if clock is not None and local_time is not None:
         return _gps_time_near(clock, local_time, 0.0 if longitude is None else longitude)
-    if stamp := read_stamp(xmp.get(f"{EXIF_NAMESPACE} GPSTimeStamp")):
+    in_xmp = xmp.get(f"{EXIF_NAMESPACE} GPSTimeStamp", "")
+    if stamp := read_stamp(in_xmp) or read_stamp(f"{xmp.get(f'{EXIF_NAMESPACE} GPSDateStamp')} {in_xmp}"):
         return _datable(to_utc(stamp.time, stamp.utc_offset or 0.0))
     return None
 
 
-def _gps_time_of_day(tags: Tags) -> timedelta | None:
+def _gps_time_of_day(tags: Tags, date: datetime | None) -> timedelta | None:
     value = tags[ExifTags.GPS.GPSTimeStamp]
-    parts = _plain_text(value).split(":") if isinstance(value, str | bytes) else value
+    is_text = isinstance(value, str | bytes)
+    parts = [read_xmp_number(part) for part in _RATIONAL.findall(_plain_text(value))] if is_text else value
     hours, minutes = map(read_number, parts[:2])
     seconds = try_read(lambda _: read_number(parts[2]), tags) or 0.0  # 0/0 where it is unknown
-    valid = hours or minutes or seconds  # many programs write 0, 0, 0 where the time is unknown
+    is_epoch = date is not None and date.year <= _LAST_YEAR_OF_EPOCHS
+    valid = hours or minutes or seconds or is_epoch  # many programs write 0, 0, 0 where the time is unknown
     if not (valid and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
         return None
     return timedelta(hours=hours, minutes=minutes, seconds=seconds)

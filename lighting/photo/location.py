@@ -20,7 +20,11 @@ Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, po
 
 _DJI = "http://www.dji.com/drone-dji/1.0"
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:/\d+)?", re.ASCII)
-_LETTERS = re.compile(r"[^\W\d_]+")
+_LETTERS = re.compile(r"[^\W\d_ºª]+")  # an ordinal's sign stands for the degree's
+_DECIMAL_COMMA = re.compile(r"([-+]?\d+),(\d{3,})(?=\D*$)", re.ASCII)  # minutes have two digits before a point
+_UNITS = ("deg", "degree", "degrees", "min", "minutes", "sec", "seconds", "d", "m")
+_LATIN_1_REST = "Â"  # what Latin-1 makes of the first byte of a degree sign in UTF-8
+_MAX_ANGLE = 360.0  # deg
 _MAX_TEXT = 64  # characters of an angle
 _SIGNS = {"N": 1, "S": -1, "E": 1, "W": -1}
 
@@ -94,15 +98,23 @@ def _parse_angle(value: Any) -> tuple[list[float], bool, str]:
         raise ValueError("no numbers")
     while len(parts) > 1 and not math.isfinite(float(parts[-1])):
         parts.pop()  # 0/0, of which the part before holds the fraction
-    numbers = [read_number(part) for part in parts[:3]]
+    numbers = [_read_signed(part) for part in parts[:3]]
     return [abs(number) for number in numbers], any(number < 0 for number in numbers), ""
+
+
+def _read_signed(value: Any) -> float:
+    """A number, also one below 0 that a program wrote into a rational without a sign."""
+    number, numerator = read_number(value), getattr(value, "numerator", 0)
+    is_wrapped = number > _MAX_ANGLE and 2**31 <= numerator < 2**32
+    return (numerator - 2**32) / value.denominator if is_wrapped else number
 
 
 def _parse_text(text: str) -> tuple[list[float], bool, str]:
     if len(text) > _MAX_TEXT:
         raise ValueError("too long for an angle")
-    words = [word for word in _LETTERS.findall(text) if word.lower() not in ("deg", "min", "sec", "d", "m")]
-    found = _NUMBER.findall(text)
+    text = text.replace(_LATIN_1_REST, "")
+    words = [word for word in _LETTERS.findall(text) if word.lower() not in _UNITS]
+    found = _NUMBER.findall(_DECIMAL_COMMA.sub(r"\1.\2", text))
     if not 1 <= len(found) <= 3 or len(words) > 1:
         raise ValueError("no angle")
     numbers = [read_xmp_number(number) for number in found]
@@ -124,14 +136,18 @@ def read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, Headi
         gps: tags of EXIF's GPS directory.
         xmp: properties by "namespace name".
     """
-    heading = try_read(lambda tags: _heading(read_number(tags[ExifTags.GPS.GPSImgDirection])), gps)
+    heading = try_read(lambda tags: _heading(tags[ExifTags.GPS.GPSImgDirection]), gps)
     reference = gps.get(ExifTags.GPS.GPSImgDirectionRef)
     if heading is None and (text := xmp.get(f"{EXIF_NAMESPACE} GPSImgDirection")):
-        heading = try_read(lambda _: _heading(read_xmp_number(text)), {})
+        heading = try_read(lambda _: _heading(text), {})
         reference = xmp.get(f"{EXIF_NAMESPACE} GPSImgDirectionRef")
     references = {"T": HeadingReference.TRUE, "M": HeadingReference.MAGNETIC}
     return heading, references.get(_first_letter(reference))
 
 
-def _heading(heading: float) -> float | None:
-    return heading % 360.0 if 0 <= heading <= 360 else None
+def _heading(value: Any) -> float | None:
+    if isinstance(value, str | bytes):
+        heading = read_xmp_number(read_text(value).replace(",", "."))
+    else:
+        heading = read_number(value[0] if isinstance(value, tuple) else value)
+    return heading % 360.0 if -180.0 <= heading <= 360.0 else None

@@ -6,6 +6,8 @@ Both end as XMP properties, which count where the photo's own metadata say nothi
 import json
 import math
 import os
+import re
+import unicodedata
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -24,7 +26,10 @@ _CAPTURE = (  # how the names of properties of the exposure begin
 _TAKEOUT_SUFFIX = "supplemental-metadata"  # of which long names leave less
 _MAX_TAKEOUT_STEM = 46  # characters of a JSON file's name without its suffix
 _COPY_NUMBERS = ("(", ")")  # around the number of a photo whose name is there already
-_EDITED = "-edited"  # how Google calls the copy that a user changed, which shares its original's JSON
+_EDITED = re.compile(  # how Google calls the copy that a user changed, which shares its original's JSON
+    "-(?:edited|bearbeitet|bewerkt|editado|editada|edytowane|modifié|modificato|redigerad|redigert|redigeret|muokattu"
+    "|upraveno|изменено|düzenlendi|編集済み|已修改|已編輯|수정됨)(?=(?:[(][0-9]+[)])?$)"
+)
 
 
 def read_sidecar(path: str | os.PathLike[str]) -> dict[str, str]:
@@ -56,7 +61,7 @@ def _xmp_files(photo: Path) -> Iterator[Path]:
 
 def _takeout_files(photo: Path) -> Iterator[Path]:
     """Where Google Takeout writes JSON, which is cut for long names and counts copies behind the suffix."""
-    stem, suffix = photo.stem.removesuffix(_EDITED), photo.suffix
+    stem, suffix = _original(photo.stem), photo.suffix
     number = ""
     opening, closing = _COPY_NUMBERS
     if stem.endswith(closing) and opening in stem:
@@ -67,7 +72,12 @@ def _takeout_files(photo: Path) -> Iterator[Path]:
         name = f"{stem}{suffix}.{_TAKEOUT_SUFFIX[:length]}".rstrip(".")
         yield photo.with_name(f"{name}{number}.json")
     yield photo.with_name(f"{f'{stem}{suffix}'[:_MAX_TAKEOUT_STEM]}{number}.json")
-    yield photo.with_name(f"{photo.stem.removesuffix(_EDITED)}.json")
+    yield photo.with_name(f"{_original(photo.stem)}.json")
+
+
+def _original(stem: str) -> str:
+    """A name without Google's word for a copy that was changed."""
+    return _EDITED.sub("", unicodedata.normalize("NFC", stem))
 
 
 def _read_small(file: Path) -> bytes | None:

@@ -40,6 +40,8 @@ UNKNOWN = IFDRational(0, 0)
         (gps("48/1 84/10 0/1", "N", "11/1 348/10 0/1", "E"), MUNICH),
         (gps("48 deg 8' 24\" N", None, "11 deg 34' 48\" E", None), MUNICH),
         (gps(b"48.14\0", b"N\0", b"11.58\0", b"E\0"), MUNICH),
+        (gps("48°8'24\"".encode().decode("latin-1"), "N", "11°34'48\"".encode().decode("latin-1"), "E"), MUNICH),
+        (gps((39.74, 0, 0), "N", (IFDRational(2**32 - 10499, 100), 0, 0), "W"), DENVER),
         (gps((39.74, 0, 0), "N", (-104.99, 0, 0), "W"), DENVER),
         (gps((39.74, 0, 0), None, (-104.99, 0, 0), None), DENVER),
         (gps((39.74, 0, 0), "", (-104, -59, -24), ""), DENVER),
@@ -61,6 +63,9 @@ def test_a_place_in_exif(tags: dict[int, object], place: tuple[float, float]) ->
         ({f"{EXIF} GPSLatitude": "39,44.4N", f"{EXIF} GPSLongitude": "104,59.4W"}, DENVER),
         ({f"{EXIF} GPSLatitude": "48.14", f"{EXIF} GPSLatitudeRef": "N", f"{EXIF} GPSLongitude": "11.58",
           f"{EXIF} GPSLongitudeRef": "E"}, MUNICH),
+        ({f"{EXIF} GPSLatitude": "48º 8' 24'' N", f"{EXIF} GPSLongitude": "11º 34' 48'' E"}, MUNICH),
+        ({f"{EXIF} GPSLatitude": "48,1400000 N", f"{EXIF} GPSLongitude": "11,5800000 E"}, MUNICH),
+        ({f"{EXIF} GPSLatitude": "48.14 degrees N", f"{EXIF} GPSLongitude": "11.58 degrees E"}, MUNICH),
         ({f"{DJI} GpsLatitude": "+39.74", f"{DJI} GpsLongtitude": "-104.99"}, DENVER),
     ],
 )  # fmt: skip
@@ -113,3 +118,8 @@ def test_a_heading_in_exif_or_else_in_xmp() -> None:
     assert read_heading({GPS.GPSImgDirection: 60.0, GPS.GPSImgDirectionRef: "M"}, properties) == (60.0, "magnetic")
     assert read_heading({}, {f"{EXIF} GPSImgDirection": "5/0"}) == (None, None)
     assert read_heading({GPS.GPSImgDirection: 361.0}, {}) == (None, None)
+
+
+@pytest.mark.parametrize("value", ["224", "224/1", "224,0", b"22400/100\0", (224.0,), -136.0])
+def test_a_heading_however_it_is_written(value: object) -> None:
+    assert read_heading({GPS.GPSImgDirection: value}, {})[0] == pytest.approx(224.0)
