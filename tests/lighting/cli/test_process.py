@@ -35,7 +35,7 @@ class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
         sum(range(10))
-console.estimate_photo(open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
+console.estimate_photo("-", open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
 """
 
 
