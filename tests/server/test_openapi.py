@@ -107,6 +107,7 @@ WITH_CONDITIONS = (
     "render_scene",
     "estimate_scene",
     "show_photo",
+    "draw_ground",
 )
 TOGETHER = {  # values that are each right may not fit each other, such as a time of night; a file may be empty (400)
     "positive_data_acceptance": {"expected-statuses": ["2xx", "400", "401", "403", "404", "422"]}

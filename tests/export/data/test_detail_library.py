@@ -59,7 +59,7 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     (tmp_path / "panoramas.csv").write_text("\n".join(rows))
     arrays = make_detail_library(tmp_path)
     assert arrays["names"].tolist() == ["a"]
-    np.savez(tmp_path / "detail.npz", **arrays)
+    np.savez(tmp_path / "detail.npz", allow_pickle=False, **arrays)
     monkeypatch.setattr(detail_library, "LIBRARY_PATH", tmp_path / "detail.npz")
     detail_library.load_detail_library.cache_clear()
     try:

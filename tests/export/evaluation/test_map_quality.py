@@ -24,8 +24,9 @@ def sine(amplitude: float, cycles: int, height: int = 512) -> np.ndarray:
 def test_the_true_map_has_no_errors_and_a_brighter_one_does() -> None:
     truth = noise()
     right = map_quality.map_errors(truth, truth)
-    assert (right.mirror, right.roughness_2, right.roughness_4, right.diffuse) == (0, 0, 0, pytest.approx(0, abs=1e-6))
-    brighter = map_quality.map_errors(1.1 * truth, truth)
+    errors = (right.mirror, right.roughness_2, right.roughness_4, right.diffuse)
+    assert errors == pytest.approx((0, 0, 0, 0), abs=1e-6)
+    brighter = map_quality.map_errors(np.float32(1.1) * truth, truth)
     assert brighter.mirror == pytest.approx(0.1, abs=1e-5)
     assert brighter.roughness_2 == pytest.approx(0.1, abs=1e-5)
     assert brighter.diffuse == pytest.approx(0, abs=1e-5)
@@ -40,7 +41,7 @@ def test_a_mirror_ball_sees_detail_that_a_diffuse_one_does_not() -> None:
 
 def test_the_change_of_a_diffuse_ball_is_a_share() -> None:
     before = noise()
-    assert map_quality.diffuse_change(1.02 * before, before) == pytest.approx(0.02, rel=1e-3)
+    assert map_quality.diffuse_change(np.float32(1.02) * before, before) == pytest.approx(0.02, rel=1e-3)
 
 
 def test_a_second_sun_counts_away_from_sun_and_photo() -> None:
