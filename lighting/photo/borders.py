@@ -30,6 +30,7 @@ _TOLERANCE = 14  # gray levels in any channel by which a background's pixels dif
 _STEP = 24  # gray levels that part a picture from its background
 _GAP_SHARE = 0.97  # of a row's pixels that are background where nothing is drawn
 _EDGE_SHARE = 0.5  # of a picture's outermost pixels that differ from the background
+_FRAME_SHARE = 0.7  # of the same, on all sides, where no side of the whole is background
 _REACH = 2  # pixels within which an edge lies, blurred by the reduction and by JPEG
 _FAR = 7  # pixels from an edge, where a horizon differs yet more from the sky
 _STEEPNESS = 0.78  # of the difference so far, that an edge makes within its reach
@@ -159,9 +160,16 @@ def _pictures_on_background(pixels: NDArray[np.int16], box: _Box) -> list[_Box]:
         equals = [one for one in pictures if one.area * _COLLAGE_RATIO >= pictures[0].area]
         if len(equals) > 1:
             return equals
-        if is_border and _is_smaller(pictures[0], box):
+        is_free = is_border or _is_framed(difference, box, pictures[0])
+        if is_free and _is_smaller(pictures[0], box):
             return pictures[:1]
     return []
+
+
+def _is_framed(difference: NDArray[np.int16], box: _Box, picture: _Box) -> bool:
+    """Whether a background that is no side's, as between the bars of a window, lies around a picture on all sides."""
+    margins = picture.left - box.left, picture.top - box.top, box.right - picture.right, box.bottom - picture.bottom
+    return min(margins) > 1 and all(_edge_jump(difference, box, picture, side) >= _FRAME_SHARE for side in range(4))
 
 
 def _has_shades(pixels: NDArray[np.int16], box: _Box) -> bool:

@@ -6,7 +6,8 @@ Where the file leaves open what was cropped, each lens is a candidate, and the p
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import product
 from typing import Any
 
 from PIL import ExifTags
@@ -27,6 +28,7 @@ _MIN_ZOOM = 1.02  # of a digital zoom that was used
 _MAX_FRAME_ASPECT = 2.45  # longer by shorter side of what a camera takes at once: phones' 21:9 have 2.33
 _APPLE_PANORAMA = 6  # EXIF's CustomRendered, by Apple's cameras
 _MAX_VIEW = 100.0  # deg, horizontal field of view up to which a cylinder or sphere is about a plane
+_SENSOR_ASPECTS = (4 / 3, 3 / 2, 16 / 9)  # longer by shorter side
 _CENTERED = 0.02  # of a side, by which a crop's middle may differ from the photo's
 
 
@@ -94,7 +96,8 @@ def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFram
     crop = _developed_crop(xmp)
     if equivalent is None:
         return PhotoLens(is_whole=fits is not False and crop.is_centered, turn=crop.turn)
-    lengths = [equivalent * crop.zoom(frame) * zoom for zoom in _digital_zooms(main, camera)]
+    zooms = product(crop.zooms(frame), _digital_zooms(main, camera, xmp))
+    lengths = [equivalent * cut * digital for cut, digital in zooms]
     fovs = tuple(fov for length in lengths for fov in _possible_fovs(length, recorded, frame))
     return PhotoLens(
         equivalent, tuple(dict.fromkeys(fovs)), is_consistent, fits is not False and crop.is_centered, crop.turn
@@ -144,9 +147,9 @@ def _first(value: Any) -> Any:
     return value[0] if isinstance(value, tuple) else value
 
 
-def _digital_zooms(main: Tags, camera: Tags) -> tuple[float, ...]:
+def _digital_zooms(main: Tags, camera: Tags, xmp: Mapping[str, str]) -> tuple[float, ...]:
     """By how much the 35 mm value may be too short: Apple's holds the digital zoom, others' do or do not."""
-    zoom = try_read(lambda tags: read_number(tags[ExifTags.Base.DigitalZoomRatio]), camera) or 1.0
+    zoom = _positive(camera, xmp, ExifTags.Base.DigitalZoomRatio, "DigitalZoomRatio") or 1.0
     if zoom < _MIN_ZOOM or _make(main) == "apple":
         return (1.0,)
     return (1.0, zoom)
@@ -206,10 +209,25 @@ class _Crop:
     is_centered: bool = True
     turn: float = 0.0  # deg, counter-clockwise of the picture's content
 
-    def zoom(self, frame: PhotoFrame) -> float:
-        """The whole's diagonal by the crop's, which has the photo's shape."""
-        across, along = frame.width / self.width, frame.height / self.height  # of the whole
-        return math.hypot(across, along) / math.hypot(frame.width, frame.height)
+    def zooms(self, frame: PhotoFrame) -> tuple[float, ...]:
+        """The whole's diagonal by the crop's, the likeliest first: sides may be those of the sensor of a turned photo.
+
+        The developer turns the pixels and forgets that it did, so that the shape of the whole tells.
+        """
+        upright, turned = self._whole(frame), replace(self, width=self.height, height=self.width)._whole(frame)
+        wholes = sorted({upright: None, turned: None}, key=_distance_from_sensor)
+        wholes = [whole for whole in wholes if _distance_from_sensor(whole) < _distance_from_sensor(wholes[0]) + 0.1]
+        return tuple(math.hypot(*whole) / math.hypot(frame.width, frame.height) for whole in wholes)
+
+    def _whole(self, frame: PhotoFrame) -> tuple[float, float]:
+        """Width and height of the picture that was cropped."""
+        return frame.width / self.width, frame.height / self.height
+
+
+def _distance_from_sensor(size: tuple[float, float]) -> float:
+    """How far a picture's shape is from those of sensors, by logarithms; equal ones keep their order."""
+    shape = abs(math.log(size[0] / size[1]))
+    return round(min(abs(shape - math.log(known)) for known in _SENSOR_ASPECTS), 2)
 
 
 def _developed_crop(xmp: Mapping[str, str]) -> _Crop:

@@ -18,10 +18,12 @@ from lighting.photo.containers import is_moderate
 
 Tags = Mapping[int, Any]
 _Value = TypeVar("_Value")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 _EXIF_PREFIX, _XMP_PREFIX = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"  # of a JPEG's segments
 _TIFF_STARTS = (b"II*\0", b"MM\0*")  # how an EXIF block begins
-_MAX_EXIF_BLOCKS = 4  # that are read
+_XMP_KEYWORD = "XML:com.adobe.xmp"  # of a PNG's text
+_MAX_EXIF_BLOCKS = _MAX_XMP_PACKETS = 4  # that are read
 _IPTC_TAG = 33723  # of a TIFF
 _MAX_IPTC_LENGTH = 1 << 16  # bytes, or numbers of four bytes, that are read; a segment of a JPEG has as many
 EXIF_NAMESPACE = "http://ns.adobe.com/exif/1.0"  # of XMP, without a slash at its end
@@ -38,8 +40,9 @@ def read_exif(image: Image.Image) -> Image.Exif:
         image, "tile", None
     )  # whose own method would decode it again
     exif = Image.Image.getexif(image) if is_decoded_png else image.getexif()
-    if not exif and (block := _raw_profile(image, "APP1")).startswith(_EXIF_PREFIX):
-        exif = _load_exif(block)
+    if not exif and (block := _raw_profile(image, "exif") or _raw_profile(image, "app1")):
+        block = block.removeprefix(_EXIF_PREFIX)
+        exif = _load_exif(_EXIF_PREFIX + block) if block.startswith(_TIFF_STARTS) else exif
     return exif if _is_cheap(exif) else Image.Exif()
 
 
@@ -55,8 +58,14 @@ def _load_exif(block: bytes) -> Image.Exif:
 
 
 def _raw_profile(image: Image.Image, name: str) -> bytes:
-    """What ImageMagick and ExifTool write as text into a PNG: a name, a length, and hexadecimal digits [1]."""
-    text = image.info.get(f"Raw profile type {name}")
+    """What ImageMagick and ExifTool write as text into a PNG: a name, a length, and hexadecimal digits [1].
+
+    Args:
+        image: opened by Pillow.
+        name: of the profile, in small letters.
+    """
+    wanted = f"raw profile type {name}"
+    text = next((text for key, text in image.info.items() if str(key).lower() == wanted), None)
     if not isinstance(text, str):
         return b""
     try:
@@ -117,9 +126,18 @@ def read_packet(image: Image.Image) -> dict[str, str]:
     Args:
         image: opened by Pillow.
     """
+    segments = (data for name, data in getattr(image, "applist", ()) if name == "APP1")
+    packets = [data.removeprefix(_XMP_PREFIX) for data in segments if data.startswith(_XMP_PREFIX)]
+    if len(packets) > 1:  # of which Pillow has the last
+        properties: dict[str, str] = {}
+        for packet in packets[:_MAX_XMP_PACKETS]:
+            properties = {**read_xmp(packet), **properties}
+        return properties
     packet = image.info.get("xmp")
+    if packet is None and isinstance(text := image.info.get(_XMP_KEYWORD), str):
+        packet = text.encode()
     if packet is None:
-        packet = _raw_profile(image, "xmp") or _raw_profile(image, "APP1").removeprefix(_XMP_PREFIX)
+        packet = _raw_profile(image, "xmp") or _raw_profile(image, "app1").removeprefix(_XMP_PREFIX)
     return read_xmp(packet)
 
 
@@ -210,9 +228,12 @@ def read_xmp(packet: Any) -> dict[str, str]:
     if not isinstance(packet, bytes) or len(packet) > MAX_XMP_BYTES:
         return {}
     reader = _Reader()
+    blanks = b" \t\r\n" if packet.startswith(_UTF_16) else b"\0 \t\r\n"
     try:
-        reader.parser.Parse(packet.rstrip(b"\0 \t\r\n"), True)
-    except (expat.ExpatError, ValueError, LookupError):  # LookupError: an encoding that nobody knows
+        reader.parser.Parse(packet.rstrip(blanks), True)
+    except expat.ExpatError:
+        return reader.properties if reader.is_complete else {}
+    except (ValueError, LookupError):  # LookupError: an encoding that nobody knows
         return {}
     return reader.properties
 
@@ -222,6 +243,8 @@ class _Reader:
 
     def __init__(self) -> None:
         self.properties: dict[str, str] = {}
+        self.is_complete = False  # whether the packet's outermost element has ended; junk may follow
+        self._depth = 0
         self._text: list[str] = []
         self.parser = expat.ParserCreate(namespace_separator=" ")
         self.parser.buffer_text = True
@@ -234,6 +257,7 @@ class _Reader:
         raise ValueError("A packet has no document type.")
 
     def _start(self, _: str, attributes: dict[str, str]) -> None:
+        self._depth += 1
         self._text.clear()
         for name, value in attributes.items():
             self._keep(name, value)
@@ -241,6 +265,8 @@ class _Reader:
     def _end(self, name: str) -> None:
         self._keep(name, "".join(self._text))
         self._text.clear()
+        self._depth -= 1
+        self.is_complete = self._depth == 0
 
     def _keep(self, name: str, value: str) -> None:
         namespace, _, local = name.rpartition(" ")

@@ -76,6 +76,19 @@ def screenshot(photo: Image.Image, color: tuple[int, int, int], ink: tuple[int, 
     return whole, (left, top, left + photo.width, top + photo.height)
 
 
+def window(photo: Image.Image) -> Framed:
+    """A viewer's window with a title above and the desktop's buttons below."""
+    whole, corners = framed(photo, (32, 33, 36), 120, 50, 120, 60)
+    draw = ImageDraw.Draw(whole)
+    draw.rectangle((0, 0, whole.width, 24), fill=(222, 225, 230))
+    draw.text((30, 5), "photo.jpg - Photos", fill=(60, 60, 60))
+    draw.rectangle((0, whole.height - 30, whole.width, whole.height), fill=(16, 16, 20))
+    for k in range(6):
+        left, top = whole.width // 3 + 30 * k, whole.height - 24
+        draw.rectangle((left, top, left + 18, top + 18), fill=(80 + 20 * k, 120, 200 - 20 * k))
+    return whole, corners
+
+
 def foot(photo: Image.Image) -> Framed:
     """With a white foot that names the phone."""
     whole, corners = framed(photo, (255, 255, 255), 0, 0, 0, 50)
@@ -104,6 +117,7 @@ BORDERS: dict[str, Callable[[Image.Image], Framed]] = {
     "instant film": lambda photo: framed(photo, PAPER, 20, 20, 20, 90),
     "dark screenshot": lambda photo: screenshot(photo, (12, 12, 14), (230, 230, 230), rounded=False),
     "light screenshot, round corners": lambda photo: screenshot(photo, (250, 250, 252), (30, 30, 30), rounded=True),
+    "window of a desktop": window,
     "blurred copies": blurred,
     "gradient": on_gradient,
     "foot": foot,

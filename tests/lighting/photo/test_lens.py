@@ -90,6 +90,26 @@ def test_a_crop_of_another_shape_counts_by_the_whole_s_diagonal() -> None:
     assert fov_of(lens) == pytest.approx(vertical_fov_from_focal_length(19, 448, 336))
 
 
+@pytest.mark.parametrize(
+    ("size", "sides"),
+    [
+        ((336, 252), (0.21875, 0.0, 0.78125, 1.0)),  # of 336 x 448
+        ((336, 420), (0.03125, 0.0, 0.96875, 1.0)),  # 4:5 of 3:4
+        ((252, 336), (0.125, 0.125, 0.875, 0.875)),
+    ],
+)
+def test_the_sides_of_a_crop_may_be_those_of_the_sensor_of_a_turned_photo(
+    size: tuple[int, int], sides: tuple[float, float, float, float]
+) -> None:
+    """Turned is what makes the whole 3:4."""
+    settings = camera(*size, FocalLengthIn35mmFilm=26)
+    lens = read_lens({}, settings, cropped(*sides), PhotoFrame(*size, is_turned=False))
+    share = sides[2] - sides[0]  # of the sensor's width, which is the photo's height
+    whole = vertical_fov_from_focal_length(26, 336, 448)
+    expected = 2 * math.degrees(math.atan(share * math.tan(math.radians(whole) / 2)))
+    assert fov_of(lens) == pytest.approx(expected)
+
+
 def test_a_turn_of_lightroom_turns_the_roll() -> None:
     lens = read_lens({}, camera(FocalLengthIn35mmFilm=19), cropped(0.1, 0.1, 0.9, 0.9, CropAngle="-7"), FRAME)
     assert lens.turn == 7.0
@@ -99,6 +119,8 @@ def test_digital_zoom_is_open_but_of_apple_s_cameras() -> None:
     values = camera(FocalLengthIn35mmFilm=17, DigitalZoomRatio=2.0)
     once, twice = (vertical_fov_from_focal_length(length, 448, 336) for length in (17, 34))
     assert read_lens({}, values, {}, FRAME).vertical_fovs == (once, twice)
+    in_xmp = {f"{EXIF} DigitalZoomRatio": "20/10"}
+    assert read_lens({}, camera(FocalLengthIn35mmFilm=17), in_xmp, FRAME).vertical_fovs == (once, twice)
     assert read_lens({BASE.Make: "Apple"}, values, {}, FRAME).vertical_fovs == (once,)
 
 

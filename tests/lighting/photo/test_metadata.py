@@ -361,7 +361,26 @@ def test_segments_of_damaged_exif_lose_no_photo() -> None:
         assert read_photo(with_segment(encode(SCENE, exif=munich().tobytes()), block)).pixels.shape == (120, 160, 3)
 
 
-@pytest.mark.parametrize(("name", "prefix"), [("exif", b""), ("exif", b"Exif\0\0"), ("APP1", b"Exif\0\0")])
+def test_the_first_of_several_xmp_packets_counts_where_it_says_something() -> None:
+    said = packet("http://ns.adobe.com/exif/1.0/", {"FocalLengthIn35mmFilm": "26"})
+    data = encode(SCENE)
+    for packets in ([said, b"<x/>"], [b"<x/>", said], [said, said.replace(b"26", b"50")]):
+        segments = b"".join(
+            b"\xff\xe1" + struct.pack(">H", len(body) + 2) + body
+            for body in (b"http://ns.adobe.com/xap/1.0/\0" + one for one in packets)
+        )
+        assert read_photo(data[:2] + segments + data[2:]).metadata.focal_length == 26.0
+
+
+def test_xmp_in_utf_16_and_with_junk_behind_it() -> None:
+    assert read_xmp(drone("-1").decode().encode("utf-16"))[PITCH] == "-1"
+    assert read_xmp(drone("-1") + b"\0\0junk")[PITCH] == "-1"
+
+
+@pytest.mark.parametrize(
+    ("name", "prefix"),
+    [("exif", b""), ("exif", b"Exif\0\0"), ("APP1", b"Exif\0\0"), ("app1", b""), ("EXIF", b"Exif\0\0")],
+)
 def test_exif_as_text_in_a_png(name: str, prefix: bytes) -> None:
     """As ImageMagick and old versions of ExifTool write it."""
     block = prefix + munich().tobytes().removeprefix(b"Exif\0\0")
@@ -371,6 +390,9 @@ def test_exif_as_text_in_a_png(name: str, prefix: bytes) -> None:
 def test_xmp_as_text_in_a_png() -> None:
     xmp = packet("http://ns.adobe.com/exif/1.0/", {"FocalLengthIn35mmFilm": "26"})
     assert read_photo(raw_profile("xmp", xmp)).metadata.focal_length == 26.0
+    chunks = PngInfo()
+    chunks.add_text("XML:com.adobe.xmp", xmp.decode())
+    assert read_photo(encode(SCENE, "PNG", pnginfo=chunks)).metadata.focal_length == 26.0
     assert read_photo(raw_profile("APP1", b"http://ns.adobe.com/xap/1.0/\0" + xmp)).metadata.focal_length == 26.0
 
 
