@@ -18,7 +18,7 @@ from lighting.errors import LightingError, MissingExtraError
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model, packaged_model
-from lighting.photo.reader import TARGET, Photo
+from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.records import CodedWarning, Estimate, WarningCode
 from lighting.registration import features, photo_set
@@ -75,10 +75,11 @@ class PhotoMatcher:
 
 @dataclass(frozen=True, eq=False)
 class PhotoAnswer:
-    """An estimate, and how its surroundings change the map of its sky if the client asks for that."""
+    """An estimate, what part of the picture it is of, and the gain of its surroundings if the client asks for that."""
 
     estimate: Estimate
     gain: Image | None = None  # (R, 2R, 3), a factor on the sky's map
+    crop: PhotoCrop | None = None  # the photo's part of a picture with a border
 
 
 class Service:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 from urllib.parse import urlencode
@@ -44,6 +45,8 @@ def _answer_record(answer: PhotoAnswer, root: str, probability: bool) -> Json:
         record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
     if probability:
         record["probability"] = _sun_probability(answer.estimate.distribution)
+    if answer.crop is not None:
+        record["crop"] = asdict(answer.crop)
     if answer.gain is not None:
         record["surroundings"] = _surroundings(answer.gain)
     return record

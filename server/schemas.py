@@ -191,8 +191,20 @@ class SurroundingsRecord(BaseModel):
     factors: list[tuple[float, float, float]] = Field(description="on the bare map's RGB, row by row")
 
 
+class CropRecord(BaseModel):
+    """The photo inside a border, in pixels of the upright picture: camera, spot and maps are of this part alone."""
+
+    left: int = Field(examples=[0])
+    top: int = Field(examples=[131])
+    width: int = Field(description="of the photo", examples=[1920])
+    height: int = Field(examples=[818])
+    picture_width: int = Field(description="of the whole picture", examples=[1920])
+    picture_height: int = Field(examples=[1080])
+
+
 class LightingEstimate(LightingRecord):
     links: Links
+    crop: CropRecord | None = Field(None, description="present only if the photo lies inside a border")
     warning_codes: _Texts = Field(
         [],
         description="what each of the `warnings` is about, in their order; absent where there are none",

@@ -51,12 +51,13 @@ def estimate_photos(service: Service, files: Sequence[Upload], query: queries.Li
     photos = _read_photos(service, files, matcher.target if matcher else TARGET)
     estimates = service.estimate(photos, query.user_input(), query.heading_values(), matcher)
     if not query.surroundings:
-        return [PhotoAnswer(estimate) for estimate in estimates]
+        return [PhotoAnswer(estimate, crop=photo.crop) for photo, estimate in zip(photos, estimates, strict=True)]
     answers = []
     for photo, estimate in zip(photos, estimates, strict=True):
         check_cancelled()
         context = photo_context(estimate, photo.pixels)
-        answers.append(PhotoAnswer(estimate, surroundings_gain(estimate.lighting, context) if context else None))
+        gain = surroundings_gain(estimate.lighting, context) if context else None
+        answers.append(PhotoAnswer(estimate, gain, photo.crop))
     return answers
 
 

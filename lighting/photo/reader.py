@@ -25,7 +25,7 @@ import lighting.photo.containers as containers
 from lighting.color import check_pixels
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.geometry import zoomed_fov
-from lighting.photo.borders import Rectangle, find_layout
+from lighting.photo.borders import find_layout
 from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.formats import unreadable_sentence
 from lighting.photo.heif import complete_avif, heif_kind, open_heif
@@ -73,16 +73,28 @@ _DECODER_BYTES_PER_PIXEL = {  # by `python -m benchmarks.decoding` (Pillow 13.0.
 _FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
 
 
+@dataclass(frozen=True)
+class PhotoCrop:
+    """The part of an upright picture that is its photo, in pixels of the file."""
+
+    left: int
+    top: int
+    width: int  # of the photo
+    height: int
+    picture_width: int  # of the whole picture, border included
+    picture_height: int
+
+
 @dataclass(frozen=True, eq=False)
 class Photo:
     """An upright photo. Of a picture with a border, it is what lies inside."""
 
     pixels: NDArray[np.uint8] = field(repr=False)  # (h, w, 3) sRGB, perhaps smaller than the photo in the file
-    width: int  # of the upright photo in the file, pixels
+    width: int  # of the upright photo in the file without its border, pixels
     height: int
     format: str  # as Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", ...; "RAW", "PIXELS"
     metadata: PhotoMetadata = field(default_factory=PhotoMetadata)  # what its EXIF block and XMP packet say
-    crop: Rectangle | None = None  # the photo's part of the upright picture; None: all of it
+    crop: PhotoCrop | None = None  # the photo's part of the upright picture; None: all of it
     is_collage: bool = False  # whether the picture shows several photos
     warnings: tuple[str, ...] = ()  # sentences about its border
 
@@ -202,7 +214,8 @@ def _without_border(photo: Photo) -> Photo:
     warning = CodedWarning(what.format(width=width, height=height, left=left, top=top), WarningCode.BORDER)
     x, y, x_end, y_end = layout.photo.pixels(photo.pixels.shape[1], photo.pixels.shape[0])
     pixels = np.ascontiguousarray(photo.pixels[y:y_end, x:x_end])
-    return replace(photo, pixels=pixels, width=width, height=height, crop=layout.photo, warnings=(warning,))
+    crop = PhotoCrop(left, top, width, height, photo.width, photo.height)
+    return replace(photo, pixels=pixels, width=width, height=height, crop=crop, warnings=(warning,))
 
 
 def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:

@@ -33,8 +33,17 @@ import lighting.runtime as runtime
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
-from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, memory_budget, read_bytes, read_photo
-from lighting.records import Json
+from lighting.photo.reader import (
+    MAX_BYTES,
+    MAX_PIXELS,
+    TARGET,
+    Photo,
+    PhotoCrop,
+    memory_budget,
+    read_bytes,
+    read_photo,
+)
+from lighting.records import CodedWarning, Json, WarningCode, warning_code
 
 if TYPE_CHECKING:
     from subprocess import Popen
@@ -238,7 +247,17 @@ def _request_photo(process: "Popen[bytes]", request: DecodeRequest, data: bytes)
     pixels = np.empty((answer.rows, answer.columns, 3), dtype=np.uint8)
     if answers.readinto(pixels.data.cast("B")) < pixels.nbytes:
         raise EOFError
-    return Photo(pixels, answer.width, answer.height, answer.format, answer.metadata)
+    warnings = tuple(CodedWarning(warning.text, warning.code) for warning in answer.warnings)
+    size = answer.width, answer.height
+    return Photo(pixels, *size, answer.format, answer.metadata, answer.crop, answer.is_collage, warnings)
+
+
+@dataclass(frozen=True)
+class _Warning:
+    """A sentence about a photo, and what it is about."""
+
+    text: str
+    code: WarningCode
 
 
 @dataclass(frozen=True)
@@ -251,6 +270,9 @@ class _Decoded:
     height: int
     format: str
     metadata: PhotoMetadata
+    crop: PhotoCrop | None
+    is_collage: bool
+    warnings: tuple[_Warning, ...]
 
 
 @dataclass(frozen=True)
@@ -393,7 +415,9 @@ def _answer_request(request: DecodeRequest, data: bytes, answers: BinaryIO, own:
         answers.write(_json_line(asdict(_Failure(type(error).__name__, str(error), field, code))))
         return
     rows, columns, _ = photo.pixels.shape
-    decoded = _Decoded(rows, columns, photo.width, photo.height, photo.format, photo.metadata)
+    warnings = tuple(_Warning(str(warning), warning_code(warning)) for warning in photo.warnings)
+    size, layout = (rows, columns, photo.width, photo.height), (photo.crop, photo.is_collage, warnings)
+    decoded = _Decoded(*size, photo.format, photo.metadata, *layout)
     answers.write(_json_line(asdict(decoded)))
     answers.write(photo.pixels.data)
 

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 import uvicorn
 from numpy.typing import NDArray
-from PIL import ExifTags, Image
+from PIL import ExifTags, Image, ImageOps
 
 from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.estimator import Estimator
@@ -130,7 +130,7 @@ def write_files(folder: Path) -> dict[str, Any]:
         **{"small": str(folder / "small.png"), "textFile": str(folder / "notes.txt"), "heic": heic(folder)},
         **{"model": str(folder / "box.glb"), "wideModel": str(folder / "wide.glb")},
         **{"formats": every_format(folder, 1), "upright": every_format(folder, 6)},
-        **{"overlapping": overlapping(folder), "tilted": tilted(folder)},
+        **{"letterbox": letterbox(folder), "overlapping": overlapping(folder), "tilted": tilted(folder)},
     }
 
 
@@ -140,6 +140,13 @@ def halves() -> Image.Image:
     pixels[:120] = np.linspace((40, 90, 180), (150, 190, 235), 120)[:, None]
     pixels[120:, :160], pixels[120:, 160:] = (165, 156, 138), (45, 50, 62)
     return Image.fromarray(pixels.astype(np.uint8))
+
+
+def letterbox(folder: Path) -> str:
+    """A photo of SIZE between black bars."""
+    with Image.open(PHOTO) as photo:
+        ImageOps.expand(photo.convert("RGB").resize(SIZE), (0, 60), "black").save(folder / "letterbox.png")
+    return str(folder / "letterbox.png")
 
 
 def triangle_model(width: int) -> bytes:
@@ -265,6 +272,12 @@ class TestUpload:
     def test_every_format_is_shown_upright(self, seen: Seen) -> None:
         assert {name: shown for name, shown in seen["upright"].items() if shown != [240, 320, "0.75"]} == {}
         assert seen["upright"].keys() == seen["metadata"].keys()
+
+    def test_what_lies_inside_a_border_is_shown_alone(self, seen: Seen) -> None:
+        shown = seen["letterbox"]
+        assert shown["size"] == list(SIZE)
+        assert shown["aspect"] == str(SIZE[0] / SIZE[1])
+        assert min(shown["edges"]) > 40  # no bar above or below
 
     def test_heic_is_shown_as_the_service_decodes_it(self, seen: Seen) -> None:
         if "heic" not in seen:

@@ -12,7 +12,7 @@ export async function visit(browser, url, seen, files) {
 }
 
 /** One photo in every format: its metadata, and which way up it is shown. */
-async function openFormats(browser, url, seen, { formats, upright, small, heic }) {
+async function openFormats(browser, url, seen, { formats, upright, letterbox, small, heic }) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
   seen.firstRequests = page.requests.filter((address) => address.startsWith(url)).map((address) => address.slice(url.length));
   seen.faults = await faults(page);
@@ -29,6 +29,19 @@ async function openFormats(browser, url, seen, { formats, upright, small, heic }
       return [naturalWidth, naturalHeight, document.getElementById("frame").style.getPropertyValue("--aspect")];
     });
   }
+  await relit(page, () => page.setInputFiles("#file", letterbox));
+  seen.letterbox = await page.evaluate(() => {
+    const photo = document.getElementById("photo");
+    const [width, height] = [photo.naturalWidth, photo.naturalHeight];
+    const context = Object.assign(document.createElement("canvas"), { width, height }).getContext("2d");
+    context.drawImage(photo, 0, 0);
+    const edges = [0, height - 1].map((row) => {
+      const { data } = context.getImageData(0, row, width, 1);
+      return data.reduce((sum, value, i) => sum + (i % 4 < 3 ? value : 0), 0) / (3 * width);
+    });
+    const aspect = document.getElementById("frame").style.getPropertyValue("--aspect");
+    return { size: [width, height], aspect, edges };
+  });
   if (heic) {
     await relit(page, () => page.setInputFiles("#file", heic));
     seen.heic = await page.evaluate(() => {

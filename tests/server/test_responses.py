@@ -11,12 +11,13 @@ from starlette.requests import Request
 
 from export.evaluation.report import CAMERA_AND_SKY, SUN, write_figures
 from lighting.model import MODEL_CARD, Model, packaged_model
+from lighting.photo.reader import PhotoCrop
 from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
 from server.responses import _envmap_link, _is_fresh, _sun_probability, estimates_to_json, read_accuracy
-from server.schemas import Accuracy
+from server.schemas import Accuracy, CropRecord, LightingEstimate
 from tests.conftest import TINY
 
 GRID = "fibonacci:64"
@@ -90,6 +91,15 @@ def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
     assert (told["rows"], told["columns"]) == (2, 4)
     assert told["factors"] == pytest.approx(factors.reshape(8, 3), rel=5e-3)
     assert "surroundings" not in estimates_to_json([ESTIMATE], LightingQuery.model_validate({}), "")
+
+
+def test_what_lies_inside_a_border_is_told() -> None:
+    query = LightingQuery.model_validate({})
+    told = estimates_to_json([replace(ESTIMATE, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080))], query, "")
+    sizes = {"width": 1920, "height": 818, "picture_width": 1920, "picture_height": 1080}
+    assert told["crop"] == {"left": 0, "top": 131, **sizes}
+    assert LightingEstimate.model_validate(told).crop == CropRecord(left=0, top=131, **sizes)
+    assert "crop" not in estimates_to_json([ESTIMATE], query, "")
 
 
 def test_the_probability_comes_with_the_angles_of_its_cells() -> None:

@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import anyio
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
 
 from lighting.errors import PhotoError
 from lighting.estimator import Estimator
@@ -27,6 +27,7 @@ from tests.server.conftest import SKY
 
 T = TypeVar("T")
 PHOTO = encode(scene(64, 48))
+EXAMPLE = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
 
 
 @pytest.fixture
@@ -76,6 +77,40 @@ def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Servi
         record = json.loads(archive.read(next(name for name in archive.namelist() if name.endswith(".json"))))
     lighting = record.get("lighting", record)
     assert (lighting["sun"]["azimuth"], lighting["sky"]["turbidity"]) == (77.5, 2.5)
+
+
+def letterboxed(width: int) -> tuple[bytes, int, int]:
+    """An example between black bars, and the height of the bars and of the photo."""
+    with Image.open(EXAMPLE) as example:
+        photo = example.convert("RGB").resize((width, width * 9 // 16))
+    bar = width // 10
+    return encode(ImageOps.expand(photo, (0, bar), "black"), quality=85), bar, photo.height
+
+
+@pytest.mark.parametrize("surroundings", [False, True])
+def test_an_answer_says_where_the_photo_lies_inside_a_border(service: Service, surroundings: bool) -> None:
+    data, bar, height = letterboxed(1000)
+    query = LightingQuery.model_validate({"surroundings": surroundings, "match": False})
+    bordered, plain = in_a_thread(tasks.estimate_photos, service, [Upload(data), Upload(PHOTO)], query)
+    assert plain.crop is None
+    assert (crop := bordered.crop) is not None
+    assert (crop.left, crop.width, crop.picture_width, crop.picture_height) == (0, 1000, 1000, height + 2 * bar)
+    assert (crop.top, crop.height) == pytest.approx((bar, height), abs=8)
+
+
+def test_pictures_for_people_show_what_lies_inside_a_border(service: Service) -> None:
+    """Those of a scene, and the photo that a browser cannot decode."""
+    data, _, height = letterboxed(1000)
+    query = PhotoSceneQuery.model_validate({"tool": "mitsuba", "height": 32})
+    archived, _ = in_a_thread(tasks.zip_scene_of_photo, service, data, query)
+    with zipfile.ZipFile(BytesIO(archived)) as archive:
+        (name,) = (name for name in archive.namelist() if Path(name).stem == "plate")
+        plate = archive.read(name)
+    for picture in (plate, in_a_thread(tasks.encode_upright_jpeg, service, data)):
+        with Image.open(BytesIO(picture)) as image:
+            assert image.width == 1000
+            assert image.height == pytest.approx(height, abs=8)
+            assert np.asarray(image.convert("L"))[[0, -1]].mean() > 40  # no bar
 
 
 def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:

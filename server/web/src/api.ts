@@ -46,8 +46,19 @@ export interface GroundSpot {
 /** The record of a light that was changed by hand, without what only the estimate can state. */
 export type EditedLighting = Omit<Lighting, "sun"> & { sun: Omit<Lighting["sun"], "radius_50" | "radius_90"> };
 
+/** The photo inside a border, in pixels of the upright picture. */
+export interface PhotoCrop {
+  left: number;
+  top: number;
+  width: number; // of the photo
+  height: number;
+  picture_width: number; // of the whole picture
+  picture_height: number;
+}
+
 export interface Estimate extends Lighting {
   links: { envmap: string };
+  crop?: PhotoCrop; // where the photo lies inside a border: what the answer is of
   probability: Distribution;
   surroundings?: SurroundingsFactors; // gains of the bare map by the surroundings, where the network predicts them
 }

@@ -6,11 +6,12 @@ import { SkyClient } from "./sky/client";
 import {
   aspectRatio,
   createView,
+  cropPhoto,
   currentState,
+  type DecodedPhoto,
   decodePhoto,
   type EditState,
   loadShadowMask,
-  type Photo,
   type PhotoSource,
   type PhotoView,
   parametersFromRecord,
@@ -144,7 +145,8 @@ async function runEstimate({ sources, userInput }: EstimateRequest, signal: Abor
     const [file, ...others] = files; // of several, the service names the one
     throw error instanceof ServiceError && file && others.length === 0 ? error.withFileName(file) : error;
   });
-  const [photos, masks] = [await decoding, await shadowMasks];
+  const [decoded, masks] = [await decoding, await shadowMasks];
+  const photos = await Promise.all(decoded.map((photo, i) => cropPhoto(photo, answers[i]?.crop)));
   if (signal.aborted) return;
   for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
   const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number], masks[i]));
@@ -156,11 +158,11 @@ async function runEstimate({ sources, userInput }: EstimateRequest, signal: Abor
   void offerByService();
   showPhoto(0);
   const seconds = ((performance.now() - startTime) / 1000).toFixed(1);
-  const decoded = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";
-  status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${decoded}`;
+  const note = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";
+  status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${note}`;
 }
 
-const decodePhotos = (files: File[], signal: AbortSignal): Promise<Photo[]> =>
+const decodePhotos = (files: File[], signal: AbortSignal): Promise<DecodedPhoto[]> =>
   Promise.all(files.map((file) => decodePhoto(file, signal)));
 
 /** Shows one of the photos. */

@@ -10,6 +10,7 @@ import {
   type Lighting,
   type LightOverrides,
   type LightParameters,
+  type PhotoCrop,
 } from "./api";
 import { direction } from "./geometry/angles";
 import type { Pixels } from "./geometry/color";
@@ -130,7 +131,7 @@ export function buildRecord(
   parameters: LightParameters,
   irradiances: Irradiances,
 ): Lighting | EditedLighting {
-  const { links: _, probability: __, surroundings: ___, warning_codes: ____, ...record } = estimate;
+  const { links: _, crop: __, probability: ___, surroundings: ____, warning_codes: _____, ...record } = estimate;
   if (sameParameters(parametersFromRecord(record), parameters)) return record;
   const { azimuth, elevation } = { azimuth: parameters.sun_azimuth, elevation: parameters.sun_elevation };
   const { cover } = record.sky;
@@ -194,20 +195,61 @@ export interface Photo {
   byService: boolean; // whether the service decoded it
 }
 
+/** A decoded file, with its border if it has one. */
+export interface DecodedPhoto {
+  file: File;
+  image: HTMLImageElement; // upright
+  metadata: PhotoMetadata;
+  byService: boolean; // whether the service decoded it, and then cut its border off
+}
+
+/** A part of an image in its pixels. */
+export interface ImagePart {
+  left: number;
+  top: number;
+  width: number;
+  height: number;
+}
+
 const MAX_BACKDROP = 2048; // pixels of the stage's backdrop
+const PICTURE_QUALITY = 0.92; // of the JPEG of a part, 0 to 1
 const MAX_ANALYSIS = 256; // pixels of the picture that is looked at
 
 /**
  * Decodes a file here, or by the service where this browser cannot, as most cannot with HEIC, or where it may show it
  * another way up, as a WebP with an orientation.
  */
-export async function decodePhoto(file: File, signal: AbortSignal): Promise<Photo> {
+export async function decodePhoto(file: File, signal: AbortSignal): Promise<DecodedPhoto> {
   const metadata = await readMetadata(file);
   const local = metadata.rotated ? null : await decodeImage(file);
   const image = local ?? (await decodeImage(await fetchUprightPhoto(file, signal)));
   if (!image) throw new Error(`${file.name} cannot be shown.`);
-  const picture = drawScaled(image, MAX_BACKDROP);
-  return { file, url: image.src, picture, pixels: readPixels(image), metadata, byService: !local };
+  return { file, image, metadata, byService: !local };
+}
+
+/** The photo that an answer is of: what lies inside the border. */
+export async function cropPhoto(decoded: DecodedPhoto, crop: PhotoCrop | undefined): Promise<Photo> {
+  const { image, ...rest } = decoded;
+  const cropped = decoded.byService ? undefined : crop;
+  const part = imagePart(cropped, image.naturalWidth, image.naturalHeight);
+  const picture = drawScaled(image, part, MAX_BACKDROP);
+  const url = cropped ? await pictureUrl(picture, image) : image.src;
+  return { ...rest, url, picture, pixels: readPixels(image, part) };
+}
+
+/** The part of an image that a crop of the picture leaves, also where the image has another size than the picture. */
+export function imagePart(crop: PhotoCrop | undefined, width: number, height: number): ImagePart {
+  if (!crop) return { left: 0, top: 0, width, height };
+  const [x, y] = [width / crop.picture_width, height / crop.picture_height];
+  return { left: crop.left * x, top: crop.top * y, width: crop.width * x, height: crop.height * y };
+}
+
+/** The address of a picture, which takes the place of the image's. */
+async function pictureUrl(picture: HTMLCanvasElement, image: HTMLImageElement): Promise<string> {
+  const blob = await new Promise<Blob | null>((resolve) => picture.toBlob(resolve, "image/jpeg", PICTURE_QUALITY));
+  if (!blob) throw new Error("This browser draws no pictures.");
+  URL.revokeObjectURL(image.src);
+  return URL.createObjectURL(blob);
 }
 
 /** Where the ground of a photo lies in the sun; in the sun everywhere where the service does not say. */
@@ -216,7 +258,7 @@ export async function loadShadowMask(file: File, userInput: UserInput, signal: A
   const image = mask && (await decodeImage(mask));
   if (!image) return SUNLIT;
   URL.revokeObjectURL(image.src);
-  return shadowMaskFromPixels(readPixels(image));
+  return shadowMaskFromPixels(readPixels(image, imagePart(undefined, image.naturalWidth, image.naturalHeight)));
 }
 
 export const aspectRatio = ({ picture }: Photo): number => picture.width / picture.height;
@@ -233,18 +275,18 @@ async function decodeImage(file: Blob): Promise<HTMLImageElement | null> {
   }
 }
 
-function drawScaled(image: HTMLImageElement, maxSide: number): HTMLCanvasElement {
-  const { naturalWidth: width, naturalHeight: height } = image;
+function drawScaled(image: HTMLImageElement, part: ImagePart, maxSide: number): HTMLCanvasElement {
+  const { left, top, width, height } = part;
   const scale = Math.min(1, maxSide / Math.max(width, height));
   const canvas = document.createElement("canvas");
   canvas.width = Math.max(1, Math.round(width * scale));
   canvas.height = Math.max(1, Math.round(height * scale));
-  canvas.getContext("2d")?.drawImage(image, 0, 0, canvas.width, canvas.height);
+  canvas.getContext("2d")?.drawImage(image, left, top, width, height, 0, 0, canvas.width, canvas.height);
   return canvas;
 }
 
-function readPixels(image: HTMLImageElement): Pixels {
-  const small = drawScaled(image, MAX_ANALYSIS);
+function readPixels(image: HTMLImageElement, part: ImagePart): Pixels {
+  const small = drawScaled(image, part, MAX_ANALYSIS);
   const context = small.getContext("2d", { willReadFrequently: true });
   if (!context) throw new Error("This browser draws no pictures.");
   return context.getImageData(0, 0, small.width, small.height);

@@ -15,7 +15,7 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../src/geometry/placement";
-import { buildRecord, cameraOverrides, parametersFromRecord, statedOverrides } from "../src/state";
+import { buildRecord, cameraOverrides, imagePart, parametersFromRecord, statedOverrides } from "../src/state";
 import { metadataFromTags } from "../src/text/exif";
 import {
   describeMetadata,
@@ -43,6 +43,22 @@ const TAGS = {
   GPSTimeStamp: [15, 27, 34],
   GPSDateStamp: "2024:08:10",
 };
+
+describe("the part of a picture that is shown", () => {
+  const crop = { left: 0, top: 131, width: 1920, height: 818, picture_width: 1920, picture_height: 1080 };
+
+  it("is all of it without a border", () => {
+    expect(imagePart(undefined, 640, 480)).toEqual({ left: 0, top: 0, width: 640, height: 480 });
+  });
+
+  it("is what lies inside the border", () => {
+    expect(imagePart(crop, 1920, 1080)).toEqual({ left: 0, top: 131, width: 1920, height: 818 });
+  });
+
+  it("is the same part of an image of another size", () => {
+    expect(imagePart(crop, 960, 540)).toEqual({ left: 0, top: 65.5, width: 960, height: 409 });
+  });
+});
 
 describe("what a photo says", () => {
   const metadata = metadataFromTags(TAGS);
@@ -262,7 +278,7 @@ describe("the light on show as text", () => {
       ...{ model: { name: "", version: "" }, camera: CAMERA, evidence: [], warnings: [] },
       sun: { azimuth: 1, elevation: 2, direction: [0, 1, 0], visibility: 1, radius_50: 9, radius_90: 30 },
       sky: { model: "hosek-wilkie", turbidity: 3, ground_albedo: 0.3, exposure: 5 },
-      ...{ links: { envmap: "" }, probability: {}, surroundings: {} },
+      ...{ links: { envmap: "" }, crop: {}, probability: {}, surroundings: {} },
     } as unknown as Estimate;
     const record = buildRecord(answer, parametersFromRecord(answer), { sun: [0, 0, 0], sky: [0, 0, 0] });
     expect(Object.keys(record).sort()).toEqual(["camera", "evidence", "model", "sky", "sun", "warnings"]);

@@ -6,12 +6,14 @@ from pathlib import Path
 import numpy as np
 import OpenEXR
 import pytest
+from PIL import Image, ImageOps
 
 from lighting.files.exr import read_exr
 from lighting.records import record_with_coefficients
 from tests.conftest import TINY
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
 
+EXAMPLE = Path(__file__).parents[3] / "examples" / "wide_street.jpg"
 METADATA = ["local_time", "utc_offset", "gps_time", "heading", "heading_reference", "focal_length", "vertical_fov"]
 METADATA += [
     "camera_elevation",
@@ -43,6 +45,16 @@ def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, t
     assert net == {"file": str(network), "kind": "network", **json.loads(TINY.to_json())}
     assert envmap.pop("lighting") == record_with_coefficients(LIGHTING)
     assert envmap == {"file": str(tmp_path / "a.exr"), "kind": "environment map", "width": 32, "height": 16}
+
+
+def test_info_of_a_photo_inside_a_border_says_where_it_lies(tmp_path: Path) -> None:
+    with Image.open(EXAMPLE) as example:
+        photo = example.convert("RGB").resize((480, 270))
+    ImageOps.expand(photo, (0, 45), "black").save(tmp_path / "a.png")
+    described = json.loads(invoke_command("info", tmp_path / "a.png").stdout)
+    assert (described["width"], described["height"]) == (480, 270)
+    inner = {"left": 0, "top": 45, "width": 480, "height": 270}
+    assert described["crop"] == {**inner, "picture_width": 480, "picture_height": 360}
 
 
 def test_only_what_is_twice_as_wide_as_high_is_a_map(record_path: Path, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from PIL import ExifTags, Image, ImageDraw, ImageFilter
 from lighting.photo.borders import Rectangle, find_layout
 from lighting.photo.lens import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.reader import photo_from_array, read_photo
+from lighting.photo.reader import PhotoCrop, photo_from_array, read_photo
 from lighting.records import warning_code
 from tests.conftest import encode, exif
 
@@ -171,6 +171,7 @@ def test_the_photo_inside_has_its_own_size_pixels_lens_and_a_warning() -> None:
     photo = photo_from_array(pixels, PhotoMetadata(vertical_fov=60.0))
     left, top, right, bottom = map(int, corners)
     assert (photo.width, photo.height) == (right - left, bottom - top)
+    assert photo.crop == PhotoCrop(left, top, right - left, bottom - top, whole.width, whole.height)
     np.testing.assert_array_equal(photo.pixels, pixels[top:bottom, left:right])
     share = (bottom - top) / len(pixels)
     expected = 2 * np.degrees(np.arctan(share * np.tan(np.radians(30.0))))

@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import Field, asdict, fields
 from datetime import datetime, timedelta, timezone
@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image, ImageOps
 
 from benchmarks.fuzz import changed, fuzz, seeds
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
@@ -27,9 +28,11 @@ from lighting.photo import sandbox
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, read_photo
 from lighting.photo.sandbox import DecodeRequest, DecoderProcess, read_photo_isolated, start_decoder_pool
+from lighting.records import warning_code
 from tests.conftest import encode, munich, scene
 from tests.helpers.processes import wait_until_ended
 
+EXAMPLES = Path(__file__).parents[3] / "examples"
 GOOD = encode(scene(640, 480), exif=munich())
 LARGE = encode(scene(4000, 3000), "PNG", compress_level=1)
 
@@ -52,6 +55,32 @@ def test_the_photo_is_the_same(tmp_path: Path) -> None:
         photo = read_photo_isolated(source, target=200)
         assert np.array_equal(photo.pixels, expected.pixels)
         assert (photo.width, photo.height, photo.format, photo.metadata) == (640, 480, "JPEG", expected.metadata)
+
+
+def bordered() -> bytes:
+    """A photo between black bars."""
+    return encode(ImageOps.expand(_example("wide_street").resize((480, 270)), (0, 45), "black"))
+
+
+def collage() -> bytes:
+    whole = Image.new("RGB", (610, 300), "white")
+    for left, name in ((0, "garden_noon"), (310, "snow_field")):
+        whole.paste(_example(name).resize((300, 300)), (left, 0))
+    return encode(whole)
+
+
+def _example(name: str) -> Image.Image:
+    with Image.open(EXAMPLES / f"{name}.jpg") as image:
+        return image.convert("RGB")
+
+
+@pytest.mark.parametrize(("picture", "code"), [(bordered, "border"), (collage, "collage")])
+def test_nothing_of_a_photo_gets_lost(picture: Callable[[], bytes], code: str) -> None:
+    data = picture()
+    expected, photo = read_photo(data), read_photo_isolated(data)
+    for field in fields(Photo):
+        assert np.array_equal(getattr(photo, field.name), getattr(expected, field.name)), field.name
+    assert [warning_code(warning) for warning in photo.warnings] == [code]
 
 
 def test_errors_are_the_same(tmp_path: Path) -> None:
@@ -193,6 +222,7 @@ def answer_of(reply: bytes) -> Photo | Exception:
 
 ANSWER: dict[str, Any] = {
     "rows": 1, "columns": 2, "width": 64, "height": 32, "format": "JPEG", "metadata": asdict(PhotoMetadata()),
+    "crop": None, "is_collage": False, "warnings": [],
 }  # fmt: skip
 
 
@@ -210,7 +240,8 @@ def test_a_true_answer_is_taken() -> None:
         {"more": 1}, {"metadata": {}}, {"metadata": asdict(PhotoMetadata()) | {"heading": float("nan")}},
         {"metadata": asdict(PhotoMetadata()) | {"latitude": "north"}}, {"error": "PhotoError"},
         {"metadata": asdict(PhotoMetadata()) | {"local_time": "yesterday"}},
-        {"metadata": asdict(PhotoMetadata()) | {"heading_reference": "up"}},
+        {"metadata": asdict(PhotoMetadata()) | {"heading_reference": "up"}}, {"crop": {"left": 1}}, {"crop": "all"},
+        {"is_collage": 1}, {"warnings": ["Bars."]}, {"warnings": [{"text": "Bars.", "code": "bars"}]},
     ],
 )  # fmt: skip
 def test_an_answer_is_checked(change: dict[str, Any]) -> None:
