@@ -1,6 +1,7 @@
 """What a file is that is no photo which can be read, for errors that name it."""
 
 import re
+import zlib
 
 from lighting.photo.heif import ftyp_brands, heif_kind
 
@@ -19,6 +20,10 @@ _PICTURES = (  # name with its article, and how such files begin
     ("a DDS texture", b"DDS "), ("a KTX texture", b"\xabKTX"), ("a QOI", b"qoif"), ("a FLIF", b"FLIF"),
     ("a BPG", b"BPG\xfb"), ("a DPX", b"SDPX"), ("a DPX", b"XPDS"), ("a Cineon picture", b"\x80\x2a\x5f\xd7"),
     ("a FITS picture", b"SIMPLE  ="), ("a Sun raster picture", b"\x59\xa6\x6a\x95"), ("an SGI picture", b"\x01\xda"),
+    ("an MNG animation", b"\x8aMNG"), ("a JNG", b"\x8bJNG"), ("a Lytro light field (LFP)", b"\x89LFP"),
+    ("a BLP texture", b"BLP"), ("a VTF texture", b"VTF\0"), ("an InDesign document", b"\x06\x06\xed\xf5"),
+    ("a PaintShop Pro document", b"Paint Shop Pro Image File"), ("a Paint.NET document (PDN)", b"PDN3"),
+    ("an Affinity document", b"\0\xffKA"), ("an ImageMagick picture (MIFF)", b"id=ImageMagick"),
     ("an XPM", b"/* XPM"), ("an XBM", b"#define "), ("a DjVu", b"AT&TFORM"), ("a WMF", b"\xd7\xcd\xc6\x9a"),
 )  # fmt: skip
 _OTHERS = (  # of which no picture can be made
@@ -26,14 +31,21 @@ _OTHERS = (  # of which no picture can be made
     ("a ZIP archive", b"PK\x03\x04"), ("a gzip archive", b"\x1f\x8b"), ("a 7z archive", b"7z\xbc\xaf"),
     ("a RAR archive", b"Rar!"), ("an MP3", b"ID3"), ("an Ogg file", b"OggS"), ("a FLAC", b"fLaC"),
     ("a resource file of macOS (AppleDouble)", b"\0\x05\x16\x07"),
+    ("an array of NumPy", b"\x93NUMPY"), ("an HDF5 file", b"\x89HDF"), ("a property list", b"bplist00"),
+    ("an SQLite database", b"SQLite format 3"), ("a shortcut of Windows", b"L\0\0\0\x01\x14\x02\0"),
     ("a pointer of Git LFS", b"version https://git-lfs"),
 )  # fmt: skip
 _CLIPS = (
     ("a Matroska or WebM clip", b"\x1aE\xdf\xa3"), ("an FLV clip", b"FLV\x01"), ("a WMV clip", b"\x30\x26\xb2\x75"),
-    ("an MPEG clip", b"\0\0\x01\xba"), ("an MPEG clip", b"\0\0\x01\xb3"),
+    ("an MXF clip", b"\x06\x0e\x2b\x34"), ("an MPEG clip", b"\0\0\x01\xba"), ("an MPEG clip", b"\0\0\x01\xb3"),
 )  # fmt: skip
 _TS_PACKETS = ((0, 188), (4, 192))  # the mark of the first one, and how long a packet is
-_RAWS = (("a Canon CRW", b"II\x1a\0\0\0HEAPCCDR"), ("a Minolta MRW", b"\0MRM"), ("a RED R3D", b"\0\0\0\0RED"))
+_RAWS = (
+    ("a Canon CRW", b"II\x1a\0\0\0HEAPCCDR"),
+    ("a Minolta MRW", b"\0MRM"),
+    ("a Phase One IIQ", b"IIII"),
+    ("a RED R3D", b"\0\0\0\0RED"),
+)
 _PHOTOS = (("JPEG", b"\xff\xd8\xff"), ("PNG", b"\x89PNG\r\n\x1a\n"))  # names without articles
 _QUICKTIME_ATOMS = (b"moov", b"mdat", b"wide", b"free", b"skip", b"pnot")
 _NETPBM = {b"1": "PBM", b"2": "PGM", b"3": "PPM", b"4": "PBM", b"5": "PGM", b"6": "PPM", b"7": "PAM"}
@@ -44,6 +56,14 @@ _PCX_HEAD = re.compile(rb"\x0a[\x00\x02-\x05]\x01[\x01\x02\x04\x08]")
 _TGA_HEAD = re.compile(rb"(?s).[\x00\x01][\x01-\x03\x09-\x0b].{13}[\x08\x0f\x10\x18\x20][\x00-\x3f]")
 _TGA_UNCOMPRESSED = (1, 2, 3)
 _TEXT_HEAD = 4096  # bytes
+_PDF_HEAD = 1024  # bytes, within which a PDF may begin
+_JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*[\[{\"\d])")
+_GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
+_IN_ZIP = (
+    (b"image/openraster", "an OpenRaster document (ORA)"), (b"application/x-krita", "a Krita document (KRA)"),
+    (b"word/", "a Word document"), (b"ppt/", "a PowerPoint document"),
+    (b"vnd.oasis.opendocument", "an OpenDocument file"), (b".usd", "a USD scene (USDZ)"),
+)  # fmt: skip
 _MARKUP = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:<\?xml|<!DOCTYPE|<!--|<svg|<html|<x:xmpmeta|<head|<body)", re.IGNORECASE)
 
 
@@ -120,11 +140,34 @@ def _picture_name(data: bytes) -> str | None:
         return "a BMP"
     if _PCX_HEAD.match(data):
         return "a PCX"
+    if b"%PDF-" in data[:_PDF_HEAD]:
+        return "a PDF"
+    if data[40:44] == b" EMF":
+        return "an EMF"
+    if data[2048:2055] == b"PCD_IPI":
+        return "a Photo CD picture (PCD)"
+    if data[:4] == b"RIFF" and data[8:11] == b"CDR":
+        return "a CorelDRAW document (CDR)"
+    if data[:2] == _GZIP and _is_svg(_first_of_gzip(data)):
+        return "an SVG (compressed, SVGZ)"
+    if data[:4] == _ZIP and (name := next((name for mark, name in _IN_ZIP if mark in data[:_TEXT_HEAD]), None)):
+        return name
     if data[128:132] == b"DICM":
         return "a DICOM picture"
-    if _MARKUP.match(data) and b"<svg" in data[:_TEXT_HEAD].lower() and not _is_html(data):
+    if _is_svg(data):
         return "an SVG"
     return next((name for name, start in _PICTURES if data.startswith(start)), None)
+
+
+def _is_svg(data: bytes) -> bool:
+    return bool(_MARKUP.match(data)) and b"<svg" in data[:_TEXT_HEAD].lower() and not _is_html(data)
+
+
+def _first_of_gzip(data: bytes) -> bytes:
+    try:
+        return zlib.decompressobj(16 + zlib.MAX_WBITS).decompress(data[:_TEXT_HEAD], _TEXT_HEAD)
+    except zlib.error:
+        return b""
 
 
 def _other_name(data: bytes) -> str | None:
@@ -136,6 +179,8 @@ def _other_name(data: bytes) -> str | None:
         return "a file of zeros alone, as a copy that broke off leaves it"
     if _MARKUP.match(data):
         return "a page of the web (HTML)" if _is_html(data) else "an XML file"
+    if _JSON.match(data):
+        return "a JSON file"
     return next((name for name, start in _OTHERS if data.startswith(start)), None)
 
 

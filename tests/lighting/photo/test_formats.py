@@ -1,5 +1,6 @@
 """What is no photo is named when it is refused."""
 
+import gzip
 from io import BytesIO
 from pathlib import Path
 
@@ -36,6 +37,16 @@ BEGINNINGS = {
     "Radiance HDR": b"#?RADIANCE\n" + bytes(40),
     "PDF": b"%PDF-1.7\n",
     "EPS": b"%!PS-Adobe-3.0 EPSF-3.0",
+    "a PDF": b"\r\n\n%PDF-1.7\n",
+    "SVGZ": gzip.compress(b"<svg xmlns='http://www.w3.org/2000/svg'/>"),
+    "KRA": b"PK\x03\x04" + bytes(26) + b"mimetypeapplication/x-krita",
+    "ORA": b"PK\x03\x04" + bytes(26) + b"mimetypeimage/openraster",
+    "MNG": b"\x8aMNG\r\n\x1a\n" + bytes(40),
+    "EMF": b"\1\0\0\0" + bytes(36) + b" EMF" + bytes(40),
+    "CDR": b"RIFF\0\0\0\0CDRv" + bytes(40),
+    "PCD": bytes(2048) + b"PCD_IPI" + bytes(40),
+    "JSON": b'{"photoTakenTime": {"timestamp": "1717260540"}}',
+    "NumPy": b"\x93NUMPY\x01\0v\0" + bytes(40),
     "ICO": b"\0\0\x01\0\x01\0" + bytes(40),
     "DDS": b"DDS |" + bytes(40),
     "XCF": b"gimp xcf v011\0" + bytes(40),
