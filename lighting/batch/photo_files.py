@@ -29,6 +29,9 @@ _OTHER_SUFFIXES = (  # of pictures that are no photos or that nothing here is kn
 IN_CACHES = "in caches"  # the reason of pictures that programs made of others, or that a user threw away
 _CACHE_NAMES = {  # of folders, in small letters
     "@eadir", "@tmp", "#recycle", "#snapshot", "@recycle", "@recently-snapshot", "@transcode",  # of Synology and QNAP
+    "@synoresource", "~snapshot", "files_trashbin", "files_versions",  # of Synology, NetApp and Nextcloud
+    "system volume information", "network trash folder", "temporary items",
+    "papierkorb", "corbeille", "papelera", "cestino", "prullenbak", "papperskorg", "lixeira", "kosz",
     "$recycle.bin", "recycler", "recycled", "recycle bin", "trash", "lost+found", "__macosx",
 }  # fmt: skip
 _CACHE_NAME = re.compile(r"thumbnail|(?:^|[._@-])thumbs?$|(?:^|[ ._@-])caches?$|^appdata_|\.lrdata$")

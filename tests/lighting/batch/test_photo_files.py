@@ -118,6 +118,9 @@ CACHED = [
     "iPod Photo Cache/a.png",
     "appdata_oc1/preview/a.jpg",
     "lost+found/a.jpg",
+    "files_trashbin/files/a.jpg",
+    "System Volume Information/a.jpg",
+    "Papierkorb/a.jpg",
     "__MACOSX/a.jpg",
     "TRASH/a.gif",
 ]
