@@ -1,4 +1,6 @@
-"""Angles of a light in words, the same wherever they are printed or drawn."""
+"""Angles of a light in words, and names of files for JSON, the same wherever they are printed or drawn."""
+
+import os
 
 
 def format_azimuth(azimuth: float, digits: int = 0) -> str:
@@ -56,3 +58,14 @@ def format_utc_offset(hours: float) -> str:
     """
     minutes = round(abs(hours) * 60)
     return f"{'-' if hours < 0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"
+
+
+def escape_undecodable(name: str) -> str:
+    """Return the name of a file, or a text that holds one, for JSON: bytes that are not UTF-8 as escapes as \\xe9.
+
+    JSON could hold such a byte only as half a surrogate pair, which many programs refuse.
+
+    Args:
+        name: as the user typed it.
+    """
+    return os.fsencode(name).decode("utf-8", "backslashreplace")

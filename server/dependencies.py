@@ -225,7 +225,7 @@ def _route(request: Request) -> str:
     return f"{request.method} {getattr(request.scope.get('route'), 'path', '')}"
 
 
-def _get_service(request: Request) -> Service:
+async def _get_service(request: Request) -> Service:  # not in FastAPI's threads, which would wait for one another
     service: Service = request.app.state.service
     return service
 

@@ -210,6 +210,7 @@ class SliceMiddleware(_Middleware):
             for start in range(0, len(body) - SLICE_BYTES, SLICE_BYTES):
                 scope["unsent_rest"] = len(body) - start - SLICE_BYTES
                 await send({**message, "body": memoryview(body)[start : start + SLICE_BYTES], "more_body": True})
+                await asyncio.sleep(0)  # sending waits only for a slow client, and a lost connection is noticed here
             if scope.pop("unsent_rest", 0):
                 message = {**message, "body": memoryview(body)[-(len(body) % SLICE_BYTES or SLICE_BYTES) :]}
             await send(message)

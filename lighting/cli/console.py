@@ -17,7 +17,13 @@ import click
 import lighting.errors as errors
 from lighting.cli.process import exit_on_interrupt
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
-from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt, format_utc_offset
+from lighting.formatting import (
+    escape_undecodable,
+    format_azimuth,
+    format_sun_elevation,
+    format_tilt,
+    format_utc_offset,
+)
 
 if TYPE_CHECKING:
     import numpy as np
@@ -166,17 +172,6 @@ def escape_path(name: str) -> str:
         name: as the user typed it; "-" is stdin.
     """
     return {"-": "stdin", "": "''"}.get(name) or escape_control_chars(click.format_filename(name))
-
-
-def escape_undecodable(name: str) -> str:
-    """Return the name of a file, or a text that holds one, for JSON: bytes that are not UTF-8 as escapes as \\xe9.
-
-    JSON could hold such a byte only as half a surrogate pair, which many programs refuse.
-
-    Args:
-        name: as the user typed it.
-    """
-    return os.fsencode(name).decode("utf-8", "backslashreplace")
 
 
 def escape_control_chars(text: str) -> str:

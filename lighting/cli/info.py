@@ -12,7 +12,6 @@ import click
 
 from lighting.cli import cli
 from lighting.cli.console import (
-    escape_undecodable,
     parse_lighting,
     path_of,
     prefix_errors,
@@ -20,6 +19,7 @@ from lighting.cli.console import (
     read_picture_bytes,
 )
 from lighting.cli.process import silence_libraries
+from lighting.formatting import escape_undecodable
 
 if TYPE_CHECKING:
     import numpy as np

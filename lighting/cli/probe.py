@@ -9,11 +9,11 @@ import click
 
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.console import escape_path, escape_undecodable, prefix_errors
+from lighting.cli.console import escape_path, prefix_errors
 from lighting.cli.options import FiniteRange
 from lighting.cli.process import silence_libraries
 from lighting.errors import ProbeError
-from lighting.formatting import format_side
+from lighting.formatting import escape_undecodable, format_side
 
 if TYPE_CHECKING:
     import numpy as np

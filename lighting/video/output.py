@@ -24,6 +24,7 @@ from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoErr
 from lighting.files import write_envmap
 from lighting.files.atomic import atomic_write, output_folder_error
 from lighting.files.exr import read_exr_attributes
+from lighting.formatting import escape_undecodable
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes
 from lighting.model import Model
@@ -154,9 +155,9 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
 
 def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO) -> list[FrameLight]:
     """The lines and maps of one shot."""
-    name = str(job.source)
+    name = escape_undecodable(str(job.source))
     if isinstance(shot, VideoError):
-        lines.write(json.dumps({"file": name, "shot": number, "error": str(shot)}) + "\n")
+        lines.write(json.dumps({"file": name, "shot": number, "error": escape_undecodable(str(shot))}) + "\n")
         return []
     lights = list(frame_lights(shot, number))
     lines.writelines(light.to_line(name) + "\n" for light in lights)

@@ -1,5 +1,6 @@
 """Tests of middleware."""
 
+import asyncio
 import logging
 import re
 from collections.abc import Iterator
@@ -191,3 +192,23 @@ def test_large_bodies_are_sent_in_slices_and_the_rest_is_known(size: int) -> Non
     assert max(len(part) for part, _, _ in sent) <= SLICE_BYTES
     lengths = [len(part) for part, _, _ in sent]
     assert [rest for _, _, rest in sent] == [sum(lengths[n + 1 :]) for n in range(len(sent))]
+
+
+def test_others_run_between_the_slices_of_a_body() -> None:
+    events: list[str] = []
+
+    async def app(_scope: Scope, _receive: Receive, send: Send) -> None:
+        await send({"type": "http.response.body", "body": bytes(3 * SLICE_BYTES)})
+
+    async def send(_message: Message) -> None:
+        events.append("slice")
+
+    async def receive() -> Message:
+        raise AssertionError
+
+    async def answer() -> None:
+        asyncio.get_running_loop().call_soon(events.append, "other")
+        await SliceMiddleware(app)({"type": "http"}, receive, send)
+
+    asyncio.run(answer())
+    assert events == ["slice", "other", "slice", "slice"]

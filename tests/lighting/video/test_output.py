@@ -1,6 +1,9 @@
 """What `lighting video` writes of whole clips."""
 
 import json
+import os
+import shutil
+import sys
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -54,6 +57,15 @@ def test_a_record_a_frame_and_a_map_a_shot(clip: Path, network: Path, tmp_path: 
     assert light is not None
     assert light.evidence == ("pixels", "turns", "other photos")
     assert sorted(p.name for p in out.iterdir()) == ["lighting.jsonl", "shot-1.exr"]
+
+
+@pytest.mark.skipif(sys.platform in ("win32", "darwin"), reason="names of files are Unicode there")
+def test_records_escape_a_name_that_is_not_utf8(clip: Path, network: Path, tmp_path: Path) -> None:
+    source = shutil.copy(clip, tmp_path / os.fsdecode(b"caf\xe9.mp4"))
+    out = tmp_path / "out"
+    done = run(source, "-o", out, "--model", network, "--height", 32, "--every", 0.5)
+    assert done.exit_code == 0, done.output
+    assert {line["file"] for line in records(out)} == {str(tmp_path / r"caf\xe9.mp4")}
 
 
 def test_shot_and_frames_stand_on_the_ground_that_they_show(lit_network: Path, tmp_path: Path) -> None:
