@@ -9,7 +9,7 @@ picture behind it. A damaged EXIF block or colour profile never rejects a photo.
 import os
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
@@ -125,6 +125,7 @@ def read_photo(
     max_pixels: int = MAX_PIXELS,
     target: int | None = TARGET,
     path: str | os.PathLike[str] | None = None,
+    sidecar: Mapping[str, str] | None = None,
 ) -> Photo:
     """The photo in a file, in bytes or in a binary stream.
 
@@ -135,6 +136,7 @@ def read_photo(
         target: pixels that the longer side keeps at least if it has them, rarely twice as many, and 32 million in all;
             None: all up to that.
         path: where bytes or a stream come from, beside which sidecars may lie; None: `source`, if it is a path.
+        sidecar: what `read_sidecar` returned, in place of looking beside `path`; None: look there.
 
     Raises:
         PhotoTooLargeError: over `max_bytes` or `max_pixels`.
@@ -172,7 +174,8 @@ def read_photo(
     photo = _without_border(Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format)))
     with _no_warnings():
         beside = source if isinstance(source, str | os.PathLike) else path
-        sidecar = None if beside is None else read_sidecar(beside)
+        if sidecar is None and beside is not None:
+            sidecar = read_sidecar(beside)
         inside = photo.crop is not None
         metadata = read_metadata(exif_source, photo.width, photo.height, sidecar, is_inside=inside)
     return replace(photo, metadata=metadata)

@@ -43,6 +43,7 @@ from lighting.photo.reader import (
     read_bytes,
     read_photo,
 )
+from lighting.photo.sidecar import read_sidecar
 from lighting.records import CodedWarning, Json, WarningCode, warning_code
 
 if TYPE_CHECKING:
@@ -83,6 +84,9 @@ class DecodeRequest:
     max_pixels: int
     target: int | None  # pixels
     seconds: float
+    sidecar: tuple[
+        tuple[str, str], ...
+    ] = ()  # XMP properties of the files beside the photo, which a worker cannot read
 
 
 def read_photo_isolated(
@@ -99,7 +103,7 @@ def read_photo_isolated(
     where a decoder crashes.
 
     Args:
-        source: path or bytes.
+        source: path, beside which sidecars may lie, or bytes.
         max_bytes: as in `read_photo`.
         max_pixels: as in `read_photo`.
         target: as in `read_photo`.
@@ -108,8 +112,9 @@ def read_photo_isolated(
     if not isinstance(source, bytes):
         _check_file(Path(source))
     data = read_bytes(source, max_bytes)
+    sidecar = () if isinstance(source, bytes) else tuple(read_sidecar(source).items())
     with _borrow_decoder() as decoder:
-        return decoder.read(DecodeRequest(len(data), max_bytes, max_pixels, target, seconds), data)
+        return decoder.read(DecodeRequest(len(data), max_bytes, max_pixels, target, seconds, sidecar), data)
 
 
 def _check_file(path: Path) -> None:
@@ -409,7 +414,8 @@ def serve_decoder() -> None:
 def _answer_request(request: DecodeRequest, data: bytes, answers: BinaryIO, own: int) -> None:
     try:
         runtime.limit_address_space(own + memory_budget(len(data), request.max_pixels, request.target))
-        photo = read_photo(data, max_bytes=request.max_bytes, max_pixels=request.max_pixels, target=request.target)
+        limits = {"max_bytes": request.max_bytes, "max_pixels": request.max_pixels}
+        photo = read_photo(data, **limits, target=request.target, sidecar=dict(request.sidecar))
     except Exception as error:
         field, code = getattr(error, "field", None), getattr(error, "code", None)
         answers.write(_json_line(asdict(_Failure(type(error).__name__, str(error), field, code))))

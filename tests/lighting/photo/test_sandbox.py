@@ -83,6 +83,17 @@ def test_nothing_of_a_photo_gets_lost(picture: Callable[[], bytes], code: str) -
     assert [warning_code(warning) for warning in photo.warnings] == [code]
 
 
+def test_what_lies_beside_a_photo_is_read_too(tmp_path: Path) -> None:
+    path = tmp_path / "a.jpg"
+    path.write_bytes(encode(scene(640, 480)))
+    takeout = {"photoTakenTime": {"timestamp": "1717259400"}, "geoData": {"latitude": 48.14, "longitude": 11.58}}
+    (tmp_path / "a.jpg.supplemental-metadata.json").write_text(json.dumps(takeout), encoding="utf-8")
+    metadata = read_photo_isolated(path).metadata
+    assert metadata == read_photo(path).metadata
+    assert metadata.latitude == pytest.approx(48.14)
+    assert read_photo_isolated(path.read_bytes()).metadata.latitude is None
+
+
 def test_errors_are_the_same(tmp_path: Path) -> None:
     for data in (b"", b"text", GOOD[:5000], encode(scene(640, 480), "GIF")):
         with pytest.raises(PhotoError) as here:
