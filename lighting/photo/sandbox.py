@@ -414,8 +414,13 @@ def serve_decoder() -> None:
 def _answer_request(request: DecodeRequest, data: bytes, answers: BinaryIO, own: int) -> None:
     try:
         runtime.limit_address_space(own + memory_budget(len(data), request.max_pixels, request.target))
-        limits = {"max_bytes": request.max_bytes, "max_pixels": request.max_pixels}
-        photo = read_photo(data, **limits, target=request.target, sidecar=dict(request.sidecar))
+        photo = read_photo(
+            data,
+            max_bytes=request.max_bytes,
+            max_pixels=request.max_pixels,
+            target=request.target,
+            sidecar=dict(request.sidecar),
+        )
     except Exception as error:
         field, code = getattr(error, "field", None), getattr(error, "code", None)
         answers.write(_json_line(asdict(_Failure(type(error).__name__, str(error), field, code))))
