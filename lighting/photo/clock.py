@@ -337,7 +337,8 @@ def _xmp_stamp(xmp: Mapping[str, str], name: str) -> Stamp | None:
     suffix = name.rpartition("DateTime")[2]
     if stamp is None or stamp.utc_offset is not None or suffix not in ("Original", "Digitized"):
         return stamp
-    return Stamp(stamp.time, _offset_in_text(_plain_text(xmp.get(f"{_EXIF_EX} OffsetTime{suffix}")), stamp.time))
+    texts = (_plain_text(xmp.get(f"{space} OffsetTime{suffix}")) for space in (_EXIF_EX, EXIF_NAMESPACE))
+    return Stamp(stamp.time, _first_known(*(_offset_in_text(text, stamp.time) for text in texts)))
 
 
 def _iptc_stamps(iptc: Mapping[Any, Any]) -> Iterator[Stamp]:

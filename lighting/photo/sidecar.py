@@ -62,22 +62,25 @@ def _xmp_files(photo: Path) -> Iterator[Path]:
 def _takeout_files(photo: Path) -> Iterator[Path]:
     """Where Google Takeout writes JSON, which is cut for long names and counts copies behind the suffix."""
     stem, suffix = _original(photo.stem), photo.suffix
-    number = ""
+    names = [(stem, "")]
     opening, closing = _COPY_NUMBERS
     if stem.endswith(closing) and opening in stem:
         before, _, digits = stem.removesuffix(closing).rpartition(opening)
         if digits.isdigit():
-            stem, number = before, f"{opening}{digits}{closing}"
-    for length in range(len(_TAKEOUT_SUFFIX), -1, -1):
-        name = f"{stem}{suffix}.{_TAKEOUT_SUFFIX[:length]}".rstrip(".")
-        yield photo.with_name(f"{name}{number}.json")
-    yield photo.with_name(f"{f'{stem}{suffix}'[:_MAX_TAKEOUT_STEM]}{number}.json")
+            names.insert(0, (before, f"{opening}{digits}{closing}"))
+    for name, number in names:
+        for length in range(len(_TAKEOUT_SUFFIX), -1, -1):
+            whole = f"{name}{suffix}.{_TAKEOUT_SUFFIX[:length]}".rstrip(".")
+            yield photo.with_name(f"{whole}{number}.json")
+        yield photo.with_name(f"{f'{name}{suffix}'[:_MAX_TAKEOUT_STEM]}{number}.json")
     yield photo.with_name(f"{_original(photo.stem)}.json")
 
 
 def _original(stem: str) -> str:
     """A name without Google's word for a copy that was changed."""
-    return _EDITED.sub("", unicodedata.normalize("NFC", stem))
+    composed = unicodedata.normalize("NFC", stem)  # macOS writes letters and accents apart
+    original = _EDITED.sub("", composed)
+    return stem if original == composed else original
 
 
 def _read_small(file: Path) -> bytes | None:

@@ -152,6 +152,18 @@ SPELLINGS: dict[str, tuple[dict[str, Any], dict[str, Any], float | None, str]] =
         -6.0,
         FILE,
     ),
+    "offset of its own in XMP": (
+        DENVER,
+        {
+            "DateTimeOriginal": None,
+            "xmp": packet(
+                "http://ns.adobe.com/exif/1.0/",
+                {"DateTimeOriginal": "2025-09-14T08:18:00", "OffsetTimeOriginal": "-06:00"},
+            ),
+        },
+        -6.0,
+        FILE,
+    ),
     "XMP in UTC": (
         DENVER,
         {"xmp": packet("http://ns.adobe.com/exif/1.0/", {"DateTimeOriginal": "2025-09-14T14:18:00Z"})},
@@ -427,6 +439,7 @@ TAKEOUT = {
         ("photo.jpg", "photo.jpg.supplemental-me.json"),
         ("photo(2).jpg", "photo.jpg.supplemental-metadata(2).json"),
         ("photo(2).jpg", "photo.jpg(2).json"),
+        ("photo(2).jpg", "photo(2).jpg.json"),
         ("photo-edited.jpg", "photo.jpg.supplemental-metadata.json"),
         ("photo-bearbeitet.jpg", "photo.jpg.supplemental-metadata.json"),
         ("photo-edited(1).jpg", "photo.jpg.supplemental-metadata(1).json"),
