@@ -14,6 +14,7 @@ PLACE_BYTES = 65_536  # of a body that have come when it takes a place
 UNSENT_SHARE = 0.25  # of the bytes of answers that may wait, for one client
 BACKLOG = 32  # connections that are accepted in one iteration of the event loop
 _SPARE_FILES = 4 * BACKLOG + 32  # of the process that are no connections, or not yet counted as such
+_BROWSER_CONNECTIONS = 8  # of one client, as browsers open; more may be refused when there are too many in all
 _FILES_PER_WORKER = 8  # pipes of the processes that decode and match
 _LOG_SECONDS = 60.0  # between two lines about connections
 
@@ -168,8 +169,10 @@ class OpenConnection(Protocol):
 class ConnectionLimiter:
     """Limits the open connections, in all and of each client.
 
-    When there are too many in all, the one on which nothing has been asked for longest gives way: of those that never
-    asked anything first. A connection asks something when a request and PLACE_BYTES of its body, or all, have come.
+    When there are too many in all, a client that has over twice its part of them gets no further one: greedy clients
+    would drive out one another's connections, which takes much time. For others the one on which nothing has been asked
+    for longest gives way: of those that never asked anything first. A connection asks something when a request and
+    PLACE_BYTES of its body, or all, have come.
 
     Args:
         maximum: in all.
@@ -203,6 +206,8 @@ class ConnectionLimiter:
             return False
         if self.count >= self.maximum:
             self._log()
+            if client and self._is_greedy(client):
+                return False
             quiet = next(iter(self._silent or self._idle), None)
             if quiet is None:
                 return False
@@ -213,6 +218,11 @@ class ConnectionLimiter:
         if client:
             self._held.add(client, 1)
         return True
+
+    def _is_greedy(self, client: Client) -> bool:
+        """Whether a client would have over twice its part of all connections, and more than a browser opens."""
+        load = self._held.load(client, 1)
+        return load > _BROWSER_CONNECTIONS and load * len(self._held) > 2 * self.maximum
 
     def note_request(self, connection: OpenConnection) -> None:
         """Something has been asked on this connection: it does not give way."""

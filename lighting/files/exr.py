@@ -194,6 +194,8 @@ def write_exr(
             file.write(stream)
     elif not callable(getattr(target, "write", None)):
         raise EnvironmentMapError(f"An EXR is written to a path or a binary stream, not {type(target).__name__}.")
+    elif type(target) is io.BytesIO and not target.getbuffer():
+        file.write(target)  # without a copy, during which no other thread of Python runs
     else:  # OpenEXR seeks backwards, which pipes and files opened for appending cannot
         buffer = io.BytesIO()
         file.write(buffer)

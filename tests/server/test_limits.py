@@ -310,6 +310,28 @@ def test_a_client_has_a_share_of_connections_and_a_proxy_has_none(caplog: pytest
     assert caplog.messages == ["too many connections: 1 ended or refused, 2 open"]  # then one a minute
 
 
+def test_a_client_with_many_connections_gets_no_more_when_all_are_taken() -> None:
+    limiter = ConnectionLimiter(20, 20)
+    assert all(limiter.open(Open(), ME) for _ in range(18))
+    assert all(limiter.open(Open(), Asker((name,))) for name in "ab")
+    assert not limiter.open(Open(), ME)  # 19 of 20, with three clients
+    assert limiter.open(Open(), YOU)  # for which one of the 18 gives way
+    assert limiter.count == 20
+
+
+def test_a_client_with_as_many_connections_as_a_browser_opens_gets_them() -> None:
+    limiter = ConnectionLimiter(20, 20)
+    assert all(limiter.open(Open(), Asker((str(number),))) for number in range(20))
+    assert all(limiter.open(Open(), ME) for _ in range(8))
+    assert not limiter.open(Open(), ME)
+
+
+def test_a_client_is_taken_beside_the_connections_of_a_proxy() -> None:
+    limiter = ConnectionLimiter(8, 8)
+    assert all(limiter.open(Open(), None) for _ in range(8))
+    assert limiter.open(Open(), ME)
+
+
 def test_connections_need_files(monkeypatch: pytest.MonkeyPatch) -> None:
     resource = pytest.importorskip("resource")
     for limit, least, most in ((1024, 700, 900), (resource.RLIM_INFINITY, sys.maxsize, sys.maxsize), (64, 8, 8)):
