@@ -118,7 +118,9 @@ def find_layout(pixels: _Bytes) -> Layout:
     half = _stereo_half(gray, whole)
     box = half or whole
     for _ in range(_MAX_BORDERS):
-        pictures = _pictures_on_background(small, box) or _picture_among_smooth_bars(small, gray, box)
+        pictures = _pictures_on_background(small, box)
+        if not pictures or (len(pictures) == 1 and _is_one_sided(pictures[0], box)):  # a smooth bar may be plain
+            pictures = _picture_among_smooth_bars(small, gray, box) or pictures
         if len(pictures) > 1:
             return Layout(is_collage=True)
         if not pictures:
@@ -184,6 +186,12 @@ def _is_smaller(inner: _Box, outer: _Box) -> bool:
     across = max(inner.left - outer.left, outer.right - inner.right)
     along = max(inner.top - outer.top, outer.bottom - inner.bottom)
     return across > max(wide[0], 1.0) or along > max(wide[1], 1.0)
+
+
+def _is_one_sided(inner: _Box, outer: _Box) -> bool:
+    """Whether a border is at one side alone."""
+    ends = (inner.left, outer.left), (inner.top, outer.top), (inner.right, outer.right), (inner.bottom, outer.bottom)
+    return sum(one != other for one, other in ends) == 1
 
 
 def _background_colors(pixels: NDArray[np.int16], box: _Box) -> Iterator[tuple[NDArray[np.int16], bool]]:

@@ -47,12 +47,13 @@ def story(photo: Image.Image, background: Image.Image) -> Framed:
     return background, (0, top, photo.width, top + photo.height)
 
 
-def blurred(photo: Image.Image) -> Framed:
-    """Between blurred copies of itself."""
+def blurred(photo: Image.Image, brightness: float = 1.0) -> Framed:
+    """Between blurred copies of itself, perhaps darker ones."""
     height = photo.width * 16 // 9
     enlarged = photo.resize((photo.width * height // photo.height, height)).filter(ImageFilter.GaussianBlur(15))
     left = (enlarged.width - photo.width) // 2
-    return story(photo, enlarged.crop((left, 0, left + photo.width, height)))
+    background = enlarged.crop((left, 0, left + photo.width, height))
+    return story(photo, Image.eval(background, lambda value: int(brightness * value)))
 
 
 def on_gradient(photo: Image.Image) -> Framed:
@@ -133,6 +134,14 @@ def test_what_lies_inside_a_border_is_found(kind: str, name: str, quality: int) 
     layout = find_layout(as_jpeg(whole, quality))
     assert layout.photo is not None
     assert not layout.is_collage
+    assert layout.photo.pixels(*whole.size) == pytest.approx(corners, abs=0.012 * max(whole.size))
+
+
+@pytest.mark.parametrize("name", ["railway_field", "garden_noon"])
+def test_of_dark_blurred_copies_one_may_be_plain(name: str) -> None:
+    whole, corners = blurred(example(name), 0.5)
+    layout = find_layout(as_jpeg(whole, 85))
+    assert layout.photo is not None
     assert layout.photo.pixels(*whole.size) == pytest.approx(corners, abs=0.012 * max(whole.size))
 
 
