@@ -1,12 +1,18 @@
 """Print the peak memory of reading one photo of each kind, in bytes per pixel, and the processor time.
 
-    python -m benchmarks.decoding
+    python -m benchmarks.decoding [--bombs]
 
 Each photo is read in a process of its own, at the size that the network needs; what the process held before does not
 count. Needs Linux. `lighting/photo/reader.py` holds the memory that this printed, rounded up. The last column is the
 time of as many megapixels as that table admits of the kind, for `sandbox.MAX_DECODE_SECONDS`.
+
+`--bombs` prints instead what a command takes for files that are made to cost much: processor time with its decoders,
+the peak memory of its largest process, its exit status and its last words.
 """
 
+import multiprocessing
+import os
+import struct
 import subprocess
 import sys
 import tempfile
@@ -134,7 +140,82 @@ def _lines() -> Iterator[str]:
         yield f"{kind:26}{memory}{most / 1e6:10.0f} MP{each * most / 1e6:8.1f} s"
 
 
+def _write_zeros(path: Path) -> None:
+    """An EXR of 16000 x 8000 pixels: the block of a file of 16 rows, 500 times."""
+    import OpenEXR
+
+    header = {"compression": OpenEXR.ZIP_COMPRESSION, "type": OpenEXR.scanlineimage}
+    OpenEXR.File(header, {"RGB": np.zeros((16, 16000, 3), np.float32)}).write(str(path))
+    data = path.read_bytes()
+    begin = data.index(b"scanlineimage\0") + 14  # of the table, in which one block stands
+    block = data[begin + 12 :]  # without its row
+    first = begin + 8 * 500
+    table = struct.pack("<500Q", *range(first, first + 500 * (4 + len(block)), 4 + len(block)))
+    head = data[:begin].replace(struct.pack("<2i", 15999, 15), struct.pack("<2i", 15999, 7999))
+    path.write_bytes(head + table + b"".join(struct.pack("<i", 16 * row) + block for row in range(500)))
+
+
+def _write_segments(path: Path) -> None:
+    jpeg = _saved(photo(640, 480), "JPEG")
+    segment = b"\xff\xe1" + struct.pack(">H", 65535) + b"Exif\0\0" + bytes(65527)
+    path.write_bytes(jpeg[:2] + 900 * segment + jpeg[2:])
+
+
+def _write_tags(path: Path) -> None:
+    tags = b"".join(struct.pack("<HHII", 40000 + i % 20000, 4, 1, i) for i in range(60_000))
+    exif = b"Exif\0\0II*\0\x08\0\0\0" + struct.pack("<H", 60_000) + tags + bytes(4)
+    path.write_bytes(_saved(photo(640, 480), "WEBP", exif=exif))
+
+
+def _clip(width: int, height: int, frames: int) -> Callable[[Path], None]:
+    """A clip of flat frames."""
+
+    def write(path: Path) -> None:
+        import av
+
+        with av.open(str(path), "w") as film:
+            stream = film.add_stream("libx264", rate=30, options={"preset": "ultrafast"})
+            stream.width, stream.height, stream.pix_fmt = width, height, "yuv420p"
+            frame = av.VideoFrame.from_ndarray(np.full((height, width, 3), 128, np.uint8), format="rgb24")
+            for _ in range(frames):
+                frame.pts = None
+                film.mux(stream.encode(frame))
+            film.mux(stream.encode())
+
+    return write
+
+
+BOMBS: dict[str, tuple[str, str, Callable[[Path], None]]] = {  # the command and the file's suffix
+    "EXR, 16000 x 8000 zeros": ("info", ".exr", _write_zeros),
+    "JPEG, 900 EXIF segments": ("estimate", ".jpg", _write_segments),
+    "WebP, EXIF of 60,000 tags": ("estimate", ".webp", _write_tags),
+    "clip, 200 flat frames": ("video", ".mp4", _clip(640, 360, 200)),
+    "clip, 8000 x 8000": ("video", ".mp4", _clip(8000, 8000, 3)),
+}
+
+
+def _bomb_lines() -> Iterator[str]:
+    yield f"{'file':26}{'kB':>8}{'CPU s':>8}{'peak MB':>9}{'exit':>6}"
+    for name, (command, suffix, write) in BOMBS.items():
+        with tempfile.TemporaryDirectory() as folder:
+            path = Path(folder, f"bomb{suffix}")
+            writer = multiprocessing.get_context("fork").Process(target=write, args=(path,))
+            writer.start()  # in a process of its own, whose memory would count as the command's
+            writer.join()
+            output = ["-o", str(Path(folder, "out"))] if command == "video" else []
+            words = [sys.executable, "-m", "lighting", command, str(path), *output]
+            with Path(folder, "log").open("w+") as log:
+                process = subprocess.Popen(words, cwd=ROOT, stdout=log, stderr=log)
+                _, status, usage = os.wait4(process.pid, 0)
+                process.returncode = os.waitstatus_to_exitcode(status)
+                log.seek(0)
+                last = (log.read().splitlines() or [""])[-1].replace(f"{path}: ", "")[:90]
+            seconds, memory = usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1e3
+            size = path.stat().st_size / 1e3
+            yield f"{name:26}{size:8.0f}{seconds:8.2f}{memory:9.0f}{process.returncode:6}  {last}"
+
+
 if __name__ == "__main__":
     register_heif_writer()
-    for line in _lines():
+    for line in _bomb_lines() if "--bombs" in sys.argv[1:] else _lines():
         print(line, flush=True)
