@@ -219,7 +219,7 @@ def overlapping(folder: Path) -> list[str]:
     files = []
     for number, (seed, azimuth) in enumerate([(0, 0.0), (0, 25.0), (1, 0.0)]):
         files.append(str(folder / f"view{number}.png"))
-        Image.fromarray(picture(texture(seed), (azimuth, 2.0, 0.0), 50.0)).save(files[-1])
+        Image.fromarray(picture(texture(seed), (azimuth, 2.0, 6.0), 50.0)).save(files[-1])
     return files
 
 
