@@ -196,7 +196,7 @@ def test_a_wrong_export_is_refused(
     """The file on disk is traced at another temperature than the network that it is compared with."""
     model = onnx.load(trained_network)
     model.ClearField("metadata_props")
-    monkeypatch.setattr("export.networks.onnx_export._trace", lambda *_: model)
+    monkeypatch.setattr("export.networks.onnx_export.trace_onnx", lambda *_: model)
     with pytest.raises(LightingError, match="differ"):
         write_onnx([trained], tmp_path / "x.onnx", temperature=3.0)
     assert list(tmp_path.iterdir()) == []
