@@ -23,7 +23,7 @@ from server.limits import BusyError, ShareTakenError
 T = TypeVar("T")
 
 HALF_LIFE = 20.0  # seconds after which processor time counts half
-LONG_SECONDS = 0.15  # of processor time: longer requests leave a thread to the others
+LONG_SECONDS = 0.1  # of processor time, which a photo's estimate stays under: longer requests leave a thread to others
 MORE = 1.2  # times the mean processor time of the clients, beyond which one uses more than its share
 MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
