@@ -13,7 +13,7 @@ from lighting.envmap.projection import photo_camera
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
 from lighting.records import Estimate, Lighting
-from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, enlarge_cells, packaged_segmenter
+from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, packaged_segmenter, pixel_share
 from lighting.validation import round_significant
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
@@ -55,8 +55,7 @@ def draw_ground_mask(lit: NDArray[np.float32], segments: Segments | None) -> NDA
     if segments is None:
         ground, things = np.ones_like(lit), np.zeros_like(lit)
     else:
-        shares = class_share(segments, SurfaceClass.GROUND), class_share(segments, *THINGS)
-        ground, things = (enlarge_cells(share, width, height) for share in shares)
+        ground, things = (pixel_share(segments, width, height, *kinds) for kinds in ((SurfaceClass.GROUND,), THINGS))
     return np.round(255 * np.stack([ground, lit, things], axis=-1).clip(0, 1)).astype(np.uint8)
 
 
@@ -147,7 +146,7 @@ def find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) 
         camera_height: m above the ground.
     """
     small = replace(camera, width=max(1, round(camera.width * _ROWS / camera.height)), height=_ROWS)
-    ground = enlarge_cells(class_share(segments, SurfaceClass.GROUND), small.width, small.height)
+    ground = pixel_share(segments, small.width, small.height, SurfaceClass.GROUND)
     rays = geometry.camera_directions(small)
     radius = object_radius(small, -rays[..., 1] / (rays @ small.axes[2]), camera_height)
     stretch = _stretches(small, radius)

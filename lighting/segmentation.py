@@ -109,12 +109,14 @@ def class_share(segments: Segments, *classes: SurfaceClass) -> NDArray[np.float3
     return np.asarray(segments[..., list(classes)].sum(axis=-1))
 
 
-def enlarge_cells(cells: NDArray[np.float32], width: int, height: int) -> NDArray[np.float32]:
-    """Return values of cells (R, C) for the pixels (h, w) of a picture, linear between the cells' middles.
+def pixel_share(segments: Segments, width: int, height: int, *classes: SurfaceClass) -> NDArray[np.float32]:
+    """Return `class_share` for the pixels (h, w) of a picture, linear between the cells' middles.
 
     Args:
-        cells: of the whole picture.
+        segments: of the whole picture.
         width: of the picture, pixels.
         height: of the picture, pixels.
+        classes: one or more.
     """
-    return np.asarray(Image.fromarray(cells).resize((width, height), Image.Resampling.BILINEAR))
+    cells = Image.fromarray(class_share(segments, *classes))
+    return np.asarray(cells.resize((width, height), Image.Resampling.BILINEAR))

@@ -9,7 +9,7 @@ from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.geometry import Floats, sample_latlong
 from lighting.records import Lighting
-from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, enlarge_cells
+from lighting.segmentation import THINGS, Segments, SurfaceClass, pixel_share
 
 # Which pixels count as sky, and how far they tint it.
 _MAP_ROWS = 32  # of the map with which the photo is compared
@@ -199,7 +199,7 @@ def _free_of_things(segments: Segments | None, shape: tuple[int, ...]) -> list[N
     """Which pixels (h, w) of a photo may count as ground, the better choice first."""
     if segments is None:
         return [np.ones(shape, dtype=bool)]
-    hidden = (enlarge_cells(class_share(segments, *classes), shape[1], shape[0]) for classes in (THINGS, _NEVER_GROUND))
+    hidden = (pixel_share(segments, shape[1], shape[0], *classes) for classes in (THINGS, _NEVER_GROUND))
     return [share < _MAX_HIDDEN for share in hidden]
 
 

@@ -126,23 +126,20 @@ def add_detail(
     """
     height = len(image)
     detail = _library_detail(source, height)
-    hidden = np.zeros((height, 2 * height, 1), np.float32)
-    edge, rim = (
-        np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, 3), np.float32),
-        np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, 1), np.float32),
-    )
+    edge, rim, covered = (np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, count), np.float32) for count in (3, 1, 1))
     if continued is not None:
         log, shown = _photo_cells(photo, lighting)
         _blend_continuation(detail, continued, _spread(log, shown, _COARSE_DEG)[0])
+        hidden = np.zeros((height, 2 * height, 1), np.float32)
         hidden[continued.rows, continued.columns, 0] = continued.weight
-        weight = shrink_envmap(hidden, _CELL_ROWS)
-        rim[:] = shown * ((weight > 0.02) & (weight < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
+        covered = shrink_envmap(hidden, _CELL_ROWS)
+        rim[:] = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
         edge[:] = log + np.float32(math.log(max(gain, _MIN_GAIN)))
     sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
     if sun is not None:
         _calm_sun(detail, sun)
     level = np.cos(np.radians(latlong_angles(_CELL_ROWS)[1])).astype(np.float32)[:, None, None]
-    open_share = (1 - shrink_envmap(hidden, _CELL_ROWS)) * level
+    open_share = (1 - covered) * level
     before = shrink_envmap(image, _CELL_ROWS)
     log = np.log(np.maximum(before, np.float32(1e-9)))
     blurred = np.exp(_blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it

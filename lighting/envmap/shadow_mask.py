@@ -18,7 +18,7 @@ from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.records import Lighting, check_lighting
-from lighting.segmentation import THINGS, Segments, class_share, enlarge_cells
+from lighting.segmentation import THINGS, Segments, pixel_share
 
 _MAX_SIDE = 256  # pixels of the mask's longer side
 _GRAIN = 2  # pixels of it over which brightness is averaged, so that a dark stone is no shade
@@ -93,14 +93,13 @@ def ground_shadow_mask(
     height, width = small.shape[:2]
     shines = lighting.sun_painted if sun is None else sun
     step = _predicted_step(lighting) if shines else 0.0
-    gray = _block_means(luminance(SRGB_LINEAR[small].astype(np.float64)))
-    rays = camera_directions(photo_camera(lighting, gray.shape[1], gray.shape[0]))
-    ground = (rays[..., 1] < -_SIN_BELOW) & ~_shows_things(segments, gray.shape)
+    stops = _log_luminance(small)
+    rays = camera_directions(photo_camera(lighting, stops.shape[1], stops.shape[0]))
+    ground = (rays[..., 1] < -_SIN_BELOW) & ~_shows_things(segments, stops.shape)
     if step < _MIN_STEP or ground.mean() < _MIN_GROUND:
         return np.ones((height, width), dtype=np.float32)
-    stops = np.log2(np.clip(gray, *np.exp2(_LOG2_RANGE)))[ground]
-    lit = np.ones(gray.shape, dtype=np.float32)
-    lit[ground] = _sunlit_share(stops, _white_level(lighting), step, lighting.sun_visibility)
+    lit = np.ones(stops.shape, dtype=np.float32)
+    lit[ground] = _sunlit_share(stops[ground], _white_level(lighting), step, lighting.sun_visibility)
     return np.asarray(Image.fromarray(lit).resize((width, height), Image.Resampling.BILINEAR))
 
 
@@ -108,7 +107,7 @@ def _shows_things(segments: Segments | None, shape: tuple[int, ...]) -> NDArray[
     """Which pixels (h, w) of a picture rather show things than the ground behind them."""
     if segments is None:
         return np.zeros(shape, dtype=bool)
-    return enlarge_cells(class_share(segments, *THINGS), shape[1], shape[0]) > _MAX_THINGS
+    return pixel_share(segments, shape[1], shape[0], *THINGS) > _MAX_THINGS
 
 
 def shadow_receivers(lit: NDArray[np.float32], segments: Segments | None) -> NDArray[np.float32]:
@@ -120,7 +119,7 @@ def shadow_receivers(lit: NDArray[np.float32], segments: Segments | None) -> NDA
     """
     if segments is None:
         return lit
-    things = enlarge_cells(class_share(segments, *THINGS), lit.shape[1], lit.shape[0])
+    things = pixel_share(segments, lit.shape[1], lit.shape[0], *THINGS)
     return np.asarray(lit * np.clip((_MAX_THINGS - things) / _THINGS_EDGE + 0.5, 0, 1))
 
 
@@ -145,12 +144,10 @@ def dappled_sunlight(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[floa
         photo: (h, w, 3) sRGB.
         lighting: of the photo, whose camera counts.
     """
-    small = _shrink_photo(check_pixels(photo))
-    gray = _block_means(luminance(SRGB_LINEAR[small].astype(np.float64)))
-    near = camera_directions(photo_camera(lighting, gray.shape[1], gray.shape[0]))[..., 1] < -_SIN_NEAR
+    stops = _log_luminance(_shrink_photo(check_pixels(photo)))
+    near = camera_directions(photo_camera(lighting, stops.shape[1], stops.shape[0]))[..., 1] < -_SIN_NEAR
     if near.mean() < _MIN_GROUND:
         return None
-    stops = np.log2(np.clip(gray, *np.exp2(_LOG2_RANGE)))
     classes = _otsu_classes(stops[near], 0.0, np.inf)
     if classes is None or classes.step < _MIN_DAPPLED_STEP:
         return None
@@ -233,6 +230,12 @@ def _shrink_photo(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
     """The photo (h, w, 3) with at most _SIDE pixels along its longer side."""
     size = shrink_size(photo.shape[1], photo.shape[0], _MAX_SIDE)
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
+
+
+def _log_luminance(photo: NDArray[np.uint8]) -> Floats:
+    """Log2 of the luminance of blocks of a photo (h, w, 3), within _LOG2_RANGE."""
+    gray = _block_means(luminance(SRGB_LINEAR[photo].astype(np.float64)))
+    return np.log2(np.clip(gray, *np.exp2(_LOG2_RANGE)))
 
 
 def _block_means(gray: Floats) -> Floats:

@@ -267,9 +267,8 @@ def read_exr_attributes(source: str | os.PathLike[str]) -> _Attributes:
     import OpenEXR
 
     try:
-        with Path(source).open("rb") as stream:
-            if stream.read(4) != EXR_MAGIC:
-                raise EnvironmentMapError(f"{os.fspath(source)} is not an OpenEXR image.")
+        if not is_exr(Path(source)):
+            raise EnvironmentMapError(f"{os.fspath(source)} is not an OpenEXR image.")
         return dict(OpenEXR.File(os.fspath(source), header_only=True).header())
     except OSError as error:
         raise EnvironmentMapError(f"{os.fspath(source)} cannot be read: {error.strerror or error}.") from error

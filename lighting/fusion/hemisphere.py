@@ -7,11 +7,10 @@ on land few keep the zone that the clock shows.
 from dataclasses import replace
 from datetime import datetime
 
-from lighting.fusion.timezones import ZoneOffset, offset_in_file, offsets_of_place
+from lighting.fusion.timezones import ZoneOffset, is_at_sea, offset_in_file, offsets_of_place
 from lighting.photo.metadata import PhotoMetadata
 from lighting.records import CodedWarning, WarningCode
 
-_AT_SEA = "Etc/"  # how the names of the zones begin that ships keep
 _MAX_OFFSET_ERROR = 0.01  # h
 _ANY_TIME = datetime(2024, 7, 1, 12)  # for a place whose zone's name alone counts
 _CHOSEN = (
@@ -30,9 +29,8 @@ def resolve_hemisphere(metadata: PhotoMetadata) -> tuple[PhotoMetadata, tuple[Co
     if not metadata.locations or metadata.location is not None:
         return metadata, ()
     stated, time = offset_in_file(metadata), metadata.local_time or _ANY_TIME
-    zones = {place: offsets_of_place(*place, time) for place in metadata.locations}
-    on_land = [place for place in zones if not any(zone.name.startswith(_AT_SEA) for zone in zones[place])]
-    fitting = [place for place in on_land if stated and _keeps(zones[place], stated[0])] or on_land
+    on_land = [place for place in metadata.locations if not is_at_sea(*place)]
+    fitting = [place for place in on_land if stated and _keeps(offsets_of_place(*place, time), stated[0])] or on_land
     known = replace(metadata, locations=())
     if len(fitting) != 1:
         return known, (CodedWarning(_DROPPED, WarningCode.LOCATION_OPEN),)

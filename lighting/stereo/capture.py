@@ -188,8 +188,8 @@ def _check_static_camera(images: Pixels, names: Sequence[str]) -> None:
     Edges are compared by phase correlation (Kuglin and Hines, 1975); only a shift that fits far better counts, since
     shadows move too.
     """
-    small = [_shrink_image(image) for image in images]
-    for name, pair in zip(names[1:], pairwise(small), strict=True):
+    spectra = [_edge_spectrum(_shrink_image(image)) for image in images]
+    for name, pair in zip(names[1:], pairwise(spectra), strict=True):
         if (shift := _measure_shift(*pair)) > _MAX_SHIFT:
             raise PhotoError(f"{name} is shifted by {100 * shift:.1f} % of its size; the camera must not move.")
 
@@ -206,8 +206,10 @@ _MIN_SHIFT = 0.7  # pixels, from where on a small move is told
 def _moved_names(images: Pixels, names: Sequence[str]) -> list[str]:
     """Names of photos of several (T, H, W) that are shifted by a pixel or more against the one before them."""
     moved = []
-    for name, (before, after) in zip(names[1:], pairwise(images), strict=True):
-        shifts = _tile_shifts(before, after)
+    tiles = [[_edge_spectrum(tile) for tile in _cut_tiles(image)] for image in images]
+    for name, (before, after) in zip(names[1:], pairwise(tiles), strict=True):
+        found = (_tile_shift(*pair) for pair in zip(after, before, strict=True))
+        shifts = np.array([shift for shift in found if shift is not None])
         if len(shifts) < _MIN_TILES:
             continue
         middle = np.median(shifts, axis=0)
@@ -217,31 +219,27 @@ def _moved_names(images: Pixels, names: Sequence[str]) -> list[str]:
     return moved
 
 
-def _tile_shifts(before: Pixels, after: Pixels) -> NDArray[Any]:
-    """Shifts (N, 2) [pixels, down and right] of the tiles that show one clearly, by phase correlation of edges."""
-    rows, columns = (side // _TILES for side in before.shape)
-    shifts = []
-    for row in range(_TILES):
-        for column in range(_TILES):
-            tile = np.s_[row * rows : (row + 1) * rows, column * columns : (column + 1) * columns]
-            shift = _tile_shift(before[tile], after[tile])
-            shifts += [] if shift is None else [shift]
-    return np.array(shifts).reshape(-1, 2)
+def _cut_tiles(image: Pixels) -> list[Pixels]:
+    """The tiles (h, w) of a picture (H, W); none where they would be too small."""
+    rows, columns = (side // _TILES for side in image.shape)
+    if min(rows, columns) < _MIN_TILE:
+        return []
+    corners = [(row * rows, column * columns) for row in range(_TILES) for column in range(_TILES)]
+    return [image[top : top + rows, left : left + columns] for top, left in corners]
 
 
-def _tile_shift(before: Pixels, after: Pixels) -> tuple[int, int] | None:
-    side = min(before.shape)
-    if side < _MIN_TILE:
-        return None
-    reach = min(_TILE_REACH, side // 4)
-    near = np.roll(_correlate_phase(after, before), (reach, reach), axis=(0, 1))[: 2 * reach + 1, : 2 * reach + 1]
+def _tile_shift(a: NDArray[Any], b: NDArray[Any]) -> tuple[int, int] | None:
+    """How far [pixels, down and right] the first of two tiles is shifted, by their spectra; None where unclear."""
+    peak = _correlate_phase(a, b)
+    reach = min(_TILE_REACH, min(peak.shape) // 4)
+    near = np.roll(peak, (reach, reach), axis=(0, 1))[: 2 * reach + 1, : 2 * reach + 1]
     row, column = np.unravel_index(int(near.argmax()), near.shape)
     return (int(row) - reach, int(column) - reach) if near[row, column] > _MIN_TILE_PEAK else None
 
 
-def _correlate_phase(a: Pixels, b: Pixels) -> NDArray[Any]:
-    """Phase correlation (H, W) of the edges of two pictures, 1 at most."""
-    cross = _edge_spectrum(a) * np.conj(_edge_spectrum(b))
+def _correlate_phase(a: NDArray[Any], b: NDArray[Any]) -> NDArray[Any]:
+    """Phase correlation (H, W), 1 at most, of two pictures by the spectra of their edges."""
+    cross = a * np.conj(b)
     return np.asarray(np.fft.ifft2(cross / np.maximum(np.abs(cross), 1e-12)).real)
 
 
@@ -260,8 +258,11 @@ def _edge_spectrum(image: Pixels) -> NDArray[Any]:
     return np.asarray(np.fft.fft2((edges - edges.mean()) * window))
 
 
-def _measure_shift(a: Pixels, b: Pixels) -> float:
-    """How far the second picture is shifted against the first, as a share of the longer side; 0 where unclear."""
+def _measure_shift(a: NDArray[Any], b: NDArray[Any]) -> float:
+    """How far the second picture is shifted against the first, by their spectra; 0 where unclear.
+
+    As a share of the longer side.
+    """
     peak = _correlate_phase(a, b)
     row, column = np.unravel_index(int(peak.argmax()), peak.shape)
     height, width = peak.shape
@@ -397,14 +398,15 @@ def read_day_photos(
     _check_times(times)
     inside = _make_mask(folder, mask, photos[0].pixels.shape[:2])
     images, names = np.stack([shot.pixels for shot in photos]), tuple(shot.name for shot in photos)
-    _check_static_camera(images.mean(axis=-1), names)
+    gray = images.mean(axis=-1)
+    _check_static_camera(gray, names)
     unclipped, lost = _exclude_clipped(inside, photos)
     metadata = [shot.metadata for shot in photos]
     location = next((place for m in metadata if (place := m.location)), None)
     headings = (m.heading for m in metadata if m.heading_reference == HeadingReference.TRUE)
     heading = next((degrees for degrees in headings if degrees is not None), None)
     focal_length = next((length for photo in photos if (length := _focal_length(photo)) is not None), None)
-    moved = _moved_names(images.mean(axis=-1), names)
+    moved = _moved_names(gray, names)
     day = (*_day_warnings(folder, names, images, unclipped), *_move_warnings(moved))
     warnings = (*sorted(doubts), *_photo_warnings(photos, lost), *day)
     return DayPhotos(names, images, times, unclipped, location, heading, focal_length, warnings)

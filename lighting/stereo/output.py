@@ -314,7 +314,7 @@ def estimate_normals(
 
 def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple[str, ...]]:
     """Warn where the photos contradict the light that they were told, and expect more error of another heading."""
-    misfit = float(np.median(normals.misfit[normals.mask]))
+    misfit = normals.median_misfit
     if misfit < _MAX_MISFIT:
         return normals, ()
     warnings = [
@@ -407,7 +407,7 @@ def _make_record(normals: NormalMap, names: Sequence[str]) -> Json:
         "pixels": int(normals.mask.sum()),
         "expected_error_median": round(float(np.median(error)), 2),
         "noise": round(normals.noise, 4),
-        "misfit": round(float(np.median(normals.misfit[normals.mask])), 4),
+        "misfit": round(normals.median_misfit, 4),
         "by_network": round(float(normals.network[normals.mask].mean()), 3),
         "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
     }

@@ -68,6 +68,11 @@ class NormalMap:
     network: NDArray[np.bool_]  # (H, W), where the network's normal was taken
     noise: float  # of the photos and the model together, as a share of the brightest pixel
 
+    @property
+    def median_misfit(self) -> float:
+        """Median of the misfit inside the mask."""
+        return float(np.median(self.misfit[self.mask]))
+
 
 def solve_normals(
     session: Session,

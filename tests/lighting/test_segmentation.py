@@ -7,7 +7,7 @@ import pytest
 
 from lighting.errors import ModelError, PhotoError
 from lighting.photo.reader import read_photo
-from lighting.segmentation import Segmenter, SurfaceClass, class_share, enlarge_cells, packaged_segmenter
+from lighting.segmentation import Segmenter, SurfaceClass, class_share, packaged_segmenter, pixel_share
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,7 +33,9 @@ def test_shares_add_up_and_are_enlarged_smoothly() -> None:
     segments[..., SurfaceClass.PERSON], segments[..., SurfaceClass.VEHICLE] = 0.25, 0.5
     both = class_share(segments, SurfaceClass.PERSON, SurfaceClass.VEHICLE)
     assert both.tolist() == [[0.75, 0.75], [0.75, 0.75]]
-    enlarged = enlarge_cells(np.array([[0.0, 1.0]], dtype=np.float32), 8, 3)
+    segments = np.zeros((1, 2, 10), dtype=np.float32)
+    segments[0, 1, SurfaceClass.WATER] = 1.0
+    enlarged = pixel_share(segments, 8, 3, SurfaceClass.WATER)
     assert enlarged.shape == (3, 8)
     assert (np.diff(enlarged[0]) >= 0).all()
 

@@ -259,13 +259,18 @@ def test_the_next_turn_is_of_the_client_that_used_least() -> None:
     assert 0.03 < runs.limiter.usage.load(MODEST) < 0.08
 
 
+async def show_long_route(runs: Runs, start: Any) -> None:
+    """A request of the route "long", by whose time the limiter knows the route."""
+    await start("first", GREEDY, route="long", seconds=0.25)
+    runs.gates["first"].set()
+    await until(lambda: "first" in runs.ended)
+
+
 def test_long_requests_leave_a_thread_to_others() -> None:
     runs = Runs(WorkLimiter(2, 9))
 
     async def scenario(start: Any) -> None:
-        await start("first", GREEDY, route="long", seconds=0.25)
-        runs.gates["first"].set()
-        await until(lambda: "first" in runs.ended)
+        await show_long_route(runs, start)
         await start("short 0", MODEST, route="short")
         runs.gates["short 0"].set()
         await until(lambda: "short 0" in runs.ended)
@@ -283,9 +288,7 @@ def test_a_client_alone_uses_every_thread() -> None:
     runs = Runs(WorkLimiter(2, 9))
 
     async def scenario(start: Any) -> None:
-        await start("first", GREEDY, route="long", seconds=0.25)
-        runs.gates["first"].set()
-        await until(lambda: "first" in runs.ended)
+        await show_long_route(runs, start)
         await start("long 0", GREEDY, route="long")
         await start("long 1", GREEDY, route="long")
         assert runs.began == ["first", "long 0", "long 1"]
