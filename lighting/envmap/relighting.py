@@ -3,22 +3,25 @@
 import math
 import reprlib
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from lighting.color import luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
-from lighting.envmap.render import clear_irradiance
+from lighting.envmap.render import clear_irradiance, sky_irradiance, with_irradiance
 from lighting.envmap.sun_disc import disc_power
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting
-from lighting.validation import RANGES, clip_color, round_significant
+from lighting.validation import RANGES, check_range, clip_color, convert_numpy_numbers, round_significant
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 _ANGLE_DIGITS = 6  # behind the point, of rotated angles in degrees; records of estimates have fewer
+
+EXPOSURE_RANGE = (-20.0, 20.0)  # EV, of an adjustment: the range of RANGES["exposure"] by its middle
+_SUN_AZIMUTH_RANGE = (-360.0, 360.0)  # deg, of an adjustment; records have -180 to 180
 
 _MIN_ELEVATION = 5.0  # deg; the model's suns below it have hardly any green and no blue, and photos' suns have
 _HIGH_ELEVATION = 30.0  # deg, of a sun at full strength
@@ -156,3 +159,106 @@ def _model_sky_irradiance(lighting: Lighting) -> Floats:
     """Irradiance (3,) by the model, the share of its overcast part gray."""
     clear, cover = clear_irradiance(lighting), lighting.sky_cover or 0.0
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
+
+
+@dataclass(frozen=True)
+class Adjustments:
+    """What a user changes of a light by hand, under the same names everywhere. None: as it was.
+
+    Raises ParameterError for a value out of range.
+    """
+
+    sun: tuple[float, float] | None = None  # azimuth, -360 to 360, and elevation, -4.2 to 90, deg
+    exposure: float = 0.0  # EV, -20 to 20: +1 is twice as bright
+    haze: float | None = None  # turbidity, 1 to 10: 2 is very clear, 10 is hazy
+    overcast: bool = False  # True covers the sky, and no sun shines
+
+    def __post_init__(self) -> None:
+        convert_numpy_numbers(self, "sun", "exposure", "haze")
+        if self.sun is not None:
+            if not isinstance(self.sun, tuple) or len(self.sun) != 2:
+                predicate = "must be two numbers: azimuth and elevation."
+                raise ParameterError.about("sun", predicate, ErrorCode.WRONG_TYPE)
+            check_range("sun", self.sun[0], *_SUN_AZIMUTH_RANGE, subject="The sun's azimuth")
+            check_range("sun", self.sun[1], *RANGES["sun_elevation"], subject="The sun's elevation")
+        check_range("exposure", self.exposure, *EXPOSURE_RANGE)
+        if self.haze is not None:
+            check_range("haze", self.haze, *RANGES["turbidity"])
+        if not isinstance(self.overcast, bool):
+            predicate = f"must be True or False, not {reprlib.repr(self.overcast)}."
+            raise ParameterError.about("overcast", predicate, ErrorCode.WRONG_TYPE)
+
+
+def parse_sun(text: str) -> tuple[float, float]:
+    """Read a sun's direction such as "40,25"; its range is checked by `Adjustments`.
+
+    Args:
+        text: azimuth and elevation in deg, with a comma between them.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    try:
+        azimuth, elevation = map(float, text.split(","))
+    except ValueError as error:
+        predicate = f"is AZIMUTH,ELEVATION in degrees, such as 40,25, not {text!r}."
+        raise ParameterError.about("sun", predicate, ErrorCode.MALFORMED) from error
+    return azimuth, elevation
+
+
+def parse_exposure(text: str) -> float:
+    """Read an adjustment of the exposure such as "+0.5" or "-1ev"; its range is checked by `Adjustments`.
+
+    Args:
+        text: a number of EV, with or without the unit.
+
+    Raises:
+        ParameterError: for any other text.
+    """
+    try:
+        return float(text.strip().lower().removesuffix("ev"))
+    except ValueError as error:
+        predicate = f"is a number of EV, such as +0.5, not {text!r}."
+        raise ParameterError.about("exposure", predicate, ErrorCode.MALFORMED) from error
+
+
+def adjust_lighting(lighting: Lighting, adjustments: Adjustments) -> Lighting:
+    """The light as a user adjusts it: another sun, haze, a covered sky, and last a gain.
+
+    Powers follow as in `edit_lighting`. The radii around a sun that was set by hand are 0.
+
+    Args:
+        lighting: before, else ParameterError.
+        adjustments: what changes.
+    """
+    check_lighting(lighting)
+    changes: dict[str, float | Color] = {}
+    if adjustments.sun is not None:
+        azimuth, elevation = adjustments.sun
+        changes = {"sun_azimuth": float(wrap_azimuth(azimuth)), "sun_elevation": elevation}
+        changes |= {"radius_50": 0.0, "radius_90": 0.0}
+    if adjustments.haze is not None:
+        changes["turbidity"] = adjustments.haze
+    adjusted = edit_lighting(lighting, changes) if changes else lighting
+    if adjustments.overcast:
+        adjusted = _cover_sky(adjusted)
+    return scale_exposure(adjusted, np.full(3, 2.0**adjustments.exposure)) if adjustments.exposure else adjusted
+
+
+def _cover_sky(lighting: Lighting) -> Lighting:
+    """The light under an overcast sky, at the same exposure; the sky is gray as far as it was clear.
+
+    References:
+        Kasten and Czeplak, Solar and terrestrial radiation dependent on the amount and type of cloud, 1980.
+    """
+    lighting = with_irradiance(lighting)
+    cover, level = lighting.sky_cover or 0.0, sky_irradiance(lighting)
+    gray = cover * level + (1 - cover) * float(luminance(level))
+    gain = _diffuse_share(1.0) / _diffuse_share(cover)
+    sky = clip_color(gain * gray, "sky_irradiance")
+    return replace(lighting, sun_visibility=0.0, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=sky, sky_cover=1.0)
+
+
+def _diffuse_share(cover: float) -> float:
+    """Skylight on level ground over all light of a clear sky, by the cover, 0 to 1."""
+    return float((1 - 0.75 * cover**3.4) * (0.3 + 0.7 * cover**2))

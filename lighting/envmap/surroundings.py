@@ -254,7 +254,7 @@ def _context_factors(image: Image, lighting: Lighting, context: PhotoContext) ->
 
 def _sky_parameters(lighting: Lighting) -> tuple[object, ...]:
     """What the sky's gradation follows from."""
-    return lighting.sun_azimuth, lighting.sun_elevation, lighting.turbidity, lighting.map_sky
+    return lighting.sun_azimuth, lighting.sun_elevation, lighting.turbidity, lighting.map_sky, lighting.sky_cover
 
 
 def _move_glow(factors: Image, before: Lighting, now: Lighting) -> Image:

@@ -8,7 +8,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting, scale_exposure
+from lighting.envmap.relighting import (
+    Adjustments,
+    adjust_lighting,
+    edit_lighting,
+    parse_exposure,
+    parse_sun,
+    rotate_envmap,
+    rotate_lighting,
+    scale_exposure,
+)
 from lighting.envmap.render import render, sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ParameterError
@@ -148,3 +157,81 @@ def test_a_turned_record_turns_its_heading_against_other_photos() -> None:
     known = replace(model_light(0.0), relative_heading=20.0)
     assert rotate_lighting(known, 30.0).relative_heading == pytest.approx(350.0)
     assert rotate_lighting(rotate_lighting(known, 30.0), -30.0) == known
+
+
+# Adjustments by hand
+
+
+def test_no_adjustment_changes_no_digit() -> None:
+    for light in (model_light(), stated_light(sky_cover=0.3)):
+        assert adjust_lighting(light, Adjustments()) == light
+
+
+def test_a_sun_set_by_hand_stands_there_with_the_power_of_its_height() -> None:
+    light = replace(stated_light(33.0), radius_50=9.0, radius_90=30.0)
+    moved = adjust_lighting(light, Adjustments(sun=(270.0, 8.0)))
+    assert (moved.sun_azimuth, moved.sun_elevation, moved.radius_50, moved.radius_90) == (-90.0, 8.0, 0.0, 0.0)
+    expected = edit_lighting(light, {"sun_azimuth": -90.0, "sun_elevation": 8.0})
+    assert (moved.sun_irradiance, moved.sky_irradiance) == (expected.sun_irradiance, expected.sky_irradiance)
+
+
+@pytest.mark.parametrize("ev", [-1.0, 0.5, 3.0])
+def test_an_exposure_in_ev_is_a_gain_of_the_map(ev: float) -> None:
+    for light in (model_light(), stated_light(sky_cover=0.3)):
+        adjusted = adjust_lighting(light, Adjustments(exposure=ev))
+        np.testing.assert_allclose(render(adjusted, 32), 2.0**ev * render(light, 32), rtol=1e-5)
+
+
+def test_haze_is_the_turbidity() -> None:
+    assert adjust_lighting(STATED, Adjustments(haze=8.0)) == edit_lighting(STATED, {"turbidity": 8.0})
+
+
+def test_an_overcast_sky_is_gray_and_has_no_sun() -> None:
+    light = stated_light(sky_cover=0.0)
+    gray = adjust_lighting(light, Adjustments(overcast=True))
+    assert (gray.sun_visibility, gray.sun_irradiance, gray.sky_cover) == (0.0, (0.0, 0.0, 0.0), 1.0)
+    level = float(np.array([0.2126, 0.7152, 0.0722]) @ sky_irradiance(light))
+    np.testing.assert_allclose(sky_irradiance(gray), 0.25 / 0.3 * level, rtol=1e-4)  # Kasten and Czeplak, 1980
+    sky = render(gray, 32)[:16]
+    np.testing.assert_allclose(sky, np.broadcast_to(sky[:, :1, :1], sky.shape), rtol=1e-4)
+    covered = stated_light(sky_cover=1.0)
+    np.testing.assert_allclose(
+        sky_irradiance(adjust_lighting(covered, Adjustments(overcast=True))), sky_irradiance(covered), rtol=1e-5
+    )
+
+
+def test_a_record_without_irradiances_becomes_overcast_over_the_same_ground() -> None:
+    gray = adjust_lighting(model_light(), Adjustments(overcast=True))
+    assert gray.sky_cover == 1.0
+    assert gray.ground_color == (0.3, 0.3, 0.3)
+    assert render(gray, 32).max() < 0.2 * render(model_light(), 32).max()
+
+
+@pytest.mark.parametrize(
+    ("adjusted", "field"),
+    [
+        ({"sun": (40.0, 91.0)}, "sun"),
+        ({"sun": (400.0, 20.0)}, "sun"),
+        ({"sun": (40.0,)}, "sun"),
+        ({"sun": (float("nan"), 20.0)}, "sun"),
+        ({"exposure": 21.0}, "exposure"),
+        ({"exposure": "1"}, "exposure"),
+        ({"haze": 0.5}, "haze"),
+        ({"overcast": 1}, "overcast"),
+    ],
+)
+def test_an_adjustment_out_of_range_names_its_field(adjusted: dict[str, Any], field: str) -> None:
+    with pytest.raises(ParameterError) as caught:
+        Adjustments(**adjusted)
+    assert caught.value.field == field
+
+
+def test_adjustments_are_read_from_texts() -> None:
+    assert parse_sun("40,25") == (40.0, 25.0)
+    assert parse_sun(" -120.5, 3") == (-120.5, 3.0)
+    assert [parse_exposure(text) for text in ("+0.5", "-1ev", "2 EV")] == [0.5, -1.0, 2.0]
+    for text in ("40", "40,25,3", "", "north,25"):
+        with pytest.raises(ParameterError, match="such as 40,25"):
+            parse_sun(text)
+    with pytest.raises(ParameterError, match="a number of EV"):
+        parse_exposure("bright")
