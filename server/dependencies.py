@@ -18,6 +18,7 @@ from lighting.errors import LightingError, MissingExtraError
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
 from lighting.model import Model, packaged_model
+from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.records import CodedWarning, Estimate, WarningCode
@@ -80,6 +81,7 @@ class PhotoAnswer:
     estimate: Estimate
     gain: Image | None = None  # (R, 2R, 3), a factor on the sky's map
     crop: PhotoCrop | None = None  # the photo's part of a picture with a border
+    metadata: PhotoMetadata | None = None  # of the file, if the client asks for it
 
 
 class Service:

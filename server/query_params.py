@@ -72,6 +72,9 @@ class LightingQuery(UserInputQuery):
 
     probability: types.Flag = Field(False, description="add the sun's probability on its grid")
     surroundings: types.Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
+    photo_metadata: types.Flag = Field(
+        False, description="add what the file says of itself, its location included, for a form that corrects it"
+    )
     headings: types.Headings = Field(
         None, description="deg, where each of several photos points, clockwise from any common direction"
     )

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from datetime import UTC
 from hashlib import sha256
 from pathlib import Path
 from urllib.parse import urlencode
@@ -14,6 +15,7 @@ from lighting.envmap.latlong import Image
 from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
 from lighting.model import figures_path
+from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Json, Lighting, ModelSpec, SunDistribution, record_with_coefficients, warning_code
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
@@ -47,9 +49,32 @@ def _answer_record(answer: PhotoAnswer, root: str, probability: bool) -> Json:
         record["probability"] = _sun_probability(answer.estimate.distribution)
     if answer.crop is not None:
         record["crop"] = asdict(answer.crop)
+    if answer.metadata is not None:
+        record["photo_metadata"] = _photo_metadata(answer.metadata)
     if answer.gain is not None:
         record["surroundings"] = _surroundings(answer.gain)
     return record
+
+
+def _photo_metadata(metadata: PhotoMetadata) -> Json:
+    """What the file says, without what it does not say."""
+    time, offset, gps_time = metadata.local_time, metadata.utc_offset, metadata.gps_time
+    values = {
+        "time": time.isoformat(timespec="seconds") if time else None,
+        "utc_offset": offset,
+        "gps_time": gps_time.astimezone(UTC).isoformat(timespec="seconds") if gps_time else None,
+        "latitude": metadata.latitude,
+        "longitude": metadata.longitude,
+        "heading": metadata.heading,
+        "heading_reference": metadata.heading_reference.value if metadata.heading_reference else None,
+        "focal_length": metadata.focal_length,
+        "vertical_fov": metadata.vertical_fov,
+        "camera_elevation": metadata.camera_elevation,
+        "camera_roll": metadata.camera_roll,
+        "camera_height": metadata.camera_height,
+        "orientation": metadata.orientation,
+    }
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def _surroundings(gain: Image) -> Json:

@@ -202,6 +202,24 @@ class CropRecord(BaseModel):
     picture_height: int = Field(examples=[1080])
 
 
+class PhotoMetadataRecord(BaseModel):
+    """What a photo's file says of itself; what it does not say, or what cannot be true, is absent."""
+
+    time: str | None = Field(None, description="local, ISO 8601", examples=["2024-06-01T18:49:00"])
+    utc_offset: float | None = Field(None, description="h, of that time from UTC", examples=[2.0])
+    gps_time: AwareDatetime | None = Field(None, description="by the satellites", examples=["2024-06-01T16:49:00Z"])
+    latitude: float | None = Field(None, description="deg, positive north", examples=[48.14])
+    longitude: float | None = Field(None, description="deg, positive east", examples=[11.58])
+    heading: float | None = Field(None, description="deg, clockwise from `heading_reference`", examples=[134.2])
+    heading_reference: Literal["true", "magnetic"] | None = Field(None, description="the north of the heading")
+    focal_length: float | None = Field(None, description="mm, of a 35 mm camera", examples=[26.0])
+    vertical_fov: float | None = Field(None, description="deg, of the upright photo", examples=[48.7])
+    camera_elevation: float | None = Field(None, description="deg, positive looks up", examples=[4.1])
+    camera_roll: float | None = Field(None, description="deg, positive is clockwise", examples=[-0.6])
+    camera_height: float | None = Field(None, description="m above the ground", examples=[42.0])
+    orientation: int | None = Field(None, description="1 to 8, how the pixels lie in the file", examples=[6])
+
+
 class LightingEstimate(LightingRecord):
     links: Links
     crop: CropRecord | None = Field(None, description="present only if the photo lies inside a border")
@@ -211,6 +229,9 @@ class LightingEstimate(LightingRecord):
         json_schema_extra={"items": {"type": "string", "enum": [code.value for code in WarningCode]}},
     )
     probability: SunProbability | None = Field(None, description="present only if the request set `probability`")
+    photo_metadata: PhotoMetadataRecord | None = Field(
+        None, description="present only if the request set `photo_metadata`"
+    )
     surroundings: SurroundingsRecord | None = Field(
         None, description="present only if the request set `surroundings` and the network says what lies around"
     )

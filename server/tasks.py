@@ -50,15 +50,18 @@ def estimate_photos(service: Service, files: Sequence[Upload], query: queries.Li
     matcher = PhotoMatcher(service.settings.match_seconds) if query.needs_matching(len(files)) else None
     photos = _read_photos(service, files, matcher.target if matcher else TARGET)
     estimates = service.estimate(photos, query.user_input(), query.heading_values(), matcher)
+    return [_answer_photo(photo, estimate, query) for photo, estimate in zip(photos, estimates, strict=True)]
+
+
+def _answer_photo(photo: Photo, estimate: Estimate, query: queries.LightingQuery) -> PhotoAnswer:
+    """An estimate with what else the client asks for."""
+    metadata = photo.metadata if query.photo_metadata else None
     if not query.surroundings:
-        return [PhotoAnswer(estimate, crop=photo.crop) for photo, estimate in zip(photos, estimates, strict=True)]
-    answers = []
-    for photo, estimate in zip(photos, estimates, strict=True):
-        check_cancelled()
-        context = photo_context(estimate, photo.pixels)
-        gain = surroundings_gain(estimate.lighting, context) if context else None
-        answers.append(PhotoAnswer(estimate, gain, photo.crop))
-    return answers
+        return PhotoAnswer(estimate, crop=photo.crop, metadata=metadata)
+    check_cancelled()
+    context = photo_context(estimate, photo.pixels)
+    gain = surroundings_gain(estimate.lighting, context) if context else None
+    return PhotoAnswer(estimate, gain, photo.crop, metadata)
 
 
 def _read_photos(service: Service, files: Sequence[Upload], target: int) -> list[Photo]:

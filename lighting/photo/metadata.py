@@ -44,6 +44,7 @@ class PhotoMetadata:
     other_vertical_fovs: tuple[float, ...] = ()  # deg, less likely ones: the file leaves open what was cropped
     is_lens_consistent: bool = True  # whether the file says of the lens more than a 35 mm value alone, in agreement
     is_panorama: bool = False  # whether the file says that several frames make the picture
+    orientation: int | None = field(default=None, compare=False)  # 1 to 8, how the pixels lie in the file
 
     @property
     def location(self) -> tuple[float, float] | None:
@@ -85,6 +86,7 @@ def read_metadata(
         is_panorama=lens.is_panorama,
         exposure_value=try_read(_exposure_value, camera),
         camera_height=imu.height_from_xmp(xmp),
+        orientation=orientation,
     )
     tilt = _camera_tilt(camera, xmp, orientation, (width, height)) if lens.is_whole else None
     if tilt is None:

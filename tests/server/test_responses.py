@@ -1,6 +1,7 @@
 """Tests of responses."""
 
 from dataclasses import replace
+from datetime import datetime, timedelta, timezone
 from pathlib import Path
 from urllib.parse import parse_qs, urlsplit
 
@@ -11,6 +12,8 @@ from starlette.requests import Request
 
 from export.evaluation.report import CAMERA_AND_SKY, SUN, write_figures
 from lighting.model import MODEL_CARD, Model, packaged_model
+from lighting.photo.location import HeadingReference
+from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import PhotoCrop
 from lighting.records import Estimate, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
@@ -83,6 +86,21 @@ def test_one_estimate_is_a_record_and_several_are_a_list() -> None:
         3.4,
     ]
     assert "probability" not in estimates_to_json([ESTIMATE], query, "")
+
+
+def test_what_the_file_says_comes_without_what_it_does_not_say() -> None:
+    moment = datetime(2024, 8, 10, 14, 28, 12)
+    metadata = PhotoMetadata(moment, 2.0, heading=87.0, heading_reference=HeadingReference.TRUE, orientation=6)
+    metadata = replace(metadata, gps_time=datetime(2024, 8, 10, 14, 28, 10, tzinfo=timezone(timedelta(hours=2))))
+    answer = estimates_to_json([replace(ESTIMATE, metadata=metadata)], LightingQuery.model_validate({}), "")
+    assert answer["photo_metadata"] == {
+        **{"time": "2024-08-10T14:28:12", "utc_offset": 2.0, "gps_time": "2024-08-10T12:28:10+00:00"},
+        **{"heading": 87.0, "heading_reference": "true", "orientation": 6},
+    }
+    located = replace(ESTIMATE, metadata=PhotoMetadata(latitude=48.1, longitude=-11.5))
+    answer = estimates_to_json([located], LightingQuery.model_validate({}), "")
+    assert answer["photo_metadata"] == {"latitude": 48.1, "longitude": -11.5}
+    assert "photo_metadata" not in estimates_to_json([ESTIMATE], LightingQuery.model_validate({}), "")
 
 
 def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
