@@ -3,15 +3,6 @@
 # Bases: the tag is for people, the digest (of the multi-architecture index) is what is pulled. `docker buildx imagetools
 # inspect python:3.11-slim-bookworm` prints the newest.
 
-FROM node:22.23.3-bookworm-slim@sha256:43ac6c60b8f89723f746e8a92ce91abd5017e627ce1ddfe4238355d3a30b772c AS page
-WORKDIR /build/server/web
-COPY server/web/package.json server/web/package-lock.json ./
-RUN npm ci --no-audit --no-fund
-COPY examples/ /build/examples/
-COPY lighting/data/hosek_wilkie.f32 lighting/data/prague.f16 /build/lighting/data/
-COPY server/web/ ./
-RUN npm run build
-
 FROM python:3.11.16-slim-bookworm@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c637cecc392d97f980d4fec56b AS venv
 WORKDIR /build
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
@@ -23,7 +14,6 @@ RUN python -m pip --python /opt/venv/bin/python install --require-hashes --only-
 COPY pyproject.toml README.md LICENSE NOTICE ./
 COPY lighting/ lighting/
 COPY server/ server/
-COPY --from=page /build/server/web/dist/ server/web/dist/
 RUN python -m pip --python /opt/venv/bin/python install --no-deps .
 WORKDIR /opt/venv/lib/python3.11/site-packages/lighting/data
 RUN sha256sum --check --strict SHA256SUMS

@@ -1,6 +1,6 @@
 """The service with replicas behind Ray Serve's proxy: `serve run examples.ray_serve:app`, in a checkout.
 
-Needs `pip install '.[server]' 'ray[serve]'`; LIGHTING_* settings count on every node.
+Needs `pip install . 'ray[serve]'`; LIGHTING_* settings count on every node.
 """
 
 from ray import serve

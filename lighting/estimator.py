@@ -94,7 +94,7 @@ class Estimator:
             photos: one or more, as `lighting.read_photo` returns them.
             user_input: what the user states of all photos.
             headings: deg, clockwise from any common direction: where each camera points. None where unknown.
-            register: True finds the headings from what the photos show in common, by OpenCV (extra `turns`).
+            register: True finds the headings from what the photos show in common, by OpenCV (extra `all`).
                 A function does the same elsewhere, such as `registration.photo_set.register_views_isolated`.
 
         Raises:

@@ -1,8 +1,8 @@
 """The Dockerfile, built by Debian's `buildah` without a daemon and without a registry.
 
 No registry gives the base images to a build without a network, so one base is made of Debian packages by `mmdebstrap`
-and stands for all of them; Node is npm's own package. What pip and npm need to reach their indexes on this machine goes
-to the stages that build, never to the last one. Needs Linux and root.
+and stands for all of them. What pip needs to reach its index on this machine goes to the stages that build, never to
+the last one. Needs Linux and root.
 """
 
 import ast
@@ -10,7 +10,6 @@ import ctypes
 import hashlib
 import json
 import os
-import platform
 import re
 import shutil
 import subprocess
@@ -23,12 +22,10 @@ NEW_MOUNTS, NEW_NETWORK = 0x00020000, 0x40000000  # CLONE_NEWNS and CLONE_NEWNET
 _SUITE = "bookworm"
 _PACKAGES = ("python3", "python-is-python3", "python3-pip", "ca-certificates", "netbase", "tzdata")
 _LEFT_OUT = ("/usr/share/doc/*", "/usr/share/locale/*", "/usr/share/man/*")
-_NPM = "npm@10"  # what the image of Node 22 holds
 _PATH = "/usr/local/bin:/usr/local/sbin:/usr/sbin:/usr/bin:/sbin:/bin"
 _BASE = "localhost/base"
 _OF_PIP = ("index-url", "extra-index-url", "trusted-host", "proxy", "cert", "client-cert", "timeout")
-_OF_NPM = ("registry", "proxy", "https-proxy", "noproxy", "strict-ssl", "cafile")
-_OF_BOTH = ("NODE_EXTRA_CA_CERTS", "REQUESTS_CA_BUNDLE", "SSL_CERT_DIR", "SSL_CERT_FILE")
+_OF_ENVIRONMENT = ("REQUESTS_CA_BUNDLE", "SSL_CERT_DIR", "SSL_CERT_FILE")
 
 
 class UnavailableError(Exception):
@@ -75,7 +72,7 @@ def enter_mount_namespace() -> None:
     """Keep what this process mounts to itself; UnavailableError where that, or a program, is missing."""
     if os.geteuid():
         raise UnavailableError("it needs root")
-    if lacking := [name for name in ("buildah", "mmdebstrap", "npm") if not shutil.which(name)]:
+    if lacking := [name for name in ("buildah", "mmdebstrap") if not shutil.which(name)]:
         raise UnavailableError(f"there is no {' and no '.join(lacking)}")
     try:
         unshare(NEW_MOUNTS)
@@ -121,19 +118,6 @@ def _apt_proxies() -> list[str]:
     return [f"--aptopt={line}" for line in printed.splitlines() if line]
 
 
-def install_node(cache: Path, dockerfile: str) -> Path:
-    """A folder for /usr/local with the Node that the Dockerfile names, and npm."""
-    version = re.findall(r"^FROM node:(\d+\.\d+\.\d+)", dockerfile, re.MULTILINE)[0]
-    folder = cache / f"node-{version}"
-    if not folder.exists():
-        part = cache / f"{folder.name}.part"
-        machine = {"x86_64": "x64", "aarch64": "arm64"}[platform.machine()]
-        options = ["--global", "--ignore-scripts", "--no-audit", "--no-fund", "--prefix", str(part)]
-        _run(["npm", "install", *options, f"node-linux-{machine}@{version}", _NPM])
-        part.rename(folder)
-    return folder
-
-
 def replace_bases(dockerfile: str, environment: dict[str, str]) -> str:
     """The Dockerfile with the one base in place of every FROM; stages that have a name, which build, get ENVs."""
     pairs = "".join(f"\nENV {name}={json.dumps(value)}".replace("$", r"\$") for name, value in environment.items())
@@ -144,15 +128,13 @@ def replace_bases(dockerfile: str, environment: dict[str, str]) -> str:
 
 
 def network_environment() -> dict[str, str]:
-    """How pip and npm reach their indexes from here: proxies, mirrors and certificates, as variables.
+    """How pip reaches its index from here: proxies, mirrors and certificates, as variables.
 
     Indexes that are folders are left out: a build has no such folder.
     """
     pip = _pip_settings(_run([sys.executable, "-m", "pip", "config", "list"]))
-    npm = json.loads(_run(["npm", "config", "list", "--json"]))
     found = {f"PIP_{name.upper().replace('-', '_')}": pip.get(name) for name in _OF_PIP}
-    found |= {f"npm_config_{name.replace('-', '_')}": _as_text(npm.get(name)) for name in _OF_NPM}
-    found |= {name: os.environ.get(name) for name in _OF_BOTH}
+    found |= {name: os.environ.get(name) for name in _OF_ENVIRONMENT}
     return {name: value for name, value in found.items() if value and "file:" not in value}
 
 
@@ -164,21 +146,15 @@ def _pip_settings(listed: str) -> dict[str, str]:
     return {match[2]: str(ast.literal_eval(match[3])) for match in matches}
 
 
-def _as_text(value: object) -> str | None:
-    if isinstance(value, list):
-        return ",".join(map(str, value))
-    return None if value is None else str(value).lower() if isinstance(value, bool) else str(value)
-
-
 def shared_files(environment: dict[str, str]) -> list[str]:
     """The files and folders that the variables name, as buildah's options that show them to the stages."""
     paths = sorted({value for value in environment.values() if value.startswith("/") and Path(value).exists()})
     return [f"--volume={path}:{path}:ro" for path in paths]
 
 
-def build_image(engine: Engine, context: Path, cache: Path, tag: str) -> None:
+def build_image(engine: Engine, context: Path, tag: str) -> None:
     """Build the context's Dockerfile on the base; RuntimeError with the last lines if a step fails."""
     dockerfile = (context / "Dockerfile").read_text(encoding="utf-8")
     environment = network_environment()
-    shared = [f"--volume={install_node(cache, dockerfile)}:/usr/local:ro", *shared_files(environment)]
+    shared = shared_files(environment)
     engine.build(context, replace_bases(dockerfile, environment), "--pull=never", *shared, "--tag", tag)

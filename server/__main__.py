@@ -11,7 +11,7 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from lighting.errors import LightingError, MissingExtraError
+from lighting.errors import LightingError
 from lighting.runtime import keep_memory
 from lighting.version import __version__
 
@@ -78,12 +78,9 @@ def _prepare_process() -> None:
 def run_server() -> None:
     """Serve until SIGTERM, SIGINT or SIGHUP, after which running requests have `shutdown_seconds` to finish."""
     _prepare_process()
-    try:
-        if sys.argv[1:]:
-            _refuse_arguments(sys.argv[1:])
-        _serve()
-    except ModuleNotFoundError as error:
-        sys.exit(str(MissingExtraError.of(f"The service needs {error.name}", "server")))
+    if sys.argv[1:]:
+        _refuse_arguments(sys.argv[1:])
+    _serve()
 
 
 def _refuse_arguments(arguments: Sequence[str]) -> NoReturn:

@@ -79,7 +79,7 @@ def _add_routes(app: FastAPI, service: Service) -> None:
         responses=problems.problem_responses(400, 422, *(status for _, statuses in active for status in statuses)),
     )
     app.include_router(middleware.router)
-    app.include_router(static_page.make_page_router())
+    app.include_router(static_page.make_page_router(photo=service.settings.photo))
 
 
 def _add_middleware(app: FastAPI, service: Service) -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from limits import RateLimitItem, parse_many
-from pydantic import BeforeValidator, Field, SecretStr, field_validator
+from pydantic import BeforeValidator, Field, FilePath, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from lighting.errors import LightingError
@@ -69,6 +69,9 @@ class Settings(BaseSettings):
     host: str = Field("127.0.0.1", description="address to listen on; `0.0.0.0` listens on all")
     port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 picks a free one")
     model: Path | None = Field(None, description="path of another network (.onnx) than the one in the package")
+    photo: FilePath | None = Field(
+        None, description="photo that the page shows at `/#opened/NAME`, as `lighting open` asks"
+    )
     concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
     threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
     queue: int = Field(32, ge=0, description="requests that may wait in addition; 503 or 429 for further ones")

@@ -1,33 +1,31 @@
-"""The web page that vite builds from server/web, or a short notice if it was not built."""
+"""The web page that vite builds from server/web; the built files lie in the repository and in the wheel."""
 
+import gzip
+from functools import lru_cache
+from hashlib import sha256
+from mimetypes import guess_type
 from pathlib import Path
 
+from anyio import to_thread
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse
-from starlette.responses import Response
-from starlette.staticfiles import StaticFiles
+from starlette.exceptions import HTTPException
+from starlette.responses import FileResponse, Response
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
 
 _FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
-_GZIP_SUFFIX = ".gz"  # the end of the name of a file's gzipped copy, which server/web/pack.mjs makes
+_TEXT_SUFFIXES = frozenset({".html", ".css", ".js", ".svg"})  # pictures and tables are compressed already
+_KEPT_FILES = 64  # gzipped copies in memory, more than the page has texts
 _CACHE_A_DAY = "public, max-age=86400"
 _CACHE_FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
-_NOT_BUILT_HTML = """<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>Outdoor lighting</title></head><body>
-<h1>Outdoor lighting</h1>
-<p>The service runs. Its page is not built: run <code>npm ci &amp;&amp; npm run build</code> in
-<code>server/web</code>.</p>
-<p>The API is described in <a href="openapi.json">openapi.json</a>.</p>
-</body></html>
-"""
 
-
-def make_page_router(bundle: Path = BUNDLE) -> APIRouter:
+def make_page_router(bundle: Path = BUNDLE, photo: Path | None = None) -> APIRouter:
     """The routes of the page.
 
     Args:
-        bundle: the folder that vite writes; it may be built after the service has started.
+        bundle: the folder that vite writes.
+        photo: the file that the page shows at `/#opened/NAME`; None offers none.
     """
     router = APIRouter(include_in_schema=False)
     icon = _FAVICON.read_bytes()
@@ -36,9 +34,13 @@ def make_page_router(bundle: Path = BUNDLE) -> APIRouter:
 
     @router.get("/")
     async def page(request: Request) -> Response:
-        if not (bundle / "index.html").is_file():
-            return HTMLResponse(_NOT_BUILT_HTML)
         return await _serve_file(root, "index.html", request, "no-cache")
+
+    @router.get("/opened")
+    async def opened() -> Response:
+        if photo is None or not photo.is_file():
+            raise HTTPException(404)
+        return FileResponse(photo, filename=photo.name, headers={"Cache-Control": "no-store"})
 
     @router.get("/favicon.ico")
     async def favicon() -> Response:
@@ -53,20 +55,35 @@ def make_page_router(bundle: Path = BUNDLE) -> APIRouter:
 
 
 async def _serve_file(files: StaticFiles, path: str, request: Request, cache_control: str) -> Response:
-    """A whole file, or its gzipped copy if there is one and the client accepts it.
+    """A whole file, or its gzipped copy if it is a text and the client accepts that.
 
     A `Range` is ignored, as by the other routes: starlette answers an impossible one in plain text.
     """
     request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
     response = await files.get_response(path, request.scope)
     headers = {"Accept-Ranges": "none", "Cache-Control": cache_control}
-    if files.lookup_path(path + _GZIP_SUFFIX)[1]:
+    if Path(path).suffix in _TEXT_SUFFIXES:
         headers["Vary"] = "Accept-Encoding"
         if _accepts_gzip(request):
-            response = await files.get_response(path + _GZIP_SUFFIX, request.scope)
-            headers |= {"Content-Encoding": "gzip"} if response.status_code == 200 else {}
+            response = await _gzip_response(files, path, request)
     response.headers.update(headers)
     return response
+
+
+async def _gzip_response(files: StaticFiles, path: str, request: Request) -> Response:
+    """The gzipped copy of a file that exists, with a tag of its own."""
+    full_path, stat = files.lookup_path(path)
+    data = await to_thread.run_sync(_gzip_file, full_path, stat.st_mtime_ns if stat else 0)
+    headers = {"ETag": f'"{sha256(data).hexdigest()[:32]}"'}
+    response = Response(data, media_type=guess_type(path)[0], headers={**headers, "Content-Encoding": "gzip"})
+    if files.is_not_modified(response.headers, request.headers):
+        return NotModifiedResponse(response.headers)
+    return response
+
+
+@lru_cache(_KEPT_FILES)
+def _gzip_file(path: str, modified_ns: int) -> bytes:  # noqa: ARG001  # a file that changed is another
+    return gzip.compress(Path(path).read_bytes(), mtime=0)
 
 
 def _accepts_gzip(request: Request) -> bool:

@@ -191,7 +191,7 @@ def check_table(out: Path) -> None:
 
 
 def write_parquet(out: Path) -> None:
-    """Write TABLE (extra `parquet`) from the JOURNAL in a folder; the file appears only when it is whole.
+    """Write TABLE (extra `all`) from the JOURNAL in a folder; the file appears only when it is whole.
 
     Args:
         out: the folder.
@@ -211,7 +211,7 @@ def write_parquet(out: Path) -> None:
 
 def table_schema() -> Any:
     """Return the table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
-    pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "parquet")
+    pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "all")
     kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
     return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds})
 

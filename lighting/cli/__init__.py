@@ -18,10 +18,12 @@ _HOME = {  # the module of each command; a call imports no other
     "envmap": "estimate",
     "estimate": "estimate",
     "info": "info",
+    "open": "serve",
     "preview": "estimate",
     "probe": "probe",
     "render": "estimate",
     "scene": "scene",
+    "serve": "serve",
     "stereo": "stereo",
     "video": "video",
 }

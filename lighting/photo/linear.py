@@ -1,6 +1,6 @@
 """Photos that measure light: linear values, with all the bits that the file has.
 
-What is read: 16-bit PNG and TIFF, RAW where rawpy is installed (extra `raw`), and with less precision 8-bit PNG, TIFF
+What is read: 16-bit PNG and TIFF, RAW where rawpy is installed (extra `all`), and with less precision 8-bit PNG, TIFF
 and JPEG. A tag for gamma is not believed, since it often lies: 16 bits count as linear, 8 bits as sRGB, unless the
 caller knows better. The primaries of an ICC profile are believed: values become Rec.709's.
 """
@@ -211,7 +211,7 @@ def _develop_raw(data: bytes, name: str, upright: bool) -> tuple[NDArray[np.uint
     Demosaiced and balanced for daylight, to Rec.709, without any curve or brightening. Raises PhotoError for what
     cannot be read, under `name`, and without rawpy.
     """
-    rawpy = require_extra("rawpy", "RAW photos need rawpy", "raw", PhotoExtraError)
+    rawpy = require_extra("rawpy", "RAW photos need rawpy", "all", PhotoExtraError)
     try:
         with rawpy.imread(io.BytesIO(data)) as raw:
             levels = int(raw.white_level)

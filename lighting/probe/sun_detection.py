@@ -36,7 +36,7 @@ def is_clipped(linear: NDArray[np.float32]) -> bool:
 
 def import_ndimage() -> Any:
     """Import scipy's image filters; MissingExtraError where scipy is not installed."""
-    return require_extra("scipy.ndimage", "Measured skies need scipy", "stereo")
+    return require_extra("scipy.ndimage", "Measured skies need scipy", "all")
 
 
 def label_regions(mask: Mask) -> NDArray[np.intp]:

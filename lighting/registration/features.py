@@ -1,6 +1,6 @@
 """Points that two photos share: SIFT features [1] and their matches.
 
-OpenCV is the extra `turns`, which `video` brings along; without it every function here that needs it raises
+OpenCV is in the extra `all`; without it every function here that needs it raises
 MissingExtraError.
 
 References:
@@ -59,7 +59,7 @@ class Matches:
 
 def import_opencv() -> Any:
     """The module cv2; MissingExtraError where it is not installed."""
-    return require_extra("cv2", "Turns between photos need OpenCV", "turns")
+    return require_extra("cv2", "Turns between photos need OpenCV", "all")
 
 
 def has_opencv() -> bool:

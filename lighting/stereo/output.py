@@ -185,7 +185,7 @@ def _slopes(normal: Image, focal: float | None) -> tuple[Floats, Floats]:
 
 def _solve_depth(slopes: tuple[Floats, Floats], mask: NDArray[np.bool_], facing: Floats) -> Floats:
     """Values (P,) of the mask's pixels that fit the slopes best."""
-    sparse = require_extra("scipy.sparse", "Depth needs scipy", "stereo")
+    sparse = require_extra("scipy.sparse", "Depth needs scipy", "all")
     from scipy.sparse.linalg import splu
 
     index = np.cumsum(mask).reshape(mask.shape) - 1

@@ -1,6 +1,6 @@
 """A clip's light: the camera's path from followed points, one sun for each shot; and streams, frame by frame.
 
-It needs the extra `video` (PyAV and OpenCV), which is imported when it is used.
+It needs the extra `all` (PyAV and OpenCV), which is imported when it is used.
 """
 
 

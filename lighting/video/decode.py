@@ -272,7 +272,7 @@ def local_address(path: Path) -> str:
 
 def _open_container(path: Path) -> Any:
     """The file by FFmpeg, which opens no other file and no connection for it."""
-    av = require_extra("av", "Video needs PyAV", "video")
+    av = require_extra("av", "Video needs PyAV", "all")
     _check_file(path)
     options = {"protocol_whitelist": "file", "format_whitelist": ",".join(_FORMATS), **_DECODER_OPTIONS}
     try:

@@ -14,7 +14,7 @@ import pytest
 
 ray = pytest.importorskip("ray", reason="needs Ray: pip install 'ray[serve]'")
 serve = pytest.importorskip("ray.serve", reason="needs Ray Serve: pip install 'ray[serve]'")
-pytest.importorskip("server.app", reason="needs the service: pip install 'outdoor-lighting[server]'")
+pytest.importorskip("server.app", reason="needs the service")
 
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("default")]  # Ray and its children warn of much
 

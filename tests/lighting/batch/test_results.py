@@ -179,7 +179,7 @@ def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: p
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     result = run_batch(photos, tmp_path / "out", "--parquet")
     assert result.exit_code == 1
-    assert result.stderr == "Error: Parquet needs pyarrow: pip install 'outdoor-lighting[parquet]'.\n"
+    assert result.stderr == "Error: Parquet needs pyarrow: pip install 'outdoor-lighting[all]'.\n"
     assert not (tmp_path / "out").exists()
 
 

@@ -58,5 +58,5 @@ def test_without_opencv_a_warning_says_what_is_missing(
     monkeypatch.setattr("lighting.registration.features.has_opencv", lambda: False)
     result = invoke_command("estimate", "--together", "--no-exif", "--model", network, *pair)
     assert result.exit_code == 0
-    assert result.stderr.count("OpenCV is not installed: pip install 'outdoor-lighting[turns]'.") == 1
+    assert result.stderr.count("OpenCV is not installed: pip install 'outdoor-lighting[all]'.") == 1
     assert "turns" not in result.stdout

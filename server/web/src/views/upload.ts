@@ -42,6 +42,8 @@ export function listenForUploads(
   });
   listenForDrops((data) => receive(data, "dropped"));
   byId("examples").append(...EXAMPLES.map((one) => createElement("li", {}, exampleButton(one, takePhotos))));
+  const opened = /^#opened\/(.+)$/.exec(location.hash)?.[1]; // by `lighting open PHOTO`
+  if (opened) takePhotos([sourceFromExample(decodeURIComponent(opened), "opened")]);
 }
 
 /** What the service does with several photos. */

@@ -1,0 +1,124 @@
+"""The commands that start the service, as a process of its own: `open` with a browser, `serve` without."""
+
+import http.client
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+import webbrowser
+from collections.abc import Callable, Mapping
+from contextlib import closing, suppress
+from pathlib import Path
+from urllib.parse import quote
+
+import click
+
+from lighting.cli import cli
+from lighting.cli.console import escape_path
+
+_LOOPBACK = "127.0.0.1"
+_START_SECONDS = 60.0  # until the service listens, on a slow machine
+_POLL_SECONDS = 0.1
+_FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+
+
+@cli.command("open")
+@click.argument("photo", required=False, type=click.Path(exists=True, dir_okay=False, path_type=Path))
+def _open(photo: Path | None) -> None:
+    """Open the web page in your browser, with PHOTO in it if you name one.
+
+    The page and its service run on this machine alone, on a free port. Ctrl-C ends them.
+    """
+    port = _find_free_port()
+    url = f"http://{_LOOPBACK}:{port}/"
+    settings = {"LIGHTING_HOST": _LOOPBACK, "LIGHTING_PORT": str(port)}
+    settings |= {} if photo is None else {"LIGHTING_PHOTO": str(photo.resolve())}
+    settings |= {} if os.environ.get("LIGHTING_LOG_LEVEL") else {"LIGHTING_LOG_LEVEL": "warning"}
+
+    def show(process: "subprocess.Popen[bytes]") -> None:
+        if _wait_until_listening(process, port):
+            _show_page(url if photo is None else f"{url}#opened/{quote(photo.name, safe='')}", photo)
+
+    raise SystemExit(_run_service(settings, show))
+
+
+@cli.command("serve")
+@click.option("--host", help="Address to listen on; 0.0.0.0 listens on all. [default: 127.0.0.1]")
+@click.option("--port", type=click.IntRange(0, 65535), help="Port to listen on; 0 picks a free one. [default: 8000]")
+def _serve(host: str | None, port: int | None) -> None:
+    """Serve the HTTP API and the web page until Ctrl-C.
+
+    The other settings are environment variables, which `lighting-server --help` lists.
+    """
+    given = {"LIGHTING_HOST": host, "LIGHTING_PORT": port}
+    raise SystemExit(_run_service({name: str(value) for name, value in given.items() if value is not None}))
+
+
+def _find_free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind((_LOOPBACK, 0))
+        return int(probe.getsockname()[1])
+
+
+def _show_page(url: str, photo: Path | None) -> None:
+    """Open a browser, or say what to open where there is none."""
+    shown = "" if photo is None else f" with {escape_path(photo.name)}"
+    with suppress(webbrowser.Error):
+        if webbrowser.open(url):
+            click.echo(f"Opened {url}{shown} in your browser. Ctrl-C ends the service.")
+            return
+    click.echo(f"Open {url}{shown} in a browser. Ctrl-C ends the service.")
+
+
+def _wait_until_listening(process: "subprocess.Popen[bytes]", port: int) -> bool:
+    """Whether the service answers; False when it has ended or takes too long."""
+    deadline = time.monotonic() + _START_SECONDS
+    while process.poll() is None and time.monotonic() < deadline:
+        connection = http.client.HTTPConnection(_LOOPBACK, port, timeout=_START_SECONDS)
+        with suppress(OSError, http.client.HTTPException), closing(connection):
+            connection.request("GET", "/livez")
+            return connection.getresponse().status == 200
+        time.sleep(_POLL_SECONDS)
+    return False
+
+
+def _run_service(
+    settings: Mapping[str, str], when_started: Callable[["subprocess.Popen[bytes]"], None] | None = None
+) -> int:
+    """Run `python -m server` to its end, and hand it the signals that this process gets.
+
+    Args:
+        settings: variables of its environment.
+        when_started: is called once the process runs; None calls nothing.
+
+    Returns:
+        Its exit status; 128 and a signal's number where that ended it.
+    """
+    search_path = os.pathsep.join(filter(None, sys.path))  # the service of this installation, whatever the folder
+    environment = {**os.environ, "PYTHONPATH": search_path, **settings}
+    own_group = {"process_group": 0} if os.name == "posix" else {}  # Ctrl-C comes once, from here
+    with subprocess.Popen([sys.executable, "-P", "-m", "server"], env=environment, **own_group) as process:
+        try:
+            _forward_signals(process)
+            if when_started:
+                when_started(process)
+            status = process.wait()
+        except BaseException:
+            process.kill()
+            raise
+    return status if status >= 0 else 128 - status
+
+
+def _forward_signals(process: "subprocess.Popen[bytes]") -> None:
+    """Hand signals on, so that the service can finish what it does; an ignored one stays ignored."""
+
+    def forward(number: int, _: object) -> None:
+        if os.name == "posix":  # elsewhere the console has told both
+            process.send_signal(number)
+
+    for name in _FORWARDED_SIGNALS:
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, forward)

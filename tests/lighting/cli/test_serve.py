@@ -1,0 +1,116 @@
+"""`lighting open` and `lighting serve`: the service as a process of its own."""
+
+import http.client
+import os
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.helpers.pages import ROOT
+from tests.helpers.service import environment
+
+pytestmark = pytest.mark.skipif(os.name != "posix", reason="sends signals and starts a browser of its own")
+Start = Callable[..., "subprocess.Popen[str]"]
+
+
+@pytest.fixture
+def start(tmp_path: Path, network: Path) -> Iterator[Start]:
+    """Starts `lighting ARGUMENTS` in a folder with a foreign `server.py`; its browser writes down what it opens."""
+    (tmp_path / "server.py").write_text("raise SystemExit('not this one')")
+    browser = tmp_path / "browser"
+    browser.write_text(f'#!/bin/sh\necho "$1" > {tmp_path}/url\n')
+    browser.chmod(0o755)
+    processes = []
+
+    def begin(*arguments: str, **variables: str) -> "subprocess.Popen[str]":
+        paths = {"PYTHONPATH": str(ROOT), "BROWSER": str(browser), **variables}
+        process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "lighting", *arguments],
+            cwd=tmp_path,
+            env=environment(model=network) | paths,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        processes.append(process)
+        return process
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def wait_for(found: Callable[[], object]) -> None:
+    deadline = time.monotonic() + 60
+    while not found():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def get(url: str) -> tuple[int, bytes]:
+    with closing(http.client.HTTPConnection(urlsplit(url).netloc, timeout=60)) as connection:
+        connection.request("GET", urlsplit(url).path)
+        answer = connection.getresponse()
+        return answer.status, answer.read()
+
+
+@pytest.mark.slow
+def test_open_shows_the_photo_in_the_browser(start: Start, tmp_path: Path, photo_path: Path) -> None:
+    photo = shutil.move(photo_path, tmp_path / "my photo.jpg")
+    process = start("open", "my photo.jpg")
+    assert process.stdout
+    said = process.stdout.readline()
+    wait_for((tmp_path / "url").is_file)
+    url = (tmp_path / "url").read_text().strip()
+    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/#opened/my%20photo\.jpg", url)
+    assert said == f"Opened {url} with my photo.jpg in your browser. Ctrl-C ends the service.\n"
+    base = url.partition("#")[0]
+    assert get(f"{base}opened") == (200, photo.read_bytes())
+    assert b"<script" in get(base)[1]
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == 128 + signal.SIGINT
+    with pytest.raises(ConnectionRefusedError):
+        get(base)
+
+
+@pytest.mark.slow
+def test_serve_takes_host_and_port_and_ends_by_sigterm(start: Start) -> None:
+    process = start("serve", "--host", "127.0.0.1", "--port", "0")
+    assert process.stderr
+    found = next(filter(None, (re.search(r"running on (http://127\.0\.0\.1:\d+)", line) for line in process.stderr)))
+    assert get(f"{found[1]}/livez") == (200, b'{"status":"ok"}')
+    assert get(f"{found[1]}/opened")[0] == 404
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(60) == 128 + signal.SIGTERM
+
+
+@pytest.mark.slow
+def test_what_the_service_refuses_ends_the_command(start: Start, tmp_path: Path) -> None:
+    processes = [start("open", LIGHTING_QUEUE="-1"), start("serve", "--host", "no.such.host.invalid")]
+    results = [(process.communicate(timeout=60)[1], process.returncode) for process in processes]
+    assert results[0] == ("LIGHTING_QUEUE: Input should be greater than or equal to 0\n", 1)
+    assert "LIGHTING_HOST: no.such.host.invalid is no address to listen on" in results[1][0]
+    assert results[1][1] == 1
+    assert not (tmp_path / "url").exists()
+
+
+def test_open_refuses_what_is_no_file(start: Start) -> None:
+    process = start("open", "none.jpg")
+    assert "none.jpg' does not exist" in process.communicate(timeout=60)[1]
+    assert process.returncode == 2
+
+
+def test_the_command_line_imports_nothing_of_the_service() -> None:
+    code = "import sys, lighting.cli.serve; print({'server', 'fastapi', 'uvicorn'} & sys.modules.keys())"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert done.stdout == "set()\n"
