@@ -10,7 +10,8 @@ if TYPE_CHECKING:
     from lighting.files.exr import read_exr, write_exr
     from lighting.fusion.user_input import UserInput
     from lighting.photo.reader import read_photo
-    from lighting.records import Estimate, Lighting
+    from lighting.photo_estimate import Estimate
+    from lighting.records import Lighting
 
 __all__ = [
     "Estimate",
@@ -26,7 +27,7 @@ __all__ = [
 ]
 
 _HOMES = {
-    "Estimate": "records",
+    "Estimate": "photo_estimate",
     "Estimator": "estimator",
     "Lighting": "records",
     "UserInput": "fusion.user_input",

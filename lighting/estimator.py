@@ -21,7 +21,8 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings,
 from lighting.ground import describe_ground
 from lighting.model import Model, model_or_packaged
 from lighting.photo.reader import Photo, Source, check_photo, read_photo
-from lighting.records import Estimate, Lighting, Prediction
+from lighting.photo_estimate import Estimate
+from lighting.records import EstimatedLight, Lighting, Prediction
 from lighting.validation import clip_color
 
 if TYPE_CHECKING:
@@ -125,7 +126,8 @@ class Estimator:
         posteriors = fuse_views(predictions, observations, headings, views)
         estimates = list(map(build_estimate, posteriors, observed))
         aerial = [one.is_aerial for one in observed]
-        return apply_photo_colors(photos, list(map(describe_ground, photos, estimates, aerial)))
+        lights = apply_photo_colors(photos, list(map(describe_ground, photos, estimates, aerial)))
+        return list(map(Estimate.of_photo, photos, lights))
 
     def together(
         self,
@@ -185,10 +187,10 @@ def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: U
     observed = _with_warnings(observations_single(metadata, user_input), (*photo.warnings, *warnings))
     posterior = fuse_single_view(prediction, observed.observations, photo.pixels)
     estimate = describe_ground(photo, build_estimate(posterior, observed), observed.is_aerial)
-    return apply_photo_colors([photo], [estimate])[0]
+    return Estimate.of_photo(photo, apply_photo_colors([photo], [estimate])[0])
 
 
-def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -> list[Estimate]:
+def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLight]) -> list[EstimatedLight]:
     """Give estimates of photos under one sky the colors that the photos show, where irradiances are known.
 
     The sky has one color in all of them, the geometric mean; each photo shows its own ground. The
@@ -214,7 +216,7 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[Estimate]) -
     return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
 
 
-def _with_ground_light(photo: Photo, estimate: Estimate) -> Lighting:
+def _with_ground_light(photo: Photo, estimate: EstimatedLight) -> Lighting:
     """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
     light = estimate.lighting
     if (dapple := dappled_sunlight(photo.pixels, light)) is not None:

@@ -12,7 +12,7 @@ import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
-from lighting.records import Estimate, Lighting
+from lighting.records import EstimatedLight, Lighting
 from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, packaged_segmenter, pixel_share
 from lighting.validation import round_significant
 
@@ -67,7 +67,7 @@ class GroundSpot:
     direction: tuple[float, float, float]  # unit vector from the camera
 
 
-def describe_ground(photo: Photo, estimate: Estimate, is_aerial: bool = False) -> Estimate:
+def describe_ground(photo: Photo, estimate: EstimatedLight, is_aerial: bool = False) -> EstimatedLight:
     """Return the estimate of a photo with what the photo shows, and where in it an object may stand.
 
     Args:

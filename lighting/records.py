@@ -1,4 +1,4 @@
-"""The records that travel through the pipeline: ModelSpec, Prediction, Lighting, Estimate; JSON in and out."""
+"""The records that travel through the pipeline: ModelSpec, Prediction, Lighting, EstimatedLight; JSON in and out."""
 
 import json
 import math
@@ -329,7 +329,7 @@ class SunDistribution:
 
 
 @dataclass(frozen=True, eq=False)
-class Estimate:
+class EstimatedLight:
     """The answer about one photo: its light, and where else the sun may be."""
 
     lighting: Lighting
@@ -354,7 +354,7 @@ def check_estimate(thing: object) -> None:
     Args:
         thing: what a caller passed as one.
     """
-    if not isinstance(thing, Estimate):
+    if not isinstance(thing, EstimatedLight):
         sentence = f"An Estimate is needed, not {type(thing).__name__}; an Estimator makes one of a photo."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 

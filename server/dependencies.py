@@ -21,7 +21,8 @@ from lighting.model import Model, packaged_model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
-from lighting.records import CodedWarning, Estimate, WarningCode
+from lighting.photo_estimate import Estimate
+from lighting.records import CodedWarning, EstimatedLight, WarningCode
 from lighting.registration import features, photo_set
 from server import problems
 from server.auth import ApiKeys, CpuLimiter, RateLimiter
@@ -78,7 +79,7 @@ class PhotoMatcher:
 class PhotoAnswer:
     """An estimate, what part of the picture it is of, and the gain of its surroundings if the client asks for that."""
 
-    estimate: Estimate
+    estimate: EstimatedLight
     gain: Image | None = None  # (R, 2R, 3), a factor on the sky's map
     crop: PhotoCrop | None = None  # the photo's part of a picture with a border
     metadata: PhotoMetadata | None = None  # of the file, if the client asks for it

@@ -16,8 +16,9 @@ from lighting.files import encode_envmap
 from lighting.files.atomic import encode_jpeg, encode_png
 from lighting.ground import draw_ground_mask
 from lighting.photo.reader import TARGET, Photo
+from lighting.photo_estimate import Estimate
 from lighting.preview.picture import PHOTO_SIDE, preview_png
-from lighting.records import Estimate, Lighting
+from lighting.records import Lighting
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
 from lighting.segmentation import Segments

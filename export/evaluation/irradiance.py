@@ -29,7 +29,7 @@ from lighting.geometry import Floats, angles, direction
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array
-from lighting.records import Estimate, Lighting, ModelSpec
+from lighting.records import EstimatedLight, Lighting, ModelSpec
 from lighting.validation import clip_color
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
@@ -110,7 +110,7 @@ def _sun_of(source: Source) -> Floats | None:
     return direction(source.label.sun_azimuth, source.label.sun_elevation)
 
 
-def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, PhotoContext]]:
+def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[EstimatedLight, PhotoContext]]:
     """What a network estimates of each crop by its pixels alone, by the path that users take.
 
     Args:
@@ -125,7 +125,7 @@ def estimate_crops(model: Model, crops: Sequence[Crop]) -> list[tuple[Estimate, 
     return estimates
 
 
-def estimate_from_pixels(model: Model, photo: Photo) -> Estimate:
+def estimate_from_pixels(model: Model, photo: Photo) -> EstimatedLight:
     """What a network estimates of a crop, before the colors that it shows are looked at.
 
     Args:

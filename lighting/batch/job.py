@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from lighting.estimator import Estimator
     from lighting.files.exr import WriteTarget
     from lighting.photo.reader import Photo
-    from lighting.records import Estimate, Lighting
+    from lighting.photo_estimate import Estimate
+    from lighting.records import Lighting
 
 DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits and other work may slow the machine
 

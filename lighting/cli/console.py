@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
     from lighting.model import Model
     from lighting.photo.reader import Photo
-    from lighting.records import Estimate, Lighting, Prediction
+    from lighting.photo_estimate import Estimate
+    from lighting.records import Lighting, Prediction
 
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from lighting.estimator import Estimator
     from lighting.fusion.user_input import UserInput
     from lighting.photo.reader import Photo
-    from lighting.records import Estimate
+    from lighting.photo_estimate import Estimate
 
 Answers = Iterator[tuple[str, "Estimate | Exception"]]
 

@@ -32,7 +32,7 @@ from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_ligh
 from lighting.envmap.render import add_sun, cap_map, check_height, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
-from lighting.records import Estimate, Lighting, check_estimate, check_lighting
+from lighting.records import EstimatedLight, Lighting, check_estimate, check_lighting
 from lighting.segmentation import Segments
 from lighting.sky import SKY_MODEL
 
@@ -60,7 +60,7 @@ class PhotoContext:
     """A photo and what the network predicts beside it. PhotoError for what is no photo's pixels."""
 
     photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
-    coarse_panorama: NDArray[np.float32] | None = None  # `Estimate.surroundings`; None: bare sky and ground
+    coarse_panorama: NDArray[np.float32] | None = None  # `EstimatedLight.surroundings`; None: bare sky and ground
     exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
     light: Lighting | None = None  # that light; what it makes of the surroundings stays under another sun
     segments: Segments | None = None  # what the photo shows, of `segmentation`; None: unknown
@@ -87,7 +87,7 @@ class PhotoContext:
 
 
 def photo_context(
-    estimate: Estimate,
+    estimate: EstimatedLight,
     photo: NDArray[np.uint8],
     *,
     surroundings: bool | None = None,
@@ -104,7 +104,7 @@ def photo_context(
         detail: whether the map has detail all around the photo.
 
     Raises:
-        ParameterError: for what is no Estimate.
+        ParameterError: for what is no EstimatedLight.
         PhotoError: for what is no photo's pixels.
     """
     check_estimate(estimate)
@@ -117,7 +117,7 @@ def photo_context(
 
 
 def photo_context_for_height(
-    estimate: Estimate,
+    estimate: EstimatedLight,
     photo: NDArray[np.uint8],
     height: int,
     read_finer: Callable[[int], NDArray[np.uint8]],

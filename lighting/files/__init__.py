@@ -86,7 +86,7 @@ def write_envmap(
         lighting: for the header of an EXR; None: without.
         compression: of an EXR, one of COMPRESSIONS; the others have none.
     """
-    _writer_of(_format_of(target), compression)(target, image, lighting)
+    _writer_of(check_map_name(target), compression)(target, image, lighting)
 
 
 def encode_envmap(
@@ -105,8 +105,15 @@ def encode_envmap(
     return buffer.getvalue()
 
 
-def _format_of(path: str | os.PathLike[str]) -> str:
-    """The format that a path's suffix names; EnvironmentMapError for one that is not an environment map's."""
+def check_map_name(path: str | os.PathLike[str]) -> str:
+    """Return the format that a path's suffix names.
+
+    Args:
+        path: of a map.
+
+    Raises:
+        EnvironmentMapError: the suffix is not an environment map's.
+    """
     if not isinstance(path, str | os.PathLike):
         raise EnvironmentMapError(f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.")
     suffix = Path(path).suffix.lower().removeprefix(".")

@@ -1,4 +1,4 @@
-"""From pixels to Prediction, and from Posterior to Estimate.
+"""From pixels to Prediction, and from Posterior to EstimatedLight.
 
 At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9; streets and shop
 windows in bright lamplight take 8, rooms 5 to 7 [1]. Exposures tell indoors from outdoors better than pixels do [2].
@@ -25,7 +25,7 @@ from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.preprocess import is_blank, is_panorama, preprocess
 from lighting.photo.reader import Photo
-from lighting.records import MIN_SUITABLE, CodedWarning, Estimate, EvidenceKind, Lighting, Prediction, WarningCode
+from lighting.records import MIN_SUITABLE, CodedWarning, EstimatedLight, EvidenceKind, Lighting, Prediction, WarningCode
 from lighting.validation import clip_to_range, round_significant
 
 _UNSUITABLE = (
@@ -116,8 +116,8 @@ def refine_camera(prediction: Prediction, pixels: NDArray[np.uint8], vertical_fo
     return refined if sun is None else replace(refined, sun_probability=reproject_sun(prediction, refined, sun))
 
 
-def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
-    """The Estimate of a posterior, with the evidence used and the warnings.
+def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight:
+    """The EstimatedLight of a posterior, with the evidence used and the warnings.
 
     Args:
         posterior: of the photo.
@@ -138,7 +138,7 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> Estimate:
     if instant is not None:
         answer = replace(answer, utc_time=instant.utc_time, utc_offset=instant.utc_offset, time_source=instant.source)
     light = posterior.prediction.light
-    return Estimate(answer, posterior.on_cells(), light.surroundings if light else None)
+    return EstimatedLight(answer, posterior.on_cells(), light.surroundings if light else None)
 
 
 def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | None:

@@ -42,7 +42,7 @@ _SunCandidates = tuple[tuple[float, float], ...]  # elevation and compass azimut
 
 @dataclass(frozen=True)
 class MetadataPrior:
-    """The observations of one photo, and what its Estimate reports besides."""
+    """The observations of one photo, and what its estimate reports besides."""
 
     observations: Observations = field(default_factory=Observations)
     warnings: tuple[str, ...] = ()

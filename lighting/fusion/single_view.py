@@ -78,7 +78,7 @@ class Observations:
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
-    """The fused distribution and parameters of one photo; `build_estimate` makes an Estimate of it."""
+    """The fused distribution and parameters of one photo; `build_estimate` makes an EstimatedLight of it."""
 
     prediction: Prediction  # with the fused camera, turbidity and exposure
     sun: SunEstimate

@@ -86,6 +86,21 @@ class PhotoCrop:
 
 
 @dataclass(frozen=True, eq=False)
+class PhotoOrigin:
+    """Where a photo was read from, and the limits of that, so that it can be read again."""
+
+    data: bytes | Path  # the bytes, or an absolute path
+    modified: tuple[int, int] | None  # size and time of the last change, of a file
+    max_bytes: int
+    max_pixels: int
+
+    @property
+    def name(self) -> str | None:
+        """Of the file; None where the photo came as bytes."""
+        return self.data.name if isinstance(self.data, Path) else None
+
+
+@dataclass(frozen=True, eq=False)
 class Photo:
     """An upright photo. Of a picture with a border, it is what lies inside."""
 
@@ -97,6 +112,7 @@ class Photo:
     crop: PhotoCrop | None = None  # the photo's part of the upright picture; None: all of it
     is_collage: bool = False  # whether the picture shows several photos
     warnings: tuple[str, ...] = ()  # sentences about its border
+    source: "PhotoOrigin | None" = field(default=None, repr=False)  # where more pixels are; None: these are all
 
     @property
     def facts(self) -> PhotoMetadata:
@@ -147,6 +163,8 @@ def read_photo(
     if target is not None and not (isinstance(target, Integral) and target > 0):
         predicate = f"must be a whole number of pixels over 0, or None, not {target!r}."
         raise ParameterError.about("target", predicate, ErrorCode.WRONG_TYPE)
+    file = Path(source).absolute() if isinstance(source, str | os.PathLike) and Path(source).is_file() else None
+    modified = _modified(file) if file else None
     data = read_bytes(source, max_bytes)
     try:
         with _no_warnings():
@@ -178,7 +196,32 @@ def read_photo(
             sidecar = read_sidecar(beside)
         inside = photo.crop is not None
         metadata = read_metadata(exif_source, photo.width, photo.height, sidecar, is_inside=inside)
-    return replace(photo, metadata=metadata)
+    return replace(photo, metadata=metadata, source=PhotoOrigin(file or data, modified, max_bytes, max_pixels))
+
+
+def _modified(file: Path) -> tuple[int, int]:
+    """Size and time of the last change."""
+    status = file.stat()
+    return status.st_size, status.st_mtime_ns
+
+
+def reread_photo(photo: Photo, target: int) -> Photo:
+    """The photo with more of its pixels, read again from where it came; itself where it came as pixels.
+
+    Args:
+        photo: as `read_photo` or `photo_from_array` returns it.
+        target: pixels that the longer side keeps at least if it has them.
+
+    Raises:
+        PhotoError: its file has changed since.
+        OSError: its file cannot be opened any more.
+    """
+    origin = photo.source
+    if origin is None:
+        return photo
+    if isinstance(origin.data, Path) and _modified(origin.data) != origin.modified:
+        raise PhotoError(f"{origin.data} has changed since it was read.")
+    return read_photo(origin.data, max_bytes=origin.max_bytes, max_pixels=origin.max_pixels, target=target, sidecar={})
 
 
 def photo_from_array(pixels: ArrayLike, metadata: PhotoMetadata | None = None) -> Photo:

@@ -12,7 +12,7 @@ from lighting.preview import drawing
 from lighting.preview.drawing import TEXT, WHITE, TextStyle, draw_lines, draw_suns, draw_text, draw_text_inside
 from lighting.preview.object_insertion import insert_balls
 from lighting.preview.spheres import SphereScene
-from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.segmentation import Segments
 from lighting.sun_grid import grid_directions
 
@@ -173,7 +173,7 @@ def draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: floa
 # The compass: the sky from above, with the sun's probability.
 
 
-def draw_compass(estimate: Estimate, aspect: float, size: int) -> Image.Image:
+def draw_compass(estimate: EstimatedLight, aspect: float, size: int) -> Image.Image:
     """The sky from above: zenith at the center, the camera's heading at the top, its right on the right.
 
     Args:

@@ -18,7 +18,7 @@ from lighting.preview import drawing, panels
 from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, TextStyle, draw_text, rounded_mask, text_width
 from lighting.preview.panels import GAP, LETTERS, MARGIN, WIDTH
 from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
-from lighting.records import MIN_SUITABLE, Estimate, Lighting, check_estimate
+from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, check_estimate
 
 MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
@@ -30,7 +30,7 @@ _WARNING_LETTERS = 160  # of a line of warnings
 
 
 def preview_png(
-    photo: NDArray[np.uint8], estimate: Estimate, *, surroundings: bool | None = None, detail: bool = True
+    photo: NDArray[np.uint8], estimate: EstimatedLight, *, surroundings: bool | None = None, detail: bool = True
 ) -> bytes:
     """The picture of a photo and its light, as PNG.
 
@@ -41,20 +41,28 @@ def preview_png(
         detail: whether the map then has detail all around the photo.
 
     Raises:
-        ParameterError: `estimate` is no Estimate.
+        ParameterError: `estimate` is no EstimatedLight.
         PhotoError: `photo` is no photo's pixels.
     """
-    picture = _draw_preview(photo, estimate, _render_map(photo, estimate, surroundings, detail))
+    picture = draw_preview_pixels(photo, estimate, _render_map(photo, estimate, surroundings, detail))
     return encode_png(picture, compress_level=_PNG_LEVEL)
 
 
-def _draw_preview(
-    photo: NDArray[np.uint8], estimate: Estimate, envmap: NDArray[np.float32] | None = None
+def draw_preview_pixels(
+    photo: NDArray[np.uint8], estimate: EstimatedLight, envmap: NDArray[np.float32] | None = None
 ) -> NDArray[np.uint8]:
     """The same as sRGB pixels (H, 1600, 3).
 
-    `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
-    it is rendered here. The errors are those of `preview_png`, and EnvironmentMapError for what is no map.
+    Args:
+        photo: (H, W, 3) sRGB, upright.
+        estimate: the photo's light.
+        envmap: (H, 2H, 3), the light's own map in the photo's linear values, with or without the sun's disc; None: it
+            is rendered here.
+
+    Raises:
+        ParameterError: `estimate` is no EstimatedLight.
+        PhotoError: `photo` is no photo's pixels.
+        EnvironmentMapError: `envmap` is no map.
     """
     check_estimate(estimate)
     photo = check_pixels(photo)
@@ -86,7 +94,7 @@ def _draw_preview(
 
 
 def _render_map(
-    photo: NDArray[np.uint8], estimate: Estimate, surroundings: bool | None = None, detail: bool = True
+    photo: NDArray[np.uint8], estimate: EstimatedLight, surroundings: bool | None = None, detail: bool = True
 ) -> NDArray[np.float32]:
     context = photo_context(estimate, photo, surroundings=surroundings, detail=detail)
     if context:

@@ -59,11 +59,7 @@ def write_scene(
         SceneError: the tool or the scene is none, the folder cannot be written, or it holds a scene for another tool in
         other light, which would be left with this one's map.
     """
-    if not isinstance(folder, str | os.PathLike):
-        sentence = f"A scene is written to a folder, not to {type(folder).__name__}."
-        raise SceneError(sentence, "folder", ErrorCode.WRONG_TYPE)
-    target = Path(folder).resolve()
-    check_scene_folder(target, overwrite=overwrite)
+    target = check_scene_target(tool, folder, overwrite=overwrite)
     try:
         with _temporary_folder(target) as built:
             _write(scene, tool, built, options)
@@ -123,6 +119,26 @@ class _Member:
         self.write_bytes(text.encode(encoding))
 
 
+def check_scene_target(tool: str, folder: str | os.PathLike[str], *, overwrite: bool) -> Path:
+    """Return the full path of a scene's folder, before any work, where a scene for a tool can be written to it.
+
+    Args:
+        tool: its name in EXPORTERS.
+        folder: of the scene.
+        overwrite: whether it may hold files already.
+
+    Raises:
+        SceneError: the tool is unknown, the folder cannot be written, or is not empty and `overwrite` is false.
+    """
+    _check_tool(tool)
+    if not isinstance(folder, str | os.PathLike):
+        sentence = f"A scene is written to a folder, not to {type(folder).__name__}."
+        raise SceneError(sentence, "folder", ErrorCode.WRONG_TYPE)
+    target = Path(folder).resolve()
+    check_scene_folder(target, overwrite=overwrite)
+    return target
+
+
 def check_scene_folder(target: Path, *, overwrite: bool) -> None:
     """Check that a scene can be written to a folder.
 
@@ -138,13 +154,17 @@ def check_scene_folder(target: Path, *, overwrite: bool) -> None:
 
 
 def _write(scene: Scene, tool: str, folder: Folder, options: Mapping[str, object]) -> None:
-    if tool not in EXPORTERS:
-        sentence = f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}."
-        raise SceneError(sentence, "tool", ErrorCode.UNKNOWN)
+    _check_tool(tool)
     if not isinstance(scene, Scene):
         sentence = f"A Scene is needed, not {type(scene).__name__}; make_scene makes one."
         raise SceneError(sentence, code=ErrorCode.WRONG_TYPE)
     EXPORTERS[tool].write(scene, folder, **options)
+
+
+def _check_tool(tool: str) -> None:
+    if tool not in EXPORTERS:
+        sentence = f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}."
+        raise SceneError(sentence, "tool", ErrorCode.UNKNOWN)
 
 
 def _check_listed(tool: str, written: set[str]) -> None:

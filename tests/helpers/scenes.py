@@ -12,7 +12,7 @@ from lighting.envmap.render import render
 from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.photo.reader import Photo
 from lighting.preview.drawing import SUN
-from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.scene.records import Scene, make_scene
 
 Bytes = NDArray[np.uint8]
@@ -35,8 +35,8 @@ def distribution(probability: Floats | None = None, grid: str = GRID) -> SunDist
     return SunDistribution(grid, np.asarray(even if probability is None else probability, dtype=np.float32))
 
 
-def estimate(lighting: Lighting, probability: Floats | None = None) -> Estimate:
-    return Estimate(lighting, distribution(probability))
+def estimate(lighting: Lighting, probability: Floats | None = None) -> EstimatedLight:
+    return EstimatedLight(lighting, distribution(probability))
 
 
 @lru_cache

@@ -18,7 +18,7 @@ from lighting.ground import (
     visible_ground,
 )
 from lighting.photo.reader import photo_from_array
-from lighting.records import Estimate, Lighting
+from lighting.records import EstimatedLight, Lighting
 from lighting.segmentation import Segments, SurfaceClass
 from tests.helpers.scenes import distribution
 
@@ -100,13 +100,13 @@ def test_the_mask_holds_ground_sunlight_and_things() -> None:
 
 def test_an_estimate_says_what_its_photo_shows() -> None:
     pixels = np.full((120, 160, 3), 128, dtype=np.uint8)
-    answer = describe_ground(photo_from_array(pixels), Estimate(LIGHT, distribution()))
+    answer = describe_ground(photo_from_array(pixels), EstimatedLight(LIGHT, distribution()))
     assert answer.segments is not None
     assert answer.segments.shape == (18, 24, 10)
     assert answer.lighting.ground_visible is not None
     record = answer.lighting.to_dict()["ground"]
     assert {"spot", "visible"} <= set(record)
-    flying = describe_ground(photo_from_array(pixels), Estimate(LIGHT, distribution()), is_aerial=True)
+    flying = describe_ground(photo_from_array(pixels), EstimatedLight(LIGHT, distribution()), is_aerial=True)
     assert flying.lighting.to_dict()["ground"]["spot"] is None
 
 

@@ -15,7 +15,7 @@ from lighting.model import MODEL_CARD, Model, packaged_model
 from lighting.photo.location import HeadingReference
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import PhotoCrop
-from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
@@ -26,7 +26,7 @@ from tests.conftest import TINY
 GRID = "fibonacci:64"
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
 ANSWERS_SUN = SunDistribution(GRID, np.full(64, 1 / 64, dtype=np.float32))
-ESTIMATE = PhotoAnswer(Estimate(LIGHT, ANSWERS_SUN))
+ESTIMATE = PhotoAnswer(EstimatedLight(LIGHT, ANSWERS_SUN))
 
 
 def request(if_none_match: str) -> Request:

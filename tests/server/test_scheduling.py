@@ -14,7 +14,7 @@ from starlette.types import Message
 
 from lighting.estimator import Estimator
 from lighting.photo.reader import Photo
-from lighting.records import Estimate
+from lighting.photo_estimate import Estimate
 from server.app import create_app
 from server.dependencies import Service
 from server.identity import Client as Asker

@@ -25,7 +25,7 @@ from lighting.envmap.surroundings import (
     surroundings_gain,
 )
 from lighting.geometry import angle_between, latlong_directions
-from lighting.records import Estimate, Lighting, SunDistribution
+from lighting.records import EstimatedLight, Lighting, SunDistribution
 from tests.helpers.lights import SKY_IRRADIANCE, model_light, stated_light
 
 ROWS = 24
@@ -145,7 +145,9 @@ def test_a_light_that_is_exposed_otherwise_brightens_its_place_with_it(factor: f
 @pytest.mark.parametrize("moved", [180.0, -90.0])
 def test_the_skys_bright_side_follows_a_sun_that_is_moved(moved: float) -> None:
     light = replace(stated_light(sky_cover=0.1), vertical_fov=20.0, camera_elevation=-40.0)  # the photo shows ground
-    estimate = Estimate(light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), coarse_panorama(light))
+    estimate = EstimatedLight(
+        light, SunDistribution("fibonacci:64", np.full(64, 1 / 64, np.float32)), coarse_panorama(light)
+    )
     context = photo_context(estimate, PHOTO)
     assert context is not None
     there = (light.sun_azimuth + moved + 180.0) % 360.0 - 180.0
@@ -210,8 +212,8 @@ def test_the_same_cells_as_the_bare_map_change_little_beside_the_photo() -> None
     assert np.median(np.abs(image[upper] / bare[upper] - 1)) < 0.05
 
 
-def estimate(cells: np.ndarray | None) -> Estimate:
-    return Estimate(stated_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
+def estimate(cells: np.ndarray | None) -> EstimatedLight:
+    return EstimatedLight(stated_light(), SunDistribution("rings:1x1", np.ones(1, np.float32)), cells)
 
 
 @pytest.mark.parametrize(("height", "asked"), [(96, []), (512, [1000]), (4096, [1000])])

@@ -11,7 +11,7 @@ from PIL import Image
 from lighting.color import tone_map
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError
-from lighting.files import _format_of, encode_envmap, write_envmap
+from lighting.files import check_map_name, encode_envmap, write_envmap
 from lighting.files.exr import read_exr
 from lighting.records import Lighting
 
@@ -52,8 +52,12 @@ def test_other_suffixes_are_one_sentence(tmp_path: Path, image: Map, name: str) 
     assert list(tmp_path.iterdir()) == []
 
 
-def test_format_of_a_path() -> None:
-    assert [_format_of("a/b.EXR"), _format_of(Path("x.y.hdr")), _format_of("p.png")] == ["exr", "hdr", "png"]
+def testcheck_map_name_a_path() -> None:
+    assert [check_map_name("a/b.EXR"), check_map_name(Path("x.y.hdr")), check_map_name("p.png")] == [
+        "exr",
+        "hdr",
+        "png",
+    ]
 
 
 def test_an_unknown_format_is_one_sentence(image: Map) -> None:

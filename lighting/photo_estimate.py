@@ -1,0 +1,206 @@
+"""Estimate: the light of one photo together with the photo, so that it makes its own map, preview and scene."""
+
+import os
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
+from lighting.photo.reader import Photo, reread_photo
+from lighting.records import EstimatedLight, Lighting
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+    from lighting.envmap.surroundings import PhotoContext
+    from lighting.scene.records import Scene
+
+_MAP_HEIGHT = 512  # rows
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Estimate(EstimatedLight):
+    """The answer about one photo, with the photo: what `estimate` and an Estimator return.
+
+    Its maps, previews and scenes are those of the command line: the place around the photo is in them.
+    """
+
+    photo: Photo = field(kw_only=True)
+    """The photo, as `read_photo` or `photo_from_array` returned it."""
+    photo_lighting: Lighting = field(kw_only=True)
+    """The light that the photo shows; `lighting` differs from it once `replace` has changed that."""
+
+    @classmethod
+    def of_photo(cls, photo: Photo, light: EstimatedLight) -> Self:
+        """Join a photo and its light.
+
+        Args:
+            photo: any.
+            light: of this photo.
+        """
+        values = (light.lighting, light.distribution, light.surroundings, light.segments)
+        return cls(*values, photo=photo, photo_lighting=light.lighting)
+
+    def envmap(
+        self,
+        height: int = _MAP_HEIGHT,
+        *,
+        sun: bool | None = None,
+        yaw: float = 0.0,
+        sky: str | None = None,
+        surroundings: bool | None = None,
+        detail: bool = True,
+    ) -> NDArray[np.float32]:
+        """Render the environment map (height, 2 height, 3) in linear Rec.709, in the photo's linear values.
+
+        Args:
+            height: rows of the map, even, 16 to 4096.
+            sun: whether the sun is in it; None: where its power is known, or where it likely shines.
+            yaw: deg by which the map is turned to the right.
+            sky: one of `lighting.sky.SKY_MODELS`, which paints the sky; None: the record's.
+            surroundings: whether the place around is in it; None: where the network predicts it.
+            detail: whether a map that shows the place has detail all around the photo.
+
+        Raises:
+            ParameterError: a value is out of range.
+            PhotoError: the photo's file has changed since it was read.
+        """
+        return self._render(height, sun, yaw, sky, surroundings, detail)[0]
+
+    def save(
+        self,
+        path: str | os.PathLike[str],
+        height: int = _MAP_HEIGHT,
+        *,
+        sun: bool | None = None,
+        yaw: float = 0.0,
+        sky: str | None = None,
+        surroundings: bool | None = None,
+        detail: bool = True,
+        compression: str = "zip",
+    ) -> None:
+        """Write the environment map; an EXR holds the record, too. It replaces a file, and appears when it is whole.
+
+        Args:
+            path: ends in .exr, .hdr or .png.
+            height: as in `envmap`.
+            sun: as in `envmap`.
+            yaw: as in `envmap`; the record in the file is turned with the map.
+            sky: as in `envmap`.
+            surroundings: as in `envmap`.
+            detail: as in `envmap`.
+            compression: of an EXR: zip, pxr24 or none.
+
+        Raises:
+            EnvironmentMapError: the path ends otherwise, or cannot be written.
+            ParameterError: a value is out of range.
+            PhotoError: the photo's file has changed since it was read.
+        """
+        from lighting.files import check_map_name, write_envmap
+
+        check_map_name(path)
+        image, lighting = self._render(height, sun, yaw, sky, surroundings, detail)
+        write_envmap(path, image, lighting, compression=compression)
+
+    def preview(self, *, surroundings: bool | None = None, detail: bool = True) -> "Image.Image":
+        """Draw the photo, the sun's probability, the map and three spheres in the light, 1600 pixels wide.
+
+        Args:
+            surroundings: as in `envmap`.
+            detail: as in `envmap`.
+
+        Raises:
+            PhotoError: the photo's file has changed since it was read.
+        """
+        from PIL import Image
+
+        from lighting.envmap.surroundings import render_view
+        from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview_pixels
+
+        pixels = reread_photo(self.photo, PHOTO_SIDE).pixels
+        context = self._context(pixels, surroundings, detail)
+        envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
+        return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
+
+    def scene(
+        self,
+        tool: str,
+        folder: str | os.PathLike[str],
+        *,
+        overwrite: bool = False,
+        height: int = _MAP_HEIGHT,
+        sun: bool | None = None,
+        surroundings: bool | None = None,
+        detail: bool = True,
+        **options: str,
+    ) -> "Scene":
+        """Write a scene for another tool, and return it; its `warnings` say what to know about it.
+
+        Args:
+            tool: one of `lighting.scene.EXPORTERS`: "blender", "usd", "gltf", and so on.
+            folder: new or empty unless `overwrite`.
+            overwrite: whether files in the folder may be replaced.
+            height: as in `envmap`.
+            sun: as in `envmap`.
+            surroundings: as in `envmap`.
+            detail: as in `envmap`.
+            options: of the tool, such as `up_axis="Z"` for USD.
+
+        Raises:
+            SceneError: the tool is unknown, or the folder cannot be written.
+            ParameterError: a value is out of range.
+            PhotoError: the photo's file has changed since it was read.
+        """
+        from lighting.scene.records import PLATE_SIDE, make_scene
+        from lighting.scene.writer import check_scene_target, write_scene
+
+        check_scene_target(tool, folder, overwrite=overwrite)
+        plate = reread_photo(self.photo, PLATE_SIDE)
+        context = self._context(plate.pixels, surroundings, detail)
+        scene = make_scene(plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments)
+        write_scene(scene, tool, folder, overwrite=overwrite, **options)
+        return scene
+
+    def __repr__(self) -> str:
+        """One line: where the sun is, how sure that is, and how the camera stands."""
+        light = self.lighting
+        name = self.photo.source.name if self.photo.source else None
+        radii = f" (50 % within {light.radius_50:.1f}°, 90 % within {light.radius_90:.1f}°)" if light.radius_90 else ""
+        suitable = "" if light.suitable is None else f", suitable {light.suitable:.2f}"
+        return (
+            f"<Estimate of {name or f'{self.photo.width} x {self.photo.height} pixels'}: "
+            f"sun {format_azimuth(light.sun_azimuth, 1)}, {format_sun_elevation(light.sun_elevation, 1)}{radii}, "
+            f"direct sunlight {100 * light.sun_visibility:.0f} %, turbidity {light.turbidity:.1f}; "
+            f"camera looks {format_tilt(light.camera_elevation, 1)}, field of view {light.vertical_fov:.1f}°{suitable}>"
+        )
+
+    def _repr_png_(self) -> bytes:
+        """The preview, which notebooks show."""
+        from lighting.files.atomic import encode_png
+
+        return encode_png(np.asarray(self.preview()))
+
+    def _render(
+        self, height: int, sun: bool | None, yaw: float, sky: str | None, surroundings: bool | None, detail: bool
+    ) -> tuple[NDArray[np.float32], Lighting]:
+        """The map, and the record turned with it."""
+        from lighting.envmap.surroundings import photo_context_for_height, render_view
+
+        def read_finer(side: int) -> NDArray[np.uint8]:
+            return reread_photo(self.photo, side).pixels
+
+        context = photo_context_for_height(
+            self._unchanged(), self.photo.pixels, height, read_finer, surroundings=surroundings, detail=detail
+        )
+        return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context)
+
+    def _context(self, pixels: NDArray[np.uint8], surroundings: bool | None, detail: bool) -> "PhotoContext | None":
+        from lighting.envmap.surroundings import photo_context
+
+        return photo_context(self._unchanged(), pixels, surroundings=surroundings, detail=detail)
+
+    def _unchanged(self) -> Self:
+        """The estimate of the light that the photo shows."""
+        return replace(self, lighting=self.photo_lighting)
