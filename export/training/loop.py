@@ -142,10 +142,11 @@ class _Run:
             num_workers=self.config.workers,
             drop_last=not dataset.tune,
             worker_init_fn=_one_thread,
+            pin_memory=self.device.type == "cuda",  # so that copies to a GPU do not wait
         )
         for batch in loader:
-            photo = batch.photo.to(self.device, memory_format=torch.channels_last)
-            yield Batch(photo, *(part.to(self.device) for part in batch[1:]))
+            photo = batch.photo.to(self.device, memory_format=torch.channels_last, non_blocking=True)
+            yield Batch(photo, *(part.to(self.device, non_blocking=True) for part in batch[1:]))
 
     def tune_losses(self, dataset: TrainingCrops) -> dict[str, float]:
         """Losses of the averaged weights over the held-out training places."""
