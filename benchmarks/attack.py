@@ -20,6 +20,7 @@ as after SIGTERM; `lost` are requests on a connection that ended without an answ
 
 import argparse
 import asyncio
+import json
 import multiprocessing
 import os
 import random
@@ -135,13 +136,21 @@ class Innocent:
         if b"\r\nconnection: close" in head.lower():
             self._close()
         if head[9:12] != b"200":
-            return head[9:12].decode()
+            return _describe_refusal(head, body)
         return "right" if body == self.expected else "wrong"
 
     def _close(self) -> None:
         if self.streams:
             self.streams[1].close()
         self.streams = None
+
+
+def _describe_refusal(head: bytes, body: bytes) -> str:
+    """A status and, where the service gives it, its reason."""
+    status = head[9:12].decode()
+    if b"application/problem+json" not in head:
+        return status
+    return f"{status} ({json.loads(body)['detail'].rstrip('.')})"
 
 
 def _content_length(head: bytes) -> int:

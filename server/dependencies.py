@@ -30,7 +30,7 @@ from server.identity import Client, client_of_address, client_of_key, client_of_
 from server.limits import ConnectionLimiter, PendingResponses, UploadLimiter, count_possible_connections
 from server.metrics import Metrics
 from server.problems import ProblemError
-from server.request_body import BodyLimits, RequestBody, Upload
+from server.request_body import BodyLimits, RequestBody, Upload, announced_size
 from server.scheduling import WorkLimiter
 from server.settings import Settings
 
@@ -93,7 +93,9 @@ class Service:
         self.keys = ApiKeys(settings.all_keys())
         self.rate_limiter = RateLimiter(settings.rate_limits)
         self.cpu_limiter = CpuLimiter(settings.cpu_limits)
-        self.limiter = WorkLimiter(settings.workers, settings.queue, self.cpu_limiter.charge)
+        self.limiter = WorkLimiter(
+            settings.workers, settings.queue, self.cpu_limiter.charge, max_bytes=settings.max_bytes
+        )
         self.uploads = UploadLimiter(settings.uploads, settings.uploads_per_client)
         self.pending = PendingResponses(settings.unsent_bytes)
         possible = count_possible_connections(settings.workers)
@@ -219,7 +221,7 @@ class _Admission:
             from_thread.run_sync(self.service.pending.check, client)
             return work(*arguments)
 
-        with self.service.limiter.admission(client, _route(self.request)) as job:
+        with self.service.limiter.admission(client, _route(self.request), self.body.size) as job:
             return await self.service.limiter.run(job, self.request.receive, checked)
 
 
@@ -239,7 +241,7 @@ ServiceDep = Annotated[Service, Depends(_get_service)]
 async def _admit(request: Request, service: ServiceDep) -> _Admission:
     """Admit a request before its body is read; raises BusyError or ShareTakenError if there is no room."""
     client = client_of_request(request)
-    service.limiter.check(client, _route(request))
+    service.limiter.check(client, _route(request), announced_size(request))
     service.pending.check(client)
     return _Admission(request, service)
 

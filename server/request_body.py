@@ -42,6 +42,16 @@ def media_type(request: Request) -> str:
     return request.headers.get("content-type", "").partition(";")[0].strip().lower()
 
 
+def announced_size(request: Request) -> int:
+    """The bytes of a body that its headers announce; 0 if they do not.
+
+    Args:
+        request: may have Content-Length.
+    """
+    length = request.headers.get("content-length", "")
+    return int(length) if length.isdecimal() else 0
+
+
 @dataclass(frozen=True)
 class Upload:
     """An uploaded file."""
@@ -73,6 +83,7 @@ class RequestBody:
     ) -> None:
         self.request = request
         self.limits = limits
+        self.size = 0  # bytes that have come
         self._admit = admit
         self._deadline = CancelScope()
         self._place = ExitStack()
@@ -135,12 +146,12 @@ class RequestBody:
         return b"".join([chunk async for chunk in self._chunks(limit)])
 
     async def _chunks(self, limit: int) -> AsyncGenerator[bytes, None]:
-        content_length = self.request.headers.get("content-length", "")
-        _check_size(int(content_length) if content_length.isdecimal() else 0, limit)
+        _check_size(announced_size(self.request), limit)
         body, began = ArrivingBody(client_of_request(self.request), self._give_way), current_time()
         has_place = False
         async for chunk in self.request.stream():
             body.size += len(chunk)
+            self.size = body.size
             _check_size(body.size, limit)
             self._set_deadline(body.size, began)
             if body.size >= PLACE_BYTES and not has_place:

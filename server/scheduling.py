@@ -2,7 +2,9 @@
 
 A client is charged what its requests took lately, and what those are expected to take that wait and run. The next free
 thread goes to the client with the least (fair queueing), to short requests first. When the queue is full, a client with
-fewer requests in it, or as many that take much less, takes the place of the newest one of the client that demands most.
+fewer requests in it takes the place of the newest one of the client that demands most. A client's only request waits
+beyond the queue, as long as the bodies that wait fit into it and their work is done soon. After that, one that takes
+much less takes another's place.
 """
 
 import time
@@ -27,6 +29,7 @@ LONG_SECONDS = 0.1  # of processor time, which a photo's estimate stays under: l
 MORE = 1.2  # times the mean processor time of the clients, beyond which one uses more than its share
 MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
+_QUEUE_SECONDS = 30.0  # of work for each thread, up to which requests wait beyond the queue
 _PATIENCE_SECONDS = 10.0  # for which short requests go first
 _FIRST_SECONDS = 1.0  # of processor time that a route is expected to take before it has been measured
 _LEARNING_RATE = 0.2  # of a route's expected processor time
@@ -91,6 +94,7 @@ class Job:
     route: str
     expected: float  # seconds of processor time, charged while it waits and runs
     charged: float  # the clock's time of that
+    size: int = 0  # bytes of its body, which it holds while it waits
     turn: Event = field(default_factory=Event)  # set when it may run, or has to go
     started: bool = False
     evicted: bool = False
@@ -117,11 +121,13 @@ class _Demand(NamedTuple):
 
 
 class WorkLimiter:
-    """Runs a fixed number of requests in threads; a fixed number waits, and further ones are refused.
+    """Runs a fixed number of requests in threads; a fixed number waits, and of further ones each client's only one.
 
     Args:
         workers: threads.
         queue: requests that may wait in addition.
+        max_bytes: of a body. Clients' only requests wait beyond the queue while it has room for their bodies; with 0
+            none does.
         charge: is told the processor time [s] of each request's client after its work; None tells nobody.
         clock: seconds.
     """
@@ -132,9 +138,11 @@ class WorkLimiter:
         queue: int,
         charge: Callable[[Client, float], None] | None = None,
         clock: Callable[[], float] = time.monotonic,
+        max_bytes: int = 0,
     ) -> None:
         self.workers = workers
         self.capacity = workers + queue
+        self._queue_bytes = queue * max_bytes
         self.usage = CpuUsage(clock)
         self._charge = charge
         self._clock = clock
@@ -165,33 +173,35 @@ class WorkLimiter:
     def full(self) -> bool:
         """Whether the next request of a new client would be refused."""
         least = min(self._expected.values(), default=_FIRST_SECONDS)
-        return self._admitted >= self.capacity and self._find_greediest(_Demand(1.0, least, least)) is None
+        return self._admitted >= self.capacity and not self._can_make_room(_Demand(1.0, least, least), 0)
 
-    def check(self, client: Client, route: str = "") -> None:
+    def check(self, client: Client, route: str = "", size: int = 0) -> None:
         """Raise what `admission` would raise now.
 
         Args:
             client: who asks.
             route: of the request.
+            size: bytes of its body.
         """
-        if self._admitted >= self.capacity and self._find_greediest(self._demand(client, route)) is None:
+        if self._admitted >= self.capacity and not self._can_make_room(self._demand(client, route), size):
             raise self._refusal(client)
 
     @contextmanager
-    def admission(self, client: Client = UNKNOWN, route: str = "") -> Iterator[Job]:
+    def admission(self, client: Client = UNKNOWN, route: str = "", size: int = 0) -> Iterator[Job]:
         """Count a request until the end of the block.
 
         Args:
             client: who asks.
             route: requests of one route are expected to take the same time.
+            size: bytes of its body.
 
         Raises:
             ShareTakenError: the queue is full, and this client uses more than others in it.
             BusyError: the queue is full.
         """
         if self._admitted >= self.capacity:
-            self._evict(client, route)
-        job = Job(client, route, self._expect(route), self._clock())
+            self._make_room(client, route, size)
+        job = Job(client, route, self._expect(route), self._clock(), size)
         self.usage.add(client, job.expected)
         self._held.add(client, 1)
         self._admitted += 1
@@ -209,17 +219,34 @@ class WorkLimiter:
             self.usage.add(job.client, -job.expected, job.charged)
             self.usage.add(job.client, job.seconds or 0.0)
 
-    def _evict(self, client: Client, route: str) -> None:
-        """Send away a waiting request of a client that demands much more; raises if there is none."""
+    def _can_make_room(self, demand: _Demand, size: int) -> bool:
+        """Whether a request is taken though the queue is full."""
+        return self._fits_beyond(demand, size) or self._find_greediest(demand) is not None
+
+    def _make_room(self, client: Client, route: str, size: int) -> None:
+        """Send away a waiting request, or let this one wait beyond the queue; raises if neither is right."""
         demand = self._demand(client, route)
-        greediest = self._find_greediest(demand)
-        if greediest is None:
+        greediest, fits = self._find_greediest(demand), self._fits_beyond(demand, size)
+        if greediest and (not fits or self._held.load(greediest.client) > demand.requests):
+            self._evict(greediest, demand)
+        elif not fits:
             raise self._refusal(client)
-        greediest.had_more = self._held.load(greediest.client) > demand.requests
-        self._waiting.remove(greediest)
-        self._release(greediest)
-        greediest.evicted = True
-        greediest.turn.set()
+
+    def _fits_beyond(self, demand: _Demand, size: int) -> bool:
+        """Whether a request may wait beyond the queue: it is its client's only one, and bodies and work are few."""
+        if demand.requests > 1:
+            return False
+        waiting = sum(job.size for job in self._waiting) + size
+        seconds = sum(self._expect(job.route) for job in self._waiting) + demand.length
+        return waiting < self._queue_bytes and seconds <= _QUEUE_SECONDS * self.workers
+
+    def _evict(self, job: Job, demand: _Demand) -> None:
+        """Send away a waiting request for another with a demand."""
+        job.had_more = self._held.load(job.client) > demand.requests
+        self._waiting.remove(job)
+        self._release(job)
+        job.evicted = True
+        job.turn.set()
 
     def _demand(self, client: Client, route: str) -> "_Demand":
         """What a client would have with one more request."""

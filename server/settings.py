@@ -74,7 +74,9 @@ class Settings(BaseSettings):
     )
     concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
     threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
-    queue: int = Field(32, ge=0, description="requests that may wait in addition; 503 or 429 for further ones")
+    queue: int = Field(
+        32, ge=0, description="requests that may wait in addition; of further ones each client's only one"
+    )
     max_bytes: int = Field(MAX_BYTES, ge=1, description="maximum size of a request body in bytes")
     max_pixels: int = Field(
         MAX_PIXELS,

@@ -166,7 +166,7 @@ class Runs:
         self.ended: dict[str, str] = {}
         self.gates: dict[str, threading.Event] = {}
 
-    async def ask(self, name: str, client: Asker, route: str = "", seconds: float = 0.0) -> None:
+    async def ask(self, name: str, client: Asker, route: str = "", seconds: float = 0.0, size: int = 0) -> None:
         """Ask for work that takes some processor time once it is let go."""
         gate = self.gates[name] = threading.Event()
 
@@ -178,7 +178,7 @@ class Runs:
                 pass
 
         try:
-            with self.limiter.admission(client, route) as job:
+            with self.limiter.admission(client, route, size) as job:
                 await self.limiter.run(job, never, work)
             self.ended[name] = "done"
         except (BusyError, ShareTakenError) as error:
@@ -349,3 +349,47 @@ def test_short_requests_go_first_and_take_the_place_of_long_ones() -> None:
 
     run_scenario(runs, scenario)
     assert runs.ended["short"] == runs.ended["long 1"] == "done"
+
+
+def test_a_client_s_only_request_waits_beyond_the_queue_while_its_body_fits() -> None:
+    runs = Runs(WorkLimiter(1, 1, max_bytes=100))
+
+    async def scenario(start: Any) -> None:
+        await start("first", OTHER, size=100)  # runs
+        for number in range(4):
+            await start(f"alone {number}", Asker((f"alone {number}",)), size=24)
+        assert runs.ended == {}
+        assert runs.limiter.waiting == 4
+        assert not runs.limiter.full
+        await start("again", Asker(("alone 0",)), size=1)
+        assert runs.ended == {"again": "ShareTakenError"}
+        await start("too large", MODEST, size=4)
+        assert runs.ended["too large"] == "BusyError"
+        await start("small", GREEDY, size=3)
+        assert runs.limiter.waiting == 5
+
+    run_scenario(runs, scenario)
+    assert [name for name, end in runs.ended.items() if end != "done"] == ["again", "too large"]
+
+
+def test_requests_wait_beyond_the_queue_while_all_are_done_soon() -> None:
+    runs = Runs(WorkLimiter(1, 1, max_bytes=100))
+
+    async def scenario(start: Any) -> None:
+        for number in range(40):  # each is expected to take a second
+            await start(f"alone {number}", Asker((f"alone {number}",)))
+        assert len([end for end in runs.ended.values() if end == "BusyError"]) == 40 - 31
+        assert runs.limiter.full
+
+    run_scenario(runs, scenario)
+
+
+def test_without_a_queue_nothing_waits_beyond_it() -> None:
+    runs = Runs(WorkLimiter(1, 0, max_bytes=100))
+
+    async def scenario(start: Any) -> None:
+        await start("first", OTHER)
+        await start("second", MODEST)
+        assert runs.ended == {"second": "BusyError"}
+
+    run_scenario(runs, scenario)
