@@ -3,5 +3,5 @@
 # Needs Node 20.19 or newer.
 set -euo pipefail
 cd "$(dirname "$0")/../server/web"
-npm ci --no-fund --no-audit
+npm ci --no-fund --no-audit --ignore-scripts
 npm run build

@@ -36,6 +36,11 @@ def make_page_router(bundle: Path = BUNDLE, photo: Path | None = None) -> APIRou
     async def page(request: Request) -> Response:
         return await _serve_file(root, "index.html", request, "no-cache")
 
+    @router.get("/docs")
+    async def docs(request: Request) -> Response:
+        """The reference of the API, drawn from /openapi.json."""
+        return await _serve_file(root, "docs.html", request, "no-cache")
+
     @router.get("/opened")
     async def opened() -> Response:
         if photo is None or not photo.is_file():

@@ -78,9 +78,19 @@ def test_a_picture_is_the_same_for_all(tmp_path: Path) -> None:
 
 
 def test_the_built_page_is_in_the_repository() -> None:
-    html = (BUNDLE / "index.html").read_text()
-    assert 'src="./assets/' in html
-    assert all((BUNDLE / name).is_file() for name in re.findall(r'"\./(assets/[^"]+)"', html))
+    for name in ("index.html", "docs.html"):
+        html = (BUNDLE / name).read_text()
+        assert 'src="./assets/' in html
+        assert all((BUNDLE / asset).is_file() for asset in re.findall(r'"\./(assets/[^"]+)"', html))
+
+
+def test_the_reference_of_the_api_loads_nothing_from_elsewhere(client: TestClient) -> None:
+    answer = client.get("/docs")
+    assert (answer.status_code, answer.headers["content-type"]) == (200, "text/html; charset=utf-8")
+    assert answer.headers["content-security-policy"].startswith("default-src 'none'; script-src 'self' ")
+    loaded = re.findall(r'(?:src|href)="([^"]+)"', answer.text.partition("<body>")[0])
+    assert len(loaded) >= 3
+    assert all(client.get(f"/{address.removeprefix('./')}").status_code == 200 for address in loaded)
 
 
 @pytest.mark.parametrize("asked", ["bytes=0-1", "bytes=9-", "bytes=0-1,9-", "bytes=a-b", "lines=0-1"])
