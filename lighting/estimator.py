@@ -169,7 +169,8 @@ def estimate(source: Source, user_input: UserInput = NO_USER_INPUT) -> Estimate:
 
 @lru_cache(maxsize=1)
 def _packaged_estimator() -> Estimator:
-    return Estimator()
+    """That of the commands for one photo, to the last digit."""
+    return Estimator(Model.load(for_one_photo=True))
 
 
 def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: UserInput = NO_USER_INPUT) -> Estimate:

@@ -120,9 +120,10 @@ class Estimate(EstimatedLight):
         from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview_pixels
 
         pixels = reread_photo(self.photo, PHOTO_SIDE).pixels
-        context = self._context(pixels, surroundings, detail)
-        envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
-        return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
+        with ONE_BLAS_THREAD:
+            context = self._context(pixels, surroundings, detail)
+            envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
+            return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
 
     def scene(
         self,
@@ -159,7 +160,10 @@ class Estimate(EstimatedLight):
         check_scene_target(tool, folder, overwrite=overwrite)
         plate = reread_photo(self.photo, PLATE_SIDE)
         context = self._context(plate.pixels, surroundings, detail)
-        scene = make_scene(plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments)
+        with ONE_BLAS_THREAD:
+            scene = make_scene(
+                plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments
+            )
         write_scene(scene, tool, folder, overwrite=overwrite, **options)
         return scene
 
@@ -194,7 +198,8 @@ class Estimate(EstimatedLight):
         context = photo_context_for_height(
             self._unchanged(), self.photo.pixels, height, read_finer, surroundings=surroundings, detail=detail
         )
-        return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context)
+        with ONE_BLAS_THREAD:
+            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context)
 
     def _context(self, pixels: NDArray[np.uint8], surroundings: bool | None, detail: bool) -> "PhotoContext | None":
         from lighting.envmap.surroundings import photo_context
