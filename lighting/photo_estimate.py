@@ -1,7 +1,8 @@
 """Estimate: the light of one photo together with the photo, so that it makes its own map, preview and scene."""
 
+import dataclasses
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -9,7 +10,8 @@ from numpy.typing import NDArray
 
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.photo.reader import Photo, reread_photo
-from lighting.records import EstimatedLight, Lighting
+from lighting.records import EstimatedLight, Lighting, check_lighting
+from lighting.runtime import ONE_BLAS_THREAD
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -30,7 +32,7 @@ class Estimate(EstimatedLight):
     photo: Photo = field(kw_only=True)
     """The photo, as `read_photo` or `photo_from_array` returned it."""
     photo_lighting: Lighting = field(kw_only=True)
-    """The light that the photo shows; `lighting` differs from it once `replace` has changed that."""
+    """The light that the photo shows, from which `replace` may have changed `lighting`."""
 
     @classmethod
     def of_photo(cls, photo: Photo, light: EstimatedLight) -> Self:
@@ -43,6 +45,42 @@ class Estimate(EstimatedLight):
         values = (light.lighting, light.distribution, light.surroundings, light.segments)
         return cls(*values, photo=photo, photo_lighting=light.lighting)
 
+    def replace(
+        self,
+        *,
+        sun: tuple[float, float] | None = None,
+        exposure: float = 0.0,
+        haze: float | None = None,
+        overcast: bool = False,
+        camera_height: float | None = None,
+        lighting: Lighting | None = None,
+    ) -> Self:
+        """Return an estimate with another light, as options of the same names change it on the command line.
+
+        Changes add up: `replace(exposure=1).replace(exposure=1)` is four times as bright.
+
+        Args:
+            sun: azimuth, -360 to 360, and elevation, -4.2 to 90, deg; None: where it is.
+            exposure: EV, -20 to 20, of map and photo: +1 is twice as bright.
+            haze: turbidity, 1 to 10: 2 is very clear, 10 hazy; None: as it is.
+            overcast: True covers the sky, and no sun shines.
+            camera_height: m above the ground, 0.1 to 20,000; None: as it is.
+            lighting: a stored record of this photo, before the other changes; None: the estimate's own.
+
+        Raises:
+            ParameterError: a value is out of range.
+        """
+        from lighting.envmap.relighting import Adjustments, adjust_lighting, edit_lighting
+
+        base = self
+        if lighting is not None:
+            check_lighting(lighting)
+            base = dataclasses.replace(self, lighting=lighting, photo_lighting=lighting)
+        light = adjust_lighting(base.lighting, Adjustments(sun, exposure, haze, overcast))
+        if camera_height is not None:
+            light = edit_lighting(light, {"camera_height": camera_height})
+        return dataclasses.replace(base, lighting=light)
+
     def envmap(
         self,
         height: int = _MAP_HEIGHT,
@@ -52,6 +90,7 @@ class Estimate(EstimatedLight):
         sky: str | None = None,
         surroundings: bool | None = None,
         detail: bool = True,
+        disc: bool = True,
     ) -> NDArray[np.float32]:
         """Render the environment map (height, 2 height, 3) in linear Rec.709, in the photo's linear values.
 
@@ -62,12 +101,13 @@ class Estimate(EstimatedLight):
             sky: one of `lighting.sky.SKY_MODELS`, which paints the sky; None: the record's.
             surroundings: whether the place around is in it; None: where the network predicts it.
             detail: whether a map that shows the place has detail all around the photo.
+            disc: False leaves the sun's disc for a light of its own; the sun still lights the ground.
 
         Raises:
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
-        return self._render(height, sun, yaw, sky, surroundings, detail)[0]
+        return self._render(height, sun, yaw, sky, surroundings, detail, disc)[0]
 
     def save(
         self,
@@ -183,11 +223,19 @@ class Estimate(EstimatedLight):
     def _repr_png_(self) -> bytes:
         """The preview, which notebooks show."""
         from lighting.files.atomic import encode_png
+        from lighting.preview.picture import PNG_LEVEL
 
-        return encode_png(np.asarray(self.preview()))
+        return encode_png(np.asarray(self.preview()), compress_level=PNG_LEVEL)
 
     def _render(
-        self, height: int, sun: bool | None, yaw: float, sky: str | None, surroundings: bool | None, detail: bool
+        self,
+        height: int,
+        sun: bool | None,
+        yaw: float,
+        sky: str | None,
+        surroundings: bool | None,
+        detail: bool,
+        disc: bool = True,
     ) -> tuple[NDArray[np.float32], Lighting]:
         """The map, and the record turned with it."""
         from lighting.envmap.surroundings import photo_context_for_height, render_view
@@ -199,7 +247,7 @@ class Estimate(EstimatedLight):
             self._unchanged(), self.photo.pixels, height, read_finer, surroundings=surroundings, detail=detail
         )
         with ONE_BLAS_THREAD:
-            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context)
+            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context, disc=disc)
 
     def _context(self, pixels: NDArray[np.uint8], surroundings: bool | None, detail: bool) -> "PhotoContext | None":
         from lighting.envmap.surroundings import photo_context
@@ -208,4 +256,4 @@ class Estimate(EstimatedLight):
 
     def _unchanged(self) -> Self:
         """The estimate of the light that the photo shows."""
-        return replace(self, lighting=self.photo_lighting)
+        return dataclasses.replace(self, lighting=self.photo_lighting)
