@@ -247,6 +247,11 @@ class _Placeholder:
         return np.array([2.5 * self.ball_radius, 0.0, 0.0])
 
     @property
+    def stick_center(self) -> Floats:
+        """Halfway up the stick."""
+        return np.array([self.stick_foot[0], self.stick_height / 2, 0.0])
+
+    @property
     def stick_height(self) -> float:
         return 2.5 * self.ball_radius
 
