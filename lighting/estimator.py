@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Union
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
 from numpy.typing import NDArray
@@ -211,7 +211,7 @@ def render_lighting(
     return estimate(photo).replace(lighting=lighting).envmap(height, sun=sun, disc=disc)
 
 
-def _as_photo(source: object) -> Photo:
+def _as_photo(source: Any) -> Photo:
     """The Photo of what `estimate` takes."""
     if isinstance(source, Photo):
         return source

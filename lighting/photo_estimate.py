@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.documentation import describe_fields
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.photo.reader import Photo, reread_photo
 from lighting.records import EstimatedLight, Lighting, check_lighting
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 _MAP_HEIGHT = 512  # rows
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(EstimatedLight):
     """The answer about one photo, with the photo: what `estimate` and an Estimator return.
