@@ -479,11 +479,8 @@ def write_output_map(output: str, lighting: "Lighting", compression: str | None,
     """
     from lighting.envmap.surroundings import render_view
     from lighting.files import encode_envmap, write_envmap
-    from lighting.files.exr import round_in_place
 
     image, lighting = render_view(lighting, **view_options)
-    if compression in (None, "zip") and (output == "-" or output.lower().endswith(".exr")):
-        round_in_place(image)  # which spares a copy of a large map
     if output == "-":
         _write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip"))
     else:
