@@ -202,7 +202,7 @@ class CameraMotion:
     frame_rate: float
     """Hz, over 0."""
     first_frame: int
-    """Of the shot, counted in the clip from 0."""
+    """First frame of the shot, 0 or more, counted in the clip."""
     clip: str
     """The clip's file, from the scene's folder."""
 
