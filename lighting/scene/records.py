@@ -198,7 +198,7 @@ class CameraMotion:
     focal_lengths: Floats
     """(N,) mm, over 0, as `Scene.focal_length`."""
     frames: Floats
-    """(N,) frames from the shot's first, by time: not whole where the clip's frame rate varies."""
+    """(N,) frames, 0 or more, from the shot's first, by time: not whole where the clip's frame rate varies."""
     frame_rate: float
     """Hz, over 0."""
     first_frame: int
