@@ -286,7 +286,9 @@ def _with_ground_light(photo: Photo, estimate: EstimatedLight) -> Lighting:
 def _check_arguments(photos: object, user_input: object) -> None:
     """Raise PhotoError for what is no list of Photos, ParameterError for what is no UserInput."""
     if not isinstance(photos, Sequence):
-        raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
+        raise PhotoError(
+            f"Several photos are given as a list, not as {type(photos).__name__}.", code=ErrorCode.WRONG_TYPE
+        )
     for photo in photos:
         check_photo(photo)
     check_user_input(user_input)

@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import CHROMATICITIES, chromaticities_to_rec709
-from lighting.errors import EnvironmentMapError, ParameterError
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files.atomic import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
@@ -224,7 +224,10 @@ def write_exr(
     import OpenEXR
 
     if not isinstance(attributes, Mapping | None):
-        raise EnvironmentMapError(f"The attributes of an EXR have names, which {type(attributes).__name__} has not.")
+        raise EnvironmentMapError(
+            f"The attributes of an EXR have names, which {type(attributes).__name__} has not.",
+            code=ErrorCode.WRONG_TYPE,
+        )
     packing, pixels = prepare_compression(check_envmap(image), compression)
     header = {
         "compression": packing,
@@ -242,7 +245,9 @@ def write_exr(
         with open_target(target) as stream:
             file.write(stream)
     elif not callable(getattr(target, "write", None)):
-        raise EnvironmentMapError(f"An EXR is written to a path or a binary stream, not {type(target).__name__}.")
+        raise EnvironmentMapError(
+            f"An EXR is written to a path or a binary stream, not {type(target).__name__}.", code=ErrorCode.WRONG_TYPE
+        )
     elif type(target) is io.BytesIO and not target.getbuffer():
         file.write(target)  # without a copy, during which no other thread of Python runs
     else:  # OpenEXR seeks backwards, which pipes and files opened for appending cannot
@@ -394,9 +399,14 @@ def _read(source: WriteTarget) -> bytes:
         read = getattr(source, "read", None)
         if not callable(read):
             kind = type(source).__name__
-            raise EnvironmentMapError(f"An EXR is read from a path or a binary stream, not {kind}.")
+            raise EnvironmentMapError(
+                f"An EXR is read from a path or a binary stream, not {kind}.", code=ErrorCode.WRONG_TYPE
+            )
         if not isinstance(data := read(), bytes):
-            raise EnvironmentMapError("The file is open as text; an EXR is read from one that is open in binary mode.")
+            raise EnvironmentMapError(
+                "The file is open as text; an EXR is read from one that is open in binary mode.",
+                code=ErrorCode.WRONG_TYPE,
+            )
         return data
     try:
         return Path(source).read_bytes()

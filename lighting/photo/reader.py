@@ -154,7 +154,10 @@ def check_photo(thing: object) -> None:
     """
     if not isinstance(thing, Photo):
         kind = type(thing).__name__
-        raise PhotoError(f"A Photo is needed, not {kind}; read_photo reads files, photo_from_array takes pixels.")
+        raise PhotoError(
+            f"A Photo is needed, not {kind}; read_photo reads files, photo_from_array takes pixels.",
+            code=ErrorCode.WRONG_TYPE,
+        )
 
 
 def read_photo(
@@ -185,7 +188,8 @@ def read_photo(
     """
     if target is not None and not (isinstance(target, Integral) and target > 0):
         predicate = f"must be a whole number of pixels over 0, or None, not {target!r}."
-        raise ParameterError.about("target", predicate, ErrorCode.WRONG_TYPE)
+        code = ErrorCode.OUT_OF_RANGE if isinstance(target, Integral) else ErrorCode.WRONG_TYPE
+        raise ParameterError.about("target", predicate, code)
     file = Path(source).absolute() if isinstance(source, str | os.PathLike) and Path(source).is_file() else None
     modified = _modified(file) if file else None
     data = read_bytes(source, max_bytes)
@@ -340,13 +344,17 @@ def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
 
 def _read_stream(stream: BinaryIO, limit: int) -> bytes:
     if isinstance(stream, TextIOBase):
-        raise PhotoError("The file is open as text; a photo is read from one that is open in binary mode.")
+        raise PhotoError(
+            "The file is open as text; a photo is read from one that is open in binary mode.", code=ErrorCode.WRONG_TYPE
+        )
     if isinstance(stream, Photo):
-        raise PhotoError("That is a Photo already, which needs no reading; an Estimator takes it.")
+        raise PhotoError(
+            "That is a Photo already, which needs no reading; an Estimator takes it.", code=ErrorCode.WRONG_TYPE
+        )
     if not hasattr(stream, "read"):
         kind = type(stream).__name__
         sentence = f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_from_array takes pixels."
-        raise PhotoError(sentence)
+        raise PhotoError(sentence, code=ErrorCode.WRONG_TYPE)
     chunks: list[bytes] = []
     while limit > 0 and (chunk := stream.read(min(limit, _CHUNK_BYTES))):
         chunks.append(chunk)
