@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.errors import ErrorCode, PhotoError
+from lighting.errors import PhotoError
 from lighting.geometry import Floats
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709, D65
@@ -38,6 +38,10 @@ _PQ_PEAK, _PQ_WHITE = 10000.0, 203.0  # cd/m2, of the largest PQ signal and of d
 _HLG_WHITE = 0.75  # signal of diffuse white
 _SRGB_STEPS = 4096  # of the table of sRGB's curve
 _SAME = 1e-3  # of x and y, by which names of the same primaries differ
+_TEMPERATURE_TERMS = ((6253.80338, 0.92159), (28.70599, 0.20039), (0.00004, 0.07125))  # of Hernández-Andrés, 3000 K on
+_MCCAMY_BELOW = 3000.0  # K
+_MIN_RISE, _BLUEST = 1e-3, -1.5  # of its slope: bluer lights are over the largest temperature
+_MIN_TEMPERATURE, _MAX_TEMPERATURE = 1000.0, 40000.0  # K; a clear north sky has 20000 and more
 _BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
@@ -128,10 +132,7 @@ def check_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:
     """
     array = np.asarray(pixels)
     if array.dtype != np.uint8:
-        raise PhotoError(
-            f"The pixels are of type {array.dtype}; they must be 8-bit sRGB, uint8 from 0 to 255.",
-            code=ErrorCode.WRONG_TYPE,
-        )
+        raise PhotoError(f"The pixels are of type {array.dtype}; they must be 8-bit sRGB, uint8 from 0 to 255.")
     if array.ndim != 3 or array.shape[2] != 3 or array.size == 0:
         raise PhotoError(f"The pixels have the shape {array.shape}; it must be (height, width, 3).")
     return array
@@ -201,3 +202,25 @@ def color_and_intensity(irradiance: Floats) -> tuple[Floats, float]:
     """
     intensity = float(irradiance.max())
     return (irradiance / intensity if intensity > 0 else np.ones(3)), intensity
+
+
+def color_temperature(linear: ArrayLike) -> float | None:
+    """Return the correlated color temperature [K] of a light, 1000 to 40000; None of no light.
+
+    Args:
+        linear: (3,), linear Rec.709.
+
+    References:
+        Hernández-Andrés, Lee and Romero, Applied Optics 38 (27), 1999, from 3000 K on; McCamy, Color Research and
+        Application 17 (2), 1992, below.
+    """
+    tristimulus = _to_xyz(np.array(CHROMATICITIES).reshape(4, 2)) @ np.asarray(linear, dtype=np.float64)
+    if (total := float(tristimulus.sum())) <= 0:
+        return None
+    x, y = (float(value) / total for value in tristimulus[:2])
+    slope = max((x - 0.3366) / max(y - 0.1735, _MIN_RISE), _BLUEST)
+    kelvin = -949.86315 + sum(a * math.exp(-slope / t) for a, t in _TEMPERATURE_TERMS)
+    if kelvin < _MCCAMY_BELOW:
+        slope = (x - 0.3320) / (0.1858 - y)
+        kelvin = 449.0 * slope**3 + 3525.0 * slope**2 + 6823.3 * slope + 5520.33
+    return min(max(kelvin, _MIN_TEMPERATURE), _MAX_TEMPERATURE)

@@ -1,29 +1,26 @@
 """Estimate: the light of one photo together with the photo, so that it makes its own map, preview and scene."""
 
-import dataclasses
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.documentation import describe_fields
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.photo.reader import Photo, reread_photo
-from lighting.records import EstimatedLight, Lighting, check_lighting
-from lighting.runtime import ONE_BLAS_THREAD
+from lighting.records import EstimatedLight, Lighting
 
 if TYPE_CHECKING:
     from PIL import Image
 
     from lighting.envmap.surroundings import PhotoContext
+    from lighting.light_probe import LightProbe
     from lighting.scene.records import Scene
 
 _MAP_HEIGHT = 512  # rows
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(EstimatedLight):
     """The answer about one photo, with the photo: what `estimate` and an Estimator return.
@@ -34,7 +31,7 @@ class Estimate(EstimatedLight):
     photo: Photo = field(kw_only=True)
     """The photo, as `read_photo` or `photo_from_array` returned it."""
     photo_lighting: Lighting = field(kw_only=True)
-    """The light that the photo shows, from which `replace` may have changed `lighting`."""
+    """The light that the photo shows; `lighting` differs from it once `replace` has changed that."""
 
     @classmethod
     def of_photo(cls, photo: Photo, light: EstimatedLight) -> Self:
@@ -47,42 +44,6 @@ class Estimate(EstimatedLight):
         values = (light.lighting, light.distribution, light.surroundings, light.segments)
         return cls(*values, photo=photo, photo_lighting=light.lighting)
 
-    def replace(
-        self,
-        *,
-        sun: tuple[float, float] | None = None,
-        exposure: float = 0.0,
-        haze: float | None = None,
-        overcast: bool = False,
-        camera_height: float | None = None,
-        lighting: Lighting | None = None,
-    ) -> Self:
-        """Return an estimate with another light, as options of the same names change it on the command line.
-
-        Changes add up: `replace(exposure=1).replace(exposure=1)` is four times as bright.
-
-        Args:
-            sun: azimuth, -360 to 360, and elevation, -4.2 to 90, deg; None: where it is.
-            exposure: EV, -20 to 20, of map and photo: +1 is twice as bright.
-            haze: turbidity, 1 to 10: 2 is very clear, 10 hazy; None: as it is.
-            overcast: True covers the sky, and no sun shines.
-            camera_height: m above the ground, 0.1 to 20,000; None: as it is.
-            lighting: a stored record of this photo, before the other changes; None: the estimate's own.
-
-        Raises:
-            ParameterError: a value is out of range.
-        """
-        from lighting.envmap.relighting import Adjustments, adjust_lighting, edit_lighting
-
-        base = self
-        if lighting is not None:
-            check_lighting(lighting)
-            base = dataclasses.replace(self, lighting=lighting, photo_lighting=lighting)
-        light = adjust_lighting(base.lighting, Adjustments(sun, exposure, haze, overcast))
-        if camera_height is not None:
-            light = edit_lighting(light, {"camera_height": camera_height})
-        return dataclasses.replace(base, lighting=light)
-
     def envmap(
         self,
         height: int = _MAP_HEIGHT,
@@ -92,7 +53,6 @@ class Estimate(EstimatedLight):
         sky: str | None = None,
         surroundings: bool | None = None,
         detail: bool = True,
-        disc: bool = True,
     ) -> NDArray[np.float32]:
         """Render the environment map (height, 2 height, 3) in linear Rec.709, in the photo's linear values.
 
@@ -103,13 +63,12 @@ class Estimate(EstimatedLight):
             sky: one of `lighting.sky.SKY_MODELS`, which paints the sky; None: the record's.
             surroundings: whether the place around is in it; None: where the network predicts it.
             detail: whether a map that shows the place has detail all around the photo.
-            disc: False leaves the sun's disc for a light of its own; the sun still lights the ground.
 
         Raises:
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
-        return self._render(height, sun, yaw, sky, surroundings, detail, disc)[0]
+        return self._render(height, sun, yaw, sky, surroundings, detail)[0]
 
     def save(
         self,
@@ -144,7 +103,32 @@ class Estimate(EstimatedLight):
 
         check_map_name(path)
         image, lighting = self._render(height, sun, yaw, sky, surroundings, detail)
-        write_envmap(path, image, lighting, compression=compression)
+        probe = self.light_probe(sun=sun, yaw=yaw, sky=sky, surroundings=surroundings)
+        write_envmap(path, image, lighting, compression=compression, probe=probe)
+
+    def light_probe(
+        self,
+        *,
+        sun: bool | None = None,
+        yaw: float = 0.0,
+        sky: str | None = None,
+        surroundings: bool | None = None,
+    ) -> "LightProbe":
+        """Compute the light for engines and phones: nine coefficients of all but the sun, and the sun as main light.
+
+        Args:
+            sun: as in `envmap`; without it the main light is none.
+            yaw: as in `envmap`.
+            sky: as in `envmap`.
+            surroundings: as in `envmap`.
+
+        Raises:
+            ParameterError: a value is out of range.
+        """
+        from lighting.light_probe import compute_light_probe
+
+        context = self._context(self.photo.pixels, surroundings, detail=False)
+        return compute_light_probe(self.lighting, context, sun=sun, yaw=yaw, sky=sky)
 
     def preview(self, *, surroundings: bool | None = None, detail: bool = True) -> "Image.Image":
         """Draw the photo, the sun's probability, the map and three spheres in the light, 1600 pixels wide.
@@ -162,10 +146,9 @@ class Estimate(EstimatedLight):
         from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview_pixels
 
         pixels = reread_photo(self.photo, PHOTO_SIDE).pixels
-        with ONE_BLAS_THREAD:
-            context = self._context(pixels, surroundings, detail)
-            envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
-            return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
+        context = self._context(pixels, surroundings, detail)
+        envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
+        return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
 
     def scene(
         self,
@@ -202,10 +185,7 @@ class Estimate(EstimatedLight):
         check_scene_target(tool, folder, overwrite=overwrite)
         plate = reread_photo(self.photo, PLATE_SIDE)
         context = self._context(plate.pixels, surroundings, detail)
-        with ONE_BLAS_THREAD:
-            scene = make_scene(
-                plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments
-            )
+        scene = make_scene(plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments)
         write_scene(scene, tool, folder, overwrite=overwrite, **options)
         return scene
 
@@ -225,19 +205,11 @@ class Estimate(EstimatedLight):
     def _repr_png_(self) -> bytes:
         """The preview, which notebooks show."""
         from lighting.files.atomic import encode_png
-        from lighting.preview.picture import PNG_LEVEL
 
-        return encode_png(np.asarray(self.preview()), compress_level=PNG_LEVEL)
+        return encode_png(np.asarray(self.preview()))
 
     def _render(
-        self,
-        height: int,
-        sun: bool | None,
-        yaw: float,
-        sky: str | None,
-        surroundings: bool | None,
-        detail: bool,
-        disc: bool = True,
+        self, height: int, sun: bool | None, yaw: float, sky: str | None, surroundings: bool | None, detail: bool
     ) -> tuple[NDArray[np.float32], Lighting]:
         """The map, and the record turned with it."""
         from lighting.envmap.surroundings import photo_context_for_height, render_view
@@ -248,8 +220,7 @@ class Estimate(EstimatedLight):
         context = photo_context_for_height(
             self._unchanged(), self.photo.pixels, height, read_finer, surroundings=surroundings, detail=detail
         )
-        with ONE_BLAS_THREAD:
-            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context, disc=disc)
+        return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context)
 
     def _context(self, pixels: NDArray[np.uint8], surroundings: bool | None, detail: bool) -> "PhotoContext | None":
         from lighting.envmap.surroundings import photo_context
@@ -258,4 +229,4 @@ class Estimate(EstimatedLight):
 
     def _unchanged(self) -> Self:
         """The estimate of the light that the photo shows."""
-        return dataclasses.replace(self, lighting=self.photo_lighting)
+        return replace(self, lighting=self.photo_lighting)

@@ -17,6 +17,7 @@ from lighting.envmap.latlong import Image
 from lighting.errors import LightingError, MissingExtraError
 from lighting.estimator import Estimator
 from lighting.fusion.user_input import UserInput
+from lighting.light_probe import LightProbe
 from lighting.model import Model, packaged_model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, PhotoCrop
@@ -77,10 +78,11 @@ class PhotoMatcher:
 
 @dataclass(frozen=True, eq=False)
 class PhotoAnswer:
-    """An estimate, what part of the picture it is of, and the gain of its surroundings if the client asks for that."""
+    """An estimate, its probe, what part of the picture it is of, and what else the client asks for."""
 
     estimate: EstimatedLight
-    gain: Image | None = None  # (R, 2R, 3), a factor on the sky's map
+    probe: LightProbe  # of the light and the place
+    gain: Image | None = None  # (R, 2R, 3), a factor on the sky's map, if the client asks for that
     crop: PhotoCrop | None = None  # the photo's part of a picture with a border
     metadata: PhotoMetadata | None = None  # of the file, if the client asks for it
 
@@ -102,7 +104,6 @@ class Service:
         self.connections = ConnectionLimiter(min(settings.connections, possible), settings.connections_per_client)
         self.metrics = Metrics(self.limiter, self.uploads, self.pending, self.connections)
         self.ready = False
-        self.ending = False  # whether the process was told to end: answers are the last of their connections
         self.loaded_estimator = estimator
 
     def load(self) -> None:

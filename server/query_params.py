@@ -13,6 +13,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS
 from lighting.fusion.user_input import UserInput, check_headings, read_headings
+from lighting.light_probe import LIGHT_PROBE_FORMATS
 from lighting.photo.reader import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Color, Json, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
@@ -102,7 +103,7 @@ class MapQuery(Query):
         None, description="another shape of the sky than the record's"
     )
     compression: Annotated[str, RegistryName(COMPRESSIONS)] = Field(
-        "zip", description="how an EXR is packed; `zip` writes half floats, `pxr24` and `none` 32-bit floats"
+        "zip", description="how an EXR is packed; `pxr24` is the fastest"
     )
 
     @model_validator(mode="after")
@@ -168,6 +169,27 @@ class _SurroundingsQuery(Query):
     detail: types.Flag = Field(True, description="give a map that shows the place detail all around the photo")
 
 
+class ProbeQuery(Query):
+    """A light probe for an engine."""
+
+    format: Annotated[str, RegistryName(LIGHT_PROBE_FORMATS)] = Field(
+        "record", description="the engine that takes it; `record` is the record's `light_probe`"
+    )
+    sun: types.FlagOrAuto = Field(None, description=f"include the sun as the main light; {SUN_BY_DEFAULT}")
+    yaw: Annotated[float, InRange(-360, 360, description="deg, turns the light to the right")] = 0.0
+    sky: Annotated[types.SkyName | None, NotNull()] = Field(
+        None, description="another shape of the sky than the record's"
+    )
+
+
+class PhotoProbeQuery(ProbeQuery, UserInputQuery, _EditQuery):
+    """The light probe of a photo."""
+
+    surroundings: types.FlagOrAuto = Field(
+        None, description="include the place, not the sky alone; by default where the network predicts it"
+    )
+
+
 class PreviewQuery(UserInputQuery, _SurroundingsQuery):
     """The preview of a photo."""
 
@@ -200,6 +222,12 @@ class SkyQuery(MapQuery, _SkyParameters):
     """A sky from parameters alone."""
 
     sun: types.Flag = Field(True, description="paint the sun's disc")
+
+
+class SkyProbeQuery(ProbeQuery, _SkyParameters):
+    """The light probe of a sky from parameters alone."""
+
+    sun: types.Flag = Field(True, description="include the sun as the main light")
 
 
 class _ToolQuery(Query):
@@ -291,7 +319,7 @@ def check_photo_headings(photos: int, query: LightingQuery) -> None:
         raise invalid_field_error(error.field or "headings", str(error), code=error.code) from error
 
 
-def refuse_photo_parameters(query: EnvmapQuery) -> None:
+def refuse_photo_parameters(query: EnvmapQuery | PhotoProbeQuery) -> None:
     """Raise ProblemError for parameters that describe or need a photo.
 
     Args:

@@ -42,7 +42,7 @@ def estimates_to_json(answers: Sequence[PhotoAnswer], query: LightingQuery, root
 
 def _answer_record(answer: PhotoAnswer, root: str, probability: bool) -> Json:
     lighting = answer.estimate.lighting
-    record = {**record_with_coefficients(lighting), "links": {"envmap": _envmap_link(lighting, root)}}
+    record = {**record_with_coefficients(lighting, answer.probe), "links": {"envmap": _envmap_link(lighting, root)}}
     if lighting.warnings:
         record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
     if probability:

@@ -19,8 +19,10 @@ from server.query_params import (
     EnvmapQuery,
     GroundQuery,
     LightingQuery,
+    PhotoProbeQuery,
     PhotoSceneQuery,
     PreviewQuery,
+    SkyProbeQuery,
     SkyQuery,
     SkySceneQuery,
 )
@@ -38,6 +40,7 @@ _PHOTOS_SCHEMA = {"type": "array", "items": _BINARY_SCHEMA, "minItems": 1}  # th
 _PHOTOS_FORM: Json = {FORM_TYPE: {"schema": {**_FORM_SCHEMA, "properties": {PHOTO_FIELD: _PHOTOS_SCHEMA}}}}
 _RECORD_BODY: Json = {JSON_TYPE: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
 _MAP_RESPONSE: Json = {"content": {entry.media_type: {"schema": _BINARY_SCHEMA} for entry in MAP_FORMATS.values()}}
+_PROBE_RESPONSE: Json = {"content": {JSON_TYPE: {"schema": {"type": "object"}}}}
 _PNG_RESPONSE: Json = {"content": {"image/png": {"schema": _BINARY_SCHEMA}}}
 _JPEG_RESPONSE: Json = {"content": {"image/jpeg": {"schema": _BINARY_SCHEMA}}}
 _SCENE_RESPONSE: Json = {
@@ -113,6 +116,39 @@ async def estimate_envmap(
         photo = await admission.body.photo(JSON_TYPE)
         data = await admission.run(tasks.encode_envmap_of_photo, admission.service, photo, query)
     return responses.map_response(data, query.format)
+
+
+@_get_file("/light-probe", summary="The light probe of a sky", responses={200: _PROBE_RESPONSE, **_SKY_ANSWERS})
+async def compute_probe(
+    request: Request, admission: AdmissionDep, query: Annotated[SkyProbeQuery, Query()]
+) -> Response:
+    """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
+    headers, unchanged = responses.check_cache(request, admission.service, query)
+    if unchanged:
+        return unchanged
+    data = await admission.run(tasks.encode_probe_of_lighting, query.to_lighting(), query)
+    return Response(data, media_type=JSON_TYPE, headers=headers)
+
+
+@router.post(
+    "/light-probe",
+    summary="The light probe of a photo or of a lighting record",
+    response_class=Response,
+    responses={200: _PROBE_RESPONSE, **_PHOTO_PROBLEMS},
+    openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
+)
+async def estimate_probe(
+    request: Request, admission: AdmissionDep, query: Annotated[PhotoProbeQuery, Query()]
+) -> Response:
+    """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
+    if media_type(request) == JSON_TYPE:
+        queries.refuse_photo_parameters(query)
+        lighting = parse_record(await admission.body.record())
+        data = await admission.run(tasks.encode_probe_of_lighting, lighting, query)
+    else:
+        photo = await admission.body.photo(JSON_TYPE)
+        data = await admission.run(tasks.encode_probe_of_photo, admission.service, photo, query)
+    return Response(data, media_type=JSON_TYPE)
 
 
 @_post_photo(

@@ -220,7 +220,26 @@ class PhotoMetadataRecord(BaseModel):
     orientation: int | None = Field(None, description="1 to 8, how the pixels lie in the file", examples=[6])
 
 
+class MainLightPart(BaseModel):
+    """The sun as a directional light."""
+
+    direction: list[float] = Field(description="unit vector towards it", examples=[[-0.55, 0.54, -0.63]])
+    irradiance: list[float] = Field(description="RGB of a surface that faces it; zeros where no sun reaches the scene")
+    lux: float = Field(description="lx of such a surface, good to a factor of two", examples=[81500.0])
+    kelvin: float | None = Field(description="its correlated color temperature; null of no light", examples=[5420])
+
+
+class LightProbePart(BaseModel):
+    """The light for engines and phones: all but the sun as spherical harmonics, and the sun as the main light."""
+
+    coefficients: list[tuple[float, float, float]] = Field(
+        min_length=9, max_length=9, description="RGB of radiance, in the order and basis of WebXR and three.js"
+    )
+    main_light: MainLightPart
+
+
 class LightingEstimate(LightingRecord):
+    light_probe: LightProbePart
     links: Links
     crop: CropRecord | None = Field(None, description="present only if the photo lies inside a border")
     warning_codes: _Texts = Field(

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from time import monotonic
+from typing import Any
 
 import numpy as np
 from anyio.from_thread import check_cancelled
@@ -12,9 +13,10 @@ from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, photo_context, render_view, surroundings_gain
 from lighting.errors import PhotoError
-from lighting.files import encode_envmap
+from lighting.files import MAP_FORMATS, encode_envmap
 from lighting.files.atomic import encode_jpeg, encode_png
 from lighting.ground import draw_ground_mask
+from lighting.light_probe import compute_light_probe, encode_light_probe
 from lighting.photo.reader import TARGET, Photo
 from lighting.photo_estimate import Estimate
 from lighting.preview.picture import PHOTO_SIDE, preview_png
@@ -56,13 +58,12 @@ def estimate_photos(service: Service, files: Sequence[Upload], query: queries.Li
 
 def _answer_photo(photo: Photo, estimate: Estimate, query: queries.LightingQuery) -> PhotoAnswer:
     """An estimate with what else the client asks for."""
-    metadata = photo.metadata if query.photo_metadata else None
-    if not query.surroundings:
-        return PhotoAnswer(estimate, crop=photo.crop, metadata=metadata)
     check_cancelled()
+    metadata = photo.metadata if query.photo_metadata else None
     context = photo_context(estimate, photo.pixels)
-    gain = surroundings_gain(estimate.lighting, context) if context else None
-    return PhotoAnswer(estimate, gain, photo.crop, metadata)
+    probe = compute_light_probe(estimate.lighting, context)
+    gain = surroundings_gain(estimate.lighting, context) if context and query.surroundings else None
+    return PhotoAnswer(estimate, probe, gain, photo.crop, metadata)
 
 
 def _read_photos(service: Service, files: Sequence[Upload], target: int) -> list[Photo]:
@@ -92,9 +93,11 @@ def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: Phot
         query: height, yaw, format and compression.
         context: the photo's surroundings, which the map then shows; None renders the sky alone.
     """
-    image, rotated = render_view(lighting, query.height, sun=query.sun, yaw=query.yaw, sky=query.sky, context=context)
+    view: Any = {"sun": query.sun, "yaw": query.yaw, "sky": query.sky, "context": context}
+    image, rotated = render_view(lighting, query.height, **view)
     check_cancelled()
-    return encode_envmap(image, rotated, query.format, compression=query.compression)
+    probe = compute_light_probe(lighting, **view) if MAP_FORMATS[query.format].has_header else None
+    return encode_envmap(image, rotated, query.format, compression=query.compression, probe=probe)
 
 
 def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQuery) -> bytes:
@@ -139,6 +142,35 @@ def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
         data: the bytes of a photo.
     """
     return encode_jpeg(service.reread_photo(data, _UPRIGHT_SIDE).pixels, _UPRIGHT_QUALITY)
+
+
+def encode_probe_of_lighting(
+    lighting: Lighting, query: queries.ProbeQuery, context: PhotoContext | None = None
+) -> bytes:
+    """Compute a light probe and encode it as JSON.
+
+    Args:
+        lighting: the light.
+        query: the engine, yaw and sky.
+        context: the photo's surroundings, which the probe then holds; None: the sky alone.
+    """
+    probe = compute_light_probe(lighting, context, sun=query.sun, yaw=query.yaw, sky=query.sky)
+    return encode_light_probe(probe, query.format).encode()
+
+
+def encode_probe_of_photo(service: Service, data: bytes, query: queries.PhotoProbeQuery) -> bytes:
+    """Estimate the light of a photo and encode its probe as JSON.
+
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: the engine, and what the client states and replaces.
+    """
+    photo, estimate = _estimate_photo(service, data, query)
+    context = photo_context(
+        estimate, photo.pixels, surroundings=query.surroundings, exposure=query.photo_exposure, detail=False
+    )
+    return encode_probe_of_lighting(edit_lighting(estimate.lighting, query.changes()), query, context)
 
 
 def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -> bytes:

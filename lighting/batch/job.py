@@ -5,7 +5,7 @@ import os
 from collections import Counter
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from lighting.batch.photo_files import format_counts
 from lighting.batch.results import SETTINGS
@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from lighting.envmap.surroundings import PhotoContext
     from lighting.estimator import Estimator
     from lighting.files.exr import WriteTarget
+    from lighting.light_probe import LightProbe
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
@@ -53,9 +54,10 @@ class BatchJob:
 
 @dataclass(frozen=True, eq=False)
 class PhotoLight:
-    """The light of a photo, and the surroundings that its map shows, if it shows any."""
+    """The light of a photo, its probe, and the surroundings that its map shows, if it shows any."""
 
     lighting: "Lighting"
+    probe: "LightProbe"
     context: "PhotoContext | None"
 
 
@@ -147,11 +149,12 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions)
     """
     from lighting.envmap.surroundings import render_view
     from lighting.files.exr import write_exr
+    from lighting.light_probe import compute_light_probe
 
-    image, lighting = render_view(
-        answer.lighting, maps.height, sun=maps.sun, yaw=maps.yaw, sky=maps.sky, context=answer.context
-    )
-    write_exr(target, image, lighting, compression=maps.compression)
+    view: Any = {"sun": maps.sun, "yaw": maps.yaw, "sky": maps.sky, "context": answer.context}
+    image, lighting = render_view(answer.lighting, maps.height, **view)
+    probe = compute_light_probe(answer.lighting, **view)
+    write_exr(target, image, lighting, compression=maps.compression, probe=probe)
 
 
 def estimate_or_error(estimator: "Estimator", source: Path | bytes, job: BatchJob) -> PhotoLight | str:
@@ -169,7 +172,8 @@ def estimate_or_error(estimator: "Estimator", source: Path | bytes, job: BatchJo
     try:
         photo = read_photo_isolated(source, seconds=DECODE_SECONDS)
         estimate = estimator(photo, job.user_input)
-        return PhotoLight(estimate.lighting, _map_context(source, photo, estimate, job.maps) if job.maps else None)
+        context = _map_context(source, photo, estimate, job.maps) if job.maps else None
+        return PhotoLight(estimate.lighting, estimate.light_probe(), context)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return describe_error(error)
 

@@ -18,6 +18,7 @@ _HOME = {  # the module of each command; a call imports no other
     "envmap": "estimate",
     "estimate": "estimate",
     "info": "info",
+    "light-probe": "light_probe",
     "open": "serve",
     "preview": "estimate",
     "probe": "probe",

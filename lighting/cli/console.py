@@ -65,7 +65,7 @@ def print_estimate(name: str, estimate: "Estimate", as_json: bool, quiet: bool) 
     from lighting.records import json_line
 
     if as_json:
-        click.echo(json_line(escape_undecodable(name), estimate.lighting))
+        click.echo(json_line(escape_undecodable(name), estimate.lighting, estimate.light_probe()))
     else:
         click.echo(format_summary(name, estimate.lighting))
         report_warnings(name, estimate.warnings, quiet)
@@ -479,12 +479,19 @@ def write_output_map(output: str, lighting: "Lighting", compression: str | None,
     """
     from lighting.envmap.surroundings import render_view
     from lighting.files import encode_envmap, write_envmap
+    from lighting.files.exr import round_in_place
+    from lighting.light_probe import compute_light_probe
 
+    probe = None
+    if output == "-" or output.lower().endswith(".exr"):
+        probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
     image, lighting = render_view(lighting, **view_options)
+    if compression in (None, "zip") and (output == "-" or output.lower().endswith(".exr")):
+        round_in_place(image)  # which spares a copy of a large map
     if output == "-":
-        _write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip"))
+        _write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip", probe=probe))
     else:
-        write_envmap(output, image, lighting, compression=compression or "zip")
+        write_envmap(output, image, lighting, compression=compression or "zip", probe=probe)
 
 
 def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings: bool | None, detail: bool) -> None:

@@ -12,11 +12,12 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lighting.errors import EnvironmentMapError, ErrorCode
+from lighting.errors import EnvironmentMapError
 
 if TYPE_CHECKING:
     from lighting.files.exr import Image, WriteTarget
     from lighting.geometry import Floats
+    from lighting.light_probe import LightProbe
     from lighting.records import Lighting
 
 
@@ -24,10 +25,11 @@ if TYPE_CHECKING:
 class MapFormat:
     """How environment maps are written in one format."""
 
-    write: Callable[..., None]  # (target, image, lighting), and `compression` where it takes one
+    write: Callable[..., None]  # (target, image, lighting); `compression` and `probe` where it takes them
     media_type: str
     read: Callable[[bytes], "Image"] | None = None  # the linear pixels (H, W, 3); None where a file holds none
     takes_compression: bool = False
+    has_header: bool = False  # whether files hold lighting and probe
 
 
 def _write_exr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:
@@ -67,14 +69,19 @@ def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | No
 
 
 MAP_FORMATS: dict[str, MapFormat] = {  # by the suffix of a file, without its dot
-    "exr": MapFormat(_write_exr, "image/x-exr", _read_exr, takes_compression=True),
+    "exr": MapFormat(_write_exr, "image/x-exr", _read_exr, takes_compression=True, has_header=True),
     "hdr": MapFormat(_write_hdr, "image/vnd.radiance", _read_hdr),
     "png": MapFormat(_write_png, "image/png"),
 }
 
 
 def write_envmap(
-    target: str | os.PathLike[str], image: "Floats", lighting: "Lighting | None" = None, *, compression: str = "zip"
+    target: str | os.PathLike[str],
+    image: "Floats",
+    lighting: "Lighting | None" = None,
+    *,
+    compression: str = "zip",
+    probe: "LightProbe | None" = None,
 ) -> None:
     """Write a map to a path in the format of its suffix. The path appears only when the file is whole.
 
@@ -85,12 +92,18 @@ def write_envmap(
         image: (H, 2H, 3) linear Rec.709.
         lighting: for the header of an EXR; None: without.
         compression: of an EXR, one of COMPRESSIONS; the others have none.
+        probe: the map's, for the header of an EXR; None: without.
     """
-    _writer_of(check_map_name(target), compression)(target, image, lighting)
+    _writer_of(check_map_name(target), compression, probe)(target, image, lighting)
 
 
 def encode_envmap(
-    image: "Floats", lighting: "Lighting | None" = None, format: str = "exr", *, compression: str = "zip"
+    image: "Floats",
+    lighting: "Lighting | None" = None,
+    format: str = "exr",
+    *,
+    compression: str = "zip",
+    probe: "LightProbe | None" = None,
 ) -> bytes:
     """The bytes of a file that holds a map; raises as `write_envmap`.
 
@@ -99,9 +112,10 @@ def encode_envmap(
         lighting: for the header of an EXR; None: without.
         format: one of MAP_FORMATS.
         compression: of an EXR, one of COMPRESSIONS; the others have none.
+        probe: the map's, for the header of an EXR; None: without.
     """
     buffer = io.BytesIO()
-    _writer_of(format, compression)(buffer, image, lighting)
+    _writer_of(format, compression, probe)(buffer, image, lighting)
     return buffer.getvalue()
 
 
@@ -115,10 +129,7 @@ def check_map_name(path: str | os.PathLike[str]) -> str:
         EnvironmentMapError: the suffix is not an environment map's.
     """
     if not isinstance(path, str | os.PathLike):
-        raise EnvironmentMapError(
-            f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.",
-            code=ErrorCode.WRONG_TYPE,
-        )
+        raise EnvironmentMapError(f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.")
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in MAP_FORMATS:
         suffixes = _join_with_or([f".{name}" for name in MAP_FORMATS])
@@ -126,13 +137,14 @@ def check_map_name(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def _writer_of(name: str, compression: str) -> Callable[..., None]:
+def _writer_of(name: str, compression: str, probe: "LightProbe | None") -> Callable[..., None]:
     if name not in MAP_FORMATS:
         raise EnvironmentMapError(
             f"The format {name!r} is not known; an environment map is {_join_with_or(list(MAP_FORMATS))}."
         )
     entry = MAP_FORMATS[name]
-    return partial(entry.write, compression=compression) if entry.takes_compression else entry.write
+    options = {"compression": compression} if entry.takes_compression else {}
+    return partial(entry.write, **options, **({"probe": probe} if entry.has_header else {}))
 
 
 def _join_with_or(names: list[str]) -> str:

@@ -49,7 +49,7 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
         "asset": {
             "version": "2.0",
             "generator": SOFTWARE,
-            "extras": {"lighting": record_with_coefficients(scene.lighting)},
+            "extras": {"lighting": record_with_coefficients(scene.lighting, scene.light_probe)},
         },
         "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
         "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},

@@ -16,7 +16,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
-from lighting.documentation import describe_fields
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
@@ -24,10 +23,12 @@ from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import max_object_meters, spot_warnings
+from lighting.light_probe import LightProbe, main_light
 from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, check_lighting
 from lighting.segmentation import Segments
+from lighting.spherical_harmonics import project_latlong
 
 SUN_ANGLE = 2 * geometry.SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view
@@ -48,25 +49,17 @@ _HIDDEN_SPOT = (
 )
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A photo as the plate behind a scene, the camera that took it, and the light: sun, map and ground."""
 
     lighting: Lighting
-    """The light and the camera."""
-    plate: NDArray[np.uint8]
-    """(h, w, 3) 8-bit sRGB, 0 to 255: the photo."""
-    environment: NDArray[np.float32]
-    """(H, 2H, 3) linear Rec.709, 0 or more: the map, the sun's disc left out."""
-    sun_irradiance: Floats
-    """(3,) RGB, 0 or more, on a surface that faces the sun; 0 where no direct sun reaches."""
-    sky_irradiance: Floats
-    """(3,) RGB, 0 or more, on open level ground, without the sun."""
-    lit_ground: NDArray[np.float32]
-    """(H, W), 0 to 1, of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere."""
-    segments: Segments | None = None
-    """(R, C, K) probabilities, 0 to 1, of what the plate shows. None: unknown."""
+    plate: NDArray[np.uint8]  # (h, w, 3) sRGB, the photo
+    environment: NDArray[np.float32]  # (H, 2H, 3), the sun's disc left out
+    sun_irradiance: Floats  # (3,) linear Rec.709 on a surface that faces the sun; 0 where no direct sun reaches
+    sky_irradiance: Floats  # (3,) on open level ground, without the sun
+    lit_ground: NDArray[np.float32]  # (H, W) of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere
+    segments: Segments | None = None  # what the plate shows; None: unknown
 
     @property
     def width(self) -> int:
@@ -137,6 +130,13 @@ class Scene:
         return ground_reflectance(self.lighting)
 
     @cached_property
+    def light_probe(self) -> LightProbe:
+        """The map's light probe, and the sun as the main light."""
+        return LightProbe(
+            project_latlong(self.environment), main_light(self.lighting, sun=bool(self.sun_irradiance.any()))
+        )
+
+    @cached_property
     def spot(self) -> Floats:
         """Where the user's object goes: the point (3,) on the ground in the direction of the record's spot.
 
@@ -188,23 +188,16 @@ class Scene:
         return self.spot - self.camera_position
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
     """How the camera of a clip moves in a scene: N frames of one shot."""
 
-    matrices: Floats
-    """(N, 4, 4) camera to world for column vectors, in meters of the scene's frame."""
-    focal_lengths: Floats
-    """(N,) mm, over 0, as `Scene.focal_length`."""
-    frames: Floats
-    """(N,) frames, 0 or more, from the shot's first, by time: not whole where the clip's frame rate varies."""
-    frame_rate: float
-    """Hz, over 0."""
-    first_frame: int
-    """First frame of the shot, 0 or more, counted in the clip."""
-    clip: str
-    """The clip's file, from the scene's folder."""
+    matrices: Floats  # (N, 4, 4) camera to world for column vectors, in the scene's frame
+    focal_lengths: Floats  # (N,) mm, as Scene.focal_length
+    frames: Floats  # (N,) from the shot's first, by time: not whole where the clip's frame rate varies
+    frame_rate: float  # Hz
+    first_frame: int  # of the shot, counted in the clip
+    clip: str  # the clip's file, from the scene's folder
 
 
 def make_scene(
@@ -261,11 +254,6 @@ class _Placeholder:
     def stick_foot(self) -> Floats:
         """The middle of the stick's lower end."""
         return np.array([2.5 * self.ball_radius, 0.0, 0.0])
-
-    @property
-    def stick_center(self) -> Floats:
-        """Halfway up the stick."""
-        return np.array([self.stick_foot[0], self.stick_height / 2, 0.0])
 
     @property
     def stick_height(self) -> float:

@@ -59,7 +59,7 @@ def _description(scene: Scene) -> Json:
         "plate": _png_url(encode_plate(scene)),
         "litGround": _png_url(encode_lit_ground(scene, movable=True)),
         "environment": b64encode(encode_envmap(rotate_envmap(scene.environment, _YAW), format="hdr")).decode(),
-        "lighting": record_with_coefficients(scene.lighting),
+        "lighting": record_with_coefficients(scene.lighting, scene.light_probe),
     }
 
 

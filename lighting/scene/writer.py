@@ -217,8 +217,8 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
         folder: where they go.
     """
     (folder / PLATE).write_bytes(encode_plate(scene))
-    (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting))
-    record = json.dumps(record_with_coefficients(scene.lighting), indent=2)
+    (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe))
+    record = json.dumps(record_with_coefficients(scene.lighting, scene.light_probe), indent=2)
     (folder / RECORD).write_text(record + "\n", encoding="utf-8")
     (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
     (folder / GROUND).write_bytes(encode_png(draw_ground_mask(scene.shadow_receivers, scene.segments)))

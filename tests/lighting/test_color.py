@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import lighting.color as color
 from lighting.color import CHROMATICITIES, chromaticities_to_rec709, luminance, srgb_decode, srgb_encode, tone_map
 from lighting.errors import EnvironmentMapError
 from lighting.files.exr import read_exr
@@ -88,3 +89,20 @@ def test_tone_map_scales_encodes_and_clips() -> None:
     picture = tone_map(image, exposure=2.0)
     assert picture.dtype == np.uint8
     assert picture.tolist() == [[[0, 128, 255], [0, 255, 10]]]
+
+
+@pytest.mark.parametrize(
+    ("xy", "kelvin"),
+    [((0.3127, 0.3290), 6504), ((0.3457, 0.3585), 5003), ((0.44757, 0.40745), 2856), ((0.29902, 0.31485), 7504)],
+)
+def test_the_color_temperatures_of_illuminants_are_those_of_the_cie(xy: tuple[float, float], kelvin: float) -> None:
+    x, y = xy
+    linear = np.linalg.solve(color._to_xyz(np.array(CHROMATICITIES).reshape(4, 2)), [x / y, 1.0, (1 - x - y) / y])
+    assert color.color_temperature(linear) == pytest.approx(kelvin, rel=2e-3)
+
+
+def test_color_temperatures_have_ends() -> None:
+    assert color.color_temperature([0.0, 0.0, 0.0]) is None
+    assert color.color_temperature([0.0, 0.0, 1.0]) == 40000.0
+    assert color.color_temperature([0.2, 0.3, 0.9]) == 40000.0
+    assert color.color_temperature([1.0, 0.2, 0.02]) == pytest.approx(1800, abs=100)

@@ -29,6 +29,8 @@ OPERATIONS = {
     "estimate_lighting": ("post", "/v1/lighting"),
     "render_envmap": ("get", "/v1/envmap"),
     "estimate_envmap": ("post", "/v1/envmap"),
+    "compute_probe": ("get", "/v1/light-probe"),
+    "estimate_probe": ("post", "/v1/light-probe"),
     "show_photo": ("post", "/v1/photo"),
     "draw_preview": ("post", "/v1/preview"),
     "draw_ground": ("post", "/v1/ground"),
@@ -108,6 +110,8 @@ WITH_CONDITIONS = (
     "estimate_scene",
     "show_photo",
     "draw_ground",
+    "compute_probe",
+    "estimate_probe",
 )
 TOGETHER = {  # values that are each right may not fit each other, such as a time of night; a file may be empty (400)
     "positive_data_acceptance": {"expected-statuses": ["2xx", "400", "401", "403", "404", "422"]}

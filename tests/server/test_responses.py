@@ -11,6 +11,7 @@ from pydantic import ValidationError
 from starlette.requests import Request
 
 from export.evaluation.report import CAMERA_AND_SKY, SUN, write_figures
+from lighting.light_probe import compute_light_probe
 from lighting.model import MODEL_CARD, Model, packaged_model
 from lighting.photo.location import HeadingReference
 from lighting.photo.metadata import PhotoMetadata
@@ -26,7 +27,7 @@ from tests.conftest import TINY
 GRID = "fibonacci:64"
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, sun_visibility=0.1)
 ANSWERS_SUN = SunDistribution(GRID, np.full(64, 1 / 64, dtype=np.float32))
-ESTIMATE = PhotoAnswer(EstimatedLight(LIGHT, ANSWERS_SUN))
+ESTIMATE = PhotoAnswer(EstimatedLight(LIGHT, ANSWERS_SUN), compute_light_probe(LIGHT))
 
 
 def request(if_none_match: str) -> Request:

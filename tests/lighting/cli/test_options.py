@@ -97,7 +97,7 @@ def test_the_library_gives_the_same(phone: Path, network: Path) -> None:
         invoke_command("estimate", "--json", "--model", network, "--fov", "40", "--heading", "10", phone)
     )
     light = Estimator(Model.load(network))(read_photo(phone), UserInput(vertical_fov=40.0, heading=10.0))
-    assert record == record_with_coefficients(light.lighting)
+    assert record == record_with_coefficients(light.lighting, light.light_probe())
 
 
 def test_what_is_said_counts_for_a_photo_without_metadata(phone: Path, photo_path: Path, network: Path) -> None:

@@ -11,6 +11,7 @@ from lighting.envmap.render import render
 from lighting.files.exr import read_exr
 from lighting.records import record_with_coefficients
 from lighting.scene import EXPORTERS, RECORD, Exporter
+from tests.helpers.lights import without_probe
 from tests.helpers.processes import error_of, invoke_command
 from tests.helpers.scenes import LIGHT
 
@@ -52,7 +53,7 @@ def test_the_command_takes_a_record_in_place_of_an_estimate(
         "scene", photo_path, "--for", "usd", "--lighting", record_path, "-o", out, "-q", "--up-axis", "z"
     )
     assert (result.exit_code, result.output) == (0, "")
-    assert json.loads((out / "lighting.json").read_text()) == record_with_coefficients(LIGHT)
+    assert without_probe(json.loads((out / "lighting.json").read_text())) == record_with_coefficients(LIGHT)
     assert 'upAxis = "Z"' in (out / "scene.usda").read_text()
 
 
@@ -100,7 +101,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--for", "maya"], f"'maya' is not one of {', '.join(map(repr, EXPORTERS))}."),
+        (["--for", "maya"], "'maya' is not one of 'blender', 'usd', 'gltf', 'threejs', 'mitsuba'."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
         (["--for", "usd", "--lighting", "any.json", "--model", "any.onnx"], "--model does not go with it."),
         (["--for", "gltf", "--height", "64"], "a scene for gltf holds no map."),

@@ -273,7 +273,7 @@ def test_what_the_page_is_told(tmp_path: Path) -> None:
     values = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
     assert values["sunIntensity"] * np.array(values["sunColour"]) == pytest.approx(scene.sun_irradiance)
     assert np.reshape(values["cameraMatrix"], (4, 4)) == pytest.approx(scene.camera_matrix)
-    assert values["lighting"] == record_with_coefficients(scene.lighting)
+    assert values["lighting"] == record_with_coefficients(scene.lighting, scene.light_probe)
     plate = Image.open(BytesIO(base64.b64decode(values["plate"].split(",")[1])))
     assert np.array_equal(np.asarray(plate), scene.plate)
     lit = Image.open(BytesIO(base64.b64decode(values["litGround"].split(",")[1])))

@@ -122,9 +122,11 @@ def test_the_shared_files_hold_plate_map_and_record(tmp_path: Path) -> None:
         "lit_ground.png",
         "plate.png",
     ]
-    assert json.loads((tmp_path / "lighting.json").read_text()) == record_with_coefficients(scene.lighting)
+    assert json.loads((tmp_path / "lighting.json").read_text()) == record_with_coefficients(
+        scene.lighting, scene.light_probe
+    )
     image, lighting = read_exr(tmp_path / "environment.exr")
-    np.testing.assert_allclose(image, scene.environment, rtol=1e-3)
+    np.testing.assert_allclose(image, scene.environment, rtol=1e-4)
     assert lighting == scene.lighting
 
 

@@ -1,0 +1,293 @@
+"""The light of a scene for engines and phones: a light probe, and a main light beside it.
+
+The probe is the radiance from all directions but the sun, as nine coefficients of `spherical_harmonics` a channel. The
+main light is the sun. Both are in the frame of geometry.py and in the photo's linear units, in which a white diffuse
+surface under irradiance pi shows as 1. Each engine has its own order, signs and scale: LIGHT_PROBE_FORMATS.
+"""
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
+from lighting.envmap.relighting import rotate_lighting, scale_exposure
+from lighting.envmap.render import level_irradiance, render
+from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.errors import ErrorCode, ParameterError
+from lighting.geometry import Floats
+from lighting.records import Json, Lighting, check_lighting
+from lighting.sky import SKY_MODEL
+from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
+from lighting.spherical_harmonics import (
+    BASIS_FACTORS,
+    COSINE_FACTORS,
+    irradiance_from_harmonics,
+    project_latlong,
+    rotate_harmonics,
+)
+from lighting.validation import round_significant
+
+_MAX_LEVEL = 100.0  # irradiance of level ground that any map holds
+_MAP_HEIGHT = 96  # rows of the map that is projected; more change no coefficient by 1 % of the first
+_LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
+_CLEAREST_AIR = 1.0  # turbidity
+_NEUTRAL_LUMENS = 1000.0  # of ARKit: white faces it and shows as 1
+_CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])[:, None]  # its signs of the functions
+_MIRRORED = np.array([1, 1, -1, 1, 1, -1, 1, -1, 1])[:, None]  # signs of the functions where +Z becomes -Z
+
+
+@dataclass(frozen=True, eq=False)
+class MainLight:
+    """The sun as a directional light."""
+
+    direction: Floats  # (3,) unit vector towards it
+    irradiance: Floats  # (3,) linear Rec.709 of a surface that faces it, in the photo's linear units; 0: it is not seen
+    lux: float  # of such a surface, as far as the record's exposure tells it
+    kelvin: float | None  # correlated color temperature, 1000 to 40000; None of no light
+
+    def to_dict(self) -> Json:
+        """Return it as JSON."""
+        return {
+            "direction": _rounded(self.direction),
+            "irradiance": _rounded(self.irradiance),
+            "lux": round_significant(self.lux),
+            "kelvin": None if self.kelvin is None else round(self.kelvin),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class LightProbe:
+    """Radiance from all directions but the sun, and the sun as the main light."""
+
+    coefficients: Floats  # (9, 3) of linear Rec.709 radiance, in the order of `spherical_harmonics`
+    main_light: MainLight
+
+    def irradiance(self, normals: Floats) -> Floats:
+        """Return the irradiance (..., 3) of surfaces by the probe alone, without the main light.
+
+        Args:
+            normals: (..., 3), unit vectors.
+        """
+        return irradiance_from_harmonics(self.coefficients, normals)
+
+    def to_dict(self) -> Json:
+        """Return it as `light_probe` of a JSON record."""
+        return {"coefficients": [_rounded(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
+
+
+def compute_light_probe(
+    lighting: Lighting,
+    context: PhotoContext | None = None,
+    *,
+    sun: bool | None = None,
+    yaw: float = 0.0,
+    sky: str | None = None,
+) -> LightProbe:
+    """Return the light probe of the map that `render_view` makes of the same arguments.
+
+    Args:
+        lighting: else ParameterError.
+        context: the photo and its surroundings; None: bare sky and ground.
+        sun: whether the sun shines; None: by `Lighting.sun_painted`.
+        yaw: deg by which the map is rotated to the right.
+        sky: one of SKY_MODELS, which paints the sky; None: the record's.
+    """
+    check_lighting(lighting)
+    lighting = lighting if sky is None else replace(lighting, sky_model=SKY_MODEL, sky_painted=sky)
+    level = float(level_irradiance(lighting).max())
+    gain = min(_MAX_LEVEL / level, 1.0) if level > 0 else 1.0  # maps end at what half floats hold; probes do not
+    dimmed = scale_exposure(lighting, np.full(3, gain)) if gain < 1.0 else lighting
+    if context is None:
+        image = render(dimmed, _MAP_HEIGHT, sun=sun, disc=False)
+    else:
+        plain = replace(context, detail=False)  # which changes no light
+        image = render_with_surroundings(dimmed, plain, _MAP_HEIGHT, sun=sun, disc=False)
+    coefficients = project_latlong(image) / gain
+    if yaw:
+        lighting, coefficients = rotate_lighting(lighting, yaw), rotate_harmonics(coefficients, yaw)
+    return LightProbe(coefficients, main_light(lighting, sun=sun))
+
+
+def main_light(lighting: Lighting, *, sun: bool | None = None) -> MainLight:
+    """Return the sun of a lighting as a directional light.
+
+    Its lux follow from the record's exposure, which is good to a factor of two, and are never more than the clearest
+    air lets through.
+
+    Args:
+        lighting: any.
+        sun: whether the sun shines; None: by `Lighting.sun_painted`.
+    """
+    shines = lighting.sun_painted if sun is None else sun
+    irradiance = sun_irradiance(lighting) if shines else np.zeros(3)
+    clearest = replace(
+        lighting, turbidity=_CLEAREST_AIR, exposure=1.0, sun_irradiance=None, sky_irradiance=None, sky_cover=None
+    )
+    lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(sun_irradiance(clearest)))) * _LUX
+    return MainLight(lighting.sun_direction, irradiance, lux, color_temperature(irradiance))
+
+
+def encode_light_probe(probe: LightProbe, format: str) -> str:
+    """Return a probe as an engine takes it, as JSON.
+
+    Args:
+        probe: made by `compute_light_probe`.
+        format: one of LIGHT_PROBE_FORMATS, else ParameterError.
+    """
+    if format not in LIGHT_PROBE_FORMATS:
+        predicate = f"is {format!r}; it must be one of {', '.join(LIGHT_PROBE_FORMATS)}."
+        raise ParameterError.about("format", predicate, ErrorCode.UNKNOWN)
+    return json.dumps(LIGHT_PROBE_FORMATS[format](probe), indent=2)
+
+
+def shader_harmonics(coefficients: Floats) -> Floats:
+    """Return the factors (9, 3) of the plain polynomials 1, y, z, x, xy, yz, 3z² - 1, xz, x² - y² of a normal.
+
+    With them the polynomials sum to irradiance / pi, by which a shader multiplies an albedo. Filament and Unity take
+    them so.
+
+    Args:
+        coefficients: (9, 3), of radiance.
+    """
+    return np.asarray((BASIS_FACTORS * COSINE_FACTORS / math.pi)[:, None] * coefficients)
+
+
+def _webxr(probe: LightProbe) -> Json:
+    """The attributes of an XRLightEstimate; where no sun shines, what WebXR has for no estimate."""
+    light = probe.main_light
+    x, y, z = light.direction if light.irradiance.any() else (0.0, 1.0, 0.0)
+    red, green, blue = light.irradiance
+    return {
+        "sphericalHarmonicsCoefficients": _rounded(probe.coefficients),
+        "primaryLightDirection": _point(x, y, z, 0.0),
+        "primaryLightIntensity": _point(red, green, blue, 1.0),
+    }
+
+
+def _point(x: float, y: float, z: float, w: float) -> Json:
+    return dict(zip("xyzw", _rounded(np.array([x, y, z, w])), strict=True))
+
+
+def _threejs(probe: LightProbe) -> Json:
+    """What LightProbe.sh.fromArray takes, and a DirectionalLight's position, linear color and intensity."""
+    color, intensity = color_and_intensity(probe.main_light.irradiance)
+    return {
+        "lightProbe": {"sh": _rounded(probe.coefficients)},
+        "directionalLight": {
+            "position": _rounded(probe.main_light.direction),
+            "color": _rounded(color),
+            "intensity": round_significant(intensity),
+        },
+    }
+
+
+def _arcore(probe: LightProbe) -> Json:
+    """The three answers of a LightEstimate in mode ENVIRONMENTAL_HDR; the seventh number is that of 3z² - 1."""
+    return {
+        "environmentalHdrAmbientSphericalHarmonics": _rounded(probe.coefficients),
+        "environmentalHdrMainLightDirection": _rounded(probe.main_light.direction),
+        "environmentalHdrMainLightIntensity": _rounded(probe.main_light.irradiance),
+    }
+
+
+def _arkit(probe: LightProbe) -> Json:
+    """The properties of an ARDirectionalLightEstimate: all red, then all green, then all blue coefficients."""
+    light = probe.main_light
+    level = probe.irradiance(np.array([0.0, 1.0, 0.0])) + light.irradiance * max(float(light.direction[1]), 0.0)
+    return {
+        "sphericalHarmonicsCoefficients": _rounded(probe.coefficients.T),
+        "primaryLightDirection": _rounded(-light.direction),
+        "primaryLightIntensity": _lumens(light.irradiance),
+        "ambientIntensity": _lumens(level),
+        "ambientColorTemperature": round(color_temperature(level) or 6500.0),
+    }
+
+
+def _lumens(irradiance: Floats) -> float:
+    return round_significant(_NEUTRAL_LUMENS * float(luminance(irradiance)) / math.pi)
+
+
+def _unity(probe: LightProbe) -> Json:
+    """Numbers of a SphericalHarmonicsL2, by channel, and a Light's, in Unity's left-handed frame: +Z looks ahead."""
+    light = probe.main_light
+    color, intensity = color_and_intensity(light.irradiance / math.pi)
+    return {
+        "sphericalHarmonicsL2": [_rounded(row) for row in (shader_harmonics(probe.coefficients) * _MIRRORED).T],
+        "light": {
+            "forward": _rounded(light.direction * [-1, -1, 1]),
+            "color": _rounded(color),
+            "intensity": round_significant(intensity),
+            "lux": round_significant(light.lux),
+            "colorTemperature": None if light.kelvin is None else round(light.kelvin),
+        },
+    }
+
+
+def _filament(probe: LightProbe) -> Json:
+    """What IndirectLight.Builder.irradiance(3, sh) takes, as in cmgen's sh.txt, and a sun for exposure 1."""
+    color, intensity = color_and_intensity(probe.main_light.irradiance)
+    return {
+        "indirectLight": {"irradiance": _rounded(shader_harmonics(probe.coefficients)), "intensity": 1.0},
+        "sun": {
+            "direction": _rounded(-probe.main_light.direction),
+            "color": _rounded(color),
+            "intensity": round_significant(intensity),
+            "lux": round_significant(probe.main_light.lux),
+        },
+    }
+
+
+def _babylon(probe: LightProbe) -> Json:
+    """Radiance for SphericalHarmonics.FromArray, in a scene with useRightHandedSystem, and a DirectionalLight."""
+    color, intensity = color_and_intensity(probe.main_light.irradiance)
+    return {
+        "sphericalHarmonics": [_rounded(row) for row in _CONDON_SHORTLEY * probe.coefficients],
+        "directionalLight": {
+            "direction": _rounded(-probe.main_light.direction),
+            "diffuse": _rounded(color),
+            "intensity": round_significant(intensity),
+        },
+    }
+
+
+def _godot(probe: LightProbe) -> Json:
+    """Colors of a LightmapGIData probe, the mean as an Environment's ambient light, and a DirectionalLight3D."""
+    light = probe.main_light
+    color, intensity = color_and_intensity(light.irradiance / math.pi)
+    ambient, energy = color_and_intensity(np.maximum(probe.coefficients[0] * BASIS_FACTORS[0], 0.0))
+    return {
+        "probe_sh": [_rounded(row) for row in probe.coefficients / math.pi],
+        "environment": {
+            "ambient_light_color": _rounded(srgb_encode(ambient)),
+            "ambient_light_energy": round_significant(energy),
+        },
+        "directional_light": {
+            "direction": _rounded(-light.direction),
+            "light_color": _rounded(srgb_encode(color)),
+            "light_energy": round_significant(intensity),
+            "light_intensity_lux": round_significant(light.lux),
+            "light_temperature": None if light.kelvin is None else round(light.kelvin),
+        },
+    }
+
+
+def _rounded(values: Floats) -> list[float]:
+    """All numbers of an array, one after the other, as records hold them."""
+    return [round_significant(float(value)) + 0.0 for value in np.ravel(values)]
+
+
+LIGHT_PROBE_FORMATS: dict[str, Callable[[LightProbe], Json]] = {
+    "record": LightProbe.to_dict,
+    "webxr": _webxr,
+    "threejs": _threejs,
+    "arcore": _arcore,
+    "arkit": _arkit,
+    "unity": _unity,
+    "filament": _filament,
+    "babylon": _babylon,
+    "godot": _godot,
+}

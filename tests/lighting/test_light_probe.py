@@ -1,0 +1,189 @@
+import json
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from lighting.color import luminance
+from lighting.envmap.latlong import envmap_irradiance
+from lighting.envmap.relighting import rotate_lighting
+from lighting.envmap.render import render
+from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.errors import ParameterError
+from lighting.geometry import Floats, direction
+from lighting.light_probe import (
+    LIGHT_PROBE_FORMATS,
+    LightProbe,
+    compute_light_probe,
+    encode_light_probe,
+    main_light,
+    shader_harmonics,
+)
+from lighting.records import Lighting
+from lighting.spherical_harmonics import irradiance_from_harmonics
+from tests.conftest import scene as picture
+from tests.helpers.lights import SUN_IRRADIANCE, UNIT_NORMALS, model_light, stated_light
+
+LIGHT = stated_light()
+CONTEXT = PhotoContext(picture(64, 48), np.random.default_rng(2).uniform(0.1, 2, (12, 24, 3)).astype(np.float32))
+
+
+def written(name: str, light: Lighting = LIGHT) -> Any:
+    return json.loads(encode_light_probe(compute_light_probe(light), name))
+
+
+def polynomials(normals: Floats) -> Floats:
+    x, y, z = normals.T
+    return np.stack([np.ones_like(x), y, z, x, x * y, y * z, 3 * z**2 - 1, x * z, x**2 - y**2], axis=-1)
+
+
+@pytest.mark.parametrize("light", [LIGHT, model_light(elevation=60.0), stated_light(sky_cover=1.0)])
+@pytest.mark.parametrize("context", [None, CONTEXT])
+def test_level_ground_is_lit_as_by_the_map_without_the_sun(light: Lighting, context: PhotoContext | None) -> None:
+    probe = compute_light_probe(light, context)
+    if context is None:
+        image = render(light, 128, disc=False)
+    else:
+        image = render_with_surroundings(light, context, 128, disc=False)
+    exact = envmap_irradiance(image, UNIT_NORMALS)
+    assert probe.irradiance(UNIT_NORMALS) == pytest.approx(exact, abs=0.06 * exact.max())  # what order 2 leaves out
+
+
+def test_the_main_light_is_the_sun() -> None:
+    light = compute_light_probe(LIGHT).main_light
+    assert light.direction == pytest.approx(direction(-41.2, 33.0))
+    assert light.irradiance == pytest.approx(SUN_IRRADIANCE)
+    assert light.kelvin is not None
+    assert 3000 < light.kelvin < 5500  # red over blue is 2
+
+
+@pytest.mark.parametrize("light", [replace(LIGHT, sun_elevation=-2.0), stated_light(sun_irradiance=(0.0, 0.0, 0.0))])
+def test_without_a_sun_there_is_no_main_light(light: Lighting) -> None:
+    dark = compute_light_probe(light).main_light
+    assert (dark.irradiance.max(), dark.lux, dark.kelvin) == (0.0, 0.0, None)
+    assert written("webxr", light)["primaryLightDirection"] == {"x": 0.0, "y": 1.0, "z": 0.0, "w": 0.0}
+    assert written("webxr", light)["primaryLightIntensity"] == {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+    assert main_light(LIGHT, sun=False).irradiance.max() == 0.0
+
+
+@pytest.mark.parametrize(("elevation", "low", "high"), [(60.0, 85e3, 100e3), (20.0, 60e3, 80e3), (5.0, 15e3, 35e3)])
+def test_a_clear_sun_has_the_lux_of_clear_suns(elevation: float, low: float, high: float) -> None:
+    assert low < main_light(model_light(elevation=elevation)).lux < high
+    assert main_light(replace(stated_light(elevation), exposure=1e-3)).lux < high  # as of no sun
+
+
+def test_exposure_scales_the_probe_and_leaves_lux() -> None:
+    dim, bright = (compute_light_probe(model_light(exposure=exposure)) for exposure in (0.5, 1000.0))
+    assert bright.coefficients == pytest.approx(2000 * dim.coefficients, rel=2e-3)
+    assert bright.main_light.lux == pytest.approx(dim.main_light.lux)
+
+
+def test_lights_too_bright_for_a_map_have_a_probe() -> None:
+    bright, plain = (compute_light_probe(model_light(exposure=exposure)) for exposure in (1e6, 1.0))
+    assert bright.coefficients == pytest.approx(1e6 * plain.coefficients, rel=2e-3)
+
+
+def test_a_turned_probe_is_that_of_the_turned_light() -> None:
+    turned, expected = compute_light_probe(LIGHT, yaw=70.0), compute_light_probe(rotate_lighting(LIGHT, 70.0))
+    assert turned.coefficients == pytest.approx(expected.coefficients, abs=2e-3)
+    assert turned.main_light.direction == pytest.approx(expected.main_light.direction, abs=1e-5)
+
+
+def test_another_sky_has_another_probe() -> None:
+    overcast = compute_light_probe(LIGHT, sky="cie-overcast")
+    assert overcast.coefficients[[2, 3, 4, 5, 7]] == pytest.approx(0, abs=1e-4)  # it has no azimuth
+
+
+def test_unknown_formats_are_refused() -> None:
+    with pytest.raises(ParameterError, match="must be one of record, webxr"):
+        encode_light_probe(compute_light_probe(LIGHT), "nuke")
+
+
+# What each engine makes of its numbers, by the formulas in its documentation or source.
+
+
+def filament_irradiance(normals: Floats) -> Floats:
+    return np.pi * polynomials(normals) @ np.reshape(written("filament")["indirectLight"]["irradiance"], (9, 3))
+
+
+def unity_irradiance(normals: Floats) -> Floats:
+    left_handed = normals * [1, 1, -1]
+    return np.pi * polynomials(left_handed) @ np.transpose(written("unity")["sphericalHarmonicsL2"])
+
+
+def planar_irradiance(normals: Floats) -> Floats:
+    return irradiance_from_harmonics(np.reshape(written("arkit")["sphericalHarmonicsCoefficients"], (3, 9)).T, normals)
+
+
+def godot_irradiance(normals: Floats) -> Floats:
+    factors = np.array([0.886227, *[1.023327] * 3, 0.858086, 0.858086, 0.247708, 0.858086, 0.429043])
+    return np.pi * (factors * polynomials(normals)) @ np.array(written("godot")["probe_sh"])
+
+
+def babylon_irradiance(normals: Floats) -> Floats:
+    radiance = np.array(written("babylon")["sphericalHarmonics"])
+    signs = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])[:, None]
+    return irradiance_from_harmonics(signs * radiance, normals)
+
+
+def interleaved_irradiance(name: str, *path: str) -> Any:
+    def irradiance(normals: Floats) -> Floats:
+        values = written(name)
+        for key in path:
+            values = values[key]
+        return irradiance_from_harmonics(np.reshape(values, (9, 3)), normals)
+
+    return irradiance
+
+
+@pytest.mark.parametrize(
+    "irradiance",
+    [
+        filament_irradiance,
+        unity_irradiance,
+        planar_irradiance,
+        godot_irradiance,
+        babylon_irradiance,
+        interleaved_irradiance("webxr", "sphericalHarmonicsCoefficients"),
+        interleaved_irradiance("threejs", "lightProbe", "sh"),
+        interleaved_irradiance("arcore", "environmentalHdrAmbientSphericalHarmonics"),
+    ],
+)
+def test_every_engine_sees_the_same_irradiance(irradiance: Any) -> None:
+    assert irradiance(UNIT_NORMALS) == pytest.approx(compute_light_probe(LIGHT).irradiance(UNIT_NORMALS), rel=1e-3)
+
+
+def test_every_engine_sees_the_same_sun() -> None:
+    towards, power = direction(-41.2, 33.0), np.array(SUN_IRRADIANCE)
+    webxr, arcore, arkit = written("webxr"), written("arcore"), written("arkit")
+    assert [webxr["primaryLightDirection"][axis] for axis in "xyzw"] == pytest.approx([*towards, 0.0], abs=1e-5)
+    assert [webxr["primaryLightIntensity"][axis] for axis in "xyzw"] == pytest.approx([*power, 1.0])
+    assert arcore["environmentalHdrMainLightDirection"] == pytest.approx(towards, abs=1e-5)
+    assert arcore["environmentalHdrMainLightIntensity"] == pytest.approx(power)
+    assert arkit["primaryLightDirection"] == pytest.approx(-towards, abs=1e-5)
+    assert arkit["primaryLightIntensity"] == pytest.approx(1000 * luminance(power) / np.pi, rel=1e-4)
+    three, filament, babylon = (written(n) for n in ("threejs", "filament", "babylon"))
+    assert three["directionalLight"]["position"] == pytest.approx(towards, abs=1e-5)
+    suns = (three["directionalLight"], "color"), (filament["sun"], "color"), (babylon["directionalLight"], "diffuse")
+    for light, color in suns:
+        assert np.array(light[color]) * light["intensity"] == pytest.approx(power, rel=1e-4)
+    for light in (filament["sun"], babylon["directionalLight"], written("godot")["directional_light"]):
+        assert light["direction"] == pytest.approx(-towards, abs=1e-5)
+    unity = written("unity")["light"]
+    assert unity["forward"] == pytest.approx(-towards * [1, 1, -1], abs=1e-5)
+    assert np.array(unity["color"]) * unity["intensity"] == pytest.approx(power / np.pi, rel=1e-4)
+
+
+def test_shader_harmonics_of_even_light_are_its_radiance() -> None:
+    even = np.zeros((9, 3))
+    even[0] = 2.0 * np.sqrt(4 * np.pi)
+    assert shader_harmonics(even)[0] == pytest.approx(2.0)
+
+
+def test_all_formats_are_json_of_finite_numbers() -> None:
+    for name in LIGHT_PROBE_FORMATS:
+        text = encode_light_probe(compute_light_probe(LIGHT), name)
+        assert "NaN" not in text
+        assert "Infinity" not in text
+    assert isinstance(compute_light_probe(LIGHT), LightProbe)
