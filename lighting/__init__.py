@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 from lighting.version import __version__
 
 if TYPE_CHECKING:
-    from lighting.envmap.render import render
     from lighting.estimator import Estimator, estimate
+    from lighting.estimator import render_lighting as render
     from lighting.files.exr import read_exr, write_exr
     from lighting.fusion.user_input import UserInput
     from lighting.photo.reader import read_photo
@@ -26,7 +26,7 @@ __all__ = [
     "write_exr",
 ]
 
-_HOMES = {
+_HOMES = {  # module, and the name in it where that differs
     "Estimate": "photo_estimate",
     "Estimator": "estimator",
     "Lighting": "records",
@@ -34,7 +34,7 @@ _HOMES = {
     "estimate": "estimator",
     "read_exr": "files.exr",
     "read_photo": "photo.reader",
-    "render": "envmap.render",
+    "render": "estimator:render_lighting",
     "write_exr": "files.exr",
 }
 
@@ -45,7 +45,8 @@ if not TYPE_CHECKING:  # a type checker knows the names above, and no other
         from importlib import import_module
 
         if name in _HOMES:
-            return getattr(import_module(f"lighting.{_HOMES[name]}"), name)
+            module, _, own_name = _HOMES[name].partition(":")
+            return getattr(import_module(f"lighting.{module}"), own_name or name)
         return import_module("lighting.deprecation").replacement("lighting", name)
 
 

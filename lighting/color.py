@@ -12,7 +12,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.errors import PhotoError
+from lighting.errors import ErrorCode, PhotoError
 from lighting.geometry import Floats
 
 LUMINANCE_WEIGHTS = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # Rec.709, D65
@@ -132,7 +132,10 @@ def check_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:
     """
     array = np.asarray(pixels)
     if array.dtype != np.uint8:
-        raise PhotoError(f"The pixels are of type {array.dtype}; they must be 8-bit sRGB, uint8 from 0 to 255.")
+        raise PhotoError(
+            f"The pixels are of type {array.dtype}; they must be 8-bit sRGB, uint8 from 0 to 255.",
+            code=ErrorCode.WRONG_TYPE,
+        )
     if array.ndim != 3 or array.shape[2] != 3 or array.size == 0:
         raise PhotoError(f"The pixels have the shape {array.shape}; it must be (height, width, 3).")
     return array

@@ -14,8 +14,8 @@ class ErrorCode(StrEnum):
     """What is wrong, for programs: stable, unlike the sentences."""
 
     MISSING = "missing"  # a needed value is missing
-    WRONG_TYPE = "wrong-type"  # or a number that is not finite
-    OUT_OF_RANGE = "out-of-range"
+    WRONG_TYPE = "wrong-type"  # the error is a TypeError, too
+    OUT_OF_RANGE = "out-of-range"  # or not finite
     MALFORMED = "malformed"  # a text that does not read as what it should
     UNKNOWN = "unknown"  # not one of the known names
     DUPLICATE = "duplicate"  # stated twice
@@ -40,6 +40,11 @@ class LightingError(Exception):
     """
 
     default_code: ClassVar[ErrorCode] = ErrorCode.FAILED
+
+    def __new__(cls, text: str = "", field: str | None = None, code: ErrorCode | None = None) -> Self:  # noqa: ARG004
+        """Make an error, which about a wrong type is a TypeError, too."""
+        wanted = _TYPE_ERRORS.get(cls, cls) if code is ErrorCode.WRONG_TYPE else cls
+        return super().__new__(wanted, text)  # type: ignore[return-value]  # a subclass's
 
     def __init__(self, text: str, field: str | None = None, code: ErrorCode | None = None) -> None:
         super().__init__(text)
@@ -162,6 +167,45 @@ class VideoError(LightingError):
     """A file is not a clip that can be read, or nothing in it can be followed."""
 
     default_code = ErrorCode.UNREADABLE
+
+
+class ParameterTypeError(ParameterError, TypeError):
+    """A parameter is of the wrong type."""
+
+    default_code = ErrorCode.WRONG_TYPE
+
+
+class PhotoTypeError(PhotoError, TypeError):
+    """What is given is neither a photo nor where one is."""
+
+    default_code = ErrorCode.WRONG_TYPE
+
+
+class ModelTypeError(ModelError, TypeError):
+    """What is given is not where a network is."""
+
+    default_code = ErrorCode.WRONG_TYPE
+
+
+class EnvironmentMapTypeError(EnvironmentMapError, TypeError):
+    """What is given is neither an environment map nor where one is written."""
+
+    default_code = ErrorCode.WRONG_TYPE
+
+
+class SceneTypeError(SceneError, TypeError):
+    """What is given is neither a scene nor where one is written."""
+
+    default_code = ErrorCode.WRONG_TYPE
+
+
+_TYPE_ERRORS: dict[type[LightingError], type[LightingError]] = {
+    ParameterError: ParameterTypeError,
+    PhotoError: PhotoTypeError,
+    ModelError: ModelTypeError,
+    EnvironmentMapError: EnvironmentMapTypeError,
+    SceneError: SceneTypeError,
+}
 
 
 def require_extra(module: str, need: str, extra: str, error: type[MissingExtraError] = MissingExtraError) -> ModuleType:

@@ -1,16 +1,18 @@
 """From a photo to its light: the whole chain, and nothing else."""
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Union
 
 import numpy as np
+from numpy.typing import NDArray
 
 from lighting.decoding import with_dappled_sun, with_ground_color
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance, snow_gain
 from lighting.envmap.relighting import scale_exposure
-from lighting.envmap.render import sky_irradiance
+from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.fusion.estimate import build_estimate, check_metadata, predict_photo
@@ -20,16 +22,23 @@ from lighting.fusion.single_view import Observations, camera_elevation_std, fuse
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
 from lighting.ground import describe_ground
 from lighting.model import Model, model_or_packaged
-from lighting.photo.reader import Photo, Source, check_photo, read_photo
+from lighting.photo.reader import Photo, Source, check_photo, photo_from_array, read_photo
 from lighting.photo_estimate import Estimate
-from lighting.records import EstimatedLight, Lighting, Prediction
+from lighting.records import EstimatedLight, Lighting, Prediction, check_lighting
+from lighting.runtime import ONE_BLAS_THREAD
 from lighting.validation import clip_color
 
 if TYPE_CHECKING:
+    from PIL import Image
+
     from lighting.registration.photo_set import RegisteredView, View
 
 # As `registration.photo_set.register_views_isolated`; it returns None where nothing says how the photos are rotated.
 RegisterFn = Callable[[Sequence["View"]], "Sequence[RegisteredView] | None"]
+
+
+# What is taken for a photo: what `read_photo` reads, its answer, or pixels (h, w, 3) of 8-bit sRGB.
+PhotoInput = Union[Source, Photo, NDArray[np.uint8], "Image.Image"]
 
 
 class Estimator:
@@ -151,25 +160,74 @@ class Estimator:
         return self.estimate_views(photos, given, headings, register=match)
 
 
-def estimate(source: Source, user_input: UserInput = NO_USER_INPUT) -> Estimate:
-    """Estimate the light of a photo by the network in this package.
+def estimate(source: PhotoInput, user_input: UserInput = NO_USER_INPUT) -> Estimate:
+    """Estimate the light of a photo by the network in this package, as the commands for one photo do.
+
+    An Estimator is quicker where there are many photos.
 
     Args:
-        source: a path, bytes or a binary stream.
+        source: a path, bytes, a binary stream, a Photo, or pixels (h, w, 3) of 8-bit sRGB: an array, or a PIL image.
         user_input: what the user states of the photo.
 
     Raises:
-        PhotoError: it is no photo that can be read.
+        PhotoError: it is no photo that can be read; also a TypeError where it is of another type.
         ModelError: the network fails.
         ParameterError: the user's time and place are of night.
         OSError: the file cannot be read.
     """
-    return _packaged_estimator()(read_photo(source), user_input)
+    photo = _as_photo(source)
+    with ONE_BLAS_THREAD:
+        return _packaged_estimator()(photo, user_input)
+
+
+def render_lighting(
+    lighting: Lighting,
+    height: int = 512,
+    *,
+    photo: PhotoInput | None = None,
+    sun: bool | None = None,
+    disc: bool = True,
+) -> NDArray[np.float32]:
+    """Render the environment map (height, 2 height, 3) of a light, in linear Rec.709, in the photo's linear values.
+
+    With its photo the map shows the place, as `Estimate.envmap` does; without, the sky alone and plain ground.
+
+    Args:
+        lighting: a record, such as `Lighting.from_dict` returns.
+        height: rows, even, 16 to 4096.
+        photo: of which the record is, as `estimate` takes it; the network sees it again. None: without.
+        sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
+        disc: False leaves the sun's disc for a light of its own; the sun still lights the ground.
+
+    Raises:
+        ParameterError: a value is out of range.
+        PhotoError: `photo` is no photo that can be read.
+        OSError: the photo's file cannot be read.
+    """
+    if photo is None:
+        return render(lighting, height, sun=sun, disc=disc)
+    check_lighting(lighting)
+    check_height(height)
+    return estimate(photo).replace(lighting=lighting).envmap(height, sun=sun, disc=disc)
+
+
+def _as_photo(source: Any) -> Photo:
+    """The Photo of what `estimate` takes."""
+    if isinstance(source, Photo):
+        return source
+    if isinstance(source, str | os.PathLike | bytes | bytearray | memoryview) or hasattr(source, "read"):
+        return read_photo(source)
+    if hasattr(source, "__array__") or hasattr(source, "__array_interface__"):
+        return photo_from_array(source)
+    kind = type(source).__name__
+    sentence = f"A photo is a path, bytes, a binary stream, an array of pixels or a Photo, not {kind}."
+    raise PhotoError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
 @lru_cache(maxsize=1)
 def _packaged_estimator() -> Estimator:
-    return Estimator()
+    """That of the commands for one photo, to the last digit."""
+    return Estimator(Model.load(for_one_photo=True))
 
 
 def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: UserInput = NO_USER_INPUT) -> Estimate:
@@ -228,7 +286,9 @@ def _with_ground_light(photo: Photo, estimate: EstimatedLight) -> Lighting:
 def _check_arguments(photos: object, user_input: object) -> None:
     """Raise PhotoError for what is no list of Photos, ParameterError for what is no UserInput."""
     if not isinstance(photos, Sequence):
-        raise PhotoError(f"Several photos are given as a list, not as {type(photos).__name__}.")
+        raise PhotoError(
+            f"Several photos are given as a list, not as {type(photos).__name__}.", code=ErrorCode.WRONG_TYPE
+        )
     for photo in photos:
         check_photo(photo)
     check_user_input(user_input)

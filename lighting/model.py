@@ -54,7 +54,7 @@ class Model:
             ModelError: the file is missing, damaged, or of another layout than this module's.
         """
         if not isinstance(path, str | os.PathLike | None):
-            raise ModelError(f"A network is read from a path, not {type(path).__name__}.")
+            raise ModelError(f"A network is read from a path, not {type(path).__name__}.", code=ErrorCode.WRONG_TYPE)
         file = packaged_model() if path is None else Path(path)
         return cls.from_session(create_session(file, threads, for_one_run=for_one_photo), file)
 

@@ -1,15 +1,18 @@
 """Estimate: the light of one photo together with the photo, so that it makes its own map, preview and scene."""
 
+import dataclasses
 import os
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.documentation import describe_fields
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.photo.reader import Photo, reread_photo
-from lighting.records import EstimatedLight, Lighting
+from lighting.records import EstimatedLight, Lighting, check_lighting
+from lighting.runtime import ONE_BLAS_THREAD
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -21,6 +24,7 @@ if TYPE_CHECKING:
 _MAP_HEIGHT = 512  # rows
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(EstimatedLight):
     """The answer about one photo, with the photo: what `estimate` and an Estimator return.
@@ -31,7 +35,7 @@ class Estimate(EstimatedLight):
     photo: Photo = field(kw_only=True)
     """The photo, as `read_photo` or `photo_from_array` returned it."""
     photo_lighting: Lighting = field(kw_only=True)
-    """The light that the photo shows; `lighting` differs from it once `replace` has changed that."""
+    """The light that the photo shows, from which `replace` may have changed `lighting`."""
 
     @classmethod
     def of_photo(cls, photo: Photo, light: EstimatedLight) -> Self:
@@ -44,6 +48,42 @@ class Estimate(EstimatedLight):
         values = (light.lighting, light.distribution, light.surroundings, light.segments)
         return cls(*values, photo=photo, photo_lighting=light.lighting)
 
+    def replace(
+        self,
+        *,
+        sun: tuple[float, float] | None = None,
+        exposure: float = 0.0,
+        haze: float | None = None,
+        overcast: bool = False,
+        camera_height: float | None = None,
+        lighting: Lighting | None = None,
+    ) -> Self:
+        """Return an estimate with another light, as options of the same names change it on the command line.
+
+        Changes add up: `replace(exposure=1).replace(exposure=1)` is four times as bright.
+
+        Args:
+            sun: azimuth, -360 to 360, and elevation, -4.2 to 90, deg; None: where it is.
+            exposure: EV, -20 to 20, of map and photo: +1 is twice as bright.
+            haze: turbidity, 1 to 10: 2 is very clear, 10 hazy; None: as it is.
+            overcast: True covers the sky, and no sun shines.
+            camera_height: m above the ground, 0.1 to 20,000; None: as it is.
+            lighting: a stored record of this photo, before the other changes; None: the estimate's own.
+
+        Raises:
+            ParameterError: a value is out of range.
+        """
+        from lighting.envmap.relighting import Adjustments, adjust_lighting, edit_lighting
+
+        base = self
+        if lighting is not None:
+            check_lighting(lighting)
+            base = dataclasses.replace(self, lighting=lighting, photo_lighting=lighting)
+        light = adjust_lighting(base.lighting, Adjustments(sun, exposure, haze, overcast))
+        if camera_height is not None:
+            light = edit_lighting(light, {"camera_height": camera_height})
+        return dataclasses.replace(base, lighting=light)
+
     def envmap(
         self,
         height: int = _MAP_HEIGHT,
@@ -53,6 +93,7 @@ class Estimate(EstimatedLight):
         sky: str | None = None,
         surroundings: bool | None = None,
         detail: bool = True,
+        disc: bool = True,
     ) -> NDArray[np.float32]:
         """Render the environment map (height, 2 height, 3) in linear Rec.709, in the photo's linear values.
 
@@ -63,12 +104,13 @@ class Estimate(EstimatedLight):
             sky: one of `lighting.sky.SKY_MODELS`, which paints the sky; None: the record's.
             surroundings: whether the place around is in it; None: where the network predicts it.
             detail: whether a map that shows the place has detail all around the photo.
+            disc: False leaves the sun's disc for a light of its own; the sun still lights the ground.
 
         Raises:
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
-        return self._render(height, sun, yaw, sky, surroundings, detail)[0]
+        return self._render(height, sun, yaw, sky, surroundings, detail, disc)[0]
 
     def save(
         self,
@@ -146,9 +188,10 @@ class Estimate(EstimatedLight):
         from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview_pixels
 
         pixels = reread_photo(self.photo, PHOTO_SIDE).pixels
-        context = self._context(pixels, surroundings, detail)
-        envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
-        return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
+        with ONE_BLAS_THREAD:
+            context = self._context(pixels, surroundings, detail)
+            envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
+            return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
 
     def scene(
         self,
@@ -185,7 +228,10 @@ class Estimate(EstimatedLight):
         check_scene_target(tool, folder, overwrite=overwrite)
         plate = reread_photo(self.photo, PLATE_SIDE)
         context = self._context(plate.pixels, surroundings, detail)
-        scene = make_scene(plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments)
+        with ONE_BLAS_THREAD:
+            scene = make_scene(
+                plate, self.lighting, map_height=height, sun=sun, context=context, segments=self.segments
+            )
         write_scene(scene, tool, folder, overwrite=overwrite, **options)
         return scene
 
@@ -205,11 +251,19 @@ class Estimate(EstimatedLight):
     def _repr_png_(self) -> bytes:
         """The preview, which notebooks show."""
         from lighting.files.atomic import encode_png
+        from lighting.preview.picture import PNG_LEVEL
 
-        return encode_png(np.asarray(self.preview()))
+        return encode_png(np.asarray(self.preview()), compress_level=PNG_LEVEL)
 
     def _render(
-        self, height: int, sun: bool | None, yaw: float, sky: str | None, surroundings: bool | None, detail: bool
+        self,
+        height: int,
+        sun: bool | None,
+        yaw: float,
+        sky: str | None,
+        surroundings: bool | None,
+        detail: bool,
+        disc: bool = True,
     ) -> tuple[NDArray[np.float32], Lighting]:
         """The map, and the record turned with it."""
         from lighting.envmap.surroundings import photo_context_for_height, render_view
@@ -220,7 +274,8 @@ class Estimate(EstimatedLight):
         context = photo_context_for_height(
             self._unchanged(), self.photo.pixels, height, read_finer, surroundings=surroundings, detail=detail
         )
-        return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context)
+        with ONE_BLAS_THREAD:
+            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context, disc=disc)
 
     def _context(self, pixels: NDArray[np.uint8], surroundings: bool | None, detail: bool) -> "PhotoContext | None":
         from lighting.envmap.surroundings import photo_context
@@ -229,4 +284,4 @@ class Estimate(EstimatedLight):
 
     def _unchanged(self) -> Self:
         """The estimate of the light that the photo shows."""
-        return replace(self, lighting=self.photo_lighting)
+        return dataclasses.replace(self, lighting=self.photo_lighting)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
@@ -100,19 +101,29 @@ def warning_code(warning: str) -> WarningCode:
     return warning.code if isinstance(warning, CodedWarning) else WarningCode.OTHER
 
 
+@describe_fields
 @dataclass(frozen=True)
 class ModelSpec:
     """A network's input, output layout and licence; stored as JSON in the ONNX file's metadata."""
 
     name: str
+    """Name of the network."""
     version: str
-    width: int  # of the input canvas, pixels
+    """Version of the network, such as 2.5.0."""
+    width: int
+    """Columns of the input, pixels, 1 or more."""
     height: int
-    mean: tuple[float, float, float]  # of sRGB values in [0, 1]; also fills the canvas around the photo
+    """Rows of the input, pixels, 1 or more."""
+    mean: tuple[float, float, float]
+    """RGB of sRGB values, 0 to 1, that becomes 0; it also fills the canvas around the photo."""
     std: tuple[float, float, float]
-    sun_grid: str  # layout name, see sun_grid.py
+    """RGB over 0, by which sRGB values of 0 to 1, less the mean, are divided."""
+    sun_grid: str
+    """Name of the grid of directions, see `sun_grid`."""
     licence: str = "Apache-2.0"
+    """SPDX name of the weights' licence."""
     training_data: str = ""
+    """What the network was trained on, in a sentence."""
 
     def __post_init__(self) -> None:
         for name in ("name", "version", "sun_grid", "licence", "training_data"):
@@ -144,82 +155,140 @@ class ModelSpec:
             raise ModelError(f"The model's metadata does not describe its input: {error}.") from error
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class Light:
     """What a network says of the light's strength; in the photo's linear units (sRGB decoded, 1 = white)."""
 
-    sun_irradiance: Floats  # (3,) of a surface that faces the sun
-    sky_irradiance: Floats  # (3,) of a level surface by the sky without the sun
-    cover: float  # 0 clear to 1 overcast
-    suitable: float  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
-    surroundings: NDArray[np.float32] | None = None  # SURROUNDINGS_SHAPE, radiance all around, without the sun
+    sun_irradiance: Floats
+    """(3,) RGB, 0 or more, of a surface that faces the sun, in the photo's linear units."""
+    sky_irradiance: Floats
+    """(3,) RGB, 0 or more, of level ground by the sky without the sun, in the same units."""
+    cover: float
+    """0 to 1: clear to overcast."""
+    suitable: float
+    """Probability, 0 to 1, that this is an ordinary photo of outdoors by daylight."""
+    surroundings: NDArray[np.float32] | None = None
+    """(12, 24, 3) RGB, 0 or more: radiance all around, without the sun, zenith first. None: not said."""
 
 
+@describe_fields
 @dataclass(frozen=True)
 class Prediction:
     """The network's output for one photo; units as in RANGES, values not yet clipped to them."""
 
     spec: ModelSpec
-    sun_probability: NDArray[np.float32]  # (N,) over the cells of spec.sun_grid, sums to 1
+    """The network that said it."""
+    sun_probability: NDArray[np.float32]
+    """(N,) of the cells of the network's sun grid, 0 to 1; sums to 1."""
     sun_visibility: float
+    """Probability, about 0 to 1, that direct sunlight reaches the scene."""
     turbidity: float
+    """Linke's turbidity, about 1 to 10."""
     exposure: float
+    """Factor over 0: the clear sky's radiance times it is the photo's linear values."""
     camera_elevation: float
+    """Deg, about -90 to 90: positive looks up."""
     camera_roll: float
+    """Deg, about -180 to 180: positive turns the camera clockwise."""
     vertical_fov: float
-    light: Light | None = None  # of networks that say it
+    """Deg, about 1 to 170, of the upright photo."""
+    light: Light | None = None
+    """How strong the light is. None: the network says nothing of it."""
 
 
+@describe_fields
 @dataclass(frozen=True)
 class SunEstimate:
     """The sun's direction and radii by a distribution; units as in RANGES."""
 
     azimuth: float
+    """Deg, -180 to 180: 0 = where the camera points, positive to the right."""
     elevation: float
+    """Deg above the horizon, -4.2 to 90."""
     radius_50: float
+    """Deg, 0 to 180: the cone around the direction that holds 50 % of the probability."""
     radius_90: float
+    """Deg, 0 to 180: the cone that holds 90 %."""
 
 
+@describe_fields
 @dataclass(frozen=True)
 class Lighting:
     """The light of one photo and the camera that took it; units and ranges in RANGES. ParameterError for any other."""
 
-    sun_azimuth: float  # deg, 0 = where the camera points, positive to the right, in (-180, 180]
-    sun_elevation: float  # deg above the horizon, -4.2 to 90
-    turbidity: float  # 1 to 10
-    exposure: float  # photo's linear values / sky radiance
-    ground_albedo: float = GROUND_ALBEDO  # 0 to 1
-    sun_visibility: float = 1.0  # probability, 0 to 1, that direct sunlight reaches the scene
-    radius_50: float = 0.0  # deg around the sun's direction that hold 50 % of the probability
-    radius_90: float = 0.0  # deg, the same for 90 %
-    camera_elevation: float = 0.0  # deg, -90 to 90, positive looks up
-    camera_roll: float = 0.0  # deg, -180 to 180, positive turns the camera clockwise
-    vertical_fov: float = 50.0  # deg, 1 to 170
+    sun_azimuth: float
+    """Deg, -180 to 180: 0 = where the camera points, positive to the right."""
+    sun_elevation: float
+    """Deg above the horizon, -4.2 to 90; below 0 it is twilight."""
+    turbidity: float
+    """Linke's turbidity as Hosek and Wilkie use it, 1 to 10: 2 is very clear, 10 hazy."""
+    exposure: float
+    """Factor, 1e-6 to 1e6: the clear sky's radiance times it is the photo's linear values."""
+    ground_albedo: float = GROUND_ALBEDO
+    """Share of light, 0 to 1, that the ground reflects, as the sky's model assumes it."""
+    sun_visibility: float = 1.0
+    """Probability, 0 to 1, that direct sunlight reaches the scene."""
+    radius_50: float = 0.0
+    """Deg, 0 to 180: the cone around the sun's direction that holds 50 % of the probability. 0: stated by hand."""
+    radius_90: float = 0.0
+    """Deg, 0 to 180: the cone around the sun's direction that holds 90 % of the probability. 0: stated by hand."""
+    camera_elevation: float = 0.0
+    """Deg, -90 to 90: positive looks up."""
+    camera_roll: float = 0.0
+    """Deg, -180 to 180: positive turns the camera clockwise, the horizon counter-clockwise."""
+    vertical_fov: float = 50.0
+    """Deg, 1 to 170: vertical field of view of the upright photo."""
     model_name: str = "none"
+    """Name of the network; "none" where no network said it."""
     model_version: str = "0"
-    evidence: tuple[str, ...] = ()  # each the value of an EvidenceKind
-    warnings: tuple[str, ...] = ()  # sentences, above all about evidence that contradicts the pixels
-    camera_heading: float | None = None  # deg clockwise from true north
-    camera_heading_radius_50: float | None = None  # deg to either side that hold 50 % of its probability
-    camera_heading_radius_90: float | None = None  # deg, the same for 90 %
-    camera_heading_probability: tuple[float, ...] = ()  # of each of 360 whole degrees, if the heading is known
-    relative_heading: float | None = None  # deg clockwise from the first of several photos
+    """Version of the network, such as 2.5.0."""
+    evidence: tuple[str, ...] = ()
+    """What the answer rests on: values of EvidenceKind, in its order."""
+    warnings: tuple[str, ...] = ()
+    """Sentences for people, above all about evidence that contradicts the pixels."""
+    camera_heading: float | None = None
+    """Deg, 0 to 360, clockwise from true north: where the camera points. None: unknown."""
+    camera_heading_radius_50: float | None = None
+    """Deg, 0 to 180, to either side of the heading that hold 50 % of its probability. None: unknown."""
+    camera_heading_radius_90: float | None = None
+    """Deg, 0 to 180, to either side of the heading that hold 90 % of its probability. None: unknown."""
+    camera_heading_probability: tuple[float, ...] = ()
+    """Probability, 0 to 1, of each of 360 whole degrees; empty where the heading is unknown."""
+    relative_heading: float | None = None
+    """Deg, 0 to 360, clockwise from the first of several photos. None: a single photo, or north is known."""
     latitude: float | None = field(default=None, repr=False)
+    """Deg, -90 to 90, positive north. None: unknown, or not asked for by `keep_location`."""
     longitude: float | None = field(default=None, repr=False)
-    utc_time: datetime | None = None  # aware, when the photo was taken, as the answer believes
-    utc_offset: float | None = None  # h, local minus universal time, -12 to 14
-    time_source: str | None = None  # of the instant, such as "GPS"
-    sky_model: str = SKY_MODEL  # of SKY_MODELS: what turbidity and exposure are of
-    sun_irradiance: Color | None = None  # with sky_irradiance: maps then have these irradiances
+    """Deg, -180 to 180, positive east. None: unknown, or not asked for by `keep_location`."""
+    utc_time: datetime | None = None
+    """When the photo was taken, as the answer believes, with its offset from UTC. None: not used."""
+    utc_offset: float | None = None
+    """Hours, -12 to 14, local minus universal time. None: unknown."""
+    time_source: str | None = None
+    """Where the time comes from, such as "GPS". None: not used."""
+    sky_model: str = SKY_MODEL
+    """One of SKY_MODELS: what `turbidity` and `exposure` are of."""
+    sun_irradiance: Color | None = None
+    """RGB, 0 to 1e6, of a surface that faces the sun, in the photo's linear units. None: the sky model's."""
     sky_irradiance: Color | None = None
-    sky_cover: float | None = None  # 0 clear to 1 overcast; goes with sky_irradiance
-    ground_color: Color | None = None  # reflectance, 0 to 1
-    suitable: float | None = None  # probability, 0 to 1, that this is an ordinary photo of outdoors by daylight
-    sky_painted: str | None = None  # of SKY_MODELS: what paints the sky of SKY_MODEL; None: that model
-    camera_height: float = EYE_HEIGHT  # m above the ground
-    ground_visible: float | None = None  # share of the picture, 0 to 1, that shows firm, level ground; None: not sought
-    spot_pixel: tuple[float, float] | None = None  # (x, y) of the upright photo where an object may stand
-    spot_direction: Color | None = None  # unit vector from the camera to it; None with the pixel: there is no such spot
+    """RGB, 0 to 1e6, of level ground by the sky without the sun, in the same units. None: the sky model's."""
+    sky_cover: float | None = None
+    """0 to 1: clear to overcast; goes with `sky_irradiance`. None: clear."""
+    ground_color: Color | None = None
+    """RGB, 0 to 1: the ground's reflectance. None: unknown."""
+    suitable: float | None = None
+    """Probability, 0 to 1, that this is an ordinary photo of outdoors by daylight. None: unknown."""
+    sky_painted: str | None = None
+    """One of SKY_MODELS, which paints the sky of SKY_MODEL. None: that model."""
+    camera_height: float = EYE_HEIGHT
+    """Meters above the ground, 0.1 to 20,000; 1.6 where nothing tells it."""
+    ground_visible: float | None = None
+    """Share of the picture, 0 to 1, that shows firm, level ground near by. None: not sought."""
+    spot_pixel: tuple[float, float] | None = None
+    """(x, y) of the upright photo, 0 to 1e6 pixels, where an object may stand. None: no such spot, or not sought."""
+    spot_direction: Color | None = None
+    """Unit vector, each -1 to 1, from the camera to the spot, +Y up. None: as `spot_pixel`."""
 
     def __post_init__(self) -> None:
         convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, *_SPOT, "camera_heading_probability")
@@ -323,22 +392,30 @@ def check_lighting(thing: object) -> None:
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class SunDistribution:
     """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""
 
-    grid: str  # layout name, see sun_grid.py
-    probability: NDArray[np.float32] = field(repr=False)  # (N,) over the grid's cells, sums to 1
+    grid: str
+    """Name of the grid of directions, see `sun_grid`."""
+    probability: NDArray[np.float32] = field(repr=False)
+    """(N,) of the grid's cells, 0 to 1; sums to 1."""
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class EstimatedLight:
     """The answer about one photo: its light, and where else the sun may be."""
 
     lighting: Lighting
-    distribution: SunDistribution  # with all evidence counted
-    surroundings: NDArray[np.float32] | None = field(default=None, repr=False)  # as in `Light`
-    segments: NDArray[np.float32] | None = field(default=None, repr=False)  # what the photo shows, of `segmentation`
+    """The light and the camera."""
+    distribution: SunDistribution
+    """Where the sun may be, with all evidence counted."""
+    surroundings: NDArray[np.float32] | None = field(default=None, repr=False)
+    """(12, 24, 3) RGB, 0 or more: radiance all around as the network predicts it, zenith first. None: not predicted."""
+    segments: NDArray[np.float32] | None = field(default=None, repr=False)
+    """(R, C, K) probabilities, 0 to 1, of what the photo shows, by `segmentation.SurfaceClass`. None: not sought."""
 
     @property
     def evidence(self) -> tuple[str, ...]:

@@ -143,7 +143,9 @@ def check_range(field: str, value: object, low: float, high: float, subject: str
         subject: how the sentence begins; None is with the field's name.
     """
     if not is_finite(value):
-        predicate, code = f"must be a finite number, not {reprlib.repr(value)}.", ErrorCode.WRONG_TYPE
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        predicate = f"must be a finite number, not {reprlib.repr(value)}."
+        code = ErrorCode.OUT_OF_RANGE if is_number else ErrorCode.WRONG_TYPE
     elif not low <= float(value) <= high:
         predicate, code = f"is {float(value):g}; it must lie in {low:g} to {high:g}.", ErrorCode.OUT_OF_RANGE
     else:

@@ -1,12 +1,13 @@
 """Start the service, `python -m server` or `lighting-server`: settings, socket, signals, logging."""
 
+import asyncio
 import errno
 import os
 import signal
 import socket
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -21,18 +22,29 @@ if TYPE_CHECKING:
     from server.dependencies import Service
 
 
+_DRAIN_SECONDS = (
+    4.0  # for which a service behind a proxy goes on when it is told to end: longer than an idle connection
+)
+# of the Caddyfile is kept, so that no request meets the end of its connection
 _SWITCH_SECONDS = 0.001  # for which one thread may keep others waiting; Python's five times that delay short requests
 _WAITING_CONNECTIONS = 2048  # that the system keeps until they are accepted, a few at a time
 
 
-def _run_until_signal(config: "Config") -> None:
-    """Serve; running requests finish after a signal, but a SIGINT meanwhile ends the process at once."""
+def _run_until_signal(config: "Config", service: "Service") -> None:
+    """Serve; running requests finish after a signal, but a SIGINT meanwhile ends the process at once.
+
+    Behind a proxy new requests are taken for a while, each as the last of its connection: the proxy sends them until
+    it finds nobody there.
+    """
     from uvicorn import Server
 
     class InterruptibleServer(Server):
+        _interrupted = False  # by somebody who waits
+
         def handle_exit(self, sig: int, frame: FrameType | None) -> None:
             if self.should_exit and sig == signal.SIGINT:
                 _end_process(sig, frame)
+            self._interrupted = sig == signal.SIGINT
             super().handle_exit(sig, frame)
 
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
@@ -42,7 +54,47 @@ def _run_until_signal(config: "Config") -> None:
                     with socket.socket(fileno=os.dup(listener.fileno())) as same:
                         same.listen(_WAITING_CONNECTIONS)  # asyncio accepts as many at once as it lets wait
 
+        async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+            service.ending = True
+            if service.settings.trusted_proxies and not self._interrupted:
+                await asyncio.sleep(_DRAIN_SECONDS)
+            if sys.platform != "win32":
+                await self._stop_listening()
+            await super().shutdown(sockets)
+
+        async def _stop_listening(self) -> None:
+            """Stop; connections that the system has made are taken before, since it would end them."""
+            loop = asyncio.get_running_loop()
+            for server in self.servers:
+                listeners = [socket.socket(fileno=os.dup(listener.fileno())) for listener in server.sockets]
+                for listener in server.sockets:
+                    loop.remove_reader(listener.fileno())
+                await asyncio.sleep(0)  # for the connections that the loop has just accepted
+                accepted = [connection for listener in listeners for connection in _accept_waiting(listener)]
+                server.close()
+                for listener in listeners:
+                    listener.close()
+                for connection in accepted:
+                    await loop.connect_accepted_socket(self._make_protocol, connection)
+
+        def _make_protocol(self) -> asyncio.Protocol:
+            make: Callable[..., asyncio.Protocol] = self.config.http_protocol_class
+            return make(config=self.config, server_state=self.server_state, app_state=self.lifespan.state)
+
     InterruptibleServer(config).run()
+
+
+def _accept_waiting(listener: socket.socket) -> list[socket.socket]:
+    """The connections that wait to be accepted."""
+    listener.setblocking(False)
+    accepted: list[socket.socket] = []
+    while True:
+        try:
+            connection, _ = listener.accept()
+        except OSError:
+            return accepted
+        connection.setblocking(False)
+        accepted.append(connection)
 
 
 def _end_at_signals() -> None:
@@ -143,7 +195,7 @@ def _serve() -> None:
         ws="none",
         http=_protocol_class(app.state.service),
     )
-    _run_until_signal(config)
+    _run_until_signal(config, app.state.service)
 
 
 def _format_setting_error(details: Mapping[str, Any]) -> str:

@@ -104,6 +104,7 @@ class Service:
         self.connections = ConnectionLimiter(min(settings.connections, possible), settings.connections_per_client)
         self.metrics = Metrics(self.limiter, self.uploads, self.pending, self.connections)
         self.ready = False
+        self.ending = False  # whether the process was told to end: answers are the last of their connections
         self.loaded_estimator = estimator
 
     def load(self) -> None:

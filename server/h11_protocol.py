@@ -33,7 +33,7 @@ RESPONSE_GRACE = 30.0  # seconds in which a response may be taken more slowly th
 _READ_BYTES = 4096  # of heads and of chunks that h11 gets in one iteration of the event loop
 _BODY_READ_BYTES = 65536  # of a body of a known length, which costs little
 _ASSUMED_BYTES = 10_000_000  # that a client counts as having taken in a second before its answer began
-_PROBE_SECONDS = (2.0, 0.5, 6.0, 24.0)  # between the interim answers to a client that sends no more
+_PROBE_SECONDS = (0.5, 0.1, 0.4, 4.0, 24.0)  # between the interim answers to a client that sends no more
 _LAST_SECONDS = 0.5  # for requests that are on their way when the service shuts down
 _LINGER_BYTES = 262_144  # that are read and dropped, for so many seconds, after a refusal: a connection that is closed
 _LINGER_SECONDS = 1.0  # with bytes unread takes its last response with it
@@ -112,6 +112,7 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self._answer_size, self._answer_began = 0, 0.0  # its bytes, and the loop's time
         self._buffer = bytearray()
         self._dropped_bytes: int | None = None  # after a refusal; None before
+        self._from_proxy = False
         self._half_closed = False  # whether the client sends no more
         self._shutting_down = False
 
@@ -121,7 +122,8 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         host = self.client[0] if self.client else ""
         self._peer = client_of_address(host)
         self.app_state = self.app_state | {"peer": host}  # which stays, whatever client a proxy names
-        if self._connections.open(self, None if self._is_proxy(host) else self._peer):
+        self._from_proxy = self._is_proxy(host)
+        if self._connections.open(self, None if self._from_proxy else self._peer):
             self._set_deadline()
         else:
             transport.abort()
@@ -137,8 +139,11 @@ class BoundedProtocol(H11Protocol, asyncio.BufferedProtocol):
         self.transport.abort()
 
     def eof_received(self) -> bool:  # type: ignore[override]
-        """Keep the connection of a client that sends no more, and may still read, until it has its answers."""
-        if self._dropped_bytes is not None or not self._is_working() or self.cycle.more_body:
+        """Keep the connection of a client that sends no more, and may still read, until it has its answers.
+
+        A proxy ends a whole connection, when its client has gone.
+        """
+        if self._dropped_bytes is not None or not self._is_working() or self.cycle.more_body or self._from_proxy:
             return False
         self._half_closed = True
         self._probe_later(0)

@@ -44,6 +44,8 @@ async def readyz(service: ServiceDep) -> Status:
     if not service.ready:
         retry = {"Retry-After": problems.RETRY_SECONDS}
         raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
+    if service.ending:
+        raise BusyError("The service shuts down.")
     if service.full:
         raise BusyError
     return Status()
@@ -92,6 +94,8 @@ class AccessLogMiddleware(_Middleware):
                 headers["X-Request-ID"] = request_id
                 if self.service.model_name:
                     headers["Lighting-Model"] = self.service.model_name
+                if self.service.ending:
+                    headers["Connection"] = "close"
             await send(message)
 
         try:

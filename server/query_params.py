@@ -103,7 +103,7 @@ class MapQuery(Query):
         None, description="another shape of the sky than the record's"
     )
     compression: Annotated[str, RegistryName(COMPRESSIONS)] = Field(
-        "zip", description="how an EXR is packed; `pxr24` is the fastest"
+        "zip", description="how an EXR is packed; `zip` writes half floats, `pxr24` and `none` 32-bit floats"
     )
 
     @model_validator(mode="after")

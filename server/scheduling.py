@@ -99,7 +99,6 @@ class Job:
     started: bool = False
     evicted: bool = False
     had_more: bool = False  # requests than the client for which it was evicted
-    released: bool = False
     seconds: float | None = None  # that it took; None before it has run
     succeeded: bool = False
 
@@ -147,7 +146,7 @@ class WorkLimiter:
         self._charge = charge
         self._clock = clock
         self._held = Tally()
-        self._admitted = 0
+        self._jobs: set[Job] = set()  # that run or wait
         self._waiting: list[Job] = []
         self._running: list[Job] = []
         self._expected: dict[str, float] = {}  # processor time [s] by route
@@ -157,7 +156,7 @@ class WorkLimiter:
     @property
     def admitted(self) -> int:
         """Requests that run or wait."""
-        return self._admitted
+        return len(self._jobs)
 
     @property
     def running(self) -> int:
@@ -173,7 +172,7 @@ class WorkLimiter:
     def full(self) -> bool:
         """Whether the next request of a new client would be refused."""
         least = min(self._expected.values(), default=_FIRST_SECONDS)
-        return self._admitted >= self.capacity and not self._can_make_room(_Demand(1.0, least, least), 0)
+        return self.admitted >= self.capacity and not self._can_make_room(_Demand(1.0, least, least), 0)
 
     def check(self, client: Client, route: str = "", size: int = 0) -> None:
         """Raise what `admission` would raise now.
@@ -183,7 +182,7 @@ class WorkLimiter:
             route: of the request.
             size: bytes of its body.
         """
-        if self._admitted >= self.capacity and not self._can_make_room(self._demand(client, route), size):
+        if self.admitted >= self.capacity and not self._can_make_room(self._demand(client, route), size):
             raise self._refusal(client)
 
     @contextmanager
@@ -199,12 +198,12 @@ class WorkLimiter:
             ShareTakenError: the queue is full, and this client uses more than others in it.
             BusyError: the queue is full.
         """
-        if self._admitted >= self.capacity:
+        if self.admitted >= self.capacity:
             self._make_room(client, route, size)
         job = Job(client, route, self._expect(route), self._clock(), size)
         self.usage.add(client, job.expected)
         self._held.add(client, 1)
-        self._admitted += 1
+        self._jobs.add(job)
         try:
             yield job
         finally:
@@ -212,9 +211,8 @@ class WorkLimiter:
 
     def _release(self, job: Job) -> None:
         """Count a request no more, and charge what it took in place of what was expected."""
-        if not job.released:
-            job.released = True
-            self._admitted -= 1
+        if job in self._jobs:
+            self._jobs.remove(job)
             self._held.add(job.client, -1)
             self.usage.add(job.client, -job.expected, job.charged)
             self.usage.add(job.client, job.seconds or 0.0)
@@ -236,9 +234,10 @@ class WorkLimiter:
         """Whether a request may wait beyond the queue: it is its client's only one, and bodies and work are few."""
         if demand.requests > 1:
             return False
-        waiting = sum(job.size for job in self._waiting) + size
-        seconds = sum(self._expect(job.route) for job in self._waiting) + demand.length
-        return waiting < self._queue_bytes and seconds <= _QUEUE_SECONDS * self.workers
+        waiting = [job for job in self._jobs if not job.started]
+        seconds = sum(self._expect(job.route) for job in waiting) + demand.length
+        bodies = sum(job.size for job in waiting) + size
+        return bodies < self._queue_bytes and seconds <= _QUEUE_SECONDS * self.workers
 
     def _evict(self, job: Job, demand: _Demand) -> None:
         """Send away a waiting request for another with a demand."""

@@ -140,8 +140,9 @@ def _haze(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
 
 def _add_noise(linear: Linear, _: Crop, rng: np.random.Generator) -> Linear:
     """A sensor's noise."""
-    noise = rng.normal(0, 0.02 * rng.random() ** 2, linear.shape).astype(np.float32)
-    return np.asarray(linear + noise * np.sqrt(linear + 0.02), dtype=np.float32)
+    strength = np.float32(0.02 * rng.random() ** 2)
+    noise = rng.standard_normal(linear.shape, np.float32)
+    return np.asarray(linear + strength * noise * np.sqrt(linear + np.float32(0.02)), dtype=np.float32)
 
 
 def _tone(picture: Picture, _: Crop, rng: np.random.Generator) -> Picture:

@@ -479,15 +479,12 @@ def write_output_map(output: str, lighting: "Lighting", compression: str | None,
     """
     from lighting.envmap.surroundings import render_view
     from lighting.files import encode_envmap, write_envmap
-    from lighting.files.exr import round_in_place
     from lighting.light_probe import compute_light_probe
 
     probe = None
     if output == "-" or output.lower().endswith(".exr"):
         probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
     image, lighting = render_view(lighting, **view_options)
-    if compression in (None, "zip") and (output == "-" or output.lower().endswith(".exr")):
-        round_in_place(image)  # which spares a copy of a large map
     if output == "-":
         _write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip", probe=probe))
     else:

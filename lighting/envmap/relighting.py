@@ -90,7 +90,8 @@ def _check_yaw(yaw: float) -> None:
         fits = False
     if not fits:
         predicate = f"must be a finite number, not {reprlib.repr(yaw)}."
-        raise ParameterError.about("yaw", predicate, ErrorCode.WRONG_TYPE)
+        code = ErrorCode.OUT_OF_RANGE if isinstance(yaw, int | float) else ErrorCode.WRONG_TYPE
+        raise ParameterError.about("yaw", predicate, code)
 
 
 def _heading(degrees: float) -> float:

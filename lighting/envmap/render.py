@@ -172,7 +172,7 @@ def check_height(height: int) -> None:
     whole = isinstance(height, Integral) and not isinstance(height, bool)
     if not whole or height % 2 or not MIN_HEIGHT <= height <= MAX_HEIGHT:
         predicate = f"is {height!r}; it must be an even number from {MIN_HEIGHT} to {MAX_HEIGHT}."
-        raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE)
+        raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE if whole else ErrorCode.WRONG_TYPE)
 
 
 def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> None:

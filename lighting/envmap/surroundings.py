@@ -152,6 +152,7 @@ def render_view(
     yaw: float = 0.0,
     sky: str | None = None,
     context: PhotoContext | None = None,
+    disc: bool = True,
 ) -> tuple[Image, Lighting]:
     """A map of any sky model, with or without surroundings, rotated, and the lighting rotated with it.
 
@@ -162,10 +163,11 @@ def render_view(
         yaw: deg by which the map is rotated: what was at azimuth a is at a + yaw.
         sky: one of SKY_MODELS, which paints the sky; None: the record's.
         context: the photo and its surroundings; None: bare sky and ground.
+        disc: False leaves the sun's disc for a light of its own.
     """
     lighting = lighting if sky is None else replace(lighting, sky_model=SKY_MODEL, sky_painted=sky)
     paint = render if context is None else partial(render_with_surroundings, context=context)
-    image = paint(lighting, height=height, sun=sun)
+    image = paint(lighting, height=height, sun=sun, disc=disc)
     return (rotate_envmap(image, yaw), rotate_lighting(lighting, yaw)) if yaw else (image, lighting)
 
 

@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lighting.errors import EnvironmentMapError
+from lighting.errors import EnvironmentMapError, ErrorCode
 
 if TYPE_CHECKING:
     from lighting.files.exr import Image, WriteTarget
@@ -129,7 +129,10 @@ def check_map_name(path: str | os.PathLike[str]) -> str:
         EnvironmentMapError: the suffix is not an environment map's.
     """
     if not isinstance(path, str | os.PathLike):
-        raise EnvironmentMapError(f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.")
+        raise EnvironmentMapError(
+            f"A map is written to a path, not {type(path).__name__}; encode_envmap makes bytes.",
+            code=ErrorCode.WRONG_TYPE,
+        )
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in MAP_FORMATS:
         suffixes = _join_with_or([f".{name}" for name in MAP_FORMATS])

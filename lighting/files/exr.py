@@ -1,10 +1,11 @@
 """OpenEXR read and write, attributes, compression.
 
-Environment maps are 32-bit float R, G, B with the lighting that made them in the header. Attributes: `envmap`,
-`chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that is not None, with the names and units
-of validation.py; `lighting.sky_model`, `lighting.sky_painted`, `lighting.sun_direction`,
-`lighting.evidence`; `lighting.json`, the record. Of a light probe: `light_probe.coefficients`, 27 numbers, RGB by RGB;
-`light_probe.direction`, `light_probe.irradiance`, `light_probe.lux` and `light_probe.kelvin` of its main light.
+Environment maps are R, G, B with the lighting that made them in the header: half floats by `zip` where they fit, else
+32-bit floats. Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that
+is not None, with the names and units of validation.py; `lighting.sky_model`, `lighting.sky_painted`,
+`lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the record. Of a light probe:
+`light_probe.coefficients`, 27 numbers, RGB by RGB; `light_probe.direction`, `light_probe.irradiance`,
+`light_probe.lux` and `light_probe.kelvin` of its main light.
 
 docs/performance.md says which programs opened which files, how long they take and how large they are.
 """
@@ -24,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import CHROMATICITIES, chromaticities_to_rec709
-from lighting.errors import EnvironmentMapError, ParameterError
+from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files.atomic import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
@@ -44,10 +45,16 @@ EXR_MAGIC = b"v/1\x01"
 COMPRESSIONS = {"zip": "ZIP_COMPRESSION", "pxr24": "PXR24_COMPRESSION", "none": "NO_COMPRESSION"}  # OpenEXR's names
 _REMOVED = ("zip-exact", "piz", "htj2k")  # they changed no value
 
-_MANTISSA_BITS = 13  # bits that `zip` keeps, so that a value changes by no more than 1 part in 2^14
+_MAX_HALF = 65504.0  # the largest half float
+_MIN_ROW_MEAN = 2.0**-12  # of a row of half floats, beside which their steps of 2^-24 do not count
+_TEXTURE_BITS = {20: 4, 110: 5}  # of the 10 of a half float that are dropped from a second difference [ulp] on
+_TEXTURE_ROWS = 256  # of a map from which it has so many pixels that they may be texture
+_MAX_TEXTURE = 0x4C00  # the bits of 16, beyond which lies the sun
+_MOVED_SHARE = 2.0**-5  # of the light of some rows, up to which they get what rounding took from others
+_MANTISSA_BITS = 13  # that `zip` keeps of 32-bit floats, so that a value changes by no more than 1 part in 2^14
 _DROPPED = 23 - _MANTISSA_BITS
 _HALF, _MASK = np.uint32(1 << (_DROPPED - 1)), np.uint32(0xFFFFFFFF << _DROPPED & 0xFFFFFFFF)
-_ROWS = 32  # that are rounded at once
+_ROWS = 16  # that are rounded at once
 _THREADS = 4  # beyond which packing gets no faster
 _EFFORT = 1  # of ZIP, 1 to 9: a third less work than OpenEXR's own 4, for a seventh more bytes
 _BUFFER_BYTES = 1 << 20  # written at once; OpenEXR writes each 16 rows, with their offset and size, by themselves
@@ -75,7 +82,7 @@ def check_exr_compression(compression: str) -> None:
         raise EnvironmentMapError(f"The compression {compression!r} is not known; it must be one of {names}.")
 
 
-def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.float32]]:
+def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.floating[Any]]]:
     """OpenEXR's constant of the compression, and the pixels as it is to pack them: rounded by `zip`.
 
     Args:
@@ -83,33 +90,74 @@ def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[A
         compression: one of COMPRESSIONS, else EnvironmentMapError.
     """
     check_exr_compression(compression)
-    library = _library()
-    if compression == "zip" and any((rows.view(np.uint32) & ~_MASK).any() for rows in _bands(image)):
-        rounded = np.empty_like(image)
-        _round(image, rounded)
-        image = rounded
-    return getattr(library, COMPRESSIONS[compression]), image
+    packing = getattr(_library(), COMPRESSIONS[compression])
+    if compression != "zip":
+        return packing, image
+    return packing, _round_to_half(image) if _fits_half(image) else _round_to_float(image)
 
 
-def round_in_place(image: NDArray[np.float32]) -> None:
-    """Round the values to 13 bits of mantissa, half away from zero; what would become infinite stays as it is.
+def _fits_half(image: NDArray[np.float32]) -> bool:
+    """Whether half floats hold the light of an image (H, W, 3): none of it is too bright, and no row too dark."""
+    if not (image.size and image.min() >= 0 and image.max() <= _MAX_HALF):  # false for NaN
+        return False
+    means = np.einsum("rwc->rc", image) / image.shape[1]
+    return bool(((means == 0) | (means >= _MIN_ROW_MEAN)).all())
 
-    The zeros that this leaves at the end of every number are what ZIP packs fast and small.
+
+def _round_to_half(image: NDArray[np.float32]) -> NDArray[np.float16]:
+    """Half floats (H, W, 3) of an image that fits; where a large one is textured, they have fewer bits.
+
+    The zeros that this leaves at the end of most numbers are what ZIP packs fast and small. The light that rounding
+    takes from some rows is added to the next.
+    """
+    if len(image) < _TEXTURE_ROWS:
+        return image.astype(np.float16)
+    rounded, missing = np.empty(image.shape, np.float16), np.zeros(3, np.float32)
+    for rows, out in zip(_bands(image), _bands(rounded), strict=True):
+        total = np.maximum(rows.sum(axis=0).sum(axis=0), np.float32(1e-9))
+        moved = np.clip(missing / total, -_MOVED_SHARE, _MOVED_SHARE)
+        wanted = rows.reshape(len(rows), -1) * np.tile(1 + moved, rows.shape[1])  # whole rows, which is fastest
+        out[:] = np.minimum(wanted, np.float32(_MAX_HALF), out=wanted).reshape(rows.shape)
+        texture = _round_texture(out.view(np.uint16))
+        wanted -= out.reshape(len(rows), -1)
+        wanted *= texture.reshape(len(rows), -1)
+        missing += wanted.sum(axis=0).reshape(-1, 3).sum(axis=0) - moved * total
+    return rounded
+
+
+def _round_texture(bits: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """Round half floats (R, W, 3), given by their bits, the more the less they lie between those beside them.
+
+    The steps are as those of an 8-bit photo, or less than half of such a difference. Returned is where (R, W, 3)
+    something was rounded.
 
     Args:
-        image: (H, W, 3), changed in place.
+        bits: changed in place.
     """
-    _round(image, image)
+    curvature = np.abs(np.diff(bits[..., 1].astype(np.int16), n=2, axis=1))
+    dropped = np.zeros(curvature.shape, np.uint16)
+    for least, count in _TEXTURE_BITS.items():
+        dropped[curvature >= least] = (1 << count) - 1
+    texture = np.zeros((*bits.shape[:2], 1), np.uint16)
+    for first in range(3):  # the middle one of three and those beside it
+        part = texture[:, first : first + dropped.shape[1], 0]
+        np.maximum(part, dropped, out=part)
+    mask = texture * (bits < _MAX_TEXTURE)
+    bits += (mask + np.uint16(1)) >> np.uint16(1)
+    bits &= ~mask
+    return np.asarray(mask > 0)
 
 
-def _round(image: NDArray[np.float32], target: NDArray[np.float32]) -> None:
-    """Fill `target`, which may be the image itself, with its values rounded."""
-    for rows, out in zip(_bands(image), _bands(target), strict=True):
+def _round_to_float(image: NDArray[np.float32]) -> NDArray[np.float32]:
+    """32-bit floats (H, W, 3) of an image with 13 bits of mantissa; what would become infinite stays as it is."""
+    rounded = np.empty_like(image)
+    for rows, out in zip(_bands(image), _bands(rounded), strict=True):
         bits = rows.view(np.uint32) + _HALF
         bits &= _MASK
         values = bits.view(np.float32)
         finite = np.isfinite(values)
         out[:] = values if finite.all() else np.where(finite, values, rows)
+    return rounded
 
 
 def _bands(image: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
@@ -164,9 +212,11 @@ def write_exr(
     compression: str = "zip",
     probe: "LightProbe | None" = None,
 ) -> None:
-    """Write a map to a path or a binary stream, as 32-bit float.
+    """Write a map to a path or a binary stream.
 
-    Every program opens `zip`, which changes values by up to 6e-5 of each; `pxr24` changes up to 1.6e-5, `none` nothing.
+    Every program opens `zip`. It writes half floats, which change values by up to 5e-4 of each, by up to 2 % amid
+    texture, and the light by less than 1e-3. Where half floats do not hold a map, it writes 32-bit floats, changed by
+    up to 6e-5. The others always write these: `pxr24` changes up to 1.6e-5, `none` nothing.
     Raises EnvironmentMapError for another shape or compression, attributes that OpenEXR does not know, and a target
     that cannot be written.
 
@@ -181,7 +231,10 @@ def write_exr(
     import OpenEXR
 
     if not isinstance(attributes, Mapping | None):
-        raise EnvironmentMapError(f"The attributes of an EXR have names, which {type(attributes).__name__} has not.")
+        raise EnvironmentMapError(
+            f"The attributes of an EXR have names, which {type(attributes).__name__} has not.",
+            code=ErrorCode.WRONG_TYPE,
+        )
     packing, pixels = prepare_compression(check_envmap(image), compression)
     header = {
         "compression": packing,
@@ -200,7 +253,9 @@ def write_exr(
         with open_target(target) as stream:
             file.write(stream)
     elif not callable(getattr(target, "write", None)):
-        raise EnvironmentMapError(f"An EXR is written to a path or a binary stream, not {type(target).__name__}.")
+        raise EnvironmentMapError(
+            f"An EXR is written to a path or a binary stream, not {type(target).__name__}.", code=ErrorCode.WRONG_TYPE
+        )
     elif type(target) is io.BytesIO and not target.getbuffer():
         file.write(target)  # without a copy, during which no other thread of Python runs
     else:  # OpenEXR seeks backwards, which pipes and files opened for appending cannot
@@ -366,9 +421,14 @@ def _read(source: WriteTarget) -> bytes:
         read = getattr(source, "read", None)
         if not callable(read):
             kind = type(source).__name__
-            raise EnvironmentMapError(f"An EXR is read from a path or a binary stream, not {kind}.")
+            raise EnvironmentMapError(
+                f"An EXR is read from a path or a binary stream, not {kind}.", code=ErrorCode.WRONG_TYPE
+            )
         if not isinstance(data := read(), bytes):
-            raise EnvironmentMapError("The file is open as text; an EXR is read from one that is open in binary mode.")
+            raise EnvironmentMapError(
+                "The file is open as text; an EXR is read from one that is open in binary mode.",
+                code=ErrorCode.WRONG_TYPE,
+            )
         return data
     try:
         return Path(source).read_bytes()

@@ -1,5 +1,6 @@
 """UserInput: time, location, heading and lens that the user states of a photo."""
 
+import math
 import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, fields
@@ -9,7 +10,7 @@ import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
 from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE
-from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, is_finite
+from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
 _RANGES["camera_height"] = RANGES["camera_height"]
@@ -107,9 +108,8 @@ def _check_each_heading(photos: int, headings: Sequence[float]) -> None:
         sentence = f"{photos} photos need {photos} headings, not {len(headings)}."
         raise ParameterError(sentence, "headings", ErrorCode.CONTRADICTION)
     for angle in headings:
-        if not is_finite(angle.item() if isinstance(angle, np.generic) else angle):
-            sentence = f"A heading must be a finite number, not {reprlib.repr(angle)}."
-            raise ParameterError(sentence, "headings", ErrorCode.WRONG_TYPE)
+        degrees = angle.item() if isinstance(angle, np.generic) else angle
+        check_range("headings", degrees, -math.inf, math.inf, "A heading")
 
 
 def read_headings(text: str) -> list[float]:

@@ -54,7 +54,12 @@ def parse_time(text: str) -> datetime:
 
 def _no_time(text: object) -> ParameterError:
     sentence = f"{reprlib.repr(text)} is not a time such as 2024-06-01T14:30 or 2024-06-01T14:30+02:00."
-    return ParameterError(sentence, "time", ErrorCode.MALFORMED)
+    return ParameterError(sentence, "time", _code_of_text(text))
+
+
+def _code_of_text(text: object) -> ErrorCode:
+    """What is wrong with a text that does not read as it should, or with what is no text."""
+    return ErrorCode.MALFORMED if isinstance(text, str) else ErrorCode.WRONG_TYPE
 
 
 def parse_utc_offset(text: str) -> float:
@@ -66,7 +71,7 @@ def parse_utc_offset(text: str) -> float:
     parts = _OFFSET.fullmatch(text.strip()) if isinstance(text, str) else None
     if not parts:
         sentence = f"{reprlib.repr(text)} is not an offset from UTC such as +02:00 or -3.5."
-        raise ParameterError(sentence, "utc_offset", ErrorCode.MALFORMED)
+        raise ParameterError(sentence, "utc_offset", _code_of_text(text))
     if parts[4]:
         hours = float(parts[4])
     else:

@@ -12,6 +12,7 @@ from typing import Any
 from PIL import ExifTags, Image
 
 import lighting.photo.imu as imu
+from lighting.documentation import describe_fields
 from lighting.geometry import wrap_azimuth
 from lighting.photo.clock import read_clock, read_gps_time
 from lighting.photo.lens import PhotoFrame, read_lens
@@ -21,30 +22,51 @@ from lighting.photo.tags import Tags, read_ifd, read_iptc, read_main_tags, read_
 _EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others are damage
 
 
+@describe_fields
 @dataclass(frozen=True)
 class PhotoMetadata:
     """How a photo was taken; None is unknown. The repr omits the location, so that no log shows it."""
 
-    local_time: datetime | None = None  # naive
-    utc_offset: float | None = None  # h, local minus universal time, where the file has it
-    gps_time: datetime | None = None  # aware, by the satellites; it may contradict the two
-    latitude: float | None = field(default=None, repr=False)  # deg, positive north
-    longitude: float | None = field(default=None, repr=False)  # deg, positive east; None if latitude is
-    heading: float | None = None  # deg clockwise from `heading_reference`, 0 to 360
+    local_time: datetime | None = None
+    """Local time of the photo, without an offset from UTC."""
+    utc_offset: float | None = None
+    """Hours, -12 to 14, local minus universal time, where the file has it."""
+    gps_time: datetime | None = None
+    """Time by the satellites, with its offset from UTC; it may contradict the two."""
+    latitude: float | None = field(default=None, repr=False)
+    """Deg, -90 to 90, positive north."""
+    longitude: float | None = field(default=None, repr=False)
+    """Deg, -180 to 180, positive east; None if `latitude` is."""
+    heading: float | None = None
+    """Deg, 0 to 360, clockwise from `heading_reference`: where the camera points."""
     heading_reference: HeadingReference | None = None
-    focal_length: float | None = None  # mm, of the 36 x 24 mm camera with the same diagonal field of view
-    vertical_fov: float | None = None  # deg, of the upright photo, by its lens and what a crop left
-    camera_elevation: float | None = None  # deg, positive looks up, of the upright photo
-    camera_roll: float | None = None  # deg, positive turns the camera clockwise; steep cameras have none
-    gravity_source: str | None = None  # of the two: "accelerometer", "gimbal" or "elevation angle"
-    gravity_spread: float | None = None  # deg, standard deviation of the two
-    exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
-    camera_height: float | None = None  # m above the ground where a drone took off
-    locations: tuple[tuple[float, float], ...] = field(default=(), repr=False)  # where no hemisphere is stated
-    other_vertical_fovs: tuple[float, ...] = ()  # deg, less likely ones: the file leaves open what was cropped
-    is_lens_consistent: bool = True  # whether the file says of the lens more than a 35 mm value alone, in agreement
-    is_panorama: bool = False  # whether the file says that several frames make the picture
-    orientation: int | None = field(default=None, compare=False)  # 1 to 8, how the pixels lie in the file
+    """True or magnetic north."""
+    focal_length: float | None = None
+    """Mm, over 0, of the 36 x 24 mm camera with the same diagonal field of view."""
+    vertical_fov: float | None = None
+    """Deg, 1 to 170, of the upright photo, by its lens and what a crop left."""
+    camera_elevation: float | None = None
+    """Deg, -90 to 90, of the upright photo: positive looks up."""
+    camera_roll: float | None = None
+    """Deg, -180 to 180: positive turns the camera clockwise; steep cameras have none."""
+    gravity_source: str | None = None
+    """Of elevation and roll: "accelerometer", "gimbal" or "elevation angle"."""
+    gravity_spread: float | None = None
+    """Deg, 0 or more: standard deviation of elevation and roll."""
+    exposure_value: float | None = None
+    """EV at ISO 100, -20 to 25, of the camera's settings."""
+    camera_height: float | None = None
+    """Meters above the ground where a drone took off."""
+    locations: tuple[tuple[float, float], ...] = field(default=(), repr=False)
+    """Possible (latitude, longitude), deg, where the file states no hemisphere."""
+    other_vertical_fovs: tuple[float, ...] = ()
+    """Deg, 1 to 170, less likely than `vertical_fov`: the file leaves open what was cropped."""
+    is_lens_consistent: bool = True
+    """Whether the file says of the lens more than a 35 mm value alone, in agreement."""
+    is_panorama: bool = False
+    """Whether the file says that several frames make the picture."""
+    orientation: int | None = field(default=None, compare=False)
+    """1 to 8: how the pixels lie in the file."""
 
     @property
     def location(self) -> tuple[float, float] | None:

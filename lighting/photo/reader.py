@@ -23,6 +23,7 @@ from PIL import Image, UnidentifiedImageError
 
 import lighting.photo.containers as containers
 from lighting.color import check_pixels
+from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
@@ -73,26 +74,38 @@ _DECODER_BYTES_PER_PIXEL = {  # by `python -m benchmarks.decoding` (Pillow 13.0.
 _FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
 
 
+@describe_fields
 @dataclass(frozen=True)
 class PhotoCrop:
     """The part of an upright picture that is its photo, in pixels of the file."""
 
     left: int
+    """Column, pixels of the file from 0, of the photo's left edge."""
     top: int
-    width: int  # of the photo
+    """Row, pixels of the file from 0, of the photo's upper edge."""
+    width: int
+    """Columns of the photo, pixels."""
     height: int
-    picture_width: int  # of the whole picture, border included
+    """Rows of the photo, pixels."""
+    picture_width: int
+    """Columns of the whole picture, pixels, its border included."""
     picture_height: int
+    """Rows of the whole picture, pixels, its border included."""
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class PhotoOrigin:
     """Where a photo was read from, and the limits of that, so that it can be read again."""
 
-    data: bytes | Path  # the bytes, or an absolute path
-    modified: tuple[int, int] | None  # size and time of the last change, of a file
+    data: bytes | Path
+    """The file's bytes, or its absolute path."""
+    modified: tuple[int, int] | None
+    """Of a file, its size in bytes and the time of its last change in ns. None: of bytes."""
     max_bytes: int
+    """Most bytes that the file may have."""
     max_pixels: int
+    """Most pixels that the picture may have."""
 
     @property
     def name(self) -> str | None:
@@ -100,19 +113,29 @@ class PhotoOrigin:
         return self.data.name if isinstance(self.data, Path) else None
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class Photo:
     """An upright photo. Of a picture with a border, it is what lies inside."""
 
-    pixels: NDArray[np.uint8] = field(repr=False)  # (h, w, 3) sRGB, perhaps smaller than the photo in the file
-    width: int  # of the upright photo in the file without its border, pixels
+    pixels: NDArray[np.uint8] = field(repr=False)
+    """(h, w, 3) 8-bit sRGB, 0 to 255, upright; perhaps fewer than in the file."""
+    width: int
+    """Columns of the upright photo in the file, pixels, without its border."""
     height: int
-    format: str  # as Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG", ...; "RAW", "PIXELS"
-    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)  # what its EXIF block and XMP packet say
-    crop: PhotoCrop | None = None  # the photo's part of the upright picture; None: all of it
-    is_collage: bool = False  # whether the picture shows several photos
-    warnings: tuple[str, ...] = ()  # sentences about its border
-    source: "PhotoOrigin | None" = field(default=None, repr=False)  # where more pixels are; None: these are all
+    """Rows of the upright photo in the file, pixels, without its border."""
+    format: str
+    """As Pillow names it: "JPEG", "MPO" (a JPEG with more pictures behind it), "PNG" and so on; "RAW", "PIXELS"."""
+    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
+    """What the file's EXIF block and XMP packet say."""
+    crop: PhotoCrop | None = None
+    """The photo's part of the upright picture. None: all of it."""
+    is_collage: bool = False
+    """Whether the picture shows several photos."""
+    warnings: tuple[str, ...] = ()
+    """Sentences about the picture's border."""
+    source: "PhotoOrigin | None" = field(default=None, repr=False)
+    """Where more pixels are. None: these are all."""
 
     @property
     def facts(self) -> PhotoMetadata:
@@ -131,7 +154,10 @@ def check_photo(thing: object) -> None:
     """
     if not isinstance(thing, Photo):
         kind = type(thing).__name__
-        raise PhotoError(f"A Photo is needed, not {kind}; read_photo reads files, photo_from_array takes pixels.")
+        raise PhotoError(
+            f"A Photo is needed, not {kind}; read_photo reads files, photo_from_array takes pixels.",
+            code=ErrorCode.WRONG_TYPE,
+        )
 
 
 def read_photo(
@@ -162,7 +188,8 @@ def read_photo(
     """
     if target is not None and not (isinstance(target, Integral) and target > 0):
         predicate = f"must be a whole number of pixels over 0, or None, not {target!r}."
-        raise ParameterError.about("target", predicate, ErrorCode.WRONG_TYPE)
+        code = ErrorCode.OUT_OF_RANGE if isinstance(target, Integral) else ErrorCode.WRONG_TYPE
+        raise ParameterError.about("target", predicate, code)
     file = Path(source).absolute() if isinstance(source, str | os.PathLike) and Path(source).is_file() else None
     modified = _modified(file) if file else None
     data = read_bytes(source, max_bytes)
@@ -317,13 +344,17 @@ def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
 
 def _read_stream(stream: BinaryIO, limit: int) -> bytes:
     if isinstance(stream, TextIOBase):
-        raise PhotoError("The file is open as text; a photo is read from one that is open in binary mode.")
+        raise PhotoError(
+            "The file is open as text; a photo is read from one that is open in binary mode.", code=ErrorCode.WRONG_TYPE
+        )
     if isinstance(stream, Photo):
-        raise PhotoError("That is a Photo already, which needs no reading; an Estimator takes it.")
+        raise PhotoError(
+            "That is a Photo already, which needs no reading; an Estimator takes it.", code=ErrorCode.WRONG_TYPE
+        )
     if not hasattr(stream, "read"):
         kind = type(stream).__name__
         sentence = f"A photo is read from a path, bytes or a binary stream, not {kind}; photo_from_array takes pixels."
-        raise PhotoError(sentence)
+        raise PhotoError(sentence, code=ErrorCode.WRONG_TYPE)
     chunks: list[bytes] = []
     while limit > 0 and (chunk := stream.read(min(limit, _CHUNK_BYTES))):
         chunks.append(chunk)

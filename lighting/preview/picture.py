@@ -23,7 +23,7 @@ from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, check_estim
 MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
-_PNG_LEVEL = 4  # half the work of 6, for 3 % more bytes
+PNG_LEVEL = 4  # half the work of 6, for 3 % more bytes
 _MAX_RADIUS = 90.0  # deg: where a tenth of the probability lies farther off, the sun may as well be opposite
 _MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence is not certain
 _WARNING_LETTERS = 160  # of a line of warnings
@@ -45,7 +45,7 @@ def preview_png(
         PhotoError: `photo` is no photo's pixels.
     """
     picture = draw_preview_pixels(photo, estimate, _render_map(photo, estimate, surroundings, detail))
-    return encode_png(picture, compress_level=_PNG_LEVEL)
+    return encode_png(picture, compress_level=PNG_LEVEL)
 
 
 def draw_preview_pixels(

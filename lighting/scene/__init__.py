@@ -62,6 +62,13 @@ EXPORTERS: dict[str, Exporter] = {
     ),
     "gltf": Exporter(import_function("lighting.scene.gltf", "write_gltf"), files=("scene.glb",), has_map=False),
     "threejs": Exporter(import_function("lighting.scene.threejs", "write_threejs"), files=("scene.html",)),
+    "godot": Exporter(
+        import_function("lighting.scene.godot", "write_godot"),
+        files=(
+            *("project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader", *SHARED_FILES),
+            *(f"{name}.import" for name in (PLATE, ENVIRONMENT, LIT_GROUND, GROUND)),
+        ),
+    ),
     "mitsuba": Exporter(
         import_function("lighting.scene.mitsuba", "write_mitsuba"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
+from lighting.documentation import describe_fields
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
@@ -49,17 +50,25 @@ _HIDDEN_SPOT = (
 )
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A photo as the plate behind a scene, the camera that took it, and the light: sun, map and ground."""
 
     lighting: Lighting
-    plate: NDArray[np.uint8]  # (h, w, 3) sRGB, the photo
-    environment: NDArray[np.float32]  # (H, 2H, 3), the sun's disc left out
-    sun_irradiance: Floats  # (3,) linear Rec.709 on a surface that faces the sun; 0 where no direct sun reaches
-    sky_irradiance: Floats  # (3,) on open level ground, without the sun
-    lit_ground: NDArray[np.float32]  # (H, W) of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere
-    segments: Segments | None = None  # what the plate shows; None: unknown
+    """The light and the camera."""
+    plate: NDArray[np.uint8]
+    """(h, w, 3) 8-bit sRGB, 0 to 255: the photo."""
+    environment: NDArray[np.float32]
+    """(H, 2H, 3) linear Rec.709, 0 or more: the map, the sun's disc left out."""
+    sun_irradiance: Floats
+    """(3,) RGB, 0 or more, on a surface that faces the sun; 0 where no direct sun reaches."""
+    sky_irradiance: Floats
+    """(3,) RGB, 0 or more, on open level ground, without the sun."""
+    lit_ground: NDArray[np.float32]
+    """(H, W), 0 to 1, of the plate's aspect: 0 where its ground lies in shade, 1 elsewhere."""
+    segments: Segments | None = None
+    """(R, C, K) probabilities, 0 to 1, of what the plate shows. None: unknown."""
 
     @property
     def width(self) -> int:
@@ -188,16 +197,23 @@ class Scene:
         return self.spot - self.camera_position
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
     """How the camera of a clip moves in a scene: N frames of one shot."""
 
-    matrices: Floats  # (N, 4, 4) camera to world for column vectors, in the scene's frame
-    focal_lengths: Floats  # (N,) mm, as Scene.focal_length
-    frames: Floats  # (N,) from the shot's first, by time: not whole where the clip's frame rate varies
-    frame_rate: float  # Hz
-    first_frame: int  # of the shot, counted in the clip
-    clip: str  # the clip's file, from the scene's folder
+    matrices: Floats
+    """(N, 4, 4) camera to world for column vectors, in meters of the scene's frame."""
+    focal_lengths: Floats
+    """(N,) mm, over 0, as `Scene.focal_length`."""
+    frames: Floats
+    """(N,) frames, 0 or more, from the shot's first, by time: not whole where the clip's frame rate varies."""
+    frame_rate: float
+    """Hz, over 0."""
+    first_frame: int
+    """First frame of the shot, 0 or more, counted in the clip."""
+    clip: str
+    """The clip's file, from the scene's folder."""
 
 
 def make_scene(
@@ -254,6 +270,11 @@ class _Placeholder:
     def stick_foot(self) -> Floats:
         """The middle of the stick's lower end."""
         return np.array([2.5 * self.ball_radius, 0.0, 0.0])
+
+    @property
+    def stick_center(self) -> Floats:
+        """Halfway up the stick."""
+        return np.array([self.stick_foot[0], self.stick_height / 2, 0.0])
 
     @property
     def stick_height(self) -> float:

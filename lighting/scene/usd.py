@@ -155,7 +155,7 @@ def _object_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
         "ball_centre": _vector(to_stage(placeholder.ball_center)),
         "ball_radius": _number(placeholder.ball_radius),
         "ball_extent": _extent(np.array([[-1.0] * 3, [1.0] * 3]) * placeholder.ball_radius),
-        "stick_centre": _vector(to_stage(placeholder.stick_foot + _UP * placeholder.stick_height / 2)),
+        "stick_centre": _vector(to_stage(placeholder.stick_center)),
         "stick_height": _number(placeholder.stick_height),
         "stick_radius": _number(placeholder.stick_radius),
         "stick_extent": _extent(to_stage(np.stack([-corner, corner]))),

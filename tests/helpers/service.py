@@ -107,7 +107,7 @@ def environment(**settings: object) -> dict[str, str]:
 @contextmanager
 def started(network: Path, *, files: tuple[int, int] | None = None, **settings: object) -> Iterator[Server]:
     """A service with some settings, and with a soft and a hard limit on its open files."""
-    given = environment(port=0, model=network, **settings)
+    given = environment(**{"port": 0, "model": network, **settings})
     command = [sys.executable, "-m", "server"]
     command = ["prlimit", f"--nofile={files[0]}:{files[1]}", *command] if files else command
     with TemporaryFile() as log, subprocess.Popen(command, cwd=ROOT, env=given, stderr=log) as process:

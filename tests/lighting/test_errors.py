@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import lighting
 from lighting import errors
 from lighting.envmap.relighting import edit_lighting, rotate_lighting
 from lighting.envmap.shadow_mask import ground_shadow_mask
@@ -30,11 +31,12 @@ from lighting.errors import (
     describe_error,
     require_extra,
 )
+from lighting.estimator import Estimator
 from lighting.files import write_envmap
 from lighting.files.exr import write_exr
 from lighting.model import Model
 from lighting.photo.clock import parse_time, parse_utc_offset
-from lighting.photo.reader import photo_from_array
+from lighting.photo.reader import check_photo, photo_from_array
 from lighting.preview.picture import draw_preview_pixels, preview_png
 from lighting.records import Lighting
 from lighting.scene.records import make_scene
@@ -121,8 +123,45 @@ def test_public_functions_refuse_what_they_cannot_take_in_one_sentence(
     ],
 )
 def test_targets_and_options_of_the_wrong_kind_are_refused_in_one_sentence(take: Callable[[], object]) -> None:
-    with pytest.raises(LightingError, match=r"\.$"):
+    with pytest.raises(LightingError, match=r"\.$") as caught:
         take()
+    assert isinstance(caught.value, TypeError)
+    assert caught.value.code is ErrorCode.WRONG_TYPE
+
+
+@pytest.mark.parametrize(
+    ("value", "is_type_error"), [("3", True), (None, True), (True, True), (float("nan"), False), (500.0, False)]
+)
+def test_only_a_value_of_the_wrong_type_is_a_type_error(value: Any, is_type_error: bool) -> None:
+    """It is a ParameterError, and so a ValueError, in any case."""
+    with pytest.raises(ParameterError) as caught:
+        Lighting(0.0, value, 3.0, 1.0)
+    assert isinstance(caught.value, TypeError) == is_type_error
+    again = caught.value.renamed(record_path).prefixed("a.json")
+    assert isinstance(pickle.loads(pickle.dumps(again)), TypeError) == is_type_error
+    assert str(again).startswith("a.json: sun.elevation ")
+
+
+@pytest.mark.parametrize(
+    "take",
+    [
+        lambda: lighting.estimate(5),  # type: ignore[arg-type]
+        lambda: lighting.read_photo(5),  # type: ignore[arg-type]
+        lambda: Estimator(5),  # type: ignore[arg-type]
+        lambda: check_photo("photo.jpg"),
+        lambda: photo_from_array(PIXELS.astype(float)),
+        lambda: parse_time(5),  # type: ignore[arg-type]
+        lambda: lighting.UserInput(time="2024-06-01 or so", latitude=True, longitude=3),  # type: ignore[arg-type]
+        lambda: lighting.render(ESTIMATE, 16),  # type: ignore[arg-type]
+        lambda: lighting.Lighting.from_dict([]),  # type: ignore[arg-type]
+        lambda: lighting.read_exr(5),  # type: ignore[arg-type]
+        lambda: render_view(LIGHT, 16.0),  # type: ignore[arg-type]
+    ],
+)
+def test_python_gets_a_type_error_where_it_has_one(take: Callable[[], object]) -> None:
+    with pytest.raises(TypeError, match=r"\.$") as caught:
+        take()
+    assert isinstance(caught.value, LightingError)
 
 
 def test_every_error_of_the_package_has_one_base() -> None:

@@ -7,7 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+import threadpoolctl
 
+import lighting.runtime as runtime
 from lighting.runtime import available_cpus, start_python
 
 
@@ -97,3 +99,16 @@ def test_a_helper_process_computes_as_this_one_does(monkeypatch: pytest.MonkeyPa
     monkeypatch.setenv("OPENBLAS_CORETYPE", "Haswell")
     process = start_python("import os; print(os.environ['OPENBLAS_CORETYPE'], os.environ['OPENBLAS_NUM_THREADS'])")
     assert process.communicate()[0].decode().split() == ["Haswell", "1"]
+
+
+def test_products_of_matrices_run_on_one_thread_while_anybody_needs_that() -> None:
+    def threads() -> list[int]:
+        return [pool["num_threads"] for pool in threadpoolctl.threadpool_info() if pool["user_api"] == "blas"]
+
+    before = threads()
+    with runtime.ONE_BLAS_THREAD:
+        assert set(threads()) <= {1}
+        with runtime.ONE_BLAS_THREAD:
+            assert set(threads()) <= {1}
+        assert set(threads()) <= {1}
+    assert threads() == before

@@ -240,3 +240,60 @@ def test_requests_on_their_way_are_answered_at_sigterm(network: Path) -> None:
         threading.Timer(0.1, send).start()
         assert [status_of(connection) for connection in connections] == [b"200"] * 4
         server.process.wait(60)
+
+
+def test_behind_caddy_a_restart_loses_no_request(network: Path, tmp_path: Path) -> None:
+    """Photos are sent until a moment before the service ends: Caddy before 2.11.2 sends no body twice."""
+    settings: dict[str, Any] = {"trusted_proxies": "127.0.0.1", "concurrency": 1}
+    statuses: dict[str, list[int]] = {"POST": [], "GET": []}
+    stopping = {"POST": threading.Event(), "GET": threading.Event()}
+
+    def ask(port: int, method: str, pause: float) -> None:
+        connection = http.client.HTTPConnection("127.0.0.1", port, timeout=60, source_address=(INNOCENT, 0))
+        path, body = ("/v1/lighting", PHOTO) if method == "POST" else ("/v1/model", None)
+        while not stopping[method].wait(pause):
+            connection.request(method, path, body, {"Content-Type": "image/jpeg"} if body else {})
+            answer = connection.getresponse()
+            answer.read()
+            statuses[method].append(answer.status)
+        connection.close()
+
+    with ExitStack() as stack:
+        server = stack.enter_context(started(network, **settings))
+        port = stack.enter_context(behind_caddy(server, tmp_path))
+        pauses = (0.05, 0.1, 0.15, 0.2)
+        threads = [threading.Thread(target=ask, args=(port, method, p)) for method in statuses for p in pauses]
+        for thread in threads:
+            thread.start()
+        time.sleep(0.5)
+        server.process.terminate()
+        time.sleep(0.2)
+        assert server.request("GET", "/readyz")[0] == 503
+        with server.send(PHOTO) as connection, connection.makefile("rb") as answer:
+            assert b"\r\nconnection: close\r\n" in answer.read()
+        time.sleep(3)  # of the four for which the service goes on
+        stopping["POST"].set()
+        assert server.process.wait(60) == -15
+        stack.enter_context(started(network, port=server.port, **settings))
+        stopping["GET"].set()
+        for thread in threads:
+            thread.join()
+    assert len(statuses["POST"]) > 50
+    assert set(statuses["POST"]) == set(statuses["GET"]) == {200}
+
+
+def test_work_of_a_proxy_s_client_that_has_gone_ends_at_once(network: Path, tmp_path: Path) -> None:
+    settings: dict[str, Any] = {"trusted_proxies": "127.0.0.1", "concurrency": 1}
+    with started(network, **settings) as server, behind_caddy(server, tmp_path) as port:
+        connections = [socket.create_connection(("127.0.0.1", port), 60, ("127.0.8.1", 0)) for _ in range(4)]
+        for connection in connections:
+            connection.sendall(LONG_WORK)
+        server.until("lighting_queue_depth", 3)
+        for connection in connections[1:]:
+            connection.close()
+        began = time.monotonic()
+        server.until("lighting_queue_depth", 0)
+        assert server.metric("lighting_running") == 1
+        assert status_of(connections[0]) == b"200"
+        assert time.monotonic() - began < 30
+        connections[0].close()

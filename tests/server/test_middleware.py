@@ -40,7 +40,7 @@ def test_readiness_tells_when_the_next_photo_would_be_refused(app: FastAPI) -> N
         service.warm_up()
         for number in range(service.limiter.capacity):
             assert client.get("/readyz").status_code == 200, number
-            taken.enter_context(service.limiter.admission())
+            taken.enter_context(service.limiter.admission(size=service.settings.max_bytes))
         answer = client.get("/readyz")
         problem(answer, 503, "busy")
         assert answer.headers["retry-after"] == "1"

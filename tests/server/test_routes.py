@@ -80,7 +80,7 @@ def test_a_sky_is_rendered_from_parameters_alone(client: TestClient, sun: bool) 
     image, lighting = read_exr(BytesIO(answer.content))
     expected = Lighting(**SKY, ground_albedo=0.5)
     assert lighting == expected
-    np.testing.assert_allclose(image, render(expected, 64, sun=sun), rtol=1e-4)
+    np.testing.assert_allclose(image, render(expected, 64, sun=sun), rtol=1e-3)
 
 
 def test_maps_come_in_three_formats(client: TestClient) -> None:
@@ -119,7 +119,7 @@ def test_a_record_is_rendered_as_it_was_edited(client: TestClient, jpeg: bytes) 
     answer = client.post("/v1/envmap?height=64", json=record)
     image, lighting = read_exr(BytesIO(answer.content))
     assert lighting == Lighting.from_dict(record)
-    np.testing.assert_allclose(image, render(Lighting.from_dict(record), 64), rtol=1e-4)
+    np.testing.assert_allclose(image, render(Lighting.from_dict(record), 64), rtol=1e-3)
 
 
 def test_a_line_of_the_command_line_is_a_record_too(client: TestClient, jpeg: bytes) -> None:
@@ -142,7 +142,7 @@ def test_the_sun_of_a_photo_is_painted_where_it_shines_or_where_asked(
     assert lighting.sun_visibility >= 0.5
     for query, sun in {"": True, "&sun=false": False, "&sun=true": True}.items():
         answer = client.post(f"/v1/envmap?height=64{query}", **form(jpeg))
-        np.testing.assert_allclose(pixels(answer.content), render(lighting, 64, sun=sun), rtol=1e-4)
+        np.testing.assert_allclose(pixels(answer.content), render(lighting, 64, sun=sun), rtol=1e-3)
 
 
 @pytest.mark.slow

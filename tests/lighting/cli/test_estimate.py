@@ -101,7 +101,7 @@ def test_envmap_is_the_render_of_the_estimate(
     invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--height", "32", "--model", network)
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting == expected
-    assert image == pytest.approx(render(expected, 32), rel=1e-4)
+    assert image == pytest.approx(render(expected, 32), rel=1e-3)
 
 
 def test_quiet_envmap_prints_nothing(network: Path, photo_path: Path, tmp_path: Path) -> None:
@@ -112,13 +112,13 @@ def test_quiet_envmap_prints_nothing(network: Path, photo_path: Path, tmp_path: 
 @pytest.mark.parametrize("flag", ["--sun", "--no-sun"])
 def test_the_sun_is_a_choice(record_path: Path, tmp_path: Path, flag: str) -> None:
     invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", flag)
-    assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(render(LIGHTING, 64, sun=flag == "--sun"), rel=1e-4)
+    assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(render(LIGHTING, 64, sun=flag == "--sun"), rel=1e-3)
 
 
 def test_yaw_turns_the_map_and_the_record_in_it(record_path: Path, tmp_path: Path) -> None:
     invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "64", "--yaw", "-180")
     image, lighting = read_exr(tmp_path / "a.exr")
-    assert image == pytest.approx(np.roll(render(LIGHTING, 64), 64, axis=1), rel=1e-4)
+    assert image == pytest.approx(np.roll(render(LIGHTING, 64), 64, axis=1), rel=1e-3)
     assert lighting is not None
     assert lighting.sun_azimuth == pytest.approx(138.8)
 
@@ -213,7 +213,7 @@ def test_the_sky_is_a_choice(record_path: Path, tmp_path: Path) -> None:
     invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "32", "--sky", "cie-12")
     image, lighting = read_exr(tmp_path / "a.exr")
     assert lighting == replace(LIGHTING, sky_painted="cie-12")
-    np.testing.assert_allclose(image, render(lighting, 32), rtol=1e-4)
+    np.testing.assert_allclose(image, render(lighting, 32), rtol=1e-3)
     assert "is not one of hosek-wilkie" in error_of(
         invoke_command("render", record_path, "-o", "a.exr", "--sky", "blue"), 2
     )

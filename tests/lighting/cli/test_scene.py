@@ -101,7 +101,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--for", "maya"], "'maya' is not one of 'blender', 'usd', 'gltf', 'threejs', 'mitsuba'."),
+        (["--for", "maya"], f"'maya' is not one of {', '.join(map(repr, EXPORTERS))}."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
         (["--for", "usd", "--lighting", "any.json", "--model", "any.onnx"], "--model does not go with it."),
         (["--for", "gltf", "--height", "64"], "a scene for gltf holds no map."),

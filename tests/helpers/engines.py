@@ -1,0 +1,53 @@
+"""Programs in the chroot of scripts/engines.sh, for the tests that need Godot or Blender's newest."""
+
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+CHROOT = Path(os.environ.get("LIGHTING_ENGINES") or "/nonexistent")
+
+_MISSING = not (CHROOT / "usr" / "bin" / "godot").exists() or os.geteuid() != 0
+_REASON = "no Debian with Godot and Blender; as root, LIGHTING_ENGINES names one that scripts/engines.sh made"
+
+
+def needs_engines(test: Callable[..., None]) -> Callable[..., None]:
+    """A slow test that is skipped where there is no such chroot.
+
+    Args:
+        test: that runs a program in it.
+    """
+    marked: Callable[..., None] = pytest.mark.slow(
+        pytest.mark.engines(pytest.mark.skipif(_MISSING, reason=_REASON)(test))
+    )
+    return marked
+
+
+@contextmanager
+def folder_in_chroot() -> Iterator[Path]:
+    """A folder that programs in the chroot can read and write, removed at the end."""
+    path = Path(tempfile.mkdtemp(dir=CHROOT / "tmp"))
+    try:
+        yield path
+    finally:
+        shutil.rmtree(path)
+
+
+def run_in_chroot(folder: Path, command: str, seconds: float = 300.0) -> str:
+    """What a shell command prints, run in a folder of `folder_in_chroot`; an error where it fails.
+
+    Args:
+        folder: the working folder, as it is called out here.
+        command: for bash in the chroot.
+        seconds: that it may take.
+    """
+    inside = f"/{folder.relative_to(CHROOT)}"
+    shell = ["chroot", str(CHROOT), "bash", "-euo", "pipefail", "-c", f"cd {inside}; export HOME={inside}; {command}"]
+    result = subprocess.run(shell, capture_output=True, text=True, timeout=seconds, check=False)
+    assert result.returncode == 0, (result.stdout + result.stderr)[-3000:]
+    return result.stdout + result.stderr

@@ -1,0 +1,72 @@
+"""Every field of a public record says what it is, with its unit and range."""
+
+import pydoc
+import re
+from dataclasses import fields
+
+import pytest
+
+import lighting
+from lighting.documentation import describe_fields, field_docstrings
+from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin
+from lighting.records import (
+    EstimatedLight,
+    Light,
+    Lighting,
+    ModelSpec,
+    Prediction,
+    SunDistribution,
+    SunEstimate,
+)
+from lighting.scene.records import CameraMotion, Scene
+from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
+
+RECORDS: list[type] = [
+    *(lighting.Estimate, EstimatedLight, Light, Lighting, ModelSpec, Prediction, SunDistribution, SunEstimate),
+    *(Photo, PhotoCrop, PhotoMetadata, PhotoOrigin, Scene, CameraMotion),
+]
+NUMBERS = re.compile(r"float|int|Floats|NDArray|Color")  # types of fields that hold numbers
+UNITS = re.compile(r"\d|\b(deg|pixels|bytes|meters|mm|hours|hz|ev)\b", re.IGNORECASE)
+
+
+def annotation(record: type, name: str) -> str:
+    return str(next(field.type for field in fields(record) if field.name == name))
+
+
+@pytest.mark.parametrize("record", RECORDS)
+def test_every_field_has_a_docstring_with_unit_or_range(record: type) -> None:
+    told = field_docstrings(record)
+    assert list(told) == [field.name for field in fields(record)]
+    for name, text in told.items():
+        assert text[0].isupper() or text[0] in "(01", name
+        assert text.endswith("."), name
+        if NUMBERS.search(annotation(record, name)):
+            assert UNITS.search(text), name
+
+
+def test_the_ranges_of_a_light_are_those_that_are_checked() -> None:
+    told = field_docstrings(Lighting)
+    for name, (low, high) in (RANGES | OPTIONAL_RANGES | COLOR_RANGES).items():
+        numbers = f"{format_number(low)} to {format_number(high)}"
+        assert numbers in told[name], name
+
+
+def format_number(value: float) -> str:
+    """A limit as prose has it: 0.1, 20,000, 1e6."""
+    return f"{value:,.0f}" if 1000 <= value < 1e6 else f"{value:g}".replace("e-0", "e-").replace("e+0", "e")
+
+
+@pytest.mark.parametrize("record", RECORDS)
+def test_help_lists_the_fields(record: type) -> None:
+    text = pydoc.plain(pydoc.render_doc(record))
+    for name, line in field_docstrings(record).items():
+        assert f"{name}: {line.splitlines()[0]}" in text
+
+
+def test_a_record_without_its_source_keeps_its_sentence() -> None:
+    namespace: dict[str, type] = {}
+    exec('from dataclasses import dataclass\n@dataclass\nclass Made:\n    """One."""\n    x: int\n', namespace)
+    made: type = describe_fields(namespace["Made"])
+    assert made.__doc__ == "One."
+    assert field_docstrings(made) == {}

@@ -1,0 +1,160 @@
+"""Estimate: one object that makes its map, preview and scene, the same as the commands."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+import lighting
+from lighting import Estimate, Lighting, estimate, read_photo, render
+from lighting.envmap.relighting import Adjustments, adjust_lighting
+from lighting.envmap.surroundings import photo_context, render_with_surroundings
+from lighting.errors import EnvironmentMapError, ParameterError, PhotoError, SceneError
+from lighting.files.exr import read_exr
+from lighting.files.radiance_hdr import decode_hdr
+from lighting.photo.reader import reread_photo
+from tests.helpers.processes import run_command
+
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PHOTO = EXAMPLES / "wide_street.jpg"
+
+
+@pytest.fixture(scope="module")
+def answer() -> Estimate:
+    return estimate(PHOTO)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "height"), [("wide_street.jpg", 512), ("snow_field.jpg", 1024)])
+def test_the_map_is_that_of_the_command_to_the_last_bit(name: str, height: int, tmp_path: Path) -> None:
+    """The higher map shows more of the photo's pixels than the network does."""
+    photo = EXAMPLES / name
+    estimate(str(photo)).save(tmp_path / "python.exr", height)
+    assert run_command("envmap", photo, "-o", tmp_path / "command.exr", "--height", str(height)).returncode == 0
+    assert (tmp_path / "python.exr").read_bytes() == (tmp_path / "command.exr").read_bytes()
+
+
+@pytest.mark.slow
+def test_the_preview_is_that_of_the_command(answer: Estimate, tmp_path: Path) -> None:
+    assert run_command("preview", PHOTO, "-o", tmp_path / "command.png").returncode == 0
+    in_notebook = Image.open(io.BytesIO(answer._repr_png_()))
+    with Image.open(tmp_path / "command.png") as picture:
+        np.testing.assert_array_equal(np.asarray(in_notebook), np.asarray(picture))
+    assert in_notebook.format == "PNG"
+    assert in_notebook.width == 1600
+
+
+def test_a_photo_is_taken_in_every_form(answer: Estimate) -> None:
+    data = PHOTO.read_bytes()
+    photo = read_photo(PHOTO)
+    for source in (str(PHOTO), data, bytearray(data), io.BytesIO(data), photo):
+        assert estimate(source).lighting == answer.lighting
+    by_array, by_picture = estimate(photo.pixels), estimate(Image.fromarray(photo.pixels))
+    assert by_array.lighting == by_picture.lighting
+    assert by_array.envmap(64).shape == (64, 128, 3)
+    assert isinstance(by_array, Estimate)
+
+
+@pytest.mark.parametrize("thing", [5, None, [1, 2], {"photo": 1}])
+def test_what_is_no_photo_is_refused_in_words(thing: object) -> None:
+    with pytest.raises(PhotoError, match="array of pixels or a Photo, not"):
+        estimate(thing)  # type: ignore[arg-type]
+
+
+def test_the_place_is_in_the_map_unless_left_out(answer: Estimate) -> None:
+    context = photo_context(answer, answer.photo.pixels)
+    assert context is not None
+    placed, bare = answer.envmap(64), answer.envmap(64, surroundings=False)
+    np.testing.assert_allclose(placed, render_with_surroundings(answer.lighting, context, 64), rtol=1e-4)
+    np.testing.assert_allclose(bare, render(answer.lighting, 64), rtol=1e-4)
+    assert np.abs(placed - bare).mean() > 0.05 * bare.mean()
+
+
+def test_a_stored_record_regains_the_place_with_its_photo(answer: Estimate) -> None:
+    stored = Lighting.from_dict(json.loads(json.dumps(answer.lighting.to_dict())))
+    np.testing.assert_array_equal(render(stored, 64, photo=PHOTO), answer.envmap(64))
+    np.testing.assert_array_equal(render(stored, 64, photo=PHOTO, disc=False), answer.envmap(64, disc=False))
+    np.testing.assert_allclose(render(stored, 64), answer.envmap(64, surroundings=False), rtol=1e-4)
+
+
+def test_a_changed_light_is_that_of_the_same_options(answer: Estimate) -> None:
+    changed = answer.replace(sun=(40, 25), exposure=0.5, haze=8, overcast=True)
+    assert changed.lighting == adjust_lighting(answer.lighting, Adjustments((40, 25), 0.5, 8, True))
+    assert answer.replace().lighting == answer.lighting
+    assert answer.replace(camera_height=30).lighting.camera_height == 30
+    with pytest.raises(ParameterError, match="exposure"):
+        answer.replace(exposure=50)
+    with pytest.raises(ParameterError, match="camera_height"):
+        answer.replace(camera_height=0)
+    with pytest.raises(TypeError, match="sun_azimut"):
+        answer.replace(sun_azimut=3)  # type: ignore[call-arg]
+
+
+def test_changes_add_up(answer: Estimate) -> None:
+    once, twice = answer.replace(exposure=1), answer.replace(exposure=0.5).replace(exposure=0.5)
+    assert twice.lighting.exposure == pytest.approx(once.lighting.exposure, rel=1e-5)
+    np.testing.assert_allclose(twice.envmap(32, detail=False), once.envmap(32, detail=False), rtol=1e-3)
+    np.testing.assert_allclose(once.envmap(32, disc=False).mean(), 2 * answer.envmap(32, disc=False).mean(), rtol=1e-2)
+
+
+def test_the_photo_stays_what_it_shows_under_another_sun(answer: Estimate) -> None:
+    moved = answer.replace(sun=(-90, 50))
+    context = photo_context(answer, answer.photo.pixels)
+    assert context is not None
+    expected = render_with_surroundings(moved.lighting, context, 64)
+    np.testing.assert_allclose(moved.envmap(64), expected, rtol=1e-4)
+
+
+def test_maps_are_saved_in_every_format(answer: Estimate, tmp_path: Path) -> None:
+    for name in ("sky.exr", "sky.hdr", "sky.png"):
+        answer.save(tmp_path / name, 64, yaw=90)
+    image, record = read_exr(tmp_path / "sky.exr")
+    np.testing.assert_allclose(image, np.roll(answer.envmap(64), 32, axis=1), rtol=1e-3)  # its digits are rounded
+    assert record is not None
+    assert record.sun_azimuth == pytest.approx(answer.lighting.sun_azimuth + 90)
+    assert decode_hdr((tmp_path / "sky.hdr").read_bytes()).shape == (64, 128, 3)
+    with pytest.raises(EnvironmentMapError, match=r"must end in \.exr"):
+        answer.save(tmp_path / "sky.jpg")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["sky.exr", "sky.hdr", "sky.png"]
+
+
+def test_a_scene_is_written_for_a_tool(answer: Estimate, tmp_path: Path) -> None:
+    scene = answer.scene("usd", tmp_path / "street", height=64, up_axis="Z")
+    assert 'upAxis = "Z"' in (tmp_path / "street" / "scene.usda").read_text()
+    assert scene.plate.shape == reread_photo(answer.photo, 3840).pixels.shape
+    with pytest.raises(SceneError, match="not empty"):
+        answer.scene("usd", tmp_path / "street")
+    with pytest.raises(SceneError, match="blender"):
+        answer.scene("maya", tmp_path / "other")
+    assert not (tmp_path / "other").exists()
+
+
+def test_a_file_that_changed_since_is_not_taken_for_the_photo(tmp_path: Path) -> None:
+    file = tmp_path / "photo.jpg"
+    file.write_bytes(PHOTO.read_bytes())
+    photo = read_photo(file)
+    assert max(reread_photo(photo, 600).pixels.shape) >= 600
+    file.write_bytes((EXAMPLES / "snow_field.jpg").read_bytes())
+    with pytest.raises(PhotoError, match="has changed since it was read"):
+        reread_photo(photo, 600)
+    file.unlink()
+    with pytest.raises(FileNotFoundError):
+        reread_photo(photo, 600)
+
+
+def test_the_repr_says_where_the_sun_is(answer: Estimate) -> None:
+    light = answer.lighting
+    assert repr(answer).startswith(f"<Estimate of wide_street.jpg: sun {abs(light.sun_azimuth):.1f}° ")
+    assert f"{light.sun_elevation:.1f}° high" in repr(answer)
+    assert repr(estimate(answer.photo.pixels)).startswith("<Estimate of 800 x 450 pixels: ")
+    assert len(repr(answer)) < 250
+
+
+def test_the_public_face_is_documented_and_whole() -> None:
+    for name in lighting.__all__:
+        assert getattr(lighting, name) is not None
+    with pytest.raises(AttributeError, match="estimat"):
+        _ = lighting.estimat  # type: ignore[attr-defined]
