@@ -4,10 +4,11 @@
                                 [--picture docs/scenes.png] [--keep FOLDER]
 
 The "photo" is rendered here from a known light, which the scenes are compared with. Blender reads and renders the USD;
-glTF is left out, since it holds no map, and Unreal and Unity, which do not run
-here. Godot runs in the chroot of scripts/engines.sh that LIGHTING_ENGINES names. Prints a table and draws all renders into one picture; a tool that this machine
-lacks is named and left out. The sun stands on the left, so that the shadow of the preview's diffuse ball lies free.
-PROGRAM is Blender or a Python that has its module bpy.
+glTF is left out, since it holds no map, and Unreal
+and Unity, which do not run here. Godot runs in the chroot of scripts/engines.sh that LIGHTING_ENGINES names. Prints a
+table and draws all renders into one picture; a tool that this machine lacks is named and left out. The sun stands on
+the left, so that the shadow of the preview's diffuse ball lies free. PROGRAM is Blender or a Python that has its module
+bpy.
 """
 
 import argparse

@@ -5,9 +5,14 @@ Outliner. Running it again replaces both. Units are centimeters; +Z is up, the p
 """
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import unreal
+
+Json = dict[str, Any]
+Numbers = Sequence[float]
 
 NAME = "LightFromPhoto"
 ASSETS = f"/Game/{NAME}"
@@ -19,31 +24,31 @@ library = unreal.EditorAssetLibrary
 editing = unreal.MaterialEditingLibrary
 
 
-def main():
+def _main() -> None:
     folder = Path(__file__).resolve().parent
     numbers = json.loads((folder / "unreal_scene.json").read_text(encoding="utf-8"))
-    remove_last()
-    warn_of_other_lights()
-    cubemap = import_picture(folder / numbers["environment"])
-    plate, albedo, emission = (import_plain(folder / numbers[name]) for name in ("plate", "albedo", "emission"))
-    add_sun(numbers["sun"])
-    add_sky(cubemap, numbers["sky"])
-    add_exposure()
-    camera = add_camera(numbers["camera"])
-    add_backdrop(camera, numbers["backdrop"], projected_material("Backdrop", None, plate))
-    add_shape("Plane", "Ground", numbers["ground"], projected_material("Ground", albedo, emission), shadow=False)
-    gray = plain_material("Placeholder", numbers["placeholder"]["albedo"])
-    add_shape("Sphere", "Ball", numbers["placeholder"]["ball"], gray)
-    add_shape("Cylinder", "Stick", numbers["placeholder"]["stick"], gray)
+    _remove_last()
+    _warn_of_other_lights()
+    cubemap = _import_picture(folder / numbers["environment"])
+    plate, albedo, emission = (_import_plain(folder / numbers[name]) for name in ("plate", "albedo", "emission"))
+    _add_sun(numbers["sun"])
+    _add_sky(cubemap, numbers["sky"])
+    _add_exposure()
+    camera = _add_camera(numbers["camera"])
+    _add_backdrop(camera, numbers["backdrop"], _projected_material("Backdrop", None, plate))
+    _add_shape("Plane", "Ground", numbers["ground"], _projected_material("Ground", albedo, emission), shadow=False)
+    gray = _plain_material("Placeholder", numbers["placeholder"]["albedo"])
+    _add_shape("Sphere", "Ball", numbers["placeholder"]["ball"], gray)
+    _add_shape("Cylinder", "Stick", numbers["placeholder"]["stick"], gray)
 
 
-def remove_last():
+def _remove_last() -> None:
     for actor in actors.get_all_level_actors():
         if NAME in [str(tag) for tag in actor.get_editor_property("tags")]:
             actors.destroy_actor(actor)
 
 
-def warn_of_other_lights():
+def _warn_of_other_lights() -> None:
     for actor in actors.get_all_level_actors():
         if isinstance(actor, (unreal.DirectionalLight, unreal.SkyLight)):
             unreal.log_warning(f"The level has another light, which shines beside the photo's: {actor.get_name()}.")
@@ -52,7 +57,7 @@ def warn_of_other_lights():
 # Assets
 
 
-def import_picture(path):
+def _import_picture(path: Path) -> Any:
     """The asset that a picture becomes; a lat-long .hdr becomes a cubemap."""
     task = unreal.AssetImportTask()
     task.set_editor_property("filename", str(path))
@@ -64,24 +69,24 @@ def import_picture(path):
     return library.load_asset(f"{ASSETS}/{path.stem}")
 
 
-def import_plain(path):
+def _import_plain(path: Path) -> Any:
     """The same, neither compressed nor scaled."""
-    texture = import_picture(path)
+    texture = _import_picture(path)
     texture.set_editor_property("compression_settings", unreal.TextureCompressionSettings.TC_EDITOR_ICON)
     texture.set_editor_property("mip_gen_settings", unreal.TextureMipGenSettings.TMGS_NO_MIPMAPS)
     texture.set_editor_property("srgb", True)
     return texture
 
 
-def new_material(name):
+def _new_material(name: str) -> Any:
     if library.does_asset_exist(f"{ASSETS}/{name}"):
         library.delete_asset(f"{ASSETS}/{name}")
     return tools.create_asset(name, ASSETS, unreal.Material, unreal.MaterialFactoryNew())
 
 
-def projected_material(name, albedo, emission):
+def _projected_material(name: str, albedo: Any, emission: Any) -> Any:
     """Pictures in their places in the viewport, as surface and as light; without an albedo it takes no light."""
-    material = new_material(name)
+    material = _new_material(name)
     place = editing.create_material_expression(material, unreal.MaterialExpressionScreenPosition, -600, 0)
     for picture, target in (
         (albedo, unreal.MaterialProperty.MP_BASE_COLOR),
@@ -93,7 +98,7 @@ def projected_material(name, albedo, emission):
             editing.connect_material_expressions(place, "ViewportUV", sample, "UVs")
             editing.connect_material_property(sample, "RGB", target)
     if albedo:
-        make_diffuse(material)
+        _make_diffuse(material)
     else:
         material.set_editor_property("shading_model", unreal.MaterialShadingModel.MSM_UNLIT)
     material.set_editor_property("two_sided", True)
@@ -101,17 +106,17 @@ def projected_material(name, albedo, emission):
     return material
 
 
-def plain_material(name, albedo):
-    material = new_material(name)
+def _plain_material(name: str, albedo: float) -> Any:
+    material = _new_material(name)
     color = editing.create_material_expression(material, unreal.MaterialExpressionConstant3Vector, -300, 0)
     color.set_editor_property("constant", unreal.LinearColor(albedo, albedo, albedo, 1.0))
     editing.connect_material_property(color, "", unreal.MaterialProperty.MP_BASE_COLOR)
-    make_diffuse(material)
+    _make_diffuse(material)
     editing.recompile_material(material)
     return material
 
 
-def make_diffuse(material):
+def _make_diffuse(material: Any) -> None:
     for value, target in ((1.0, unreal.MaterialProperty.MP_ROUGHNESS), (0.0, unreal.MaterialProperty.MP_SPECULAR)):
         constant = editing.create_material_expression(material, unreal.MaterialExpressionConstant, -300, 300)
         constant.set_editor_property("r", value)
@@ -121,7 +126,7 @@ def make_diffuse(material):
 # Actors
 
 
-def spawn(kind, label, location, rotation=(0.0, 0.0, 0.0)):
+def _spawn(kind: Any, label: str, location: Numbers, rotation: Numbers = (0.0, 0.0, 0.0)) -> Any:
     """An actor; its rotation is roll, pitch and yaw."""
     roll, pitch, yaw = rotation
     actor = actors.spawn_actor_from_class(
@@ -133,9 +138,9 @@ def spawn(kind, label, location, rotation=(0.0, 0.0, 0.0)):
     return actor
 
 
-def add_sun(numbers):
+def _add_sun(numbers: Json) -> None:
     """It shines along its own +X. Where the spot lies in the photo's shade it is off; see affects_world."""
-    light = spawn(unreal.DirectionalLight, "Sun", (0.0, 0.0, 0.0), numbers["rotation"]).get_component_by_class(
+    light = _spawn(unreal.DirectionalLight, "Sun", (0.0, 0.0, 0.0), numbers["rotation"]).get_component_by_class(
         unreal.DirectionalLightComponent
     )
     light.set_mobility(unreal.ComponentMobility.MOVABLE)
@@ -149,8 +154,8 @@ def add_sun(numbers):
     light.set_editor_property("affects_world", numbers["on"])
 
 
-def add_sky(cubemap, numbers):
-    light = spawn(unreal.SkyLight, "Sky", (0.0, 0.0, 0.0)).get_component_by_class(unreal.SkyLightComponent)
+def _add_sky(cubemap: Any, numbers: Json) -> None:
+    light = _spawn(unreal.SkyLight, "Sky", (0.0, 0.0, 0.0)).get_component_by_class(unreal.SkyLightComponent)
     light.set_mobility(unreal.ComponentMobility.MOVABLE)
     light.set_editor_property("real_time_capture", False)
     light.set_editor_property("source_type", unreal.SkyLightSourceType.SLS_SPECIFIED_CUBEMAP)
@@ -162,9 +167,9 @@ def add_sky(cubemap, numbers):
     light.recapture_sky()
 
 
-def add_exposure():
+def _add_exposure() -> None:
     """Exposure 1, no tone curve, and no light that bounces: the map holds what the ground reflects."""
-    volume = spawn(unreal.PostProcessVolume, "Exposure", (0.0, 0.0, 0.0))
+    volume = _spawn(unreal.PostProcessVolume, "Exposure", (0.0, 0.0, 0.0))
     volume.set_editor_property("unbound", True)
     settings = volume.get_editor_property("settings")
     for name, value in (
@@ -183,8 +188,8 @@ def add_exposure():
     volume.set_editor_property("settings", settings)
 
 
-def add_camera(numbers):
-    actor = spawn(unreal.CineCameraActor, "Camera", numbers["location"], numbers["rotation"])
+def _add_camera(numbers: Json) -> Any:
+    actor = _spawn(unreal.CineCameraActor, "Camera", numbers["location"], numbers["rotation"])
     camera = actor.get_component_by_class(unreal.CineCameraComponent)
     filmback = camera.get_editor_property("filmback")
     filmback.set_editor_property("sensor_width", numbers["sensor"][0])
@@ -198,15 +203,15 @@ def add_camera(numbers):
     return actor
 
 
-def add_backdrop(camera, numbers, material):
+def _add_backdrop(camera: Any, numbers: Json, material: Any) -> None:
     """The photo on a plane that fills the camera's picture behind everything."""
-    actor = add_shape("Plane", "Backdrop", numbers, material, shadow=False)
+    actor = _add_shape("Plane", "Backdrop", numbers, material, shadow=False)
     keep = unreal.AttachmentRule.KEEP_WORLD
     actor.attach_to_actor(camera, "", keep, keep, keep, False)
 
 
-def add_shape(shape, label, numbers, material, shadow=True):
-    actor = spawn(unreal.StaticMeshActor, label, numbers["location"], numbers["rotation"])
+def _add_shape(shape: str, label: str, numbers: Json, material: Any, *, shadow: bool = True) -> Any:
+    actor = _spawn(unreal.StaticMeshActor, label, numbers["location"], numbers["rotation"])
     actor.set_actor_scale3d(unreal.Vector(*(size / 100.0 for size in numbers["size"])))
     mesh = actor.get_component_by_class(unreal.StaticMeshComponent)
     mesh.set_mobility(unreal.ComponentMobility.MOVABLE)
@@ -216,4 +221,4 @@ def add_shape(shape, label, numbers, material, shadow=True):
     return actor
 
 
-main()
+_main()

@@ -3,13 +3,14 @@
 import json
 import re
 import shutil
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from unityparser import UnityDocument
 from unitypackage_extractor.extractor import extractPackage
+from unityparser import UnityDocument
 
 from lighting.color import srgb_decode
 from lighting.files.exr import read_exr
@@ -45,7 +46,7 @@ def vector(value: dict[str, float]) -> Floats:
     return np.array([value["x"], value["y"], -value["z"]])
 
 
-def rotated(quaternion: dict[str, float], axis: list[float]) -> Floats:
+def rotated(quaternion: dict[str, float], axis: Sequence[float]) -> Floats:
     """An axis of Unity's, turned, in our frame."""
     w, q = quaternion["w"], np.array([quaternion[name] for name in "xyz"])
     v = np.array(axis)
@@ -146,7 +147,7 @@ def test_the_means_of_the_maps_faces_tell_where_its_centre_is() -> None:
 
 def test_the_map_is_the_scenes(assets: Path) -> None:
     image, light = read_exr(assets / "environment.exr")
-    np.testing.assert_allclose(image, sunlit_scene().environment, rtol=1e-4)
+    np.testing.assert_allclose(image, sunlit_scene().environment, rtol=2e-3)
     assert light is not None
     assert light.sun_azimuth == LIGHT.sun_azimuth
 
