@@ -84,7 +84,7 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
 }
 
 SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
-    "use_exif": "exif",
+    "metadata": "exif",
     "latitude": "lat",
     "longitude": "lon",
     "vertical_fov": "fov",

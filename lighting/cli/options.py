@@ -268,8 +268,8 @@ def _parsed(read: Callable[[str], Any], text: str) -> Any:
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
-    "use_exif": click.option(
-        "--no-exif", "use_exif", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
+    "metadata": click.option(
+        "--no-exif", "metadata", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
     ),
     "time": click.option(
         "--time", metavar="TIME", callback=parse_time_option, help="When: 2024-06-01T14:30, +02:00 behind it if known."

@@ -95,7 +95,7 @@ def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClien
     assert estimate(client, PHONE) == record_with_coefficients(estimator(photo).lighting)
     assert "time+place" in estimate(client, PHONE)["evidence"]
     assert estimate(client, PHONE, exif="false") == record_with_coefficients(
-        estimator(photo, UserInput(use_exif=False)).lighting
+        estimator(photo, UserInput(metadata=False)).lighting
     )
 
 
@@ -110,7 +110,7 @@ def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClien
                 "latitude": 48.1375, "longitude": 11.575,
             },
         ),
-        ({"fov": 40, "exif": "false"}, {"vertical_fov": 40.0, "use_exif": False}),
+        ({"fov": 40, "exif": "false"}, {"vertical_fov": 40.0, "metadata": False}),
     ],
 )  # fmt: skip
 def test_what_the_client_knows_counts_as_for_the_library(
