@@ -89,7 +89,7 @@ async def estimate_lighting(
 
     Edit the answer and send it to `POST /v1/envmap` for its map. Several photos go to `POST /v1/lightings`.
     """
-    answer = await admission.run(tasks.estimate_lighting, admission.service, photo, query)
+    answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
     return JSONResponse(responses.estimate_to_json(answer, query, request.scope.get("root_path", "")))
 
 
@@ -163,16 +163,14 @@ async def compute_probe(
     openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
 async def estimate_probe(
-    request: Request, admission: AdmissionDep, query: Annotated[PhotoProbeQuery, Query()]
+    admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[PhotoProbeQuery, Query()]
 ) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
-    if media_type(request) == JSON_TYPE:
+    if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        lighting = parse_record(await admission.body.record())
-        data = await admission.run(tasks.encode_probe_of_lighting, lighting, query)
+        data = await admission.run(tasks.encode_probe_of_lighting, source, query)
     else:
-        photo = await admission.body.photo(JSON_TYPE)
-        data = await admission.run(tasks.encode_probe_of_photo, admission.service, photo, query)
+        data = await admission.run(tasks.encode_probe_of_photo, admission.service, source, query)
     return Response(data, media_type=JSON_TYPE)
 
 

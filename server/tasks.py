@@ -39,7 +39,7 @@ _UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
 _UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def estimate_lighting(service: Service, data: bytes, query: queries.LightingQuery) -> PhotoAnswer:
+def answer_photo(service: Service, data: bytes, query: queries.LightingQuery) -> PhotoAnswer:
     """Estimate the light of one photo.
 
     Args:

@@ -20,8 +20,8 @@ from lighting.envmap.surroundings import render_view
 from lighting.estimator import Estimator
 from server import tasks
 from server.app import create_app
-from server.request_body import FORM_TYPE, PHOTO_TYPES
 from server.problems import KINDS
+from server.request_body import FORM_TYPE, PHOTO_TYPES
 from server.schemas import Problem
 from server.settings import Settings
 from tests.conftest import encode, scene
