@@ -32,8 +32,7 @@ router = APIRouter(include_in_schema=False)
 
 
 @router.get("/openapi.json")
-async def describe_api(request: Request) -> Response:
-    """The document, with a tag."""
+async def _describe_api(request: Request) -> Response:
     return tagged_json_response(request, request.app.openapi())
 
 
