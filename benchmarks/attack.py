@@ -338,11 +338,11 @@ def print_costs(photo: bytes) -> None:
     requests = [
         ("POST", f"/v1/{route}", size) for size in photos for route in ("lighting", "photo", "envmap", "preview")
     ]
-    requests += [("POST", "/v1/scene?tool=blender", size) for size in photos]
+    requests += [("POST", "/v1/scene?for=blender", size) for size in photos]
     requests += [
         ("GET", f"/v1/envmap?{sky}{more}", "") for more in ("", "&height=2048", "&height=2048&compression=none")
     ]
-    requests += [("GET", f"/v1/scene?{sky}&tool=blender", ""), ("GET", "/v1/model", "")]
+    requests += [("GET", f"/v1/scene?{sky}&for=blender", ""), ("GET", "/v1/model", "")]
     with started([sys.executable, "-m", "server"], "/readyz") as (port, process):
         for method, path, size in requests:
             target = Target(port, photos.get(size, b""))

@@ -591,16 +591,19 @@ def record_with_coefficients(lighting: Lighting, probe: "LightProbe | None" = No
     return record | {"sky": record["sky"] | {"coefficients": coefficients}} | extra
 
 
-def json_line(name: str, answer: Lighting | str, probe: "LightProbe | None" = None) -> str:
+def json_line(
+    name: str, answer: Lighting | str, probe: "LightProbe | None" = None, outputs: Mapping[str, str] = {}
+) -> str:
     """Return one line of JSON about a photo: its `lighting` record, or the `error` in place of one.
 
     Args:
         name: of the photo's file.
         answer: the photo's light, or the sentence that says why it has none.
         probe: for `light_probe` of the record; None: without.
+        outputs: names of files that were made of it, such as `output`.
     """
     content = {"error": answer} if isinstance(answer, str) else {"lighting": record_with_coefficients(answer, probe)}
-    return json.dumps({"file": name, **content}, allow_nan=False)
+    return json.dumps({"file": name, **outputs, **content}, allow_nan=False)
 
 
 def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> Json:

@@ -1,7 +1,7 @@
 """The ranges and units of what describes a light, checks of values against them, and values clipped to them.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables;
-JSON groups them (RECORD_PATHS), and some are short where people type them (SHORT_NAMES).
+JSON groups them (RECORD_PATHS), and some have other names where people type them (SHORT_NAMES).
 """
 
 import math
@@ -84,10 +84,8 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
 }
 
 SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
-    "metadata": "exif",
-    "latitude": "lat",
-    "longitude": "lon",
-    "vertical_fov": "fov",
+    "use_exif": "metadata",
+    "fov": "lens_fov",
     "first": "date",
     "last": "until",
 }
@@ -103,7 +101,7 @@ def record_path(field: str) -> str:
 
 
 def parameter_name(field: str) -> str:
-    """Return what a URL calls a field: lat.
+    """Return what a URL calls a field: metadata.
 
     Args:
         field: as Python names it.

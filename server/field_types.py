@@ -16,6 +16,7 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, core_schema
 
+from lighting.envmap.relighting import Adjustments, parse_sun
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
 from lighting.fusion.user_input import read_headings
@@ -104,8 +105,25 @@ def _parse_flag(value: object) -> object:
     return value
 
 
+def _parse_sun_or_flag(value: object) -> object:
+    """Accept `true`, `false` and a direction such as 40,25, which comes as a list of one text, or of two."""
+    text = ",".join(map(str, value)) if isinstance(value, list) else value
+    if not isinstance(text, str) or "," not in text:
+        return _parse_flag(text)
+    sun = parse_sun(text)
+    Adjustments(sun=sun)  # which checks its range
+    return sun
+
+
 Flag = Annotated[bool, BeforeValidator(_parse_flag)]
 FlagOrAuto = Annotated[bool | None, BeforeValidator(_parse_flag), NotNull()]
+SunOrFlag = Annotated[
+    tuple[float, float] | bool | None,
+    BeforeValidator(lambda value: with_field_errors(_parse_sun_or_flag)(value)),
+    WithJsonSchema(
+        {"type": "string", "pattern": r"^(true|false|-?[0-9.]+,-?[0-9.]+)$", "examples": ["40,25", "false"]}
+    ),
+]
 Height = Annotated[
     int,
     InRange(MIN_HEIGHT, MAX_HEIGHT, multipleOf=2, description="rows of the map, even; columns are twice that"),

@@ -3,12 +3,13 @@
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any, Self
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
 
 from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS
@@ -28,9 +29,23 @@ DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun o
 
 
 class Query(BaseModel):
-    """Parameters of a URL; unknown names are refused."""
+    """Parameters of a URL; unknown names are refused, and old ones are read until 0.3.0."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+    old_names: ClassVar[Mapping[str, str]] = {}  # what parameters are called now, by what they were called
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rename(cls, values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        renamed = dict(values)
+        for old, new in cls.old_names.items():
+            if old in renamed:
+                if new in renamed:
+                    raise field_error(old, f"is now {new}, which is stated, too", ErrorCode.DUPLICATE)
+                renamed[new] = renamed.pop(old)
+        return renamed
 
     def explicit_fields(self) -> set[str]:
         """The parameters with another value than their default, which clients may send, too."""
@@ -41,16 +56,27 @@ class Query(BaseModel):
 class UserInputQuery(Query):
     """What the client states about a photo; it overrides the photo's metadata."""
 
-    exif: types.Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
+    old_names: ClassVar[Mapping[str, str]] = {
+        "exif": "metadata",
+        "lat": "latitude",
+        "lon": "longitude",
+        "fov": "vertical_fov",
+    }
+
+    metadata: types.Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
     time: types.Time = Field(None, description="when the photo was taken, ISO 8601, with the offset from UTC if known")
     utc_offset: types.Offset = Field(None, description="offset of a local time from UTC in hours, -12 to 14")
-    lat: Annotated[float | None, parameter_range("latitude", "deg, positive north; needs `lon`", 48.14)] = None
-    lon: Annotated[float | None, parameter_range("longitude", "deg, positive east; needs `lat`", 11.58)] = None
+    latitude: Annotated[float | None, parameter_range("latitude", "deg, positive north; needs `longitude`", 48.14)] = (
+        None
+    )
+    longitude: Annotated[float | None, parameter_range("longitude", "deg, positive east; needs `latitude`", 11.58)] = (
+        None
+    )
     heading: Annotated[
         float | None,
         InRange(-360, 360, description="deg from true north, clockwise: where the camera points", examples=[134.2]),
     ] = None
-    fov: Annotated[
+    vertical_fov: Annotated[
         float | None, parameter_range("vertical_fov", "deg, vertical field of view of the upright photo", 48.7)
     ] = None
     camera_height: Annotated[
@@ -69,21 +95,17 @@ class UserInputQuery(Query):
 
 
 class LightingQuery(UserInputQuery):
-    """How a photo is estimated, and what the answer includes."""
+    """How one photo or several are estimated, and what the answer includes."""
 
     probability: types.Flag = Field(False, description="add the sun's probability on its grid")
     surroundings: types.Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
     photo_metadata: types.Flag = Field(
         False, description="add what the file says of itself, its location included, for a form that corrects it"
     )
-
-
-class LightingsQuery(LightingQuery):
-    """How several photos are estimated together, and what each answer includes."""
-
     headings: types.Headings = Field(
         None, description="deg, where each of several photos points, clockwise from any common direction"
     )
+    together: types.Flag = Field(True, description="several photos are of one place and light; false: each by itself")
     match: types.Flag = Field(
         True, description="find by what several photos show in common how they are turned, unless `headings` say it"
     )
@@ -94,7 +116,7 @@ class LightingsQuery(LightingQuery):
 
     def needs_matching(self, photos: int) -> bool:
         """Whether this number of photos must be matched with each other."""
-        return self.match and self.headings is None and photos > 1
+        return self.match and self.together and self.headings is None and photos > 1
 
 
 class MapQuery(Query):
@@ -110,6 +132,11 @@ class MapQuery(Query):
     compression: Annotated[str, RegistryName(COMPRESSIONS)] = Field(
         "zip", description="how an EXR is packed; `zip` writes half floats, `pxr24` and `none` 32-bit floats"
     )
+
+    @property
+    def sun_in_map(self) -> bool | None:
+        """Whether the sun is painted; None: by `Lighting.sun_painted`."""
+        return self.sun
 
     @model_validator(mode="after")
     def _check_format_options(self) -> Self:
@@ -142,18 +169,59 @@ class _IrradianceQuery(Query):
         return cover
 
 
+class _AdjustQuery(Query):
+    """What a client changes of a light by hand, under the names of the command line and of Python."""
+
+    sun: types.SunOrFlag = Field(
+        None,
+        description=f"AZIMUTH,ELEVATION in deg moves the sun; false leaves it out; true paints it; {SUN_BY_DEFAULT}",
+    )
+    exposure: Annotated[
+        float, InRange(*EXPOSURE_RANGE, description="EV; 1 is twice as bright as the estimate", examples=[0.5])
+    ] = 0.0
+    haze: Annotated[float | None, parameter_range("turbidity", "turbidity: 2 is clear, 10 is hazy", 3.4)] = None
+    overcast: types.Flag = Field(False, description="cover the sky with clouds: no sun, soft gray light")
+
+    @property
+    def sun_in_map(self) -> bool | None:
+        """Whether the sun is painted; one that was moved is. None: by `Lighting.sun_painted`."""
+        return True if isinstance(self.sun, tuple) else self.sun
+
+    def adjustments(self) -> Adjustments:
+        """The changes for the library."""
+        sun = self.sun if isinstance(self.sun, tuple) else None
+        return Adjustments(sun, self.exposure, self.haze, self.overcast)
+
+
 class _EditQuery(_IrradianceQuery):
-    """Parameters of sky and camera that replace the estimate; irradiances that are not among them follow the sky."""
+    """Fields of the record that replace the estimate; irradiances that are not among them follow the sky.
+
+    `exposure` and `vertical_fov` once were those of the record. Beside `photo_exposure`, or `vertical_fov` beside
+    `fov`, they still are until 0.3.0.
+    """
+
+    @model_validator(mode="before")
+    @classmethod
+    def _rename_edits(cls, values: Any) -> Any:
+        if not isinstance(values, Mapping):
+            return values
+        renamed = dict(values)
+        old = {"exposure": "sky_exposure", "vertical_fov": "camera_vertical_fov"} if "photo_exposure" in values else {}
+        old |= {"vertical_fov": "camera_vertical_fov"} if "fov" in values else {}
+        for name, new in old.items():
+            if name in renamed and new not in renamed:
+                renamed[new] = renamed.pop(name)
+        return renamed
 
     sun_azimuth: Annotated[float | None, types.SUN_AZIMUTH] = None
     sun_elevation: Annotated[float | None, types.SUN_ELEVATION] = None
     turbidity: Annotated[float | None, types.TURBIDITY] = None
-    exposure: Annotated[float | None, types.EXPOSURE] = None
+    sky_exposure: Annotated[float | None, types.EXPOSURE] = None
     camera_elevation: Annotated[float | None, types.CAMERA_ELEVATION] = None
     camera_roll: Annotated[float | None, types.CAMERA_ROLL] = None
-    vertical_fov: Annotated[
+    camera_vertical_fov: Annotated[
         float | None,
-        parameter_range("vertical_fov", "deg; unlike `fov` it leaves the estimate of the sun as it is", 48.7),
+        parameter_range("vertical_fov", "deg; unlike `vertical_fov` it leaves the estimate of the sun as it is", 48.7),
     ] = None
     photo_exposure: Annotated[
         float | None,
@@ -162,7 +230,10 @@ class _EditQuery(_IrradianceQuery):
 
     def changes(self) -> dict[str, float | Color]:
         """The fields of Lighting that the client replaces, by name."""
-        return self.model_dump(include=set(_EditQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
+        values = self.model_dump(include=set(_EditQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
+        return {
+            {"sky_exposure": "exposure", "camera_vertical_fov": "vertical_fov"}.get(n, n): v for n, v in values.items()
+        }
 
 
 class _SurroundingsQuery(Query):
@@ -186,8 +257,13 @@ class ProbeQuery(Query):
         None, description="another shape of the sky than the record's"
     )
 
+    @property
+    def sun_in_map(self) -> bool | None:
+        """Whether the sun shines; None: by `Lighting.sun_painted`."""
+        return self.sun
 
-class PhotoProbeQuery(ProbeQuery, UserInputQuery, _EditQuery):
+
+class PhotoProbeQuery(_AdjustQuery, ProbeQuery, UserInputQuery, _EditQuery):
     """The light probe of a photo."""
 
     surroundings: types.FlagOrAuto = Field(
@@ -195,7 +271,7 @@ class PhotoProbeQuery(ProbeQuery, UserInputQuery, _EditQuery):
     )
 
 
-class PreviewQuery(UserInputQuery, _SurroundingsQuery):
+class PreviewQuery(UserInputQuery, _SurroundingsQuery, _AdjustQuery):
     """The preview of a photo."""
 
 
@@ -205,7 +281,7 @@ class GroundQuery(UserInputQuery):
     sun: types.FlagOrAuto = Field(None, description=f"whether the ground may lie in direct sunlight; {SUN_BY_DEFAULT}")
 
 
-class EnvmapQuery(MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
+class EnvmapQuery(_AdjustQuery, MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
     """The map of a photo."""
 
 
@@ -236,13 +312,15 @@ class SkyProbeQuery(ProbeQuery, _SkyParameters):
 
 
 class _ToolQuery(Query):
-    tool: Annotated[str, RegistryName(EXPORTERS)] = Field(description="the tool that opens it")
+    old_names: ClassVar[Mapping[str, str]] = {"tool": "for"}
+
+    tool: Annotated[str, RegistryName(EXPORTERS)] = Field(alias="for", description="the tool that opens it")
 
 
 def _create_tool_options_query() -> Any:
     """_ToolQuery with a field for each option of EXPORTERS."""
     fields: Json = {
-        name: (Annotated[str, RegistryName(option.choices)], Field(option.default, description=f"with `tool={tool}`"))
+        name: (Annotated[str, RegistryName(option.choices)], Field(option.default, description=f"with `for={tool}`"))
         for tool, entry in EXPORTERS.items()
         for name, option in entry.options.items()
     }
@@ -261,10 +339,15 @@ class SceneQuery(_ToolOptionsQuery):
     sun: types.FlagOrAuto = Field(None, description=f"include direct sunlight; {SUN_BY_DEFAULT}")
     height: types.Height = 512
 
+    @property
+    def sun_in_map(self) -> bool | None:
+        """Whether direct sunlight is in it; None: by `Lighting.sun_painted`."""
+        return self.sun
+
     @model_validator(mode="after")
     def _check_tool_options(self) -> Self:
         if others := unsupported_options(self.explicit_fields(), self.tool):
-            reason = " and ".join(f"{name} goes with tool={tool}" for name, tool in sorted(others.items()))
+            reason = " and ".join(f"{name} goes with for={tool}" for name, tool in sorted(others.items()))
             raise field_error(min(others), reason)
         return self
 
@@ -273,8 +356,10 @@ class SceneQuery(_ToolOptionsQuery):
         return self.model_dump(include=set(EXPORTERS[self.tool].options))
 
 
-class PhotoSceneQuery(SceneQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
+class PhotoSceneQuery(_AdjustQuery, SceneQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
     """The scene of a photo."""
+
+    old_names: ClassVar[Mapping[str, str]] = {**SceneQuery.old_names, **UserInputQuery.old_names}
 
 
 class SkySceneQuery(SceneQuery, _SkyParameters):
@@ -311,15 +396,17 @@ async def refuse_parameters(request: Request) -> None:
         raise invalid_fields_error([InvalidField(name, "query", detail, ErrorCode.UNKNOWN) for name in names])
 
 
-def check_photo_headings(photos: int, query: LightingsQuery) -> None:
+def check_photo_headings(photos: int, query: LightingQuery) -> None:
     """Raise ProblemError if the headings do not fit the number of photos.
 
     Args:
         photos: the number of photos.
         query: has `headings` of all photos or `heading` of one.
     """
+    if query.headings is not None and not query.together:
+        raise invalid_field_error("headings", "Headings are of photos taken together.", code=ErrorCode.CONTRADICTION)
     try:
-        check_headings(photos, query.heading_values(), query.heading)
+        check_headings(photos if query.together else 1, query.heading_values(), query.heading)
     except ParameterError as error:
         raise invalid_field_error(error.field or "headings", str(error), code=error.code) from error
 

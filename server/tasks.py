@@ -9,7 +9,7 @@ from anyio.from_thread import check_cancelled
 from numpy.typing import NDArray
 
 from lighting.envmap import surroundings
-from lighting.envmap.relighting import edit_lighting
+from lighting.envmap.relighting import adjust_lighting, edit_lighting
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, photo_context, render_view, surroundings_gain
 from lighting.errors import PhotoError
@@ -39,18 +39,7 @@ _UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
 _UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def answer_photo(service: Service, data: bytes, query: queries.LightingQuery) -> PhotoAnswer:
-    """Estimate the light of one photo.
-
-    Args:
-        service: reads the photo and estimates.
-        data: the bytes of a photo.
-        query: with `surroundings`, the answer has its gain if the network predicts surroundings.
-    """
-    return _answer_photo(*_estimate_photo(service, data, query), query)
-
-
-def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingsQuery) -> list[PhotoAnswer]:
+def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingQuery) -> list[PhotoAnswer]:
     """Estimate the light of photos of one place.
 
     Args:
@@ -63,7 +52,7 @@ def estimate_photos(service: Service, files: Sequence[Upload], query: queries.Li
     """
     matcher = PhotoMatcher(service.settings.match_seconds) if query.needs_matching(len(files)) else None
     photos = _read_photos(service, files, matcher.target if matcher else TARGET)
-    estimates = service.estimate(photos, query.user_input(), query.heading_values(), matcher)
+    estimates = _estimate_each(service, photos, query, matcher)
     return [_answer_photo(photo, estimate, query) for photo, estimate in zip(photos, estimates, strict=True)]
 
 
@@ -75,6 +64,19 @@ def _answer_photo(photo: Photo, estimate: Estimate, query: queries.LightingQuery
     probe = compute_light_probe(estimate.lighting, context)
     gain = surroundings_gain(estimate.lighting, context) if context and query.surroundings else None
     return PhotoAnswer(estimate, probe, gain, photo.crop, metadata)
+
+
+def _estimate_each(
+    service: Service, photos: Sequence[Photo], query: queries.LightingQuery, matcher: PhotoMatcher | None
+) -> list[Estimate]:
+    """The light of each photo, by all of them where they are of one place."""
+    if query.together:
+        return service.estimate(photos, query.user_input(), query.heading_values(), matcher)
+    estimates = []
+    for photo in photos:
+        estimates += service.estimate([photo], query.user_input())
+        check_cancelled()
+    return estimates
 
 
 def _read_photos(service: Service, files: Sequence[Upload], target: int) -> list[Photo]:
@@ -104,7 +106,7 @@ def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: Phot
         query: height, yaw, format and compression.
         context: the photo's surroundings, which the map then shows; None renders the sky alone.
     """
-    view: Any = {"sun": query.sun, "yaw": query.yaw, "sky": query.sky, "context": context}
+    view: Any = {"sun": query.sun_in_map, "yaw": query.yaw, "sky": query.sky, "context": context}
     image, rotated = render_view(lighting, query.height, **view)
     check_cancelled()
     probe = compute_light_probe(lighting, **view) if MAP_FORMATS[query.format].has_header else None
@@ -133,7 +135,8 @@ def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQ
         exposure=query.photo_exposure,
         detail=query.detail,
     )
-    return encode_envmap_of_lighting(edit_lighting(estimate.lighting, query.changes()), query, context)
+    lighting = adjust_lighting(edit_lighting(estimate.lighting, query.changes()), query.adjustments())
+    return encode_envmap_of_lighting(lighting, query, context)
 
 
 def _estimate_photo(service: Service, data: bytes, query: queries.UserInputQuery) -> tuple[Photo, Estimate]:
@@ -165,7 +168,7 @@ def encode_probe_of_lighting(
         query: the engine, yaw and sky.
         context: the photo's surroundings, which the probe then holds; None: the sky alone.
     """
-    probe = compute_light_probe(lighting, context, sun=query.sun, yaw=query.yaw, sky=query.sky)
+    probe = compute_light_probe(lighting, context, sun=query.sun_in_map, yaw=query.yaw, sky=query.sky)
     return encode_light_probe(probe, query.format).encode()
 
 
@@ -181,7 +184,8 @@ def encode_probe_of_photo(service: Service, data: bytes, query: queries.PhotoPro
     context = photo_context(
         estimate, photo.pixels, surroundings=query.surroundings, exposure=query.photo_exposure, detail=False
     )
-    return encode_probe_of_lighting(edit_lighting(estimate.lighting, query.changes()), query, context)
+    lighting = adjust_lighting(edit_lighting(estimate.lighting, query.changes()), query.adjustments())
+    return encode_probe_of_lighting(lighting, query, context)
 
 
 def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -> bytes:
@@ -194,7 +198,15 @@ def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -
     """
     _, estimate = _estimate_photo(service, data, query)
     pixels = service.reread_photo(data, PHOTO_SIDE).pixels
-    return preview_png(pixels, estimate, surroundings=query.surroundings, detail=query.detail)
+    lighting = adjust_lighting(estimate.lighting, query.adjustments())
+    return preview_png(
+        pixels,
+        estimate,
+        surroundings=query.surroundings,
+        detail=query.detail,
+        lighting=lighting,
+        sun=query.sun_in_map,
+    )
 
 
 def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> bytes:
@@ -217,7 +229,9 @@ def _zip_scene_of_plate(
     context: PhotoContext | None = None,
     segments: Segments | None = None,
 ) -> FileWithWarnings:
-    scene = make_scene(plate, lighting, map_height=query.height, sun=query.sun, context=context, segments=segments)
+    scene = make_scene(
+        plate, lighting, map_height=query.height, sun=query.sun_in_map, context=context, segments=segments
+    )
     check_cancelled()
     return zip_scene(scene, query.tool, **query.options()), scene.warnings
 
@@ -231,7 +245,7 @@ def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQ
         query: the tool, its options, and what the client states and replaces.
     """
     _, estimate = _estimate_photo(service, data, query)
-    lighting = edit_lighting(estimate.lighting, query.changes())
+    lighting = adjust_lighting(edit_lighting(estimate.lighting, query.changes()), query.adjustments())
     plate = service.reread_photo(data, PLATE_SIDE)
     context = photo_context(
         estimate,

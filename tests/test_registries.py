@@ -114,11 +114,11 @@ def test_the_scene_replaces_neither_photo_nor_record(photo_path: Path, record_pa
 
 
 def test_the_service_writes_the_scene(client: TestClient) -> None:
-    answer = client.get("/v1/scene", params={**SKY, "tool": "toy", "plate_width": 64, "plate_height": 48})
+    answer = client.get("/v1/scene", params={**SKY, "for": "toy", "plate_width": 64, "plate_height": 48})
     assert answer.status_code == 200
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         assert archive.read(TEXT) == b"sun -40 35\ncamera 1.6 m\n"
-    refused = client.get("/v1/scene", params={**SKY, "tool": "maya"})
+    refused = client.get("/v1/scene", params={**SKY, "for": "maya"})
     assert "'toy'" in refused.json()["detail"]
 
 
@@ -131,7 +131,7 @@ def test_the_service_lists_both(client: TestClient) -> None:
         path: {parameter["name"]: parameter["schema"] for parameter in paths[path]["get"]["parameters"]}
         for path in ("/v1/envmap", "/v1/scene")
     }
-    assert "toy" in parameters["/v1/scene"]["tool"]["enum"]
+    assert "toy" in parameters["/v1/scene"]["for"]["enum"]
     assert "eastern" in parameters["/v1/envmap"]["sky"]["enum"]
 
 
@@ -143,6 +143,7 @@ def test_help_and_the_options_of_requests_know_what_was_there_at_the_start() -> 
     assert "eastern or cie-1 to cie-15" in " ".join(in_new_process(code, "render", "--help").split())
     code = """
 from server.query_params import SkySceneQuery
-print(SkySceneQuery.model_validate(dict(tool="toy", unit="cm", sun_azimuth=1, sun_elevation=2, turbidity=3)).options())
+sky = dict(sun_azimuth=1, sun_elevation=2, turbidity=3)
+print(SkySceneQuery.model_validate({"for": "toy", "unit": "cm", **sky}).options())
 """
     assert in_new_process(code) == "{'unit': 'cm'}\n"

@@ -64,7 +64,7 @@ def from_service(address: str, key: str, photo: Path, folder: Path) -> None:
     headers = _headers(photo, key.strip())
     host = _host(base_url)
     try:
-        request = urllib.request.Request(f"{base_url}/v1/scene?tool=blender", photo.read_bytes(), headers)
+        request = urllib.request.Request(f"{base_url}/v1/scene?for=blender", photo.read_bytes(), headers)
         with urllib.request.build_opener(_Stay).open(request, timeout=SECONDS) as answer:
             data = answer.read(MOST_BYTES + 1)
     except urllib.error.HTTPError as error:

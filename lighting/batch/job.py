@@ -71,6 +71,16 @@ class Summary:
     seconds: float
     skipped: Counter[str] = field(default_factory=Counter)  # pictures and clips that are not taken, by the reason
 
+    def to_dict(self) -> dict[str, object]:
+        """Return the numbers for JSON."""
+        return {
+            "succeeded": self.succeeded,
+            "failed": self.failed,
+            "earlier": self.earlier,
+            "skipped": self.skipped.total(),
+            "seconds": round(self.seconds, 3),
+        }
+
     def __str__(self) -> str:
         rate = (self.succeeded + self.failed - self.earlier) / max(self.seconds, 1e-3)
         before = f"{self.earlier} by an earlier run, " if self.earlier else ""

@@ -209,6 +209,20 @@ def write_parquet(out: Path) -> None:
             writer.write_table(pyarrow.Table.from_pylist(part, table_schema()))
 
 
+def read_suitable(results: Path) -> Iterator[float | None]:
+    """Return `suitable` of each photo; None where the photo failed or the network does not say it.
+
+    Args:
+        results: a JOURNAL or a TABLE.
+    """
+    if results.name == JOURNAL:
+        yield from (record.get("lighting", {}).get("suitable") for record in _read_records(results))
+        return
+    from pyarrow.parquet import read_table
+
+    yield from read_table(results, columns=["suitable"]).column(0).to_pylist()
+
+
 def table_schema() -> Any:
     """Return the table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
     pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "all")

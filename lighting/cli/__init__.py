@@ -1,7 +1,8 @@
 """The command line: parse, call the library, print.
 
 A command's module is imported when it is called, and nothing heavy before it is needed. Results go to stdout; progress,
-errors and counts to stderr. Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage.
+errors and counts to stderr. Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage;
+3: with --strict, a photo is probably not of outdoors by daylight.
 """
 
 from importlib import import_module
@@ -9,31 +10,33 @@ from typing import Any
 
 import click
 
+from lighting.cli.commands import Group
 from lighting.cli.console import escape_control_chars, format_error, is_broken_pipe
 from lighting.errors import LightingError
 from lighting.version import __version__
 
-_HOME = {  # the module of each command; a call imports no other
-    "batch": "batch",
-    "envmap": "estimate",
-    "estimate": "estimate",
-    "info": "info",
-    "light-probe": "light_probe",
+_HOME = {  # the module of each command, in the order of use; a call imports no other
     "open": "serve",
-    "preview": "estimate",
-    "probe": "probe",
-    "render": "estimate",
+    "envmap": "envmap",
+    "preview": "envmap",
     "scene": "scene",
-    "serve": "serve",
-    "stereo": "stereo",
+    "estimate": "estimate",
+    "render": "envmap",
+    "light-probe": "light_probe",
+    "info": "info",
+    "batch": "batch",
     "video": "video",
+    "probe": "probe",
+    "stereo": "stereo",
+    "serve": "serve",
+    "doctor": "doctor",
 }
 
 
 _NO_ARGUMENTS: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())  # from click 8.2 on
 
 
-class _Group(click.Group):
+class _Program(Group):
     """Commands whose expected errors end as one sentence and status 1."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
@@ -66,7 +69,15 @@ class _Group(click.Group):
             raise click.ClickException(format_error(error)) from error
 
 
-@click.group(cls=_Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(
+    cls=_Program,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    examples=(
+        "lighting envmap photo.jpg                      # photo.exr, a map that lights like the photo",
+        "lighting scene photo.jpg --for blender         # a folder that Blender opens",
+        "lighting envmap photo.jpg --sun 40,25 -o b.exr # the same with another sun",
+    ),
+)
 @click.version_option(__version__)
 @click.option("--debug", is_flag=True, help="Show the traceback of an error.")
 def cli(debug: bool) -> None:
@@ -74,3 +85,18 @@ def cli(debug: bool) -> None:
 
     Azimuths are degrees from where the camera points, positive to the right. A file named "-" is stdin or stdout.
     """
+
+
+@cli.command("help", hidden=True)
+@click.argument("names", nargs=-1, metavar="[COMMAND]...")
+@click.pass_context
+def _help(ctx: click.Context, names: tuple[str, ...]) -> None:
+    """Show the help of a command."""
+    parent = ctx.find_root()
+    for name in names:
+        if not isinstance(parent.command, click.Group):
+            raise click.UsageError(f"`{parent.command_path}` has no commands.")
+        _, command, _ = parent.command.resolve_command(parent, [name])
+        assert command is not None
+        parent = click.Context(command, info_name=name, parent=parent)
+    click.echo(parent.get_help())

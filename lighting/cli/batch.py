@@ -1,5 +1,7 @@
 """The command that processes many photos."""
 
+import json
+import shlex
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,9 +12,11 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lighting.cli import cli
+from lighting.cli import cli, outputs
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
+from lighting.cli.photos import UNSUITABLE_STATUS
+from lighting.formatting import escape_undecodable
 
 if TYPE_CHECKING:
     from lighting.batch.job import BatchJob, Summary
@@ -40,6 +44,8 @@ class _Options:
     address: str | None
     user_input: "UserInput"
     model: str | None
+    strict: bool
+    as_json: bool
     quiet: bool
 
     @property
@@ -58,11 +64,21 @@ class _Options:
         return not self.quiet and sys.stderr.isatty()
 
 
-@cli.command("batch")
-@click.argument("input")
-@click.argument("out", callback=common.check_folder_name)
+@cli.command(
+    "batch",
+    examples=(
+        "lighting batch photos results                       # results/lighting.jsonl; run again to go on",
+        'lighting batch "photos/**/*.jpg" results --envmap   # and a map of each photo',
+        "lighting batch photos results --parquet --workers 8",
+    ),
+)
+@click.argument("input", type=common.FileName())
+@click.argument("out", required=False, type=common.FileName(), callback=outputs.check_folder_name)
+@click.option("-o", "--output", metavar="OUT", callback=outputs.check_folder_name, help="The same as OUT.")
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @common.map_options
+@common.no_sun_option
+@common.moved_sun_option
 @common.surroundings_option
 @common.detail_option
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
@@ -74,6 +90,8 @@ class _Options:
 @click.option("--address", metavar="ADDRESS", help="Address of a Ray cluster; a local one is started by default.")
 @common.batch_input_options
 @common.model_option
+@common.strict_option
+@common.json_option
 @common.quiet_option
 @click.pass_context
 def _batch(ctx: click.Context, /, **options: Any) -> None:
@@ -85,14 +103,44 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
     retry failed photos (with --engine ray, failed photos are retried only with --overwrite). Time, place and lens are
     taken from each photo's metadata.
     """
-    chosen = _Options(**options)
+    out = _choose_out(options["input"], options.pop("out"), options.pop("output"))
+    chosen = _Options(**options, out=out)
     _refuse_idle_options(ctx)
     summary = _run_ray(chosen) if chosen.engine == "ray" else _run_pool(chosen)
     if summary.failed:
         click.echo(f"Photos that failed: {summary.failed}; the reasons are in {escape_path(chosen.out)}.", err=True)
+    if chosen.as_json:
+        click.echo(json.dumps({"output": escape_undecodable(chosen.out), **summary.to_dict()}))
     if not chosen.quiet:
         click.echo(str(summary), err=True)
-    ctx.exit(1 if summary.failed else 0)
+    from lighting.batch.results import JOURNAL, TABLE
+
+    results = Path(chosen.out, TABLE if chosen.engine == "ray" else JOURNAL)
+    outputs.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json)
+    ctx.exit(1 if summary.failed else UNSUITABLE_STATUS if chosen.strict and _holds_unsuitable(results) else 0)
+
+
+def _choose_out(source: str, out: str | None, output: str | None) -> str:
+    """The folder of the results, by default one beside the photos' folder."""
+    if out is not None and output is not None:
+        raise click.UsageError("OUT and -o are the same; state one.")
+    stated = out if output is None else output
+    if stated is None and ("://" in source or not Path(source).is_dir()):
+        raise click.UsageError("Say where the results go: lighting batch INPUT OUT.")
+    return outputs.choose_folder(str(Path(source)), stated, "-lighting")
+
+
+def _describe_results(name: str) -> str:
+    """How to open the results."""
+    return f"jq . {shlex.quote(name)}" if name.endswith(".jsonl") else "with any reader of Parquet"
+
+
+def _holds_unsuitable(results: Path) -> bool:
+    """Whether a photo is probably not of outdoors by daylight."""
+    from lighting.batch.results import read_suitable
+    from lighting.records import MIN_SUITABLE
+
+    return any(share is not None and share < MIN_SUITABLE for share in read_suitable(results))
 
 
 def _refuse_idle_options(ctx: click.Context) -> None:

@@ -2,13 +2,12 @@
 
 import errno
 import json
-import os
 import re
+import shlex
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from datetime import timedelta, timezone
-from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
@@ -32,11 +31,13 @@ if TYPE_CHECKING:
     from lighting.envmap.surroundings import PhotoContext
     from lighting.estimator import Estimator
     from lighting.fusion.user_input import UserInput
+    from lighting.light_probe import LightProbe
     from lighting.model import Model
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting, Prediction
 
+_PHOTO_HEADS = (b"\xff\xd8\xff", b"\x89PNG", b"II*\0", b"MM\0*")  # of JPEG, PNG and TIFF
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 
 
@@ -53,39 +54,64 @@ def photo_progress(items: Sequence[str], quiet: bool) -> Any:
     return tqdm(items, unit="photo", disable=hidden)
 
 
-def print_estimate(name: str, estimate: "Estimate", as_json: bool, quiet: bool) -> None:
-    """Print one photo's estimate: a line of JSON, or a line for people with its warnings on stderr.
+def print_estimate(
+    name: str,
+    lighting: "Lighting",
+    warnings: Sequence[str] = (),
+    outputs: Mapping[str, str] = {},
+    *,
+    probe: "LightProbe | None" = None,
+    as_json: bool,
+    quiet: bool,
+) -> None:
+    """Print a photo's light: a line of JSON, or a line for people with its warnings on stderr.
 
     Args:
         name: of the photo.
-        estimate: its light.
-        as_json: which of both.
+        lighting: its light.
+        warnings: for people; JSON has those of the record.
+        outputs: the files that were written, by their names in JSON; with some, quiet hides the line for people.
+        probe: for JSON; None: without.
+        as_json: which of both; stdout must hold nothing else.
         quiet: print no warnings.
     """
     from lighting.records import json_line
 
     if as_json:
-        click.echo(json_line(escape_undecodable(name), estimate.lighting, estimate.light_probe()))
-    else:
-        click.echo(format_summary(name, estimate.lighting))
-        report_warnings(name, estimate.warnings, quiet)
+        files = {key: escape_undecodable(file) for key, file in outputs.items()}
+        click.echo(json_line(escape_undecodable(name), lighting, probe, files))
+        return
+    closed = bool(outputs) and not sys.stdout.writable()  # what matters is written
+    if not (outputs and quiet) and not closed and "-" not in outputs.values():
+        click.echo(format_summary(name, lighting))
+    report_warnings(name, warnings, quiet)
 
 
-def report_failure(name: str, error: Exception, as_json: bool, progress: Any) -> None:
-    """Print why a photo has no estimate: on stderr, and as a line of JSON.
+def print_json_error(name: str, error: Exception) -> None:
+    """Print why a file has no answer as a line of JSON.
+
+    Args:
+        name: of the file.
+        error: the reason.
+    """
+    from lighting.records import json_line
+
+    click.echo(json_line(escape_undecodable(name), escape_undecodable(describe_error(error))))
+
+
+def report_failure(name: str, error: Exception, progress: Any) -> None:
+    """Print on stderr why a photo has no estimate.
 
     Args:
         name: of the photo.
         error: the reason.
-        as_json: whether the line is printed.
         progress: the bar of tqdm, which makes way.
     """
-    from lighting.records import json_line
-
-    if as_json:
-        click.echo(json_line(escape_undecodable(name), escape_undecodable(describe_error(error))))
+    sentence, subject = escape_control_chars(describe_error(error)), escape_path(name)
     with progress.external_write_mode(file=sys.stderr):
-        click.echo(f"Error: {escape_path(name)}: {escape_control_chars(describe_error(error))}", err=True)
+        click.echo(
+            f"Error: {sentence}" if sentence.startswith(f"{subject}: ") else f"Error: {subject}: {sentence}", err=True
+        )
 
 
 def format_summary(name: str, lighting: "Lighting") -> str:
@@ -317,6 +343,8 @@ def parse_lighting(data: bytes, name: str) -> "Lighting":
     """
     from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
 
+    if sentence := _describe_other_file(data, name):
+        raise ParameterError(sentence, code=ErrorCode.UNREADABLE)
     if len(data) > MAX_RECORD_BYTES:
         sentence = f"{escape_path(name)} is larger than a lighting record, which has at most 1 MB."
         raise ParameterError(sentence, code=ErrorCode.TOO_LARGE)
@@ -328,6 +356,21 @@ def parse_lighting(data: bytes, name: str) -> "Lighting":
     except (ValueError, RecursionError) as error:
         sentence = f"{escape_path(name)} {_describe_json_error(error)}."
         raise ParameterError(sentence, code=ErrorCode.UNREADABLE) from error
+
+
+def _describe_other_file(data: bytes, name: str) -> str | None:
+    """What a file is that stands in a record's place, and what to do with it; None where it may be a record."""
+    from lighting.files.exr import EXR_MAGIC
+    from lighting.photo.formats import kind_name
+
+    shown, typed = escape_path(name), escape_control_chars(shlex.quote(name))
+    if data.startswith(EXR_MAGIC):
+        return f"{shown} is an EXR, not a record (.json). Its record: `lighting info {typed}`."
+    if data.startswith(_PHOTO_HEADS):
+        return f"{shown} is a photo, not a record (.json). Its map: `lighting envmap {typed}`."
+    kind = kind_name(data)
+    zeros = data.count(0) == len(data)  # whose kind says nothing of the file
+    return None if kind is None or kind == "a JSON file" or zeros else f"{shown} is {kind}, not a record (.json)."
 
 
 def _describe_json_error(error: Exception) -> str:
@@ -408,30 +451,6 @@ def warm_up() -> None:
     encode_envmap(render(light, MIN_HEIGHT), light)
 
 
-def refuse_collisions(source: str, *outputs: str | None) -> None:
-    """Raise UsageError where an output would replace the input or the other output.
-
-    Args:
-        source: the file that is read.
-        outputs: files that are written; None where not.
-    """
-    files = [name for name in (source, *outputs) if name is not None and name != "-"]
-    if any(is_same_file(*pair) for pair in combinations(files, 2)) or outputs.count("-") > 1:
-        raise click.UsageError("The input and the outputs must be different files.")
-
-
-def is_same_file(one: str, other: str) -> bool:
-    """Tell whether two names are of one file, also where links or a disk that knows no case hide it.
-
-    Args:
-        one: a name.
-        other: another one.
-    """
-    if os.path.realpath(one) == os.path.realpath(other):
-        return True
-    return Path(one).exists() and Path(other).exists() and Path(one).samefile(other)
-
-
 def map_context(
     data: bytes, photo: "Photo", estimate: "Estimate", height: int, surroundings: bool | None, detail: bool
 ) -> "PhotoContext | None":
@@ -489,23 +508,6 @@ def write_output_map(output: str, lighting: "Lighting", compression: str | None,
         _write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip", probe=probe))
     else:
         write_envmap(output, image, lighting, compression=compression or "zip", probe=probe)
-
-
-def write_preview(output: str, photo: bytes, estimate: "Estimate", surroundings: bool | None, detail: bool) -> None:
-    """Draw a photo, its light and three spheres lit by it.
-
-    Args:
-        output: the PNG's file; "-" is stdout.
-        photo: its bytes.
-        estimate: of its light.
-        surroundings: whether the spheres mirror them; None where the network predicts them.
-        detail: whether the map then has detail all around the photo.
-    """
-    from lighting.photo.reader import read_photo
-    from lighting.preview.picture import PHOTO_SIDE, preview_png
-
-    pixels = read_photo(photo, target=PHOTO_SIDE).pixels
-    write_png(output, preview_png(pixels, estimate, surroundings=surroundings, detail=detail))
 
 
 def write_png(output: str, data: bytes) -> None:

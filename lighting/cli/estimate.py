@@ -1,4 +1,4 @@
-"""The commands about photos and records: estimate, envmap, render, preview."""
+"""The command that prints the light of photos."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
@@ -7,6 +7,7 @@ import click
 
 from lighting.cli import cli, console
 from lighting.cli import options as common
+from lighting.cli.photos import check_stdin, strict_status
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
+    from lighting.records import Lighting
 
 Answers = Iterator[tuple[str, "Estimate | Exception"]]
 
@@ -72,9 +74,17 @@ def _estimate_views(
     yield from zip((name for name, _ in read.values()), estimates, strict=True)
 
 
-@cli.command("estimate")
-@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...")
-@click.option("--json", "as_json", is_flag=True, help="One JSON object a line instead of words.")
+@cli.command(
+    "estimate",
+    examples=(
+        "lighting estimate photo.jpg",
+        "lighting estimate --json *.jpg > lights.jsonl       # a record a line",
+        "lighting estimate photo.jpg --time 2024-06-01T18:30+02:00 --lat 48.14 --lon 11.58",
+    ),
+)
+@click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=common.FileName())
+@common.json_option
+@common.strict_option
 @common.together_option
 @common.headings_option
 @common.removed_option("--fit", "--together with time and place says where each camera looks")
@@ -89,6 +99,7 @@ def _estimate(
     as_json: bool,
     user_input: "UserInput",
     model: str | None,
+    strict: bool,
     quiet: bool,
     **taken_together: Any,
 ) -> None:
@@ -97,102 +108,24 @@ def _estimate(
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
-    if photos.count("-") > 1:
-        raise click.UsageError("Only one of the photos can be stdin.")
+    check_stdin(photos)
     common.check_together(len(photos), user_input, **taken_together)
     console.warn_unregistered(quiet, **taken_together)
+    lights = list["Lighting"]()
     failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
     with console.photo_progress(photos, quiet) as progress:
         for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):
-                console.print_estimate(name, answer, as_json, quiet)
+                light, probe = answer.lighting, answer.light_probe() if as_json else None
+                console.print_estimate(name, light, answer.warnings, probe=probe, as_json=as_json, quiet=quiet)
+                lights.append(light)
                 continue
             if ctx.find_root().params["debug"]:
                 raise answer
             failed += 1
-            console.report_failure(name, answer, as_json, progress)
+            if as_json:
+                console.print_json_error(name, answer)
+            console.report_failure(name, answer, progress)
     if failed and len(photos) > 1:
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
-    ctx.exit(1 if failed else 0)
-
-
-@cli.command("envmap")
-@click.argument("photo")
-@common.map_output
-@common.map_options
-@common.surroundings_option
-@common.detail_option
-@click.option(
-    "--preview", metavar="FILE.png", callback=common.check_png_file, help="Also draw what `lighting preview` draws."
-)
-@common.user_input_options
-@common.model_option
-@common.silent_option
-def _envmap(
-    photo: str,
-    output: str,
-    surroundings: bool | None,
-    detail: bool,
-    preview: str | None,
-    user_input: "UserInput",
-    model: str | None,
-    quiet: bool,
-    **view: Any,
-) -> None:
-    """Estimate the light of PHOTO and render its environment map."""
-    console.refuse_collisions(photo, output, preview)
-    console.check_compression_option(output, view["compression"])
-    with console.prefix_errors(photo):
-        data = console.read_photo_bytes(photo)
-        picture, estimate = console.estimate_photo(photo, data, user_input, model, console.warm_up)
-    context = console.map_context(data, picture, estimate, view["height"], surroundings, detail)
-    console.write_output_map(output, estimate.lighting, context=context, **view)
-    if preview:
-        console.write_preview(preview, data, estimate, surroundings, detail)
-    if not quiet and "-" not in (output, preview):
-        click.echo(console.format_summary(photo, estimate.lighting))
-    console.report_warnings(photo, estimate.warnings, quiet)
-
-
-@cli.command("render")
-@click.argument("record", metavar="LIGHTING.json")
-@common.map_output
-@common.map_options
-def _render(record: str, output: str, **view: Any) -> None:
-    """Render a lighting record as an environment map.
-
-    LIGHTING.json holds one record, or one line that "estimate --json" printed.
-    """
-    console.refuse_collisions(record, output)
-    console.check_compression_option(output, view["compression"])
-    console.write_output_map(output, console.read_lighting(record), **view)
-
-
-@cli.command("preview")
-@click.argument("photo")
-@click.option(
-    "-o", "--output", required=True, metavar="FILE.png", callback=common.check_png_file, help='"-" is stdout.'
-)
-@common.surroundings_option
-@common.detail_option
-@common.user_input_options
-@common.model_option
-@common.silent_option
-def _preview(
-    photo: str,
-    output: str,
-    surroundings: bool | None,
-    detail: bool,
-    user_input: "UserInput",
-    model: str | None,
-    quiet: bool,
-) -> None:
-    """Draw PHOTO, its light and three spheres lit by it."""
-    from lighting.ground import spot_warnings
-
-    console.refuse_collisions(photo, output)
-    with console.prefix_errors(photo):
-        data = console.read_photo_bytes(photo)
-        _, estimate = console.estimate_photo(photo, data, user_input, model)
-    console.write_preview(output, data, estimate, surroundings, detail)
-    console.report_warnings(photo, (*estimate.warnings, *spot_warnings(estimate.lighting)), quiet)
+    ctx.exit(1 if failed else strict_status(lights, strict))

@@ -18,7 +18,9 @@ from lighting.cli.console import (
     read_lighting,
     read_picture_bytes,
 )
+from lighting.cli.options import FileName
 from lighting.cli.process import silence_libraries
+from lighting.errors import ErrorCode, PhotoError
 from lighting.formatting import escape_undecodable
 
 if TYPE_CHECKING:
@@ -26,11 +28,21 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from lighting.photo.metadata import PhotoMetadata
+    from lighting.photo.reader import Photo
     from lighting.records import Json, Lighting
 
 
-@cli.command("info")
-@click.argument("file")
+@cli.command(
+    "info",
+    examples=(
+        "lighting info photo.jpg                             # its metadata, and the time that is believed",
+        "lighting info photo.exr                             # size, and the record in the header",
+        "lighting info light.json",
+    ),
+)
+@click.argument("file", type=FileName())
+@click.option("--json", is_flag=True, expose_value=False, help="JSON, which is all that it prints.")
+@click.option("-q", "--quiet", is_flag=True, expose_value=False, help="No warnings, of which it prints none.")
 def _info(file: str) -> None:
     """Describe an EXR, HDR, network, record or photo as JSON."""
     describe = _BY_SUFFIX.get(Path(file).suffix.lower(), _describe_picture)
@@ -56,7 +68,6 @@ def _describe_network(file: str) -> "Json":
 def _describe_picture(file: str) -> "Json":
     from lighting.files.exr import EXR_MAGIC
     from lighting.files.radiance_hdr import HDR_MAGIC, decode_hdr
-    from lighting.photo.reader import read_photo
 
     data = read_picture_bytes(file)
     if data.startswith(EXR_MAGIC):
@@ -67,11 +78,25 @@ def _describe_picture(file: str) -> "Json":
     if data.removeprefix(BOM_UTF8).lstrip().startswith(b"{"):
         return _describe_lighting(parse_lighting(data, file))
     with prefix_errors(file):
-        photo = read_photo(data, path=path_of(file))
+        photo = _read_photo(data, file)
     size: Json = {"format": photo.format, "width": photo.width, "height": photo.height}
     if photo.crop is not None:
         size["crop"] = asdict(photo.crop)
     return {"kind": "photo", **size, "metadata": _describe_metadata(photo.metadata)}
+
+
+def _read_photo(data: bytes, file: str) -> "Photo":
+    """The photo; the error about a file of no known kind names all that could be described."""
+    from lighting.photo.formats import UNREADABLE, unreadable_sentence
+    from lighting.photo.reader import read_photo
+
+    try:
+        return read_photo(data, path=path_of(file))
+    except PhotoError as error:
+        if data and error.code is ErrorCode.UNREADABLE and unreadable_sentence(data) == UNREADABLE:
+            sentence = "This is no photo, EXR, Radiance HDR, network (.onnx) or record (.json), which info describes."
+            raise PhotoError(sentence) from error
+        raise
 
 
 def _describe_metadata(metadata: "PhotoMetadata") -> "Json":

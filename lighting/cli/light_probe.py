@@ -18,8 +18,15 @@ def _formats() -> list[str]:
     return list(LIGHT_PROBE_FORMATS)
 
 
-@cli.command("light-probe")
-@click.argument("source", metavar="PHOTO|LIGHTING.json")
+@cli.command(
+    "light-probe",
+    examples=(
+        "lighting light-probe photo.jpg > probe.json",
+        "lighting light-probe photo.jpg --for unity > probe.json",
+        "lighting light-probe light.json --for threejs",
+    ),
+)
+@click.argument("source", metavar="PHOTO|LIGHTING.json", type=common.FileName())
 @click.option(
     "--for",
     "format",
@@ -28,10 +35,11 @@ def _formats() -> list[str]:
     type=common.RegistryChoice(_formats),
     help="The engine that takes it.",
 )
-@common.sun_option
+@common.no_sun_option
 @common.surroundings_option
 @common.user_input_options
 @common.model_option
+@click.option("--json", is_flag=True, expose_value=False, help="JSON, which is all that it prints.")
 @common.silent_option
 def _light_probe(
     source: str,

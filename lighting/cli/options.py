@@ -1,98 +1,24 @@
 """Options that several commands share."""
 
 import math
-import os
-import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from functools import partial, wraps
-from pathlib import Path
+from functools import wraps
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from lighting.cli.outputs import check_file_name
 from lighting.errors import LightingError, ParameterError
-from lighting.files import MAP_FORMATS
 from lighting.sky import SKY_MODELS, format_sky_models
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from lighting.fusion.user_input import UserInput
 
 Command = TypeVar("Command", bound=Callable[..., None])
-
-_EMPTY_NAME = "the name of the file is empty."
-
-
-def _output_file(*suffixes: str) -> Callable[[click.Context, click.Parameter, str | None], str | None]:
-    """A check that refuses an output file before any work if it could not be written later."""
-
-    def check(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-        if name is not None and (sentence := _output_file_error(name, suffixes)):
-            raise click.BadParameter(sentence)
-        return name
-
-    return check
-
-
-def _output_file_error(name: str, suffixes: Sequence[str]) -> str | None:
-    if not name:
-        return _EMPTY_NAME
-    path = Path(name)
-    if name == "-":
-        if not sys.stdout.writable():
-            return "There is no stdout to write to, it is closed."
-        return "Binary data needs a file or a pipe, not a terminal." if sys.stdout.isatty() else None
-    if path.is_dir():
-        return f"{name} is a folder."
-    if path.exists() and not path.is_file():
-        return f"{name} is a pipe or a device, not a file."
-    if path.suffix.lower() not in suffixes:
-        return f"{name} must end in {_either(suffixes)}."
-    folder = Path(os.path.realpath(name)).parent if path.is_symlink() else path.parent
-    if not folder.is_dir():
-        return f"There is no folder {folder}."
-    return None if os.access(folder, os.W_OK) else f"The folder {folder} cannot be written to."
-
-
-def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str) -> str:
-    """Refuse what names no folder, as an empty variable of a shell, which would be the current one.
-
-    Args:
-        _ctx: of click.
-        _param: of click.
-        name: of the folder.
-    """
-    if not name:
-        raise click.BadParameter("the name of the folder is empty.")
-    if name == "-":
-        raise click.BadParameter("the results are a folder, which stdout cannot be.")
-    return name
-
-
-def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-    """Refuse an empty name, as an empty variable of a shell is.
-
-    Args:
-        _ctx: of click.
-        _param: of click.
-        name: of the file; None where not stated.
-    """
-    if name == "":
-        raise click.BadParameter(_EMPTY_NAME)
-    return name
-
-
-def _either(words: Sequence[str]) -> str:
-    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
-
-
-def _map_suffixes() -> list[str]:
-    return [f".{name}" for name in MAP_FORMATS]
-
-
-def _map_file(ctx: click.Context, param: click.Parameter, name: str | None) -> str | None:
-    return _output_file(*_map_suffixes())(ctx, param, name)
 
 
 def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
@@ -103,7 +29,32 @@ def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
     return value
 
 
-def _finite(_ctx: click.Context, _param: click.Parameter, value: float) -> float:
+class Number(click.types.FloatParamType):
+    """Any number; the library checks its range, and that it is finite."""
+
+    def __init__(self, example: str) -> None:
+        """Make a type of an option.
+
+        Args:
+            example: a number for the error about what is none.
+        """
+        self.example = example
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a number; BadParameter for what is none.
+
+        Args:
+            value: as the user typed it.
+            param: of click.
+            ctx: of click.
+        """
+        try:
+            return float(value)
+        except ValueError:
+            self.fail(f"{value!r} is not a number such as {self.example}.", param, ctx)
+
+
+def _check_finite(_ctx: click.Context | None, _param: click.Parameter | None, value: float) -> float:
     if not math.isfinite(value):
         raise click.BadParameter(f"{value} is not a finite number.")
     return value
@@ -113,10 +64,34 @@ class FiniteRange(click.FloatRange):
     """A range that nan is not in, which no comparison keeps out."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        number = super().convert(value, param, ctx)
-        if not math.isfinite(number):
-            self.fail(f"{number} is not a finite number.", param, ctx)
-        return number
+        """Read a number; BadParameter for what is none, or out of the range.
+
+        Args:
+            value: as the user typed it.
+            param: of click.
+            ctx: of click.
+        """
+        number = Number(f"{self.min:g}").convert(value, param, ctx)
+        _check_finite(ctx, param, number)
+        return super().convert(number, param, ctx)
+
+
+class FileName(click.ParamType):  # type: ignore[type-arg]  # as above
+    """The name of a file or folder, or "-", as it was typed; shells complete it."""
+
+    name = "file"
+
+    def shell_complete(self, ctx: click.Context, param: click.Parameter, incomplete: str) -> "list[CompletionItem]":  # noqa: ARG002
+        """Have the shell complete names of files.
+
+        Args:
+            ctx: of click.
+            param: of click.
+            incomplete: what was typed so far.
+        """
+        from click.shell_completion import CompletionItem
+
+        return [CompletionItem(incomplete, type="file")]
 
 
 class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click before 8.4 knows none of
@@ -130,22 +105,27 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
         return tuple(self.names())
 
 
-def _sky(_ctx: click.Context, _param: click.Parameter, value: str | None) -> str | None:
-    if value is not None and value not in SKY_MODELS:
-        raise click.BadParameter(f"{value} is not one of {', '.join(SKY_MODELS)}.")
-    return value
+class _Compression(RegistryChoice):
+    """How an EXR is packed; the error for another name says more where it once was one."""
+
+    def __init__(self) -> None:
+        super().__init__(_compressions)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from lighting.errors import EnvironmentMapError
+        from lighting.files.exr import check_exr_compression
+
+        try:
+            check_exr_compression(value)
+        except EnvironmentMapError as error:
+            self.fail(str(error), param, ctx)
+        return value
 
 
-def _compression(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-    from lighting.errors import EnvironmentMapError
-    from lighting.files.exr import check_exr_compression
+def _compressions() -> Iterable[str]:
+    from lighting.files.exr import COMPRESSIONS
 
-    try:
-        if name is not None:
-            check_exr_compression(name)
-    except EnvironmentMapError as error:
-        raise click.BadParameter(str(error)) from error
-    return name
+    return COMPRESSIONS
 
 
 def removed_option(name: str, instead: str) -> Callable[[Command], Command]:
@@ -166,10 +146,25 @@ def removed_option(name: str, instead: str) -> Callable[[Command], Command]:
 height_option = click.option(
     "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
 )
-sun_option = click.option(
-    "--sun/--no-sun",
+no_sun_option = click.option(
+    "--no-sun",
+    "sun",
+    flag_value=False,
     default=None,
-    help="Whether direct sunlight is in it; by default where the light states its power, or where it likely shines.",
+    help="Leave direct sunlight out.  [default: in where its power is known or it likely shines]",
+)
+
+
+def _refuse_moved_sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> None:
+    if text is not None:
+        sentence = (
+            "it moves the sun of one photo. In a batch the sun is painted where it shines; --no-sun leaves it out."
+        )
+        raise click.BadParameter(sentence)
+
+
+moved_sun_option = click.option(
+    "--sun", hidden=True, expose_value=False, callback=_refuse_moved_sun, help="Of one photo."
 )
 
 
@@ -181,20 +176,24 @@ def map_options(command: Command) -> Command:
     """
     options = [
         height_option,
-        sun_option,
         click.option(
             "--sky",
             metavar="MODEL",
-            callback=_sky,
+            type=RegistryChoice(lambda: SKY_MODELS),
             help=f"The sky's shape: {format_sky_models(' or ')}, which are advanced.",
         ),
         click.option(
-            "--yaw", default=0.0, metavar="DEG", callback=_finite, help="Turn the map to the right, sun and all."
+            "--yaw",
+            default=0.0,
+            metavar="DEG",
+            type=Number("90"),
+            callback=_check_finite,
+            help="Turn the map to the right, sun and all.",
         ),
         click.option(
             "--compression",
             metavar="NAME",
-            callback=_compression,
+            type=_Compression(),
             help="How an EXR is packed: zip (the default), pxr24 or none.",
         ),
     ]
@@ -203,24 +202,26 @@ def map_options(command: Command) -> Command:
     return command
 
 
-_required_output = partial(click.option, "-o", "--output", required=True)
-results_folder = _required_output(metavar="FOLDER", callback=check_folder_name, help="New or empty unless --overwrite.")
 surroundings_option = click.option(
     "--surroundings/--no-surroundings",
     default=None,
-    help="Whether the map shows the place, not the sky alone; by default where the network predicts it.",
+    help="Show the place, not the sky alone.  [default: where the network predicts it]",
 )
 detail_option = click.option(
     "--detail/--no-detail",
     default=True,
-    help="Whether a map that shows the place has detail all around the photo; by default it has.",
+    help="Give a map that shows the place detail all around the photo.  [default: detail]",
 )
-map_output = _required_output(
-    metavar="FILE", callback=_map_file, help=f'{_either(_map_suffixes())}; "-" is EXR on stdout.'
-)
-check_png_file = _output_file(".png")
 model_option = click.option(
-    "--model", metavar="FILE.onnx", callback=check_file_name, help="Another network than the one in this package."
+    "--model",
+    metavar="FILE.onnx",
+    type=FileName(),
+    callback=check_file_name,
+    help="Another network than the one in this package.",
+)
+json_option = click.option("--json", "as_json", is_flag=True, help="JSON on stdout instead of words.")
+strict_option = click.option(
+    "--strict", is_flag=True, help="Exit status 3 where a photo is probably not of outdoors by daylight."
 )
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 silent_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")
@@ -265,11 +266,78 @@ def _parsed(read: Callable[[str], Any], text: str) -> Any:
         raise click.BadParameter(str(error)) from error
 
 
+def _sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    from lighting.envmap.relighting import parse_sun
+
+    try:
+        return None if text is None else parse_sun(text)
+    except ParameterError as error:
+        sentence = (
+            "it moves the sun, and needs AZIMUTH,ELEVATION in degrees: --sun 40,25. "
+            "The sun is painted where it shines; --no-sun leaves it out."
+        )
+        raise click.BadParameter(sentence) from error
+
+
+def _exposure(_ctx: click.Context, _param: click.Parameter, text: str) -> float:
+    from lighting.envmap.relighting import parse_exposure
+
+    try:
+        return parse_exposure(text)
+    except ParameterError as error:
+        raise click.BadParameter(f"{text!r} is not a number of EV such as +0.5.") from error
+
+
+def adjustment_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add what adjusts a light by hand; a command receives `adjustments`, None without any.
+
+    Args:
+        command: that receives them.
+    """
+
+    @wraps(command)
+    def with_adjustments(*args: Any, **options: Any) -> None:
+        names = ("sun_direction", "exposure", "haze", "overcast")
+        sun, exposure, haze, overcast = (options.pop(name) for name in names)
+        if sun is None and not exposure and haze is None and not overcast:
+            command(*args, adjustments=None, **options)
+            return
+        from lighting.envmap.relighting import Adjustments
+
+        with usage_errors():
+            adjustments = Adjustments(sun, exposure, haze, overcast)
+        command(*args, adjustments=adjustments, **options)
+
+    decorated: Callable[..., None] = with_adjustments
+    for option in reversed(_ADJUSTMENTS):
+        decorated = option(decorated)
+    return decorated
+
+
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
+_ADJUSTMENTS: tuple[Decorator, ...] = (
+    click.option(
+        "--sun",
+        "sun_direction",
+        metavar="AZ,EL",
+        callback=_sun,
+        help="Move the sun: degrees from where the camera points, positive right, and above the horizon.",
+    ),
+    click.option(
+        "--exposure",
+        metavar="EV",
+        default="0",
+        callback=_exposure,
+        help="Brighten by so many EV: +1 is twice as bright.",
+    ),
+    click.option("--haze", type=Number("3"), metavar="TURBIDITY", help="How hazy, 1 to 10: 2 is clear, 10 hazy."),
+    click.option("--overcast", is_flag=True, help="Cover the sky with clouds: no sun, soft grey light."),
+)
+
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
-    "metadata": click.option(
-        "--no-exif", "metadata", flag_value=False, default=True, help="Pixels alone: ignore the metadata."
+    "use_exif": click.option(
+        "--no-metadata", "use_exif", flag_value=False, default=True, help="Ignore EXIF and the like: pixels alone."
     ),
     "time": click.option(
         "--time", metavar="TIME", callback=parse_time_option, help="When: 2024-06-01T14:30, +02:00 behind it if known."
@@ -277,14 +345,28 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
     "utc_offset": click.option(
         "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Zone of a local time: +02:00 or 2."
     ),
-    "latitude": click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north."),
-    "longitude": click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east."),
-    "heading": click.option(
-        "--heading", type=float, metavar="DEG", help="Where the camera points, clockwise from true north."
+    "latitude": click.option("--latitude", "--lat", type=Number("48.14"), metavar="DEG", help="Where: positive north."),
+    "longitude": click.option(
+        "--longitude", "--lon", type=Number("11.58"), metavar="DEG", help="Where: positive east."
     ),
-    "vertical_fov": click.option("--fov", "vertical_fov", type=float, metavar="DEG", help="Vertical field of view."),
+    "heading": click.option(
+        "--heading",
+        type=Number("134.2"),
+        metavar="DEG",
+        help="Where the camera points, clockwise from true north.",
+    ),
+    "vertical_fov": click.option(
+        "--vertical-fov",
+        "--fov",
+        type=Number("48.7"),
+        metavar="DEG",
+        help="Vertical field of view of the upright photo.",
+    ),
     "camera_height": click.option(
-        "--camera-height", type=float, metavar="METRES", help="Of the camera above the ground.  [default: 1.6]"
+        "--camera-height",
+        type=Number("1.6"),
+        metavar="METRES",
+        help="Of the camera above the ground.  [default: 1.6]",
     ),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
@@ -304,6 +386,7 @@ def _options(*names: str) -> Decorator:
             from lighting.fusion.user_input import UserInput
 
             values = {name: options.pop(name) for name in names}
+            check_coordinates(values["latitude"], values["longitude"])
             with usage_errors():
                 user_input = UserInput(**values)
             command(*args, user_input=user_input, **options)
@@ -334,6 +417,18 @@ def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
         from lighting.validation import option_name
 
         raise click.UsageError(str(error.renamed(option_name))) from error
+
+
+def check_coordinates(latitude: float | None, longitude: float | None) -> None:
+    """Raise UsageError where one of the two is missing.
+
+    Args:
+        latitude: deg; None where not stated.
+        longitude: deg; None where not stated.
+    """
+    if (latitude is None) != (longitude is None):
+        stated, missing = ("--lat", "--lon") if longitude is None else ("--lon", "--lat")
+        raise click.UsageError(f"{stated} needs {missing} too, such as --lat 48.14 --lon 11.58.")
 
 
 def check_together(photos: int, user_input: "UserInput", together: bool, headings: list[float] | None) -> None:

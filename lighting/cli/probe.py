@@ -1,16 +1,16 @@
 """The commands about measured skies: probe merge, probe fit."""
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import cli
+from lighting.cli import cli, outputs
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
-from lighting.cli.options import FiniteRange
+from lighting.cli.options import FiniteRange, Number
 from lighting.cli.process import silence_libraries
 from lighting.errors import ProbeError
 from lighting.formatting import escape_undecodable, format_side
@@ -28,7 +28,14 @@ if TYPE_CHECKING:
 KINDS = ("equidistant", "equisolid", "ball", "latlong")
 
 
-@cli.group("probe")
+@cli.group(
+    "probe",
+    examples=(
+        "lighting probe merge bracket/ --lens equidistant -o sky.exr",
+        "lighting probe merge day/ --series --lens equidistant -o probes/",
+        "lighting probe fit sky.exr",
+    ),
+)
 def _probe() -> None:
     """Measure skies: merge bracketed exposures, fit the sky model."""
 
@@ -46,31 +53,50 @@ def _pair(text: str, what: str) -> tuple[float, float]:
     return x, y
 
 
-@_probe.command("merge")
+@_probe.command(
+    "merge",
+    renamed={"--fov": "--lens-fov"},
+    examples=(
+        "lighting probe merge *.dng --lens equidistant       # FIRST-probe.exr beside the first",
+        "lighting probe merge ball_*.jpg --lens ball --time 2024-06-01T11:00+02:00 --lat 47 --lon 8",
+        "lighting probe merge day/ --series --lens equidistant --lens-fov 185 -o probes/",
+    ),
+)
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
 @click.option("--lens", "kind", type=click.Choice(KINDS), required=True, help="What took the pictures.")
-@click.option("--fov", type=float, metavar="DEG", help="Across the lens's circle. [180]")
+@click.option("--lens-fov", "fov", type=Number("180"), metavar="DEG", help="Across the lens's circle. [180]")
 @click.option("--centre", metavar="X,Y", callback=_point, help="Of the circle or ball, pixels. [the middle]")
-@click.option("--radius", type=float, metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
-@click.option("--pitch", type=float, metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others).")
+@click.option("--radius", type=Number("1400"), metavar="PIXELS", help="Of the circle or ball. [half the shorter side]")
+@click.option(
+    "--pitch", type=Number("90"), metavar="DEG", help="Where the camera looks: 90 up (fisheyes), 0 level (others)."
+)
 @click.option("--mirrored", is_flag=True, help="The pictures are flipped left to right.")
-@click.option("--nd", default=0.0, show_default=True, metavar="STOPS", help="Filter before the lens.")
+@click.option(
+    "--nd", default=0.0, type=Number("10"), show_default=True, metavar="STOPS", help="Filter before the lens."
+)
 @click.option("--curve", type=click.Choice(("linear", "srgb")), help="[16 bits linear, 8 bits srgb]")
 @click.option("--time", metavar="TIME", callback=common.parse_time_option, help="2024-06-01T14:30+02:00. [EXIF]")
 @click.option(
     "--utc-offset", metavar="HOURS", callback=common.parse_utc_offset_option, help="Zone of local times: +02:00 or 2."
 )
-@click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
-@click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
+@click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Positive north. [EXIF]")
+@click.option("--longitude", "--lon", type=FiniteRange(-180, 180), metavar="DEG", help="Positive east. [EXIF]")
 @click.option(
-    "--yaw", type=float, metavar="DEG", help="Heading of the camera; a fisheye's lower edge has it. [the sun's]"
+    "--yaw", type=Number("134"), metavar="DEG", help="Heading of the camera; a fisheye's lower edge has it. [the sun's]"
 )
 @click.option("--series", is_flag=True, help="Many brackets of a camera that stood still: tilt and lens are found too.")
 @click.option("--fill-sun", "fill", is_flag=True, help="A clipped sun gets the model's power.")
 @common.height_option
-@click.option("-o", "--output", required=True, metavar="PATH", help="A file .exr, or a folder to fill.")
+@click.option(
+    "-o",
+    "--output",
+    metavar="PATH",
+    help="A file .exr, or a folder to fill.  [default: FIRST-probe.exr, of a series FIRST-probes]",
+)
+@outputs.overwrite_option
+@common.json_option
 @common.quiet_option
-def _merge(exposures: tuple[Path, ...], series: bool, output: str, quiet: bool, **options: Any) -> None:
+def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet: bool, **options: Any) -> None:
     """Merge bracketed EXPOSURES into one sky in the world's axes: centre column true north, right half east.
 
     With --series, EXPOSURES are folders of one bracket each, or all files of a day with times in EXIF. A folder is
@@ -78,9 +104,14 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str, quiet: bool, 
     """
     from lighting.fusion.user_input import UserInput
     from lighting.probe.bracket import group_brackets, read_bracket_files
+    from lighting.probe.develop import write_probe
 
+    as_json, overwrite = options.pop("as_json"), options.pop("overwrite")
+    ending = "-probes" if series else "-probe.exr"
+    output = outputs.choose_folder(str(exposures[0]), output, ending)
     _check_output(output, series)
     _check_lens(options)
+    common.check_coordinates(options["latitude"], options["longitude"])
     with common.usage_errors():
         stated = UserInput(**{name: options.pop(name) for name in ("time", "utc_offset", "latitude", "longitude")})
     if series and stated.time is not None:
@@ -88,11 +119,13 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str, quiet: bool, 
     settings = _settings(options)
     shots = group_brackets(exposures) if series else [read_bracket_files(_files(exposures))]
     moments = _moments(shots, stated)
-    _check_targets(shots, moments, output)
-    if series:
-        _merge_series(shots, moments, settings, output, quiet)
-    else:
-        _merge_one(shots[0], moments[0], settings, output, quiet)
+    _check_targets(shots, moments, output, overwrite)
+    written = list[str]()
+    for probe in _merged(shots, moments, settings, series, quiet):
+        path = write_probe(probe, output)
+        _report(probe, path, as_json, quiet)
+        written.append(str(path))
+    outputs.report_written(written, quiet=quiet or as_json)
 
 
 def _check_output(output: str, series: bool) -> None:
@@ -115,11 +148,12 @@ def _check_output(output: str, series: bool) -> None:
 def _check_lens(options: "Json") -> None:
     """Raise UsageError for an option that the lens does not have."""
     from lighting.probe.fisheye import UNUSED_LENS_OPTIONS
+    from lighting.validation import option_name
 
     kind = options["kind"]
     for name in UNUSED_LENS_OPTIONS.get(kind, ()):
         if options[name] is not None:
-            raise click.UsageError(f"--{name} does not go with --lens {kind}.")
+            raise click.UsageError(f"{option_name(name)} does not go with --lens {kind}.")
 
 
 def _settings(options: "Json") -> "BracketSettings":
@@ -130,8 +164,8 @@ def _settings(options: "Json") -> "BracketSettings":
         return BracketSettings(**options)
 
 
-def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"], output: str) -> None:
-    """Raise UsageError where a probe would replace an exposure or another probe."""
+def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"], output: str, overwrite: bool) -> None:
+    """Raise an error where a probe would replace an exposure, another probe, or unasked a file."""
     from lighting.probe.develop import probe_output_path
 
     targets = [probe_output_path(output, moment.time).resolve() for moment in moments]
@@ -139,6 +173,7 @@ def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"],
         raise click.UsageError("The input and the outputs must be different files.")
     if len(set(targets)) < len(targets):
         raise click.UsageError("Two brackets are of the same second, so their probes would be one file.")
+    outputs.check_absent(list(map(str, targets)), overwrite=overwrite)
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:
@@ -165,25 +200,27 @@ def _moments(shots: Sequence["BracketFiles"], stated: "UserInput") -> list["Mome
     return moments
 
 
-def _merge_one(shot: "BracketFiles", moment: "Moment", settings: "BracketSettings", output: str, quiet: bool) -> None:
-    from lighting.probe.develop import make_probe, write_probe
-
-    made = make_probe(_bracket(shot, settings), moment, settings)
-    _report(made, write_probe(made, output), quiet)
-
-
-def _merge_series(
-    shots: Sequence["BracketFiles"], moments: Sequence["Moment"], settings: "BracketSettings", output: str, quiet: bool
-) -> None:
+def _merged(
+    shots: Sequence["BracketFiles"],
+    moments: Sequence["Moment"],
+    settings: "BracketSettings",
+    series: bool,
+    quiet: bool,
+) -> Iterable["Probe"]:
+    """The probes of a series, behind a progress bar, or that of the only bracket."""
     from functools import partial
 
     from tqdm import tqdm
 
-    from lighting.probe.develop import make_series, write_probe
+    from lighting.probe.develop import make_probe, make_series
 
+    if not series:
+        return [make_probe(_bracket(shots[0], settings), moments[0], settings)]
     readers = [partial(_bracket, shot, settings) for shot in shots]
-    for made in tqdm(make_series(readers, moments, settings), total=len(shots), unit="probe", disable=quiet or None):
-        _report(made, write_probe(made, output), quiet)
+    bar: Iterable[Probe] = tqdm(
+        make_series(readers, moments, settings), total=len(shots), unit="probe", disable=quiet or None
+    )
+    return bar
 
 
 def _bracket(shot: "BracketFiles", settings: "BracketSettings") -> "Bracket":
@@ -193,14 +230,19 @@ def _bracket(shot: "BracketFiles", settings: "BracketSettings") -> "Bracket":
         return read_bracket(shot.files, settings.curve)
 
 
-def _report(probe: "Probe", path: Path, quiet: bool) -> None:
+def _report(probe: "Probe", path: Path, as_json: bool, quiet: bool) -> None:
     """Warnings on stderr, and on stdout where the probe is and how it fits the ephemeris."""
     name = escape_path(str(path))
     for warning in probe.warnings:
         click.echo(f"Warning: {name}: {warning}", err=True)
+    azimuth, elevation = probe.moment.sun
+    if as_json:
+        sun = {"azimuth": round(azimuth % 360, 3), "elevation": round(elevation, 3), "error": probe.sun_error}
+        record = {"output": escape_undecodable(str(path)), "time": probe.moment.time.isoformat(), "sun": sun}
+        click.echo(json.dumps(record | {"warnings": list(probe.warnings)}))
+        return
     if quiet:
         return
-    azimuth, elevation = probe.moment.sun
     click.echo(f"{name}: sun {azimuth % 360:.1f}° from north, {elevation:.1f}° high{_format_alignment(probe)}")
 
 
@@ -223,16 +265,24 @@ def _direction(_ctx: click.Context, _param: click.Parameter, text: str | None) -
     return azimuth, elevation
 
 
-@_probe.command("fit")
+@_probe.command(
+    "fit",
+    examples=(
+        "lighting probe fit sky.exr",
+        "lighting probe fit sky.exr --sun 120,35             # where the sun is, if it is hidden",
+        "lighting probe fit --json sky.exr",
+    ),
+)
 @click.argument("sky", metavar="PROBE", type=click.Path(exists=True, dir_okay=False))
-@click.option("--sun", metavar="AZIMUTH,ELEVATION", callback=_direction, help="Where it is, deg. [found in the map]")
-@click.option("--json", "as_json", is_flag=True, help="One JSON record.")
-def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
+@click.option("--sun", metavar="AZ,EL", callback=_direction, help="Where it is, deg. [found in the map]")
+@common.json_option
+@common.silent_option
+def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool, quiet: bool) -> None:
     """Say the sun, turbidity, exposure and cloud cover of the measured sky PROBE, a lat-long map.
 
     PROBE is an EXR file, or a panorama of 8 or 16 bits, which tells them roughly.
     """
-    state = _state(sky, sun)
+    state = _state(sky, sun, quiet)
     if as_json:
         click.echo(json.dumps({"file": escape_undecodable(sky), **state.to_dict()}))
         return
@@ -245,17 +295,17 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool) -> None:
     )
 
 
-def _state(sky: str, sun: tuple[float, float] | None) -> "SkyState":
+def _state(sky: str, sun: tuple[float, float] | None, quiet: bool) -> "SkyState":
     """What the map in a file says; errors name the file."""
     from lighting.probe.sky_fit import describe_sky
 
     with silence_libraries():
-        image = _read_map(sky)
+        image = _read_map(sky, quiet)
     with prefix_errors(sky):
         return describe_sky(image, sun)
 
 
-def _read_map(sky: str) -> "NDArray[np.float32]":
+def _read_map(sky: str, quiet: bool) -> "NDArray[np.float32]":
     """The map (H, 2H, 3) in a file, of 8 or 16 bits with a warning."""
     from lighting.files.exr import check_envmap, is_exr, read_envmap
 
@@ -266,6 +316,8 @@ def _read_map(sky: str) -> "NDArray[np.float32]":
     photo = read_linear(sky)
     with prefix_errors(sky):
         image = check_envmap(photo.pixels)
+    if quiet:
+        return image
     clipped = 100 * float((image >= photo.white).any(axis=-1).mean())
     curve = "their curve is taken to be sRGB's, and " if photo.srgb_decoded else ""
     sentence = f"The values have an upper end: {curve}{clipped:.1f} % are clipped. Turbidity and exposure are rough."

@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from lighting.cli import cli
+from lighting.cli import cli, outputs
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_png
-from lighting.cli.options import FiniteRange, check_png_file, parse_utc_offset_option, quiet_option, usage_errors
+from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
+from lighting.cli.photos import check_json
 from lighting.cli.process import silence_libraries
+from lighting.formatting import escape_undecodable
 
 if TYPE_CHECKING:
     from lighting.stereo.network import Network
@@ -22,7 +24,14 @@ if TYPE_CHECKING:
     from lighting.stereo.schedule import DayProgress
 
 
-@cli.group("stereo")
+@cli.group(
+    "stereo",
+    examples=(
+        "lighting stereo plan --lat 48 --lon 11 --date 2026-06-21",
+        "lighting stereo plan --lat 48 --lon 11 --date 2026-05-01 --until 2026-08-31 -o plan.png",
+        "lighting stereo normals day/ --heading 10",
+    ),
+)
 def _stereo() -> None:
     """Photometric stereo: when to photograph, and normals.
 
@@ -37,9 +46,16 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
         raise click.BadParameter(f"{text!r} is not a day such as 2026-06-21.") from error
 
 
-@_stereo.command("plan")
-@click.option("--lat", "latitude", type=float, metavar="DEG", help="Where: latitude, positive north.")
-@click.option("--lon", "longitude", type=float, metavar="DEG", help="Longitude, positive east.")
+@_stereo.command(
+    "plan",
+    examples=(
+        "lighting stereo plan --lat 48 --lon 11 --date 2026-06-21",
+        "lighting stereo plan --lat 48 --lon 11 --date 2026-05-01 --until 2026-08-31 -o plan.png",
+        "lighting stereo plan --probes skies/ --facing 180 --json",
+    ),
+)
+@click.option("--latitude", "--lat", type=Number("48.14"), metavar="DEG", help="Where: positive north.")
+@click.option("--longitude", "--lon", type=Number("11.58"), metavar="DEG", help="Where: positive east.")
 @click.option("--date", "first", callback=_day, metavar="DATE", help="The day: 2026-06-21.")
 @click.option("--until", "last", callback=_day, metavar="DATE", help="Last day of a range, whose best day is planned.")
 @click.option(
@@ -51,10 +67,15 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
     metavar="DIR",
     help="Measured skies instead: DIR/YYYYMMDD/HHMMSS/envmap.exr.",
 )
-@click.option("--facing", type=float, metavar="DEG", help="Where the surface faces; else all around and up.")
+@click.option("--facing", type=Number("180"), metavar="DEG", help="Where the surface faces; else all around and up.")
 @click.option("--shots", type=int, default=8, show_default=True, help="Photos of a window.")
 @click.option(
-    "--noise", type=float, default=1.0, show_default=True, metavar="PERCENT", help="Of a pixel, of the brightest light."
+    "--noise",
+    type=Number("1"),
+    default=1.0,
+    show_default=True,
+    metavar="PERCENT",
+    help="Of a pixel, of the brightest light.",
 )
 @click.option(
     "--utc-offset",
@@ -62,8 +83,11 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
     callback=parse_utc_offset_option,
     help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
-@click.option("-o", "--output", metavar="FILE.png", callback=check_png_file, help='Also draw it; "-" is stdout.')
-@click.option("--json", "as_json", is_flag=True, help="JSON instead of words.")
+@click.option(
+    "-o", "--output", metavar="FILE.png", callback=outputs.check_file_name, help='Also draw it; "-" is stdout.'
+)
+@outputs.overwrite_option
+@common.json_option
 @quiet_option
 def _plan(
     output: str | None, as_json: bool, quiet: bool, facing: float | None, shots: int, noise: float, **options: Any
@@ -76,8 +100,12 @@ def _plan(
     from lighting.stereo.plan_records import PlanRequest
     from lighting.stereo.planner import plan_photos, plan_record
 
-    if output == "-" and as_json:
-        raise click.UsageError('--json and "-o -" both go to stdout.')
+    check_json(as_json, [output])
+    overwrite = options.pop("overwrite")
+    if output is not None:
+        outputs.check_file(output, outputs.PREVIEWS.suffixes)
+        outputs.check_absent([output], overwrite=overwrite)
+    common.check_coordinates(options["latitude"], options["longitude"])
     with usage_errors():
         skies, question = _skies(**options), PlanRequest(facing, shots, noise)
     with silence_libraries() as stderr:
@@ -88,6 +116,7 @@ def _plan(
         click.echo(json.dumps(plan_record(skies, plan), indent=2, allow_nan=False))
     elif output != "-" and not (quiet and output):
         click.echo(_format_plan(skies, plan))
+    outputs.report_written([output] if output else [], quiet=quiet or as_json)
 
 
 def _skies(
@@ -163,12 +192,18 @@ def _verdict(plan: "Plan") -> list[str]:
 _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 
-@_stereo.command("normals")
+@_stereo.command(
+    "normals",
+    examples=(
+        "lighting stereo normals day/                        # day-normals/ beside it",
+        "lighting stereo normals day/ --heading 10 -o relief",
+        "lighting stereo normals day/ --probes skies/ --mask statue.png --overwrite -o relief",
+    ),
+)
 @click.argument("day", type=_FOLDER)
-@common.results_folder
-@click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
-@click.option("--lat", "latitude", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
-@click.option("--lon", "longitude", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
+@outputs.folder_output("DAY-normals")
+@click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
+@click.option("--longitude", "--lon", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
 @click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
 @click.option("--pitch", type=FiniteRange(-90, 90), default=0.0, metavar="DEG", help="How far it looks up.")
 @click.option("--roll", type=FiniteRange(-360, 360), default=0.0, metavar="DEG", help="How far it is turned clockwise.")
@@ -183,8 +218,11 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 @click.option("--size", type=click.IntRange(0), metavar="PIXELS", help="Longer side; 0 keeps all. [1024]")
 @click.option("--noise", type=FiniteRange(0.01, 50), metavar="PERCENT", help="Least, of the brightest pixel. [1]")
 @click.option("--network/--no-network", default=True, help="Let the network answer where it expects to err less.")
+@common.json_option
 @quiet_option
-def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool, **options: Any) -> None:
+def _normals(
+    day: Path, output: str | None, overwrite: bool, network: bool, as_json: bool, quiet: bool, **options: Any
+) -> None:
     """Find the normals of a thing from photos of one DAY, taken by a camera that stood still.
 
     DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos. Times and place come from EXIF, times else from times.csv,
@@ -194,7 +232,8 @@ def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
     from lighting.stereo.output import check_normals_folder, estimate_normals, write_normals
 
-    folder = Path(output)
+    common.check_coordinates(options["latitude"], options["longitude"])
+    folder = Path(outputs.choose_folder(str(day), output, "-normals"))
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
     check_normals_folder(folder, overwrite=overwrite)
@@ -205,8 +244,17 @@ def _normals(day: Path, output: str, overwrite: bool, network: bool, quiet: bool
     write_normals(folder, result)
     for warning in result.warnings:
         click.echo(f"Warning: {warning}", err=True)
-    if not quiet:
+    if as_json:
+        record = {"file": escape_undecodable(str(day)), "output": escape_undecodable(str(folder)), **result.record}
+        click.echo(json.dumps(record))
+    elif not quiet:
         click.echo(_format_normals(day, folder, result))
+    outputs.report_written([str(folder)], _describe_normals, quiet=quiet or as_json)
+
+
+def _describe_normals(folder: str) -> str:
+    """How to open the best of what a folder holds."""
+    return outputs.open_command(str(Path(folder, "normals_camera.png")))
 
 
 def _normals_options(sky: str | None, noise: float | None, size: int | None, **options: Any) -> "NormalsOptions":  # noqa: ARG001

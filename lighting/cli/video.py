@@ -1,28 +1,38 @@
 """The command about a clip."""
 
+import json
+import shlex
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import cli
+from lighting.cli import cli, outputs
 from lighting.cli import options as common
-from lighting.cli.console import escape_path, refuse_collisions
+from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
-from lighting.formatting import format_side, format_sun_elevation
-from lighting.scene import animated_tools
+from lighting.cli.photos import choose_sun, strict_status
+from lighting.formatting import escape_undecodable, format_side, format_sun_elevation
+from lighting.scene import animated_tools, opening_command
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
+    from lighting.records import Json
     from lighting.video.output import VideoResult
     from lighting.video.shot import Shot
 
 
-@cli.command("video")
-@click.argument("clip", metavar="SHOT.mp4")
-@common.results_folder
-@click.option("--overwrite", is_flag=True, help="Replace results in FOLDER; its other files stay.")
+@cli.command(
+    "video",
+    examples=(
+        "lighting video shot.mp4                             # shot-lighting/ beside it",
+        "lighting video shot.mp4 -o out --for blender --preview",
+        "lighting video shot.mp4 -o dusk --sun -70,5 --exposure -1",
+    ),
+)
+@click.argument("clip", metavar="SHOT.mp4", type=common.FileName())
+@outputs.folder_output("SHOT-lighting")
 @click.option(
     "--every",
     type=FiniteRange(0.04, 60.0),
@@ -35,18 +45,23 @@ if TYPE_CHECKING:
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
 @common.height_option
-@common.sun_option
+@common.adjustment_options
+@common.no_sun_option
 @common.user_input_options
 @common.model_option
+@common.strict_option
+@common.json_option
 @common.silent_option
 @click.pass_context
 def _video(
     ctx: click.Context,
     /,
     clip: str,
-    output: str,
+    output: str | None,
     user_input: "UserInput",
     model: str | None,
+    strict: bool,
+    as_json: bool,
     quiet: bool,
     **options: Any,
 ) -> None:
@@ -64,9 +79,11 @@ def _video(
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
-    job = results.VideoJob(Path(clip), Path(output), user_input, every, results.OutputOptions(**options))
+    options["sun"] = choose_sun(options["sun"], options["adjustments"])
+    folder = Path(outputs.choose_folder(clip, output, "-lighting"))
+    job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
     results.check_video_folder(job.folder, overwrite=overwrite)
-    refuse_collisions(clip, str(job.folder / results.FILM_FILE) if job.options.film else None)
+    outputs.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
@@ -76,8 +93,36 @@ def _video(
     except KeyboardInterrupt:
         _report_interrupt(job.folder / results.PARTIAL_FILE)
         raise
-    _report(clip, result, quiet)
-    ctx.exit(1 if result.failed else 0)
+    if as_json:
+        click.echo(json.dumps(_result_record(clip, folder, result), allow_nan=False))
+    _report(clip, result, quiet=quiet or as_json)
+    if result.lights:
+        outputs.report_written([str(folder)], lambda name: _how_to_open(name, options), quiet=quiet or as_json)
+    ctx.exit(1 if result.failed else strict_status(result.lights, strict))
+
+
+def _how_to_open(folder: str, options: "Json") -> str:
+    """How to open the best of what a folder holds."""
+    if options["film"]:
+        return outputs.open_command(str(Path(folder, "preview.mp4")))
+    if options["tool"]:
+        return opening_command(options["tool"], str(Path(folder, f"shot-1-{options['tool']}")))
+    return f"{shlex.quote(str(Path(folder, 'shot-1.exr')))} {outputs.open_command('shot-1.exr')}"
+
+
+def _result_record(clip: str, folder: Path, result: "VideoResult") -> "Json":
+    """What became of a clip, for JSON: a light or the reason for each shot; lighting.jsonl has the frames."""
+    from lighting.records import record_with_coefficients
+    from lighting.video.shot import Shot, shot_lighting
+
+    shots = [
+        {"lighting": record_with_coefficients(shot_lighting(shot)), "frames": len(shot.frames)}
+        if isinstance(shot, Shot)
+        else {"error": escape_undecodable(str(shot))}
+        for shot in result.shots
+    ]
+    record = {"file": escape_undecodable(clip), "output": escape_undecodable(str(folder)), "shots": shots}
+    return record | ({"damage": result.damage} if result.damage else {})
 
 
 def _report_interrupt(records: Path) -> None:

@@ -1,15 +1,16 @@
 """The preview: a picture of a photo's light, with the photo, the sky, the map, three spheres, and all in words."""
 
+from dataclasses import replace
 from textwrap import wrap
 
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.color import check_pixels
+from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
+from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.render import render
-from lighting.envmap.surroundings import photo_context, render_with_surroundings
+from lighting.envmap.surroundings import photo_context, render_view
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
@@ -30,7 +31,13 @@ _WARNING_LETTERS = 160  # of a line of warnings
 
 
 def preview_png(
-    photo: NDArray[np.uint8], estimate: EstimatedLight, *, surroundings: bool | None = None, detail: bool = True
+    photo: NDArray[np.uint8],
+    estimate: EstimatedLight,
+    *,
+    surroundings: bool | None = None,
+    detail: bool = True,
+    lighting: Lighting | None = None,
+    sun: bool | None = None,
 ) -> bytes:
     """The picture of a photo and its light, as PNG.
 
@@ -39,13 +46,25 @@ def preview_png(
         estimate: the photo's light.
         surroundings: whether the map shows the place; None where the network predicted it.
         detail: whether the map then has detail all around the photo.
+        lighting: the light as it was changed by hand, which is shown; None: the estimate's.
+        sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
 
     Raises:
         ParameterError: `estimate` is no EstimatedLight.
         PhotoError: `photo` is no photo's pixels.
     """
-    picture = draw_preview_pixels(photo, estimate, _render_map(photo, estimate, surroundings, detail))
+    check_estimate(estimate)
+    shown = estimate if lighting is None else replace(estimate, lighting=lighting)
+    context = photo_context(estimate, photo, surroundings=surroundings, detail=detail)
+    gain = shown.lighting.exposure / max(estimate.lighting.exposure, EPSILON_IRRADIANCE)
+    envmap, _ = render_view(shown.lighting, MAP_HEIGHT, sun=sun, context=context)
+    picture = draw_preview_pixels(_expose(photo, gain), shown, envmap)
     return encode_png(picture, compress_level=PNG_LEVEL)
+
+
+def _expose(photo: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
+    """A photo (H, W, 3) sRGB whose linear values are multiplied."""
+    return photo if gain == 1 else srgb_bytes(SRGB_LINEAR[photo] * np.float32(gain))
 
 
 def draw_preview_pixels(
@@ -67,7 +86,9 @@ def draw_preview_pixels(
     check_estimate(estimate)
     photo = check_pixels(photo)
     lighting = estimate.lighting
-    envmap = _render_map(photo, estimate) if envmap is None else check_envmap(envmap)
+    if envmap is None:
+        envmap, _ = render_view(lighting, MAP_HEIGHT, context=photo_context(estimate, photo))
+    envmap = check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
     plan = panels.lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
     compass = panels.draw_compass(estimate, aspect, plan.compass.width)
@@ -93,15 +114,6 @@ def draw_preview_pixels(
     return np.asarray(canvas)
 
 
-def _render_map(
-    photo: NDArray[np.uint8], estimate: EstimatedLight, surroundings: bool | None = None, detail: bool = True
-) -> NDArray[np.float32]:
-    context = photo_context(estimate, photo, surroundings=surroundings, detail=detail)
-    if context:
-        return render_with_surroundings(estimate.lighting, context, MAP_HEIGHT)
-    return render(estimate.lighting, MAP_HEIGHT)
-
-
 def _spheres_panel(scene: SphereScene, lighting: Lighting, box: panels.Box) -> Image.Image:
     linear = render_sphere_scene(scene, lighting, box.width, box.height, supersampling=2)
     return Image.fromarray(drawing.display_srgb(linear)).reduce(2)
@@ -121,7 +133,9 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     sources = _format_sources(lighting)
     size = _fit_text_size(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
     draw_text(canvas, (MARGIN, MARGIN - 6), title, TextStyle(size, TEXT if doubtful or not visible else SUN))
-    if visible:
+    if visible and not lighting.radius_90:
+        accuracy = "stated by hand"
+    elif visible:
         half, most = _format_short(lighting.radius_50), _format_short(lighting.radius_90)
         accuracy = f"half of the probability lies within {half}°, 90 % within {most}°"
     elif lighting.sun_elevation < 0:
@@ -159,6 +173,13 @@ def _format_short(value: float) -> str:
     return f"{value:.1f}" if value < 9.95 else f"{value:.0f}"
 
 
+def _format_radii(lighting: Lighting) -> str:
+    """The radii around the sun; one that was stated by hand has none."""
+    if not lighting.radius_90:
+        return "by hand"
+    return f"{_format_short(lighting.radius_50)}° / {_format_short(lighting.radius_90)}°"
+
+
 def _format_short_azimuth(azimuth: float) -> str:
     """An azimuth [deg] for a column of numbers: "ahead", "behind" or "41° left"."""
     return {0: "ahead", 180: "behind"}.get(round(abs(azimuth)), format_side(azimuth))
@@ -169,7 +190,7 @@ def _format_numbers(lighting: Lighting) -> list[tuple[str, str]]:
     return [
         ("Sun azimuth", _format_short_azimuth(lighting.sun_azimuth)),
         ("Sun elevation", f"{lighting.sun_elevation:.1f}°"),
-        ("50 % / 90 % within", f"{_format_short(lighting.radius_50)}° / {_format_short(lighting.radius_90)}°"),
+        ("50 % / 90 % within", _format_radii(lighting)),
         ("Direct sun", f"{100 * lighting.sun_visibility:.0f} %"),
         ("Turbidity", f"{lighting.turbidity:.1f}"),
         ("Exposure", f"{lighting.exposure:.3g}"),

@@ -5,6 +5,8 @@ service and the checks that no file of the user is replaced read the entries. No
 line's help reads it, too.
 """
 
+import os
+import shlex
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from importlib import import_module
@@ -32,6 +34,7 @@ class Exporter:
     options: dict[str, ExporterOption] = field(default_factory=dict)
     has_map: bool = True  # whether the scene holds the environment map
     animate: Callable[..., dict[str, str]] | None = None  # (CameraMotion) to the texts of files beside the scene's
+    opened_by: str = "open {file}"  # how to open the scene: {file} is the first of `files`, {folder} the folder
 
 
 def import_function(module: str, name: str) -> Callable[..., Any]:
@@ -53,33 +56,38 @@ EXPORTERS: dict[str, Exporter] = {
         import_function("lighting.scene.blender", "write_blender"),
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
         animate=import_function("lighting.scene.blender", "animate_blender"),
+        opened_by="blender --python {file}",
     ),
     "usd": Exporter(
         import_function("lighting.scene.usd", "write_usd"),
         files=("scene.usda", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
         animate=import_function("lighting.scene.usd", "animate_usd"),
+        opened_by="usdview {file}, or import it into any program that reads USD",
     ),
-    "gltf": Exporter(import_function("lighting.scene.gltf", "write_gltf"), files=("scene.glb",), has_map=False),
-    "threejs": Exporter(import_function("lighting.scene.threejs", "write_threejs"), files=("scene.html",)),
+    "gltf": Exporter(
+        import_function("lighting.scene.gltf", "write_gltf"),
+        files=("scene.glb",),
+        has_map=False,
+        opened_by="drop {file} into any viewer of glTF, or import it",
+    ),
+    "threejs": Exporter(
+        import_function("lighting.scene.threejs", "write_threejs"),
+        files=("scene.html",),
+        opened_by="open {file} in a browser",
+    ),
     "godot": Exporter(
         import_function("lighting.scene.godot", "write_godot"),
         files=(
             *("project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader", *SHARED_FILES),
             *(f"{name}.import" for name in (PLATE, ENVIRONMENT, LIT_GROUND, GROUND)),
         ),
+        opened_by="godot --editor {file}",
     ),
-    "unreal": Exporter(
-        import_function("lighting.scene.unreal", "write_unreal"),
-        files=(
-            *("unreal_scene.py", "unreal_scene.json", "environment.hdr", "ground_albedo.png", "ground_emission.png"),
-            *SHARED_FILES,
-        ),
-    ),
-    "unity": Exporter(import_function("lighting.scene.unity", "write_unity"), files=("scene.unitypackage",)),
     "mitsuba": Exporter(
         import_function("lighting.scene.mitsuba", "write_mitsuba"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),
+        opened_by="mitsuba -m scalar_rgb {file}",
     ),
 }
 
@@ -93,6 +101,18 @@ def unsupported_options(options: Collection[str], tool: str) -> dict[str, str]:
     """
     others = set(options) - set(EXPORTERS[tool].options)
     return {name: owner for owner, entry in EXPORTERS.items() for name in entry.options if name in others}
+
+
+def opening_command(tool: str, folder: str) -> str:
+    """Say how to open a scene, as a command where there is one.
+
+    Args:
+        tool: its name in EXPORTERS.
+        folder: of the scene.
+    """
+    entry = EXPORTERS[tool]
+    file = shlex.quote(os.path.join(folder, entry.files[0]))  # noqa: PTH118  # pathlib would import more
+    return entry.opened_by.format(file=file, folder=shlex.quote(folder))
 
 
 def animated_tools() -> list[str]:

@@ -19,6 +19,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.envmap.relighting import Adjustments
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
 from lighting.files import write_envmap
@@ -29,6 +30,7 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes
 from lighting.model import Model
 from lighting.photo.reader import Photo
+from lighting.records import Lighting
 from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
@@ -58,6 +60,7 @@ class OutputOptions:
     tool: str | None = None  # one of `animated_tools`
     frames_exr: bool = False  # a map a frame
     film: bool = False
+    adjustments: Adjustments | None = None  # of the light by hand, as the shot's first camera sees it; None: none
 
 
 @dataclass
@@ -73,6 +76,11 @@ class VideoResult:
     def failed(self) -> bool:
         """Whether something of the clip has no answer."""
         return bool(self.damage) or any(isinstance(shot, VideoError) for shot in self.shots)
+
+    @property
+    def lights(self) -> list[Lighting]:
+        """The lights of the shots that have one."""
+        return [shot_lighting(shot) for shot in self.shots if isinstance(shot, Shot)]
 
     def warnings(self, number: int) -> tuple[str, ...]:
         """Return the warnings of a shot and of its scene.
@@ -159,9 +167,11 @@ def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: Text
     if isinstance(shot, VideoError):
         lines.write(json.dumps({"file": name, "shot": number, "error": escape_undecodable(str(shot))}) + "\n")
         return []
-    lights = list(frame_lights(shot, number))
+    lights = list(frame_lights(shot, number, job.options.adjustments))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
-    write_envmap(job.folder / _shot_map(number), *render_world_map(shot, job.options.height, job.options.sun))
+    options = job.options
+    world = render_world_map(shot, options.height, options.sun, options.adjustments)
+    write_envmap(job.folder / _shot_map(number), *world)
     if job.options.frames_exr:
         (job.folder / FRAMES_FOLDER).mkdir(exist_ok=True)
         for light in lights:
@@ -200,23 +210,25 @@ def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float
         for frame in clip.frames(first):
             number, shot = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.options.tool}"
-            warnings[number] = _write_scene(shot, frame.pixels, job.options.tool, folder, str(job.source), rate)
+            warnings[number] = _write_scene(shot, frame.pixels, job.options, folder, str(job.source), rate)
     return warnings
 
 
 def _write_scene(
-    shot: Shot, plate: NDArray[np.uint8], tool: str, folder: Path, clip: str, frame_rate: float
+    shot: Shot, plate: NDArray[np.uint8], options: OutputOptions, folder: Path, clip: str, frame_rate: float
 ) -> tuple[str, ...]:
     """Write a shot's scene to a folder, replacing a scene that is there; the scene's warnings.
 
     `plate` (h, w, 3) is the shot's first frame, `clip` the file's name. Raises SceneError where it cannot be written,
     and for a tool whose cameras stand still.
     """
+    tool = options.tool
     animate = EXPORTERS[tool].animate if tool in EXPORTERS else None
-    if animate is None:
+    if tool is None or animate is None:
         raise SceneError(f"There is no scene with a moving camera for {tool!r}.", "tool", ErrorCode.UNKNOWN)
     height, width = plate.shape[:2]
-    scene = make_scene(Photo(plate, width, height, "PNG"), shot_lighting(shot))
+    lighting = shot_lighting(shot, options.adjustments)
+    scene = make_scene(Photo(plate, width, height, "PNG"), lighting, map_height=options.height, sun=options.sun)
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0

@@ -13,7 +13,7 @@ from lighting.circular import circular_mean
 from lighting.color import luminance
 from lighting.decoding import with_ground_color
 from lighting.envmap.latlong import Image
-from lighting.envmap.relighting import scale_exposure
+from lighting.envmap.relighting import Adjustments, adjust_lighting, scale_exposure
 from lighting.envmap.surroundings import render_view
 from lighting.errors import VideoError
 from lighting.fusion.estimate import build_estimate
@@ -193,26 +193,29 @@ class FrameLight:
         return json.dumps(record | {"lighting": record_with_coefficients(self.lighting)}, allow_nan=False)
 
 
-def shot_lighting(shot: Shot) -> Lighting:
+def shot_lighting(shot: Shot, adjustments: Adjustments | None = None) -> Lighting:
     """Return a shot's light as its first camera sees it.
 
     Args:
         shot: a solved one.
+        adjustments: what is changed of it by hand; None: nothing.
     """
     light = with_ground_color(build_estimate(shot.posterior, shot.prior).lighting, shot.ground)
     elevation, roll = _round_angle(shot.path.elevation[0]), _round_angle(wrap_azimuth(shot.path.roll[0]))
     heading = None if shot.north is None else _round_heading(shot.north)
-    return replace(light, camera_elevation=elevation, camera_roll=roll, camera_heading=heading)
+    light = replace(light, camera_elevation=elevation, camera_roll=roll, camera_heading=heading)
+    return light if adjustments is None else adjust_lighting(light, adjustments)
 
 
-def frame_lights(shot: Shot, number: int) -> Iterator[FrameLight]:
+def frame_lights(shot: Shot, number: int, adjustments: Adjustments | None = None) -> Iterator[FrameLight]:
     """Return one record a frame.
 
     Args:
         shot: a solved one.
         number: the shot's, counted from 1.
+        adjustments: what is changed of the light by hand; None: nothing.
     """
-    base, path = shot_lighting(shot), shot.path
+    base, path = shot_lighting(shot, adjustments), shot.path
     for i, frame in enumerate(shot.frames.tolist()):
         red, green, blue = (round(float(g), 5) for g in shot.gains[i])
         angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
@@ -248,18 +251,21 @@ def lighting_in_camera(
     )
 
 
-def render_world_map(shot: Shot, height: int, sun: bool | None = None) -> tuple[Image, Lighting]:
+def render_world_map(
+    shot: Shot, height: int, sun: bool | None = None, adjustments: Adjustments | None = None
+) -> tuple[Image, Lighting]:
     """Render a shot's map with true north at its centre, or else its first frame's heading.
 
     Args:
         shot: a solved one.
         height: H, rows of the map.
         sun: whether the disc is painted; None where the sun likely shines.
+        adjustments: what is changed of the light by hand; None: nothing.
 
     Returns:
         The map (H, 2H, 3), linear Rec.709, and the light that it shows.
     """
-    light = shot_lighting(shot)
+    light = shot_lighting(shot, adjustments)
     return render_view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
 
 
@@ -280,7 +286,7 @@ def metadata_of_clip(clip: Clip, user_input: UserInput) -> ClipMetadata:
         clip: an open one.
         user_input: of its first frame; may forbid the clip's own metadata.
     """
-    if not user_input.metadata:
+    if not user_input.use_exif:
         return ClipMetadata(user_input=user_input)
     return ClipMetadata(clip.info.metadata, clip.info.gimbal, user_input)
 

@@ -62,10 +62,10 @@ def ask(client: TestClient, path: str, method: str, query: dict[str, str], photo
     return client.request(method, path, params=query, files=files if method == "post" else None)
 
 
-REQUIRED = {"/v1/scene": {"tool": "usd"}}
+REQUIRED = {"/v1/scene": {"for": "usd"}}
 OPERATIONS = [
-    ("/v1/lighting", "post"), ("/v1/lightings", "post"), ("/v1/envmap", "get"), ("/v1/envmap", "post"),
-    ("/v1/preview", "post"), ("/v1/scene", "get"), ("/v1/scene", "post"),
+    ("/v1/lighting", "post"), ("/v1/envmap", "get"), ("/v1/envmap", "post"), ("/v1/preview", "post"),
+    ("/v1/scene", "get"), ("/v1/scene", "post"),
 ]  # fmt: skip
 
 
@@ -86,7 +86,7 @@ def test_every_default_is_accepted(client: TestClient, document: Document, path:
 @pytest.mark.parametrize("method", ["get", "post"])
 @pytest.mark.parametrize("tool", EXPORTERS)
 def test_each_tool_takes_every_default(client: TestClient, document: Document, tool: str, method: str) -> None:
-    query = {**needed(document, "/v1/scene", method), **declared(document, "/v1/scene", method), "tool": tool}
+    query = {**needed(document, "/v1/scene", method), **declared(document, "/v1/scene", method), "for": tool}
     assert "up_axis" in query
     answer = ask(client, "/v1/scene", method, query)
     assert (answer.status_code, answer.content[:2]) == (200, b"PK"), answer.text
@@ -142,11 +142,11 @@ def test_a_client_by_openapi_python_client_gets_the_five_scenes(
     service = made.Client(base_url="http://service", httpx_args=arguments, raise_on_unexpected_status=False)
 
     async def ask_all() -> dict[str, int]:
-        kind = next(getattr(tools, name) for name in dir(tools) if name.endswith("Tool"))
+        kind = next(getattr(tools, name) for name in dir(tools) if name.endswith("For"))
         sky = {"sun_azimuth": -41.2, "sun_elevation": 33.0, "turbidity": 3.4}
         found = {}
         for tool in EXPORTERS:
-            answer = await render.asyncio_detailed(client=service, tool=kind(tool), **sky)
+            answer = await render.asyncio_detailed(client=service, for_=kind(tool), **sky)
             assert answer.content[:2] == b"PK", answer.content
             found[tool] = int(answer.status_code)
         return found

@@ -12,7 +12,7 @@ import pytest
 from pydantic import ValidationError
 from starlette.testclient import TestClient
 
-from lighting.cli.options import _OPTIONS, sun_option
+from lighting.cli.options import _OPTIONS
 from lighting.envmap.render import render
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
@@ -25,7 +25,7 @@ from server.problems import ProblemError
 from server.query_params import (
     SUN_BY_DEFAULT,
     EnvmapQuery,
-    LightingsQuery,
+    LightingQuery,
     MapQuery,
     PhotoSceneQuery,
     UserInputQuery,
@@ -47,26 +47,29 @@ def error_of(error: ProblemError) -> tuple[str, int]:
 @pytest.mark.parametrize(
     ("photos", "query", "field"),
     [
-        (1, LightingsQuery(headings="0,90"), "headings"),
-        (3, LightingsQuery(headings="0,90"), "headings"),
-        (2, LightingsQuery(heading=90.0), "heading"),
+        (1, LightingQuery(headings="0,90"), "headings"),
+        (3, LightingQuery(headings="0,90"), "headings"),
+        (2, LightingQuery(heading=90.0), "heading"),
     ],
 )
-def test_headings_must_fit_the_number_of_photos(photos: int, query: LightingsQuery, field: str) -> None:
+def test_headings_must_fit_the_number_of_photos(photos: int, query: LightingQuery, field: str) -> None:
     with pytest.raises(ProblemError) as caught:
         check_photo_headings(photos, query)
     assert error_of(caught.value) == (field, 422)
 
 
 def test_headings_that_fit_are_taken() -> None:
-    check_photo_headings(1, LightingsQuery(heading=90.0))
-    check_photo_headings(2, LightingsQuery(headings="0,90"))
-    check_photo_headings(4, LightingsQuery())
+    check_photo_headings(1, LightingQuery(heading=90.0))
+    check_photo_headings(2, LightingQuery(headings="0,90"))
+    check_photo_headings(4, LightingQuery())
 
 
 def test_a_record_takes_nothing_that_describes_a_photo() -> None:
     refuse_photo_parameters(EnvmapQuery(sky="perez"))
-    for query, field in ((EnvmapQuery(fov=50.0), "fov"), (EnvmapQuery(surroundings=True), "surroundings")):
+    for query, field in (
+        (EnvmapQuery(vertical_fov=50.0), "vertical_fov"),
+        (EnvmapQuery(surroundings=True), "surroundings"),
+    ):
         with pytest.raises(ProblemError) as caught:
             refuse_photo_parameters(query)
         assert error_of(caught.value) == (field, 422)
@@ -75,7 +78,7 @@ def test_a_record_takes_nothing_that_describes_a_photo() -> None:
 PHONE = encode(scene(320, 240), exif=munich())
 OTHER = encode(scene(320, 240)[:, ::-1].copy(), exif=munich(GPSImgDirection=150.0))
 PLAIN = encode(scene(320, 240))
-NOON: dict[str, Any] = {"time": "2024-06-01T12:00+02:00", "lat": "48.1375", "lon": "11.575"}
+NOON: dict[str, Any] = {"time": "2024-06-01T12:00+02:00", "latitude": "48.1375", "longitude": "11.575"}
 MUNICH = ("48.1375", "11.575")
 
 
@@ -94,8 +97,8 @@ def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClien
     photo = read_photo(PHONE)
     assert estimate(client, PHONE) == record_with_coefficients(estimator(photo).lighting)
     assert "time+place" in estimate(client, PHONE)["evidence"]
-    assert estimate(client, PHONE, exif="false") == record_with_coefficients(
-        estimator(photo, UserInput(metadata=False)).lighting
+    assert estimate(client, PHONE, metadata="false") == record_with_coefficients(
+        estimator(photo, UserInput(use_exif=False)).lighting
     )
 
 
@@ -104,13 +107,13 @@ def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClien
     [
         (NOON, {"time": datetime(2024, 6, 1, 12, tzinfo=SUMMER), "latitude": 48.1375, "longitude": 11.575}),
         (
-            {**NOON, "time": "2024-06-01T12:00", "utc_offset": "2", "heading": 20, "fov": 40},
+            {**NOON, "time": "2024-06-01T12:00", "utc_offset": "2", "heading": 20, "vertical_fov": 40},
             {
                 "time": datetime(2024, 6, 1, 12), "utc_offset": 2.0, "heading": 20.0, "vertical_fov": 40.0,
                 "latitude": 48.1375, "longitude": 11.575,
             },
         ),
-        ({"fov": 40, "exif": "false"}, {"vertical_fov": 40.0, "metadata": False}),
+        ({"vertical_fov": 40, "metadata": "false"}, {"vertical_fov": 40.0, "use_exif": False}),
     ],
 )  # fmt: skip
 def test_what_the_client_knows_counts_as_for_the_library(
@@ -145,9 +148,7 @@ def test_the_probability_is_that_of_all_that_is_known(client: TestClient, estima
     assert not np.allclose(told, estimator.predict(read_photo(PHONE)).sun_probability, rtol=1e-2)
 
 
-def test_when_the_sun_is_painted_is_told_as_on_the_command_line() -> None:
-    command: Any = sun_option(lambda: None)
-    assert SUN_BY_DEFAULT in command.__click_params__[0].help
+def test_when_the_sun_is_painted_is_told_alike() -> None:
     assert all(SUN_BY_DEFAULT in str(query.model_fields["sun"].description) for query in (MapQuery, PhotoSceneQuery))
 
 
@@ -155,20 +156,49 @@ def test_names_are_those_of_the_command_line() -> None:
     options: set[str] = set()
     for option in _OPTIONS.values():
         command: Any = option(lambda: None)
-        options |= {name.removeprefix("--") for name in command.__click_params__[0].opts}
-    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-exif"} | {"exif"}
+        options.add(command.__click_params__[0].opts[0].removeprefix("--"))
+    assert {name.replace("_", "-") for name in UserInputQuery.model_fields} == options - {"no-metadata"} | {"metadata"}
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ({"exif": "false"}, {"metadata": "false"}),
+        ({"lat": "48", "lon": "11"}, {"latitude": "48", "longitude": "11"}),
+        ({"fov": "40"}, {"vertical_fov": "40"}),
+        ({"tool": "usd"}, {"for": "usd"}),
+        (
+            {"photo_exposure": "5", "exposure": "7", "vertical_fov": "40"},
+            {"photo_exposure": "5", "sky_exposure": "7", "camera_vertical_fov": "40"},
+        ),
+    ],
+    ids=lambda names: " ".join(names),
+)
+def test_old_names_are_read_until_the_next_release(old: dict[str, str], new: dict[str, str]) -> None:
+    of_scene = {} if {"tool", "for"} & {*old, *new} else {"for": "usd"}
+    asked, told = (PhotoSceneQuery.model_validate(names | of_scene) for names in (old, new))
+    assert asked == told
+    assert (
+        not (old.keys() - {"exposure", "vertical_fov", "photo_exposure"})
+        & PhotoSceneQuery.model_json_schema()["properties"].keys()
+    )
+
+
+def test_a_parameter_by_its_old_and_its_new_name_is_refused() -> None:
+    with pytest.raises(ValidationError, match="is now latitude, which is stated, too"):
+        UserInputQuery.model_validate({"lat": "48", "latitude": "48", "longitude": "11"})
 
 
 @pytest.mark.parametrize(
     ("name", "value", "limits"),
     [
-        ("lat", "90.1", OPTIONAL_RANGES["latitude"]),
-        ("lat", "nan", OPTIONAL_RANGES["latitude"]),
-        ("lon", "-181", OPTIONAL_RANGES["longitude"]),
-        ("lon", "east", OPTIONAL_RANGES["longitude"]),
+        ("latitude", "90.1", OPTIONAL_RANGES["latitude"]),
+        ("latitude", "nan", OPTIONAL_RANGES["latitude"]),
+        ("longitude", "-181", OPTIONAL_RANGES["longitude"]),
+        ("longitude", "east", OPTIONAL_RANGES["longitude"]),
         ("heading", "361", (-360, 360)),
-        ("fov", "0", RANGES["vertical_fov"]),
-        ("fov", "", RANGES["vertical_fov"]),
+        ("vertical_fov", "0", RANGES["vertical_fov"]),
+        ("vertical_fov", "", RANGES["vertical_fov"]),
     ],
 )
 def test_a_number_out_of_range_is_named_with_its_range(
@@ -211,15 +241,18 @@ def test_a_wrong_colour_is_named_with_its_range(
         ({"time": "2024-06-01"}, "time", "without a time"),
         ({"utc_offset": "20"}, "utc_offset", "-12 to 14"),
         ({"utc_offset": "CET"}, "utc_offset", "not an offset"),
-        ({"exif": "no"}, "exif", "true or false"),
-        ({"lat": "48"}, "lon", "needs a longitude"),
+        ({"metadata": "no"}, "metadata", "true or false"),
+        ({"latitude": "48"}, "longitude", "needs a longitude"),
         ({**NOON, "time": "1850-06-01T12:00Z"}, "time", "1900 to 2100"),
         ({**NOON, "utc_offset": "2"}, "utc_offset", "contradicts"),
-        ({"exif": "false", "utc_offset": "2"}, "time", "needs a time"),
-        ({"exif": "false", "time": "2024-06-01T12:00Z"}, "lat", "needs a place"),
-        ({"latitude": "48"}, "latitude", "is not known here"),
-        ({"lon": "11"}, "lat", "needs a longitude"),
-        ({"exif": "false", "lat": "48", "lon": "11"}, "time", "needs a place"),
+        ({"metadata": "false", "utc_offset": "2"}, "time", "needs a time"),
+        ({"metadata": "false", "time": "2024-06-01T12:00Z"}, "latitude", "needs a place"),
+        ({"headings": "0,90"}, "headings", "several photos"),
+        ({"headings": "0;90"}, "headings", "list of degrees"),
+        ({"headings": "0,400"}, "headings", "-360 to 360"),
+        ({"breadth": "48"}, "breadth", "is not known here"),
+        ({"longitude": "11"}, "latitude", "needs a longitude"),
+        ({"metadata": "false", "latitude": "48", "longitude": "11"}, "time", "needs a place"),
     ],
 )
 def test_what_cannot_be_is_refused_in_a_sentence(
@@ -237,23 +270,14 @@ def test_night_is_refused_where_the_client_stated_it(client: TestClient, path: s
     body = problem(ask(client, path=path, **night), 422, "invalid")
     assert body["detail"].startswith("At that time and place the sun is")
     assert body["errors"] == [{"field": "time", "place": "query", "detail": body["detail"], "code": "night"}]
-    polar: dict[str, Any] = {"time": "2024-12-21T12:00Z", "lat": 85, "lon": 0}
+    polar: dict[str, Any] = {"time": "2024-12-21T12:00Z", "latitude": 85, "longitude": 0}
     assert "polar night" in problem(ask(client, path=path, **polar), 422, "invalid")["detail"]
-
-
-@pytest.mark.parametrize(
-    ("headings", "words"), [("0,90", "photos"), ("0;90", "list of degrees"), ("0,400", "-360 to 360")]
-)
-def test_headings_that_cannot_be_are_refused(client: TestClient, headings: str, words: str) -> None:
-    body = problem(ask(client, path="/v1/lightings", headings=headings), 422, "invalid")
-    assert [error["field"] for error in body["errors"]] == ["headings"]
-    assert words in body["detail"]
 
 
 def test_a_record_takes_nothing_that_belongs_to_a_photo(client: TestClient) -> None:
     record = ask(client, PHONE).json()
-    (error,) = problem(client.post("/v1/envmap?height=16&fov=40", json=record), 422, "invalid")["errors"]
-    assert error["field"] == "fov"
+    (error,) = problem(client.post("/v1/envmap?height=16&vertical_fov=40", json=record), 422, "invalid")["errors"]
+    assert error["field"] == "vertical_fov"
 
 
 def test_coordinates_are_told_to_nobody_but_who_asks(client: TestClient, caplog: pytest.LogCaptureFixture) -> None:
@@ -292,14 +316,8 @@ def test_each_of_several_has_its_probability_and_its_relative_heading(client: Te
     assert records[0]["camera"]["relative_heading"] == 0
 
 
-def test_one_photo_alone_is_a_list_of_one_record(client: TestClient) -> None:
-    assert together(client, PHONE).json() == {"lightings": [ask(client, PHONE).json()]}
-
-
-def test_the_route_of_one_photo_refuses_several_and_names_the_other(client: TestClient) -> None:
-    files = [("photo", ("p.jpg", PLAIN, "image/jpeg"))] * 2
-    body = problem(client.post("/v1/lighting", files=files), 422, "invalid")
-    assert "POST /v1/lightings takes several." in body["detail"]
+def test_one_photo_in_a_form_is_one_record(client: TestClient) -> None:
+    assert together(client, PHONE).json() == ask(client, PHONE).json()
 
 
 def test_a_bad_photo_among_several_is_named(client: TestClient) -> None:

@@ -19,7 +19,7 @@ from lighting.files.exr import read_exr
 from lighting.model import Model
 from server import tasks
 from server.dependencies import Service
-from server.query_params import EnvmapQuery, LightingsQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
+from server.query_params import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
 from server.request_body import Upload
 from server.settings import Settings
 from tests.conftest import encode, scene
@@ -43,7 +43,7 @@ def in_a_thread(work: Callable[..., T], *arguments: Any) -> T:
 
 
 def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: Service) -> None:
-    query = LightingsQuery.model_validate({"headings": "0,45"})
+    query = LightingQuery.model_validate({"headings": "0,45"})
     first, second = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query)
     assert "other photos" in first.estimate.evidence
     assert first.gain is None
@@ -56,13 +56,13 @@ def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: 
 def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service) -> None:
     query = EnvmapQuery.model_validate({"height": 32})
     image, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, query)))
-    (answer,) = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO)], LightingsQuery.model_validate({}))
+    (answer,) = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO)], LightingQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
     assert lighting == answer.estimate.lighting
 
 
 def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(lit_network: Path) -> None:
-    query = LightingsQuery.model_validate({"surroundings": "true"})
+    query = LightingQuery.model_validate({"surroundings": "true"})
     service = Service(Settings(), Estimator(Model.load(lit_network)))
     for answer in in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query):
         assert answer.gain is not None
@@ -71,7 +71,7 @@ def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(
 
 
 def test_a_scene_of_a_photo_has_the_light_that_the_client_changed(service: Service) -> None:
-    query = PhotoSceneQuery.model_validate({"tool": "mitsuba", "height": 32, "sun_azimuth": 77.5, "turbidity": 2.5})
+    query = PhotoSceneQuery.model_validate({"for": "mitsuba", "height": 32, "sun_azimuth": 77.5, "turbidity": 2.5})
     data, _ = in_a_thread(tasks.zip_scene_of_photo, service, PHOTO, query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         record = json.loads(archive.read(next(name for name in archive.namelist() if name.endswith(".json"))))
@@ -90,7 +90,7 @@ def letterboxed(width: int) -> tuple[bytes, int, int]:
 @pytest.mark.parametrize("surroundings", [False, True])
 def test_an_answer_says_where_the_photo_lies_inside_a_border(service: Service, surroundings: bool) -> None:
     data, bar, height = letterboxed(1000)
-    query = LightingsQuery.model_validate({"surroundings": surroundings, "match": False})
+    query = LightingQuery.model_validate({"surroundings": surroundings, "match": False})
     bordered, plain = in_a_thread(tasks.estimate_photos, service, [Upload(data), Upload(PHOTO)], query)
     assert plain.crop is None
     assert (crop := bordered.crop) is not None
@@ -101,7 +101,7 @@ def test_an_answer_says_where_the_photo_lies_inside_a_border(service: Service, s
 def test_pictures_for_people_show_what_lies_inside_a_border(service: Service) -> None:
     """Those of a scene, and the photo that a browser cannot decode."""
     data, _, height = letterboxed(1000)
-    query = PhotoSceneQuery.model_validate({"tool": "mitsuba", "height": 32})
+    query = PhotoSceneQuery.model_validate({"for": "mitsuba", "height": 32})
     archived, _ = in_a_thread(tasks.zip_scene_of_photo, service, data, query)
     with zipfile.ZipFile(BytesIO(archived)) as archive:
         (name,) = (name for name in archive.namelist() if Path(name).stem == "plate")
@@ -115,13 +115,13 @@ def test_pictures_for_people_show_what_lies_inside_a_border(service: Service) ->
 
 def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:
     stated = {"sun_irradiance": "3.9,4.3,3.4", "sky_irradiance": "0.3,0.6,1.1", "ground_color": "0.1,0.2,0.3"}
-    asked = {**stated, "height": 32, "exposure": 2.0, "sky_cover": 0.5}
+    asked = {**stated, "height": 32, "sky_exposure": 2.0, "sky_cover": 0.5}
     query = EnvmapQuery.model_validate(asked)
     _, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, query)))
     assert lighting
     assert (lighting.sun_irradiance, lighting.sky_irradiance) == ((3.9, 4.3, 3.4), (0.3, 0.6, 1.1))
     assert (lighting.ground_color, lighting.sky_cover, lighting.exposure) == ((0.1, 0.2, 0.3), 0.5, 2.0)
-    scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
+    scene_query = PhotoSceneQuery.model_validate({**asked, "for": "mitsuba"})
     data, _ = in_a_thread(tasks.zip_scene_of_photo, service, PHOTO, scene_query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         record = json.loads(archive.read("lighting.json"))
@@ -130,14 +130,14 @@ def test_the_light_that_the_client_states_is_that_of_the_map_and_of_the_scene(se
 
 
 def test_the_camera_that_the_client_states_is_that_of_the_map_and_of_the_scene(service: Service) -> None:
-    asked = {"height": 32, "camera_elevation": -12.5, "camera_roll": 3.25, "vertical_fov": 33.0}
+    asked = {"height": 32, "camera_elevation": -12.5, "camera_roll": 3.25, "camera_vertical_fov": 33.0}
     data = in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, EnvmapQuery.model_validate({"height": 32}))
     _, before = read_exr(BytesIO(data))
     data = in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, EnvmapQuery.model_validate(asked))
     _, lighting = read_exr(BytesIO(data))
     assert before
     assert lighting == replace(before, camera_elevation=-12.5, camera_roll=3.25, vertical_fov=33.0)
-    scene_query = PhotoSceneQuery.model_validate({**asked, "tool": "mitsuba"})
+    scene_query = PhotoSceneQuery.model_validate({**asked, "for": "mitsuba"})
     data, _ = in_a_thread(tasks.zip_scene_of_photo, service, PHOTO, scene_query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         camera = json.loads(archive.read("lighting.json"))["camera"]
@@ -163,7 +163,7 @@ def test_a_photo_becomes_a_preview(service: Service) -> None:
 
 
 def test_a_sky_alone_becomes_a_scene_with_a_grey_plate() -> None:
-    query = SkySceneQuery.model_validate({**SKY, "tool": "usd", "plate_width": 64, "plate_height": 48, "height": 16})
+    query = SkySceneQuery.model_validate({**SKY, "for": "usd", "plate_width": 64, "plate_height": 48, "height": 16})
     data, _ = in_a_thread(tasks.zip_scene_of_sky, query)
     with zipfile.ZipFile(BytesIO(data)) as archive:
         plate = Image.open(archive.open("plate.png"))

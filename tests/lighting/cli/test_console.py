@@ -25,7 +25,9 @@ def test_envmap_writes_by_suffix(network: Path, photo_path: Path, tmp_path: Path
     result = invoke_command("envmap", photo_path, "-o", tmp_path / name, "--height", "64", "--model", network)
     assert (result.exit_code, result.stderr) == (0, "")
     assert (tmp_path / name).read_bytes().startswith(magic)
-    assert result.stdout == invoke_command("estimate", photo_path, "--model", network).stdout
+    summary, written = result.stdout.splitlines()
+    assert f"{summary}\n" == invoke_command("estimate", photo_path, "--model", network).stdout
+    assert written.startswith(f"Wrote {tmp_path / name}. Open it: ")
     assert {p.name for p in tmp_path.iterdir()} == {"photo.jpg", name}
 
 
@@ -134,7 +136,8 @@ def test_inputs_are_never_overwritten(network: Path, tmp_path: Path) -> None:
 
 def test_a_bad_photo_leaves_an_older_output_alone(network: Path, tmp_path: Path) -> None:
     (tmp_path / "a.exr").write_bytes(b"older")
-    text = error_of(invoke_command("envmap", "-", "-o", tmp_path / "a.exr", "--model", network, stdin=b"bad"))
+    arguments: list[str | Path] = ["envmap", "-", "-o", tmp_path / "a.exr", "--overwrite", "--model", network]
+    text = error_of(invoke_command(*arguments, stdin=b"bad"))
     assert text == "stdin: The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
     assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {"a.exr": b"older"}
 
@@ -260,7 +263,7 @@ def test_neither_does_one_in_a_usage_error_or_a_batch(network: Path, tmp_path: P
         invoke_command("batch", tmp_path / "photos", out, "--model", network, "--workers", "1"),
         invoke_command("batch", tmp_path / EVIL, out, "--model", network),
         invoke_command("render", "a.json", "-o", EVIL),
-        invoke_command("preview", "a.jpg", EVIL, "-o", "b.png"),
+        invoke_command("render", "a.json", EVIL, "-o", "b.png"),
     ):
         assert result.exit_code
         assert "\\x1b" in result.output

@@ -169,10 +169,10 @@ def test_no_exposure_is_replaced(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("lens", "option", "value"),
     [
-        ("latlong", "--fov", "90"),
+        ("latlong", "--lens-fov", "90"),
         ("latlong", "--radius", "10"),
         ("latlong", "--centre", "3,4"),
-        ("ball", "--fov", "90"),
+        ("ball", "--lens-fov", "90"),
     ],
 )
 def test_options_that_the_lens_does_not_have_are_wrong_usage(
@@ -205,7 +205,7 @@ def test_what_is_told_twice_must_not_differ(exposures: list[Path], tmp_path: Pat
     base = ("merge", *exposures, "--lens", "equidistant", "-o", tmp_path / "a.exr")
     result = run(*base, *WHERE, "--time", "2024-06-01T08:10+02:00", "--utc-offset", "5")
     assert error_of(result, 2) == "The time already has its offset from UTC; another one contradicts it."
-    assert error_of(run(*base, "--lat", 47), 2) == "A latitude needs a longitude and the other way round."
+    assert error_of(run(*base, "--lat", 47), 2) == "--lat needs --lon too, such as --lat 48.14 --lon 11.58."
     assert "nan is not a finite number." in error_of(run(*base, "--lat", "nan", "--lon", 8), 2)
 
 

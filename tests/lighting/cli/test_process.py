@@ -90,7 +90,7 @@ def test_an_answer_for_a_closed_stdout_is_an_error(record_path: Path, tmp_path: 
         done = closed(">&-", *arguments)
         assert (done.returncode, done.stderr) == (1, "Error: There is no stdout to write to, it is closed.\n")
     done = closed(">&-", "render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (done.returncode, done.stderr) == (0, "Sky only: the place needs the photo (--photo PHOTO).\n")
     done = closed(">&-", "render", record_path, "-o", "-")
     assert done.returncode == 2
     assert done.stderr.endswith("There is no stdout to write to, it is closed.\n")

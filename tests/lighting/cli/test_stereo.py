@@ -31,7 +31,7 @@ PLACE = ("--lat", "47", "--lon", "8", "--heading", "0", "--utc-offset", "2")
 @pytest.mark.parametrize("value", ["nan", "inf", "400"])
 def test_numbers_out_of_range_are_wrong_usage(day: Path, tmp_path: Path, option: str, value: str) -> None:
     result = invoke_command("stereo", "normals", day, *PLACE, option, value, "-o", tmp_path / "out")
-    assert f"Invalid value for '{option}'" in error_of(result, 2)
+    assert f"{option}': {float(value)} is not " in error_of(result, 2)
 
 
 def test_the_results_do_not_go_to_the_photos(day: Path, tmp_path: Path) -> None:
@@ -145,7 +145,7 @@ def test_an_overcast_day_is_called_useless() -> None:
             2,
             "--noise must be a finite number, not nan.",
         ),
-        (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 2, "--lat is 91"),
+        (["--lat", "91", "--lon", "10", "--date", "2026-06-21"], 2, "--latitude is 91"),
         ([*STEREO_PLAN_PLACE, "--date", "2200-06-21"], 2, "year"),
         ([*STEREO_PLAN_PLACE, "--date", "2026-02-30"], 2, "'2026-02-30' is not a day such as 2026-06-21."),
         ([*STEREO_PLAN_PLACE, "--date", "21 June"], 2, "'21 June' is not a day"),

@@ -1,0 +1,159 @@
+"""The commands that make pictures of a light: envmap, preview, render."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli import cli, console, outputs, photos
+from lighting.cli import options as common
+from lighting.cli.photos import PhotoOptions
+
+if TYPE_CHECKING:
+    from lighting.fusion.user_input import UserInput
+    from lighting.records import Lighting
+
+
+@cli.command(
+    "envmap",
+    examples=(
+        "lighting envmap photo.jpg                           # photo.exr beside it",
+        "lighting envmap photo.jpg -o warm.exr --sun 40,25 --exposure +0.5",
+        "lighting envmap *.jpg -o maps/ --height 1024        # a map of each photo",
+    ),
+)
+@outputs.file_output(outputs.MAPS, several=True)
+@common.map_options
+@photos.photo_options
+@click.option("--preview", metavar="FILE.png", callback=outputs.check_file_name, help="Also draw the preview.")
+@click.pass_context
+def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **view: Any) -> None:
+    """Estimate the light of each PHOTO and render its environment map."""
+    photos.check_stdin(chosen.photos)
+    names = outputs.choose_files(chosen.photos, chosen.output, outputs.MAPS, overwrite=chosen.overwrite)
+    _check_preview(chosen, names, preview)
+    for name in names:
+        console.check_compression_option(name, view["compression"])
+    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, console.warm_up)
+    sun = photos.choose_sun(chosen.sun, chosen.adjustments)
+
+    def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
+        data, picture, answer = photos.estimate_file(estimate, photo)
+        context = console.map_context(data, picture, answer, view["height"], chosen.surroundings, chosen.detail)
+        lighting, output = chosen.adjust(answer.lighting), names[number]
+        outputs.make_parent(output)
+        console.write_output_map(output, lighting, sun=sun, context=context, **view)
+        files = {"output": output}
+        if preview:
+            photos.write_preview(preview, data, answer, lighting, chosen)
+            files["preview"] = preview
+        console.print_estimate(photo, lighting, answer.warnings, files, as_json=chosen.as_json, quiet=chosen.quiet)
+        return answer.lighting, list(files.values())
+
+    photos.process_photos(ctx, chosen, work)
+
+
+def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str | None) -> None:
+    """Raise an error where the preview is not a file of its own, or JSON and a file both go to stdout."""
+    if preview is not None:
+        if len(chosen.photos) > 1:
+            raise click.UsageError("--preview is of one photo; `lighting preview` draws those of several.")
+        outputs.check_file(preview, outputs.PREVIEWS.suffixes, "'--preview'")
+        outputs.check_apart(chosen.photos, (*names, preview))
+        outputs.check_absent([preview], overwrite=chosen.overwrite)
+    photos.check_json(chosen.as_json, (*names, preview))
+
+
+@cli.command(
+    "preview",
+    examples=(
+        "lighting preview photo.jpg                          # photo-preview.png beside it",
+        "lighting preview photo.jpg --overcast -o grey.png   # under clouds",
+        "lighting preview *.jpg -o previews/                 # one of each photo",
+    ),
+)
+@outputs.file_output(outputs.PREVIEWS, several=True)
+@photos.photo_options
+@click.pass_context
+def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
+    """Draw each PHOTO, its light and three spheres lit by it."""
+    from lighting.ground import spot_warnings
+
+    photos.check_stdin(chosen.photos)
+    names = outputs.choose_files(chosen.photos, chosen.output, outputs.PREVIEWS, overwrite=chosen.overwrite)
+    photos.check_json(chosen.as_json, names)
+    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model)
+
+    def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
+        data, _, answer = photos.estimate_file(estimate, photo)
+        lighting, output = chosen.adjust(answer.lighting), names[number]
+        outputs.make_parent(output)
+        photos.write_preview(output, data, answer, lighting, chosen)
+        warnings = (*answer.warnings, *spot_warnings(lighting))
+        files = {"output": output}
+        console.print_estimate(photo, lighting, warnings, files, as_json=chosen.as_json, quiet=chosen.quiet)
+        return answer.lighting, [output]
+
+    photos.process_photos(ctx, chosen, work)
+
+
+@cli.command(
+    "render",
+    examples=(
+        "lighting estimate --json photo.jpg > light.json     # a record, to keep or to edit",
+        "lighting render light.json --photo photo.jpg        # light.exr, the map that envmap makes",
+        "lighting render light.json -o sky.exr               # the sky alone",
+    ),
+)
+@click.argument("record", metavar="LIGHTING.json", type=common.FileName())
+@outputs.file_output(outputs.MAPS)
+@click.option(
+    "--photo",
+    metavar="PHOTO",
+    type=common.FileName(),
+    callback=outputs.check_file_name,
+    help="The photo that the record is of: the map shows the place. Without it, the sky alone.",
+)
+@common.map_options
+@common.adjustment_options
+@common.no_sun_option
+@common.surroundings_option
+@common.detail_option
+@common.user_input_options
+@common.model_option
+@common.json_option
+@common.silent_option
+def _render(record: str, output: str | None, overwrite: bool, photo: str | None, **options: Any) -> None:
+    """Render a lighting record as an environment map.
+
+    LIGHTING.json holds one record, or one line that "estimate --json" printed.
+    """
+    sources = [record] if photo is None else [record, photo]
+    if sources.count("-") > 1:
+        raise click.UsageError("The record and the photo cannot both be stdin.")
+    stored = console.read_lighting(record) if output is None else None  # whose error says more than one of the output
+    (name,) = outputs.choose_files([record], output, outputs.MAPS, overwrite=overwrite)
+    outputs.check_apart(sources, [name])
+    console.check_compression_option(name, options["compression"])
+    as_json, quiet, adjustments = (options.pop(key) for key in ("as_json", "quiet", "adjustments"))
+    photos.check_json(as_json, [name])
+    options["sun"] = photos.choose_sun(options["sun"], adjustments)
+    place = {key: options.pop(key) for key in ("surroundings", "detail", "user_input", "model")}
+    if photo is None:
+        _refuse_place(**place)
+    lighting = photos.adjust_light(stored or console.read_lighting(record), adjustments)
+    context = None if photo is None else photos.context_of_record(photo, options["height"], **place)
+    console.write_output_map(name, lighting, context=context, **options)
+    console.print_estimate(record, lighting, (), {"output": name}, as_json=as_json, quiet=quiet)
+    if photo is None and place["surroundings"] is None and not quiet:
+        click.echo("Sky only: the place needs the photo (--photo PHOTO).", err=True)
+    outputs.report_written([name], quiet=quiet or as_json)
+
+
+def _refuse_place(surroundings: bool | None, detail: bool, user_input: "UserInput", model: str | None) -> None:
+    """Raise UsageError for an option that would do nothing without a photo."""
+    from lighting.fusion.user_input import NO_USER_INPUT
+
+    if surroundings or not detail or model is not None or user_input != NO_USER_INPUT:
+        sentence = "--surroundings, --no-detail, --model and what is known of the photo need --photo."
+        raise click.UsageError(sentence)

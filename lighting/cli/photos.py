@@ -1,0 +1,257 @@
+"""What commands about photos share: their options, one photo after the other, and the exit status."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from functools import wraps
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lighting.cli import console, outputs
+from lighting.cli import options as common
+from lighting.errors import LightingError
+
+if TYPE_CHECKING:
+    from lighting.envmap.relighting import Adjustments
+    from lighting.envmap.surroundings import PhotoContext
+    from lighting.fusion.user_input import UserInput
+    from lighting.photo.reader import Photo
+    from lighting.photo_estimate import Estimate
+    from lighting.records import Lighting
+
+UNSUITABLE_STATUS = 3  # of --strict, where a photo is probably none of outdoors by daylight
+
+EstimatePhoto = Callable[[str, bytes], "tuple[Photo, Estimate]"]  # by name and bytes
+
+
+@dataclass(frozen=True)
+class PhotoOptions:
+    """The options of a command that makes something of each photo."""
+
+    photos: Sequence[str]
+    output: str | None
+    overwrite: bool
+    surroundings: bool | None
+    detail: bool
+    sun: bool | None  # whether it is in maps and scenes
+    adjustments: "Adjustments | None"
+    user_input: "UserInput"
+    model: str | None
+    strict: bool
+    as_json: bool
+    quiet: bool
+
+    def adjust(self, lighting: "Lighting") -> "Lighting":
+        """Return a light as the user adjusts it.
+
+        Args:
+            lighting: before.
+        """
+        return adjust_light(lighting, self.adjustments)
+
+
+def adjust_light(lighting: "Lighting", adjustments: "Adjustments | None") -> "Lighting":
+    """Return a light as the user adjusts it.
+
+    Args:
+        lighting: before.
+        adjustments: what changes; None: nothing.
+    """
+    if adjustments is None:
+        return lighting
+    from lighting.envmap.relighting import adjust_lighting
+
+    return adjust_lighting(lighting, adjustments)
+
+
+def choose_sun(sun: bool | None, adjustments: "Adjustments | None") -> bool | None:
+    """Return whether the sun is painted; one that the user moved is. UsageError where it is also to be left out.
+
+    Args:
+        sun: False where it is left out; None without a word.
+        adjustments: may move it; None: nothing.
+    """
+    if adjustments is None or adjustments.sun is None:
+        return sun
+    if sun is False:
+        raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
+    return True
+
+
+def photo_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options that PhotoOptions holds, apart from -o; the command receives it as `chosen`.
+
+    Args:
+        command: that receives them.
+    """
+
+    @wraps(command)
+    def with_chosen(*args: Any, **options: Any) -> None:
+        chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
+        command(*args, chosen=chosen, **options)
+
+    added = (
+        common.adjustment_options,
+        common.no_sun_option,
+        common.surroundings_option,
+        common.detail_option,
+        common.user_input_options,
+        common.model_option,
+        common.strict_option,
+        common.json_option,
+        common.silent_option,
+    )
+    decorated: Callable[..., None] = with_chosen
+    for add in reversed(added):
+        decorated = add(decorated)
+    return click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=common.FileName())(decorated)
+
+
+def check_stdin(photos: Sequence[str]) -> None:
+    """Raise UsageError where stdin is read twice.
+
+    Args:
+        photos: names of files; "-" is stdin.
+    """
+    if photos.count("-") > 1:
+        raise click.UsageError("Only one of the photos can be stdin.")
+
+
+def check_json(as_json: bool, names: Sequence[str | None]) -> None:
+    """Raise UsageError where JSON and a file both go to stdout.
+
+    Args:
+        as_json: whether JSON is wanted.
+        names: of the files; "-" is stdout.
+    """
+    if as_json and "-" in names:
+        raise click.UsageError("--json and the file would both go to stdout.")
+
+
+def photo_estimator(
+    photos: Sequence[str], user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
+) -> EstimatePhoto:
+    """Return a function that reads a photo and estimates its light.
+
+    The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
+
+    Args:
+        photos: names of all photos.
+        user_input: what the user states of them.
+        model: a network's file; None is the one in this package.
+        meanwhile: what to do while the network runs on the one photo.
+    """
+    if len(photos) == 1:
+        return lambda name, data: console.estimate_photo(name, data, user_input, model, meanwhile)
+    estimator = console.load_estimator(model)
+
+    def estimate(name: str, data: bytes) -> "tuple[Photo, Estimate]":
+        from lighting.photo.reader import read_photo
+
+        photo = read_photo(data, path=console.path_of(name))
+        return photo, estimator(photo, user_input)
+
+    return estimate
+
+
+def estimate_file(estimate: EstimatePhoto, name: str) -> "tuple[bytes, Photo, Estimate]":
+    """Return the bytes of a photo, its pixels and its light; errors name the file.
+
+    Args:
+        estimate: of `photo_estimator`.
+        name: of the photo's file; "-" is stdin.
+    """
+    with console.prefix_errors(name):
+        data = console.read_photo_bytes(name)
+        return data, *estimate(name, data)
+
+
+def write_preview(output: str, photo: bytes, estimate: "Estimate", lighting: "Lighting", chosen: PhotoOptions) -> None:
+    """Draw a photo, its light and three spheres lit by it.
+
+    Args:
+        output: the PNG's file; "-" is stdout.
+        photo: its bytes.
+        estimate: of its light.
+        lighting: that light, perhaps changed since.
+        chosen: says whether sun, place and detail are in its map.
+    """
+    from lighting.photo.reader import read_photo
+    from lighting.preview.picture import PHOTO_SIDE, preview_png
+
+    pixels = read_photo(photo, target=PHOTO_SIDE).pixels
+    sun = choose_sun(chosen.sun, chosen.adjustments)
+    png = preview_png(
+        pixels, estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
+    )
+    console.write_png(output, png)
+
+
+def process_photos(
+    ctx: click.Context,
+    chosen: PhotoOptions,
+    work: "Callable[[int, str], tuple[Lighting, list[str]]]",
+    how_to_open: Callable[[str], str] = outputs.open_command,
+) -> None:
+    """Work on each photo, say what was written, and end the command with its status.
+
+    That is 1 where a photo failed, and 3 where --strict finds one unfit. An error of the only photo ends the command;
+    of several, the others go on.
+
+    Args:
+        ctx: of click.
+        chosen: the command's options.
+        work: takes number and name, writes what the command writes, and returns the photo's light and the files.
+        how_to_open: of the first file.
+    """
+    failed, lights, written = 0, list["Lighting"](), list[str]()
+    with console.photo_progress(chosen.photos, chosen.quiet) as progress:
+        for number, name in enumerate(progress):
+            try:
+                light, files = work(number, name)
+            except (LightingError, OSError) as error:
+                if console.is_broken_pipe(error):
+                    raise
+                if chosen.as_json:
+                    console.print_json_error(name, error)
+                if len(chosen.photos) == 1 or ctx.find_root().params["debug"]:
+                    raise
+                failed += 1
+                console.report_failure(name, error, progress)
+                continue
+            lights.append(light)
+            written += files
+    if failed:
+        click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
+    outputs.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
+    ctx.exit(1 if failed else strict_status(lights, chosen.strict))
+
+
+def context_of_record(
+    photo: str, height: int, user_input: "UserInput", model: str | None, surroundings: bool | None, detail: bool
+) -> "PhotoContext | None":
+    """Return what a map of a stored light shows of the place: the network says it again of the photo.
+
+    Args:
+        photo: name of the file of which the record is; "-" is stdin.
+        height: rows of the map.
+        user_input: what the user states of the photo.
+        model: a network's file; None is the one in this package.
+        surroundings: whether the map shows the place; None where the network predicts it.
+        detail: whether the map then has detail all around the photo.
+    """
+    data, picture, answer = estimate_file(photo_estimator([photo], user_input, model), photo)
+    return console.map_context(data, picture, answer, height, surroundings, detail)
+
+
+def strict_status(lights: Sequence["Lighting"], strict: bool) -> int:
+    """Return the exit status for lights that could be estimated.
+
+    Args:
+        lights: of photos.
+        strict: whether one of a photo that is probably not of outdoors by daylight counts.
+    """
+    from lighting.records import MIN_SUITABLE
+
+    unfit = strict and any(light.suitable is not None and light.suitable < MIN_SUITABLE for light in lights)
+    return UNSUITABLE_STATUS if unfit else 0
