@@ -1,6 +1,7 @@
 """Render a scene's folder with the tool that it is for; `MissingToolError` names what this machine lacks."""
 
 import json
+import os
 import shutil
 import subprocess
 import sys
@@ -9,10 +10,14 @@ from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
+import OpenEXR
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.color import srgb_bytes
+
 HERE = Path(__file__).parent
+GODOT_SCRIPT = HERE.parent / "tests" / "godot" / "render.gd"
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome", "chrome")
 SECONDS = 1800  # that one render may take
 
@@ -49,6 +54,23 @@ def render_mitsuba(folder: Path, samples: int) -> NDArray[np.uint8]:
 def render_threejs(folder: Path, size: tuple[int, int]) -> NDArray[np.uint8]:
     """By a screenshot of the page."""
     return _screenshot(folder / "scene.html", size)
+
+
+def render_godot(folder: Path) -> NDArray[np.uint8]:
+    """By Godot in the chroot that LIGHTING_ENGINES names."""
+    chroot = os.environ.get("LIGHTING_ENGINES", "")
+    if not Path(chroot, "usr/bin/godot").exists() or os.geteuid() != 0:
+        raise MissingToolError("Godot in the chroot of scripts/engines.sh (LIGHTING_ENGINES, as root)")
+    with tempfile.TemporaryDirectory(dir=Path(chroot, "tmp")) as name:
+        inside = Path(name, "scene")
+        shutil.copytree(folder, inside)
+        shutil.copy(GODOT_SCRIPT, inside)
+        window = "xvfb-run -a -s '-screen 0 1024x768x24' godot --audio-driver Dummy --script render.gd -- scene"
+        path = f"/{inside.relative_to(chroot)}"
+        commands = f"cd {path} && export HOME={path} && godot --headless --import && {window}"
+        _run(["chroot", chroot, "bash", "-c", commands], folder)
+        pixels = OpenEXR.File(str(inside / "scene.exr")).channels()["RGB"].pixels
+    return srgb_bytes(pixels)
 
 
 def _screenshot(page: Path, size: tuple[int, int]) -> NDArray[np.uint8]:

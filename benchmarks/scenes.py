@@ -1,12 +1,14 @@
-"""One scene, four tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
+"""One scene, five tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
 
     python -m benchmarks.scenes [--sun -125 33] [--only TOOL ...] [--blender PROGRAM] [--samples 64]
                                 [--picture docs/scenes.png] [--keep FOLDER]
 
 The "photo" is rendered here from a known light, which the scenes are compared with. Blender reads and renders the USD;
-glTF is left out, since it holds no map. Prints a table and draws all renders into one picture; a tool that this machine
-lacks is named and left out. The sun stands on the left, so that the shadow of the preview's diffuse ball lies free.
-PROGRAM is Blender or a Python that has its module bpy.
+glTF is left out, since it holds no map, and Unreal
+and Unity, which do not run here. Godot runs in the chroot of scripts/engines.sh that LIGHTING_ENGINES names. Prints a
+table and draws all renders into one picture; a tool that this machine lacks is named and left out. The sun stands on
+the left, so that the shadow of the preview's diffuse ball lies free. PROGRAM is Blender or a Python that has its module
+bpy.
 """
 
 import argparse
@@ -29,7 +31,14 @@ from benchmarks.scene_measures import (
     sunlit_over_shaded,
     unhidden,
 )
-from benchmarks.scene_renders import MissingToolError, render_blender, render_import, render_mitsuba, render_threejs
+from benchmarks.scene_renders import (
+    MissingToolError,
+    render_blender,
+    render_godot,
+    render_import,
+    render_mitsuba,
+    render_threejs,
+)
 from lighting.color import luminance, srgb_decode, tone_map
 from lighting.envmap.render import render
 from lighting.geometry import (
@@ -47,7 +56,6 @@ from lighting.photo.reader import Photo
 from lighting.preview.drawing import TextStyle, draw_text
 from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centers
 from lighting.records import Lighting
-from lighting.scene import EXPORTERS
 from lighting.scene.records import Scene, make_placeholder, make_scene
 from lighting.scene.writer import write_scene
 
@@ -56,7 +64,7 @@ LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camer
 GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
 SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
-DRAWN = tuple(tool for tool, entry in EXPORTERS.items() if entry.has_map)
+DRAWN = ("blender", "usd", "threejs", "godot", "mitsuba")  # Unreal and Unity do not run here
 OURS, ALONE = "our preview", "its ball alone"
 
 
@@ -75,7 +83,7 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="One scene, four tools, one answer.")
+    parser = argparse.ArgumentParser(description="One scene, five tools, one answer.")
     parser.add_argument("--sun", nargs=2, type=float, default=SUN, help="azimuth, below 0, and elevation in degrees")
     parser.add_argument("--only", nargs="+", choices=DRAWN, default=DRAWN, help="the tools to render with")
     parser.add_argument("--blender", help="Blender, or a Python that has its module bpy")
@@ -104,6 +112,7 @@ def renders(
         "blender": lambda made: render_blender(made, samples, blender),
         "usd": lambda made: render_import(made, "scene.usda", SIZE, samples, blender),
         "threejs": lambda made: render_threejs(made, SIZE),
+        "godot": render_godot,
         "mitsuba": lambda made: render_mitsuba(made, samples),
     }
     renders_by_tool = {}
@@ -212,6 +221,7 @@ TITLES = {
     "blender": "Blender, Cycles",
     "usd": "USD, read by Blender",
     "threejs": "three.js in Chromium",
+    "godot": "Godot 4",
     "mitsuba": "Mitsuba 3",
     OURS: "lighting preview",
 }

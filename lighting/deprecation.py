@@ -17,6 +17,7 @@ class _RenamedName:
 RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_old_name` itself
     "lighting.Estimator.together": _RenamedName("lighting", "Estimator.estimate_views", "0.3.0"),
     "lighting.Given": _RenamedName("lighting", "UserInput", "0.3.0"),
+    "lighting.UserInput.use_exif": _RenamedName("lighting", "UserInput.metadata", "0.3.0"),
     "lighting.photo.photo_of": _RenamedName("lighting.photo.reader", "photo_from_array", "0.3.0"),
     "lighting.photo.read_photo": _RenamedName("lighting", "read_photo", "0.3.0"),
     "lighting.photo.read_time": _RenamedName("lighting.photo.clock", "parse_time", "0.3.0"),

@@ -84,7 +84,6 @@ RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Li
 }
 
 SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call otherwise
-    "use_exif": "metadata",
     "fov": "lens_fov",
     "first": "date",
     "last": "until",

@@ -269,7 +269,7 @@ def check_requests(port: int) -> object:
     image = _answer(port, "/v1/envmap", photos=1)
     expect(image.startswith(b"v/1\x01") and len(image) > 100_000, f"POST /v1/envmap: an EXR of {len(image)} bytes")
     expect(b"<script" in _answer(port, "/"), "the page is in it")
-    several = json.loads(_answer(port, "/v1/lighting", photos=2))["lightings"]
+    several = json.loads(_answer(port, "/v1/lightings", photos=2))["lightings"]
     expect("other photos" in several[1]["evidence"], "several photos are answered together")
     return record["sun"]
 

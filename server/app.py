@@ -11,22 +11,15 @@ from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
 from lighting.estimator import Estimator
-from lighting.records import Json
 from lighting.version import __version__
-from server import middleware, problems, routes, static_page
+from server import middleware, openapi, problems, routes, static_page
 from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
 from server.query_params import refuse_duplicates
-from server.request_body import FORM_TYPE, PHOTO_FIELD
 from server.responses import WARNINGS_HEADER
-from server.schemas import LightingRecord, Problem
 from server.settings import Settings, read_settings
 
-_TAGS = [
-    {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
-    {"name": "operations", "description": "For operators."},
-]
 _EXPOSED_HEADERS = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
 
 log = logging.getLogger(__name__)
@@ -46,9 +39,12 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
     app = FastAPI(
         title="Outdoor lighting",
         summary="Where the sun is, what the sky is like and how the camera stood, from one outdoor photo.",
+        description=openapi.DESCRIPTION,
         version=__version__,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-        openapi_tags=_TAGS,
+        openapi_tags=openapi.TAGS,
+        servers=[{"url": service.settings.root_path or "/", "description": "This service"}],
+        openapi_url=None,  # server/openapi.py answers it, with a tag
         docs_url=None,  # these documentation pages load scripts from another host
         redoc_url=None,
         redirect_slashes=False,  # to whatever the client calls its Host
@@ -59,7 +55,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
     problems.install_handlers(app)
     _add_routes(app, service)
     _add_middleware(app, service)
-    _complete_openapi(app, service.settings)
+    openapi.complete_document(app, service.settings)
     return app
 
 
@@ -76,9 +72,12 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     app.include_router(
         routes.router,
         dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_duplicates)],
-        responses=problems.problem_responses(400, 422, *(status for _, statuses in active for status in statuses)),
+        responses=problems.problem_responses(
+            400, 403, 421, 422, 431, *(status for _, statuses in active for status in statuses)
+        ),
     )
     app.include_router(middleware.router)
+    app.include_router(openapi.router)
     app.include_router(static_page.make_page_router(photo=service.settings.photo))
 
 
@@ -106,36 +105,18 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     service: Service = app.state.service
     await to_thread.run_sync(service.load)
     async with create_task_group() as tasks:
-        tasks.start_soon(_warm_up, service)
+        tasks.start_soon(_warm_up, app, service)
         yield
 
 
-async def _warm_up(service: Service) -> None:
+async def _warm_up(app: FastAPI, service: Service) -> None:
     """Run the network once; until then /readyz answers 503."""
     try:
         await to_thread.run_sync(service.warm_up)
+        await to_thread.run_sync(app.openapi)  # it takes a while, and errors read it
     except Exception:
         log.exception("The network cannot answer.")
 
 
 def _operation_id(route: APIRoute) -> str:
     return route.name
-
-
-def _complete_openapi(app: FastAPI, settings: Settings) -> None:
-    """Add to the OpenAPI document the schemas of bodies and errors, and the maximum number of photos."""
-    generate = app.openapi
-
-    def openapi() -> Json:
-        document = generate()
-        schemas = document["components"]["schemas"]
-        for model in (Problem, LightingRecord):
-            if model.__name__ in schemas:
-                continue
-            schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
-            schemas.update({**schema.pop("$defs", {}), model.__name__: schema, **schemas})
-        form = document["paths"]["/v1/lighting"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
-        form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
-        return document
-
-    app.openapi = openapi  # type: ignore[method-assign]

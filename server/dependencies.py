@@ -23,7 +23,7 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
-from lighting.records import CodedWarning, EstimatedLight, WarningCode
+from lighting.records import CodedWarning, EstimatedLight, Lighting, WarningCode
 from lighting.registration import features, photo_set
 from server import problems
 from server.auth import ApiKeys, CpuLimiter, RateLimiter
@@ -31,7 +31,7 @@ from server.identity import Client, client_of_address, client_of_key, client_of_
 from server.limits import ConnectionLimiter, PendingResponses, UploadLimiter, count_possible_connections
 from server.metrics import Metrics
 from server.problems import ProblemError
-from server.request_body import BodyLimits, RequestBody, Upload, announced_size
+from server.request_body import JSON_TYPE, BodyLimits, RequestBody, Upload, announced_size, media_type, parse_record
 from server.scheduling import WorkLimiter
 from server.settings import Settings
 
@@ -258,6 +258,16 @@ async def _read_photo_bytes(request: AdmissionDep) -> bytes:
 
 
 PhotoDep = Annotated[bytes, Depends(_read_photo_bytes)]
+
+
+async def _read_photo_or_record(request: AdmissionDep) -> bytes | Lighting:
+    """The photo that a request brings, or the lighting of a JSON record; raises ProblemError."""
+    if media_type(request.request) == JSON_TYPE:
+        return parse_record(await request.body.record())
+    return await request.body.photo(JSON_TYPE)
+
+
+PhotoOrLightingDep = Annotated[bytes | Lighting, Depends(_read_photo_or_record)]
 
 
 async def _read_uploads(request: AdmissionDep) -> list[Upload]:

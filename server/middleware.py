@@ -32,6 +32,7 @@ router = APIRouter(tags=["operations"])
 
 @router.get("/livez", summary="Whether the process answers")
 async def livez() -> Status:
+    """For a supervisor that restarts a process that hangs."""
     return Status()
 
 
@@ -41,6 +42,7 @@ async def livez() -> Status:
     responses=problems.problem_responses(503),
 )
 async def readyz(service: ServiceDep) -> Status:
+    """For a load balancer: 503 while the network loads, and while the queue is full of many clients' requests."""
     if not service.ready:
         retry = {"Retry-After": problems.RETRY_SECONDS}
         raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
@@ -58,6 +60,7 @@ async def readyz(service: ServiceDep) -> Status:
     responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
 )
 async def metrics(service: ServiceDep) -> Response:
+    """Requests, times, queues, bytes and connections, as text."""
     return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 

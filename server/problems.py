@@ -2,8 +2,9 @@
 
 import json
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from difflib import get_close_matches
 from http import HTTPStatus
 from typing import Any, Literal
 from urllib.parse import quote
@@ -35,6 +36,7 @@ class ProblemKind:
     name: str
     status: int
     title: str
+    example: str = ""  # of a detail
 
     @property
     def type(self) -> str:
@@ -42,28 +44,79 @@ class ProblemKind:
         return f"tag:outdoor-lighting,2026:{self.name}"
 
 
-UNREADABLE_PHOTO = ProblemKind("unreadable-photo", 400, "The photo cannot be read")
-UNREADABLE_BODY = ProblemKind("unreadable-body", 400, "The body cannot be read")
-MALFORMED = ProblemKind("malformed-request", 400, "The request is not HTTP/1.1")
-UNAUTHORIZED = ProblemKind("unauthorised", 401, "An API key is required")
-FORBIDDEN = ProblemKind("forbidden", 403, "The API key is wrong")
-FOREIGN_ORIGIN = ProblemKind("foreign-origin", 403, "A web page of another origin asks")
-NOT_FOUND = ProblemKind("not-found", 404, "There is no such route")
-METHOD_NOT_ALLOWED = ProblemKind("method-not-allowed", 405, "The method is not allowed here")
-TOO_SLOW = ProblemKind("too-slow", 408, "The request did not arrive in time")
-REMOVED = ProblemKind("removed", 410, "The route was removed")
-TOO_LARGE = ProblemKind("too-large", 413, "The body or the photo is too large")
-UNSUPPORTED_TYPE = ProblemKind("unsupported-type", 415, "The body is of a type that is not accepted")
-WRONG_HOST = ProblemKind("wrong-host", 421, "The service has another name")
-INVALID = ProblemKind("invalid", 422, "A parameter is missing, unknown or out of range")
-TOO_MANY_REQUESTS = ProblemKind("too-many-requests", 429, "The rate limit is reached")
-TOO_MANY_UPLOADS = ProblemKind("too-many-uploads", 429, "Too many uploads at once from one client")
-SHARE_TAKEN = ProblemKind("share-taken", 429, "One client has its share of the service")
-HEADERS_TOO_LARGE = ProblemKind("headers-too-large", 431, "The headers are too large")
+UNREADABLE_PHOTO = ProblemKind("unreadable-photo", 400, "The photo cannot be read", "The file is cut short or damaged.")
+UNREADABLE_BODY = ProblemKind(
+    "unreadable-body", 400, "The body cannot be read", "The form cannot be read: It is cut short."
+)
+MALFORMED = ProblemKind("malformed-request", 400, "The request is not HTTP/1.1", "Two headers say where the body ends.")
+UNAUTHORIZED = ProblemKind(
+    "unauthorised", 401, "An API key is required", "Send one of the service's API keys: Authorization: Bearer KEY."
+)
+FORBIDDEN = ProblemKind("forbidden", 403, "The API key is wrong", "The API key that was sent is none of the service's.")
+FOREIGN_ORIGIN = ProblemKind(
+    "foreign-origin",
+    403,
+    "A web page of another origin asks",
+    "A web page of another origin may not ask this; LIGHTING_CORS_ORIGINS may name its origin.",
+)
+NOT_FOUND = ProblemKind(
+    "not-found",
+    404,
+    "There is no such route",
+    "There is no such route. Did you mean /v1/lighting? GET /docs lists all.",
+)
+METHOD_NOT_ALLOWED = ProblemKind(
+    "method-not-allowed", 405, "The method is not allowed here", "GET is not allowed here; allowed is POST."
+)
+TOO_SLOW = ProblemKind(
+    "too-slow",
+    408,
+    "The request did not arrive in time",
+    "The body must arrive within 60 s and at 10000 bytes per second.",
+)
+REMOVED = ProblemKind(
+    "removed",
+    410,
+    "The route was removed",
+    "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
+)
+TOO_LARGE = ProblemKind(
+    "too-large", 413, "The body or the photo is too large", "The body is larger than the limit of 64 MB."
+)
+UNSUPPORTED_TYPE = ProblemKind(
+    "unsupported-type",
+    415,
+    "The body is of a type that is not accepted",
+    "The body has a Content-Encoding; send it as it is, without one.",
+)
+WRONG_HOST = ProblemKind(
+    "wrong-host", 421, "The service has another name", "The service is not called so; LIGHTING_HOSTS may name it."
+)
+INVALID = ProblemKind(
+    "invalid", 422, "A parameter is missing, unknown or out of range", "height: must be a number from 16 to 2048"
+)
+TOO_MANY_REQUESTS = ProblemKind(
+    "too-many-requests", 429, "The rate limit is reached", "The rate limit is reached; wait 12 s."
+)
+TOO_MANY_UPLOADS = ProblemKind(
+    "too-many-uploads",
+    429,
+    "Too many uploads at once from one client",
+    "Too many bodies are arriving from this client; send them one after another.",
+)
+SHARE_TAKEN = ProblemKind(
+    "share-taken",
+    429,
+    "One client has its share of the service",
+    "The queue is full, and this client has its share of it.",
+)
+HEADERS_TOO_LARGE = ProblemKind(
+    "headers-too-large", 431, "The headers are too large", "The request line and the headers may have 16384 bytes."
+)
 CLIENT_GONE = ProblemKind("client-gone", 499, "The client disconnected")
-INTERNAL = ProblemKind("internal", 500, "The service failed")
-NOT_READY = ProblemKind("not-ready", 503, "The network is not loaded yet")
-BUSY = ProblemKind("busy", 503, "The service is busy")
+INTERNAL = ProblemKind("internal", 500, "The service failed", "An unexpected error occurred in the service.")
+NOT_READY = ProblemKind("not-ready", 503, "The network is not loaded yet", "The network is not loaded yet.")
+BUSY = ProblemKind("busy", 503, "The service is busy", "All workers are busy and the queue is full.")
 
 KINDS = (
     UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, FOREIGN_ORIGIN, NOT_FOUND,
@@ -90,6 +143,9 @@ _REMOVED_ROUTES = {  # by path: what to use instead
     "/healthz": "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
     "/v1/stereo/plan": "GET /v1/stereo/plan was removed; run the command `lighting stereo plan`, which plans the same.",
 }
+_UNLISTED_ROUTES = ("/", "/docs", "/openapi.json")  # that the OpenAPI document leaves out
+_MIN_SIMILAR_LENGTH, _MAX_SIMILAR_LENGTH = 3, 64  # letters of a name for which a similar one is sought
+FORM_PARAMETERS = "form_parameters"  # where a scope holds the names and values of parameters in a form
 _KIND_BY_STATUS = {kind.status: kind for kind in (NOT_FOUND, METHOD_NOT_ALLOWED)}
 
 
@@ -108,6 +164,11 @@ class InvalidField:
         """The JSON, without a range if the field has none."""
         names = {"location": "place"}
         return {names.get(name, name): value for name, value in vars(self).items() if value is not None}
+
+
+_EXAMPLE_FIELD = InvalidField(
+    "height", "query", "must be a number from 16 to 2048", ErrorCode.OUT_OF_RANGE.value, minimum=16, maximum=2048
+)
 
 
 class ProblemError(Exception):
@@ -172,15 +233,16 @@ def _body(kind: ProblemKind, detail: str, instance: str, request_id: str) -> Jso
     return {**kind_members, "detail": detail, "instance": instance, "request_id": request_id}
 
 
-def _problem_of(error: Exception) -> ProblemError:
+def _problem_of(request: Request, error: Exception) -> ProblemError:
     """The problem for an exception; an unexpected one becomes a 500 without internal details."""
     match error:
         case ProblemError():
             return error
         case RequestValidationError():
-            return invalid_fields_error([_invalid_field(details) for details in error.errors()])
+            schemas = _parameter_schemas(request)
+            return invalid_fields_error([_invalid_field(details, schemas) for details in error.errors()])
         case HTTPException():
-            return _problem_of_http_exception(error)
+            return _problem_of_http_exception(request, error)
         case PhotoTooLargeError():
             return ProblemError(TOO_LARGE, str(error))
         case PhotoError():
@@ -209,14 +271,37 @@ def _problem_of_parameter(error: ParameterError) -> ProblemError:
     return ProblemError(INVALID, str(renamed), errors=[invalid.to_dict()])
 
 
-def _problem_of_http_exception(error: HTTPException) -> ProblemError:
+def _problem_of_http_exception(request: Request, error: HTTPException) -> ProblemError:
     phrase = HTTPStatus(error.status_code).phrase
     other = ProblemKind(phrase.lower().replace(" ", "-"), error.status_code, phrase)
     kind = _KIND_BY_STATUS.get(error.status_code, other)
-    return ProblemError(kind, f"{kind.title}.", error.headers)
+    hint = _route_hint(request) if kind is NOT_FOUND else ""
+    return ProblemError(kind, f"{kind.title}.{hint}", error.headers)
 
 
-def _invalid_field(details: Mapping[str, Any]) -> InvalidField:
+def _route_hint(request: Request) -> str:
+    """What a client may have meant by a path that is no route."""
+    near = _find_similar(route_path(request.scope), [*request.app.openapi()["paths"], *_UNLISTED_ROUTES])
+    return (f" Did you mean {near}?" if near else "") + " GET /docs lists all."
+
+
+def _parameter_schemas(request: Request) -> Mapping[str, Json]:
+    """The schemas of the parameters that a request's route takes, by name."""
+    path = getattr(request.scope.get("route"), "path", "")
+    operation = request.app.openapi()["paths"].get(path, {}).get(request.method.lower(), {})
+    return {parameter["name"]: parameter["schema"] for parameter in operation.get("parameters", ())}
+
+
+def _find_similar(name: str, known: Iterable[str]) -> str:
+    """The name that somebody probably meant; empty where none is like it."""
+    if not _MIN_SIMILAR_LENGTH <= len(name) <= _MAX_SIMILAR_LENGTH:
+        return ""
+    names = [other for other in known if len(other) >= _MIN_SIMILAR_LENGTH]
+    shortened = [other for other in names if name.startswith(other) or other.startswith(name)]
+    return next(iter(get_close_matches(name, names, n=1) or shortened), "")
+
+
+def _invalid_field(details: Mapping[str, Any], schemas: Mapping[str, Json]) -> InvalidField:
     """One of pydantic's errors, in plainer words.
 
     A check of several fields names the one at fault as `field` of its context; our checks have a `code` there.
@@ -224,14 +309,31 @@ def _invalid_field(details: Mapping[str, Any]) -> InvalidField:
     context = details.get("ctx", {})
     default_code = context.get("code") or _CODE_BY_TYPE.get(details["type"], ErrorCode.WRONG_TYPE)
     code, template = _DETAIL_BY_TYPE.get(details["type"], (default_code, None))
+    location, *path = details["loc"]
+    field = context.get("field") or ".".join(map(str, path)) or str(location)
+    hint = _parameter_hint(field, details, schemas) if location == "query" else ""
     return InvalidField(
-        field=context.get("field") or ".".join(str(part) for part in details["loc"][1:]) or str(details["loc"][0]),
-        location=details["loc"][0],
-        detail=details["msg"] if template is None else template.format(**context),
+        field=field,
+        location=location,
+        detail=(details["msg"] if template is None else template.format(**context)) + hint,
         code=code,
         minimum=context.get("minimum"),
         maximum=context.get("maximum"),
     )
+
+
+def _parameter_hint(name: str, details: Mapping[str, Any], schemas: Mapping[str, Json]) -> str:
+    """What a client may have meant by a parameter that is not known, or by its value, or the values of one it lacks."""
+    values = schemas.get(name, {}).get("enum", ())
+    near = ""
+    match details["type"]:
+        case "extra_forbidden":
+            near = _find_similar(name, schemas)
+        case "literal_error":
+            near = _find_similar(str(details["input"]), values)
+        case "missing" if values:
+            return f"; it is one of {', '.join(values)}"
+    return f"; did you mean {near}?" if near else ""
 
 
 def route_path(scope: Scope) -> str:
@@ -250,14 +352,25 @@ async def problem_response(request: Request, error: Exception) -> Response:
         request: the request.
         error: any exception; what is not expected becomes a 500 without details.
     """
-    problem = _problem_of(error)
+    problem = _problem_of(request, error)
+    _locate_form_parameters(request, problem)
     if problem.kind is NOT_FOUND and (instead := _REMOVED_ROUTES.get(route_path(request.scope))):
         problem = ProblemError(REMOVED, instead)
     if problem.kind is METHOD_NOT_ALLOWED:
         problem.headers = _allow_header(request, (problem.headers or {}).get("Allow", ""))
+        if allowed := problem.headers.get("Allow"):
+            problem.detail = f"{request.method[:16]} is not allowed here; allowed is {allowed}."
     if problem.kind is INTERNAL:
         log.error("request %s failed", request.scope.get("request_id"), exc_info=error)
     return _response(request, problem)
+
+
+def _locate_form_parameters(request: Request, problem: ProblemError) -> None:
+    """Name the form, not the URL, as the location of a parameter that stood in it."""
+    names = {name for name, _ in request.scope.get(FORM_PARAMETERS, ())}
+    for item in problem.more.get("errors", ()):
+        if item["place"] == "query" and item["field"] in names:
+            item["place"] = "form"
 
 
 def _allow_header(request: Request, allow: str) -> dict[str, str]:
@@ -279,9 +392,19 @@ def problem_responses(*statuses: int) -> dict[int | str, Json]:
 
 
 def _problem_documentation(kinds: list[ProblemKind]) -> Json:
-    examples = {kind.name: {"value": _body(kind, f"{kind.title}.", "/v1", "4d1c0a6f5e2b7398")} for kind in kinds}
+    examples = {kind.name: {"value": problem_example(kind)} for kind in kinds}
     content = {"schema": {"$ref": "#/components/schemas/Problem"}, "examples": examples}
     return {"description": "; ".join(kind.title for kind in kinds), "content": {MEDIA_TYPE: content}}
+
+
+def problem_example(kind: ProblemKind) -> Json:
+    """The body of a problem, as documentation shows it.
+
+    Args:
+        kind: the kind of problem.
+    """
+    body = _body(kind, kind.example, "/v1/lighting", "4d1c0a6f5e2b7398")
+    return {**body, "errors": [_EXAMPLE_FIELD.to_dict()]} if kind is INVALID else body
 
 
 def install_handlers(app: FastAPI) -> None:

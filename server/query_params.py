@@ -95,13 +95,18 @@ class UserInputQuery(Query):
 
 
 class LightingQuery(UserInputQuery):
-    """How one photo or several are estimated, and what the answer includes."""
+    """How a photo is estimated, and what the answer includes."""
 
     probability: types.Flag = Field(False, description="add the sun's probability on its grid")
     surroundings: types.Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
     photo_metadata: types.Flag = Field(
         False, description="add what the file says of itself, its location included, for a form that corrects it"
     )
+
+
+class LightingsQuery(LightingQuery):
+    """How several photos are estimated together, and what each answer includes."""
+
     headings: types.Headings = Field(
         None, description="deg, where each of several photos points, clockwise from any common direction"
     )
@@ -396,7 +401,7 @@ async def refuse_parameters(request: Request) -> None:
         raise invalid_fields_error([InvalidField(name, "query", detail, ErrorCode.UNKNOWN) for name in names])
 
 
-def check_photo_headings(photos: int, query: LightingQuery) -> None:
+def check_photo_headings(photos: int, query: LightingsQuery) -> None:
     """Raise ProblemError if the headings do not fit the number of photos.
 
     Args:

@@ -1,17 +1,19 @@
 """The bodies of requests: uploaded photos and JSON lighting records, within limits of size and time."""
 
 import json
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections import Counter
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from anyio import CancelScope, current_time
-from fastapi import Request
+from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
+from fastapi.routing import APIRoute
 from pydantic import ValidationError
 from pydantic_core import from_json
-from starlette.datastructures import FormData, UploadFile
+from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
 from lighting.errors import ErrorCode, ParameterError
@@ -20,7 +22,7 @@ from lighting.validation import record_path
 from server import problems
 from server.identity import client_of_request
 from server.limits import PLACE_BYTES, ArrivingBody
-from server.problems import InvalidField, ProblemError
+from server.problems import FORM_PARAMETERS, InvalidField, ProblemError
 from server.schemas import LightingRecord
 
 T = TypeVar("T")
@@ -29,7 +31,8 @@ FORM_TYPE = "multipart/form-data"
 JSON_TYPE = "application/json"
 PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif", "image/tiff", "image/avif")
 PHOTO_FIELD = "photo"
-_MAX_FIELDS = 16  # of a form, files included unless a request may have more
+_MAX_FIELDS = 64  # of a form: more than any route has parameters
+_MAX_FIELD_BYTES = 65_536  # of a parameter in a form
 UPLOAD_GRACE = 5.0  # seconds in which a body may be slower than its minimum rate
 
 
@@ -50,6 +53,27 @@ def announced_size(request: Request) -> int:
     """
     length = request.headers.get("content-length", "")
     return int(length) if length.isdecimal() else 0
+
+
+class FormRequest(Request):
+    """A request whose parameters may stand in its form as well as in its URL."""
+
+    @property
+    def query_params(self) -> QueryParams:
+        """The parameters of the URL and, once the form has been read, those in it."""
+        return QueryParams([*super().query_params.multi_items(), *self.scope.get(FORM_PARAMETERS, ())])
+
+
+class FormRoute(APIRoute):
+    """A route that takes its parameters from URL and form; a dependency reads the form before they are checked."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        handle = super().get_route_handler()
+
+        async def handle_form(request: Request) -> Response:
+            return await handle(FormRequest(request.scope, request.receive))
+
+        return handle_form
 
 
 @dataclass(frozen=True)
@@ -161,20 +185,38 @@ class RequestBody:
 
     async def _read_form(self, max_photos: int) -> list[Upload]:
         async with self._parse_form(max_photos) as form:
-            _refuse_other_fields(form)
+            self._take_parameters(form)
             fields = form.getlist(PHOTO_FIELD)
             files = [field for field in fields if isinstance(field, UploadFile)]
             if not 1 <= len(files) == len(fields):
-                detail = "The form needs a file in this field and nothing else."
+                detail = "The form needs a file in this field, as `curl -F photo=@FILE` sends it."
                 raise problems.invalid_field_error(PHOTO_FIELD, detail, "form", ErrorCode.WRONG_TYPE)
             if len(files) > max_photos:
                 raise _too_many_files(max_photos)
             return [Upload(await file.read(), file.filename or "") for file in files]
 
+    def _take_parameters(self, form: FormData) -> None:
+        """Keep the form's texts as parameters; ProblemError for other files, and for what is given twice."""
+        others = [(name, value) for name, value in form.multi_items() if name != PHOTO_FIELD]
+        parameters = [(name, value) for name, value in others if isinstance(value, str)]
+        if files := {name for name, _ in others} - {name for name, _ in parameters}:
+            detail = f"The form takes no such file; photos go into the field {PHOTO_FIELD}."
+            raise problems.invalid_fields_error(
+                [InvalidField(name, "form", detail, ErrorCode.UNKNOWN) for name in sorted(files)]
+            )
+        counts = Counter([*self.request.query_params, *(name for name, _ in parameters)])
+        if repeated := [name for name, count in counts.items() if count > 1]:
+            detail = "is given more than once"
+            raise problems.invalid_fields_error(
+                [InvalidField(name, "form", detail, ErrorCode.DUPLICATE) for name in repeated]
+            )
+        self.request.scope[FORM_PARAMETERS] = parameters
+
     @asynccontextmanager
     async def _parse_form(self, max_photos: int) -> AsyncIterator[FormData]:
-        files, chunks = max(max_photos, _MAX_FIELDS), self._chunks(self.limits.max_bytes)
-        parser = _FormParser(self.request.headers, chunks, max_files=files, max_fields=_MAX_FIELDS)
+        limits = {"max_files": max(max_photos, _MAX_FIELDS), "max_fields": _MAX_FIELDS}
+        chunks = self._chunks(self.limits.max_bytes)
+        parser = _FormParser(self.request.headers, chunks, **limits, max_part_size=_MAX_FIELD_BYTES)
         parser.spool_max_size = self.limits.max_bytes + 1  # in memory, never on disk
         try:
             form = await parser.parse()
@@ -211,16 +253,9 @@ class _FormParser(MultiPartParser):
 
 def _too_many_files(max_photos: int) -> ProblemError:
     limit = "One photo is" if max_photos == 1 else f"At most {max_photos} photos are"
-    detail = f"{limit} taken here, and the form holds more."
+    hint = " POST /v1/lightings takes several." if max_photos == 1 else ""
+    detail = f"{limit} taken here, and the form holds more.{hint}"
     return problems.invalid_field_error(PHOTO_FIELD, detail, "form", ErrorCode.OUT_OF_RANGE)
-
-
-def _refuse_other_fields(form: FormData) -> None:
-    """Raise ProblemError for fields other than photos: parameters in a form would have no effect."""
-    names = [name for name in dict.fromkeys(form) if name != PHOTO_FIELD]
-    detail = "The form takes no such field; files go into photo, and parameters into the URL, as in ?metadata=false."
-    if names:
-        raise problems.invalid_fields_error([InvalidField(name, "form", detail, ErrorCode.UNKNOWN) for name in names])
 
 
 def _check_size(size: int, limit: int) -> None:

@@ -10,6 +10,7 @@ from urllib.parse import urlencode
 
 import numpy as np
 from fastapi import Request, Response
+from fastapi.responses import JSONResponse
 
 from lighting.envmap.latlong import Image
 from lighting.files import MAP_FORMATS
@@ -28,24 +29,19 @@ WARNINGS_HEADER = "Lighting-Warnings"
 ZIP_TYPE = "application/zip"
 
 
-def estimates_to_json(answers: Sequence[PhotoAnswer], query: LightingQuery, root: str) -> Json:
-    """The JSON of one estimate, or of several in a list.
+def estimate_to_json(answer: PhotoAnswer, query: LightingQuery, root: str) -> Json:
+    """The JSON of an estimate.
 
     Args:
-        answers: one a photo.
+        answer: of a photo.
         query: whether to include the sun's probability.
         root: the path under which the service lives; empty at the host's root.
     """
-    records = [_answer_record(answer, root, query.probability) for answer in answers]
-    return records[0] if len(records) == 1 else {"lightings": records}
-
-
-def _answer_record(answer: PhotoAnswer, root: str, probability: bool) -> Json:
     lighting = answer.estimate.lighting
     record = {**record_with_coefficients(lighting, answer.probe), "links": {"envmap": _envmap_link(lighting, root)}}
     if lighting.warnings:
         record["warning_codes"] = [warning_code(warning).value for warning in lighting.warnings]
-    if probability:
+    if query.probability:
         record["probability"] = _sun_probability(answer.estimate.distribution)
     if answer.crop is not None:
         record["crop"] = asdict(answer.crop)
@@ -146,6 +142,22 @@ def check_cache(request: Request, service: Service, query: Query) -> tuple[dict[
     """
     headers = _cache_headers(query, service.settings.cache_seconds, public=not service.keys)
     return headers, Response(status_code=304, headers=headers) if _is_fresh(request, headers["ETag"]) else None
+
+
+def tagged_json_response(request: Request, content: Json) -> Response:
+    """JSON with a tag of its bytes; 304 for a client whose copy is still good.
+
+    Args:
+        request: may have If-None-Match.
+        content: what it holds.
+    """
+    response = JSONResponse(content)
+    etag = f'"{sha256(response.body).hexdigest()[:32]}"'
+    headers = {"ETag": etag, "Cache-Control": "no-cache"}
+    if _is_fresh(request, etag):
+        return Response(status_code=304, headers=headers)
+    response.headers.update(headers)
+    return response
 
 
 def _is_fresh(request: Request, etag: str) -> bool:

@@ -8,18 +8,19 @@ from fastapi.responses import JSONResponse
 
 from lighting.envmap.relighting import adjust_lighting
 from lighting.files import MAP_FORMATS
-from lighting.records import Json
+from lighting.records import Json, Lighting
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import query_params as queries
 from server import responses, tasks
-from server.dependencies import AdmissionDep, PhotoDep, ServiceDep, UploadsDep
+from server.dependencies import AdmissionDep, PhotoDep, PhotoOrLightingDep, ServiceDep, UploadsDep
 from server.problems import problem_responses
 from server.query_params import (
     EnvmapQuery,
     GroundQuery,
     LightingQuery,
+    LightingsQuery,
     PhotoProbeQuery,
     PhotoSceneQuery,
     PreviewQuery,
@@ -27,18 +28,23 @@ from server.query_params import (
     SkyQuery,
     SkySceneQuery,
 )
-from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, media_type, parse_record
+from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, FormRoute
 from server.schemas import LightingEstimate, LightingEstimates, ModelCard
 
 _BINARY_SCHEMA = {"type": "string", "format": "binary"}
-_FORM_FIELDS = {"properties": {PHOTO_FIELD: _BINARY_SCHEMA}, "additionalProperties": False}
-_FORM_SCHEMA = {"type": "object", "required": [PHOTO_FIELD], **_FORM_FIELDS}
-_PHOTO_BODY: Json = {
-    FORM_TYPE: {"schema": _FORM_SCHEMA},
-    **{photo_type: {"schema": _BINARY_SCHEMA} for photo_type in PHOTO_TYPES},
-}
+_PARAMETERS_SCHEMA = {"type": "string", "description": "any parameter of the URL, in the form instead"}
+
+
+def _form(photo_schema: Json) -> Json:
+    """A form with a photo, or several, and parameters."""
+    fields = {"properties": {PHOTO_FIELD: photo_schema}, "additionalProperties": _PARAMETERS_SCHEMA}
+    return {FORM_TYPE: {"schema": {"type": "object", "required": [PHOTO_FIELD], **fields}}}
+
+
+_PHOTO_FILES: Json = {photo_type: {"schema": _BINARY_SCHEMA} for photo_type in PHOTO_TYPES}
+_PHOTO_BODY: Json = _form({**_BINARY_SCHEMA, "description": "the file of the photo"}) | _PHOTO_FILES
 _PHOTOS_SCHEMA = {"type": "array", "items": _BINARY_SCHEMA, "minItems": 1}  # the app adds how many at most
-_PHOTOS_FORM: Json = {FORM_TYPE: {"schema": {**_FORM_SCHEMA, "properties": {PHOTO_FIELD: _PHOTOS_SCHEMA}}}}
+_PHOTOS_BODY: Json = _form(_PHOTOS_SCHEMA) | _PHOTO_FILES
 _RECORD_BODY: Json = {JSON_TYPE: {"schema": {"$ref": "#/components/schemas/LightingRecord"}}}
 _MAP_RESPONSE: Json = {"content": {entry.media_type: {"schema": _BINARY_SCHEMA} for entry in MAP_FORMATS.values()}}
 _PROBE_RESPONSE: Json = {"content": {JSON_TYPE: {"schema": {"type": "object"}}}}
@@ -57,7 +63,7 @@ _NOT_MODIFIED_RESPONSE: Json = {"description": "The client's copy is still good"
 _SKY_ANSWERS = {304: _NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)}
 _PHOTO_PROBLEMS = problem_responses(400, 408, 413, 415, 422, 429, 500, 503)
 
-router = APIRouter(prefix="/v1", tags=["lighting"])
+router = APIRouter(prefix="/v1", tags=["lighting"], route_class=FormRoute)
 
 
 def _body(content: Json) -> Json:
@@ -71,21 +77,39 @@ _post_photo = partial(router.post, response_class=Response, openapi_extra=_body(
 
 @router.post(
     "/lighting",
-    summary="The light of a photo, or of several photos of one place and light",
-    response_model=LightingEstimate | LightingEstimates,
+    summary="The light of a photo",
+    response_model=LightingEstimate,
+    response_description="The record of the light: sun, sky, ground and camera",
     responses=_PHOTO_PROBLEMS,
-    openapi_extra=_body(_PHOTO_BODY | _PHOTOS_FORM),
+    openapi_extra=_body(_PHOTO_BODY),
 )
 async def estimate_lighting(
-    request: Request, admission: AdmissionDep, photos: UploadsDep, query: Annotated[LightingQuery, Query()]
+    request: Request, admission: AdmissionDep, photo: PhotoDep, query: Annotated[LightingQuery, Query()]
 ) -> JSONResponse:
     """Where the sun is, what the sky is like and how the camera stood, by pixels, metadata and what is given.
 
-    Several files `photo` in one form are taken together: a burst, a panorama sweep or a drive.
+    Edit the answer and send it to `POST /v1/envmap` for its map. Several photos go to `POST /v1/lightings`.
     """
+    answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
+    return JSONResponse(responses.estimate_to_json(answer, query, request.scope.get("root_path", "")))
+
+
+@router.post(
+    "/lightings",
+    summary="The light of several photos of one place and light",
+    response_model=LightingEstimates,
+    response_description="A record for each photo, in the order of the photos",
+    responses=_PHOTO_PROBLEMS,
+    openapi_extra=_body(_PHOTOS_BODY),
+)
+async def estimate_lightings(
+    request: Request, admission: AdmissionDep, photos: UploadsDep, query: Annotated[LightingsQuery, Query()]
+) -> JSONResponse:
+    """A burst, a panorama sweep or a drive: several files `photo` in one form are taken together."""
     queries.check_photo_headings(len(photos), query)
-    estimates = await admission.run(tasks.estimate_photos, admission.service, photos, query)
-    return JSONResponse(responses.estimates_to_json(estimates, query, request.scope.get("root_path", "")))
+    answers = await admission.run(tasks.estimate_photos, admission.service, photos, query)
+    root = request.scope.get("root_path", "")
+    return JSONResponse({"lightings": [responses.estimate_to_json(answer, query, root) for answer in answers]})
 
 
 @_get_file("/envmap", summary="The environment map of a sky", responses={200: _MAP_RESPONSE, **_SKY_ANSWERS})
@@ -106,16 +130,18 @@ async def render_envmap(request: Request, admission: AdmissionDep, query: Annota
     openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
 async def estimate_envmap(
-    request: Request, admission: AdmissionDep, query: Annotated[EnvmapQuery, Query()]
+    admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[EnvmapQuery, Query()]
 ) -> Response:
-    """From a record nothing is estimated: edit it and render again."""
-    if media_type(request) == JSON_TYPE:
+    """From a record nothing is estimated: edit it and render again.
+
+    The parameters of a light replace what is estimated of a photo.
+    """
+    if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        lighting = adjust_lighting(parse_record(await admission.body.record()), query.adjustments())
+        lighting = adjust_lighting(source, query.adjustments())
         data = await admission.run(tasks.encode_envmap_of_lighting, lighting, query)
     else:
-        photo = await admission.body.photo(JSON_TYPE)
-        data = await admission.run(tasks.encode_envmap_of_photo, admission.service, photo, query)
+        data = await admission.run(tasks.encode_envmap_of_photo, admission.service, source, query)
     return responses.map_response(data, query.format)
 
 
@@ -139,16 +165,15 @@ async def compute_probe(
     openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
 async def estimate_probe(
-    request: Request, admission: AdmissionDep, query: Annotated[PhotoProbeQuery, Query()]
+    admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[PhotoProbeQuery, Query()]
 ) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
-    if media_type(request) == JSON_TYPE:
+    if isinstance(source, Lighting):
         queries.refuse_photo_parameters(query)
-        lighting = adjust_lighting(parse_record(await admission.body.record()), query.adjustments())
+        lighting = adjust_lighting(source, query.adjustments())
         data = await admission.run(tasks.encode_probe_of_lighting, lighting, query)
     else:
-        photo = await admission.body.photo(JSON_TYPE)
-        data = await admission.run(tasks.encode_probe_of_photo, admission.service, photo, query)
+        data = await admission.run(tasks.encode_probe_of_photo, admission.service, source, query)
     return Response(data, media_type=JSON_TYPE)
 
 
@@ -156,10 +181,10 @@ async def estimate_probe(
     "/photo",
     summary="A photo upright, as JPEG",
     responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS},
-    dependencies=[Depends(queries.refuse_parameters)],
 )
-async def show_photo(admission: AdmissionDep, photo: PhotoDep) -> Response:
+async def show_photo(request: Request, admission: AdmissionDep, photo: PhotoDep) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
+    await queries.refuse_parameters(request)  # here, for those in a form
     return Response(await admission.run(tasks.encode_upright_jpeg, admission.service, photo), media_type="image/jpeg")
 
 
@@ -205,14 +230,16 @@ async def estimate_scene(
 @router.get(
     "/model",
     summary="The network that answers",
-    responses=problem_responses(500, 503),
+    response_model=ModelCard,
+    response_description="The network, and the values of `tool`, `sky` and `format`",
+    responses={304: _NOT_MODIFIED_RESPONSE, **problem_responses(500, 503)},
     dependencies=[Depends(queries.refuse_parameters)],
 )
-async def describe_model(service: ServiceDep) -> ModelCard:
+async def describe_model(request: Request, service: ServiceDep) -> Response:
     """Its name, licence, grid and accuracy, whether photos are matched, and what this service can make."""
     spec = service.estimator.model.spec
     names = {"scene_tools": list(EXPORTERS), "sky_models": list(SKY_MODELS), "map_formats": list(MAP_FORMATS)}
-    return ModelCard(
+    card = ModelCard(
         name=spec.name,
         version=spec.version,
         licence=spec.licence,
@@ -221,3 +248,4 @@ async def describe_model(service: ServiceDep) -> ModelCard:
         matching=features.has_opencv(),
         **names,
     )
+    return responses.tagged_json_response(request, card.model_dump(mode="json"))

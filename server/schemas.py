@@ -259,7 +259,7 @@ class LightingEstimate(LightingRecord):
 class LightingEstimates(BaseModel):
     """The light of several photos of one place, each in its own camera's frame, in the order of the photos."""
 
-    lightings: list[LightingEstimate] = Field(min_length=2)
+    lightings: list[LightingEstimate] = Field(min_length=1)
 
 
 class Accuracy(BaseModel):

@@ -39,7 +39,18 @@ _UPRIGHT_SIDE = 2048  # pixels, the longer side of a photo for the page
 _UPRIGHT_QUALITY = 88  # of its JPEG, 1 to 100
 
 
-def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingQuery) -> list[PhotoAnswer]:
+def answer_photo(service: Service, data: bytes, query: queries.LightingQuery) -> PhotoAnswer:
+    """Estimate the light of one photo.
+
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: with `surroundings`, the answer has its gain if the network predicts surroundings.
+    """
+    return _answer_photo(*_estimate_photo(service, data, query), query)
+
+
+def estimate_photos(service: Service, files: Sequence[Upload], query: queries.LightingsQuery) -> list[PhotoAnswer]:
     """Estimate the light of photos of one place.
 
     Args:

@@ -336,8 +336,8 @@ _ADJUSTMENTS: tuple[Decorator, ...] = (
 )
 
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
-    "use_exif": click.option(
-        "--no-metadata", "use_exif", flag_value=False, default=True, help="Ignore EXIF and the like: pixels alone."
+    "metadata": click.option(
+        "--no-metadata", "metadata", flag_value=False, default=True, help="Ignore EXIF and the like: pixels alone."
     ),
     "time": click.option(
         "--time", metavar="TIME", callback=parse_time_option, help="When: 2024-06-01T14:30, +02:00 behind it if known."

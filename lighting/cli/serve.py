@@ -98,8 +98,8 @@ def _run_service(
     """
     search_path = os.pathsep.join(filter(None, sys.path))  # the service of this installation, whatever the folder
     environment = {**os.environ, "PYTHONPATH": search_path, **settings}
-    own_group = {"process_group": 0} if os.name == "posix" else {}  # Ctrl-C comes once, from here
-    with subprocess.Popen([sys.executable, "-P", "-m", "server"], env=environment, **own_group) as process:
+    group = 0 if os.name == "posix" else None  # one of its own, so that Ctrl-C comes once, from here
+    with subprocess.Popen([sys.executable, "-P", "-m", "server"], env=environment, process_group=group) as process:
         try:
             _forward_signals(process)
             if when_started:

@@ -50,7 +50,7 @@ def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_IN
         user_input: what the user states of the photo.
     """
     prediction = model.predict(preprocess(photo, model.spec))[0]
-    if photo.is_collage or (user_input.use_exif and photo.metadata.is_panorama):
+    if photo.is_collage or (user_input.metadata and photo.metadata.is_panorama):
         return _as_unsuitable(prediction)
     metadata, _ = check_metadata(photo.metadata, prediction, user_input)
     return screen_prediction(prediction, photo.pixels, camera_observations(metadata, user_input).vertical_fov)
@@ -66,7 +66,7 @@ def check_metadata(
         prediction: of the network, with the lens by the pixels.
         user_input: what the user states; nothing is said of what it replaces.
     """
-    if not user_input.use_exif:
+    if not user_input.metadata:
         return metadata, ()
     warnings: tuple[CodedWarning, ...] = ()
     if metadata.is_panorama:

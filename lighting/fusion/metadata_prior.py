@@ -95,9 +95,9 @@ def merge_user_input(metadata: PhotoMetadata, user_input: UserInput) -> PhotoMet
 
     Args:
         metadata: of the photo's file.
-        user_input: what the user states; `use_exif` False drops the file's. Its time is for `resolve_instants`.
+        user_input: what the user states; `metadata` False drops the file's. Its time is for `resolve_instants`.
     """
-    merged = metadata if user_input.use_exif else PhotoMetadata()
+    merged = metadata if user_input.metadata else PhotoMetadata()
     if user_input.latitude is not None:
         merged = replace(merged, latitude=user_input.latitude, longitude=user_input.longitude)
     if user_input.heading is not None:
@@ -150,7 +150,7 @@ def observations_multi(metadata: Sequence[PhotoMetadata], user_input: UserInput)
     merged = [merge_user_input(m, user_input) for m in located]
     instants = resolve_together(merged, user_input)
     priors = [_observe(m, each, user_input) for m, each in zip(merged, instants, strict=True)]
-    if user_input.use_exif and user_input.latitude is None:
+    if user_input.metadata and user_input.latitude is None:
         priors = [
             replace(p, warnings=(*p.warnings, *_location_warnings(m, used))) if p.observations.candidates else p
             for p, m, used in zip(priors, metadata, located, strict=True)

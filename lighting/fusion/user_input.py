@@ -8,8 +8,10 @@ from datetime import datetime
 
 import numpy as np
 
+from lighting.deprecation import warn_of_old_name
+from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE
+from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
 from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
@@ -17,25 +19,93 @@ _RANGES["camera_height"] = RANGES["camera_height"]
 _RANGES |= {name: OPTIONAL_RANGES[name] for name in ("latitude", "longitude")}
 
 
-@dataclass(frozen=True)
+@describe_fields
+@dataclass(frozen=True, init=False)
 class UserInput:
-    """What the user states of a photo; it replaces what the photo's metadata say. None: not stated.
+    """What the user states of a photo; it replaces what the photo's metadata say. None: not stated."""
 
-    Raises ParameterError for values out of range and for values that contradict each other.
-    """
+    metadata: bool = True
+    """Whether the photo's own metadata count."""
+    time: datetime | None = None
+    """When the photo was taken, with its offset from UTC, or local."""
+    utc_offset: float | None = None
+    """Hours, -12 to 14, positive east, of a local time: the photo's or `time`."""
+    latitude: float | None = field(default=None, repr=False)
+    """Deg, -90 to 90, positive north."""
+    longitude: float | None = field(default=None, repr=False)
+    """Deg, -180 to 180, positive east."""
+    heading: float | None = None
+    """Deg, -360 to 360, clockwise from true north: where the camera points."""
+    vertical_fov: float | None = None
+    """Deg, 1 to 170: vertical field of view of the upright photo."""
+    camera_height: float | None = None
+    """Meters above the ground, 0.1 to 20,000."""
+    keep_location: bool = False
+    """Whether the answer may hold latitude and longitude."""
 
-    use_exif: bool = True  # whether the photo's own metadata count
-    time: datetime | None = None  # aware, or local
-    utc_offset: float | None = None  # h, positive east, of a local time: the photo's or `time`
-    latitude: float | None = field(default=None, repr=False)  # deg, positive north, -90 to 90
-    longitude: float | None = field(default=None, repr=False)  # deg, positive east, -180 to 180
-    heading: float | None = None  # deg clockwise from true north, -360 to 360
-    vertical_fov: float | None = None  # deg, of the upright photo
-    camera_height: float | None = None  # m above the ground, 0.1 to 20,000
-    keep_location: bool = False  # whether the answer may hold latitude and longitude
+    def __init__(
+        self,
+        *,
+        metadata: bool = True,
+        time: datetime | str | None = None,
+        utc_offset: float | str | None = None,
+        latitude: float | None = None,
+        longitude: float | None = None,
+        heading: float | None = None,
+        vertical_fov: float | None = None,
+        camera_height: float | None = None,
+        keep_location: bool = False,
+        lat: float | None = None,
+        lon: float | None = None,
+        fov: float | None = None,
+        use_exif: bool | None = None,
+    ) -> None:
+        """State what is known; the names are those of the command line and of HTTP.
 
-    def __post_init__(self) -> None:
-        for name in ("use_exif", "keep_location"):
+        Args:
+            metadata: whether the photo's own metadata count.
+            time: when it was taken, also as a text such as "2024-06-01T14:30+02:00".
+            utc_offset: h, -12 to 14, positive east, also as a text such as "+02:00".
+            latitude: deg, -90 to 90, positive north.
+            longitude: deg, -180 to 180, positive east.
+            heading: deg, -360 to 360, clockwise from true north.
+            vertical_fov: deg, 1 to 170, of the upright photo.
+            camera_height: m above the ground, 0.1 to 20,000.
+            keep_location: whether the answer may hold latitude and longitude.
+            lat: short for `latitude`.
+            lon: short for `longitude`.
+            fov: short for `vertical_fov`.
+            use_exif: the old name of `metadata`; warns of it.
+
+        Raises:
+            ParameterError: a value is out of range, or values contradict each other.
+        """
+        if use_exif is not None:
+            warn_of_old_name("lighting.UserInput.use_exif")
+            metadata = use_exif
+        values: dict[str, object] = {
+            "metadata": metadata,
+            "time": parse_time(time) if isinstance(time, str) else time,
+            "utc_offset": parse_utc_offset(utc_offset) if isinstance(utc_offset, str) else utc_offset,
+            "latitude": _stated_once("latitude", latitude, lat),
+            "longitude": _stated_once("longitude", longitude, lon),
+            "heading": heading,
+            "vertical_fov": _stated_once("vertical_fov", vertical_fov, fov),
+            "camera_height": camera_height,
+            "keep_location": keep_location,
+        }
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+        self._check()
+
+    @property
+    def use_exif(self) -> bool:
+        """The old name of `metadata`; warns of it."""
+        warn_of_old_name("lighting.UserInput.use_exif")
+        return self.metadata
+
+    def _check(self) -> None:
+        for name in ("metadata", "keep_location"):
             if not isinstance(getattr(self, name), bool):
                 predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
                 raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
@@ -53,7 +123,7 @@ class UserInput:
     def _check_time(self) -> None:
         if not isinstance(self.time, datetime | None):
             kind = reprlib.repr(self.time)
-            predicate = f"must be a datetime, not {kind}; lighting.photo.clock.parse_time makes one of a text."
+            predicate = f"must be a datetime or a text such as 2024-06-01T14:30, not {kind}."
             raise ParameterError.about("time", predicate, ErrorCode.WRONG_TYPE)
         if self.time is not None and not YEAR_RANGE[0] <= self.time.year <= YEAR_RANGE[1]:
             sentence = f"The time must lie in the years {YEAR_RANGE[0]} to {YEAR_RANGE[1]}."
@@ -61,11 +131,18 @@ class UserInput:
         if self.time is not None and self.time.tzinfo is not None and self.utc_offset is not None:
             sentence = "The time already has its offset from UTC; another one contradicts it."
             raise ParameterError(sentence, "utc_offset", ErrorCode.CONTRADICTION)
-        if not self.use_exif and self.time is None and self.utc_offset is not None:
+        if not self.metadata and self.time is None and self.utc_offset is not None:
             raise ParameterError("An offset from UTC needs a time.", "time", ErrorCode.MISSING)
-        if not self.use_exif and (self.time is None) != (self.latitude is None):
+        if not self.metadata and (self.time is None) != (self.latitude is None):
             missing = "time" if self.time is None else "latitude"
             raise ParameterError("A time needs a place, and a place a time.", missing, ErrorCode.MISSING)
+
+
+def _stated_once(name: str, value: float | None, short: float | None) -> float | None:
+    """The value of a field that has a short form."""
+    if value is not None and short is not None:
+        raise ParameterError.about(name, "is stated twice, once in its short form.", ErrorCode.DUPLICATE)
+    return short if value is None else value
 
 
 NO_USER_INPUT = UserInput()

@@ -84,6 +84,14 @@ EXPORTERS: dict[str, Exporter] = {
         ),
         opened_by="godot --editor {file}",
     ),
+    "unreal": Exporter(
+        import_function("lighting.scene.unreal", "write_unreal"),
+        files=(
+            *("unreal_scene.py", "unreal_scene.json", "environment.hdr", "ground_albedo.png", "ground_emission.png"),
+            *SHARED_FILES,
+        ),
+    ),
+    "unity": Exporter(import_function("lighting.scene.unity", "write_unity"), files=("scene.unitypackage",)),
     "mitsuba": Exporter(
         import_function("lighting.scene.mitsuba", "write_mitsuba"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),

@@ -15,7 +15,9 @@ from string import Template
 from typing import Any, Protocol
 
 import numpy as np
+from PIL import Image
 
+from lighting.color import SRGB_LINEAR, srgb_bytes
 from lighting.errors import ErrorCode, SceneError
 from lighting.files import encode_envmap
 from lighting.files.atomic import encode_png, output_folder_error
@@ -245,6 +247,29 @@ def encode_lit_ground(scene: Scene, *, movable: bool = False) -> bytes:
     """
     share = 0.0 if scene.spot_in_shade and not movable else 1.0
     return encode_png(np.round(255 * share * scene.shadow_receivers).astype(np.uint8))
+
+
+def encode_projected_ground(scene: Scene) -> tuple[bytes, bytes]:
+    """The photo as a surface and as light, two PNGs of the plate's size, for renderers without shadow catchers.
+
+    Projected from the camera onto the ground, they show the plate where nothing shades it. What shades lit ground takes
+    the sun, or the sky, from the first; the second is what stays: shade, and what stands before the ground.
+
+    Args:
+        scene: made by `make_scene`.
+    """
+    photo = SRGB_LINEAR.take(scene.plate)
+    lit = np.zeros(photo.shape[:2], np.float32)
+    if not scene.spot_in_shade:
+        small = Image.fromarray(scene.shadow_receivers)
+        lit = np.asarray(small.resize((scene.width, scene.height), Image.Resampling.BILINEAR)).clip(0.0, 1.0)
+    direct = scene.sun_irradiance * max(float(scene.sun_direction[1]), 0.0)
+    white = ((scene.sky_irradiance + direct) / np.pi).astype(np.float32)  # radiance of white ground
+    surface = np.divide(lit[..., None] * photo, white, out=np.zeros_like(photo), where=white > 0.0).clip(0.0, 1.0)
+    surface = SRGB_LINEAR.take(srgb_bytes(surface))  # as it is written
+    parts = (surface, np.maximum(photo - surface * white, 0.0))
+    albedo, emission = (encode_png(srgb_bytes(part), compress_level=3) for part in parts)
+    return albedo, emission
 
 
 def read_data_text(name: str) -> str:

@@ -73,7 +73,7 @@ def prior_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, flo
         tracked: a shot with one estimate or more.
         clip: what is known of the clip.
     """
-    if clip.user_input.use_exif and (metadata_fov := clip.metadata.vertical_fov):
+    if clip.user_input.metadata and (metadata_fov := clip.metadata.vertical_fov):
         return metadata_fov, METADATA_FOV_STD
     logs = [math.log(estimate.prediction.vertical_fov) for estimate in tracked.estimates.values()]
     return math.exp(float(np.mean(logs))), NETWORK_FOV_STD

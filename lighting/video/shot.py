@@ -286,7 +286,7 @@ def metadata_of_clip(clip: Clip, user_input: UserInput) -> ClipMetadata:
         clip: an open one.
         user_input: of its first frame; may forbid the clip's own metadata.
     """
-    if not user_input.use_exif:
+    if not user_input.metadata:
         return ClipMetadata(user_input=user_input)
     return ClipMetadata(clip.info.metadata, clip.info.gimbal, user_input)
 

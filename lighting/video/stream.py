@@ -239,7 +239,7 @@ class Tracker:
         if given is not None:
             warn_of_old_name("lighting.video.stream.Tracker.given")
             user_input = given
-        user_input = UserInput(use_exif=False) if user_input is None else user_input
+        user_input = UserInput(metadata=False) if user_input is None else user_input
         check_user_input(user_input)
         self._model = model_or_packaged(model)
         self._clip_metadata = ClipMetadata(user_input=user_input, subject="stream")

@@ -47,7 +47,9 @@ def run_in_chroot(folder: Path, command: str, seconds: float = 300.0) -> str:
         seconds: that it may take.
     """
     inside = f"/{folder.relative_to(CHROOT)}"
-    shell = ["chroot", str(CHROOT), "bash", "-euo", "pipefail", "-c", f"cd {inside}; export HOME={inside}; {command}"]
+    script = f"cd {inside}; export HOME={inside}; {command}"
+    enter = 'mount -t proc proc "$0/proc" && exec chroot "$0" bash -euo pipefail -c "$1"'  # which Mono wants
+    shell = ["unshare", "--mount", "bash", "-c", enter, str(CHROOT), script]
     result = subprocess.run(shell, capture_output=True, text=True, timeout=seconds, check=False)
     assert result.returncode == 0, (result.stdout + result.stderr)[-3000:]
     return result.stdout + result.stderr

@@ -68,6 +68,6 @@ def prediction(probability: Any = None) -> Prediction:
     return Prediction(TINY, p.astype(np.float32), 0.9, 3.0, 0.1, 4.0, -1.0, 50.0)
 
 
-def answer(metadata: PhotoMetadata = METADATA, **stated: Any) -> Lighting:
+def answer(metadata: PhotoMetadata = METADATA, /, **stated: Any) -> Lighting:
     prior = observations_from_metadata(metadata, UserInput(**stated))
     return build_estimate(fuse(prediction(), prior.observations), prior).lighting

@@ -14,6 +14,7 @@ from lighting.photo.reader import photo_from_array
 
 ATTRIBUTES = {  # of classes, and parameters
     "lighting.Estimator.together",
+    "lighting.UserInput.use_exif",
     "lighting.photo.reader.Photo.facts",
     "lighting.video.stream.Tracker.given",
 }
@@ -62,3 +63,12 @@ def test_the_facts_of_a_photo_are_its_metadata() -> None:
     with pytest.warns(DeprecationWarning, match=r"Photo\.facts is now .*Photo\.metadata") as seen:
         assert photo.facts is photo.metadata
     assert [Path(warning.filename) for warning in seen] == [Path(__file__)]
+
+
+def test_the_exif_switch_of_user_input_is_its_metadata() -> None:
+    with pytest.warns(DeprecationWarning, match=r"UserInput\.use_exif is now .*UserInput\.metadata") as seen:
+        old = lighting.UserInput(use_exif=False)
+    assert old == lighting.UserInput(metadata=False)
+    assert [Path(warning.filename) for warning in seen] == [Path(__file__)]
+    with pytest.warns(DeprecationWarning, match=r"UserInput\.use_exif is now"):
+        assert old.use_exif is False

@@ -23,7 +23,17 @@ from lighting.scene.records import CameraMotion, Scene
 from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 
 RECORDS: list[type] = [
-    *(lighting.Estimate, EstimatedLight, Light, Lighting, ModelSpec, Prediction, SunDistribution, SunEstimate),
+    *(
+        lighting.Estimate,
+        lighting.UserInput,
+        EstimatedLight,
+        Light,
+        Lighting,
+        ModelSpec,
+        Prediction,
+        SunDistribution,
+        SunEstimate,
+    ),
     *(Photo, PhotoCrop, PhotoMetadata, PhotoOrigin, Scene, CameraMotion),
 ]
 NUMBERS = re.compile(r"float|int|Floats|NDArray|Color")  # types of fields that hold numbers

@@ -151,7 +151,7 @@ def test_only_a_value_of_the_wrong_type_is_a_type_error(value: Any, is_type_erro
         lambda: check_photo("photo.jpg"),
         lambda: photo_from_array(PIXELS.astype(float)),
         lambda: parse_time(5),  # type: ignore[arg-type]
-        lambda: lighting.UserInput(time="2024-06-01 or so", latitude=True, longitude=3),  # type: ignore[arg-type]
+        lambda: lighting.UserInput(latitude=True, longitude=3),
         lambda: lighting.render(ESTIMATE, 16),  # type: ignore[arg-type]
         lambda: lighting.Lighting.from_dict([]),  # type: ignore[arg-type]
         lambda: lighting.read_exr(5),  # type: ignore[arg-type]

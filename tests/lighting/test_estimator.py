@@ -206,7 +206,7 @@ def test_pictures_of_several_views_are_no_photos_whatever_the_network_says(lit_n
         assert estimate.lighting.suitable == 0.01
         assert estimate.warnings[0].startswith(told)
         assert estimator.estimate_views([photo, plain])[0].warnings[0].startswith(told)
-    by_pixels = estimator(panorama, UserInput(use_exif=False))
+    by_pixels = estimator(panorama, UserInput(metadata=False))
     assert by_pixels.warnings == estimator(plain).warnings
     assert by_pixels.lighting.suitable == pytest.approx(0.97)
 

@@ -74,7 +74,7 @@ def jpeg_headers() -> dict[str, str]:
 def together(client: TestClient, *files: bytes, **query: Any) -> Any:
     """The answer for several photos in one form."""
     form = [("photo", (f"{number}.jpg", data, "image/jpeg")) for number, data in enumerate(files)]
-    return client.post(f"/v1/lighting?{urlencode(query)}", files=form)
+    return client.post(f"/v1/lightings?{urlencode(query)}", files=form)
 
 
 def sample(client: TestClient, name: str) -> float:
@@ -106,6 +106,7 @@ class Client:
         self.bodies = [{"type": "http.request", "body": photo[:sent], "more_body": sent is not None}]
         self.sent: list[Message] = []
         self.source = ""  # its address
+        self.path = "/v1/lighting"
 
     async def receive(self) -> Message:
         if self.bodies:
@@ -118,7 +119,7 @@ class Client:
 
     async def ask(self) -> None:
         headers = [(b"content-type", self.kind.encode())]
-        scope: dict[str, Any] = {"type": "http", "http_version": "1.1", "method": "POST", "path": "/v1/lighting"}
+        scope: dict[str, Any] = {"type": "http", "http_version": "1.1", "method": "POST", "path": self.path}
         scope |= {"query_string": b"", "headers": headers, "client": (self.source, 1) if self.source else None}
         await self.app(scope, self.receive, self.send)
 

@@ -50,7 +50,7 @@ def test_an_origin_that_may_call_may_ask_whether_its_copy_is_still_good(estimato
 
 def test_the_document_says_how_many_photos_a_form_may_hold(estimator: Estimator) -> None:
     document = client_of(estimator, max_photos=3).get("/openapi.json").json()
-    body = document["paths"]["/v1/lighting"]["post"]["requestBody"]["content"]["multipart/form-data"]
+    body = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"]["multipart/form-data"]
     assert body["schema"]["properties"]["photo"]["maxItems"] == 3
 
 

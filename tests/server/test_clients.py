@@ -64,8 +64,8 @@ def ask(client: TestClient, path: str, method: str, query: dict[str, str], photo
 
 REQUIRED = {"/v1/scene": {"for": "usd"}}
 OPERATIONS = [
-    ("/v1/lighting", "post"), ("/v1/envmap", "get"), ("/v1/envmap", "post"), ("/v1/preview", "post"),
-    ("/v1/scene", "get"), ("/v1/scene", "post"),
+    ("/v1/lighting", "post"), ("/v1/lightings", "post"), ("/v1/envmap", "get"), ("/v1/envmap", "post"),
+    ("/v1/preview", "post"), ("/v1/scene", "get"), ("/v1/scene", "post"),
 ]  # fmt: skip
 
 

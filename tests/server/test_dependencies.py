@@ -20,7 +20,7 @@ from lighting.registration import features, photo_set
 from server.app import create_app
 from server.dependencies import NO_OPENCV, ROTATION_INFERRED, PhotoMatcher, Service
 from server.problems import ProblemError
-from server.query_params import LightingQuery
+from server.query_params import LightingsQuery
 from server.settings import Settings
 from tests.conftest import encode, scene
 from tests.helpers.cameras import picture, texture
@@ -176,10 +176,10 @@ def test_the_page_knows_the_code_of_an_inferred_rotation(client: TestClient) -> 
 
 
 def test_several_photos_are_matched_unless_their_headings_are_given() -> None:
-    assert LightingQuery.model_validate({}).needs_matching(2)
-    assert not LightingQuery.model_validate({}).needs_matching(1)
-    assert not LightingQuery.model_validate({"match": "false"}).needs_matching(2)
-    assert not LightingQuery.model_validate({"headings": "0,45"}).needs_matching(2)
+    assert LightingsQuery.model_validate({}).needs_matching(2)
+    assert not LightingsQuery.model_validate({}).needs_matching(1)
+    assert not LightingsQuery.model_validate({"match": "false"}).needs_matching(2)
+    assert not LightingsQuery.model_validate({"headings": "0,45"}).needs_matching(2)
 
 
 def test_it_stops_when_the_client_goes_away(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -201,6 +201,7 @@ def test_it_stops_when_the_client_goes_away(estimator: Estimator, monkeypatch: p
 
     async def scenario() -> None:
         client = Client(app, body, kind=f"multipart/form-data; boundary={boundary}")
+        client.path = "/v1/lightings"
         async with anyio.create_task_group() as tasks:
             tasks.start_soon(client.ask)
             await until(began.is_set)

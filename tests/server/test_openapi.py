@@ -20,6 +20,7 @@ from lighting.envmap.surroundings import render_view
 from lighting.estimator import Estimator
 from server import tasks
 from server.app import create_app
+from server.problems import KINDS
 from server.request_body import FORM_TYPE, PHOTO_TYPES
 from server.schemas import Problem
 from server.settings import Settings
@@ -27,6 +28,7 @@ from tests.conftest import encode, scene
 
 OPERATIONS = {
     "estimate_lighting": ("post", "/v1/lighting"),
+    "estimate_lightings": ("post", "/v1/lightings"),
     "render_envmap": ("get", "/v1/envmap"),
     "estimate_envmap": ("post", "/v1/envmap"),
     "compute_probe": ("get", "/v1/light-probe"),
@@ -103,6 +105,7 @@ def test_every_reference_leads_somewhere(document: dict[str, Any]) -> None:
 
 WITH_CONDITIONS = (
     "estimate_lighting",
+    "estimate_lightings",
     "render_envmap",
     "estimate_envmap",
     "draw_preview",
@@ -171,3 +174,28 @@ def failed_checks(recorder: ScenarioRecorder) -> dict[str, str]:
         for check in checks
         if check.failure_info
     }
+
+
+def test_the_document_tells_strangers_where_and_what(document: dict[str, Any]) -> None:
+    assert document["servers"] == [{"url": "/", "description": "This service"}]
+    assert "curl -F photo=@" in document["info"]["description"]
+    for operation in operations(document).values():
+        assert operation["description"], operation["operationId"]
+    examples = document["components"]["examples"]
+    assert list(examples) == [kind.name for kind in KINDS]
+    for example in examples.values():
+        assert len(Problem.model_validate(example["value"]).detail) > 20
+
+
+def test_one_photo_and_several_have_answers_of_one_kind(document: dict[str, Any]) -> None:
+    for path, schema in (("/v1/lighting", "LightingEstimate"), ("/v1/lightings", "LightingEstimates")):
+        (content,) = document["paths"][path]["post"]["responses"]["200"]["content"].values()
+        assert content["schema"] == {"$ref": f"#/components/schemas/{schema}"}
+
+
+@pytest.mark.parametrize("path", ["/openapi.json", "/v1/model"])
+def test_what_seldom_changes_has_a_tag(client: TestClient, path: str) -> None:
+    answer = client.get(path)
+    again = client.get(path, headers={"If-None-Match": f'"x", {answer.headers["ETag"]}'})
+    assert (again.status_code, again.content, again.headers["ETag"]) == (304, b"", answer.headers["ETag"])
+    assert client.get(path, headers={"If-None-Match": '"x"'}).json() == answer.json()

@@ -10,6 +10,7 @@ from starlette.testclient import TestClient
 
 from lighting.errors import LightingError, ModelError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.estimator import Estimator
+from lighting.scene import EXPORTERS
 from lighting.validation import RANGES
 from server import problems
 from server.problems import MAX_ERRORS
@@ -91,17 +92,40 @@ def test_a_height_must_be_even_and_in_range(client: TestClient, value: str, word
     ("query", "words"),
     [
         ({"format": "jpeg"}, "must be 'exr', 'hdr' or 'png'"),
+        ({"format": "exrr"}, "must be 'exr', 'hdr' or 'png'; did you mean exr?"),
         ({"format": ""}, "must be 'exr', 'hdr' or 'png'"),
         ({"sun": "yes"}, "must be true or false"),
         ({"sun": ""}, "must be true or false"),
-        ({"yaws": "3"}, "is not known here"),
-        ({"sun_elevaton": "3"}, "is not known here"),
+        ({"yaws": "3"}, "is not known here; did you mean yaw?"),
+        ({"sun_elevaton": "3"}, "is not known here; did you mean sun_elevation?"),
+        ({"x": "3"}, "is not known here"),
+        ({"y" * 9000: "3"}, "is not known here"),
     ],
 )
 def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, str], words: str) -> None:
     (error,) = problem(client.get("/v1/envmap", params={**SKY, **query}), 422, "invalid")["errors"]
     assert error["field"] in query
     assert error["detail"] == words
+
+
+def test_a_choice_that_is_missing_is_told_with_its_values(client: TestClient) -> None:
+    (error,) = problem(client.get("/v1/scene", params=SKY), 422, "invalid")["errors"]
+    assert (error["field"], error["code"]) == ("tool", "missing")
+    assert error["detail"] == f"is missing; it is one of {', '.join(EXPORTERS)}"
+
+
+@pytest.mark.parametrize(
+    ("path", "words"),
+    [
+        ("/v1/lightning", "There is no such route. Did you mean /v1/lighting? GET /docs lists all."),
+        ("/v1/lightings/", "There is no such route. Did you mean /v1/lightings? GET /docs lists all."),
+        ("/v1/enviromap", "There is no such route. Did you mean /v1/envmap? GET /docs lists all."),
+        ("/openapi.yaml", "There is no such route. Did you mean /openapi.json? GET /docs lists all."),
+        ("/" + "x" * 9000, "There is no such route. GET /docs lists all."),
+    ],
+)
+def test_a_path_that_is_no_route_is_told_a_similar_one(client: TestClient, path: str, words: str) -> None:
+    assert problem(client.get(path), 404, "not-found")["detail"] == words
 
 
 def test_of_very_many_errors_the_first_are_named(client: TestClient) -> None:

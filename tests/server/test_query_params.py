@@ -25,7 +25,7 @@ from server.problems import ProblemError
 from server.query_params import (
     SUN_BY_DEFAULT,
     EnvmapQuery,
-    LightingQuery,
+    LightingsQuery,
     MapQuery,
     PhotoSceneQuery,
     UserInputQuery,
@@ -47,21 +47,21 @@ def error_of(error: ProblemError) -> tuple[str, int]:
 @pytest.mark.parametrize(
     ("photos", "query", "field"),
     [
-        (1, LightingQuery(headings="0,90"), "headings"),
-        (3, LightingQuery(headings="0,90"), "headings"),
-        (2, LightingQuery(heading=90.0), "heading"),
+        (1, LightingsQuery(headings="0,90"), "headings"),
+        (3, LightingsQuery(headings="0,90"), "headings"),
+        (2, LightingsQuery(heading=90.0), "heading"),
     ],
 )
-def test_headings_must_fit_the_number_of_photos(photos: int, query: LightingQuery, field: str) -> None:
+def test_headings_must_fit_the_number_of_photos(photos: int, query: LightingsQuery, field: str) -> None:
     with pytest.raises(ProblemError) as caught:
         check_photo_headings(photos, query)
     assert error_of(caught.value) == (field, 422)
 
 
 def test_headings_that_fit_are_taken() -> None:
-    check_photo_headings(1, LightingQuery(heading=90.0))
-    check_photo_headings(2, LightingQuery(headings="0,90"))
-    check_photo_headings(4, LightingQuery())
+    check_photo_headings(1, LightingsQuery(heading=90.0))
+    check_photo_headings(2, LightingsQuery(headings="0,90"))
+    check_photo_headings(4, LightingsQuery())
 
 
 def test_a_record_takes_nothing_that_describes_a_photo() -> None:
@@ -98,7 +98,7 @@ def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClien
     assert estimate(client, PHONE) == record_with_coefficients(estimator(photo).lighting)
     assert "time+place" in estimate(client, PHONE)["evidence"]
     assert estimate(client, PHONE, metadata="false") == record_with_coefficients(
-        estimator(photo, UserInput(use_exif=False)).lighting
+        estimator(photo, UserInput(metadata=False)).lighting
     )
 
 
@@ -113,7 +113,7 @@ def test_the_metadata_of_a_photo_count_unless_they_are_refused(client: TestClien
                 "latitude": 48.1375, "longitude": 11.575,
             },
         ),
-        ({"vertical_fov": 40, "metadata": "false"}, {"vertical_fov": 40.0, "use_exif": False}),
+        ({"vertical_fov": 40, "metadata": "false"}, {"vertical_fov": 40.0, "metadata": False}),
     ],
 )  # fmt: skip
 def test_what_the_client_knows_counts_as_for_the_library(
@@ -247,9 +247,6 @@ def test_a_wrong_colour_is_named_with_its_range(
         ({**NOON, "utc_offset": "2"}, "utc_offset", "contradicts"),
         ({"metadata": "false", "utc_offset": "2"}, "time", "needs a time"),
         ({"metadata": "false", "time": "2024-06-01T12:00Z"}, "latitude", "needs a place"),
-        ({"headings": "0,90"}, "headings", "several photos"),
-        ({"headings": "0;90"}, "headings", "list of degrees"),
-        ({"headings": "0,400"}, "headings", "-360 to 360"),
         ({"breadth": "48"}, "breadth", "is not known here"),
         ({"longitude": "11"}, "latitude", "needs a longitude"),
         ({"metadata": "false", "latitude": "48", "longitude": "11"}, "time", "needs a place"),
@@ -272,6 +269,15 @@ def test_night_is_refused_where_the_client_stated_it(client: TestClient, path: s
     assert body["errors"] == [{"field": "time", "place": "query", "detail": body["detail"], "code": "night"}]
     polar: dict[str, Any] = {"time": "2024-12-21T12:00Z", "latitude": 85, "longitude": 0}
     assert "polar night" in problem(ask(client, path=path, **polar), 422, "invalid")["detail"]
+
+
+@pytest.mark.parametrize(
+    ("headings", "words"), [("0,90", "photos"), ("0;90", "list of degrees"), ("0,400", "-360 to 360")]
+)
+def test_headings_that_cannot_be_are_refused(client: TestClient, headings: str, words: str) -> None:
+    body = problem(ask(client, path="/v1/lightings", headings=headings), 422, "invalid")
+    assert [error["field"] for error in body["errors"]] == ["headings"]
+    assert words in body["detail"]
 
 
 def test_a_record_takes_nothing_that_belongs_to_a_photo(client: TestClient) -> None:
@@ -316,8 +322,14 @@ def test_each_of_several_has_its_probability_and_its_relative_heading(client: Te
     assert records[0]["camera"]["relative_heading"] == 0
 
 
-def test_one_photo_in_a_form_is_one_record(client: TestClient) -> None:
-    assert together(client, PHONE).json() == ask(client, PHONE).json()
+def test_one_photo_alone_is_a_list_of_one_record(client: TestClient) -> None:
+    assert together(client, PHONE).json() == {"lightings": [ask(client, PHONE).json()]}
+
+
+def test_the_route_of_one_photo_refuses_several_and_names_the_other(client: TestClient) -> None:
+    files = [("photo", ("p.jpg", PLAIN, "image/jpeg"))] * 2
+    body = problem(client.post("/v1/lighting", files=files), 422, "invalid")
+    assert "POST /v1/lightings takes several." in body["detail"]
 
 
 def test_a_bad_photo_among_several_is_named(client: TestClient) -> None:

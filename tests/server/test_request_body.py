@@ -257,7 +257,7 @@ BAD_FORMS = {
     "nine files": (form(*[FILE] * 9), 422),
     "seventeen files": (form(*[FILE] * 17), 422),
     "text behind a file": (form(FILE, TEXT), 422),
-    "seventeen fields": (form(*[FIELD] * 17), 400),
+    "too many fields": (form(*[FIELD] * 65), 400),
     "a nameless part": (form(NAMELESS), 400),
     "no disposition": (form(b"\r\n" + GOOD), 400),
     "another boundary": (form(FILE).replace(b"frontier", b"limit"), 400),
@@ -300,7 +300,7 @@ def test_names_that_are_no_text_are_refused_in_words(client: TestClient) -> None
         (named.replace(rb"\ud800", b"photo", 1), 400, "unreadable-photo"),
     ):
         headers = {"Content-Type": f"multipart/form-data; boundary={BOUNDARY}; charset=unicode_escape"}
-        body = problem(client.post("/v1/lighting", content=form(FILE, part), headers=headers), status, name)
+        body = problem(client.post("/v1/lightings", content=form(FILE, part), headers=headers), status, name)
         assert "\ud800" in body["detail"]
 
 
@@ -311,11 +311,39 @@ def test_a_file_in_a_form_may_have_any_name(client: TestClient) -> None:
 
 
 @pytest.mark.parametrize("path", ["/v1/lighting", "/v1/envmap", "/v1/preview", "/v1/scene?for=usd"])
-def test_fields_of_a_form_that_would_do_nothing_are_named_with_their_place(client: TestClient, path: str) -> None:
+def test_wrong_fields_of_a_form_are_named_with_their_place(client: TestClient, path: str) -> None:
     files: Any = {"photo": ("p.jpg", GOOD, "image/jpeg")}
     body = problem(client.post(path, files=files, data={"lat": "9999", "note": "hello"}), 422, "invalid")
     assert [(error["field"], error["place"]) for error in body["errors"]] == [("lat", "form"), ("note", "form")]
-    assert "parameters into the URL" in body["detail"]
+
+
+def test_the_fields_of_a_form_are_parameters(client: TestClient) -> None:
+    files: Any = {"photo": ("p.jpg", GOOD, "image/jpeg")}
+    for path, fields in (
+        ("/v1/lighting", {"camera_height": "12", "probability": "true"}),
+        ("/v1/envmap", {"height": "16", "format": "png", "turbidity": "9"}),
+        ("/v1/scene", {"tool": "gltf", "height": "16"}),
+    ):
+        by_url = client.post(path, params=fields, files=files)
+        by_form = client.post(path, data=fields, files=files)
+        (one, value), *others = fields.items()
+        by_both = client.post(path, params={one: value}, data=dict(others), files=files)
+        assert by_url.status_code == 200, by_url.text
+        assert by_url.content == by_form.content == by_both.content
+    for first, second in (({"fov": "50"}, {"fov": "50"}), ({}, {"fov": ["50", "60"]})):
+        (error,) = problem(client.post("/v1/lighting", params=first, data=second, files=files), 422, "invalid")[
+            "errors"
+        ]
+        assert (error["field"], error["place"], error["code"]) == ("fov", "form", "duplicate")
+    for data in ({"exif": "x" * 70_000}, {f"name{number}": "1" for number in range(70)}):
+        problem(client.post("/v1/lighting", data=data, files=files), 400, "unreadable-body")
+    (error,) = problem(client.post("/v1/photo", data={"fov": "50"}, files=files), 422, "invalid")["errors"]
+    assert (error["field"], error["place"]) == ("fov", "form")
+
+
+def test_a_text_in_place_of_the_photo_is_told_how_to_send_one(client: TestClient) -> None:
+    body = problem(client.post("/v1/lighting", files={"photo": (None, "p.jpg")}), 422, "invalid")
+    assert "curl -F photo=@FILE" in body["detail"]
 
 
 def test_a_file_in_another_field_is_named(client: TestClient) -> None:

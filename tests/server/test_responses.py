@@ -20,7 +20,7 @@ from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
-from server.responses import _envmap_link, _is_fresh, _sun_probability, estimates_to_json, read_accuracy
+from server.responses import _envmap_link, _is_fresh, _sun_probability, estimate_to_json, read_accuracy
 from server.schemas import Accuracy, CropRecord, LightingEstimate
 from tests.conftest import TINY
 
@@ -79,50 +79,46 @@ def test_a_light_that_contradicts_itself_is_refused(wrong: dict[str, str]) -> No
         SkyQuery.model_validate(plain | wrong)
 
 
-def test_one_estimate_is_a_record_and_several_are_a_list() -> None:
-    query = LightingQuery.model_validate({})
-    assert estimates_to_json([ESTIMATE], query, "")["sun"]["azimuth"] == -41.2
-    assert [light["sky"]["turbidity"] for light in estimates_to_json([ESTIMATE] * 2, query, "")["lightings"]] == [
-        3.4,
-        3.4,
-    ]
-    assert "probability" not in estimates_to_json([ESTIMATE], query, "")
+def test_an_estimate_is_a_record() -> None:
+    record = estimate_to_json(ESTIMATE, LightingQuery.model_validate({}), "")
+    assert record["sun"]["azimuth"] == -41.2
+    assert "probability" not in record
 
 
 def test_what_the_file_says_comes_without_what_it_does_not_say() -> None:
     moment = datetime(2024, 8, 10, 14, 28, 12)
     metadata = PhotoMetadata(moment, 2.0, heading=87.0, heading_reference=HeadingReference.TRUE, orientation=6)
     metadata = replace(metadata, gps_time=datetime(2024, 8, 10, 14, 28, 10, tzinfo=timezone(timedelta(hours=2))))
-    answer = estimates_to_json([replace(ESTIMATE, metadata=metadata)], LightingQuery.model_validate({}), "")
+    answer = estimate_to_json(replace(ESTIMATE, metadata=metadata), LightingQuery.model_validate({}), "")
     assert answer["photo_metadata"] == {
         **{"time": "2024-08-10T14:28:12", "utc_offset": 2.0, "gps_time": "2024-08-10T12:28:10+00:00"},
         **{"heading": 87.0, "heading_reference": "true", "orientation": 6},
     }
     located = replace(ESTIMATE, metadata=PhotoMetadata(latitude=48.1, longitude=-11.5))
-    answer = estimates_to_json([located], LightingQuery.model_validate({}), "")
+    answer = estimate_to_json(located, LightingQuery.model_validate({}), "")
     assert answer["photo_metadata"] == {"latitude": 48.1, "longitude": -11.5}
-    assert "photo_metadata" not in estimates_to_json([ESTIMATE], LightingQuery.model_validate({}), "")
+    assert "photo_metadata" not in estimate_to_json(ESTIMATE, LightingQuery.model_validate({}), "")
 
 
 def test_what_the_place_makes_of_the_map_comes_cell_by_cell() -> None:
     factors = np.random.default_rng(0).uniform(0.05, 4, (2, 4, 3)).astype(np.float32)
-    told = estimates_to_json([replace(ESTIMATE, gain=factors)], LightingQuery.model_validate({}), "")["surroundings"]
+    told = estimate_to_json(replace(ESTIMATE, gain=factors), LightingQuery.model_validate({}), "")["surroundings"]
     assert (told["rows"], told["columns"]) == (2, 4)
     assert told["factors"] == pytest.approx(factors.reshape(8, 3), rel=5e-3)
-    assert "surroundings" not in estimates_to_json([ESTIMATE], LightingQuery.model_validate({}), "")
+    assert "surroundings" not in estimate_to_json(ESTIMATE, LightingQuery.model_validate({}), "")
 
 
 def test_what_lies_inside_a_border_is_told() -> None:
     query = LightingQuery.model_validate({})
-    told = estimates_to_json([replace(ESTIMATE, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080))], query, "")
+    told = estimate_to_json(replace(ESTIMATE, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080)), query, "")
     sizes = {"width": 1920, "height": 818, "picture_width": 1920, "picture_height": 1080}
     assert told["crop"] == {"left": 0, "top": 131, **sizes}
     assert LightingEstimate.model_validate(told).crop == CropRecord(left=0, top=131, **sizes)
-    assert "crop" not in estimates_to_json([ESTIMATE], query, "")
+    assert "crop" not in estimate_to_json(ESTIMATE, query, "")
 
 
 def test_the_probability_comes_with_the_angles_of_its_cells() -> None:
-    told = estimates_to_json([ESTIMATE], LightingQuery.model_validate({"probability": "true"}), "")["probability"]
+    told = estimate_to_json(ESTIMATE, LightingQuery.model_validate({"probability": "true"}), "")["probability"]
     assert told == _sun_probability(ANSWERS_SUN)
     assert sum(told["probability"]) == pytest.approx(1.0, abs=1e-4)
     assert np.sin(np.radians(told["elevation"])) == pytest.approx(grid_directions(GRID)[:, 1], abs=1e-4)

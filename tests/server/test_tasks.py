@@ -19,7 +19,7 @@ from lighting.files.exr import read_exr
 from lighting.model import Model
 from server import tasks
 from server.dependencies import Service
-from server.query_params import EnvmapQuery, LightingQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
+from server.query_params import EnvmapQuery, LightingsQuery, PhotoSceneQuery, PreviewQuery, SkySceneQuery
 from server.request_body import Upload
 from server.settings import Settings
 from tests.conftest import encode, scene
@@ -43,7 +43,7 @@ def in_a_thread(work: Callable[..., T], *arguments: Any) -> T:
 
 
 def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: Service) -> None:
-    query = LightingQuery.model_validate({"headings": "0,45"})
+    query = LightingsQuery.model_validate({"headings": "0,45"})
     first, second = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query)
     assert "other photos" in first.estimate.evidence
     assert first.gain is None
@@ -56,13 +56,13 @@ def test_photos_together_give_one_estimate_each_and_a_bad_one_is_named(service: 
 def test_a_photo_becomes_a_map_of_the_size_and_format_asked_for(service: Service) -> None:
     query = EnvmapQuery.model_validate({"height": 32})
     image, lighting = read_exr(BytesIO(in_a_thread(tasks.encode_envmap_of_photo, service, PHOTO, query)))
-    (answer,) = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO)], LightingQuery.model_validate({}))
+    (answer,) = in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO)], LightingsQuery.model_validate({}))
     assert image.shape == (32, 64, 3)
     assert lighting == answer.estimate.lighting
 
 
 def test_an_answer_says_what_the_place_makes_of_its_map_where_that_is_asked_for(lit_network: Path) -> None:
-    query = LightingQuery.model_validate({"surroundings": "true"})
+    query = LightingsQuery.model_validate({"surroundings": "true"})
     service = Service(Settings(), Estimator(Model.load(lit_network)))
     for answer in in_a_thread(tasks.estimate_photos, service, [Upload(PHOTO), Upload(PHOTO)], query):
         assert answer.gain is not None
@@ -90,7 +90,7 @@ def letterboxed(width: int) -> tuple[bytes, int, int]:
 @pytest.mark.parametrize("surroundings", [False, True])
 def test_an_answer_says_where_the_photo_lies_inside_a_border(service: Service, surroundings: bool) -> None:
     data, bar, height = letterboxed(1000)
-    query = LightingQuery.model_validate({"surroundings": surroundings, "match": False})
+    query = LightingsQuery.model_validate({"surroundings": surroundings, "match": False})
     bordered, plain = in_a_thread(tasks.estimate_photos, service, [Upload(data), Upload(PHOTO)], query)
     assert plain.crop is None
     assert (crop := bordered.crop) is not None

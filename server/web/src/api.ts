@@ -113,9 +113,10 @@ export async function estimatePhotos(photos: Blob[], userInput: UserInput, signa
   const query = userInputQuery(userInput, photos.length);
   query.set("probability", "true");
   query.set("surroundings", "true");
-  const response = await request(`v1/lighting?${query}`, { method: "POST", body: buildForm(photos), signal });
-  const answer = (await response.json()) as Estimate | { lightings: Estimate[] };
-  return "lightings" in answer ? answer.lightings : [answer];
+  const ask = async (route: string): Promise<unknown> =>
+    (await request(`${route}?${query}`, { method: "POST", body: buildForm(photos), signal })).json();
+  if (photos.length === 1) return [(await ask("v1/lighting")) as Estimate];
+  return ((await ask("v1/lightings")) as { lightings: Estimate[] }).lightings;
 }
 
 /** The photo upright, as JPEG, for browsers that cannot decode the file. */

@@ -81,7 +81,7 @@ describe("the service", () => {
     const userInput = { ...NO_USER_INPUT, exif: false, headings: "0,45", heading: "7", fov: "50" };
     const answers: Estimate[] = await estimatePhotos(photos, userInput, new AbortController().signal);
     expect(answers.map(({ evidence }) => evidence.length)).toEqual([1, 0]);
-    expect(onlyRequest()[0]).toBe("v1/lighting?exif=false&fov=50&headings=0%2C45&probability=true&surroundings=true");
+    expect(onlyRequest()[0]).toBe("v1/lightings?exif=false&fov=50&headings=0%2C45&probability=true&surroundings=true");
     expect(onlyRequest()[1].body.getAll("photo")).toHaveLength(2);
   });
 

@@ -127,7 +127,7 @@ def test_what_is_known_of_all_photos_counts_and_is_kept(photos: Path, tmp_path: 
     assert run_batch(*said).exit_code == 0
     (record,) = read_records(out)
     assert record["lighting"]["camera"]["vertical_fov"] == 44.0
-    assert json.loads((out / "batch.json").read_text())["metadata"] == {"use_exif": False, "vertical_fov": 44.0}
+    assert json.loads((out / "batch.json").read_text())["metadata"] == {"metadata": False, "vertical_fov": 44.0}
     assert run_batch(*said[:-2], 45, "--no-exif").stderr.endswith(
         "other settings (metadata); choose another folder, or --overwrite.\n"
     )

@@ -3,7 +3,6 @@
 import http.client
 import os
 import re
-import shutil
 import signal
 import subprocess
 import sys
@@ -66,7 +65,7 @@ def get(url: str) -> tuple[int, bytes]:
 
 @pytest.mark.slow
 def test_open_shows_the_photo_in_the_browser(start: Start, tmp_path: Path, photo_path: Path) -> None:
-    photo = shutil.move(photo_path, tmp_path / "my photo.jpg")
+    photo = photo_path.rename(tmp_path / "my photo.jpg")
     process = start("open", "my photo.jpg")
     assert process.stdout
     said = process.stdout.readline()

@@ -32,7 +32,7 @@ TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": da
 
 def test_the_answer_says_what_it_rests_on() -> None:
     assert answer().evidence == ("pixels", "time+place", "heading", "focal length")
-    assert answer(use_exif=False).evidence == ("pixels",)
+    assert answer(metadata=False).evidence == ("pixels",)
     assert answer(replace(METADATA, vertical_fov=None, heading=None)).evidence == ("pixels", "time+place")
 
 
@@ -175,7 +175,7 @@ def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> N
     assert len(set(by_lens.values())) == 3
     assert predict_photo(model, stated).camera_elevation == by_lens[60.0]
     assert predict_photo(model, stated, UserInput(vertical_fov=45.0)).camera_elevation == by_lens[45.0]
-    assert predict_photo(model, stated, UserInput(use_exif=False)).camera_elevation == by_lens[None]
+    assert predict_photo(model, stated, UserInput(metadata=False)).camera_elevation == by_lens[None]
 
 
 def seen_sun(predicted: Prediction) -> Floats:

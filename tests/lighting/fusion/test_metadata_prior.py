@@ -105,7 +105,7 @@ def test_a_bright_one_suits_as_the_pixels_say() -> None:
 
 
 def test_without_exif_the_exposure_does_not_count() -> None:
-    light = answered(PhotoMetadata(exposure_value=5.0), UserInput(use_exif=False))
+    light = answered(PhotoMetadata(exposure_value=5.0), UserInput(metadata=False))
     assert (light.suitable, light.warnings, light.evidence) == (0.99, (), ("pixels",))
 
 
@@ -139,7 +139,7 @@ TROMSO_NOON: dict[str, Any] = {"latitude": 69.65, "longitude": 18.96, "time": da
 
 def test_nothing_known_is_no_evidence() -> None:
     assert observations_of(PhotoMetadata()) == Observations()
-    assert observations_from_metadata(METADATA, UserInput(use_exif=False)).observations == Observations()
+    assert observations_from_metadata(METADATA, UserInput(metadata=False)).observations == Observations()
 
 
 @pytest.mark.parametrize("lost", [{"latitude": None, "longitude": None}, {"local_time": None}])
@@ -276,7 +276,7 @@ def test_photos_of_different_places_are_told() -> None:
     found = observations_multi([METADATA, near, far], UserInput())
     assert [bool(k.warnings) for k in found] == [False, False, True]
     assert "km from that of the first photo" in found[2].warnings[-1]
-    assert not any(k.warnings for k in observations_multi([METADATA, far], UserInput(use_exif=False)))
+    assert not any(k.warnings for k in observations_multi([METADATA, far], UserInput(metadata=False)))
     timeless = [replace(f, local_time=None) for f in (METADATA, far)]
     assert not any(k.warnings for k in observations_multi(timeless, UserInput()))
     assert not any(k.warnings for k in observations_multi([METADATA, far], UserInput(latitude=48.0, longitude=11.0)))

@@ -233,8 +233,8 @@ def test_facts_become_evidence_and_the_record_says_so() -> None:
 
 
 def test_the_pixels_alone_where_metadata_are_not_to_be_used() -> None:
-    found = observations_from_metadata(PHONE, UserInput(use_exif=False))
-    assert found.observations.gravity is camera_observations(PHONE, UserInput(use_exif=False)).gravity is None
+    found = observations_from_metadata(PHONE, UserInput(metadata=False))
+    assert found.observations.gravity is camera_observations(PHONE, UserInput(metadata=False)).gravity is None
     light = build_estimate(fuse_single_view(camera_prediction(), found.observations), found).lighting
     assert light == lighting_from_prediction(camera_prediction())
 

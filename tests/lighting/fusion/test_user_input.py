@@ -1,6 +1,9 @@
 """What the user may say, and what contradicts itself."""
 
 import math
+import pickle
+from dataclasses import replace
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -24,13 +27,13 @@ from tests.helpers.predictions import MORNING
         {"utc_offset": 15.0},
         {"heading": 400.0},
         {"vertical_fov": 0.0},
-        {"use_exif": False, "time": MORNING},
-        {"use_exif": False, "latitude": 1.0, "longitude": 2.0},
-        {"use_exif": False, "utc_offset": 2.0},
-        {"time": "2024-06-01T14:30"},
+        {"metadata": False, "time": MORNING},
+        {"metadata": False, "latitude": 1.0, "longitude": 2.0},
+        {"metadata": False, "utc_offset": 2.0},
+        {"time": "the first of June"},
         {"time": MORNING.date()},
         {"latitude": np.float32("nan"), "longitude": 0.0},
-        {"use_exif": None},
+        {"metadata": None},
         {"keep_location": "no"},
     ],
 )
@@ -71,3 +74,23 @@ def test_headings_are_read_from_a_text() -> None:
     for text in ("0;45", "0,", "0,400"):
         with pytest.raises(ParameterError):
             read_headings(text)
+
+
+def test_short_forms_and_texts_are_those_of_the_command_line() -> None:
+    short = UserInput(time="2024-06-01T14:30", utc_offset="+02:00", lat=48.1, lon=11.6, fov=60.0)
+    long = UserInput(
+        time=datetime(2024, 6, 1, 14, 30), utc_offset=2.0, latitude=48.1, longitude=11.6, vertical_fov=60.0
+    )
+    assert short == long
+    assert replace(short, heading=90.0) == replace(long, heading=90.0)
+    assert pickle.loads(pickle.dumps(short)) == short
+
+
+@pytest.mark.parametrize("name", ["lat", "lon", "fov"])
+def test_a_value_is_stated_once(name: str) -> None:
+    long = {"lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}[name]
+    with pytest.raises(ParameterError, match=f"^{long} is stated twice") as caught:
+        UserInput(**{name: 1.0, long: 1.0})  # type: ignore[arg-type]
+    assert caught.value.field == long
+    with pytest.raises(TypeError, match="latitud"):
+        UserInput(latitud=3.0)  # type: ignore[call-arg]

@@ -79,7 +79,9 @@ def test_nothing_of_a_photo_gets_lost(picture: Callable[[], bytes], code: str) -
     data = picture()
     expected, photo = read_photo(data), read_photo_isolated(data)
     for field in fields(Photo):
-        assert np.array_equal(getattr(photo, field.name), getattr(expected, field.name)), field.name
+        if field.name != "source":  # by which this process would decode it after all
+            assert np.array_equal(getattr(photo, field.name), getattr(expected, field.name)), field.name
+    assert photo.source is None
     assert [warning_code(warning) for warning in photo.warnings] == [code]
 
 

@@ -277,7 +277,7 @@ def test_with_time_and_place_there_is_an_absolute_heading(model: Model) -> None:
 
 def test_a_lens_that_is_given_tells_how_the_camera_was_held(model: Model) -> None:
     pixels = poles(20.0, 0.0, 60.0)
-    told = Tracker(model, UserInput(vertical_fov=60.0, use_exif=False))(pixels, 0.0)
+    told = Tracker(model, UserInput(vertical_fov=60.0, metadata=False))(pixels, 0.0)
     known = estimate_frame(model, pixels, 60.0).by_lens
     assert told is not None
     assert known is not None
@@ -290,7 +290,7 @@ def test_frames_of_one_row_are_no_crash(model: Model) -> None:
 
 
 def test_warnings_speak_of_the_stream(model: Model) -> None:
-    told = Tracker(model, UserInput(vertical_fov=150.0, use_exif=False))(look(0.0), 0.0)
+    told = Tracker(model, UserInput(vertical_fov=150.0, metadata=False))(look(0.0), 0.0)
     assert told is not None
     assert any("the stream may be cropped" in warning for warning in told.lighting.warnings)
     assert not any("photo" in warning for warning in told.lighting.warnings)

@@ -18,6 +18,7 @@ type FetchFile = (view: PhotoView, session: Session) => Promise<Blob>;
 
 const TOOL_LABELS: Record<string, string> = {
   ...{ blender: "Blender", usd: "USD", gltf: "glTF", threejs: "three.js", mitsuba: "Mitsuba" },
+  ...{ godot: "Godot", unreal: "Unreal", unity: "Unity" },
 };
 const CHANGED_NOTE = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
 const TOGETHER_NOTE = "The preview shows the estimate from one photo alone; these photos were estimated together.";

@@ -1,0 +1,224 @@
+"""Put a photo's light into the open level of Unreal Engine 5; run it by File > Execute Python Script.
+
+The folder's pictures become assets under /Game/LightFromPhoto, and the actors lie in a folder of that name in the
+Outliner. Running it again replaces both. Units are centimeters; +Z is up, the photo's camera looks along +X.
+"""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import unreal
+
+Json = dict[str, Any]
+Numbers = Sequence[float]
+
+NAME = "LightFromPhoto"
+ASSETS = f"/Game/{NAME}"
+SHAPES = "/Engine/BasicShapes"  # each 100 units wide and tall, around its middle
+
+actors = unreal.get_editor_subsystem(unreal.EditorActorSubsystem)
+tools = unreal.AssetToolsHelpers.get_asset_tools()
+library = unreal.EditorAssetLibrary
+editing = unreal.MaterialEditingLibrary
+
+
+def _main() -> None:
+    folder = Path(__file__).resolve().parent
+    numbers = json.loads((folder / "unreal_scene.json").read_text(encoding="utf-8"))
+    _remove_last()
+    _warn_of_other_lights()
+    cubemap = _import_picture(folder / numbers["environment"])
+    plate, albedo, emission = (_import_plain(folder / numbers[name]) for name in ("plate", "albedo", "emission"))
+    _add_sun(numbers["sun"])
+    _add_sky(cubemap, numbers["sky"])
+    _add_exposure()
+    camera = _add_camera(numbers["camera"])
+    _add_backdrop(camera, numbers["backdrop"], _projected_material("Backdrop", None, plate))
+    _add_shape("Plane", "Ground", numbers["ground"], _projected_material("Ground", albedo, emission), shadow=False)
+    gray = _plain_material("Placeholder", numbers["placeholder"]["albedo"])
+    _add_shape("Sphere", "Ball", numbers["placeholder"]["ball"], gray)
+    _add_shape("Cylinder", "Stick", numbers["placeholder"]["stick"], gray)
+
+
+def _remove_last() -> None:
+    for actor in actors.get_all_level_actors():
+        if NAME in [str(tag) for tag in actor.get_editor_property("tags")]:
+            actors.destroy_actor(actor)
+
+
+def _warn_of_other_lights() -> None:
+    for actor in actors.get_all_level_actors():
+        if isinstance(actor, (unreal.DirectionalLight, unreal.SkyLight)):
+            unreal.log_warning(f"The level has another light, which shines beside the photo's: {actor.get_name()}.")
+
+
+# Assets
+
+
+def _import_picture(path: Path) -> Any:
+    """The asset that a picture becomes; a lat-long .hdr becomes a cubemap."""
+    task = unreal.AssetImportTask()
+    task.set_editor_property("filename", str(path))
+    task.set_editor_property("destination_path", ASSETS)
+    task.set_editor_property("automated", True)
+    task.set_editor_property("replace_existing", True)
+    task.set_editor_property("save", True)
+    tools.import_asset_tasks([task])
+    return library.load_asset(f"{ASSETS}/{path.stem}")
+
+
+def _import_plain(path: Path) -> Any:
+    """The same, neither compressed nor scaled."""
+    texture = _import_picture(path)
+    texture.set_editor_property("compression_settings", unreal.TextureCompressionSettings.TC_EDITOR_ICON)
+    texture.set_editor_property("mip_gen_settings", unreal.TextureMipGenSettings.TMGS_NO_MIPMAPS)
+    texture.set_editor_property("srgb", True)
+    return texture
+
+
+def _new_material(name: str) -> Any:
+    if library.does_asset_exist(f"{ASSETS}/{name}"):
+        library.delete_asset(f"{ASSETS}/{name}")
+    return tools.create_asset(name, ASSETS, unreal.Material, unreal.MaterialFactoryNew())
+
+
+def _projected_material(name: str, albedo: Any, emission: Any) -> Any:
+    """Pictures in their places in the viewport, as surface and as light; without an albedo it takes no light."""
+    material = _new_material(name)
+    place = editing.create_material_expression(material, unreal.MaterialExpressionScreenPosition, -600, 0)
+    for picture, target in (
+        (albedo, unreal.MaterialProperty.MP_BASE_COLOR),
+        (emission, unreal.MaterialProperty.MP_EMISSIVE_COLOR),
+    ):
+        if picture:
+            sample = editing.create_material_expression(material, unreal.MaterialExpressionTextureSample, -300, 0)
+            sample.set_editor_property("texture", picture)
+            editing.connect_material_expressions(place, "ViewportUV", sample, "UVs")
+            editing.connect_material_property(sample, "RGB", target)
+    if albedo:
+        _make_diffuse(material)
+    else:
+        material.set_editor_property("shading_model", unreal.MaterialShadingModel.MSM_UNLIT)
+    material.set_editor_property("two_sided", True)
+    editing.recompile_material(material)
+    return material
+
+
+def _plain_material(name: str, albedo: float) -> Any:
+    material = _new_material(name)
+    color = editing.create_material_expression(material, unreal.MaterialExpressionConstant3Vector, -300, 0)
+    color.set_editor_property("constant", unreal.LinearColor(albedo, albedo, albedo, 1.0))
+    editing.connect_material_property(color, "", unreal.MaterialProperty.MP_BASE_COLOR)
+    _make_diffuse(material)
+    editing.recompile_material(material)
+    return material
+
+
+def _make_diffuse(material: Any) -> None:
+    for value, target in ((1.0, unreal.MaterialProperty.MP_ROUGHNESS), (0.0, unreal.MaterialProperty.MP_SPECULAR)):
+        constant = editing.create_material_expression(material, unreal.MaterialExpressionConstant, -300, 300)
+        constant.set_editor_property("r", value)
+        editing.connect_material_property(constant, "", target)
+
+
+# Actors
+
+
+def _spawn(kind: Any, label: str, location: Numbers, rotation: Numbers = (0.0, 0.0, 0.0)) -> Any:
+    """An actor; its rotation is roll, pitch and yaw."""
+    roll, pitch, yaw = rotation
+    actor = actors.spawn_actor_from_class(
+        kind, unreal.Vector(*location), unreal.Rotator(roll=roll, pitch=pitch, yaw=yaw)
+    )
+    actor.set_actor_label(label)
+    actor.set_folder_path(NAME)
+    actor.set_editor_property("tags", [NAME])
+    return actor
+
+
+def _add_sun(numbers: Json) -> None:
+    """It shines along its own +X. Where the spot lies in the photo's shade it is off; see affects_world."""
+    light = _spawn(unreal.DirectionalLight, "Sun", (0.0, 0.0, 0.0), numbers["rotation"]).get_component_by_class(
+        unreal.DirectionalLightComponent
+    )
+    light.set_mobility(unreal.ComponentMobility.MOVABLE)
+    red, green, blue = numbers["color"]
+    light.set_editor_property("light_color", unreal.Color(b=blue, g=green, r=red, a=255))
+    light.set_editor_property("intensity", numbers["lux"])
+    light.set_editor_property("light_source_angle", numbers["angle"])
+    light.set_editor_property("use_temperature", False)
+    light.set_editor_property("atmosphere_sun_light", False)
+    light.set_editor_property("cast_shadows", True)
+    light.set_editor_property("affects_world", numbers["on"])
+
+
+def _add_sky(cubemap: Any, numbers: Json) -> None:
+    light = _spawn(unreal.SkyLight, "Sky", (0.0, 0.0, 0.0)).get_component_by_class(unreal.SkyLightComponent)
+    light.set_mobility(unreal.ComponentMobility.MOVABLE)
+    light.set_editor_property("real_time_capture", False)
+    light.set_editor_property("source_type", unreal.SkyLightSourceType.SLS_SPECIFIED_CUBEMAP)
+    light.set_editor_property("cubemap", cubemap)
+    light.set_editor_property("source_cubemap_angle", numbers["angle"])
+    light.set_editor_property("cubemap_resolution", numbers["resolution"])
+    light.set_editor_property("lower_hemisphere_is_black", False)
+    light.set_editor_property("intensity", 1.0)
+    light.recapture_sky()
+
+
+def _add_exposure() -> None:
+    """Exposure 1, no tone curve, and no light that bounces: the map holds what the ground reflects."""
+    volume = _spawn(unreal.PostProcessVolume, "Exposure", (0.0, 0.0, 0.0))
+    volume.set_editor_property("unbound", True)
+    settings = volume.get_editor_property("settings")
+    for name, value in (
+        ("auto_exposure_method", unreal.AutoExposureMethod.AEM_MANUAL),
+        ("auto_exposure_bias", 0.0),
+        ("auto_exposure_apply_physical_camera_exposure", False),
+        ("tone_curve_amount", 0.0),
+        ("expand_gamut", 0.0),
+        ("blue_correction", 0.0),
+        ("bloom_intensity", 0.0),
+        ("vignette_intensity", 0.0),
+        ("dynamic_global_illumination_method", unreal.DynamicGlobalIlluminationMethod.NONE),
+    ):
+        settings.set_editor_property(f"override_{name}", True)
+        settings.set_editor_property(name, value)
+    volume.set_editor_property("settings", settings)
+
+
+def _add_camera(numbers: Json) -> Any:
+    actor = _spawn(unreal.CineCameraActor, "Camera", numbers["location"], numbers["rotation"])
+    camera = actor.get_component_by_class(unreal.CineCameraComponent)
+    filmback = camera.get_editor_property("filmback")
+    filmback.set_editor_property("sensor_width", numbers["sensor"][0])
+    filmback.set_editor_property("sensor_height", numbers["sensor"][1])
+    camera.set_editor_property("filmback", filmback)
+    camera.set_editor_property("current_focal_length", numbers["focal_length"])
+    focus = camera.get_editor_property("focus_settings")
+    focus.set_editor_property("focus_method", unreal.CameraFocusMethod.DISABLE)
+    camera.set_editor_property("focus_settings", focus)
+    camera.set_editor_property("constrain_aspect_ratio", True)
+    return actor
+
+
+def _add_backdrop(camera: Any, numbers: Json, material: Any) -> None:
+    """The photo on a plane that fills the camera's picture behind everything."""
+    actor = _add_shape("Plane", "Backdrop", numbers, material, shadow=False)
+    keep = unreal.AttachmentRule.KEEP_WORLD
+    actor.attach_to_actor(camera, "", keep, keep, keep, False)
+
+
+def _add_shape(shape: str, label: str, numbers: Json, material: Any, *, shadow: bool = True) -> Any:
+    actor = _spawn(unreal.StaticMeshActor, label, numbers["location"], numbers["rotation"])
+    actor.set_actor_scale3d(unreal.Vector(*(size / 100.0 for size in numbers["size"])))
+    mesh = actor.get_component_by_class(unreal.StaticMeshComponent)
+    mesh.set_mobility(unreal.ComponentMobility.MOVABLE)
+    mesh.set_static_mesh(library.load_asset(f"{SHAPES}/{shape}"))
+    mesh.set_material(0, material)
+    mesh.set_editor_property("cast_shadow", shadow)
+    return actor
+
+
+_main()

@@ -1,0 +1,116 @@
+"""A scene for Unreal Engine 5: a script for its editor, the numbers that it reads, and pictures.
+
+Unreal is left-handed in centimeters, +Z up; the camera looks along +X at azimuth 0, and +Y is to its right. Its
+lat-long maps have -Y at the centre, so the sky light's cubemap is turned by 270 degrees. A manual exposure without the
+physical camera is 1 at the engine's default lens attenuation.
+
+References:
+    Unreal Engine 5: TextureCompressorModule.cpp (lat-long), ReflectionEnvironmentShaders.usf (the cubemap's angle),
+    PostProcessEyeAdaptation.cpp (exposure), UnrealMath.cpp (rotators).
+"""
+
+import json
+
+import numpy as np
+
+from lighting.color import color_and_intensity, srgb_bytes
+from lighting.files import encode_envmap
+from lighting.geometry import Floats
+from lighting.records import Json
+from lighting.scene import PLATE, records
+from lighting.scene.writer import Folder, encode_projected_ground, read_data_text, write_shared_files
+
+SCRIPT, NUMBERS, SKY = "unreal_scene.py", "unreal_scene.json", "environment.hdr"
+ALBEDO, EMISSION = "ground_albedo.png", "ground_emission.png"
+
+_SKY_ANGLE = 270.0  # deg, turns the viewing direction to the map's centre
+_CENTIMETERS = 100.0  # per meter
+_BACKDROP_DISTANCE = 1000.0  # m
+
+
+def write_unreal(scene: records.Scene, folder: Folder) -> None:
+    """Write SCRIPT, the NUMBERS that it reads, SKY, the pictures that the ground shows, and the shared files.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where the files go.
+    """
+    write_shared_files(scene, folder)
+    (folder / SKY).write_bytes(encode_envmap(scene.environment, format="hdr"))
+    albedo, emission = encode_projected_ground(scene)
+    (folder / ALBEDO).write_bytes(albedo)
+    (folder / EMISSION).write_bytes(emission)
+    (folder / NUMBERS).write_text(json.dumps(_description(scene), indent=2) + "\n", encoding="utf-8")
+    (folder / SCRIPT).write_text(read_data_text("unreal_scene.py"), encoding="utf-8")
+
+
+def _description(scene: records.Scene) -> Json:
+    """What data/unreal_scene.py reads: centimeters, degrees, millimeters; rotations are roll, pitch and yaw."""
+    lighting = scene.lighting
+    camera = [lighting.camera_roll, lighting.camera_elevation, 0.0]
+    reach = 2 * records.GROUND_RADIUS * _CENTIMETERS
+    return {
+        "plate": PLATE,
+        "environment": SKY,
+        "albedo": ALBEDO,
+        "emission": EMISSION,
+        "sun": _sun(scene),
+        "sky": {"angle": _SKY_ANGLE, "resolution": _power_of_two(len(scene.environment) // 2)},
+        "camera": {
+            "location": _point(scene.camera_position),
+            "rotation": camera,
+            "sensor": [scene.sensor_width, records.SENSOR_HEIGHT],
+            "focal_length": scene.focal_length,
+        },
+        "backdrop": _backdrop(scene),
+        "ground": {"location": [0.0, 0.0, 0.0], "rotation": [0.0, 0.0, 0.0], "size": [reach, reach, _CENTIMETERS]},
+        "placeholder": _placeholder(scene),
+    }
+
+
+def _sun(scene: records.Scene) -> Json:
+    color, intensity = color_and_intensity(scene.sun_irradiance)
+    lighting = scene.lighting
+    return {
+        "rotation": [0.0, -lighting.sun_elevation, lighting.sun_azimuth + 180.0],
+        "color": srgb_bytes(color).tolist(),
+        "lux": intensity,
+        "angle": records.SUN_ANGLE,
+        "on": not scene.spot_in_shade,
+    }
+
+
+def _backdrop(scene: records.Scene) -> Json:
+    """A plane across the camera's axis, which faces along its own +Z and fills the picture however the camera rolls."""
+    height = 2 * _BACKDROP_DISTANCE * float(np.tan(np.radians(scene.vertical_fov) / 2))
+    side = 1.1 * _CENTIMETERS * height * float(np.hypot(1.0, scene.width / scene.height))
+    return {
+        "location": _point(scene.camera_position + _BACKDROP_DISTANCE * scene.camera_axes[2]),
+        "rotation": [0.0, scene.lighting.camera_elevation + 90.0, 0.0],
+        "size": [side, side, _CENTIMETERS],
+    }
+
+
+def _placeholder(scene: records.Scene) -> Json:
+    made, upright = records.make_placeholder(scene), [0.0, 0.0, 0.0]
+    ball, stick = (_CENTIMETERS * 2 * radius for radius in (made.ball_radius, made.stick_radius))
+    return {
+        "albedo": records.PLACEHOLDER_ALBEDO,
+        "ball": {"location": _point(scene.spot + made.ball_center), "rotation": upright, "size": [ball] * 3},
+        "stick": {
+            "location": _point(scene.spot + made.stick_center),
+            "rotation": upright,
+            "size": [stick, stick, _CENTIMETERS * made.stick_height],
+        },
+    }
+
+
+def _point(position: Floats) -> list[float]:
+    """A position of our frame in Unreal's."""
+    x, y, z = (_CENTIMETERS * float(value) + 0.0 for value in position)
+    return [-z, x, y]
+
+
+def _power_of_two(count: int) -> int:
+    """The next one, 64 to 1024, as a sky light's cubemap wants."""
+    return int(min(1024, max(64, 1 << (count - 1).bit_length())))

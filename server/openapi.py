@@ -1,0 +1,67 @@
+"""The OpenAPI document at /openapi.json, which /docs shows: its words, its schemas, its examples."""
+
+from fastapi import APIRouter, FastAPI, Request, Response
+
+from lighting.records import Json
+from server import problems
+from server.request_body import FORM_TYPE, PHOTO_FIELD
+from server.responses import tagged_json_response
+from server.schemas import LightingRecord, Problem
+from server.settings import Settings
+
+DESCRIPTION = """Send a photo taken outdoors by daylight; get its light as JSON, as an environment map or as a scene.
+
+```sh
+curl -F photo=@photo.jpg http://127.0.0.1:8000/v1/lighting
+curl -F photo=@photo.jpg -F height=256 -F format=hdr http://127.0.0.1:8000/v1/envmap -o sky.hdr
+```
+
+- **A photo** is the file `photo` of a form, or the whole body: JPEG, PNG, WebP, TIFF, AVIF or HEIC. Addresses of photos
+  and photos inside JSON are not taken.
+- **Parameters** stand in the URL or in the form, each once.
+- **Angles** are degrees. Azimuth 0 is where the camera points, positive to the right. Colours are linear Rec.709.
+- **Errors** are `application/problem+json`. Programs read `type`, and of each of the `errors` its `field` and `code`.
+- **Photos are not kept.** They stay in memory while they are worked on.
+"""
+TAGS = [
+    {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
+    {"name": "operations", "description": "For operators."},
+]
+
+router = APIRouter(include_in_schema=False)
+
+
+@router.get("/openapi.json")
+async def _describe_api(request: Request) -> Response:
+    return tagged_json_response(request, request.app.openapi())
+
+
+def complete_document(app: FastAPI, settings: Settings) -> None:
+    """Have the app's document hold the schemas of bodies and errors, every problem, and how many photos a form takes.
+
+    Args:
+        app: the app with its routes.
+        settings: the operator's.
+    """
+    generate = app.openapi
+
+    def openapi() -> Json:
+        if app.openapi_schema is None:
+            document = generate()
+            _add_schemas(document["components"]["schemas"])
+            document["components"]["examples"] = {
+                kind.name: {"summary": kind.title, "value": problems.problem_example(kind)} for kind in problems.KINDS
+            }
+            form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
+            form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
+        return app.openapi_schema or {}
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _add_schemas(schemas: Json) -> None:
+    """Add what no route of FastAPI's own names: the record of a body, and the problem."""
+    for model in (Problem, LightingRecord):
+        if model.__name__ not in schemas:
+            schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
+            schemas.update({**schema.pop("$defs", {}), model.__name__: schema, **schemas})
