@@ -60,10 +60,7 @@ EXAMPLES = (
     Example("railway_field.jpg", "h_railway_bridge_02", 10.0, 4.0, 1.0, 70.0, 640, 480, 0.4),
     Example("wide_street.jpg", "h_wide_street_02", -22.0, 3.0, 0.0, 64.0, 800, 450),
     Example("venice_alley.jpg", "h_venetian_crossroads", -140.0, 8.0, -1.5, 80.0, 480, 640),
-    Example("hill_clouds.jpg", "h_kloofendal_48d_partly_cloudy", 120.0, 8.0, 0.0, 64.0, 800, 450),
     Example("park_evening.jpg", "h_rooitou_park", -75.0, -4.0, 2.0, 70.0, 640, 480),
-    Example("overcast_street.jpg", "h_urban_street_01", 125.0, 2.0, 0.0, 72.0, 640, 480),
-    Example("forest_clearing.jpg", "h_epping_forest_01", 158.0, 2.0, 0.0, 72.0, 640, 480, direct="partly"),
     Example("garden_noon.jpg", "suburban_garden", 170.0, 0.0, 0.5, 75.0, 640, 480),
     Example("snow_field.jpg", "passendorf_snow", 105.0, -6.0, 0.5, 66.0, 640, 480, 0.5),
 )

@@ -2,8 +2,8 @@
 
     python examples/reduce_photos.py FOLDER
 
-FOLDER holds the photographs of `PHOTOS` under their own names. Writes `rome/` and `thumbs/` beside this script; the
-photographs keep their EXIF.
+FOLDER holds the photographs of `PHOTOS` and `LARGE` under their own names. Writes them and `thumbs/` here.
+Those of `PHOTOS` keep their size and their EXIF; those of `LARGE` are made smaller.
 """
 
 import argparse
@@ -18,19 +18,26 @@ PHOTOS = {  # name here: name there
     "street_in_shade.jpg": "rome_0511.jpg",
     "afternoon_square.jpg": "rome_0477.jpg",
 }
+LARGE = ("brick_street.jpg", "garden_windows.jpg", "lake_clouds.jpg", "beach_storm.jpg", "shore_dusk.jpg")
+LARGE_SIZE = (1600, 1200)
+LARGE_QUALITY = 75
 QUALITY = 82
 THUMB = (240, 180)
-THUMB_QUALITY = 75
-SHOWN = (
-    *("garden_noon.jpg", "overcast_street.jpg", "forest_clearing.jpg", "snow_field.jpg"),
-    *("rome/golden_hour.jpg", "rome/street_in_shade.jpg"),
-)
+THUMB_QUALITY = 72
+SHOWN = (*LARGE, "rome/golden_hour.jpg")
 
 
 def reduce_photo(source: Path, target: Path) -> None:
     """The same pixels at a lower quality, with the EXIF as it was."""
     with Image.open(source) as photo:
         photo.save(target, "JPEG", quality=QUALITY, optimize=True, exif=photo.getexif())
+
+
+def shrink_photo(source: Path, target: Path) -> None:
+    """The photo within LARGE_SIZE, without metadata."""
+    with Image.open(source) as photo:
+        small = ImageOps.contain(ImageOps.exif_transpose(photo).convert("RGB"), LARGE_SIZE, Image.Resampling.LANCZOS)
+    small.save(target, "JPEG", quality=LARGE_QUALITY, optimize=True, progressive=True)
 
 
 def thumbnail(source: Path, target: Path) -> None:
@@ -46,6 +53,8 @@ def main() -> None:
     folder = parser.parse_args().folder
     for name, original in PHOTOS.items():
         reduce_photo(folder / original, HERE / "rome" / name)
+    for name in LARGE:
+        shrink_photo(folder / name, HERE / name)
     for shown in SHOWN:
         thumbnail(HERE / shown, HERE / "thumbs" / Path(shown).name)
 

@@ -1,6 +1,6 @@
 // Files and copied texts of the light on show, of the estimate and of a light that was changed.
 import { readFileSync } from "node:fs";
-import { copied, expectFailures, open, relit, saved } from "./visit.mjs";
+import { copied, downloaded, expectFailures, open, relit, saved } from "./visit.mjs";
 
 export async function visit(browser, url, seen, files) {
   const { photo, other, folder } = files;
@@ -16,8 +16,9 @@ export async function visit(browser, url, seen, files) {
   seen.preview.push(await preview(page));
   await copy(page, seen);
   seen.preview.push(await preview(page));
-  seen.tools = await page.locator("#scene-downloads button").evaluateAll((buttons) => buttons.map(({ id }) => id.slice(4)));
-  for (const tool of seen.tools) await saved(page, `#get-${tool}`, folder, `${tool}.zip`);
+  seen.targets = await page.locator("#download-for option").evaluateAll((options) => options.map(({ value }) => value));
+  for (const tool of seen.targets.slice(0, -3)) await downloaded(page, tool, folder, `${tool}.zip`);
+  seen.saved = await page.textContent("#saved");
   await saved(page, "#get-preview", folder, "preview.png");
   await page.setInputFiles("#file", [photo, other]);
   await page.waitForSelector("#photos:not([hidden])");
@@ -48,9 +49,9 @@ async function moveSun(page, seen, folder) {
   await page.focus("#sun_azimuth");
   await relit(page, () => page.keyboard.press("Home"));
   seen.slider = await page.getAttribute("#sun_azimuth", "aria-valuetext");
-  seen.exr = await saved(page, "#get-exr", folder, "map.exr");
+  seen.exr = await downloaded(page, "exr", folder, "map.exr");
   await page.selectOption("#size", "256");
-  for (const format of ["hdr", "png"]) await saved(page, `#get-${format}`, folder, `map.${format}`);
+  for (const format of ["hdr", "png"]) await downloaded(page, format, folder, `map.${format}`);
   await saved(page, "#get-json", folder, "edited.json");
 }
 
@@ -80,14 +81,13 @@ async function loseTheTable(browser, url, seen, photo) {
   await page.context().close();
 }
 
-/** Buttons for what a service states that it makes, known here or not. */
+/** Choices of what a service states that it makes, known here or not. */
 async function offerByService(browser, url, seen, photo) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
   const json = { accuracy: {}, matching: false, scene_tools: ["usd", "toy"], map_formats: ["exr", "jxl"] };
   await page.route("**/v1/model", (route) => route.fulfill({ json }));
   await page.reload({ waitUntil: "networkidle" });
   await relit(page, () => page.setInputFiles("#file", photo));
-  const labels = (row) => page.locator(`#${row} button`).allTextContents();
-  seen.offered = [await labels("map-downloads"), await labels("scene-downloads")];
+  seen.offered = await page.locator("#download-for option").allTextContents();
   await page.context().close();
 }

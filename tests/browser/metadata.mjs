@@ -13,10 +13,10 @@ export async function visit(browser, url, seen, { dated, photo }) {
 }
 
 async function correct(page, seen) {
-  await page.click("summary");
+  await page.click("#correct summary");
   seen.time = await page.inputValue("#input-time");
-  await page.fill("#input-lat", "41.91");
-  await page.fill("#input-lon", "12.48");
+  await page.fill("#input-latitude", "41.91");
+  await page.fill("#input-longitude", "12.48");
   await page.fill("#input-utc_offset", "+02:00");
   page.requests = [];
   await relit(page, () => page.click("#user-input button[type=submit]"));

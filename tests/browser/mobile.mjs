@@ -15,7 +15,7 @@ async function chooseByKeyboard(browser, url, seen) {
   await page.locator("#examples button").first().focus();
   await page.keyboard.press("Enter");
   await page.waitForSelector("#result:not([hidden])");
-  await page.click("summary");
+  await page.click("#correct summary");
   await page.click("#copy-curl");
   seen.title = await page.textContent("#title");
   seen.overflow.push(await page.evaluate(overflow));
@@ -29,7 +29,7 @@ async function showTilt(browser, url, seen, photos) {
   seen.tilt = [];
   for (const photo of photos) {
     await relit(page, () => page.setInputFiles("#file", photo));
-    const row = page.locator("#metadata div", { hasText: "Held" }).locator("dd");
+    const row = page.locator("#metadata div", { hasText: "Tilt" }).locator("dd");
     const { x, width } = await row.boundingBox();
     const overflow = await page.evaluate(() => document.documentElement.scrollWidth - innerWidth);
     const warnings = await page.locator("#warnings li").allTextContents();
@@ -42,6 +42,8 @@ async function touch(browser, url, seen, small) {
   const page = await open(browser, url, seen, { width: 390, height: 844 }, { touch: true });
   seen.touch = [await page.innerText(".drop-title")];
   await relit(page, () => page.setInputFiles("#file", small));
+  seen.folded = [await page.isVisible("#title"), await page.isVisible("#studio"), await page.isVisible(".rest")];
+  await page.tap("#unfold");
   await page.waitForSelector("#stage:not([hidden])");
   seen.touch.push(await page.textContent("#scene-note"), await page.textContent("#readout"));
   await page.context().close();

@@ -8,6 +8,7 @@ export async function visit(browser, url, seen, { small, model, wideModel, folde
   const page = await open(browser, url, seen, { width: 360, height: 900 });
   await answerWith(page, url, small, (record) => ({
     ...record,
+    suitable: 0.99,
     sun: { ...record.sun, azimuth: -90, elevation: 30, direction: [-0.866, 0.5, 0], visibility: 0.97 },
     camera: CAMERA,
   }));
@@ -27,6 +28,7 @@ export async function visit(browser, url, seen, { small, model, wideModel, folde
 async function measure(browser, url, seen, small, model) {
   const page = await open(browser, url, seen, { width: 360, height: 900 });
   await relit(page, () => page.setInputFiles("#file", small));
+  await page.click("#unfold");
   await page.waitForSelector("#stage:not([hidden])");
   seen.heights = [await statedHeight(page)];
   await page.setInputFiles("#model-file", model);
@@ -86,7 +88,7 @@ async function useOwnModel(page, seen, model, folder) {
     return data;
   }, readFileSync(model).toString("base64"));
   await page.dispatchEvent("#frame", "drop", { dataTransfer: transfer });
-  await page.waitForSelector('#finishes input[value="file\'s own"]:checked');
+  await page.waitForSelector('#finishes input[value="original"]:checked');
   seen.own = [await page.textContent("#own-name"), (await screenshotOf(page, `${folder}/own.png`, before)) !== before];
   await page.setInputFiles("#model-file", { name: "broken.glb", mimeType: "", buffer: Buffer.from("nothing") });
   await page.waitForSelector("#error:not([hidden])");

@@ -1,5 +1,5 @@
 // Several photos: answered together, rotated by what they show in common, with files of the common light.
-import { copied, open, relit, saved } from "./visit.mjs";
+import { copied, downloaded, open, relit, saved } from "./visit.mjs";
 
 export async function visit(browser, url, seen, { photo, dated, overlapping, folder }) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
@@ -19,7 +19,7 @@ async function estimateTogether(page, seen, photos, folder) {
     await page.getAttribute("#photos li:nth-child(2) button", "aria-pressed"),
   ];
   await saved(page, "#get-json", folder, "together.json");
-  await saved(page, "#get-exr", folder, "together.exr");
+  await downloaded(page, "exr", folder, "together.exr");
   seen.copies = [await copied(page, "curl"), await copied(page, "python")];
   seen.copyShown = [await page.isVisible("#snippet")];
   await relit(page, () => page.locator("#photos button").first().click());
@@ -47,8 +47,8 @@ async function rotate(page, seen, photos, folder) {
   }
   await page.locator("#photos button").first().click();
   await saved(page, "#get-json", folder, "first.json");
-  await saved(page, "#get-exr", folder, "first.exr");
-  await saved(page, "#get-mitsuba", folder, "first.zip");
+  await downloaded(page, "exr", folder, "first.exr");
+  await downloaded(page, "mitsuba", folder, "first.zip");
   await page.setInputFiles("#file", photos[0]);
   await page.waitForSelector("#photos", { state: "hidden" });
   seen.rotatedAlone = await page.isVisible("#rotation");
@@ -60,7 +60,7 @@ async function promise(browser, url, seen, matching) {
   const json = { accuracy: {}, matching, scene_tools: [], map_formats: [] };
   await page.route("**/v1/model", (route) => route.fulfill({ json }));
   await page.reload({ waitUntil: "networkidle" });
-  const text = await page.textContent("#drop");
+  const text = await page.textContent(".several-help p");
   await page.context().close();
   return text.replaceAll(/\s+/g, " ");
 }

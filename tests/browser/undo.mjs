@@ -21,7 +21,7 @@ async function pressKeys(page, seen) {
     for (let i = 0; i < 60; i++) await page.keyboard.press(i % 2 ? "ArrowRight" : "ArrowUp");
   });
   await page.waitForTimeout(300);
-  seen.requests = [...page.requests];
+  seen.requests = page.requests.filter((address) => address.includes("/v1/"));
   const elevation = () => page.inputValue("#sun_elevation");
   seen.keys = [await elevation()];
   await page.keyboard.press("Control+z");
@@ -77,6 +77,7 @@ async function undoFromTheChooser(page, seen) {
 async function dragObject(browser, url, seen, small) {
   const page = await open(browser, url, seen, { width: 360, height: 900 });
   await relit(page, () => page.setInputFiles("#file", small));
+  await page.click("#unfold");
   await page.waitForSelector("#stage:not([hidden])");
   await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
   const { x, y, width, height } = await page.locator("#stage").boundingBox();

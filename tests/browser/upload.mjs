@@ -1,6 +1,6 @@
 // How photos come in: formats, examples, drops, pastes, refusals, and what comes late or changes on its disk.
 import { appendFileSync, copyFileSync } from "node:fs";
-import { answerWith, expectFailures, faults, metadataRows, open, PATIENCE, refused, relit } from "./visit.mjs";
+import { expectFailures, faults, metadataRows, open, PATIENCE, refused, relit } from "./visit.mjs";
 
 const LONG_NAME = `${"a_photo_with_a_long_name_".repeat(6)}.jpg`;
 
@@ -49,10 +49,8 @@ async function openFormats(browser, url, seen, { formats, upright, letterbox, sm
       return [naturalWidth, naturalHeight, document.getElementById("status").textContent];
     });
   }
-  const evidence = ["pixels", "time+place", "focal length"];
-  await answerWith(page, url, small, (record) => ({ ...record, evidence }));
   await relit(page, () => page.setInputFiles("#file", small));
-  seen.metadataOfService = await metadataRows(page);
+  seen.metadataOfNone = [await metadataRows(page), await page.isVisible("#metadata")];
   await page.context().close();
 }
 
@@ -78,7 +76,7 @@ async function refuseText(page, seen, photo, textFile) {
   seen.title = await page.textContent("#title");
   await page.locator("#turbidity").press("ArrowRight");
   seen.errorAfterChange = [await page.isVisible("#error"), await page.isVisible("#previous-answer")];
-  await page.route("**/v1/lighting?*", async (route) => {
+  await page.route("**/v1/lighting*", async (route) => {
     await new Promise((resolve) => setTimeout(resolve, 300)); // the service's word on the picture comes first
     await route.continue();
   });
@@ -86,7 +84,7 @@ async function refuseText(page, seen, photo, textFile) {
   await page.setInputFiles("#file", Array(9).fill(photo));
   await page.waitForFunction(() => !/notes\.txt/.test(document.getElementById("error").textContent));
   seen.errorOfMany = await page.textContent("#error");
-  await page.unroute("**/v1/lighting?*");
+  await page.unroute("**/v1/lighting*");
 }
 
 /** Examples that the service does not give. */
@@ -106,8 +104,8 @@ async function missExamples(page, seen) {
 /** Both buttons that estimate again, each after a file that was refused. */
 async function estimateAgain(page, seen, textFile) {
   seen.again = [];
-  await page.click("summary");
-  await page.fill("#input-fov", "50");
+  await page.click("#correct summary");
+  await page.fill("#input-vertical_fov", "50");
   for (const button of ["#user-input button[type=submit]", "#forget"]) {
     await refused(page, () => page.setInputFiles("#file", textFile));
     await page.click(button);
@@ -122,7 +120,7 @@ async function bringNoFile(page, seen) {
   const drop = (target) => page.evaluate(dropText, target);
   seen.noFile = [await refused(page, () => drop("body"))];
   await relit(page, () => page.locator("#turbidity").press("ArrowRight"));
-  seen.textInField = [await drop("#input-lat"), await page.isVisible("#error")];
+  seen.textInField = [await drop("#input-latitude"), await page.isVisible("#error")];
   seen.noFile.push(await refused(page, () => page.evaluate(pasteText)));
   await interrupt(page, seen);
 }
@@ -179,13 +177,13 @@ async function overtakeAnExample(page, seen) {
   const late = new Promise((resolve) => {
     give = resolve;
   });
-  await page.route("**/assets/golden_hour*.jpg", async (route) => {
+  await page.route("**/assets/brick_street*.jpg", async (route) => {
     if (route.request().resourceType() === "fetch") await late;
     await route.continue().catch(() => {}); // the page gave up on it
   });
   await page.locator("#examples button").first().click();
   seen.underway = await page.textContent("#status");
-  await relit(page, () => page.locator("#examples button", { hasText: "Snow" }).click());
+  await relit(page, () => page.locator("#examples button", { hasText: "Dusk" }).click());
   give();
   await page.waitForTimeout(500);
   seen.overtaken = [await page.textContent("#status"), await page.getAttribute("#photo", "alt")];

@@ -19,9 +19,9 @@ export const launch = (executablePath) =>
  * A page at `url` whose faults go to `seen.complaints` and whose requests go to `page.requests`. `flat` takes WebGL away,
  * which is slow where the CPU draws; `touch` is a phone.
  */
-export async function open(browser, url, seen, viewport, { flat = false, touch = false } = {}) {
+export async function open(browser, url, seen, viewport, { flat = false, touch = false, colorScheme = "light" } = {}) {
   const permissions = ["clipboard-read", "clipboard-write"];
-  const context = await browser.newContext({ viewport, permissions, isMobile: touch, hasTouch: touch });
+  const context = await browser.newContext({ viewport, permissions, isMobile: touch, hasTouch: touch, colorScheme });
   if (flat) await context.addInitScript(withoutWebgl);
   const page = await context.newPage();
   page.setDefaultTimeout(PATIENCE);
@@ -59,6 +59,16 @@ export async function saved(page, button, folder, name) {
   return download.suggestedFilename();
 }
 
+/** What the primary button saves for a tool, or as a map of a format. */
+export async function downloaded(page, target, folder, name) {
+  await page.selectOption("#download-for", target);
+  return saved(page, "#download", folder, name);
+}
+
+/** Waits until the service's map lights the object. */
+export const rested = (page) =>
+  page.waitForResponse((answer) => /v1\/envmap.*format=hdr/.test(answer.url()), { timeout: PATIENCE });
+
 /** The curl command or the Python program that the page copies. */
 export async function copied(page, kind) {
   await page.click(`#copy-${kind}`);
@@ -80,19 +90,21 @@ export async function screenshotOf(page, file, other) {
   return digest;
 }
 
-/** What axe-core finds that is serious or worse, as "rule: element". */
+const WCAG = ["wcag2a", "wcag2aa", "wcag21a", "wcag21aa", "wcag22aa"]; // 2.2, level AA
+
+/** What axe-core finds against WCAG 2.2 AA, or that is serious, as "rule: element". */
 export async function faults(page) {
   await page.evaluate(readFileSync(axePath, "utf8"));
   const { violations } = await page.evaluate(() => globalThis.axe.run(document));
   return violations
-    .filter(({ impact }) => impact === "serious" || impact === "critical")
+    .filter(({ impact, tags }) => impact === "serious" || impact === "critical" || tags.some((tag) => WCAG.includes(tag)))
     .flatMap(({ id, nodes }) => nodes.map(({ target }) => `${id}: ${target.join(" ")}`));
 }
 
 /** Answers every question for a photo's light with the record of `photo`, changed by the test. */
 export async function answerWith(page, url, photo, change) {
   const type = photo.endsWith(".png") ? "image/png" : "image/jpeg";
-  const answer = await fetch(`${url}v1/lighting?probability=true`, {
+  const answer = await fetch(`${url}v1/lighting?probability=true&photo_metadata=true`, {
     method: "POST",
     headers: { "Content-Type": type },
     body: readFileSync(photo),

@@ -1,5 +1,5 @@
 // The object where its script is not loaded, and where the browser takes the canvas's memory and gives it back.
-import { expectFailures, open, relit, screenshotOf } from "./visit.mjs";
+import { expectFailures, open, relit, rested, screenshotOf } from "./visit.mjs";
 
 const SIZE = { width: 360, height: 800 };
 
@@ -20,7 +20,7 @@ async function loseTheScript(browser, url, seen, photo) {
 
 async function loseTheMemory(browser, url, seen, photo, folder) {
   const page = await open(browser, url, seen, SIZE);
-  await relit(page, () => page.setInputFiles("#file", photo));
+  await Promise.all([rested(page), page.setInputFiles("#file", photo)]);
   await page.waitForSelector("#stage:not([hidden])");
   await page.waitForTimeout(500);
   await screenshotOf(page, `${folder}/lit.png`);

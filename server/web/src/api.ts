@@ -3,7 +3,6 @@
 import type { Camera } from "./geometry/camera";
 import type { Triple } from "./geometry/color";
 import type { Distribution } from "./geometry/distribution";
-import type { SurroundingsFactors } from "./surroundings/surroundings";
 import { type UserInput, userInputQuery } from "./text/metadata";
 
 /** The record of a photo's light, as the service answers it; what may be missing is newer than some networks. */
@@ -37,6 +36,23 @@ export interface Lighting {
   warning_codes?: string[]; // in answers: what each warning is about
 }
 
+/** What a photo's file says, as the service reads it; what it does not say, or what cannot be true, is absent. */
+export interface PhotoMetadata {
+  time?: string; // local, as 2024-06-01T14:30:05
+  utc_offset?: number; // hours
+  gps_time?: string; // in UTC
+  latitude?: number;
+  longitude?: number;
+  heading?: number;
+  heading_reference?: "true" | "magnetic"; // the north that the heading counts from
+  focal_length?: number; // mm of a 35 mm camera
+  vertical_fov?: number;
+  camera_elevation?: number;
+  camera_roll?: number;
+  camera_height?: number; // m above the ground
+  orientation?: number; // 1 to 8, how the pixels lie in the file
+}
+
 /** Where an object may stand in a photo. */
 export interface GroundSpot {
   pixel: [number, number]; // of the upright photo
@@ -60,7 +76,7 @@ export interface Estimate extends Lighting {
   links: { envmap: string };
   crop?: PhotoCrop; // where the photo lies inside a border: what the answer is of
   probability: Distribution;
-  surroundings?: SurroundingsFactors; // gains of the bare map by the surroundings, where the network predicts them
+  photo_metadata?: PhotoMetadata;
 }
 
 /** The strength of a light, in the photo's linear values. */
@@ -77,7 +93,12 @@ export interface LightParameters {
   exposure: number;
   ground_albedo: number;
   sun: boolean; // whether the disc is painted
+  warmth: number; // -1 to 1, of the sun against the estimate: 1 is a stop less blue
+  softness: number; // 0 to 1, the share of the sun's light that clouds take
 }
+
+/** Parameters that the service does not know: what follows from them is stated as irradiances. */
+const PAGE_ALONE: ReadonlySet<string> = new Set(["ground_albedo", "warmth", "softness"]);
 
 /** A light, and perhaps a camera, instead of the estimated ones. Irradiances that it leaves out follow the other parameters. */
 export interface LightOverrides extends LightParameters {
@@ -112,7 +133,7 @@ export class ServiceError extends Error {
 export async function estimatePhotos(photos: Blob[], userInput: UserInput, signal: AbortSignal): Promise<Estimate[]> {
   const query = userInputQuery(userInput, photos.length);
   query.set("probability", "true");
-  query.set("surroundings", "true");
+  query.set("photo_metadata", "true");
   const ask = async (route: string): Promise<unknown> =>
     (await request(`${route}?${query}`, { method: "POST", body: buildForm(photos), signal })).json();
   if (photos.length === 1) return [(await ask("v1/lighting")) as Estimate];
@@ -135,11 +156,14 @@ export const fetchExample = async (url: string, signal: AbortSignal): Promise<Bl
 export const fetchPreview = (photo: Blob, userInput: UserInput): Promise<Blob> =>
   post(`v1/preview?${userInputQuery(userInput, 1)}`, buildForm([photo]));
 
+/** What the service calls fields of the record that replace the estimate, where it is not by their own names. */
+const EDIT_NAMES: Readonly<Record<string, string>> = { exposure: "sky_exposure", vertical_fov: "camera_vertical_fov" };
+
 /** The parameters of a photo's URL: the user's input, and the light that replaces the estimated one. */
 export function photoQuery(userInput: UserInput, overrides?: LightOverrides): URLSearchParams {
   const query = userInputQuery(userInput, 1);
   for (const [name, value] of Object.entries(overrides ?? {})) {
-    if (name !== "ground_albedo") query.set(name, formatValue(value));
+    if (!PAGE_ALONE.has(name)) query.set(EDIT_NAMES[name] ?? name, formatValue(value));
   }
   return query;
 }
@@ -147,7 +171,7 @@ export function photoQuery(userInput: UserInput, overrides?: LightOverrides): UR
 /** A scene with the photo in it, as ZIP; `overrides` replace the estimated light. */
 export function fetchScene(photo: Blob, userInput: UserInput, tool: string, overrides?: LightOverrides): Promise<Blob> {
   const query = photoQuery(userInput, overrides);
-  query.set("tool", tool);
+  query.set("for", tool);
   return post(`v1/scene?${query}`, buildForm([photo]));
 }
 
@@ -163,11 +187,12 @@ export function fetchEnvmap(
   userInput: UserInput,
   { format, height }: MapOptions,
   overrides?: LightOverrides,
+  signal?: AbortSignal,
 ): Promise<Blob> {
   const query = photoQuery(userInput, overrides);
   query.set("format", format);
   query.set("height", String(height));
-  return post(`v1/envmap?${query}`, buildForm([photo]));
+  return post(`v1/envmap?${query}`, buildForm([photo]), signal);
 }
 
 async function post(url: string, body: BodyInit, signal?: AbortSignal): Promise<Blob> {

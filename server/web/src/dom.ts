@@ -21,16 +21,17 @@ export function createElement<K extends keyof HTMLElementTagNameMap>(
 /** Whether the device is worked by fingers, as phones are: nothing is dropped, pointed at or typed. */
 export const isTouchDevice = (): boolean => matchMedia("(hover: none)").matches;
 
-/** A row of radio buttons, the first one chosen. */
+/** A row of radio buttons, the first one chosen, named by their values unless `labels` says otherwise. */
 export function addRadioButtons<T extends string>(
   root: HTMLElement,
   values: readonly T[],
   onChoice: (value: T) => void,
+  labels: Partial<Record<T, string>> = {},
 ): void {
   values.forEach((value, i) => {
     const findRadio = createElement("input", { type: "radio", name: root.id, value, defaultChecked: i === 0 });
     findRadio.addEventListener("change", () => onChoice(value));
-    root.append(createElement("label", {}, findRadio, createElement("span", { textContent: value })));
+    root.append(createElement("label", {}, findRadio, createElement("span", { textContent: labels[value] ?? value })));
   });
 }
 

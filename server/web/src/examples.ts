@@ -1,17 +1,17 @@
 /** Example photos; `examples/CREDITS.md` names their origins. */
 
-import forest from "../../../examples/forest_clearing.jpg";
-import noon from "../../../examples/garden_noon.jpg";
-import overcast from "../../../examples/overcast_street.jpg";
+import overcast from "../../../examples/beach_storm.jpg";
+import street from "../../../examples/brick_street.jpg";
+import garden from "../../../examples/garden_windows.jpg";
+import clouds from "../../../examples/lake_clouds.jpg";
 import golden from "../../../examples/rome/golden_hour.jpg";
-import alley from "../../../examples/rome/street_in_shade.jpg";
-import snow from "../../../examples/snow_field.jpg";
-import forestThumb from "../../../examples/thumbs/forest_clearing.jpg";
-import noonThumb from "../../../examples/thumbs/garden_noon.jpg";
+import dusk from "../../../examples/shore_dusk.jpg";
+import overcastThumb from "../../../examples/thumbs/beach_storm.jpg";
+import streetThumb from "../../../examples/thumbs/brick_street.jpg";
+import gardenThumb from "../../../examples/thumbs/garden_windows.jpg";
 import goldenThumb from "../../../examples/thumbs/golden_hour.jpg";
-import overcastThumb from "../../../examples/thumbs/overcast_street.jpg";
-import snowThumb from "../../../examples/thumbs/snow_field.jpg";
-import alleyThumb from "../../../examples/thumbs/street_in_shade.jpg";
+import cloudsThumb from "../../../examples/thumbs/lake_clouds.jpg";
+import duskThumb from "../../../examples/thumbs/shore_dusk.jpg";
 
 export interface Example {
   name: string;
@@ -22,13 +22,13 @@ export interface Example {
 }
 
 const ROME = "Anil Öztas, CC BY 4.0";
-const HAVEN = "Poly Haven, CC0";
+const PHONE = "cliff1976 and michaug2022, CC0";
 
 export const EXAMPLES: Example[] = [
+  { name: "brick_street.jpg", title: "Street", url: street, thumb: streetThumb, credit: PHONE },
+  { name: "garden_windows.jpg", title: "Garden", url: garden, thumb: gardenThumb, credit: PHONE },
+  { name: "lake_clouds.jpg", title: "Clouds", url: clouds, thumb: cloudsThumb, credit: PHONE },
   { name: "golden_hour.jpg", title: "Golden hour", url: golden, thumb: goldenThumb, credit: ROME },
-  { name: "garden_noon.jpg", title: "Noon", url: noon, thumb: noonThumb, credit: HAVEN },
-  { name: "overcast_street.jpg", title: "Overcast", url: overcast, thumb: overcastThumb, credit: HAVEN },
-  { name: "forest_clearing.jpg", title: "Forest", url: forest, thumb: forestThumb, credit: HAVEN },
-  { name: "snow_field.jpg", title: "Snow", url: snow, thumb: snowThumb, credit: HAVEN },
-  { name: "street_in_shade.jpg", title: "Street", url: alley, thumb: alleyThumb, credit: ROME },
+  { name: "beach_storm.jpg", title: "Overcast", url: overcast, thumb: overcastThumb, credit: PHONE },
+  { name: "shore_dusk.jpg", title: "Dusk", url: dusk, thumb: duskThumb, credit: PHONE },
 ];

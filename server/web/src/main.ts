@@ -2,7 +2,9 @@
 
 import { apiKey, estimatePhotos, type LightParameters, modelInfo, ServiceError, storeKey } from "./api";
 import { byId, fitDrawing } from "./dom";
+import type { Angles } from "./geometry/angles";
 import { SkyClient } from "./sky/client";
+import type { MapPicture } from "./sky/render";
 import {
   aspectRatio,
   createView,
@@ -11,7 +13,7 @@ import {
   type DecodedPhoto,
   decodePhoto,
   type EditState,
-  loadShadowMask,
+  loadGroundMask,
   type PhotoSource,
   type PhotoView,
   parametersFromRecord,
@@ -19,6 +21,7 @@ import {
   type Session,
   skyRequest,
   sourceInMemory,
+  turnUpright,
 } from "./state";
 import { buildHeadline } from "./text/format";
 import { NO_USER_INPUT, type UserInput } from "./text/metadata";
@@ -26,6 +29,7 @@ import type { SnippetInput } from "./text/snippets";
 import { debounceLatest } from "./ui/debounce";
 import { currentGesture, listenForGestures } from "./ui/gesture";
 import { listenForUndo, showUndo } from "./ui/history";
+import { listenForCities } from "./views/cities";
 import { Dome } from "./views/dome";
 import {
   Downloads,
@@ -36,10 +40,13 @@ import {
   mapHeight,
   offerPreview,
 } from "./views/downloads";
+import { ExportedMaps } from "./views/exportedMaps";
 import { MetadataView, showNumbers } from "./views/facts";
 import { drawMapMarkers, drawPhotoMarkers } from "./views/markers";
+import { listenForPause } from "./views/moving";
 import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
+import { SunHandle } from "./views/sunHandle";
 import { listenForUploads, showMatching, showPhotos } from "./views/upload";
 
 interface EstimateRequest {
@@ -58,9 +65,12 @@ const editLight = (part: Partial<LightParameters>, kind: string): void => {
   if (view) editState({ parameters: { ...currentState(view).parameters, ...part } }, kind);
 };
 
-const dome = new Dome(byId("dome"), byId("readout"), ({ azimuth, elevation }) =>
-  editLight({ sun_azimuth: azimuth, sun_elevation: elevation }, "dome"),
-);
+const moveSun =
+  (kind: string) =>
+  ({ azimuth, elevation }: Angles): void =>
+    editLight({ sun_azimuth: azimuth, sun_elevation: elevation }, kind);
+const dome = new Dome(byId("dome"), byId("readout"), moveSun("dome"));
+const sunHandle = new SunHandle(moveSun("sun in the picture"));
 const sliders = new Sliders(editLight);
 const downloads = new Downloads(settleLight, showError);
 const object = new ObjectView(editState, showError);
@@ -71,12 +81,37 @@ const debouncedEstimate = debounceLatest<EstimateRequest>(runEstimate, 0, failRe
 const sky = new SkyClient(({ light, picture }) => {
   const view = currentView();
   if (!view) return;
-  const canvas = byId<HTMLCanvasElement>("envmap");
-  canvas.getContext("2d")?.putImageData(new ImageData(picture.data, picture.width, picture.height), 0, 0);
-  canvas.dataset.lights = String(Number(canvas.dataset.lights ?? 0) + 1); // how often the light has changed, for tests
   view.irradiances = { sun: light.sun, sky: light.sky };
+  showSliders(view);
+  if (session && !exportedMaps.request(view, session)) drawDraft(picture);
+  countLight(view);
   object.light(light, view);
 }, showError);
+const exportedMaps = new ExportedMaps(
+  () => object.isDrawn,
+  (view) => {
+    if (view !== currentView()) return;
+    sky.setExported(view.exported?.light ?? null);
+    sky.request(skyRequest(view));
+  },
+);
+
+let lastLight = ""; // the photo and the light that were shown last
+
+/** How often the light on show has changed, for tests. */
+function countLight(view: PhotoView): void {
+  const light = JSON.stringify([view.photo.url, currentState(view).parameters]);
+  const { dataset } = byId("envmap");
+  if (light !== lastLight) dataset.lights = String(Number(dataset.lights ?? 0) + 1);
+  lastLight = light;
+}
+
+/** The map until the service has rendered it. */
+function drawDraft({ data, width, height }: MapPicture): void {
+  const canvas = byId<HTMLCanvasElement>("envmap");
+  Object.assign(canvas, { width, height });
+  canvas.getContext("2d")?.putImageData(new ImageData(data, width, height), 0, 0);
+}
 
 const drawPhotoMarks = fitDrawing(byId<SVGSVGElement>("marks"), (width, height) => {
   const view = currentView();
@@ -92,6 +127,10 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
 
 listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
 listenForGestures();
+listenForCities();
+listenForPause();
+watchViewer();
+byId("unfold").addEventListener("click", () => foldResult(false));
 listenForUndo(() => currentView()?.history, refresh);
 listenForCopies(snippetInput);
 void offerByService();
@@ -140,19 +179,20 @@ async function runEstimate({ sources, userInput }: EstimateRequest, signal: Abor
   const startTime = performance.now();
   const decoding = decodePhotos(files, signal);
   decoding.catch(() => {}); // thrown below: the service's error comes first, for it names the photo
-  const shadowMasks = Promise.all(files.map((file) => loadShadowMask(file, userInput, signal)));
   const answers = await estimatePhotos(files, userInput, signal).catch((error: unknown) => {
     const [file, ...others] = files; // of several, the service names the one
     throw error instanceof ServiceError && file && others.length === 0 ? error.withFileName(file) : error;
   });
-  const [decoded, masks] = [await decoding, await shadowMasks];
-  const photos = await Promise.all(decoded.map((photo, i) => cropPhoto(photo, answers[i]?.crop)));
+  const upright = (await decoding).map((photo, i) =>
+    turnUpright(photo, answers[i]?.photo_metadata?.orientation, signal),
+  );
+  const photos = await Promise.all((await Promise.all(upright)).map((photo, i) => cropPhoto(photo, answers[i]?.crop)));
   if (signal.aborted) return;
   for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
-  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number], masks[i]));
+  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number]));
   session = { views, index: 0, userInput };
   clearErrors();
-  byId("intro").hidden = true;
+  document.body.toggleAttribute("data-answered", true);
   result.hidden = false;
   setBusy(false);
   void offerByService();
@@ -160,6 +200,13 @@ async function runEstimate({ sources, userInput }: EstimateRequest, signal: Abor
   const seconds = ((performance.now() - startTime) / 1000).toFixed(1);
   const note = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";
   status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${note}`;
+  await Promise.all(views.map((view) => showGround(view, userInput, signal)));
+}
+
+/** Where the photo's ground lies in the sun, once the service has said it. */
+async function showGround(view: PhotoView, userInput: UserInput, signal: AbortSignal): Promise<void> {
+  view.groundMask = await loadGroundMask(view.photo.file, userInput, signal);
+  if (view === currentView()) object.show(currentState(view));
 }
 
 const decodePhotos = (files: File[], signal: AbortSignal): Promise<DecodedPhoto[]> =>
@@ -176,6 +223,7 @@ function showPhoto(index: number): void {
   byId("title").textContent = title.replaceAll("° ", "°\u00a0"); // no line ends inside an angle
   byId("title").className = kind;
   byId("radii").textContent = text;
+  foldResult(kind === "unsuitable");
   byId("model").textContent = `Network ${estimate.model.name} ${estimate.model.version}`;
   Object.assign(byId("photo"), { src: photo.url, alt: photo.file.name });
   byId("frame").style.setProperty("--aspect", String(aspectRatio(photo)));
@@ -184,8 +232,27 @@ function showPhoto(index: number): void {
   metadata.show(session, view);
   dome.show(estimate, aspectRatio(photo));
   object.open(view);
-  sky.setPhoto(photo.pixels, estimate.camera, estimate.surroundings);
+  sky.setExported(view.exported?.light ?? null);
   refresh();
+}
+
+/** Leaves the headline alone in sight, of a picture whose answer means nothing. */
+function foldResult(folded: boolean): void {
+  result.toggleAttribute("data-folded", folded);
+  byId("unfold").hidden = !folded;
+}
+
+/** Keeps what has the focus, or is scrolled to, out from under the picture that stays in sight. */
+function watchViewer(): void {
+  const viewer = byId("viewer");
+  new ResizeObserver(() => {
+    document.documentElement.style.setProperty("--viewer", `${viewer.getBoundingClientRect().height}px`);
+  }).observe(viewer);
+}
+
+function showSliders(view: PhotoView): void {
+  const { parameters } = currentState(view);
+  sliders.show({ parameters, estimate: parametersFromRecord(view.estimate), irradiances: view.irradiances });
 }
 
 /** Changes light or object of the photo on show; `kind` says which steps may be undone together. */
@@ -203,7 +270,8 @@ function refresh(): void {
   if (!view || !session) return;
   const state = currentState(view);
   hideSnippet();
-  sliders.show(state.parameters, parametersFromRecord(view.estimate));
+  showSliders(view);
+  sunHandle.show(view.estimate.camera, state.parameters);
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
   showUndo(view.history);
   offerPreview(view, session);

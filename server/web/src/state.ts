@@ -15,9 +15,9 @@ import {
 import { direction } from "./geometry/angles";
 import type { Pixels } from "./geometry/color";
 import { initialPlacement, type Placement } from "./geometry/placement";
-import type { SkyRequest } from "./sky/lighting";
-import { type ShadowMask, SUNLIT, shadowMaskFromPixels } from "./surroundings/shadowMask";
-import { type PhotoMetadata, readMetadata } from "./text/exif";
+import { type GroundMask, groundMaskFromPixels, SUNLIT } from "./scene/groundMask";
+import { coverOf, type SkyRequest } from "./sky/lighting";
+import type { ExportedLight } from "./sky/worker";
 import { isSunny } from "./text/format";
 import type { UserInput } from "./text/metadata";
 import { History } from "./ui/history";
@@ -28,6 +28,7 @@ export interface EditState {
   placement: Placement;
   shape: Shape;
   finish: Finish;
+  inSun: boolean; // whether the object is put into the sun, wherever it stands
 }
 
 /** One photo with its answer. */
@@ -36,7 +37,15 @@ export interface PhotoView {
   estimate: Estimate;
   history: History<EditState>;
   irradiances: Irradiances; // of the light on show
-  shadowMask: ShadowMask; // where the ground lies in the sun
+  groundMask: GroundMask; // of all ground in the sun until the service has said more
+  exported?: ExportedMap; // the latest one
+}
+
+/** A map as the service exports it. */
+export interface ExportedMap {
+  key: string; // of the light that it shows
+  light?: ExportedLight; // for the object
+  picture?: ImageBitmap; // for people
 }
 
 /** Photos that were estimated together, one of them on show. */
@@ -46,7 +55,7 @@ export interface Session {
   userInput: UserInput;
 }
 
-export function createView(photo: Photo, estimate: Estimate, shadowMask = SUNLIT): PhotoView {
+export function createView(photo: Photo, estimate: Estimate): PhotoView {
   const { camera, ground } = estimate;
   const placement = initialPlacement(camera, aspectRatio(photo), ground?.spot?.direction ?? null);
   const initial: EditState = {
@@ -54,10 +63,11 @@ export function createView(photo: Photo, estimate: Estimate, shadowMask = SUNLIT
     placement,
     shape: "sphere",
     finish: "mirror",
+    inSun: false,
   };
   return {
     ...{ photo, estimate, history: new History(initial), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
-    shadowMask,
+    groundMask: SUNLIT,
   };
 }
 
@@ -92,6 +102,8 @@ export function parametersFromRecord({ sun, sky, ...rest }: Lighting): LightPara
     exposure: sky.exposure,
     ground_albedo: sky.ground_albedo,
     sun: isSunny({ sun, sky, ...rest }),
+    warmth: 0,
+    softness: 0,
   };
 }
 
@@ -107,15 +119,19 @@ export function statedOverrides(
 ): LightOverrides {
   const { sun, sky, ground } = estimate;
   const unchanged = sameParameters(parametersFromRecord(estimate), parameters);
-  const hasIrradiances = sun.irradiance && sky.irradiance;
+  const stated =
+    sun.irradiance && sky.irradiance && unchanged ? { sun: sun.irradiance, sky: sky.irradiance } : irradiances;
+  const hasIrradiances = (sun.irradiance && sky.irradiance) || isToned(parameters);
   return {
     ...{ ...parameters, photo_exposure: sky.exposure },
-    ...(hasIrradiances ? { sun_irradiance: unchanged ? sun.irradiance : irradiances.sun } : {}),
-    ...(hasIrradiances ? { sky_irradiance: unchanged ? sky.irradiance : irradiances.sky } : {}),
-    ...(sky.cover === undefined ? {} : { sky_cover: sky.cover }),
+    ...(hasIrradiances ? { sun_irradiance: stated.sun, sky_irradiance: stated.sky } : {}),
+    ...(sky.cover === undefined && !isToned(parameters) ? {} : { sky_cover: coverOf(sky.cover, parameters) }),
     ...(ground?.color ? { ground_color: ground.color } : {}),
   };
 }
+
+/** Whether a light has a warmth or a softness of its own, which the service knows as irradiances alone. */
+export const isToned = ({ warmth, softness }: LightParameters): boolean => warmth !== 0 || softness !== 0;
 
 /** The camera that a record states, in the names of the service. */
 export function cameraOverrides({ camera }: Lighting): Partial<LightOverrides> {
@@ -131,11 +147,12 @@ export function buildRecord(
   parameters: LightParameters,
   irradiances: Irradiances,
 ): Lighting | EditedLighting {
-  const { links: _, crop: __, probability: ___, surroundings: ____, warning_codes: _____, ...record } = estimate;
+  const { links: _, crop: __, probability: ___, photo_metadata: ____, warning_codes: _____, ...record } = estimate;
   if (sameParameters(parametersFromRecord(record), parameters)) return record;
   const { azimuth, elevation } = { azimuth: parameters.sun_azimuth, elevation: parameters.sun_elevation };
-  const { cover } = record.sky;
-  const hasIrradiances = record.sky.irradiance !== undefined;
+  const hasIrradiances = record.sky.irradiance !== undefined || isToned(parameters);
+  const cover =
+    record.sky.cover === undefined && !isToned(parameters) ? undefined : coverOf(record.sky.cover, parameters);
   return {
     ...record,
     evidence: [],
@@ -190,8 +207,6 @@ export interface Photo {
   file: File;
   url: string;
   picture: HTMLCanvasElement; // upright, for the stage
-  pixels: Pixels; // the same, small, for reflections
-  metadata: PhotoMetadata;
   byService: boolean; // whether the service decoded it
 }
 
@@ -199,7 +214,6 @@ export interface Photo {
 export interface DecodedPhoto {
   file: File;
   image: HTMLImageElement; // upright
-  metadata: PhotoMetadata;
   byService: boolean; // whether the service decoded it, and then cut its border off
 }
 
@@ -213,18 +227,32 @@ export interface ImagePart {
 
 const MAX_BACKDROP = 2048; // pixels of the stage's backdrop
 const PICTURE_QUALITY = 0.92; // of the JPEG of a part, 0 to 1
-const MAX_ANALYSIS = 256; // pixels of the picture that is looked at
+
+/** Decodes a file here, or by the service where this browser cannot, as most cannot with HEIC. */
+export async function decodePhoto(file: File, signal: AbortSignal): Promise<DecodedPhoto> {
+  const image = await decodeImage(file);
+  return image ? { file, image, byService: false } : decodeByService(file, signal);
+}
 
 /**
- * Decodes a file here, or by the service where this browser cannot, as most cannot with HEIC, or where it may show it
- * another way up, as a WebP with an orientation.
+ * A photo the way up that the service reads it. Browsers turn a JPEG as its metadata say; what they do with another
+ * format, as with a WebP, differs.
  */
-export async function decodePhoto(file: File, signal: AbortSignal): Promise<DecodedPhoto> {
-  const metadata = await readMetadata(file);
-  const local = metadata.rotated ? null : await decodeImage(file);
-  const image = local ?? (await decodeImage(await fetchUprightPhoto(file, signal)));
+export async function turnUpright(photo: DecodedPhoto, orientation = 1, signal: AbortSignal): Promise<DecodedPhoto> {
+  if (orientation === 1 || photo.byService || (await isJpeg(photo.file))) return photo;
+  URL.revokeObjectURL(photo.image.src);
+  return decodeByService(photo.file, signal);
+}
+
+async function decodeByService(file: File, signal: AbortSignal): Promise<DecodedPhoto> {
+  const image = await decodeImage(await fetchUprightPhoto(file, signal));
   if (!image) throw new Error(`${file.name} cannot be shown.`);
-  return { file, image, metadata, byService: !local };
+  return { file, image, byService: true };
+}
+
+async function isJpeg(file: Blob): Promise<boolean> {
+  const [first, second] = new Uint8Array(await file.slice(0, 2).arrayBuffer());
+  return first === 0xff && second === 0xd8;
 }
 
 /** The photo that an answer is of: what lies inside the border. */
@@ -234,7 +262,7 @@ export async function cropPhoto(decoded: DecodedPhoto, crop: PhotoCrop | undefin
   const part = imagePart(cropped, image.naturalWidth, image.naturalHeight);
   const picture = drawScaled(image, part, MAX_BACKDROP);
   const url = cropped ? await pictureUrl(picture, image) : image.src;
-  return { ...rest, url, picture, pixels: readPixels(image, part) };
+  return { ...rest, url, picture };
 }
 
 /** The part of an image that a crop of the picture leaves, also where the image has another size than the picture. */
@@ -252,13 +280,13 @@ async function pictureUrl(picture: HTMLCanvasElement, image: HTMLImageElement): 
   return URL.createObjectURL(blob);
 }
 
-/** Where the ground of a photo lies in the sun; in the sun everywhere where the service does not say. */
-export async function loadShadowMask(file: File, userInput: UserInput, signal: AbortSignal): Promise<ShadowMask> {
+/** What the service says of a photo's ground; in the sun everywhere where it does not say. */
+export async function loadGroundMask(file: File, userInput: UserInput, signal: AbortSignal): Promise<GroundMask> {
   const mask = await fetchGroundMask(file, userInput, signal).catch(() => null);
   const image = mask && (await decodeImage(mask));
   if (!image) return SUNLIT;
   URL.revokeObjectURL(image.src);
-  return shadowMaskFromPixels(readPixels(image, imagePart(undefined, image.naturalWidth, image.naturalHeight)));
+  return groundMaskFromPixels(readPixels(image));
 }
 
 export const aspectRatio = ({ picture }: Photo): number => picture.width / picture.height;
@@ -285,15 +313,16 @@ function drawScaled(image: HTMLImageElement, part: ImagePart, maxSide: number): 
   return canvas;
 }
 
-function readPixels(image: HTMLImageElement, part: ImagePart): Pixels {
-  const small = drawScaled(image, part, MAX_ANALYSIS);
-  const context = small.getContext("2d", { willReadFrequently: true });
+function readPixels(image: HTMLImageElement): Pixels {
+  const { naturalWidth: width, naturalHeight: height } = image;
+  const canvas = drawScaled(image, imagePart(undefined, width, height), Math.max(width, height));
+  const context = canvas.getContext("2d", { willReadFrequently: true });
   if (!context) throw new Error("This browser draws no pictures.");
-  return context.getImageData(0, 0, small.width, small.height);
+  return context.getImageData(0, 0, width, height);
 }
 
 export const SHAPES = ["sphere", "teapot", "knot", "box", "own"] as const; // own: the user's file
-export const FINISHES = ["mirror", "glossy", "matte", "file's own"] as const;
+export const FINISHES = ["mirror", "glossy", "matte", "original"] as const; // original: of the user's file
 
 export type Shape = (typeof SHAPES)[number];
 export type Finish = (typeof FINISHES)[number];

@@ -52,11 +52,11 @@ describe("the service", () => {
       turbidity: 3.4,
       exposure: 2e-6,
       ground_albedo: 0.3,
-      sun: true,
+      ...{ sun: true, warmth: 0.5, softness: 0.2 },
     };
     await fetchEnvmap(new Blob(["x"]), NO_USER_INPUT, { format: "hdr", height: 256 }, overrides);
     expect(onlyRequest()[0]).toBe(
-      "v1/envmap?sun_azimuth=-41.2346&sun_elevation=33&turbidity=3.4&exposure=0.000002&sun=true&format=hdr&height=256",
+      "v1/envmap?sun_azimuth=-41.2346&sun_elevation=33&turbidity=3.4&sky_exposure=0.000002&sun=true&format=hdr&height=256",
     );
   });
 
@@ -70,7 +70,7 @@ describe("the service", () => {
     );
     const [url, { body, headers }] = onlyRequest();
     expect(answers).toEqual([{}]);
-    expect(url).toBe("v1/lighting?probability=true&surroundings=true");
+    expect(url).toBe("v1/lighting?probability=true&photo_metadata=true");
     expect([...body.keys()]).toEqual(["photo"]);
     expect(headers).toEqual({ Authorization: "Bearer secret" });
   });
@@ -78,19 +78,30 @@ describe("the service", () => {
   it("gets several photos of one place in one form, with what is said of them", async () => {
     stubAnswer(JSON.stringify({ lightings: [{ evidence: ["pixels"] }, { evidence: [] }] }), 200);
     const photos = [new Blob(["x"]), new Blob(["y"])];
-    const userInput = { ...NO_USER_INPUT, exif: false, headings: "0,45", heading: "7", fov: "50" };
+    const userInput = { ...NO_USER_INPUT, metadata: false, headings: "0,45", heading: "7", vertical_fov: "50" };
     const answers: Estimate[] = await estimatePhotos(photos, userInput, new AbortController().signal);
     expect(answers.map(({ evidence }) => evidence.length)).toEqual([1, 0]);
-    expect(onlyRequest()[0]).toBe("v1/lightings?exif=false&fov=50&headings=0%2C45&probability=true&surroundings=true");
+    expect(onlyRequest()[0]).toBe(
+      "v1/lightings?metadata=false&vertical_fov=50&headings=0%2C45&probability=true&photo_metadata=true",
+    );
     expect(onlyRequest()[1].body.getAll("photo")).toHaveLength(2);
   });
 
   it("makes scenes of the photo, with the light on show where that was changed", async () => {
     stubAnswer("PK", 200);
-    const sky = { sun_azimuth: 10, sun_elevation: 20, turbidity: 3, exposure: 1.5, ground_albedo: 0.3, sun: false };
+    const sky = {
+      sun_azimuth: 10,
+      sun_elevation: 20,
+      turbidity: 3,
+      exposure: 1.5,
+      ground_albedo: 0.3,
+      sun: false,
+      warmth: 0,
+      softness: 0,
+    };
     await fetchScene(new Blob(["x"]), { ...NO_USER_INPUT, heading: "87" }, "usd", sky);
     expect(onlyRequest()[0]).toBe(
-      "v1/scene?heading=87&sun_azimuth=10&sun_elevation=20&turbidity=3&exposure=1.5&sun=false&tool=usd",
+      "v1/scene?heading=87&sun_azimuth=10&sun_elevation=20&turbidity=3&sky_exposure=1.5&sun=false&for=usd",
     );
   });
 

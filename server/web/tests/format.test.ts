@@ -1,5 +1,6 @@
 import { describe, expect, it } from "vitest";
-import type { Estimate, Irradiances, Lighting } from "../src/api";
+import type { Estimate, Irradiances, Lighting, LightParameters } from "../src/api";
+import type { Triple } from "../src/geometry/color";
 import { buildRecord, parametersFromRecord, sameParameters } from "../src/state";
 import {
   buildHeadline,
@@ -14,7 +15,15 @@ import {
   formatShort,
   formatSide,
 } from "../src/text/format";
-import { describeBelievedTime, describeCameraTilt, NO_USER_INPUT } from "../src/text/metadata";
+import {
+  colorTemperature,
+  describeColor,
+  describeExposure,
+  describeHaze,
+  describeHeight,
+  describeShadows,
+} from "../src/text/lightWords";
+import { describeBelievedTime, describeCameraTilt } from "../src/text/metadata";
 
 const RECORD: Lighting = {
   model: { name: "outdoor", version: "1.0.0" },
@@ -143,26 +152,54 @@ describe("how the camera was held", () => {
   const gravity = { ...RECORD, evidence: ["pixels", "gravity"] };
 
   it("is told as the answer has it where the file says it", () => {
-    expect(describeCameraTilt(gravity, NO_USER_INPUT).value).toBe(
-      "looks 4° down with a roll of 0°, by the file and the picture",
-    );
+    const value = "looks 4° down with a roll of 0°, by the file and the picture";
+    expect(describeCameraTilt(gravity)).toEqual([{ name: "Tilt", value }]);
     const up = { ...gravity, camera: { ...RECORD.camera, elevation: 12.4, roll: -2.6 } };
-    expect(describeCameraTilt(up, NO_USER_INPUT).value).toBe(
-      "looks 12° up with a roll of -3°, by the file and the picture",
-    );
+    expect(describeCameraTilt(up)[0]?.value).toBe("looks 12° up with a roll of -3°, by the file and the picture");
   });
 
   it("is not used where the picture contradicts it, by the code of a warning", () => {
     const contradicted = { ...RECORD, warnings: ["Another one.", "It looks up."] };
     const warning_codes = ["other", "gravity-contradicted"];
     const value = "not used, see the warning";
-    expect(describeCameraTilt({ ...contradicted, warning_codes }, NO_USER_INPUT)).toEqual({ name: "Held", value });
-    expect(describeCameraTilt(contradicted, NO_USER_INPUT).value).toBe("not in the file");
+    expect(describeCameraTilt({ ...contradicted, warning_codes })).toEqual([{ name: "Tilt", value }]);
   });
 
-  it("is absent, or not looked for", () => {
-    expect(describeCameraTilt(RECORD, NO_USER_INPUT).value).toBe("not in the file");
-    expect(describeCameraTilt(RECORD, { ...NO_USER_INPUT, exif: false }).value).toBe("not looked for");
+  it("is left out where the file does not say it", () => {
+    expect(describeCameraTilt(RECORD)).toEqual([]);
+  });
+});
+
+describe("light in words", () => {
+  const irradiances = (sun: Triple, sky: Triple) => ({ sun, sky });
+  const light = { sun_elevation: 90 } as LightParameters;
+
+  it("names the height of the sun and the haze", () => {
+    expect([-2, 3, 10, 24, 50, 80].map((elevation) => describeHeight(elevation).text)).toEqual([
+      ...["below the horizon", "on the horizon", "low", "medium", "high", "overhead"],
+    ]);
+    expect(describeHaze(6.5)).toEqual({ text: "hazy", hint: "turbidity 6.5" });
+  });
+
+  it("counts the exposure from the photo's", () => {
+    expect(describeExposure(5, 5)).toEqual({ text: "as in the photo", hint: "0.0 EV" });
+    expect(describeExposure(10, 5)).toEqual({ text: "brighter", hint: "+1.0 EV" });
+    expect(describeExposure(2.5, 5)).toEqual({ text: "darker", hint: "−1.0 EV" });
+  });
+
+  it("knows white, and illuminants A and D75", () => {
+    expect(colorTemperature([1, 1, 1])).toBeCloseTo(6504, -1.5);
+    expect(Math.abs((colorTemperature([1.9088, 0.8297, 0.2259]) ?? 0) - 2856)).toBeLessThan(60);
+    expect(colorTemperature([0, 0, 0])).toBeUndefined();
+    expect(describeColor(irradiances([1, 1, 1], [0, 0, 0]))).toEqual({ text: "neutral", hint: "6500\u00a0K" });
+    expect(describeColor(irradiances([0, 0, 0], [0.6, 0.8, 1.4])).text).toMatch(/^sky light: /);
+  });
+
+  it("says how hard shadows are", () => {
+    const shadows = (sun: number) => describeShadows(irradiances([sun, sun, sun], [1, 1, 1]), light);
+    expect(shadows(0)).toEqual({ text: "none", hint: "0.0 stops darker" });
+    expect(shadows(1)).toEqual({ text: "soft", hint: "1.0 stops darker" });
+    expect(shadows(7)).toEqual({ text: "hard", hint: "3.0 stops darker" });
   });
 });
 

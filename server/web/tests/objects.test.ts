@@ -1,7 +1,11 @@
 import { describe, expect, it } from "vitest";
 import { readModel } from "../src/scene/model";
 import { createShape, heightAboveOrigin } from "../src/scene/objects";
-import { joinBytes } from "./exifFiles";
+
+function joinBytes(...parts: (string | Uint8Array)[]): Uint8Array<ArrayBuffer> {
+  const bytes = parts.map((part) => (typeof part === "string" ? new TextEncoder().encode(part) : part));
+  return Uint8Array.from(bytes.flatMap((part) => [...part]));
+}
 
 /** A .glb of one triangle, x and y as long as stated, turned by a quaternion. */
 function triangle(x: number, y: number, rotation = [0, 0, 0, 1]): File {

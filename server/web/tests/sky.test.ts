@@ -3,8 +3,10 @@
 import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
 import { direction } from "../src/geometry/angles";
+import { rgbLuminance } from "../src/geometry/color";
+import { followLight, removeDisc } from "../src/sky/exportedMap";
 import { parseSkyTable, skyShape, sunIrradiance } from "../src/sky/hosekWilkie";
-import { prepareLight, renderLight, type SkyRequest, type SkyTables } from "../src/sky/lighting";
+import { prepareLight, renderLight, type SceneLight, type SkyRequest, type SkyTables } from "../src/sky/lighting";
 import { parsePragueTable } from "../src/sky/prague";
 import { horizontalIrradiance, type Latlong, renderSky, toneMap } from "../src/sky/render";
 
@@ -18,7 +20,16 @@ beforeAll(() => {
   tables = { hosekWilkie: parseSkyTable(hosekWilkie), prague: parsePragueTable(prague) };
 });
 
-const P = { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3.4, exposure: 5, ground_albedo: 0.3, sun: true };
+const P = {
+  sun_azimuth: -41.2,
+  sun_elevation: 33,
+  turbidity: 3.4,
+  exposure: 5,
+  ground_albedo: 0.3,
+  sun: true,
+  warmth: 0,
+  softness: 0,
+};
 
 function expectNear(actual: readonly number[], expected: readonly number[], share = 1e-3): void {
   expect(actual).toHaveLength(expected.length);
@@ -176,5 +187,50 @@ describe("a table", () => {
   it("of another length is refused", () => {
     expect(() => parseSkyTable(new ArrayBuffer(100))).toThrow("another length");
     expect(() => parsePragueTable(new ArrayBuffer(100))).toThrow("another length");
+  });
+});
+
+describe("a light in the artist's hands", () => {
+  const lit = (part: Partial<typeof P>) =>
+    renderLight(tables, { parameters: { ...P, ...part }, estimated: P, stated: { cover: 0.2 } }, 32);
+
+  it("is softer without its sun, which the sky gives back in part", () => {
+    const [hard, soft, none] = [lit({}), lit({ softness: 0.5 }), lit({ softness: 1 })];
+    expectNear(
+      soft.sun,
+      hard.sun.map((value) => value / 2),
+    );
+    expect(none.sun).toEqual([0, 0, 0]);
+    expect(none.sky[1]).toBeGreaterThan(hard.sky[1]);
+    expectNear(horizontalIrradiance(none.map), none.sky, 0.01);
+    const level = (light: SceneLight): number => light.sky[1] + light.sun[1] * Math.sin((33 * Math.PI) / 180);
+    expect(level(none)).toBeLessThan(level(hard));
+  });
+
+  it("is warmer and as bright", () => {
+    const [before, warm] = [lit({}).sun, lit({ warmth: 1 }).sun];
+    expect(warm[2] / warm[0] / (before[2] / before[0])).toBeCloseTo(2 ** -1.5);
+    expect(rgbLuminance(warm)).toBeCloseTo(rgbLuminance(before));
+  });
+});
+
+describe("the map that the service exports", () => {
+  const map = (value: number): Latlong => ({ width: 64, height: 32, data: new Float32Array(4 * 64 * 32).fill(value) });
+
+  it("lights the object without the sun's disc", () => {
+    const exported = map(0.5);
+    const at = { sun_azimuth: 2.8, sun_elevation: 30.9 };
+    const sun = 4 * (10 * 64 + 32);
+    exported.data.set([900, 800, 700], sun);
+    const without = removeDisc(exported, { ...P, ...at });
+    expect([...without.data.slice(sun, sun + 3)]).toEqual([0.5, 0.5, 0.5]);
+    expect(removeDisc(exported, { ...P, ...at, sun: false })).toBe(exported);
+    expect(exported.data[sun]).toBe(900);
+  });
+
+  it("follows a light that changes as the bare map does", () => {
+    const followed = followLight(map(0.25), { before: map(2), now: map(3) });
+    expect(followed.data[0]).toBeCloseTo(0.375);
+    expect(followLight(map(1), { before: map(0), now: map(5) }).data[0]).toBe(20);
   });
 });

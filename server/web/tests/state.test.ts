@@ -1,6 +1,6 @@
 import { readFileSync } from "node:fs";
 import { describe, expect, it } from "vitest";
-import type { Estimate, Irradiances, Lighting } from "../src/api";
+import type { Estimate, Irradiances, Lighting, PhotoMetadata } from "../src/api";
 import { combine, type Vector } from "../src/geometry/angles";
 import type { Camera, Point } from "../src/geometry/camera";
 import {
@@ -15,9 +15,10 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../src/geometry/placement";
+import { groundMaskFromPixels, nearestSunlit, sunlitAt } from "../src/scene/groundMask";
 import { buildRecord, cameraOverrides, imagePart, parametersFromRecord, statedOverrides } from "../src/state";
-import { metadataFromTags } from "../src/text/exif";
 import {
+  describeBorrowed,
   describeMetadata,
   fillForm,
   formatEvidence,
@@ -27,21 +28,17 @@ import {
 } from "../src/text/metadata";
 import { type SnippetInput, writeCurl, writePython } from "../src/text/snippets";
 import { History } from "../src/ui/history";
+import { findCities, parseCities } from "../src/views/cities";
 
 const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
-const TAGS = {
-  DateTimeOriginal: "2024:08:10 17:27:34",
-  Make: "SONY",
-  Model: "ILCE-9M2",
-  FocalLengthIn35mmFormat: 20,
-  GPSLatitude: [41, 54, 3.61998],
-  GPSLatitudeRef: "N",
-  GPSLongitude: [12, 28, 46.2],
-  GPSLongitudeRef: "W",
-  GPSImgDirection: 87.4,
-  GPSImgDirectionRef: "M",
-  GPSTimeStamp: [15, 27, 34],
-  GPSDateStamp: "2024:08:10",
+const METADATA: PhotoMetadata = {
+  time: "2024-08-10T17:27:34",
+  gps_time: "2024-08-10T15:27:34+00:00",
+  latitude: 41.9010055,
+  longitude: -12.4795,
+  heading: 87.4,
+  heading_reference: "magnetic",
+  focal_length: 20,
 };
 
 describe("the part of a picture that is shown", () => {
@@ -61,36 +58,43 @@ describe("the part of a picture that is shown", () => {
 });
 
 describe("what a photo says", () => {
-  const metadata = metadataFromTags(TAGS);
-
-  it("is told in words", () => {
-    expect(describeMetadata(metadata).map(({ value }) => value)).toEqual([
+  it("is told in words, without what it does not say", () => {
+    expect(describeMetadata(METADATA).map(({ value }) => value)).toEqual([
       "2024-08-10 17:27:34 (time zone by GPS)",
       "41.9010°\u00a0N, 12.4795°\u00a0W",
       "87° from magnetic north",
       "20 mm (as of a 35 mm camera)",
-      "SONY ILCE-9M2",
     ]);
-    expect(new Set(describeMetadata({}).map(({ value }) => value))).toEqual(new Set(["not in the file"]));
+    expect(describeMetadata({})).toEqual([]);
+    expect(describeMetadata({ camera_height: 42, utc_offset: 2 })).toEqual([
+      { name: "Camera height", value: "42\u00a0m above the ground" },
+    ]);
+    const zoned = { time: "2024-08-10T17:27:34", utc_offset: -3.5 };
+    expect(describeMetadata(zoned)[0]?.value).toBe("2024-08-10 17:27:34 -03:30");
+    expect(describeMetadata({ gps_time: METADATA.gps_time as string })[0]?.value).toBe("2024-08-10 15:27:34 UTC");
   });
 
-  it("is left out where it cannot be read", () => {
-    const placement = {
-      GPSLatitude: [Number.NaN, 0, 0],
-      GPSLatitudeRef: "N",
-      GPSLongitude: [5, 0, 0],
-      GPSLongitudeRef: "E",
-    };
-    const broken = { ...placement, DateTimeOriginal: "    ", GPSImgDirection: "north", Make: 3 };
-    expect(metadataFromTags({ ...broken, FocalLengthIn35mmFormat: 0 })).toEqual({});
+  it("may come from another photo", () => {
+    const evidence = ["pixels", "time+place"];
+    const rows = describeBorrowed(evidence, NO_USER_INPUT, { time: "2024-08-10T17:27:34" }, [METADATA]);
+    expect(rows).toEqual([{ name: "Place", value: "from another photo" }]);
+    expect(describeBorrowed(evidence, { ...NO_USER_INPUT, latitude: "1", time: "x" }, {}, [METADATA])).toEqual([]);
+    expect(describeBorrowed(["pixels"], NO_USER_INPUT, {}, [METADATA])).toEqual([]);
   });
 
   it("fills the form, and only what was changed is given", () => {
+    const metadata = { ...METADATA, camera_height: 3 };
     const form = fillForm(metadata, NO_USER_INPUT);
-    expect([form.time, form.lat, form.heading]).toEqual(["2024-08-10T17:27:34", "41.90101", "87.4"]);
+    expect(form.camera_height).toBe("3");
+    expect(readForm({ ...form, camera_height: "2" }, metadata)).toEqual({ ...NO_USER_INPUT, camera_height: "2" });
+    expect([form.time, form.latitude, form.heading]).toEqual(["2024-08-10T17:27:34", "41.90101", "87.4"]);
     expect(readForm(form, metadata)).toEqual(NO_USER_INPUT);
-    expect(readForm({ ...form, lat: "42" }, metadata)).toEqual({ ...NO_USER_INPUT, lat: "42", lon: "-12.4795" });
-    expect(readForm({ ...form, exif: false }, metadata).time).toBe("2024-08-10T17:27:34");
+    expect(readForm({ ...form, latitude: "42" }, metadata)).toEqual({
+      ...NO_USER_INPUT,
+      latitude: "42",
+      longitude: "-12.4795",
+    });
+    expect(readForm({ ...form, metadata: false }, metadata).time).toBe("2024-08-10T17:27:34");
   });
 
   it("was used, in words", () => {
@@ -214,18 +218,33 @@ describe("the light on show as text", () => {
   const subject: SnippetInput = {
     origin: "http://127.0.0.1:8000/",
     photo: "it's.jpg",
-    userInput: { ...NO_USER_INPUT, time: "2024-06-01T14:30", utc_offset: "+02:00", lat: "48.14", lon: "11.58" },
+    userInput: {
+      ...NO_USER_INPUT,
+      time: "2024-06-01T14:30",
+      utc_offset: "+02:00",
+      latitude: "48.14",
+      longitude: "11.58",
+    },
     overrides: undefined,
     height: 512,
     keyed: false,
   };
-  const light = { sun_azimuth: -41.2, sun_elevation: 33, turbidity: 3, exposure: 5, ground_albedo: 0.3, sun: false };
+  const light = {
+    sun_azimuth: -41.2,
+    sun_elevation: 33,
+    turbidity: 3,
+    exposure: 5,
+    ground_albedo: 0.3,
+    sun: false,
+    warmth: 0,
+    softness: 0,
+  };
   const movedInput = { ...subject, overrides: light };
 
   it("is a curl command", () => {
     expect(writeCurl(subject)).toBe(
       `curl -f -F 'photo=@"it'\\''s.jpg"' 'http://127.0.0.1:8000/v1/envmap?time=2024-06-01T14%3A30&` +
-        `utc_offset=%2B02%3A00&lat=48.14&lon=11.58&height=512' -o 'it'\\''s.exr'`,
+        `utc_offset=%2B02%3A00&latitude=48.14&longitude=11.58&height=512' -o 'it'\\''s.exr'`,
     );
     expect(writeCurl({ ...subject, keyed: true })).toContain("-H 'Authorization: Bearer YOUR_KEY'");
   });
@@ -235,7 +254,9 @@ describe("the light on show as text", () => {
   });
 
   it("replaces the light in the curl command", () => {
-    expect(writeCurl(movedInput)).toContain("&sun_azimuth=-41.2&sun_elevation=33&turbidity=3&exposure=5&sun=false&");
+    expect(writeCurl(movedInput)).toContain(
+      "&sun_azimuth=-41.2&sun_elevation=33&turbidity=3&sky_exposure=5&sun=false&",
+    );
   });
 
   it("is a Python program", () => {
@@ -266,7 +287,7 @@ describe("the light on show as text", () => {
     const record = { camera: { elevation: -1.25, roll: 0.5, vertical_fov: 51.9834 } } as Lighting;
     const changed = { ...light, ...cameraOverrides(record) };
     expect(writeCurl({ ...subject, overrides: changed })).toContain(
-      "&camera_elevation=-1.25&camera_roll=0.5&vertical_fov=51.9834&",
+      "&camera_elevation=-1.25&camera_roll=0.5&camera_vertical_fov=51.9834&",
     );
     expect(writePython({ ...subject, overrides: changed })).toContain(
       '    "camera_elevation": -1.25,\n    "camera_roll": 0.5,\n    "vertical_fov": 51.9834,\n',
@@ -278,7 +299,7 @@ describe("the light on show as text", () => {
       ...{ model: { name: "", version: "" }, camera: CAMERA, evidence: [], warnings: [] },
       sun: { azimuth: 1, elevation: 2, direction: [0, 1, 0], visibility: 1, radius_50: 9, radius_90: 30 },
       sky: { model: "hosek-wilkie", turbidity: 3, ground_albedo: 0.3, exposure: 5 },
-      ...{ links: { envmap: "" }, crop: {}, probability: {}, surroundings: {} },
+      ...{ links: { envmap: "" }, crop: {}, probability: {}, photo_metadata: {} },
     } as unknown as Estimate;
     const record = buildRecord(answer, parametersFromRecord(answer), { sun: [0, 0, 0], sky: [0, 0, 0] });
     expect(Object.keys(record).sort()).toEqual(["camera", "evidence", "model", "sky", "sun", "warnings"]);
@@ -306,7 +327,43 @@ describe("the light on show as text", () => {
     expect(program).toContain("finer, exposure=5)");
     const rotated = statedOverrides(stated, { ...light, exposure: 10 }, irradiances);
     expect(writeCurl({ ...subject, overrides: rotated })).toContain(
-      "&exposure=10&sun=false&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
+      "&sky_exposure=10&sun=false&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
     );
+  });
+});
+
+describe("the ground", () => {
+  const data = new Uint8ClampedArray(4 * 100);
+  for (let i = 0; i < 100; i++) data.set([200, i % 10 < 5 ? 0 : 255, 0, 255], 4 * i);
+  const mask = groundMaskFromPixels({ width: 10, height: 10, data });
+
+  it("is read where it lies in the sun and where not", () => {
+    expect([sunlitAt(mask, [0.2, 0.5]), sunlitAt(mask, [0.8, 0.5]), sunlitAt(mask, [1.2, 0.5])]).toEqual([0, 1, 1]);
+  });
+
+  it("has a nearest spot in the sun with room around it", () => {
+    expect(nearestSunlit(mask, [0.1, 0.55])).toEqual([0.75, 0.55]);
+    const dark = { ...mask, lit: new Uint8Array(100) };
+    expect(nearestSunlit(dark, [0.1, 0.5])).toBeNull();
+  });
+});
+
+describe("cities", () => {
+  const cities = parseCities(
+    "Munich\tDE\t48.14\t11.58\tMünchen\nSão Paulo\tBR\t-23.55\t-46.64\nPaulo Afonso\tBR\t-9.41\t-38.21\n",
+    (code) => (code === "DE" ? "Germany" : "Brazil"),
+  );
+  const found = (text: string): string[] => findCities(cities, text).map(({ label }) => label);
+
+  it("are found by any of their names, without accents, the beginning first", () => {
+    expect(found("munch")).toEqual(["Munich (München), Germany"]);
+    expect(found("paulo")).toEqual(["Paulo Afonso, Brazil", "São Paulo, Brazil"]);
+    expect(found("sao p")).toEqual(["São Paulo, Brazil"]);
+    expect(found("m")).toEqual([]);
+  });
+
+  it("are found by what was chosen", () => {
+    expect(found("Munich (München), Germany")).toEqual(["Munich (München), Germany"]);
+    expect(found("Paulo, Germany")).toEqual([]);
   });
 });

@@ -1,7 +1,6 @@
 /** The pinhole camera of a photo: where directions lie in it. Pixels are continuous, (0, 0) is the top left corner. */
 
-import { angles, clamp, combine, cross, direction, dot, radians, type Vector } from "./angles";
-import type { Pixels } from "./color";
+import { combine, cross, direction, dot, radians, type Vector } from "./angles";
 
 /** As in the record: elevation positive looks up, roll positive turns the camera clockwise; degrees. */
 export interface Camera {
@@ -88,31 +87,4 @@ function isInside([x, y]: Point, { width, height }: Size): boolean {
 function unit([x, y]: Point): Point {
   const length = Math.max(Math.hypot(x, y), 1e-9);
   return [x / length, y / length];
-}
-
-const FEATHER = 0.15; // of the photo's half width and half height, over which its view fades into the rest
-
-interface PhotoPixel {
-  pixel: number;
-  weight: number;
-}
-
-/** The photo's pixel (its index in `data`) in a direction, and how far it counts; null outside the photo. */
-export function photoPixelAt(photo: Pixels, camera: Camera, azimuth: number, elevation: number): PhotoPixel | null {
-  const point = project(direction(azimuth, elevation), camera, photo);
-  if (!point) return null;
-  const [x, y] = point;
-  const weight = featherWeight(x / photo.width, y / photo.height);
-  return weight === 0 ? null : { pixel: 4 * (Math.floor(y) * photo.width + Math.floor(x)), weight };
-}
-
-/** The photo's weight at a point of it, 0 to 1 each way: 1 inside, less towards its edges, 0 outside. */
-function featherWeight(x: number, y: number): number {
-  const ramp = clamp((1 - 2 * Math.max(Math.abs(x - 0.5), Math.abs(y - 0.5))) / FEATHER, 0, 1);
-  return ramp * ramp * (3 - 2 * ramp);
-}
-
-/** Degrees above the horizon of what a pixel shows. */
-export function pixelElevation(x: number, y: number, camera: Camera, size: { width: number; height: number }): number {
-  return angles(pixelRay([x + 0.5, y + 0.5], camera, size) as Vector).elevation;
 }

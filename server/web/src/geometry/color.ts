@@ -28,14 +28,6 @@ export interface Pixels {
   data: Uint8ClampedArray;
 }
 
-const LINEAR_OF_BYTE = Float32Array.from({ length: 256 }, (_, byte) => {
-  const value = byte / 255;
-  return value <= 0.04045 ? value / 12.92 : ((value + 0.055) / 1.055) ** 2.4;
-});
-
-/** The linear value, 0 to 1, of an sRGB byte. */
-export const srgbToLinear = (byte: number): number => LINEAR_OF_BYTE[byte] as number;
-
 /** sRGB of a linear value, both 0 to 1. */
 export function linearToSrgb(value: number): number {
   return value <= 0.0031308 ? 12.92 * value : 1.055 * value ** (1 / 2.4) - 0.055;
@@ -43,11 +35,3 @@ export function linearToSrgb(value: number): number {
 
 /** Luminance of linear values. */
 export const rgbLuminance = ([red, green, blue]: Triple): number => 0.2126 * red + 0.7152 * green + 0.0722 * blue;
-
-/** Linear luminance of the pixel that begins at `i`. */
-export const luminance = (data: Uint8ClampedArray, i: number): number =>
-  rgbLuminance([
-    srgbToLinear(data[i] as number),
-    srgbToLinear(data[i + 1] as number),
-    srgbToLinear(data[i + 2] as number),
-  ]);

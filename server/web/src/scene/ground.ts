@@ -16,7 +16,7 @@ import {
   ZeroFactor,
 } from "three";
 import type { Triple } from "../geometry/color";
-import type { ShadowMask } from "../surroundings/shadowMask";
+import type { GroundMask } from "./groundMask";
 
 const VERTEX = /* glsl */ `
 #include <common>
@@ -75,12 +75,12 @@ export class ShadowGround extends Mesh<PlaneGeometry, ShaderMaterial> {
   }
 
   /** Where the picture's ground lies in the sun. */
-  setShadowMask({ width, height, data }: ShadowMask): void {
+  setMask({ width, height, lit }: GroundMask): void {
     this.material.uniforms.lit?.value?.dispose();
-    Object.assign(this.material.uniforms, { lit: { value: maskTexture(data, width, height) } });
+    Object.assign(this.material.uniforms, { lit: { value: maskTexture(lit, width, height) } });
   }
 
-  /** How much of the sun reaches the object, which it then takes from the ground: 0 or 1. */
+  /** How much of the sun reaches the object, 0 to 1, which it then takes from the ground. */
   setSunShare(share: number): void {
     Object.assign(this.material.uniforms, { share: { value: share } });
   }

@@ -27,7 +27,7 @@ const MATERIALS: Record<Finish, () => MeshStandardMaterial> = {
   mirror: () => new MeshStandardMaterial({ metalness: 1, roughness: 0.03, color: new Color(0.92, 0.92, 0.92) }),
   glossy: () => new MeshPhysicalMaterial({ roughness: 0.45, color: 0xb3262e, clearcoat: 1, clearcoatRoughness: 0.06 }),
   matte: () => new MeshStandardMaterial({ roughness: 1, color: new Color(0.6, 0.6, 0.6) }),
-  "file's own": () => new MeshStandardMaterial({ roughness: 0.7, color: new Color(0.6, 0.6, 0.6) }),
+  original: () => new MeshStandardMaterial({ roughness: 0.7, color: new Color(0.6, 0.6, 0.6) }),
 };
 
 /** A shape standing on the origin. */

@@ -30,8 +30,8 @@ import type { Placement } from "../geometry/placement";
 import type { SceneLight } from "../sky/lighting";
 import type { Latlong } from "../sky/render";
 import type { Finish, Shape } from "../state";
-import { type ShadowMask, SUNLIT, standsInSun } from "../surroundings/shadowMask";
 import { ShadowGround } from "./ground";
+import type { GroundMask } from "./groundMask";
 import { createFinish, createShape, heightAboveOrigin } from "./objects";
 
 // The shoulder of `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white.
@@ -54,7 +54,7 @@ export class Stage {
   private appearance = ""; // the shape and finish that the object has
   private height = 0; // of the object at radius 1
   private sunDirection = new Vector3(0, 1, 0);
-  private shadowMask = SUNLIT;
+  private groundMask: GroundMask | undefined;
   private scheduled = false;
 
   /** Throws where the browser has no WebGL. */
@@ -86,14 +86,12 @@ export class Stage {
     return this.height * this.object.scale.x;
   }
 
-  /** The photo as the backdrop, seen by its own camera; `shadowMask` tells where its ground lies in the sun. */
-  setPhoto(photo: HTMLCanvasElement, camera: Camera, shadowMask: ShadowMask): void {
+  /** The photo as the backdrop, seen by its own camera. */
+  setPhoto(photo: HTMLCanvasElement, camera: Camera): void {
     if (this.scene.background instanceof Texture) this.scene.background.dispose();
     const texture = new CanvasTexture(photo);
     texture.colorSpace = SRGBColorSpace;
     this.scene.background = texture;
-    this.shadowMask = shadowMask;
-    this.ground.setShadowMask(shadowMask);
     this.camera.fov = camera.vertical_fov;
     this.camera.aspect = photo.width / photo.height;
     this.camera.near = 0.02;
@@ -103,25 +101,25 @@ export class Stage {
     this.camera.quaternion.setFromRotationMatrix(basis);
   }
 
-  /** Where the object stands, its size and its rotation. */
-  setPlacement({ position, radius, rotation, grounded }: Placement): void {
+  /** Where the photo's ground lies in the sun. */
+  setGroundMask(mask: GroundMask): void {
+    if (mask === this.groundMask) return;
+    this.groundMask = mask;
+    this.ground.setMask(mask);
+    this.draw();
+  }
+
+  /** Where the object stands, its size and its rotation, and how much of the sun reaches it, 0 to 1. */
+  setPlacement({ position, radius, rotation, grounded }: Placement, sunlit: number): void {
     this.object.position.copy(vector(position));
     this.object.scale.setScalar(radius);
     this.object.rotation.y = radians(rotation);
     this.ground.visible = grounded;
     this.ground.setObject(this.object.position, radius);
-    this.sun.intensity = Number(!grounded || this.standsInSun(radius));
-    this.ground.setSunShare(this.sun.intensity);
+    this.sun.intensity = sunlit;
+    this.ground.setSunShare(sunlit);
     this.aimSun();
     this.draw();
-  }
-
-  /** Whether the photo's ground under the object lies in the sun: in shade it takes no sun from the ground either. */
-  private standsInSun(radius: number): boolean {
-    this.camera.updateMatrixWorld();
-    const foot = this.object.position.clone().project(this.camera);
-    const tall = radius / (2 * Math.tan(radians(this.camera.fov) / 2) * this.object.position.length());
-    return standsInSun(this.shadowMask, [(1 + foot.x) / 2, (1 - foot.y) / 2], [tall / this.camera.aspect, tall]);
   }
 
   /** The user's own object, shown as the shape `own`. */
@@ -139,7 +137,7 @@ export class Stage {
     this.removeObject();
     this.height = heightAboveOrigin(model);
     this.object.add(shape === "own" ? model.clone() : model);
-    const keep = shape === "own" && finish === "file's own";
+    const keep = shape === "own" && finish === "original";
     const material = keep ? null : createFinish(finish, shape !== "own");
     this.object.traverse((part) => {
       if (!(part instanceof Mesh)) return;

@@ -1,10 +1,7 @@
 /** The page's side of the worker: one question at a time, and of those that wait only the newest. */
 
-import type { Camera } from "../geometry/camera";
-import type { Pixels } from "../geometry/color";
-import type { SurroundingsFactors } from "../surroundings/surroundings";
 import type { SkyRequest } from "./lighting";
-import type { SkyAnswer, SkyMessage } from "./worker";
+import type { ExportedLight, SkyAnswer, SkyMessage } from "./worker";
 
 const NOT_LOADED = "What renders the sky could not be loaded, so the light cannot be shown. Load the page again.";
 
@@ -46,9 +43,9 @@ export class SkyClient {
     if (!this.busy) for (const resolve of this.idle.splice(0)) resolve();
   }
 
-  /** The photo whose surroundings the light shows from now on. */
-  setPhoto(photo: Pixels, camera: Camera, factors: SurroundingsFactors | undefined): void {
-    this.post({ photo, camera, factors });
+  /** The exported map that answers show from now on; null: none yet. */
+  setExported(exported: ExportedLight | null): void {
+    this.post({ exported });
   }
 
   request(question: SkyRequest): void {

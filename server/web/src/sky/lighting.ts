@@ -2,7 +2,7 @@
 
 import type { LightParameters } from "../api";
 import { radians } from "../geometry/angles";
-import type { Triple } from "../geometry/color";
+import { rgbLuminance, type Triple } from "../geometry/color";
 import { type SkyTable, skyShape, sunIrradiance } from "./hosekWilkie";
 import { type PragueTable, pragueSky } from "./prague";
 import { addOvercast, fillGround, horizontalIrradiance, type Latlong, renderPragueSky, renderSky } from "./render";
@@ -85,6 +85,30 @@ function renderModel(
   return { map, sky: horizontalIrradiance(map), sun: mapChannels((c) => irradiances[c] * p.exposure * gains.sun[c]) };
 }
 
+const DIFFUSED = 0.5; // share of the sun's light that clouds pass on to the ground
+
+/** A light whose sun clouds soften: they take a share of it and pass some of that on from all of the sky. */
+function softenLight(light: Omit<SceneLight, "ground">, { softness, sun_elevation }: LightParameters): void {
+  const added = DIFFUSED * softness * rgbLuminance(light.sun) * Math.max(Math.sin(radians(sun_elevation)), 0);
+  const gain = mapChannels((c) => (light.sky[c] + added) / Math.max(light.sky[c], 1e-9));
+  scaleMap(light.map, gain);
+  light.sky = mapChannels((c) => light.sky[c] * gain[c]);
+  light.sun = mapChannels((c) => light.sun[c] * (1 - softness));
+}
+
+const WARMING: Triple = [0.5, 0, -1]; // stops of a warmth of 1
+
+/** A sun of another warmth, as bright as before. */
+function warmSun(sun: Triple, warmth: number): Triple {
+  const warmed = mapChannels((c) => sun[c] * 2 ** (warmth * WARMING[c]));
+  const gain = rgbLuminance(sun) / Math.max(rgbLuminance(warmed), 1e-9);
+  return mapChannels((c) => warmed[c] * gain);
+}
+
+/** The cloud cover of a light: that of the record, and what softens the sun. */
+export const coverOf = (stated: number | undefined, { softness }: LightParameters): number =>
+  (stated ?? 0) + softness * (1 - (stated ?? 0));
+
 /** The model's sun, or what stands for it where it would vanish: `change` of lighting.envmap has the same rule. */
 function steadySun(table: SkyTable, p: LightParameters): Triple {
   const atElevation = sunIrradiance(table, Math.max(p.sun_elevation, MIN_SUN_ELEVATION), p.turbidity);
@@ -126,8 +150,10 @@ export function renderLight(
 ): SceneLight {
   const { parameters, stated } = question;
   const { gains } = base;
-  const cover = stated.cover ?? 0;
+  const cover = coverOf(stated.cover, parameters);
   const light = renderModel(tables, height, parameters, cover, gains);
+  if (parameters.warmth !== 0) light.sun = warmSun(light.sun, parameters.warmth);
+  if (parameters.softness > 0) softenLight(light, parameters);
   if (question.painted === "prague" || parameters.sun_elevation < 0)
     light.map = renderPrague(tables.prague, height, parameters, cover, light.sky);
   const irradiance = groundIrradiance(light, parameters);

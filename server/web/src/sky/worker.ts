@@ -2,16 +2,7 @@
 
 import hosekWilkieUrl from "../../../../lighting/data/hosek_wilkie.f32?url";
 import pragueUrl from "../../../../lighting/data/prague.f16?url";
-import type { LightParameters } from "../api";
-import { direction, type Vector } from "../geometry/angles";
-import type { Camera } from "../geometry/camera";
-import type { Pixels } from "../geometry/color";
-import {
-  addSurroundings,
-  buildSurroundings,
-  type Surroundings,
-  type SurroundingsFactors,
-} from "../surroundings/surroundings";
+import { followLight, removeDisc } from "./exportedMap";
 import { parseSkyTable } from "./hosekWilkie";
 import {
   type LightBase,
@@ -22,45 +13,60 @@ import {
   type SkyTables,
 } from "./lighting";
 import { parsePragueTable } from "./prague";
-import { type MapPicture, toneMap } from "./render";
+import { type Latlong, type MapPicture, toneMap } from "./render";
 
-export type SkyMessage =
-  | { photo: Pixels; camera: Camera; factors: SurroundingsFactors | undefined }
-  | { question: SkyRequest; id: number };
+/** A map that the service exported, and what it was asked for. */
+export interface ExportedLight {
+  map: Latlong;
+  question: SkyRequest;
+}
+
+export type SkyMessage = { exported: ExportedLight | null } | { question: SkyRequest; id: number };
 
 export interface SkyAnswer {
   id: number;
-  light: SceneLight; // its map holds the surroundings
-  picture: MapPicture; // of the bare map
+  light: SceneLight; // its map is the exported one, which follows what has changed since
+  picture: MapPicture; // of the same map, with the sun's disc
 }
 
-const LIGHT_ROWS = 128; // finer maps take phones too long to prefilter
-const PICTURE_ROWS = 256;
+export const LIGHT_ROWS = 128; // finer maps take phones too long to prefilter
 
 let tables: Promise<SkyTables> | undefined;
-let surroundings: Surroundings | undefined;
+let exported: ExportedLight | null = null; // without the sun's disc
 let last: { photo: string; base: LightBase } | undefined; // of the latest photo
 
 self.addEventListener("message", async ({ data }: MessageEvent<SkyMessage>) => {
-  if ("photo" in data) surroundings = buildSurroundings(data.photo, data.camera, data.factors, LIGHT_ROWS);
-  else await answer(data.question, data.id);
+  if ("question" in data) await answer(data.question, data.id);
+  else
+    exported = data.exported && {
+      ...data.exported,
+      map: removeDisc(data.exported.map, data.exported.question.parameters),
+    };
 });
 
 async function answer(question: SkyRequest, id: number): Promise<void> {
   try {
     tables ??= loadTables();
     const sky = await tables;
-    const base = cachedBase(sky, question);
-    const light = renderLight(sky, question, LIGHT_ROWS, base);
-    const picture = toneMap(renderLight(sky, question, PICTURE_ROWS, base), question.parameters);
-    const gain = question.parameters.exposure / question.estimated.exposure;
-    const suns = { before: sunDirection(question.estimated), now: sunDirection(question.parameters) };
-    const map = surroundings ? addSurroundings(light.map, surroundings, gain, suns) : light.map;
-    postMessage({ id, light: { ...light, map }, picture } satisfies SkyAnswer);
+    const bare = renderLight(sky, question, LIGHT_ROWS, cachedBase(sky, question));
+    const light = { ...bare, map: exported ? showPlace(sky, bare.map, question, exported) : bare.map };
+    postMessage({ id, light, picture: toneMap(light, question.parameters) } satisfies SkyAnswer);
   } catch (error) {
     tables = undefined;
     postMessage({ id, error: error instanceof Error ? error.message : String(error) });
   }
+}
+
+/** The exported map in the light of a question. */
+function showPlace(
+  sky: SkyTables,
+  now: Latlong,
+  question: SkyRequest,
+  { map, question: before }: ExportedLight,
+): Latlong {
+  if (JSON.stringify(question.parameters) === JSON.stringify(before.parameters))
+    return { ...map, data: map.data.slice() };
+  return followLight(map, { before: renderLight(sky, before, LIGHT_ROWS, cachedBase(sky, before)).map, now });
 }
 
 /** What all lights of the photo share, computed once for each photo. */
@@ -69,8 +75,6 @@ function cachedBase(sky: SkyTables, { parameters: _, ...ofPhoto }: SkyRequest): 
   if (last?.photo !== photo) last = { photo, base: prepareLight(sky, ofPhoto) };
   return last.base;
 }
-
-const sunDirection = ({ sun_azimuth, sun_elevation }: LightParameters): Vector => direction(sun_azimuth, sun_elevation);
 
 async function loadTables(): Promise<SkyTables> {
   const [hosekWilkie, prague] = await Promise.all([hosekWilkieUrl, pragueUrl].map(loadTable));

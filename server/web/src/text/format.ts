@@ -138,7 +138,7 @@ function formatHeight(elevation: number): string {
 export const formatMatching = (matching: boolean): string =>
   matching
     ? ", and turned by what they show in common"
-    : "; how they are turned is inferred from compasses or light, for this service does not compare their pixels";
+    : ". How they are turned is inferred from compasses or light: this service does not compare their pixels";
 
 /** The service's warnings that a photo's rotation is a guess; empty where it is none. */
 const rotationWarning = ({ warnings, warning_codes = [] }: Lighting): string =>

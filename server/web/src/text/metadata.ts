@@ -1,32 +1,42 @@
 /** What a photo's metadata and the user say, as text, as the form's values and as a query. */
 
-import type { Lighting } from "../api";
-import type { PhotoMetadata } from "./exif";
+import type { Lighting, PhotoMetadata } from "../api";
 import { formatShort, type NamedValue } from "./format";
 import { formatUtcOffset, formatUtcTime } from "./time";
 
 /** What the user states of photos, in the names of the service; what is left out is left to the photo. */
 export interface UserInput {
-  exif: boolean; // whether the photo's metadata count
+  metadata: boolean; // whether the photo's metadata count
   time: string; // local, as 2024-06-01T14:30
   utc_offset: string; // as +02:00
-  lat: string;
-  lon: string;
+  latitude: string;
+  longitude: string;
   heading: string; // of one photo, degrees from true north
-  fov: string; // degrees
+  vertical_fov: string; // degrees
   headings: string; // of several photos, as 0,45,90
+  camera_height: string; // meters above the ground
 }
 
-export type UserInputField = Exclude<keyof UserInput, "exif">;
+export type UserInputField = Exclude<keyof UserInput, "metadata">;
 
 export const NO_USER_INPUT: UserInput = {
-  ...{ exif: true, time: "", utc_offset: "", lat: "", lon: "", heading: "", fov: "", headings: "" },
+  ...{
+    metadata: true,
+    time: "",
+    utc_offset: "",
+    latitude: "",
+    longitude: "",
+    heading: "",
+    vertical_fov: "",
+    headings: "",
+  },
+  camera_height: "",
 };
 
 /** The query of the user's input; `headings` goes with several photos only, `heading` with one. */
 export function userInputQuery(userInput: UserInput, photos: number): URLSearchParams {
   const query = new URLSearchParams();
-  if (!userInput.exif) query.set("exif", "false");
+  if (!userInput.metadata) query.set("metadata", "false");
   for (const [name, value] of Object.entries(userInput)) {
     if (typeof value !== "string" || !value.trim() || name === (photos > 1 ? "heading" : "headings")) continue;
     query.set(name, value.trim());
@@ -34,60 +44,50 @@ export function userInputQuery(userInput: UserInput, photos: number): URLSearchP
   return query;
 }
 
-/** Metadata as text; what a photo lacks is named too, since the user can state it. `used`: see `unreadSources`. */
-export function describeMetadata(metadata: PhotoMetadata, used: SourceNotes = {}): NamedValue[] {
-  const unknown = metadata.incomplete ? "cannot be read here" : "not in the file";
-  const lens = metadata.focal && `${formatShort(metadata.focal)} mm (as of a 35 mm camera)`;
-  const texts: Record<MetadataName | "Camera", string | undefined> = {
+/** What the file says, as text; what it does not say is left out. */
+export function describeMetadata(metadata: PhotoMetadata): NamedValue[] {
+  const { focal_length, camera_height } = metadata;
+  const texts: Record<string, string | undefined> = {
     Time: formatTime(metadata),
     Place: formatLocation(metadata),
     Heading: formatHeading(metadata),
-    Lens: lens || undefined,
-    Camera: metadata.camera,
-  };
-  return Object.entries(texts).map(([name, value]) => ({
-    name,
-    value: value ?? used[name as MetadataName] ?? unknown,
-  }));
+    Lens: focal_length && `${formatShort(focal_length)} mm (as of a 35 mm camera)`,
+    "Camera height": camera_height && `${formatShort(camera_height)}\u00a0m above the ground`,
+  } as Record<string, string | undefined>;
+  return Object.entries(texts).flatMap(([name, value]) => (value ? [{ name, value }] : []));
 }
 
-/** The parts of an answer's evidence that a file may hold. */
-const EVIDENCE_SOURCES = {
-  Time: { evidence: "time+place", userInput: ["time"], metadata: "time" },
-  Place: { evidence: "time+place", userInput: ["lat"], metadata: "latitude" },
-  Heading: { evidence: "heading", userInput: ["heading", "headings"], metadata: "heading" },
-  Lens: { evidence: "focal length", userInput: ["fov"], metadata: "focal" },
-} as const;
-type MetadataName = keyof typeof EVIDENCE_SOURCES;
-type SourceNotes = Partial<Record<MetadataName, string>>;
-
-/** Sources of what the answer used, though neither the user nor the metadata read here state it. */
-export function unreadSources(
+/** Where the answer has a time, a place or a heading from that neither the user nor this photo states. */
+export function describeBorrowed(
   evidence: readonly string[],
   userInput: UserInput,
-  photos: readonly PhotoMetadata[],
-): SourceNotes {
-  const used = (Object.keys(EVIDENCE_SOURCES) as MetadataName[]).filter(
-    (name) =>
-      evidence.includes(EVIDENCE_SOURCES[name].evidence) &&
-      !EVIDENCE_SOURCES[name].userInput.some((field) => userInput[field]),
-  );
-  const fromOtherPhoto = (name: MetadataName): boolean =>
-    name !== "Lens" && photos.some((metadata) => metadata[EVIDENCE_SOURCES[name].metadata] !== undefined);
-  return Object.fromEntries(
-    used.map((name) => [name, fromOtherPhoto(name) ? "from another photo" : "read by the service"]),
-  );
+  own: PhotoMetadata,
+  others: readonly PhotoMetadata[],
+): NamedValue[] {
+  const sources = [
+    { name: "Time", evidence: "time+place", fields: ["time"], metadata: "time" },
+    { name: "Place", evidence: "time+place", fields: ["latitude"], metadata: "latitude" },
+    { name: "Heading", evidence: "heading", fields: ["heading", "headings"], metadata: "heading" },
+  ] as const;
+  return sources
+    .filter(
+      ({ evidence: kind, fields, metadata }) =>
+        evidence.includes(kind) &&
+        own[metadata] === undefined &&
+        fields.every((field) => !userInput[field]) &&
+        others.some((other) => other[metadata] !== undefined),
+    )
+    .map(({ name }) => ({ name, value: "from another photo" }));
 }
 
-/** The camera's tilt by the answer: the service alone reads the angles of phones and drones. */
-export function describeCameraTilt(lighting: Lighting, { exif }: UserInput): NamedValue {
-  const { camera, evidence, warning_codes = [] } = lighting;
-  const name = "Held";
-  if (warning_codes.includes("gravity-contradicted")) return { name, value: "not used, see the warning" };
-  if (!evidence.includes("gravity")) return { name, value: exif ? "not in the file" : "not looked for" };
+/** The camera's tilt by the answer, where the file states one. */
+export function describeCameraTilt({ camera, evidence, warning_codes = [] }: Lighting): NamedValue[] {
+  const name = "Tilt";
+  if (warning_codes.includes("gravity-contradicted")) return [{ name, value: "not used, see the warning" }];
+  if (!evidence.includes("gravity")) return [];
   const [up, roll] = [Math.round(camera.elevation), Math.round(camera.roll)];
   const tilt = `looks ${Math.abs(up)}° ${up < 0 ? "down" : "up"} with a roll of ${roll}°`;
-  return { name, value: `${tilt}, by the file and the picture` };
+  return [{ name, value: `${tilt}, by the file and the picture` }];
 }
 
 /** When the photo was taken, as the answer believes, on the clock of its offset from UTC; nothing where no zone is known. */
@@ -99,9 +99,10 @@ export function describeBelievedTime({ time }: Lighting): NamedValue[] {
   return [{ name: "Taken", value: `${local} ${formatUtcOffset(hours)}${time?.source ? ` (${time.source})` : ""}` }];
 }
 
-function formatTime({ time, offset, satellites }: PhotoMetadata): string | undefined {
-  const zone = offset ?? (satellites ? "(time zone by GPS)" : "(no time zone)");
-  return time && `${time.replace("T", " ")} ${zone}`;
+function formatTime({ time, utc_offset, gps_time }: PhotoMetadata): string | undefined {
+  if (!time) return gps_time && `${gps_time.slice(0, 19).replace("T", " ")} UTC`;
+  const gps = gps_time ? "(time zone by GPS)" : "(no time zone)";
+  return `${time.replace("T", " ")} ${utc_offset === undefined ? gps : formatUtcOffset(utc_offset)}`;
 }
 
 function formatLocation({ latitude, longitude }: PhotoMetadata): string | undefined {
@@ -111,7 +112,7 @@ function formatLocation({ latitude, longitude }: PhotoMetadata): string | undefi
   return `${degrees(latitude, "NS")}, ${degrees(longitude, "EW")}`;
 }
 
-function formatHeading({ heading, north }: PhotoMetadata): string | undefined {
+function formatHeading({ heading, heading_reference: north }: PhotoMetadata): string | undefined {
   return heading === undefined ? undefined : `${heading.toFixed(0)}° from ${north ? `${north} ` : ""}north`;
 }
 
@@ -135,27 +136,39 @@ export function formatEvidence(evidence: readonly string[]): string {
 
 /** What the form shows: the user's input, else the photo's metadata. */
 export function fillForm(metadata: PhotoMetadata, userInput: UserInput): UserInput {
-  if (!userInput.exif) return userInput;
+  if (!userInput.metadata) return userInput;
   return {
     ...userInput,
     time: userInput.time || metadata.time || "",
-    utc_offset: userInput.utc_offset || metadata.offset || "",
-    lat: userInput.lat || formatNumber(metadata.latitude),
-    lon: userInput.lon || formatNumber(metadata.longitude),
+    utc_offset: userInput.utc_offset || (metadata.utc_offset === undefined ? "" : formatUtcOffset(metadata.utc_offset)),
+    latitude: userInput.latitude || formatNumber(metadata.latitude),
+    longitude: userInput.longitude || formatNumber(metadata.longitude),
     heading: userInput.heading || formatNumber(metadata.heading),
+    camera_height: userInput.camera_height || formatNumber(metadata.camera_height),
   };
 }
 
 /** The user's input by a form: what differs from the photo's own metadata. */
 export function readForm(form: UserInput, metadata: PhotoMetadata): UserInput {
-  const fromPhoto = fillForm(metadata, { ...form, time: "", utc_offset: "", lat: "", lon: "", heading: "", fov: "" });
-  const unlessFromPhoto = (name: "time" | "utc_offset" | "lat" | "lon" | "heading"): string =>
-    form.exif && form[name] === fromPhoto[name] ? "" : form[name];
+  const fromPhoto = fillForm(metadata, {
+    ...form,
+    time: "",
+    utc_offset: "",
+    latitude: "",
+    longitude: "",
+    heading: "",
+    vertical_fov: "",
+    camera_height: "",
+  });
+  const unlessFromPhoto = (
+    name: "time" | "utc_offset" | "latitude" | "longitude" | "heading" | "camera_height",
+  ): string => (form.metadata && form[name] === fromPhoto[name] ? "" : form[name]);
   const time = unlessFromPhoto("time");
   const utc_offset = time ? form.utc_offset : unlessFromPhoto("utc_offset"); // a time replaces the photo's offset too
-  const userInput = { ...form, time, utc_offset, heading: unlessFromPhoto("heading") };
-  const [lat, lon] = [unlessFromPhoto("lat"), unlessFromPhoto("lon")];
-  return lat || lon ? { ...userInput, lat: form.lat, lon: form.lon } : { ...userInput, lat: "", lon: "" };
+  const [heading, camera_height] = [unlessFromPhoto("heading"), unlessFromPhoto("camera_height")];
+  const userInput = { ...form, time, utc_offset, heading, camera_height };
+  const isMoved = unlessFromPhoto("latitude") || unlessFromPhoto("longitude");
+  return isMoved ? userInput : { ...userInput, latitude: "", longitude: "" };
 }
 
 const formatNumber = (value: number | undefined): string =>

@@ -74,16 +74,17 @@ function overrideEntries(light: LightOverrides): string[] {
 
 /** The arguments of `UserInput` for the user's input; empty where there is none. */
 function userInputArguments(userInput: UserInput): string {
-  const parts = userInput.exif ? [] : ["use_exif=False"];
+  const parts = userInput.metadata ? [] : ["metadata=False"];
   const hours = parseUtcOffset(userInput.utc_offset);
   const offset = hours === undefined ? "" : formatUtcOffset(hours);
   if (userInput.time) parts.push(`time=datetime.fromisoformat(${quotePython(userInput.time + offset)})`);
   else if (hours !== undefined) parts.push(`utc_offset=${hours}`);
   const numbers = {
-    latitude: userInput.lat,
-    longitude: userInput.lon,
+    latitude: userInput.latitude,
+    longitude: userInput.longitude,
     heading: userInput.heading,
-    vertical_fov: userInput.fov,
+    vertical_fov: userInput.vertical_fov,
+    camera_height: userInput.camera_height,
   };
   for (const [name, value] of Object.entries(numbers)) if (value) parts.push(`${name}=${Number(value)}`);
   return parts.join(", ");

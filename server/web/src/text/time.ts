@@ -1,16 +1,6 @@
 /** Times and offsets from UTC as people and cameras write them, read as the service reads them. */
 
-const YEARS = [1900, 2100] as const;
 const OFFSETS = [-12, 14] as const; // hours from UTC of all zones
-
-/** A local time as 2024-06-01T14:30:05, from six numbers in a text; undefined where they are no time. */
-export function parseLocalTime(text: string): string | undefined {
-  const parts = (text.match(/\d+/g) ?? []).slice(0, 6).map(Number);
-  const [year = 0, month = 0, day = 0, ...clock] = parts;
-  if (parts.length < 6 || year < YEARS[0] || year > YEARS[1]) return undefined;
-  const time = new Date(Date.UTC(year, month - 1, day, ...clock));
-  return String(utcParts(time)) === String(parts) ? formatUtcTime(time) : undefined;
-}
 
 /** Hours from UTC in "+02:00", "-0330", "5.5" or "Z"; undefined where a text is none of these. */
 export function parseUtcOffset(text: string): number | undefined {
@@ -31,12 +21,3 @@ export function formatUtcOffset(hours: number): string {
 export const formatUtcTime = (time: Date): string => time.toISOString().slice(0, 19);
 
 const twoDigits = (value: number): string => String(value).padStart(2, "0");
-
-const utcParts = (time: Date): number[] => [
-  time.getUTCFullYear(),
-  time.getUTCMonth() + 1,
-  time.getUTCDate(),
-  time.getUTCHours(),
-  time.getUTCMinutes(),
-  time.getUTCSeconds(),
-];

@@ -15,11 +15,11 @@ const MARGIN = 22;
 const DENSITY_SIZE = 160; // pixels of the density before enlargement
 const READ_RADIUS = 10; // degrees around the pointer whose probability is read
 const KEY_STEP = 5; // degrees
+const GRIP = 20; // units of the drawing around the sun from which it is dragged: 22 pixels of a small drawing
 const SHARE = 8; // units of the drawing, the letters of a region's share
 const CORNERS: [Point, Point] = [[-RADIUS, -RADIUS], [RADIUS, RADIUS]]; // biome-ignore format: two corners
 const RINGS = "Rings hold 50 and 90 % of the probability.";
-const hintText = (): string =>
-  `${RINGS} ${isTouchDevice() ? "Tap to move the sun." : "Point to read it, click to move the sun."}`;
+const hintText = (): string => `${RINGS} ${isTouchDevice() ? "Drag the sun." : "Point to read it, drag the sun."}`;
 
 export class Dome {
   private readonly heat = document.createElement("canvas");
@@ -27,6 +27,7 @@ export class Dome {
   private readonly cursor = createSvg("g", { class: "cursor" });
   private readonly sunMarker = createSvg("g", {});
   private cells: GridCell[] = [];
+  private dragging = false;
   private at: Angles = { azimuth: 0, elevation: 45 };
 
   constructor(
@@ -63,7 +64,9 @@ export class Dome {
 
   mark(parameters: LightParameters): void {
     const ray = direction(parameters.sun_azimuth, parameters.sun_elevation);
-    this.sunMarker.replaceChildren(drawSun(onDrawing(ray), 4.5, parameters.sun ? "sun" : "sun pale"));
+    const [cx, cy] = onDrawing(ray);
+    const grip = createSvg("circle", { cx, cy, r: GRIP, class: "grip" });
+    this.sunMarker.replaceChildren(grip, drawSun([cx, cy], 4.5, parameters.sun ? "sun" : "sun pale"));
   }
 
   /** The density in colours, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
@@ -76,10 +79,19 @@ export class Dome {
   }
 
   private listen(): void {
+    this.drawing.addEventListener("pointerdown", (event) => {
+      this.dragging = event.pointerType === "mouse" || (event.target as Element).classList.contains("grip");
+      if (this.dragging) this.drawing.setPointerCapture(event.pointerId);
+    });
     this.drawing.addEventListener("pointermove", (event) => {
       if (!this.moveTo(event)) this.leave();
-      else if (event.pointerType === "mouse" && event.buttons === 1) this.onPick(this.at);
+      else if (this.dragging && event.buttons === 1) this.onPick(this.at);
     });
+    for (const end of ["pointerup", "pointercancel"] as const) {
+      this.drawing.addEventListener(end, () => {
+        this.dragging = false;
+      });
+    }
     this.drawing.addEventListener("pointerleave", () => this.leave());
     this.drawing.addEventListener("click", (event) => {
       if (this.moveTo(event)) this.onPick(this.at);

@@ -6,6 +6,7 @@ import {
   buildRecord,
   cameraOverrides,
   currentState,
+  isToned,
   type PhotoView,
   parametersFromRecord,
   type Session,
@@ -16,58 +17,89 @@ import { type SnippetInput, writeCurl, writePython } from "../text/snippets";
 
 type FetchFile = (view: PhotoView, session: Session) => Promise<Blob>;
 
+/** What the primary button downloads: a scene for a tool, or a map. */
+interface Target {
+  value: string;
+  label: string;
+  suffix: string;
+  fetchFile: FetchFile;
+}
+
 const TOOL_LABELS: Record<string, string> = {
-  ...{ blender: "Blender", usd: "USD", gltf: "glTF", threejs: "three.js", mitsuba: "Mitsuba" },
-  ...{ godot: "Godot", unreal: "Unreal", unity: "Unity" },
+  ...{ blender: "Blender", unreal: "Unreal", unity: "Unity", godot: "Godot", houdini: "Houdini", nuke: "Nuke" },
+  ...{ usd: "USD", gltf: "glTF", threejs: "three.js", mitsuba: "Mitsuba" },
 };
+const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps the latest one
 const CHANGED_NOTE = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
 const TOGETHER_NOTE = "The preview shows the estimate from one photo alone; these photos were estimated together.";
 
 /** The buttons that save files; `settle` gives what is on show when one is pressed. */
 export class Downloads {
+  private readonly select = byId<HTMLSelectElement>("download-for");
+  private targets: Target[] = [];
+
   constructor(
     private readonly settle: () => Promise<Session | undefined>,
     private readonly onError: (error: unknown) => void,
   ) {
-    this.listen(byId("get-json"), ".json", createRecordFile);
-    this.listen(byId("get-preview"), "-preview.png", ({ photo }, { userInput }) => fetchPreview(photo.file, userInput));
+    this.listen(byId("get-json"), () => ({ suffix: ".json", fetchFile: createRecordFile }));
+    this.listen(byId("get-preview"), () => ({
+      suffix: "-preview.png",
+      fetchFile: ({ photo }, { userInput }) => fetchPreview(photo.file, userInput),
+    }));
+    this.listen(byId("download"), () => this.targets.find(({ value }) => value === this.select.value));
+    this.select.addEventListener("change", () => localStorage.setItem(CHOSEN_TARGET, this.select.value));
   }
 
-  /** Adds a button for each format of a map and each tool of a scene that the service has. */
+  /** Offers each tool of a scene and each format of a map that the service has. */
   offer({ map_formats, scene_tools }: Pick<ModelInfo, "map_formats" | "scene_tools">): void {
-    for (const format of map_formats) {
-      this.add("map-downloads", format, format.toUpperCase(), `.${format}`, (view, session) =>
-        fetchMap(view, session, format),
-      );
-    }
-    for (const tool of scene_tools) {
-      this.add("scene-downloads", tool, TOOL_LABELS[tool] ?? tool, `-${tool}.zip`, (view, session) =>
-        fetchSceneOf(view, session, tool),
-      );
-    }
+    if (this.targets.length) return;
+    this.targets = [...scene_tools.map(sceneTarget), ...map_formats.map(mapTarget)];
+    this.select.replaceChildren(
+      ...this.targets.map(({ value, label }) => createElement("option", { value, textContent: label })),
+    );
+    const chosen = localStorage.getItem(CHOSEN_TARGET);
+    if (this.targets.some(({ value }) => value === chosen)) this.select.value = chosen ?? "";
   }
 
-  /** A button behind those of its row, once. */
-  private add(row: string, name: string, label: string, suffix: string, fetchFile: FetchFile): void {
-    const id = `get-${name}`;
-    if (document.getElementById(id)) return;
-    const button = createElement("button", { type: "button", id, className: "button", textContent: label });
-    this.listen(button, suffix, fetchFile);
-    byId(row).append(button);
-  }
-
-  private listen(button: HTMLElement, suffix: string, fetchFile: FetchFile): void {
+  private listen(button: HTMLElement, target: () => Pick<Target, "suffix" | "fetchFile"> | undefined): void {
     button.addEventListener("click", async () => {
       const session = await this.settle();
       const view = session?.views[session.index];
-      if (!session || !view) return;
+      const wanted = target();
+      if (!session || !view || !wanted) return;
+      const name = `${view.photo.file.name.replace(/\.\w+$/, "") || "photo"}${wanted.suffix}`;
       button.setAttribute("aria-busy", "true");
-      const stem = view.photo.file.name.replace(/\.\w+$/, "") || "photo";
-      await fetchFile(view, session).then((blob) => saveFile(blob, `${stem}${suffix}`), this.onError);
+      byId("saved").textContent = `Making ${name}…`;
+      try {
+        const blob = await wanted.fetchFile(view, session);
+        saveFile(blob, name);
+        byId("saved").textContent = `Saved ${name} (${formatSize(blob.size)}).`;
+      } catch (error) {
+        byId("saved").textContent = "";
+        this.onError(error);
+      }
       button.removeAttribute("aria-busy");
     });
   }
 }
+
+const sceneTarget = (tool: string): Target => ({
+  value: tool,
+  label: TOOL_LABELS[tool] ?? tool,
+  suffix: `-${tool}.zip`,
+  fetchFile: (view, session) => fetchSceneOf(view, session, tool),
+});
+
+const mapTarget = (format: string): Target => ({
+  value: format,
+  label: `map (.${format})`,
+  suffix: `.${format}`,
+  fetchFile: (view, session) => fetchMap(view, session, format),
+});
+
+const formatSize = (bytes: number): string =>
+  bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))}\u00a0kB` : `${(bytes / 1e6).toFixed(1)}\u00a0MB`;
 
 export const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").value);
 
@@ -96,6 +128,7 @@ export function lightOverrides(view: PhotoView, { views }: Session): LightOverri
   const { parameters } = currentState(view);
   if (views.length > 1)
     return { ...statedOverrides(view.estimate, parameters, view.irradiances), ...cameraOverrides(view.estimate) };
+  if (isToned(parameters)) return statedOverrides(view.estimate, parameters, view.irradiances);
   return isChanged(view) ? parameters : undefined;
 }
 

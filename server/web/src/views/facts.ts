@@ -1,12 +1,13 @@
 /** The photo's metadata, what of them was used, the form that corrects them, and the estimate's numbers. */
 
-import { type Lighting, modelInfo } from "../api";
+import { type Lighting, modelInfo, type PhotoMetadata } from "../api";
 import { byId, createElement } from "../dom";
+import { cameraHeight } from "../geometry/placement";
 import type { PhotoView, Session } from "../state";
-import type { PhotoMetadata } from "../text/exif";
 import { estimateRows, explainAccuracy, type NamedValue } from "../text/format";
 import {
   describeBelievedTime,
+  describeBorrowed,
   describeCameraTilt,
   describeMetadata,
   fillForm,
@@ -15,10 +16,18 @@ import {
   readForm,
   type UserInput,
   type UserInputField,
-  unreadSources,
 } from "../text/metadata";
 
-const FIELDS: UserInputField[] = ["time", "utc_offset", "lat", "lon", "heading", "fov", "headings"];
+const FIELDS: UserInputField[] = [
+  "time",
+  "utc_offset",
+  "latitude",
+  "longitude",
+  "heading",
+  "vertical_fov",
+  "headings",
+  "camera_height",
+];
 
 export class MetadataView {
   private readonly form = byId<HTMLFormElement>("user-input");
@@ -32,19 +41,17 @@ export class MetadataView {
     byId("forget").addEventListener("click", () => onSubmit(NO_USER_INPUT));
   }
 
-  show({ views, userInput }: Session, { photo, estimate: answer }: PhotoView): void {
-    this.metadata = photo.metadata;
-    const used = unreadSources(
-      answer.evidence,
-      userInput,
-      views.map((view) => view.photo.metadata),
-    );
+  show({ views, userInput }: Session, { estimate: answer }: PhotoView): void {
+    this.metadata = answer.photo_metadata ?? {};
+    const others = views.map(({ estimate }) => estimate.photo_metadata ?? {});
+    const rows = [
+      ...describeMetadata(this.metadata),
+      ...describeBorrowed(answer.evidence, userInput, this.metadata, others),
+      ...describeBelievedTime(answer),
+      ...describeCameraTilt(answer),
+    ];
     byId("metadata").replaceChildren(
-      ...[
-        ...describeMetadata(photo.metadata, used),
-        ...describeBelievedTime(answer),
-        describeCameraTilt(answer, userInput),
-      ].map(({ name, value }) =>
+      ...rows.map(({ name, value }) =>
         createElement(
           "div",
           {},
@@ -53,25 +60,28 @@ export class MetadataView {
         ),
       ),
     );
+    byId("metadata").hidden = rows.length === 0;
     byId("evidence").textContent = formatEvidence(answer.evidence);
     byId("warnings").replaceChildren(...answer.warnings.map((textContent) => createElement("li", { textContent })));
     byId("warnings").hidden = answer.warnings.length === 0;
     const several = views.length > 1;
     byId("field-headings").hidden = !several;
     byId("field-heading").hidden = several;
-    this.fill(fillForm(photo.metadata, userInput), answer.camera.vertical_fov);
+    this.fill(fillForm(this.metadata, userInput), answer.camera);
     byId<HTMLButtonElement>("forget").disabled = JSON.stringify(userInput) === JSON.stringify(NO_USER_INPUT);
   }
 
-  private fill(userInput: UserInput, fov: number): void {
+  private fill(userInput: UserInput, camera: Lighting["camera"]): void {
     for (const name of FIELDS) this.input(name).value = userInput[name];
-    this.input("fov").placeholder = `${fov.toFixed(1)} (estimated)`;
-    byId<HTMLInputElement>("input-exif").checked = userInput.exif;
+    byId<HTMLInputElement>("input-city").value = "";
+    this.input("vertical_fov").placeholder = `${camera.vertical_fov.toFixed(1)} (estimated)`;
+    this.input("camera_height").placeholder = `${cameraHeight(camera)} (assumed)`;
+    byId<HTMLInputElement>("input-metadata").checked = userInput.metadata;
   }
 
   private read(): UserInput {
     const texts = Object.fromEntries(FIELDS.map((name) => [name, this.input(name).value.trim()]));
-    return { ...NO_USER_INPUT, ...texts, exif: byId<HTMLInputElement>("input-exif").checked };
+    return { ...NO_USER_INPUT, ...texts, metadata: byId<HTMLInputElement>("input-metadata").checked };
   }
 
   private input(name: UserInputField): HTMLInputElement {

@@ -1,6 +1,7 @@
 /** The stage with its controls; three.js is fetched when the first photo has its answer. */
 
 import { addRadioButtons, byId, findRadio, isTouchDevice } from "../dom";
+import type { Point } from "../geometry/camera";
 import {
   cameraHeight,
   footPoint,
@@ -12,6 +13,7 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../geometry/placement";
+import { nearestSunlit, SUNLIT, sunlitAt } from "../scene/groundMask";
 import type { Stage } from "../scene/stage";
 import type { SceneLight } from "../sky/lighting";
 import { aspectRatio, currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
@@ -27,6 +29,7 @@ const NO_GROUND =
 const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
 const STAGE_NOT_LOADED =
   "What draws the object could not be loaded; everything else works. Load the page again to see it.";
+const MIN_SUNLIT = 0.5; // share of the sun at the object's foot, below which it stands in the shade
 const CLICK = 5; // pixels that a click may wander
 
 type Change = (part: Partial<EditState>, kind: string) => void;
@@ -40,6 +43,7 @@ export class ObjectView {
   private startLoading: () => void = () => {};
   private view: PhotoView | undefined;
   private dragged = 0;
+  private drawn = false;
 
   constructor(
     private readonly change: Change,
@@ -50,10 +54,15 @@ export class ObjectView {
     this.stage = new Promise<void>((resolve) => {
       this.startLoading = resolve;
     }).then(() => this.load());
-    addRadioButtons(byId("shapes"), SHAPES, (shape) => this.change({ shape }, "shape"));
+    addRadioButtons(byId("shapes"), SHAPES, (shape) => this.change({ shape }, "shape"), { own: "my model" });
     addRadioButtons(byId("finishes"), FINISHES, (finish) => this.change({ finish }, "finish"));
     this.offerOwnModel(false);
     this.listen();
+  }
+
+  /** Whether there is a canvas that draws it. */
+  get isDrawn(): boolean {
+    return this.drawn;
   }
 
   /** A new photo; the object appears with its first light. */
@@ -61,26 +70,51 @@ export class ObjectView {
     this.view = view;
     this.startLoading();
     this.canvas.hidden = true;
-    const { photo, estimate, shadowMask } = view;
-    this.withStage((stage) => stage.setPhoto(photo.picture, estimate.camera, shadowMask));
+    const { photo, estimate } = view;
+    this.withStage((stage) => stage.setPhoto(photo.picture, estimate.camera));
   }
 
   /** Shows the object in a state. */
-  show({ placement: updatePlacement, shape, finish }: EditState): void {
+  show(state: EditState): void {
+    const { placement, shape, finish } = state;
+    const mask = state.inSun ? SUNLIT : (this.view?.groundMask ?? SUNLIT);
+    const sunlit = this.sunlit(state);
     this.withStage((stage) => {
       stage.setAppearance(shape, finish);
-      stage.setPlacement(updatePlacement);
-      this.describePlacement(updatePlacement, stage.objectHeight);
-      this.note.textContent = updatePlacement.grounded ? usageText("ground") : `${NO_GROUND} ${usageText("photo")}`;
+      stage.setGroundMask(mask);
+      stage.setPlacement(placement, sunlit < MIN_SUNLIT ? 0 : 1);
+      this.describePlacement(placement, stage.objectHeight);
+      this.note.textContent = placement.grounded ? usageText("ground") : `${NO_GROUND} ${usageText("photo")}`;
     });
+    byId("shade").hidden = !placement.grounded || !state.parameters.sun || sunlit >= MIN_SUNLIT;
     findRadio(byId("shapes"), shape).checked = true;
     findRadio(byId("finishes"), finish).checked = true;
-    this.size.max = String(Math.log2(maxRadius(updatePlacement)));
-    this.size.value = String(Math.log2(updatePlacement.radius));
-    this.rotation.value = String(Math.round(updatePlacement.rotation));
-    this.canvas.dataset.foot = this.view
-      ? JSON.stringify(footPoint(updatePlacement, this.view.estimate.camera, this.aspect))
-      : "";
+    this.size.max = String(Math.log2(maxRadius(placement)));
+    this.size.value = String(Math.log2(placement.radius));
+    this.rotation.value = String(Math.round(placement.rotation));
+    this.canvas.dataset.foot = JSON.stringify(this.foot(placement));
+    this.canvas.dataset.sunlit = sunlit.toFixed(2);
+  }
+
+  /** How much of the sun reaches the object, by what the service says of the ground at its foot. */
+  private sunlit({ placement, inSun }: EditState): number {
+    const foot = this.foot(placement);
+    if (inSun || !placement.grounded || !foot || !this.view) return 1;
+    return sunlitAt(this.view.groundMask, foot);
+  }
+
+  private foot(placement: Placement): Point | null {
+    return this.view ? footPoint(placement, this.view.estimate.camera, this.aspect) : null;
+  }
+
+  /** Moves the object to the nearest ground in the sun, or lights it where it stands if the photo shows none. */
+  private putInSun(): void {
+    if (!this.view) return;
+    const { placement } = currentState(this.view);
+    const foot = this.foot(placement);
+    const spot = foot && nearestSunlit(this.view.groundMask, foot);
+    const moved = spot && movePlacement(placement, this.view.estimate.camera, this.aspect, spot);
+    this.change(moved ? { placement: moved } : { inSun: true }, "put in the sun");
   }
 
   light(light: SceneLight, view: PhotoView): void {
@@ -99,16 +133,16 @@ export class ObjectView {
       byId("own-name").textContent = file.name;
       this.offerOwnModel(true);
       this.withStage((stage) => stage.setOwnModel(model));
-      this.change({ shape: "own", finish: "file's own" }, `own ${file.name}`);
+      this.change({ shape: "own", finish: "original" }, `own ${file.name}`);
     } catch (error) {
       this.onError(error);
     }
   }
 
   /** Writes where the object stands and how large it is. */
-  private describePlacement(updatePlacement: Placement, height: number): void {
+  private describePlacement(placement: Placement, height: number): void {
     const text = `${formatMeters(height)} high`;
-    const distance = updatePlacement.grounded ? `, ${formatMeters(groundDistance(updatePlacement))} away` : "";
+    const distance = placement.grounded ? `, ${formatMeters(groundDistance(placement))} away` : "";
     const above = this.view ? cameraHeight(this.view.estimate.camera) : 0;
     byId("object-where").textContent = `${text}${distance}, if the camera was ${above} m above the ground.`;
     this.size.setAttribute("aria-valuetext", text);
@@ -116,7 +150,7 @@ export class ObjectView {
 
   private offerOwnModel(available: boolean): void {
     findRadio(byId("shapes"), "own").disabled = !available;
-    findRadio(byId("finishes"), "file's own").disabled = !available;
+    findRadio(byId("finishes"), "original").disabled = !available;
   }
 
   private async load(): Promise<Stage | null> {
@@ -129,6 +163,7 @@ export class ObjectView {
       const { Stage } = drawing;
       const stage = new Stage(this.canvas);
       new ResizeObserver(() => this.fit(stage)).observe(byId("frame"));
+      this.drawn = true;
       return stage;
     } catch {
       this.note.textContent = NO_WEBGL;
@@ -151,13 +186,14 @@ export class ObjectView {
     return this.view ? aspectRatio(this.view.photo) : 1;
   }
 
-  private updatePlacement(make: (updatePlacement: Placement) => Placement | null, kind: string): void {
-    const updatePlacement = this.view && make(currentState(this.view).placement);
-    if (updatePlacement) this.change({ placement: updatePlacement }, kind);
+  private updatePlacement(make: (placement: Placement) => Placement | null, kind: string): void {
+    const placement = this.view && make(currentState(this.view).placement);
+    if (placement) this.change({ placement }, kind);
     else this.note.textContent = "There is no ground: click below the horizon.";
   }
 
   private listen(): void {
+    byId("put-in-sun").addEventListener("click", () => this.putInSun());
     this.canvas.addEventListener("pointerdown", (event) => {
       this.canvas.setPointerCapture(event.pointerId);
       this.dragged = 0;
@@ -166,20 +202,17 @@ export class ObjectView {
       if (event.buttons !== 1) return;
       this.dragged += Math.hypot(event.movementX, event.movementY);
       if (this.dragged > CLICK)
-        this.updatePlacement((updatePlacement) => rotatePlacement(updatePlacement, event.movementX * 0.6), "turn");
+        this.updatePlacement((placement) => rotatePlacement(placement, event.movementX * 0.6), "turn");
     });
     this.canvas.addEventListener("click", (event) => {
       if (this.dragged <= CLICK) this.moveTo(event);
     });
     this.canvas.addEventListener("keydown", (event) => this.key(event));
     this.size.addEventListener("input", () =>
-      this.updatePlacement((updatePlacement) => resizePlacement(updatePlacement, 2 ** this.size.valueAsNumber), "size"),
+      this.updatePlacement((placement) => resizePlacement(placement, 2 ** this.size.valueAsNumber), "size"),
     );
     this.rotation.addEventListener("input", () =>
-      this.updatePlacement(
-        (updatePlacement) => ({ ...updatePlacement, rotation: this.rotation.valueAsNumber }),
-        "turn",
-      ),
+      this.updatePlacement((placement) => ({ ...placement, rotation: this.rotation.valueAsNumber }), "turn"),
     );
   }
 
@@ -187,34 +220,30 @@ export class ObjectView {
     const { left, top, width, height } = this.canvas.getBoundingClientRect();
     const spot = [(event.clientX - left) / width, (event.clientY - top) / height] as const;
     this.updatePlacement(
-      (updatePlacement) =>
-        this.view ? movePlacement(updatePlacement, this.view.estimate.camera, this.aspect, spot) : null,
+      (placement) => (this.view ? movePlacement(placement, this.view.estimate.camera, this.aspect, spot) : null),
       "move",
     );
   }
 
   private key(event: KeyboardEvent): void {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const actions: Record<string, [string, (updatePlacement: Placement, step: number) => Placement]> = {
-      ArrowLeft: ["move", (updatePlacement, step) => shiftPlacement(updatePlacement, -step, 0)],
-      ArrowRight: ["move", (updatePlacement, step) => shiftPlacement(updatePlacement, step, 0)],
-      ArrowUp: ["move", (updatePlacement, step) => shiftPlacement(updatePlacement, 0, step)],
-      ArrowDown: ["move", (updatePlacement, step) => shiftPlacement(updatePlacement, 0, -step)],
-      "<": ["turn", (updatePlacement) => rotatePlacement(updatePlacement, -10)],
-      ",": ["turn", (updatePlacement) => rotatePlacement(updatePlacement, -10)],
-      ">": ["turn", (updatePlacement) => rotatePlacement(updatePlacement, 10)],
-      ".": ["turn", (updatePlacement) => rotatePlacement(updatePlacement, 10)],
-      "+": ["size", (updatePlacement) => resizePlacement(updatePlacement, updatePlacement.radius * 1.1)],
-      "=": ["size", (updatePlacement) => resizePlacement(updatePlacement, updatePlacement.radius * 1.1)],
-      "-": ["size", (updatePlacement) => resizePlacement(updatePlacement, updatePlacement.radius / 1.1)],
+    const actions: Record<string, [string, (placement: Placement, step: number) => Placement]> = {
+      ArrowLeft: ["move", (placement, step) => shiftPlacement(placement, -step, 0)],
+      ArrowRight: ["move", (placement, step) => shiftPlacement(placement, step, 0)],
+      ArrowUp: ["move", (placement, step) => shiftPlacement(placement, 0, step)],
+      ArrowDown: ["move", (placement, step) => shiftPlacement(placement, 0, -step)],
+      "<": ["turn", (placement) => rotatePlacement(placement, -10)],
+      ",": ["turn", (placement) => rotatePlacement(placement, -10)],
+      ">": ["turn", (placement) => rotatePlacement(placement, 10)],
+      ".": ["turn", (placement) => rotatePlacement(placement, 10)],
+      "+": ["size", (placement) => resizePlacement(placement, placement.radius * 1.1)],
+      "=": ["size", (placement) => resizePlacement(placement, placement.radius * 1.1)],
+      "-": ["size", (placement) => resizePlacement(placement, placement.radius / 1.1)],
     };
     const action = actions[event.key];
     if (!action) return;
     event.preventDefault();
-    this.updatePlacement(
-      (updatePlacement) => action[1](updatePlacement, 0.04 * groundDistance(updatePlacement)),
-      action[0],
-    );
+    this.updatePlacement((placement) => action[1](placement, 0.04 * groundDistance(placement)), action[0]);
   }
 }
 

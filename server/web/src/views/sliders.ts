@@ -1,18 +1,35 @@
 /** The controls of the light. */
 
-import type { LightParameters } from "../api";
-import { byId } from "../dom";
-import { formatAzimuth, formatFactor } from "../text/format";
+import type { Irradiances, LightParameters } from "../api";
+import { byId, createElement } from "../dom";
+import { formatAzimuth } from "../text/format";
+import {
+  describeColor,
+  describeExposure,
+  describeHaze,
+  describeHeight,
+  describeShadows,
+  type Wording,
+} from "../text/lightWords";
 
-type Slider = "sun_azimuth" | "sun_elevation" | "turbidity" | "exposure";
+type Slider = "sun_azimuth" | "sun_elevation" | "warmth" | "softness" | "turbidity" | "exposure";
 
-const SLIDER_TEXTS: Record<Slider, (parameters: LightParameters) => string> = {
-  sun_azimuth: ({ sun_azimuth }) => formatAzimuth(sun_azimuth),
-  sun_elevation: ({ sun_elevation }) => `${sun_elevation.toFixed(1)}°`,
-  turbidity: ({ turbidity }) => turbidity.toFixed(1),
-  exposure: ({ exposure }) => formatFactor(exposure),
+/** What the words of a slider follow from. */
+interface Shown {
+  parameters: LightParameters;
+  estimate: LightParameters; // what the exposure counts from
+  irradiances: Irradiances;
+}
+
+const SLIDER_WORDS: Record<Slider, (shown: Shown) => Wording> = {
+  sun_azimuth: ({ parameters }) => ({ text: formatAzimuth(parameters.sun_azimuth), hint: "" }),
+  sun_elevation: ({ parameters }) => describeHeight(parameters.sun_elevation),
+  warmth: ({ irradiances }) => describeColor(irradiances),
+  softness: ({ irradiances, parameters }) => describeShadows(irradiances, parameters),
+  turbidity: ({ parameters }) => describeHaze(parameters.turbidity),
+  exposure: ({ parameters, estimate }) => describeExposure(parameters.exposure, estimate.exposure),
 };
-const NAMES = Object.keys(SLIDER_TEXTS) as Slider[];
+const NAMES = Object.keys(SLIDER_WORDS) as Slider[];
 
 /** Exposure is set in stops, as powers of two of the estimate's. */
 export class Sliders {
@@ -24,17 +41,20 @@ export class Sliders {
     this.sun.addEventListener("change", () => this.onChange({ sun: this.sun.checked }, "sun"));
   }
 
-  /** Puts every control where `parameters` are; `estimate` is what the exposure counts from. */
-  show(parameters: LightParameters, estimate: LightParameters): void {
+  /** Puts every control where the parameters are, and the words beside it. */
+  show(shown: Shown): void {
+    const { parameters, estimate } = shown;
     this.neutral = estimate.exposure;
     this.sun.checked = parameters.sun;
     for (const name of NAMES) {
       const input = this.input(name);
       input.value = String(this.position(name, parameters));
-      const text = SLIDER_TEXTS[name](parameters);
-      input.setAttribute("aria-valuetext", text);
-      this.output(name).value = text;
+      const { text, hint } = SLIDER_WORDS[name](shown);
+      input.setAttribute("aria-valuetext", hint ? `${text}, ${hint}` : text);
+      this.output(name).replaceChildren(text, ...(hint ? [" ", createElement("small", { textContent: hint })] : []));
     }
+    this.input("softness").disabled = !parameters.sun;
+    this.input("warmth").disabled = !parameters.sun;
   }
 
   private position(name: Slider, parameters: LightParameters): number {

@@ -1,0 +1,56 @@
+/** What the service says of a photo's ground, cell by cell. */
+
+import type { Point } from "../geometry/camera";
+import type { Pixels } from "../geometry/color";
+
+/** Values of 0 to 255, rows from the top. */
+export interface GroundMask {
+  width: number;
+  height: number;
+  firm: Uint8Array; // probability of firm, level ground
+  lit: Uint8Array; // how far the sun reaches it
+}
+
+/** Ground that lies in the sun everywhere: of a photo whose mask is not known. */
+export const SUNLIT: GroundMask = { width: 1, height: 1, firm: Uint8Array.of(255), lit: Uint8Array.of(255) };
+
+/** The mask in a picture of the service: its red and its green. */
+export function groundMaskFromPixels({ width, height, data }: Pixels): GroundMask {
+  const channel = (c: number): Uint8Array =>
+    Uint8Array.from({ length: width * height }, (_, i) => data[4 * i + c] as number);
+  return { width, height, firm: channel(0), lit: channel(1) };
+}
+
+/** How far the sun reaches a point of the photo, 0 to 1; 1 outside of it. The point is in shares of width and height. */
+export function sunlitAt({ width, height, lit }: GroundMask, [x, y]: Point): number {
+  if (x < 0 || x >= 1 || y < 0 || y >= 1) return 1;
+  return (lit[Math.floor(y * height) * width + Math.floor(x * width)] as number) / 255;
+}
+
+const SURE = 160; // of 255, from which a cell counts as firm and as lit
+const ROOM = 2; // cells beside one that are to be so, too
+
+/** The point nearest to another one where firm ground lies in the sun; null where none does. */
+export function nearestSunlit(mask: GroundMask, [x, y]: Point): Point | null {
+  const { width, height } = mask;
+  let best: Point | null = null;
+  let least = Number.POSITIVE_INFINITY;
+  for (let row = ROOM; row < height - ROOM; row++) {
+    for (let column = ROOM; column < width - ROOM; column++) {
+      const point: Point = [(column + 0.5) / width, (row + 0.5) / height];
+      const distance = ((point[0] - x) * width) ** 2 + ((point[1] - y) * height) ** 2;
+      if (distance < least && hasRoom(mask, column, row)) [best, least] = [point, distance];
+    }
+  }
+  return best;
+}
+
+function hasRoom({ width, firm, lit }: GroundMask, column: number, row: number): boolean {
+  for (const down of [-ROOM, 0, ROOM]) {
+    for (const right of [-ROOM, 0, ROOM]) {
+      const i = (row + down) * width + column + right;
+      if ((firm[i] as number) < SURE || (lit[i] as number) < SURE) return false;
+    }
+  }
+  return true;
+}
