@@ -92,7 +92,9 @@ def _plate_distance(scene: Scene) -> float:
 
 
 def _sun(scene: Scene) -> Json:
+    """It has no light where the spot lies in the photo's shade, since lights in glTF light everything."""
     color, intensity = color_and_intensity(scene.sun_irradiance)
+    intensity = 0.0 if scene.spot_in_shade else intensity
     return {"name": "Sun", "type": "directional", "color": color.tolist(), "intensity": intensity}
 
 

@@ -38,7 +38,7 @@ def folder_in_chroot() -> Iterator[Path]:
         shutil.rmtree(path)
 
 
-def run_in_chroot(folder: Path, command: str, seconds: float = 300.0) -> str:
+def run_in_chroot(folder: Path, command: str, seconds: float = 900.0) -> str:
     """What a shell command prints, run in a folder of `folder_in_chroot`; an error where it fails.
 
     Args:

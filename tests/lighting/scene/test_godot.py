@@ -1,27 +1,22 @@
 """The project for Godot: its numbers, and with Godot 4.6 the light that it renders."""
 
 import re
-import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenEXR
 import pytest
 from numpy.typing import NDArray
 
-from benchmarks.scene_measures import Picture, shadow_azimuth
 from lighting.color import srgb_decode
-from lighting.geometry import Floats, wrap_azimuth
 from lighting.scene import godot
-from lighting.scene.records import Scene, make_placeholder
-from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
-from tests.helpers.pages import ROOT
+from lighting.scene.records import Scene
+from tests.helpers.engines import folder_in_chroot, needs_engines
+from tests.helpers.renders import render_in_godot, shadow_error
 from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
-RENDER = ROOT / "tests" / "godot" / "render.gd"
 PICTURES = ("scene", "ground", "sky", "uniform")
 
 
@@ -82,15 +77,6 @@ def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(tmp_path: Pa
 # In Godot
 
 
-def rendered(scene: Scene, folder: Path, *names: str) -> dict[str, NDArray[np.float32]]:
-    """The pictures of render.gd, linear (h, w, 3)."""
-    godot.write_godot(scene, folder)
-    shutil.copy(RENDER, folder)
-    window = "xvfb-run -a -s '-screen 0 1024x768x24' godot --audio-driver Dummy --script render.gd -- "
-    run_in_chroot(folder, "godot --headless --import > import.log 2>&1; " + window + " ".join(names))
-    return {name: OpenEXR.File(str(folder / f"{name}.exr")).channels()["RGB"].pixels for name in names}
-
-
 def negative() -> Scene:
     """The sunlit scene with a plate that cannot be mistaken for its map."""
     return replace(sunlit_scene(), plate=255 - sunlit_scene().plate)
@@ -99,19 +85,7 @@ def negative() -> Scene:
 @pytest.fixture(scope="module")
 def pictures() -> Iterator[dict[str, NDArray[np.float32]]]:
     with folder_in_chroot() as folder:
-        yield rendered(negative(), folder, *PICTURES)
-
-
-def shadow_error(scene: Scene, pixels: Floats) -> float:
-    """Of the direction [deg] in which the stick's shadow points."""
-    placeholder = make_placeholder(scene)
-    expected = float(wrap_azimuth(scene.lighting.sun_azimuth + 180.0))
-    length = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
-    camera = (scene.vertical_fov, scene.lighting.camera_elevation, scene.lighting.camera_roll, scene.camera_position)
-    ball, foot = scene.spot + placeholder.ball_center, scene.spot + placeholder.stick_foot
-    reach = (0.3 * length, 0.9 * length)
-    picture = Picture(pixels, *camera, ball, placeholder.ball_radius, foot, reach, np.zeros((0, 4)))
-    return float(wrap_azimuth(shadow_azimuth(picture, expected) - expected))
+        yield render_in_godot(negative(), folder, *PICTURES)
 
 
 @needs_engines
@@ -146,7 +120,7 @@ def test_the_photo_stays_as_it_is_but_for_the_objects_and_their_shadow(
 def test_no_shadow_falls_on_shade() -> None:
     with folder_in_chroot() as folder:
         scene = half_shaded_scene()
-        picture = rendered(scene, folder, "scene")["scene"]
+        picture = render_in_godot(scene, folder, "scene")["scene"]
     ratio = picture / srgb_decode(scene.plate / 255.0)
     assert np.median(ratio[297:305, 230:235]) < 0.3
     assert np.median(ratio[320:325, 400:412]) > 0.9  # the stick's

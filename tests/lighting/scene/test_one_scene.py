@@ -1,0 +1,143 @@
+"""One scene for all tools: sun, light on the ground, shadow, camera and spot of three photos, as the files have them.
+
+By rendering where the renderer is a plain dependency (Mitsuba), else computed from the files. The tests of Godot and
+Blender render theirs in the chroot of scripts/engines.sh.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import mitsuba as mitsuba_renderer
+import numpy as np
+import pytest
+
+from lighting.estimator import Estimator
+from lighting.geometry import Floats
+from lighting.photo.reader import read_photo
+from lighting.scene import EXPORTERS
+from lighting.scene.records import Scene, make_placeholder, make_scene
+from lighting.scene.writer import write_scene
+from tests.helpers.exported import READERS, ExportedScene
+from tests.helpers.pages import ROOT
+
+mi: Any = mitsuba_renderer
+
+HEIGHTS = {
+    "garden_noon": 1.6,
+    "snow_field": 3.0,
+    "wide_street": 1.6,
+}  # m, of the cameras; the last has its spot in shade
+UP = np.array([0.0, 1.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def scenes() -> dict[str, Scene]:
+    estimator = Estimator()
+    made = {}
+    for name, height in HEIGHTS.items():
+        photo = read_photo((ROOT / "examples" / f"{name}.jpg").read_bytes(), target=320)
+        estimate = estimator(photo)
+        lighting = replace(estimate.lighting, camera_height=height)
+        made[name] = make_scene(photo, lighting, map_height=128, segments=estimate.segments)
+    assert [scene.spot_in_shade for scene in made.values()] == [False, False, True]
+    return made
+
+
+@pytest.fixture(params=HEIGHTS)
+def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
+    return scenes[request.param]
+
+
+@pytest.fixture(params=EXPORTERS)
+def tool(request: pytest.FixtureRequest) -> str:
+    return str(request.param)
+
+
+@pytest.fixture
+def exported(scene: Scene, tool: str, tmp_path: Path) -> ExportedScene:
+    write_scene(scene, tool, tmp_path / "out")
+    return READERS[tool](tmp_path / "out")
+
+
+def test_every_tool_has_the_scene(exported: ExportedScene, scene: Scene, tool: str) -> None:
+    # The camera, at its height, and the spot.
+    assert exported.camera_axes == pytest.approx(scene.camera_axes, abs=1e-5)
+    assert exported.camera_position == pytest.approx([0, scene.lighting.camera_height, 0], abs=1e-6)
+    assert exported.vertical_fov == pytest.approx(scene.vertical_fov, abs=1e-3)
+    assert exported.spot == pytest.approx(scene.spot, abs=1e-3)
+    # The sun, and the tip of the shadow of what is as tall as the stick.
+    assert exported.sun_direction == pytest.approx(scene.sun_direction, abs=1e-5)
+    height = make_placeholder(scene).stick_height
+    tips = [s.spot - s.sun_direction * height / s.sun_direction[1] for s in (exported, scene)]
+    assert tips[0] == pytest.approx(tips[1], abs=0.002)
+    # The shade rule.
+    if tool != "threejs":  # whose page follows it itself, wherever the object stands
+        assert exported.sun_reaches_object is not scene.spot_in_shade
+    if tool != "gltf" or not scene.spot_in_shade:  # glTF cannot leave the sun out for one object alone
+        assert exported.sun_irradiance == pytest.approx(scene.sun_irradiance, rel=0.01)
+    # The light on open ground, and on walls to either side and behind the object.
+    if exported.environment is not None:
+        level = exported.sky_irradiance(UP) + exported.sun_irradiance * exported.sun_direction[1]
+        assert level == pytest.approx(scene.sky_irradiance + scene.sun_irradiance * scene.sun_direction[1], rel=0.01)
+        ours = replace(exported, environment=scene.environment, map_azimuth=0.0)
+        for wall in ([1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]):
+            assert exported.sky_irradiance(np.array(wall)) == pytest.approx(
+                ours.sky_irradiance(np.array(wall)), rel=0.01
+            )
+
+
+def test_every_tool_that_takes_a_mask_has_the_same(exported: ExportedScene, scene: Scene, tool: str) -> None:
+    if exported.lit_ground is None:
+        assert tool in ("usd", "gltf")  # whose renderers put no shadows on a plate
+        return
+    height, width = exported.lit_ground.shape
+    receivers = scene.shadow_receivers
+    rows, columns = (
+        ((np.arange(count) + 0.5) / count * ours).astype(int)
+        for count, ours in zip((height, width), receivers.shape, strict=True)
+    )
+    ours = receivers[np.ix_(rows, columns)]
+    shown = ours >= 0.5 if tool == "threejs" or not scene.spot_in_shade else np.zeros_like(ours, bool)
+    assert (exported.lit_ground == shown).mean() > 0.97  # but at the edges of shade
+
+
+# Rendered by Mitsuba
+
+
+def measure(folder: Path, scene: Scene, points: Floats) -> Floats:
+    """Irradiance (N, 3) of the ground at points (N, 3) of the scene in a folder."""
+    loaded = mi.load_file(str(folder / "scene.xml"), samples=1, width=1, height=1)
+    values = []
+    for point in points:
+        meter = mi.load_dict(
+            {
+                "type": "radiancemeter",
+                "origin": [point[0], 1e-3, point[2]],
+                "direction": [0, -1, 0],
+                "film": {"type": "hdrfilm", "width": 1, "height": 1, "rfilter": {"type": "box"}},
+                "sampler": {"type": "independent", "sample_count": 16000},
+            }
+        )
+        values.append(np.array(mi.render(loaded, sensor=meter, seed=3))[0, 0, :3])
+    return np.array(values) * np.pi / scene.ground
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _variant() -> None:
+    mi.set_variant("scalar_rgb")
+
+
+def test_mitsuba_lights_and_shades_the_ground_as_the_scene_says(scene: Scene, tmp_path: Path) -> None:
+    write_scene(scene, "mitsuba", tmp_path / "out")
+    level = scene.sky_irradiance + scene.sun_irradiance * scene.sun_direction[1]
+    away = -scene.sun_direction * [1, 0, 1] / np.hypot(*scene.sun_direction[[0, 2]])
+    aside = np.array([-away[2], 0.0, away[0]]) * np.sign(away[2])  # to the left, where no stick's shadow falls
+    ball = make_placeholder(scene).ball_radius
+    middle = scene.spot + away * ball / np.tan(np.arcsin(scene.sun_direction[1]))  # of the ball's shadow
+    places = [0.0, 0.9, 1.1]  # across it, in radii
+    points = np.array([*(middle + place * ball * aside for place in places), scene.spot - 30 * ball * away])
+    shares = measure(tmp_path / "out", scene, points) / level
+    assert shares[-1] == pytest.approx(np.ones(3), rel=0.02)
+    assert (shares[:2] < scene.shadow + 0.02).all()
+    assert (shares[2] > 0.9).all()
