@@ -7,6 +7,7 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from typing import Any
 from urllib.parse import parse_qs, urlsplit
 
 import click
@@ -138,15 +139,19 @@ def test_the_commands_of_the_pages_are_right_usage(
     assert all(list(Path().glob(photo)) for photo in photos)
 
 
-def test_the_python_of_readme_runs(clone: tuple[Path, dict[str, str]]) -> None:
+@pytest.mark.slow
+@pytest.mark.parametrize("page", [README, ROOT / "docs" / "python.md"], ids=named)
+def test_the_python_of_the_pages_writes_the_map_of_the_command(page: Path, clone: tuple[Path, dict[str, str]]) -> None:
     folder, environment = clone
-    (code,) = blocks(README, "python")
-    done = subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, env=environment, capture_output=True, text=True, timeout=120
-    )
+    code = "\n".join(blocks(page, "python"))
+    options: Any = {"cwd": folder, "env": environment, "capture_output": True, "text": True, "timeout": 120}
+    done = subprocess.run([sys.executable, "-c", code], check=False, **options)
     assert done.returncode == 0, done.stderr
-    assert done.stdout.startswith("sun ")
-    assert lighting.read_exr(folder / "sky.exr")[0].shape == (512, 1024, 3)
+    command = ["lighting", "envmap", "examples/wide_street.jpg", "-o", "command.exr"]
+    assert subprocess.run(command, check=False, **options).returncode == 0
+    assert (folder / "sky.exr").read_bytes() == (folder / "command.exr").read_bytes()
+    assert (folder / "evening.exr").read_bytes() != (folder / "sky.exr").read_bytes()
+    assert (folder / "street").is_dir()
 
 
 @pytest.mark.parametrize("line", REQUESTS)
