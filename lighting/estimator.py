@@ -185,6 +185,7 @@ def render_lighting(
     height: int = 512,
     *,
     photo: PhotoInput | None = None,
+    user_input: UserInput = NO_USER_INPUT,
     sun: bool | None = None,
     disc: bool = True,
 ) -> NDArray[np.float32]:
@@ -196,6 +197,7 @@ def render_lighting(
         lighting: a record, such as `Lighting.from_dict` returns.
         height: rows, even, 16 to 4096.
         photo: of which the record is, as `estimate` takes it; the network sees it again. None: without.
+        user_input: what was stated of the photo when the record was made.
         sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
         disc: False leaves the sun's disc for a light of its own; the sun still lights the ground.
 
@@ -208,7 +210,7 @@ def render_lighting(
         return render(lighting, height, sun=sun, disc=disc)
     check_lighting(lighting)
     check_height(height)
-    return estimate(photo).replace(lighting=lighting).envmap(height, sun=sun, disc=disc)
+    return estimate(photo, user_input).replace(lighting=lighting).envmap(height, sun=sun, disc=disc)
 
 
 def _as_photo(source: Any) -> Photo:

@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +13,7 @@ from lighting.formatting import format_azimuth, format_sun_elevation, format_til
 from lighting.photo.reader import Photo, reread_photo
 from lighting.records import EstimatedLight, Lighting, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
+from lighting.validation import RANGES, check_range
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -75,14 +76,13 @@ class Estimate(EstimatedLight):
         """
         from lighting.envmap.relighting import Adjustments, adjust_lighting, edit_lighting
 
-        base = self
         if lighting is not None:
             check_lighting(lighting)
-            base = dataclasses.replace(self, lighting=lighting, photo_lighting=lighting)
-        light = adjust_lighting(base.lighting, Adjustments(sun, exposure, haze, overcast))
+        light = adjust_lighting(lighting or self.lighting, Adjustments(sun, exposure, haze, overcast))
         if camera_height is not None:
-            light = edit_lighting(light, {"camera_height": camera_height})
-        return dataclasses.replace(base, lighting=light)
+            check_range("camera_height", camera_height, *RANGES["camera_height"])
+            light = edit_lighting(light, {"camera_height": float(camera_height)})
+        return dataclasses.replace(self, lighting=light)
 
     def envmap(
         self,
@@ -170,12 +170,16 @@ class Estimate(EstimatedLight):
         from lighting.light_probe import compute_light_probe
 
         context = self._context(self.photo.pixels, surroundings, detail=False)
-        return compute_light_probe(self.lighting, context, sun=sun, yaw=yaw, sky=sky)
+        with ONE_BLAS_THREAD:
+            return compute_light_probe(self.lighting, context, sun=sun, yaw=yaw, sky=sky)
 
-    def preview(self, *, surroundings: bool | None = None, detail: bool = True) -> "Image.Image":
+    def preview(
+        self, *, sun: bool | None = None, surroundings: bool | None = None, detail: bool = True
+    ) -> "Image.Image":
         """Draw the photo, the sun's probability, the map and three spheres in the light, 1600 pixels wide.
 
         Args:
+            sun: as in `envmap`.
             surroundings: as in `envmap`.
             detail: as in `envmap`.
 
@@ -184,14 +188,12 @@ class Estimate(EstimatedLight):
         """
         from PIL import Image
 
-        from lighting.envmap.surroundings import render_view
-        from lighting.preview.picture import MAP_HEIGHT, PHOTO_SIDE, draw_preview_pixels
+        from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels
 
+        options: Any = {"lighting": self.lighting, "sun": sun, "surroundings": surroundings, "detail": detail}
         pixels = reread_photo(self.photo, PHOTO_SIDE).pixels
         with ONE_BLAS_THREAD:
-            context = self._context(pixels, surroundings, detail)
-            envmap, _ = render_view(self.lighting, MAP_HEIGHT, context=context)
-            return Image.fromarray(draw_preview_pixels(pixels, self, envmap))
+            return Image.fromarray(draw_preview_pixels(pixels, self._unchanged(), **options))
 
     def scene(
         self,
@@ -219,13 +221,17 @@ class Estimate(EstimatedLight):
 
         Raises:
             SceneError: the tool is unknown, or the folder cannot be written.
+            TypeError: the tool has no such option.
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
+        from lighting.scene import EXPORTERS
         from lighting.scene.records import PLATE_SIDE, make_scene
         from lighting.scene.writer import check_scene_target, write_scene
 
         check_scene_target(tool, folder, overwrite=overwrite)
+        for name in options.keys() - EXPORTERS[tool].options.keys():
+            raise TypeError(f"A scene for {tool} has no option {name!r}.")
         plate = reread_photo(self.photo, PLATE_SIDE)
         context = self._context(plate.pixels, surroundings, detail)
         with ONE_BLAS_THREAD:

@@ -236,10 +236,10 @@ def adjust_lighting(lighting: Lighting, adjustments: Adjustments) -> Lighting:
     changes: dict[str, float | Color] = {}
     if adjustments.sun is not None:
         azimuth, elevation = adjustments.sun
-        changes = {"sun_azimuth": float(wrap_azimuth(azimuth)), "sun_elevation": elevation}
+        changes = {"sun_azimuth": float(wrap_azimuth(azimuth)), "sun_elevation": float(elevation)}
         changes |= {"radius_50": 0.0, "radius_90": 0.0}
     if adjustments.haze is not None:
-        changes["turbidity"] = adjustments.haze
+        changes["turbidity"] = float(adjustments.haze)
     adjusted = edit_lighting(lighting, changes) if changes else lighting
     if adjustments.overcast:
         adjusted = _cover_sky(adjusted)

@@ -53,13 +53,35 @@ def preview_png(
         ParameterError: `estimate` is no EstimatedLight.
         PhotoError: `photo` is no photo's pixels.
     """
+    picture = draw_preview_pixels(photo, estimate, surroundings=surroundings, detail=detail, lighting=lighting, sun=sun)
+    return encode_png(picture, compress_level=PNG_LEVEL)
+
+
+def draw_preview_pixels(
+    photo: NDArray[np.uint8],
+    estimate: EstimatedLight,
+    *,
+    surroundings: bool | None = None,
+    detail: bool = True,
+    lighting: Lighting | None = None,
+    sun: bool | None = None,
+) -> NDArray[np.uint8]:
+    """The picture of a photo and its light, as sRGB pixels (H, 1600, 3); raises as `preview_png`.
+
+    Args:
+        photo: as in `preview_png`.
+        estimate: as in `preview_png`.
+        surroundings: as in `preview_png`.
+        detail: as in `preview_png`.
+        lighting: as in `preview_png`.
+        sun: as in `preview_png`.
+    """
     check_estimate(estimate)
     shown = estimate if lighting is None else replace(estimate, lighting=lighting)
     context = photo_context(estimate, photo, surroundings=surroundings, detail=detail)
     gain = shown.lighting.exposure / max(estimate.lighting.exposure, EPSILON_IRRADIANCE)
     envmap, _ = render_view(shown.lighting, MAP_HEIGHT, sun=sun, context=context)
-    picture = draw_preview_pixels(_expose(photo, gain), shown, envmap)
-    return encode_png(picture, compress_level=PNG_LEVEL)
+    return _draw_preview(_expose(photo, gain), shown, envmap)
 
 
 def _expose(photo: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
@@ -67,21 +89,13 @@ def _expose(photo: NDArray[np.uint8], gain: float) -> NDArray[np.uint8]:
     return photo if gain == 1 else srgb_bytes(SRGB_LINEAR[photo] * np.float32(gain))
 
 
-def draw_preview_pixels(
+def _draw_preview(
     photo: NDArray[np.uint8], estimate: EstimatedLight, envmap: NDArray[np.float32] | None = None
 ) -> NDArray[np.uint8]:
     """The same as sRGB pixels (H, 1600, 3).
 
-    Args:
-        photo: (H, W, 3) sRGB, upright.
-        estimate: the photo's light.
-        envmap: (H, 2H, 3), the light's own map in the photo's linear values, with or without the sun's disc; None: it
-            is rendered here.
-
-    Raises:
-        ParameterError: `estimate` is no EstimatedLight.
-        PhotoError: `photo` is no photo's pixels.
-        EnvironmentMapError: `envmap` is no map.
+    `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
+    it is rendered here. The errors are those of `preview_png`, and EnvironmentMapError for what is no map.
     """
     check_estimate(estimate)
     photo = check_pixels(photo)

@@ -37,7 +37,7 @@ from lighting.files.exr import write_exr
 from lighting.model import Model
 from lighting.photo.clock import parse_time, parse_utc_offset
 from lighting.photo.reader import check_photo, photo_from_array
-from lighting.preview.picture import draw_preview_pixels, preview_png
+from lighting.preview.picture import _draw_preview, preview_png
 from lighting.records import Lighting
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
@@ -77,8 +77,8 @@ TAKERS: dict[str, Callable[[Any], object]] = {
     "change: light": lambda thing: edit_lighting(thing, {"sun_azimuth": 3.0}),
     "preview_png: photo": lambda thing: preview_png(thing, ESTIMATE),
     "preview_png: estimate": lambda thing: preview_png(PIXELS, thing),
-    "draw_preview_pixels: photo": lambda thing: draw_preview_pixels(thing, ESTIMATE, MAP),
-    "draw_preview_pixels: map": lambda thing: draw_preview_pixels(PIXELS, ESTIMATE, thing),
+    "_draw_preview: photo": lambda thing: _draw_preview(thing, ESTIMATE, MAP),
+    "_draw_preview: map": lambda thing: _draw_preview(PIXELS, ESTIMATE, thing),
     "read_time: text": parse_time,
     "read_offset: text": parse_utc_offset,
     "make_scene: photo": lambda thing: make_scene(thing, LIGHT, map_height=16),

@@ -2,6 +2,7 @@
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 from PIL import Image
 
 import lighting
-from lighting import Estimate, Lighting, estimate, read_photo, render
+from lighting import Estimate, Lighting, UserInput, estimate, read_photo, render
 from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.surroundings import photo_context, render_with_surroundings
 from lighting.errors import EnvironmentMapError, ParameterError, PhotoError, SceneError
@@ -27,24 +28,31 @@ def answer() -> Estimate:
     return estimate(PHOTO)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("name", "height"), [("wide_street.jpg", 512), ("snow_field.jpg", 1024)])
-def test_the_map_is_that_of_the_command_to_the_last_bit(name: str, height: int, tmp_path: Path) -> None:
-    """The higher map shows more of the photo's pixels than the network does."""
-    photo = EXAMPLES / name
-    estimate(str(photo)).save(tmp_path / "python.exr", height)
-    assert run_command("envmap", photo, "-o", tmp_path / "command.exr", "--height", str(height)).returncode == 0
-    assert (tmp_path / "python.exr").read_bytes() == (tmp_path / "command.exr").read_bytes()
+def run_envmap(photo: Path, target: Path, *options: str) -> bytes:
+    assert run_command("envmap", photo, "-o", target, *options).returncode == 0
+    return target.read_bytes()
 
 
 @pytest.mark.slow
-def test_the_preview_is_that_of_the_command(answer: Estimate, tmp_path: Path) -> None:
-    assert run_command("preview", PHOTO, "-o", tmp_path / "command.png").returncode == 0
-    in_notebook = Image.open(io.BytesIO(answer._repr_png_()))
-    with Image.open(tmp_path / "command.png") as picture:
+def test_the_map_is_that_of_the_command_to_the_last_bit(tmp_path: Path) -> None:
+    """It is so high that it shows more of the photo's pixels than the network sees."""
+    photo = EXAMPLES / "snow_field.jpg"
+    estimate(str(photo)).save(tmp_path / "python.exr", 1024)
+    assert run_envmap(photo, tmp_path / "command.exr", "--height", "1024") == (tmp_path / "python.exr").read_bytes()
+
+
+@pytest.mark.slow
+def test_a_changed_map_and_preview_are_those_of_the_command(answer: Estimate, tmp_path: Path) -> None:
+    changed = answer.replace(sun=(40, 25), exposure=0.5, haze=8)
+    changed.save(tmp_path / "python.exr", 64, yaw=30)
+    options = ["--sun", "40,25", "--exposure", "+0.5", "--haze", "8"]
+    target, png = tmp_path / "command.exr", tmp_path / "command.png"
+    written = run_envmap(PHOTO, target, *options, "--height", "64", "--yaw", "30", "--preview", str(png))
+    assert written == (tmp_path / "python.exr").read_bytes()
+    in_notebook = Image.open(io.BytesIO(changed._repr_png_()))
+    with Image.open(png) as picture:
         np.testing.assert_array_equal(np.asarray(in_notebook), np.asarray(picture))
     assert in_notebook.format == "PNG"
-    assert in_notebook.width == 1600
 
 
 def test_a_photo_is_taken_in_every_form(answer: Estimate) -> None:
@@ -78,6 +86,15 @@ def test_a_stored_record_regains_the_place_with_its_photo(answer: Estimate) -> N
     np.testing.assert_array_equal(render(stored, 64, photo=PHOTO), answer.envmap(64))
     np.testing.assert_array_equal(render(stored, 64, photo=PHOTO, disc=False), answer.envmap(64, disc=False))
     np.testing.assert_allclose(render(stored, 64), answer.envmap(64, surroundings=False), rtol=1e-4)
+    edited = replace(stored, sun_azimuth=-90.0, sun_elevation=50.0, radius_50=0.0, radius_90=0.0)
+    np.testing.assert_array_equal(render(edited, 64, photo=PHOTO), answer.replace(lighting=edited).envmap(64))
+
+
+def test_a_record_of_what_the_user_stated_regains_the_place_with_that() -> None:
+    known = UserInput(time="2024-06-01T18:30+02:00", lat=48.14, lon=11.58, fov=60)
+    there = estimate(PHOTO, known)
+    stored = Lighting.from_dict(json.loads(json.dumps(there.lighting.to_dict())))
+    np.testing.assert_array_equal(render(stored, 64, photo=PHOTO, user_input=known), there.envmap(64))
 
 
 def test_a_changed_light_is_that_of_the_same_options(answer: Estimate) -> None:
@@ -127,6 +144,8 @@ def test_a_scene_is_written_for_a_tool(answer: Estimate, tmp_path: Path) -> None
     assert scene.plate.shape == reread_photo(answer.photo, 3840).pixels.shape
     with pytest.raises(SceneError, match="not empty"):
         answer.scene("usd", tmp_path / "street")
+    with pytest.raises(TypeError, match="no option 'up_axes'"):
+        answer.scene("usd", tmp_path / "other", up_axes="Z")
     with pytest.raises(SceneError, match="blender"):
         answer.scene("maya", tmp_path / "other")
     assert not (tmp_path / "other").exists()

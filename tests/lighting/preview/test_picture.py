@@ -15,9 +15,9 @@ from lighting.preview.panels import CAPTION, GAP, MARGIN, WARNING_LINE, WIDTH, l
 from lighting.preview.picture import (
     MAP_HEIGHT,
     _draw_headline,
+    _draw_preview,
     _format_numbers,
     _warning_lines,
-    draw_preview_pixels,
     preview_png,
 )
 from lighting.records import EvidenceKind, Lighting
@@ -26,7 +26,7 @@ from tests.helpers.scenes import GRAY, GRID, Bytes, amber, estimate, outdoors, p
 
 
 def draw(lighting: Lighting, width: int = 320, height: int = 240, probability: Floats | None = None) -> Bytes:
-    return draw_preview_pixels(photo(width, height), estimate(lighting, probability), small_map(lighting))
+    return _draw_preview(photo(width, height), estimate(lighting, probability), small_map(lighting))
 
 
 def part(picture: Bytes, name: str, aspect: float) -> NDArray[np.int64]:
@@ -70,7 +70,7 @@ def test_warnings_move_the_panels_down_and_change_nothing_else(width: int, heigh
 
 def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
     answer = estimate(outdoors(100.0, 30.0))
-    expected = draw_preview_pixels(photo(320, 240), answer, render(answer.lighting, MAP_HEIGHT))
+    expected = _draw_preview(photo(320, 240), answer, render(answer.lighting, MAP_HEIGHT))
     with Image.open(BytesIO(preview_png(photo(320, 240), answer))) as picture:
         assert picture.format == "PNG"
         assert np.array_equal(np.asarray(picture), expected)
