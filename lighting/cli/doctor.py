@@ -57,7 +57,7 @@ class _Finding:
 @click.option("-q", "--quiet", is_flag=True, help="Only what is missing and needed.")
 @click.pass_context
 def _doctor(ctx: click.Context, /, as_json: bool, quiet: bool) -> None:
-    """Say what of this installation works: network, page, extras, Blender.
+    """Say what works here: network, page, extras, Blender.
 
     The exit status is 1 where something is missing that every photo needs.
     """

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 @click.option("--preview", metavar="FILE.png", callback=outputs.check_file_name, help="Also draw the preview.")
 @click.pass_context
 def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **view: Any) -> None:
-    """Estimate the light of each PHOTO and render its environment map."""
+    """Render the environment map of each PHOTO."""
     photos.check_stdin(chosen.photos)
     names = outputs.choose_files(chosen.photos, chosen.output, outputs.MAPS, overwrite=chosen.overwrite)
     _check_preview(chosen, names, preview)
@@ -124,7 +124,7 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
 @common.json_option
 @common.silent_option
 def _render(record: str, output: str | None, overwrite: bool, photo: str | None, **options: Any) -> None:
-    """Render a lighting record as an environment map.
+    """Render the environment map of a lighting record.
 
     LIGHTING.json holds one record, or one line that "estimate --json" printed.
     """

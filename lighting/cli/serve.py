@@ -24,10 +24,17 @@ _POLL_SECONDS = 0.1
 _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 
 
-@cli.command("open")
+@cli.command(
+    "open",
+    examples=(
+        "lighting open                                       # the page, in your browser",
+        "lighting open photo.jpg                             # with the photo in it",
+        "BROWSER=firefox lighting open photo.jpg",
+    ),
+)
 @click.argument("photo", required=False, type=click.Path(exists=True, dir_okay=False, path_type=Path))
 def _open(photo: Path | None) -> None:
-    """Open the web page in your browser, with PHOTO in it if you name one.
+    """Open the web page in your browser, with PHOTO in it.
 
     The page and its service run on this machine alone, on a free port. Ctrl-C ends them.
     """
@@ -44,7 +51,14 @@ def _open(photo: Path | None) -> None:
     raise SystemExit(_run_service(settings, show))
 
 
-@cli.command("serve")
+@cli.command(
+    "serve",
+    examples=(
+        "lighting serve                                      # http://127.0.0.1:8000",
+        "lighting serve --port 9000",
+        "lighting serve --host 0.0.0.0 --port 80             # for other machines: read SECURITY.md first",
+    ),
+)
 @click.option("--host", help="Address to listen on; 0.0.0.0 listens on all. [default: 127.0.0.1]")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port to listen on; 0 picks a free one. [default: 8000]")
 def _serve(host: str | None, port: int | None) -> None:

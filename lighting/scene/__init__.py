@@ -90,8 +90,13 @@ EXPORTERS: dict[str, Exporter] = {
             *("unreal_scene.py", "unreal_scene.json", "environment.hdr", "ground_albedo.png", "ground_emission.png"),
             *SHARED_FILES,
         ),
+        opened_by="in Unreal, Tools > Execute Python Script: {file}",
     ),
-    "unity": Exporter(import_function("lighting.scene.unity", "write_unity"), files=("scene.unitypackage",)),
+    "unity": Exporter(
+        import_function("lighting.scene.unity", "write_unity"),
+        files=("scene.unitypackage",),
+        opened_by="in Unity, Assets > Import Package: {file}",
+    ),
     "mitsuba": Exporter(
         import_function("lighting.scene.mitsuba", "write_mitsuba"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),

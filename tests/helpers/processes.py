@@ -63,7 +63,7 @@ def error_of(result: Result, status: int = 1) -> str:
     assert result.stdout == ""
     line = result.stderr.splitlines()[-1]
     assert line.startswith("Error: ")
-    assert line.endswith(".")
+    assert line.endswith((".", "?"))
     assert len(result.stderr.splitlines()) == (1 if status == 1 else 4)
     return line.removeprefix("Error: ")
 
