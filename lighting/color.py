@@ -30,6 +30,7 @@ H273_CHROMATICITIES = {  # the same eight of other primaries, by their numbers i
 }
 ADOBE_RGB_CHROMATICITIES = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290)
 ADOBE_RGB_GAMMA = 563 / 256
+_REC709_ALPHA, _REC709_BETA = 1.09929682680944, 0.018053968510807  # of the curve of Rec.709
 _A = 0.17883277  # a, b and c of HLG
 _B, _C = 1.0 - 4.0 * _A, 0.5 - _A * math.log(4.0 * _A)
 _M1, _M2 = 2610 / 16384, 2523 / 32  # m1 and m2, c1 to c3 of PQ
@@ -89,6 +90,20 @@ def srgb_bytes(linear: ArrayLike) -> NDArray[np.uint8]:
 @lru_cache(maxsize=1)
 def _srgb_table() -> NDArray[np.uint8]:
     return np.round(srgb_encode(np.arange(_SRGB_STEPS + 1) / _SRGB_STEPS) * 255.0).astype(np.uint8)
+
+
+def rec709_decode(value: ArrayLike) -> Floats:
+    """Return scene light of values coded by the curve of Rec.709, which Rec.601 and Rec.2020 share (inverse OETF).
+
+    Args:
+        value: in [0, 1], of any shape.
+
+    References:
+        Rec. ITU-R BT.709-6, item 1.2; BT.2020-2, table 4, for the constants in full.
+    """
+    v = np.asarray(value)
+    powers = ((np.maximum(v, 0.0) + _REC709_ALPHA - 1.0) / _REC709_ALPHA) ** (1.0 / 0.45)
+    return np.where(v < 4.5 * _REC709_BETA, v / 4.5, powers)
 
 
 def hlg_decode(signal: ArrayLike) -> Floats:

@@ -15,7 +15,7 @@ from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError
-from lighting.fusion.estimate import build_estimate, check_metadata, predict_photo
+from lighting.fusion.estimate import PhotoPrediction, build_estimate, predict_with_metadata
 from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
@@ -73,8 +73,11 @@ class Estimator:
             PhotoError: `photo` is no Photo.
             ParameterError: `user_input` is no UserInput.
         """
+        return self._predict(photo, user_input).prediction
+
+    def _predict(self, photo: Photo, user_input: UserInput) -> PhotoPrediction:
         _check_arguments([photo], user_input)
-        return predict_photo(self.model, photo, user_input)
+        return predict_with_metadata(self.model, photo, user_input)
 
     def __call__(self, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Estimate:
         """Estimate the photo's light from its pixels, its metadata and what the user states.
@@ -88,7 +91,7 @@ class Estimator:
             PhotoError: `photo` is no Photo.
             ParameterError: the user's time and place are of night.
         """
-        return estimate_from_prediction(photo, self.predict(photo, user_input), user_input)
+        return estimate_from_prediction(photo, self._predict(photo, user_input), user_input)
 
     def estimate_views(
         self,
@@ -120,12 +123,12 @@ class Estimator:
         check_headings(len(photos), headings, user_input.heading)
         if len(photos) < 2:
             return [self(photo, user_input) for photo in photos]
-        predictions = [self.predict(photo, user_input) for photo in photos]
-        checked = [check_metadata(p.metadata, one, user_input) for p, one in zip(photos, predictions, strict=True)]
-        observed = observations_multi([metadata for metadata, _ in checked], user_input)
+        predicted = [self._predict(photo, user_input) for photo in photos]
+        predictions = [one.prediction for one in predicted]
+        observed = observations_multi([one.metadata for one in predicted], user_input)
         observed = [
-            _with_warnings(prior, (*photo.warnings, *warnings))
-            for prior, photo, (_, warnings) in zip(observed, photos, checked, strict=True)
+            _with_warnings(prior, (*photo.warnings, *one.warnings))
+            for prior, photo, one in zip(observed, photos, predicted, strict=True)
         ]
         observations = [one.observations for one in observed]
         views = None
@@ -232,20 +235,22 @@ def _packaged_estimator() -> Estimator:
     return Estimator(Model.load(for_one_photo=True))
 
 
-def estimate_from_prediction(photo: Photo, prediction: Prediction, user_input: UserInput = NO_USER_INPUT) -> Estimate:
+def estimate_from_prediction(
+    photo: Photo, predicted: PhotoPrediction, user_input: UserInput = NO_USER_INPUT
+) -> Estimate:
     """Estimate a photo's light from the network's prediction, its metadata and what the user states.
 
     Args:
         photo: as `lighting.read_photo` returns it.
-        prediction: as `Estimator.predict` returns it.
+        predicted: by `predict_with_metadata`, of this photo and this input.
         user_input: what the user states of the photo.
 
     Raises:
         ParameterError: the user's time and place are of night.
     """
-    metadata, warnings = check_metadata(photo.metadata, prediction, user_input)
-    observed = _with_warnings(observations_single(metadata, user_input), (*photo.warnings, *warnings))
-    posterior = fuse_single_view(prediction, observed.observations, photo.pixels)
+    prior = observations_single(predicted.metadata, user_input)
+    observed = _with_warnings(prior, (*photo.warnings, *predicted.warnings))
+    posterior = fuse_single_view(predicted.prediction, observed.observations, photo.pixels)
     estimate = describe_ground(photo, build_estimate(posterior, observed), observed.is_aerial)
     return Estimate.of_photo(photo, apply_photo_colors([photo], [estimate])[0])
 

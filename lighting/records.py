@@ -592,17 +592,25 @@ def record_with_coefficients(lighting: Lighting, probe: "LightProbe | None" = No
 
 
 def json_line(
-    name: str, answer: Lighting | str, probe: "LightProbe | None" = None, outputs: Mapping[str, str] = {}
+    name: str,
+    answer: Lighting | str,
+    probe: "LightProbe | None" = None,
+    outputs: Mapping[str, str] = {},
+    *,
+    crop: Mapping[str, int] | None = None,
 ) -> str:
-    """Return one line of JSON about a photo: its `lighting` record, or the `error` in place of one.
+    """Return one line of JSON about a photo: its `lighting` record and `crop`, or the `error` in place of them.
 
     Args:
         name: of the photo's file.
         answer: the photo's light, or the sentence that says why it has none.
         probe: for `light_probe` of the record; None: without.
         outputs: names of files that were made of it, such as `output`.
+        crop: the fields of the photo's `PhotoCrop`; None where the whole picture is the photo.
     """
-    content = {"error": answer} if isinstance(answer, str) else {"lighting": record_with_coefficients(answer, probe)}
+    content: Json = {"error": answer}
+    if not isinstance(answer, str):
+        content = {"lighting": record_with_coefficients(answer, probe), **({"crop": dict(crop)} if crop else {})}
     return json.dumps({"file": name, **outputs, **content}, allow_nan=False)
 
 

@@ -177,8 +177,13 @@ class Service:
     def reread_photo(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
         """The same without counting: the photo again, in more pixels for people to look at."""
         seconds = self.settings.decode_seconds if seconds is None else seconds
-        limits = {"max_bytes": self.settings.max_bytes, "max_pixels": self.settings.max_pixels}
-        return read_photo_isolated(data, **limits, target=target, seconds=seconds)
+        return read_photo_isolated(
+            data,
+            max_bytes=self.settings.max_bytes,
+            max_pixels=self.settings.max_pixels,
+            target=target,
+            seconds=seconds,
+        )
 
     def estimate(
         self,

@@ -3,6 +3,7 @@
 import json
 import os
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -54,11 +55,12 @@ class BatchJob:
 
 @dataclass(frozen=True, eq=False)
 class PhotoLight:
-    """The light of a photo, its probe, and the surroundings that its map shows, if it shows any."""
+    """The light of a photo, its probe, the surroundings that its map shows, if any, and its crop in a border."""
 
     lighting: "Lighting"
     probe: "LightProbe"
     context: "PhotoContext | None"
+    crop: dict[str, int] | None = None  # the fields of PhotoCrop
 
 
 @dataclass(frozen=True)
@@ -167,7 +169,9 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions)
     write_exr(target, image, lighting, compression=maps.compression, probe=probe)
 
 
-def estimate_or_error(estimator: "Estimator", source: Path | bytes, job: BatchJob) -> PhotoLight | str:
+def estimate_or_error(
+    estimator: "Estimator", source: Path | bytes, job: BatchJob, sidecar: Mapping[str, str] | None = None
+) -> PhotoLight | str:
     """Estimate the light of a photo, or return one sentence that says why it has none; other errors are raised.
 
     The photo is decoded in a process of its own: one that would take too long or too much memory fails alone.
@@ -176,14 +180,16 @@ def estimate_or_error(estimator: "Estimator", source: Path | bytes, job: BatchJo
         estimator: of this worker.
         source: the photo's file, or its bytes.
         job: the batch.
+        sidecar: what `read_sidecar` returned; None: look beside a file.
     """
     from lighting.photo.sandbox import read_photo_isolated
 
     try:
-        photo = read_photo_isolated(source, seconds=DECODE_SECONDS)
+        photo = read_photo_isolated(source, seconds=DECODE_SECONDS, sidecar=sidecar)
         estimate = estimator(photo, job.user_input)
         context = _map_context(source, photo, estimate, job.maps) if job.maps else None
-        return PhotoLight(estimate.lighting, estimate.light_probe(), context)
+        crop = asdict(photo.crop) if photo.crop else None
+        return PhotoLight(estimate.lighting, estimate.light_probe(), context, crop)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return describe_error(error)
 

@@ -124,7 +124,7 @@ def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool]]:
             return json_line(name, answer), True
         if job.maps and (sentence := _write_map(Path(job.out, f"{name}.exr"), answer, job.maps)):
             return json_line(name, sentence), True
-        return json_line(name, answer.lighting, answer.probe), False
+        return json_line(name, answer.lighting, answer.probe, crop=answer.crop), False
 
     return work
 

@@ -10,6 +10,7 @@ import posixpath
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from importlib.util import find_spec
+from pathlib import Path
 from time import monotonic
 from typing import Any
 
@@ -17,6 +18,7 @@ from lighting.batch import job as jobs
 from lighting.batch.photo_files import PHOTO_SUFFIXES, find_photos, is_set_aside
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, has_lights, table_row, table_schema
 from lighting.errors import BatchError, MissingExtraError, require_extra
+from lighting.photo.sidecar import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.records import Json
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")
@@ -90,16 +92,40 @@ class _PhotoActor:
     def __init__(self, job: jobs.BatchJob) -> None:
         self.job = job
         self.estimator = jobs.load_worker_estimator(job)
-        self.base = _filesystem_at(job.source)[1]
+        self.filesystem, self.base = _filesystem_at(job.source)
+        self._folders: dict[str, frozenset[str]] = {}  # the files in folders where photos were
 
     def __call__(self, photo: Json) -> Json:
         name = posixpath.relpath(photo["path"], self.base)
-        answer = jobs.estimate_or_error(self.estimator, photo["bytes"], self.job)
+        sidecar = read_sidecar(photo["path"], self._read_beside)
+        answer = jobs.estimate_or_error(self.estimator, photo["bytes"], self.job, sidecar)
         if isinstance(answer, str):
             return table_row(name, answer)
         if self.job.maps:
             _write_map(self.job, name, answer)
-        return table_row(name, answer.lighting)
+        row = table_row(name, answer.lighting, answer.crop)
+        if row["utc_time"] is not None:
+            row["utc_time"] = row["utc_time"].isoformat()  # Ray would pickle it; the schema makes a time of it
+        return row
+
+    def _read_beside(self, file: Path) -> bytes | None:
+        """What a small file of a photo's folder holds; None where there is none."""
+        path = file.as_posix()
+        if path not in self._files_in(posixpath.dirname(path)):
+            return None
+        try:
+            with self.filesystem.open_input_stream(path) as stream:
+                return bytes(stream.read(MAX_SIDECAR_BYTES + 1))
+        except OSError:
+            return None
+
+    def _files_in(self, folder: str) -> frozenset[str]:
+        from pyarrow.fs import FileSelector
+
+        if folder not in self._folders:
+            entries = self.filesystem.get_file_info(FileSelector(folder))
+            self._folders[folder] = frozenset(entry.path for entry in entries if entry.is_file)
+        return self._folders[folder]
 
 
 def _map_photos(job: jobs.BatchJob, names: Sequence[str], workers: int | None, progress: bool) -> None:

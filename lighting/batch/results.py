@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, fields
 from datetime import datetime
@@ -154,17 +154,18 @@ def _lock(file: BinaryIO, path: Path) -> None:
         raise BatchError(f"Another batch is running in {path.parent}.") from error
 
 
-def table_row(name: str, light: Lighting | str) -> Json:
+def table_row(name: str, light: Lighting | str, crop: Mapping[str, int] | None = None) -> Json:
     """Make the row of a photo.
 
     Args:
         name: of the photo.
         light: its light, or the reason why it has none.
+        crop: the fields of its PhotoCrop; None where the whole picture is the photo.
     """
     file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
     if isinstance(light, str):
-        return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting))}
-    return {"file": file, "error": None, **asdict(light)}
+        return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting)), "crop": None}
+    return {"file": file, "error": None, **asdict(light), "crop": crop}
 
 
 def require_parquet(out: Path) -> None:
@@ -225,9 +226,12 @@ def read_suitable(results: Path) -> Iterator[float | None]:
 
 def table_schema() -> Any:
     """Return the table's pyarrow.Schema; raises MissingExtraError if pyarrow is not installed."""
+    from lighting.photo.reader import PhotoCrop
+
     pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "all")
     kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
-    return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds})
+    crop = pyarrow.struct({field.name: pyarrow.int64() for field in fields(PhotoCrop)})
+    return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds, "crop": crop})
 
 
 def _kind(pyarrow: Any, hint: Any) -> Any:
@@ -247,4 +251,4 @@ def _rows(journal: Path) -> Iterator[Json]:
             light = record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
         except ParameterError as error:
             raise BatchError(f"{journal}, line {number}: {error}") from error
-        yield table_row(record["file"], light)
+        yield table_row(record["file"], light, record.get("crop"))

@@ -30,12 +30,13 @@ if TYPE_CHECKING:
 
     from lighting.envmap.surroundings import PhotoContext
     from lighting.estimator import Estimator
+    from lighting.fusion.estimate import PhotoPrediction
     from lighting.fusion.user_input import UserInput
     from lighting.light_probe import LightProbe
     from lighting.model import Model
-    from lighting.photo.reader import Photo
+    from lighting.photo.reader import Photo, PhotoCrop
     from lighting.photo_estimate import Estimate
-    from lighting.records import Lighting, Prediction
+    from lighting.records import Lighting
 
 _PHOTO_HEADS = (b"\xff\xd8\xff", b"\x89PNG", b"II*\0", b"MM\0*")  # of JPEG, PNG and TIFF
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
@@ -61,6 +62,7 @@ def print_estimate(
     outputs: Mapping[str, str] = {},
     *,
     probe: "LightProbe | None" = None,
+    crop: "PhotoCrop | None" = None,
     as_json: bool,
     quiet: bool,
 ) -> None:
@@ -72,14 +74,18 @@ def print_estimate(
         warnings: for people; JSON has those of the record.
         outputs: the files that were written, by their names in JSON; with some, quiet hides the line for people.
         probe: for JSON; None: without.
+        crop: for JSON, the photo's part of the picture; None where it has no border.
         as_json: which of both; stdout must hold nothing else.
         quiet: print no warnings.
     """
+    from dataclasses import asdict
+
     from lighting.records import json_line
 
     if as_json:
         files = {key: escape_undecodable(file) for key, file in outputs.items()}
-        click.echo(json_line(escape_undecodable(name), lighting, probe, files))
+        inner = asdict(crop) if crop else None
+        click.echo(json_line(escape_undecodable(name), lighting, probe, files, crop=inner))
         return
     closed = bool(outputs) and not sys.stdout.writable()  # what matters is written
     if not (outputs and quiet) and not closed and "-" not in outputs.values():
@@ -416,13 +422,13 @@ def estimate_photo(
         from lighting.photo.reader import read_photo
 
         picture = read_photo(data, path=path_of(name))
-        prediction = pool.submit(lambda: _predict(network.result(), picture, user_input))
+        predicted = pool.submit(lambda: _predict(network.result(), picture, user_input))
         from lighting.estimator import estimate_from_prediction
         from lighting.segmentation import packaged_segmenter
 
         packaged_segmenter()  # loads it
         meanwhile()
-    return picture, estimate_from_prediction(picture, prediction.result(), user_input)
+    return picture, estimate_from_prediction(picture, predicted.result(), user_input)
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
@@ -435,10 +441,10 @@ def _load_for_one_photo(model: str | None) -> "Model":
     return Model.from_session(started, packaged_model())
 
 
-def _predict(network: "Model", photo: "Photo", user_input: "UserInput") -> "Prediction":
-    from lighting.fusion.estimate import predict_photo  # in the thread that waits for the network
+def _predict(network: "Model", photo: "Photo", user_input: "UserInput") -> "PhotoPrediction":
+    from lighting.fusion.estimate import predict_with_metadata  # in the thread that waits for the network
 
-    return predict_photo(network, photo, user_input)
+    return predict_with_metadata(network, photo, user_input)
 
 
 def warm_up() -> None:

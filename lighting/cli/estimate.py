@@ -117,7 +117,8 @@ def _estimate(
         for name, answer in answers_of(progress):
             if not isinstance(answer, Exception):
                 light, probe = answer.lighting, answer.light_probe() if as_json else None
-                console.print_estimate(name, light, answer.warnings, probe=probe, as_json=as_json, quiet=quiet)
+                crop, warnings = answer.photo.crop, answer.warnings
+                console.print_estimate(name, light, warnings, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
                 lights.append(light)
                 continue
             if ctx.find_root().params["debug"]:

@@ -8,7 +8,7 @@ References:
     [2] Boutell and Luo, CVPR 2004.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,8 +39,28 @@ _ODDS_EXPONENT = 2.5  # doublings of the odds of daylight for each EV: scenes an
 _MAX_SUITABLE_NO_PHOTO = 0.01  # of pictures that are no photo of one view
 
 
+@dataclass(frozen=True, eq=False)
+class PhotoPrediction:
+    """The network's prediction for a photo, and the photo's metadata as far as the pixels let them be true."""
+
+    prediction: Prediction  # with the camera by the photo's straight lines too
+    metadata: PhotoMetadata  # whose place has a hemisphere and whose lens the pixels do not exclude
+    warnings: tuple[CodedWarning, ...]  # of the metadata
+
+
 def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Prediction:
-    """The network's prediction for a photo, with the camera by its straight lines too.
+    """The prediction of `predict_with_metadata`.
+
+    Args:
+        model: as there.
+        photo: as there.
+        user_input: as there.
+    """
+    return predict_with_metadata(model, photo, user_input).prediction
+
+
+def predict_with_metadata(model: Model, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> PhotoPrediction:
+    """The network's prediction for a photo, with the camera by its straight lines too, and what metadata count.
 
     Where the photo or its user tells the lens, elevation and roll are those of a camera with it.
 
@@ -50,22 +70,17 @@ def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_IN
         user_input: what the user states of the photo.
     """
     prediction = model.predict(preprocess(photo, model.spec))[0]
+    metadata, warnings = _check_metadata(photo.metadata, prediction, user_input)
     if photo.is_collage or (user_input.metadata and photo.metadata.is_panorama):
-        return _as_unsuitable(prediction)
-    metadata, _ = check_metadata(photo.metadata, prediction, user_input)
-    return screen_prediction(prediction, photo.pixels, camera_observations(metadata, user_input).vertical_fov)
+        return PhotoPrediction(_as_unsuitable(prediction), metadata, warnings)
+    lens = camera_observations(metadata, user_input).vertical_fov
+    return PhotoPrediction(screen_prediction(prediction, photo.pixels, lens), metadata, warnings)
 
 
-def check_metadata(
-    metadata: PhotoMetadata, prediction: Prediction, user_input: UserInput = NO_USER_INPUT
+def _check_metadata(
+    metadata: PhotoMetadata, prediction: Prediction, user_input: UserInput
 ) -> tuple[PhotoMetadata, tuple[CodedWarning, ...]]:
-    """The metadata whose place has a hemisphere and whose lens the pixels do not exclude; and what is to be said of it.
-
-    Args:
-        metadata: of the photo's file.
-        prediction: of the network, with the lens by the pixels.
-        user_input: what the user states; nothing is said of what it replaces.
-    """
+    """The metadata of a PhotoPrediction, and its warnings, none of what the user replaces."""
     if not user_input.metadata:
         return metadata, ()
     warnings: tuple[CodedWarning, ...] = ()

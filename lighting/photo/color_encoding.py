@@ -37,17 +37,20 @@ from lighting.color import (
     chromaticities_to_rec709,
     hlg_decode,
     pq_decode,
+    rec709_decode,
     srgb_bytes,
     srgb_decode,
 )
 from lighting.geometry import Floats
 from lighting.photo.tags import read_ifd, read_text, try_read
 
-_Curve = float | Literal["srgb", "pq", "hlg"]  # a number is the exponent of value^exponent
+_Curve = float | Literal["srgb", "rec709", "pq", "hlg"]  # a number is the exponent of value^exponent
 _Matrix = NDArray[np.float32]
 
-_H273_CURVES: Mapping[int, _Curve] = {4: 2.2, 5: 2.8, 8: 1.0, 16: "pq", 17: 2.6, 18: "hlg"}  # the rest count as sRGB
-_H273_KNOWN_CURVES = (1, 4, 5, 6, 7, 8, 11, 13, 14, 15, 16, 17, 18)
+_H273_CURVES: Mapping[int, _Curve] = {  # by their numbers; SMPTE 240's differs from Rec.709's by three levels
+    **dict.fromkeys((1, 6, 7, 11, 14, 15), "rec709"),
+    **{4: 2.2, 5: 2.8, 8: 1.0, 13: "srgb", 16: "pq", 17: 2.6, 18: "hlg"},
+}
 _UNSPECIFIED, _REC2020 = 2, 9  # numbers of H.273, the latter of primaries
 _PNG_GAMMAS = (0.25, 1.2)  # of a gAMA that is believed
 _SRGB_GAMMA, _LIKE_SRGB = 1 / 2.2, 0.05  # a gAMA that stands for sRGB, and the relative difference up to which it does
@@ -112,7 +115,7 @@ def _by_code_points(primaries: int, curve: int, full_range: bool) -> ColorEncodi
 
     Primaries alone have sRGB's curve, and HDR curves alone have Rec.2020's primaries.
     """
-    if curve not in _H273_KNOWN_CURVES and not (curve == _UNSPECIFIED and primaries in H273_CHROMATICITIES):
+    if curve not in _H273_CURVES and not (curve == _UNSPECIFIED and primaries in H273_CHROMATICITIES):
         return None
     unstated = _REC2020 if _H273_CURVES.get(curve) in _HDR_CURVES else _UNSPECIFIED
     chromaticities = H273_CHROMATICITIES.get(primaries, H273_CHROMATICITIES.get(unstated))
@@ -274,6 +277,10 @@ def _hdr_curve(profile: bytes) -> Literal["pq", "hlg"] | None:
 
 
 _HDR_CURVES: dict[Literal["pq", "hlg"], Callable[[Floats], Floats]] = {"pq": pq_decode, "hlg": hlg_decode}
+_CURVES: Mapping[str, Callable[[Floats], Floats]] = {
+    **{"srgb": srgb_decode, "rec709": rec709_decode},
+    **{"pq": pq_decode, "hlg": hlg_decode},
+}
 
 
 def _profile_transform(profile: bytes) -> Callable[[Image.Image], NDArray[np.uint8]] | None:
@@ -331,8 +338,7 @@ def _curve_table(curve: _Curve, full_range: bool) -> NDArray[np.float32]:
         levels = np.clip((np.arange(256) - _NARROW_BLACK) / (_NARROW_WHITE - _NARROW_BLACK), 0.0, 1.0)
     if isinstance(curve, float):
         return np.asarray(levels**curve, dtype=np.float32)
-    decode = srgb_decode if curve == "srgb" else _HDR_CURVES[curve]
-    return np.asarray(decode(levels), dtype=np.float32)
+    return np.asarray(_CURVES[curve](levels), dtype=np.float32)
 
 
 def _hlg_ootf(scene: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -16,7 +16,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, fields, is_dataclass
 from datetime import datetime
@@ -96,6 +96,7 @@ def read_photo_isolated(
     max_pixels: int = MAX_PIXELS,
     target: int | None = TARGET,
     seconds: float = MAX_DECODE_SECONDS,
+    sidecar: Mapping[str, str] | None = None,
 ) -> Photo:
     """What `read_photo` returns or raises, from another process.
 
@@ -108,13 +109,16 @@ def read_photo_isolated(
         max_pixels: as in `read_photo`.
         target: as in `read_photo`.
         seconds: that reading may take.
+        sidecar: what `read_sidecar` returned; None: look beside a path.
     """
     if not isinstance(source, bytes):
         _check_file(Path(source))
     data = read_bytes(source, max_bytes)
-    sidecar = () if isinstance(source, bytes) else tuple(read_sidecar(source).items())
+    if sidecar is None:
+        sidecar = {} if isinstance(source, bytes) else read_sidecar(source)
+    request = DecodeRequest(len(data), max_bytes, max_pixels, target, seconds, tuple(sidecar.items()))
     with _borrow_decoder() as decoder:
-        return decoder.read(DecodeRequest(len(data), max_bytes, max_pixels, target, seconds, sidecar), data)
+        return decoder.read(request, data)
 
 
 def _check_file(path: Path) -> None:

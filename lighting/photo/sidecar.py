@@ -8,13 +8,14 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 from lighting.photo.tags import EXIF_NAMESPACE, MAX_XMP_BYTES, read_number, read_xmp
 
+MAX_SIDECAR_BYTES = MAX_XMP_BYTES  # of a file that is read; larger ones count as absent
 TAKEOUT_TIME = "https://takeout.google.com photoTakenTime"  # property of a time in UTC, as Google guessed it
 
 _CAPTURE = (  # how the names of properties of the exposure begin
@@ -32,18 +33,25 @@ _EDITED = re.compile(  # how Google calls the copy that a user changed, which sh
 )
 
 
-def read_sidecar(path: str | os.PathLike[str]) -> dict[str, str]:
+def read_sidecar(path: str | os.PathLike[str], read: Callable[[Path], bytes | None] | None = None) -> dict[str, str]:
     """The XMP properties, by namespace and name, of the files that lie beside a photo. Never raises.
 
     Args:
         path: of the photo.
+        read: returns what a file holds, of which MAX_SIDECAR_BYTES count; None where there is none. None: of this
+            machine's files.
     """
     photo = Path(path)
     properties: dict[str, str] = {}
+
+    def small(file: Path) -> bytes | None:
+        data = (read or _read_start)(file)
+        return data if data is not None and len(data) <= MAX_SIDECAR_BYTES else None
+
     for file in _xmp_files(photo):
-        properties = {**_of_capture(read_xmp(_read_small(file))), **properties}
+        properties = {**_of_capture(read_xmp(small(file))), **properties}
     for file in _takeout_files(photo):
-        properties = {**_takeout_properties(_read_small(file)), **properties}
+        properties = {**_takeout_properties(small(file)), **properties}
     return properties
 
 
@@ -83,14 +91,13 @@ def _original(stem: str) -> str:
     return stem if original == composed else original
 
 
-def _read_small(file: Path) -> bytes | None:
-    """What a small file holds; None for one that is absent, large or not to be read."""
+def _read_start(file: Path) -> bytes | None:
+    """The start of a file; None for one that is absent or not to be read."""
     try:
         with file.open("rb") as stream:
-            data = stream.read(MAX_XMP_BYTES + 1)
+            return stream.read(MAX_SIDECAR_BYTES + 1)
     except (OSError, ValueError):  # ValueError: a NUL in the name
         return None
-    return data if len(data) <= MAX_XMP_BYTES else None
 
 
 def _takeout_properties(data: bytes | None) -> dict[str, str]:

@@ -6,6 +6,7 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -62,7 +63,10 @@ def rows(out: Path) -> list[dict[str, Any]]:
 
 
 def test_ray_and_the_pool_agree(cluster: Any, photos: Path, tmp_path: Path, network: Path) -> None:
+    """On sidecars, too."""
     assert cluster.list_all_nodes()
+    taken = {"photoTakenTime": {"timestamp": "1717253400"}, "geoData": {"latitude": 48.1, "longitude": 11.6}}
+    (photos / "00.jpg.supplemental-metadata.json").write_text(json.dumps(taken))
     result = on_ray(photos / "*.jpg", tmp_path / "ray", "--model", network)
     assert result.exit_code == 1
     assert f"Photos that failed: 1; the reasons are in {tmp_path / 'ray'}.\n" in result.stderr
@@ -70,6 +74,7 @@ def test_ray_and_the_pool_agree(cluster: Any, photos: Path, tmp_path: Path, netw
     assert run(photos / "*.jpg", tmp_path / "pool", "--model", network, "--parquet", "--workers", 1).exit_code == 1
     assert len(rows(tmp_path / "ray")) == MANY // 2 + 1
     assert rows(tmp_path / "ray") == rows(tmp_path / "pool")
+    assert rows(tmp_path / "ray")[0]["utc_time"] == datetime(2024, 6, 1, 14, 50, tzinfo=UTC)
 
 
 def test_each_photo_once_though_a_node_is_lost(cluster: Any, photos: Path, tmp_path: Path, network: Path) -> None:

@@ -7,13 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from PIL import Image
+from PIL import Image, ImageOps
+from pyarrow.parquet import read_table
 
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr
-from lighting.records import Lighting, record_with_coefficients
+from lighting.records import Lighting, record_with_coefficients, unwrap_record
 from tests.helpers.lights import without_probe
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
+
+EXAMPLE = Path(__file__).parents[3] / "examples" / "wide_street.jpg"
 
 
 def test_a_bad_photo_does_not_stop_the_others(network: Path, photo_path: Path, tmp_path: Path) -> None:
@@ -88,6 +91,21 @@ def test_estimate_as_json(network: Path, photo_path: Path, expected: Lighting) -
     assert without_probe(first.pop("lighting")) == record_with_coefficients(expected)
     assert first == {"file": str(photo_path)}
     assert (result.exit_code, result.stderr) == (0, "")
+
+
+def test_json_of_a_photo_inside_a_border_says_where_it_lies(network: Path, tmp_path: Path) -> None:
+    with Image.open(EXAMPLE) as example:
+        photo = example.convert("RGB").resize((480, 270))
+    ImageOps.expand(photo, (0, 45), "black").save(tmp_path / "a.png")
+    line = json.loads(invoke_command("estimate", "--json", tmp_path / "a.png", "--model", network).stdout)
+    inner = {"left": 0, "top": 45, "width": 480, "height": 270}
+    assert line["crop"] == {**inner, "picture_width": 480, "picture_height": 360}
+    assert set(line) == {"file", "lighting", "crop"}
+    assert unwrap_record(line) == line["lighting"]
+    out = tmp_path / "out"
+    assert invoke_command("batch", tmp_path / "*.png", out, "--parquet", "--model", network).exit_code == 0
+    assert json.loads((out / "lighting.jsonl").read_text()) == {**line, "file": "a.png"}
+    assert read_table(out / "lighting.parquet")["crop"].to_pylist() == [line["crop"]]
 
 
 def test_a_bad_network_is_one_sentence(photo_path: Path) -> None:

@@ -30,6 +30,11 @@ def pq(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.array(((3424 / 4096 + 2413 / 128 * power) / (1 + 2392 / 128 * power)) ** (2523 / 32))
 
 
+def rec709(linear: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Rec.709's signal of light of a scene."""
+    return np.asarray(np.where(linear < 0.018, 4.5 * linear, 1.099 * linear**0.45 - 0.099))
+
+
 def hlg(linear: NDArray[np.float64]) -> NDArray[np.float64]:
     """HLG's signal (BT.2100) of display light that is 1 at 203 cd/m2 on a display of 1000, Rec.2020."""
     level = linear @ np.array([0.2627, 0.6780, 0.0593])
@@ -88,7 +93,10 @@ PNGS = {
     "cICP, HLG": png_with(coded(hlg, REC2020), cicp(9, 18, 0, 1)),
     "cICP, PQ and P3": png_with(coded(pq, P3), cicp(12, 16, 0, 1)),
     "cICP, P3": png_with(coded(srgb_encode, P3), cicp(12, 13, 0, 1)),
-    "cICP, Rec.2020": png_with(coded(srgb_encode, REC2020), cicp(9, 14, 0, 1)),
+    "cICP, Rec.2020": png_with(coded(rec709, REC2020), cicp(9, 14, 0, 1)),
+    "cICP, Rec.2020 with sRGB's curve": png_with(coded(srgb_encode, REC2020), cicp(9, 13, 0, 1)),
+    "cICP, Rec.709": png_with(coded(rec709), cicp(1, 1, 0, 1)),
+    "cICP, Rec.601": png_with(coded(rec709, H273_CHROMATICITIES[6]), cicp(6, 6, 0, 1)),
     "cICP, linear": png_with(coded(gamma(1.0)), cicp(1, 8, 0, 1)),
     "cICP, narrow range": png_with(narrow(SRGB), cicp(1, 13, 0, 0)),
     "cICP before all else": png_with(coded(srgb_encode, P3), cicp(12, 13, 0, 1), gama(1.0), chunk(b"sRGB", b"\0")),
@@ -125,7 +133,7 @@ def test_pngs(name: str) -> None:
         (coded(pq, REC2020), (9, 16)),
         (coded(hlg, REC2020), (9, 18)),
         (coded(srgb_encode, P3), (12, 13)),
-        (coded(srgb_encode, REC2020), (9, 1)),
+        (coded(rec709, REC2020), (9, 1)),
         (SRGB, (2, 2)),
     ],
     ids=["PQ", "HLG", "P3", "Rec.2020", "unspecified"],
@@ -144,12 +152,23 @@ def adobe(space: int, index: str | None, kind: str = "JPEG") -> bytes:
         block.get_ifd(ExifTags.IFD.Exif)[ExifTags.IFD.Interop] = {1: index}
     packed: dict[str, dict[str, Any]] = {"JPEG": {"quality": 98, "subsampling": 0}, "WEBP": {"lossless": True}}
     options = packed.get(kind, {})
-    return encode(coded(gamma(256 / 563), ADOBE), kind, exif=block.tobytes(), **options)
+    data = encode(coded(gamma(256 / 563), ADOBE), kind, exif=block.tobytes(), **options)
+    return data if kind != "TIFF" or index is None else with_interop(data, index)
+
+
+def with_interop(tiff: bytes, index: str) -> bytes:
+    """The TIFF with its interoperability directory, of which Pillow writes the pointer alone."""
+    place = tiff.index(struct.pack("<HHI", ExifTags.IFD.Interop, 4, 1)) + 8
+    directory = struct.pack("<HHHI4sI", 1, 1, 2, 4, index.encode(), 0)
+    return tiff[:place] + struct.pack("<I", len(tiff)) + tiff[place + 4 :] + directory
 
 
 @pytest.mark.parametrize(
     ("kind", "space", "index"),
-    [("JPEG", 65535, "R03"), ("WEBP", 65535, "R03"), *((kind, 2, None) for kind in ("JPEG", "WEBP", "TIFF"))],
+    [
+        *((kind, 65535, "R03") for kind in ("JPEG", "WEBP", "TIFF")),
+        *((kind, 2, None) for kind in ("JPEG", "WEBP", "TIFF")),
+    ],
 )
 def test_adobe_rgb_as_cameras_state_it(kind: str, space: int, index: str | None) -> None:
     assert_same(adobe(space, index, kind))
