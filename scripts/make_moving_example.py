@@ -20,6 +20,7 @@ TARGET = ROOT / "server" / "web" / "src" / "moving"
 FRAMES = 36  # in a full turn
 MARGIN = 6  # pixels around what the object changes
 MIN_CHANGE = 10  # of 255, of a pixel that the object changes
+NARROW = 800  # pixels, the width of the photo for phones
 PHOTO_QUALITY = 72
 STRIP_QUALITY = 62
 
@@ -53,8 +54,8 @@ def style_sheet(box: tuple[int, int, int, int], size: tuple[int, int]) -> str:
         "height": (bottom - top) / size[1],
     }
     lines = [f"  {name}: {100 * share:.4f}%;" for name, share in shares.items()]
-    timing = f"  animation-timing-function: steps({FRAMES}, jump-none);"
-    return "\n".join([".moving-object {", *lines, f"  background-size: 100% {100 * FRAMES}%;", timing, "}", ""])
+    timing = f".turning .moving-object {{\n  animation-timing-function: steps({FRAMES}, jump-none);\n}}"
+    return "\n".join([".moving-object {", *lines, f"  background-size: 100% {100 * FRAMES}%;", "}", "", timing, ""])
 
 
 def main() -> None:
@@ -72,6 +73,8 @@ def main() -> None:
     for number, frame in enumerate(frames):
         strip.paste(frame.crop(box), (0, number * (box[3] - box[1])))
     photo.save(TARGET / "street.jpg", quality=PHOTO_QUALITY, optimize=True, progressive=True)
+    small = photo.resize((NARROW, round(NARROW * photo.height / photo.width)), Image.Resampling.LANCZOS)
+    small.save(TARGET / f"street-{NARROW}.jpg", quality=PHOTO_QUALITY, optimize=True, progressive=True)
     strip.save(TARGET / "teapot.webp", quality=STRIP_QUALITY, method=6)
     (TARGET / "moving.css").write_text(style_sheet(box, photo.size), encoding="utf-8")
 

@@ -61,7 +61,7 @@ async function controlsWithoutPicture(page) {
 /** A finger on the compass, a city, the camera's height, and the map that is shown beside the one that is saved. */
 async function takeHold(page, seen, folder) {
   const sun = async () => [Number(await page.inputValue("#sun_azimuth")), Number(await page.inputValue("#sun_elevation"))];
-  await page.locator("#dome").scrollIntoViewIfNeeded();
+  await page.focus("#dome svg");
   const grip = await page.locator("#dome .grip").boundingBox();
   const dome = await page.locator("#dome svg").boundingBox();
   const touch = await page.context().newCDPSession(page);

@@ -43,7 +43,7 @@ import {
 import { ExportedMaps } from "./views/exportedMaps";
 import { MetadataView, showNumbers } from "./views/facts";
 import { drawMapMarkers, drawPhotoMarkers } from "./views/markers";
-import { listenForPause } from "./views/moving";
+import { showMovingExample } from "./views/moving";
 import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
 import { SunHandle } from "./views/sunHandle";
@@ -128,7 +128,7 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
 listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
 listenForGestures();
 listenForCities();
-listenForPause();
+showMovingExample();
 watchViewer();
 byId("unfold").addEventListener("click", () => foldResult(false));
 listenForUndo(() => currentView()?.history, refresh);
@@ -160,6 +160,7 @@ function submitPhotos(sources: PhotoSource[], userInput: UserInput): void {
   status.textContent = `Looking at ${sources.map(({ name }) => name).join(", ")}…`;
   clearErrors();
   setBusy(true);
+  sky.start();
   debouncedEstimate(lastRequest);
 }
 

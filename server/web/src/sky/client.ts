@@ -6,7 +6,7 @@ import type { ExportedLight, SkyAnswer, SkyMessage } from "./worker";
 const NOT_LOADED = "What renders the sky could not be loaded, so the light cannot be shown. Load the page again.";
 
 export class SkyClient {
-  private readonly worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
+  private worker: Worker | undefined;
   private requests = 0;
   private busy = false;
   private unavailable = false; // whether the worker never began
@@ -18,8 +18,13 @@ export class SkyClient {
   constructor(
     private readonly onAnswer: (answer: SkyAnswer) => void,
     private readonly onError: (error: unknown) => void,
-  ) {
-    this.worker.addEventListener("message", ({ data }: MessageEvent<SkyAnswer | { id: number; error: string }>) => {
+  ) {}
+
+  /** The worker, which begins with the first photo. */
+  start(): Worker {
+    if (this.worker) return this.worker;
+    const worker = new Worker(new URL("./worker.ts", import.meta.url), { type: "module" });
+    worker.addEventListener("message", ({ data }: MessageEvent<SkyAnswer | { id: number; error: string }>) => {
       this.busy = false;
       this.answered = !("error" in data);
       const next = this.waiting;
@@ -29,13 +34,15 @@ export class SkyClient {
       else this.onAnswer(data);
       this.release();
     });
-    this.worker.addEventListener("error", ({ message }) => {
+    worker.addEventListener("error", ({ message }) => {
       this.busy = false;
       this.answered = false;
       this.unavailable ||= !message; // a worker that runs states what went wrong
       this.onError(new Error(message || NOT_LOADED));
       this.release();
     });
+    this.worker = worker;
+    return worker;
   }
 
   /** Tells those who wait that nothing is being answered any more. */
@@ -70,6 +77,6 @@ export class SkyClient {
   }
 
   private post(message: SkyMessage): void {
-    this.worker.postMessage(message);
+    this.start().postMessage(message);
   }
 }

@@ -2,7 +2,8 @@
 
 import { byId } from "../dom";
 
-export function listenForPause(): void {
+/** Begins once all else has loaded. */
+export function showMovingExample(): void {
   const [figure, button] = [byId("moving"), byId<HTMLButtonElement>("pause")];
   const show = (paused: boolean): void => {
     figure.classList.toggle("paused", paused);
@@ -10,5 +11,8 @@ export function listenForPause(): void {
     button.textContent = paused ? "Play" : "Pause";
   };
   show(matchMedia("(prefers-reduced-motion: reduce)").matches);
+  const begin = (): void => figure.classList.add("turning");
+  if (document.readyState === "complete") begin();
+  else addEventListener("load", begin);
   button.addEventListener("click", () => show(!figure.classList.contains("paused")));
 }
