@@ -24,6 +24,7 @@ from lighting.sky import SKY_MODEL
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
 from lighting.spherical_harmonics import (
     BASIS_FACTORS,
+    CONDON_SHORTLEY,
     COSINE_FACTORS,
     irradiance_from_harmonics,
     project_latlong,
@@ -36,7 +37,6 @@ _MAP_HEIGHT = 96  # rows of the map that is projected; more change no coefficien
 _LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 _CLEAREST_AIR = 1.0  # turbidity
 _NEUTRAL_LUMENS = 1000.0  # of ARKit: white faces it and shows as 1
-_CONDON_SHORTLEY = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])[:, None]  # its signs of the functions
 _MIRRORED = np.array([1, 1, -1, 1, 1, -1, 1, -1, 1])[:, None]  # signs of the functions where +Z becomes -Z
 
 
@@ -245,7 +245,7 @@ def _babylon(probe: LightProbe) -> Json:
     """Radiance for SphericalHarmonics.FromArray, in a scene with useRightHandedSystem, and a DirectionalLight."""
     color, intensity = color_and_intensity(probe.main_light.irradiance)
     return {
-        "sphericalHarmonics": [_rounded(row) for row in _CONDON_SHORTLEY * probe.coefficients],
+        "sphericalHarmonics": [_rounded(row) for row in CONDON_SHORTLEY[:, None] * probe.coefficients],
         "directionalLight": {
             "direction": _rounded(-probe.main_light.direction),
             "diffuse": _rounded(color),

@@ -19,6 +19,7 @@ _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
 BASIS_FACTORS = np.sqrt(
     np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / math.pi
 )  # of the functions' polynomials
+CONDON_SHORTLEY = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # signs that some add
 COSINE_FACTORS = np.array([math.pi, 2 * math.pi / 3, math.pi / 4])[_BANDS]  # irradiance over radiance [1], by function
 
 

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.core import ParameterSource
 
 from lighting.cli import cli, console, outputs, photos
 from lighting.cli import options as common
@@ -24,7 +23,6 @@ class _SceneOptions:
 
     tool: str
     record: str | None  # the name of a file, or "-"
-    height: int
     of_tool: dict[str, str]  # options of the tools that the user stated
 
 
@@ -82,7 +80,7 @@ def _scene(
     catches shadows, and a placeholder where your own object goes.
     """
     stated = {name: value for name, value in of_tool.items() if value is not None}
-    options = _SceneOptions(tool, record, height, stated)
+    options = _SceneOptions(tool, record, stated)
     _check(chosen, options)
     folders = _choose_folders(chosen, options)
     stored = console.read_lighting(record) if record else None
@@ -131,14 +129,8 @@ def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
 def _check(chosen: PhotoOptions, options: _SceneOptions) -> None:
     """Raise UsageError for an option that would do nothing, or stdin read twice."""
     photos.check_stdin([*chosen.photos, *([options.record] if options.record else [])])
-    entry = EXPORTERS[options.tool]
     for name, tool in unsupported_options(options.of_tool, options.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
-    height = click.get_current_context().get_parameter_source("height")
-    if height is ParameterSource.COMMANDLINE and not entry.has_map:
-        raise click.UsageError(f"--height is the map's, and a scene for {options.tool} holds no map.")
-    for name in _explicit_map_options(chosen) if not entry.has_map else ():
-        raise click.UsageError(f"{name} is the map's, and a scene for {options.tool} holds no map.")
     if options.record and len(chosen.photos) > 1:
         raise click.UsageError("--lighting states the light of one photo.")
 
@@ -149,9 +141,3 @@ def _check_inputs(folder: str, chosen: PhotoOptions, options: _SceneOptions) -> 
     for source, name in product(sources, EXPORTERS[options.tool].files):
         if outputs.is_same_file(str(Path(folder, name)), source):
             raise click.UsageError(f"The scene would replace {console.escape_path(source)}; choose another folder.")
-
-
-def _explicit_map_options(chosen: PhotoOptions) -> list[str]:
-    """The options about what lies around that the user stated."""
-    stated = click.get_current_context().get_parameter_source("detail") is ParameterSource.COMMANDLINE
-    return ["--surroundings"] * (chosen.surroundings is not None) + ["--detail"] * stated

@@ -136,10 +136,20 @@ def blur_envmap(image: Image, concentration: float) -> Image:
         image: (H, 2H, 3) linear radiance.
         concentration: over 0; the larger, the less blur.
     """
+    return convolve_envmap(image, lambda cosine: np.exp(np.float32(concentration) * (cosine - 1)))
+
+
+def convolve_envmap(image: Image, lobe: Callable[[Image], Image]) -> Image:
+    """The map (H, 2H, 3) as a lobe averages it in each direction.
+
+    Args:
+        image: (H, 2H, 3) linear radiance.
+        lobe: weights of directions by the cosine of their angle to the lobe's middle, at any scale.
+    """
     height = len(image)
     directions = latlong_directions(height).astype(np.float32)
     cosine = np.einsum("ri,kji->rkj", directions[:, 0], directions)  # of each row's first pixel with all
-    weight = np.exp(np.float32(concentration) * (cosine - 1)) * latlong_solid_angle(height)[:, None].astype(np.float32)
+    weight = lobe(cosine) * latlong_solid_angle(height)[:, None].astype(np.float32)
     weight /= weight.sum(axis=(1, 2), keepdims=True)
     # all pixels of a row see the others alike, so that the mean is a convolution along the rows
     seen, shares = np.fft.rfft(image, axis=1), np.fft.rfft(weight, axis=2)

@@ -32,7 +32,6 @@ class Exporter:
     write: Callable[..., None]  # (scene, folder, **options)
     files: tuple[str, ...]  # all that `write` may make; the tool opens the first
     options: dict[str, ExporterOption] = field(default_factory=dict)
-    has_map: bool = True  # whether the scene holds the environment map
     animate: Callable[..., dict[str, str]] | None = None  # (CameraMotion) to the texts of files beside the scene's
     opened_by: str = "open {file}"  # how to open the scene: {file} is the first of `files`, {folder} the folder
 
@@ -68,7 +67,6 @@ EXPORTERS: dict[str, Exporter] = {
     "gltf": Exporter(
         import_function("lighting.scene.gltf", "write_gltf"),
         files=("scene.glb",),
-        has_map=False,
         opened_by="drop {file} into any viewer of glTF, or import it",
     ),
     "threejs": Exporter(

@@ -1,9 +1,14 @@
 """A scene as one binary glTF 2.0 file, `scene.glb`.
 
 The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its
-angular size has no place there. glTF knows neither backgrounds nor shadow catchers: the plate is an unlit picture
-behind the ground, and the ground a diffuse disc of its albedo around the object. The map is not in the file: glTF has
-no place for it that viewers read.
+angular size has no place there. The map lights by EXT_lights_image_based [1], on the same scale: mirror images at
+several roughnesses, as RGBD, and the harmonics of the irradiance. Babylon.js alone reads it: it takes the pictures for
+those of its own left-handed frame and decodes them twice, so they are made for that. glTF knows neither backgrounds nor
+shadow catchers: the plate is an unlit picture behind the ground, and the ground a diffuse disc of its albedo around the
+object.
+
+References:
+    [1] Khronos, glTF 2.0 vendor extension EXT_lights_image_based.
 """
 
 import json
@@ -15,11 +20,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import color_and_intensity
+from lighting.envmap.cubemap import prefilter_cubemap
+from lighting.envmap.latlong import Image, max_channel
+from lighting.files.atomic import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
 from lighting.scene.writer import Folder, encode_plate
+from lighting.spherical_harmonics import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 
 FILE = "scene.glb"
 
@@ -30,6 +39,10 @@ _LINEAR, _CLAMPED = 9729, 33071  # of samplers
 _GROUND_IN_BALLS = 12.0  # the disc's radius / the ball's; it holds the shadow of a sun 12 deg high
 _BEHIND = 1.2  # the plate's distance / that of the disc's far edge
 
+_IBL = "EXT_lights_image_based"
+_MIN_FACE, _MAX_FACE = 16, 256  # pixels of the map's mirror images
+_GAMMA = 2.2  # of Babylon.js
+
 _PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
 
 _SEGMENTS = 64  # around the axis
@@ -38,30 +51,32 @@ _MIN_AREA = 1e-4  # relative to the largest; smaller triangles are degenerate on
 
 
 def write_gltf(scene: Scene, folder: Folder) -> None:
-    """Write FILE, which holds everything but the map.
+    """Write FILE, which holds everything.
 
     Args:
         scene: made by `make_scene`.
         folder: where the files go.
     """
     binary = _Binary()
+    images = [binary.png(encode_plate(scene))]
+    image_light = _image_light(scene, images, binary)
     document = {
         "asset": {
             "version": "2.0",
             "generator": SOFTWARE,
             "extras": {"lighting": record_with_coefficients(scene.lighting, scene.light_probe)},
         },
-        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit"],
-        "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}},
+        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit", _IBL],
+        "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}, _IBL: {"lights": [image_light]}},
         "scene": 0,
-        "scenes": [{"nodes": [0, 1, 2, 3, 4]}],
+        "scenes": [{"nodes": [0, 1, 2, 3, 4], "extensions": {_IBL: {"light": 0}}}],
         "nodes": _nodes(scene),
         "cameras": [_camera(scene)],
         "materials": _materials(scene),
         "meshes": _meshes(scene, binary),
         "textures": [{"source": 0, "sampler": 0}],
         "samplers": [{"magFilter": _LINEAR, "minFilter": _LINEAR, "wrapS": _CLAMPED, "wrapT": _CLAMPED}],
-        "images": [binary.png(encode_plate(scene))],
+        "images": images,
     }
     (folder / FILE).write_bytes(binary.packed(document))
 
@@ -96,6 +111,35 @@ def _sun(scene: Scene) -> Json:
     color, intensity = color_and_intensity(scene.sun_irradiance)
     intensity = 0.0 if scene.spot_in_shade else intensity
     return {"name": "Sun", "type": "directional", "color": color.tolist(), "intensity": intensity}
+
+
+def _image_light(scene: Scene, images: list[Json], binary: "_Binary") -> Json:
+    """The map's light; its pictures are added to the others."""
+    size = max(_MIN_FACE, min(_MAX_FACE, 1 << (len(scene.environment) // 2).bit_length() - 1))
+    count = size.bit_length() - _MIN_FACE.bit_length() + 1
+    mirrored = np.ascontiguousarray(scene.environment[:, ::-1])
+    levels = prefilter_cubemap(mirrored, size, np.linspace(0.0, 1.0, max(count, 2))[:count].tolist())
+    pictures = []
+    for faces in levels:
+        pictures.append(list(range(len(images), len(images) + len(faces))))
+        images += [binary.png(encode_png(_encode_rgbd(face))) for face in faces]
+    harmonics = (CONDON_SHORTLEY * COSINE_FACTORS)[:, None] * project_latlong(mirrored)
+    return {
+        "name": "Environment",
+        "intensity": 1.0,
+        "rotation": [0.0, 0.0, 0.0, 1.0],
+        "irradianceCoefficients": harmonics.tolist(),
+        "specularImageSize": size,
+        "specularImages": pictures,
+    }
+
+
+def _encode_rgbd(face: Image) -> NDArray[np.uint8]:
+    """Radiance (h, w, 3) as RGBA: encoded colors are the decoded ones over alpha, to be decoded once more."""
+    encoded = face ** np.float32(1 / _GAMMA)
+    divisor = np.floor(255.0 / np.maximum(max_channel(encoded), 1.0)) / 255.0
+    color = np.clip(encoded * divisor[..., None], 0.0, 1.0) ** (1 / _GAMMA)
+    return np.round(255.0 * np.concatenate([color, divisor[..., None]], axis=-1)).astype(np.uint8)
 
 
 def _camera(scene: Scene) -> Json:

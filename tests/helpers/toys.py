@@ -27,6 +27,4 @@ def write_toy(scene: Scene, folder: Folder, *, unit: str = "m") -> None:
 
 
 EASTERN = SkyModel(eastern_luminance)
-TOY = Exporter(
-    write_toy, files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")}, has_map=False
-)
+TOY = Exporter(write_toy, files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")})

@@ -1,5 +1,9 @@
 import json
+import re
+import shutil
+import subprocess
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -152,6 +156,30 @@ def interleaved_irradiance(name: str, *path: str) -> Any:
 )
 def test_every_engine_sees_the_same_irradiance(irradiance: Any) -> None:
     assert irradiance(UNIT_NORMALS) == pytest.approx(compute_light_probe(LIGHT).irradiance(UNIT_NORMALS), rel=1e-3)
+
+
+def test_threejs_and_babylon_have_that_irradiance() -> None:
+    program, folder = shutil.which("node"), Path(__file__).parents[1] / "node"
+    if program is None or not (folder / "node_modules" / "babylonjs").is_dir():
+        pytest.skip("node, three.js or Babylon.js is not installed: npm ci --prefix tests/node")
+    data = {name: written(name) for name in ("threejs", "babylon")} | {"normals": UNIT_NORMALS.tolist()}
+    command = [program, folder / "light_probe.cjs"]
+    result = subprocess.run(command, input=json.dumps(data), capture_output=True, text=True, check=True)
+    by_engine = json.loads(result.stdout.splitlines()[-1])
+    for name in ("threejs", "babylon"):
+        expected = compute_light_probe(LIGHT).irradiance(UNIT_NORMALS)
+        assert np.array(by_engine[name]) == pytest.approx(expected, rel=1e-3), name
+
+
+def test_cmgen_of_filament_has_that_irradiance() -> None:
+    """What `cmgen --sh=3 --sh-window=no --sh-shader --sh-irradiance` of Debian 12 (1.9.25) printed of this light's map.
+
+    The map had 1,024 rows and was turned by 180 deg, since cmgen has +Z in the middle.
+    """
+    lines = (Path(__file__).parents[1] / "data" / "cmgen_sh.txt").read_text(encoding="utf-8").splitlines()
+    printed = [re.findall(r"-?\d+\.\d+", line.split("//")[0]) for line in lines]
+    by_cmgen = np.pi * polynomials(UNIT_NORMALS) @ np.array(printed, dtype=np.float64)
+    assert filament_irradiance(UNIT_NORMALS) == pytest.approx(by_cmgen, rel=0.01)
 
 
 def test_every_engine_sees_the_same_sun() -> None:

@@ -103,9 +103,6 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
     [
         (["--for", "maya"], f"'maya' is not one of {', '.join(map(repr, EXPORTERS))}."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
-        (["--for", "gltf", "--height", "64"], "a scene for gltf holds no map."),
-        (["--for", "gltf", "--no-surroundings"], "a scene for gltf holds no map."),
-        (["--for", "gltf", "--no-detail"], "--detail is the map's, and a scene for gltf holds no map."),
         (["--for", "usd", "--sun", "40,25", "--no-sun"], "choose one."),
         (["--for", "usd", "--height", "15"], "15 is not an even number from 16 to 4096."),
     ],

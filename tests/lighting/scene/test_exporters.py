@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from lighting.errors import SceneError
-from lighting.scene import ENVIRONMENT, EXPORTERS, Exporter, unsupported_options
+from lighting.scene import EXPORTERS, Exporter, unsupported_options
 from lighting.scene.records import Scene
 from lighting.scene.writer import write_scene, zip_scene
 from tests.helpers.scenes import plain_scene
@@ -37,12 +37,6 @@ def test_a_scene_holds_the_files_of_its_entry(tool: str, tmp_path: Path) -> None
     of_bpy = {"scene.blend"}  # which is there where the module bpy is
     written = {path.relative_to(tmp_path / "out").as_posix() for path in (tmp_path / "out").rglob("*")}
     assert written | of_bpy == set(EXPORTERS[tool].files) | of_bpy
-
-
-@pytest.mark.parametrize("tool", EXPORTERS)
-def test_scenes_hold_a_map_unless_said_otherwise(tool: str) -> None:
-    source = inspect.getsource(import_module(f"lighting.scene.{tool}"))
-    assert ("environment" in source or ENVIRONMENT in source) == EXPORTERS[tool].has_map
 
 
 def test_a_file_that_the_entry_does_not_list_is_never_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

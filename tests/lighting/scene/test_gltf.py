@@ -14,7 +14,11 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
+from lighting.envmap.cubemap import cubemap_directions
+from lighting.geometry import sample_latlong
 from lighting.scene import gltf
+from lighting.spherical_harmonics import CONDON_SHORTLEY, harmonics_basis
+from tests.helpers.lights import UNIT_NORMALS
 from tests.helpers.scenes import sunlit_scene
 
 NODE = Path(__file__).parents[2] / "node"
@@ -139,3 +143,41 @@ def test_the_pictures_upper_left_corner() -> None:
     assert picture.coordinates is not None
     corner = picture.positions[np.all(picture.coordinates == 0, axis=1)]
     assert corner == pytest.approx(np.array([[-2.0, 1.5, 0.0]]))
+
+
+def image_light(document: dict[str, Any]) -> dict[str, Any]:
+    assert document["scenes"][0]["extensions"]["EXT_lights_image_based"] == {"light": 0}
+    (light,) = document["extensions"]["EXT_lights_image_based"]["lights"]
+    return dict(light)
+
+
+def test_the_map_lights_by_its_irradiance(tmp_path: Path) -> None:
+    scene = sunlit_scene()
+    gltf.write_gltf(scene, tmp_path)
+    irradiance = np.array(image_light(document_of(tmp_path)[0])["irradianceCoefficients"])
+    in_babylon = UNIT_NORMALS * [-1, 1, 1]  # its left-handed frame, turned as its loader turns it
+    values = harmonics_basis(in_babylon) @ (CONDON_SHORTLEY[:, None] * irradiance)
+    assert values == pytest.approx(scene.light_probe.irradiance(UNIT_NORMALS), rel=1e-4)
+
+
+def test_the_maps_mirror_images_are_its_pictures(tmp_path: Path) -> None:
+    scene = sunlit_scene()
+    gltf.write_gltf(scene, tmp_path)
+    document, binary = document_of(tmp_path)
+    light = image_light(document)
+    sizes = []
+    for level, faces in enumerate(light["specularImages"]):
+        pictures = []
+        for index in faces:
+            view = document["bufferViews"][document["images"][index]["bufferView"]]
+            data = binary[view.get("byteOffset", 0) :][: view["byteLength"]]
+            pictures.append(np.asarray(Image.open(BytesIO(data)), dtype=np.float64) / 255)
+        pixels = np.array(pictures)
+        sizes.append(pixels.shape[1])
+        radiance = (pixels[..., :3] ** 2.2 / pixels[..., 3:]) ** 2.2
+        shown = sample_latlong(scene.environment, cubemap_directions(sizes[-1]) * [-1, 1, 1])
+        if level == 0:
+            assert radiance == pytest.approx(shown, rel=0.03, abs=0.02)
+        assert radiance.mean() == pytest.approx(shown.mean(), rel=0.03)
+    assert sizes == [light["specularImageSize"] >> level for level in range(len(sizes))]
+    assert sizes[-1] == 16
