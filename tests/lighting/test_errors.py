@@ -174,7 +174,7 @@ def test_every_error_of_the_package_has_one_base() -> None:
 
 @pytest.mark.parametrize(
     ("name_of", "field"),
-    [(str, "latitude"), (parameter_name, "lat"), (option_name, "--lat"), (record_path, "place.latitude")],
+    [(str, "latitude"), (option_name, "--latitude"), (record_path, "place.latitude")],
 )
 def test_each_surface_has_its_own_name_of_a_field(name_of: Callable[[str], str], field: str) -> None:
     with pytest.raises(ParameterError) as caught:
@@ -187,7 +187,7 @@ def test_each_surface_has_its_own_name_of_a_field(name_of: Callable[[str], str],
 
 def test_a_sentence_that_names_no_field_stays_as_it_is() -> None:
     error = ParameterError("A time needs a place.", "latitude", ErrorCode.MISSING).renamed(option_name)
-    assert (str(error), error.field, error.code) == ("A time needs a place.", "--lat", "missing")
+    assert (str(error), error.field, error.code) == ("A time needs a place.", "--latitude", "missing")
     nobody = ParameterError("Wrong.")
     assert nobody.renamed(option_name) is nobody
     assert (nobody.field, nobody.code) == (None, "failed")
