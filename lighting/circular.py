@@ -18,10 +18,14 @@ MODE_SMOOTHING = 15.0  # deg, standard deviation of the kernel that finds the st
 class Heading:
     """A camera's heading, deg clockwise."""
 
-    probability: Floats  # (360,) of the one-degree bins at HEADINGS, sums to 1
-    best: float  # deg, 0 to 360
-    radius_50: float  # deg to either side of `best` that hold 50 % of the probability
-    radius_90: float  # deg, the same of 90 %
+    probability: Floats
+    """(360,) of the one-degree bins at HEADINGS, sums to 1."""
+    best: float
+    """Deg, 0 to 360."""
+    radius_50: float
+    """Deg to either side of `best` that hold 50 % of the probability."""
+    radius_90: float
+    """Deg, the same of 90 %."""
 
 
 def von_mises(angle: ArrayLike, std: float) -> Floats:

@@ -187,12 +187,18 @@ def focal_length(height: float, vertical_fov: float) -> float:
 class Pinhole:
     """A pinhole camera and the size of its picture; the picture's center is the principal point."""
 
-    width: int  # pixels
-    height: int  # pixels
-    vertical_fov: float  # deg
-    azimuth: float = 0.0  # deg
-    elevation: float = 0.0  # deg
-    roll: float = 0.0  # deg
+    width: int
+    """Width, pixels."""
+    height: int
+    """Height, pixels."""
+    vertical_fov: float
+    """Vertical fov, deg."""
+    azimuth: float = 0.0
+    """Azimuth, deg."""
+    elevation: float = 0.0
+    """Elevation, deg."""
+    roll: float = 0.0
+    """Roll, deg."""
 
     @property
     def axes(self) -> Floats:

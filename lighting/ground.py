@@ -63,8 +63,10 @@ def draw_ground_mask(lit: NDArray[np.float32], segments: Segments | None) -> NDA
 class GroundSpot:
     """Where an object may stand."""
 
-    pixel: tuple[float, float]  # (x, y) in the picture
-    direction: tuple[float, float, float]  # unit vector from the camera
+    pixel: tuple[float, float]
+    """(x, y) in the picture."""
+    direction: tuple[float, float, float]
+    """Unit vector from the camera."""
 
 
 def describe_ground(photo: Photo, estimate: EstimatedLight, is_aerial: bool = False) -> EstimatedLight:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
+from lighting.documentation import describe_fields
 from lighting.envmap.relighting import rotate_lighting, scale_exposure
 from lighting.envmap.render import level_irradiance, render
 from lighting.envmap.sun_disc import sun_irradiance
@@ -40,14 +41,19 @@ _NEUTRAL_LUMENS = 1000.0  # of ARKit: white faces it and shows as 1
 _MIRRORED = np.array([1, 1, -1, 1, 1, -1, 1, -1, 1])[:, None]  # signs of the functions where +Z becomes -Z
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class MainLight:
     """The sun as a directional light."""
 
-    direction: Floats  # (3,) unit vector towards it
-    irradiance: Floats  # (3,) linear Rec.709 of a surface that faces it, in the photo's linear units; 0: it is not seen
-    lux: float  # of such a surface, as far as the record's exposure tells it
-    kelvin: float | None  # correlated color temperature, 1000 to 40000; None of no light
+    direction: Floats
+    """(3,) unit vector towards it."""
+    irradiance: Floats
+    """(3,) linear Rec.709 of a surface that faces it, in the photo's linear units; 0: it is not seen."""
+    lux: float
+    """Lux, 0 or more, on such a surface, as far as the record's exposure tells it."""
+    kelvin: float | None
+    """Correlated color temperature, 1000 to 40000; None of no light."""
 
     def to_dict(self) -> Json:
         """Return it as JSON."""
@@ -59,12 +65,15 @@ class MainLight:
         }
 
 
+@describe_fields
 @dataclass(frozen=True, eq=False)
 class LightProbe:
     """Radiance from all directions but the sun, and the sun as the main light."""
 
-    coefficients: Floats  # (9, 3) of linear Rec.709 radiance, in the order of `spherical_harmonics`
+    coefficients: Floats
+    """(9, 3) of linear Rec.709 radiance, in the order of `spherical_harmonics`."""
     main_light: MainLight
+    """The sun."""
 
     def irradiance(self, normals: Floats) -> Floats:
         """Return the irradiance (..., 3) of surfaces by the probe alone, without the main light.

@@ -32,25 +32,38 @@ DECODE_SECONDS = 60.0  # of a photo; more than the service's, since nobody waits
 class MapOptions:
     """How environment maps are rendered and written; see `render_view` and `write_exr`."""
 
-    height: int = 512  # rows
-    sun: bool | None = None  # None: where direct sunlight is likely
-    yaw: float = 0.0  # deg to the right
-    sky: str | None = None  # of SKY_MODELS; None: the lighting's
+    height: int = 512
+    """Height, rows."""
+    sun: bool | None = None
+    """None: where direct sunlight is likely."""
+    yaw: float = 0.0
+    """Deg to the right."""
+    sky: str | None = None
+    """Of SKY_MODELS; None: the lighting's."""
     compression: str = "zip"
-    surroundings: bool | None = None  # whether they show the photo; None: where the network predicts the rest
-    detail: bool = True  # whether they have detail all around the photo, where they show it
+    """Of EXR files, one of COMPRESSIONS."""
+    surroundings: bool | None = None
+    """Whether they show the photo; None: where the network predicts the rest."""
+    detail: bool = True
+    """Whether they have detail all around the photo, where they show it."""
 
 
 @dataclass(frozen=True)
 class BatchJob:
     """What is done with each photo."""
 
-    source: str  # the folder that the photos' names are relative to
+    source: str
+    """The folder that the photos' names are relative to."""
     out: str
-    model: str | None = None  # a network's file; the one in this package by default
-    maps: MapOptions | None = None  # none are written by default
-    engine: str = "pool"  # or "ray"
-    user_input: UserInput = NO_USER_INPUT  # of all photos
+    """The folder of the results."""
+    model: str | None = None
+    """A network's file; the one in this package by default."""
+    maps: MapOptions | None = None
+    """None are written by default."""
+    engine: str = "pool"
+    """Engine, or "ray"."""
+    user_input: UserInput = NO_USER_INPUT
+    """Of all photos."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,20 +71,29 @@ class PhotoLight:
     """The light of a photo, its probe, the surroundings that its map shows, if any, and its crop in a border."""
 
     lighting: "Lighting"
+    """The light."""
     probe: "LightProbe"
+    """The light probe."""
     context: "PhotoContext | None"
-    crop: dict[str, int] | None = None  # the fields of PhotoCrop
+    """What the map shows of the place. None: the sky alone."""
+    crop: dict[str, int] | None = None
+    """The fields of PhotoCrop."""
 
 
 @dataclass(frozen=True)
 class Summary:
     """Numbers of photos, and how long this run took."""
 
-    succeeded: int  # with a light, in all results
+    succeeded: int
+    """With a light, in all results."""
     failed: int
-    earlier: int  # of both, by the runs before
+    """How many photos have no answer, 0 or more."""
+    earlier: int
+    """Of both, by the runs before."""
     seconds: float
-    skipped: Counter[str] = field(default_factory=Counter)  # pictures and clips that are not taken, by the reason
+    """How long it took, 0 or more."""
+    skipped: Counter[str] = field(default_factory=Counter)
+    """Pictures and clips that are not taken, by the reason."""
 
     def to_dict(self) -> dict[str, object]:
         """Return the numbers for JSON."""

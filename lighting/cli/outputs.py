@@ -26,8 +26,10 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 class OutputKind:
     """What a command writes of one source."""
 
-    ending: str  # behind the source's name without its suffix
-    suffixes: tuple[str, ...]  # that a name may end in
+    ending: str
+    """Behind the source's name without its suffix."""
+    suffixes: tuple[str, ...]
+    """That a name may end in."""
 
     def beside(self, source: str) -> Path:
         """Return the default: beside the source.

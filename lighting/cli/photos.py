@@ -29,17 +29,29 @@ class PhotoOptions:
     """The options of a command that makes something of each photo."""
 
     photos: Sequence[str]
+    """Names of files; "-" is stdin."""
     output: str | None
+    """Name of a file or folder. None: beside each photo."""
     overwrite: bool
+    """Whether a file may be replaced."""
     surroundings: bool | None
+    """Whether maps show the place. None: where the network predicts it."""
     detail: bool
-    sun: bool | None  # whether it is in maps and scenes
+    """Whether they then have detail all around the photo."""
+    sun: bool | None
+    """Whether it is in maps and scenes."""
     adjustments: "Adjustments | None"
+    """What the user changes of the light. None: nothing."""
     user_input: "UserInput"
+    """What the user states of the photos."""
     model: str | None
+    """A network's file. None: the one in this package."""
     strict: bool
+    """Whether an unsuitable photo gives another exit status."""
     as_json: bool
+    """Whether lines are JSON."""
     quiet: bool
+    """Whether there are no progress, summaries and warnings."""
 
     def adjust(self, lighting: "Lighting") -> "Lighting":
         """Return a light as the user adjusts it.

@@ -61,7 +61,9 @@ class DetailSource:
     """What is chosen for a photo: a panorama of the library, and how colorful it may be."""
 
     choice: DetailChoice
+    """What the detail is taken from."""
     saturation: float
+    """Factor, 0 or more, on the detail's color."""
 
 
 def choose_source(

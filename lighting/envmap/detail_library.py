@@ -42,10 +42,15 @@ class DetailLibrary:
     """N panoramas of detail and their features."""
 
     names: tuple[str, ...]
-    pictures: tuple[bytes, ...]  # WebP, sRGB, PICTURE_ROWS rows
-    features: NDArray[np.float32]  # (N, F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES
-    sun_azimuth: Floats  # (N,) deg, NaN where unknown
-    sunlit: NDArray[np.bool_]  # (N,) whether direct sunlight reaches the place
+    """Of the panoramas."""
+    pictures: tuple[bytes, ...]
+    """WebP, sRGB, PICTURE_ROWS rows."""
+    features: NDArray[np.float32]
+    """(N, F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES."""
+    sun_azimuth: Floats
+    """(N,) deg, NaN where unknown."""
+    sunlit: NDArray[np.bool_]
+    """(N,) whether direct sunlight reaches the place."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +58,11 @@ class DetailChoice:
     """A panorama of the library, perhaps flipped, and rotated afterwards."""
 
     index: int
+    """Of the panorama in the library, from 0."""
     flipped: bool
-    yaw: float  # deg; what was at azimuth a (-a if flipped) is at a + yaw
+    """Whether left and right are swapped."""
+    yaw: float
+    """Deg; what was at azimuth a (-a if flipped) is at a + yaw."""
 
 
 @lru_cache(maxsize=1)

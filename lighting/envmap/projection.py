@@ -32,9 +32,13 @@ class ProjectedPhoto:
     """A photo in a window of a map."""
 
     rows: slice
+    """Of the map, from 0, that the photo reaches."""
     columns: slice
-    linear: Image  # (R, C, 3)
-    weight: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 outside it
+    """Of the map, from 0, that the photo reaches."""
+    linear: Image
+    """Linear, (R, C, 3)."""
+    weight: NDArray[np.float32]
+    """(R, C) 1 inside the photo, 0 outside it."""
 
     def over(self, image: Image, gain: float) -> "ProjectedPhoto":
         """The same times a gain. Where the photo is clipped and the map brighter, the map's value counts.
@@ -65,7 +69,8 @@ class ProjectedPhoto:
 class ContinuedPhoto(ProjectedPhoto):
     """A photo in a window of a map that goes on beyond its edges as its own mirror image."""
 
-    share: NDArray[np.float32]  # (R, C) 1 inside the photo, 0 where it no longer goes on
+    share: NDArray[np.float32]
+    """(R, C) 1 inside the photo, 0 where it no longer goes on."""
 
 
 def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:

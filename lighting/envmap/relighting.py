@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from lighting.color import luminance
+from lighting.documentation import describe_fields
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
 from lighting.envmap.render import clear_irradiance, sky_irradiance, with_irradiance
 from lighting.envmap.sun_disc import disc_power
@@ -162,6 +163,7 @@ def _model_sky_irradiance(lighting: Lighting) -> Floats:
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
 
 
+@describe_fields
 @dataclass(frozen=True)
 class Adjustments:
     """What a user changes of a light by hand, under the same names everywhere. None: as it was.
@@ -169,10 +171,14 @@ class Adjustments:
     Raises ParameterError for a value out of range.
     """
 
-    sun: tuple[float, float] | None = None  # azimuth, -360 to 360, and elevation, -4.2 to 90, deg
-    exposure: float = 0.0  # EV, -20 to 20: +1 is twice as bright
-    haze: float | None = None  # turbidity, 1 to 10: 2 is very clear, 10 is hazy
-    overcast: bool = False  # True covers the sky, and no sun shines
+    sun: tuple[float, float] | None = None
+    """Azimuth, -360 to 360, and elevation, -4.2 to 90, deg."""
+    exposure: float = 0.0
+    """EV, -20 to 20: +1 is twice as bright."""
+    haze: float | None = None
+    """Turbidity, 1 to 10: 2 is very clear, 10 is hazy."""
+    overcast: bool = False
+    """True covers the sky, and no sun shines."""
 
     def __post_init__(self) -> None:
         convert_numpy_numbers(self, "sun", "exposure", "haze")

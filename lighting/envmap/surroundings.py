@@ -59,12 +59,18 @@ _FADE_DEG = 60.0  # from the photo, at which a third of its difference is left
 class PhotoContext:
     """A photo and what the network predicts beside it. PhotoError for what is no photo's pixels."""
 
-    photo: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
-    coarse_panorama: NDArray[np.float32] | None = None  # `EstimatedLight.surroundings`; None: bare sky and ground
-    exposure: float | None = None  # of the light that both are of; one that is changed by hand brightens them, too
-    light: Lighting | None = None  # that light; what it makes of the surroundings stays under another sun
-    segments: Segments | None = None  # what the photo shows, of `segmentation`; None: unknown
-    detail: bool = False  # whether the map has detail all around
+    photo: NDArray[np.uint8]
+    """(h, w, 3) sRGB, upright."""
+    coarse_panorama: NDArray[np.float32] | None = None
+    """`EstimatedLight.surroundings`; None: bare sky and ground."""
+    exposure: float | None = None
+    """Of the light that both are of; one that is changed by hand brightens them, too."""
+    light: Lighting | None = None
+    """That light; what it makes of the surroundings stays under another sun."""
+    segments: Segments | None = None
+    """What the photo shows, of `segmentation`; None: unknown."""
+    detail: bool = False
+    """Whether the map has detail all around."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "photo", check_pixels(self.photo))

@@ -25,11 +25,16 @@ if TYPE_CHECKING:
 class MapFormat:
     """How environment maps are written in one format."""
 
-    write: Callable[..., None]  # (target, image, lighting); `compression` and `probe` where it takes them
+    write: Callable[..., None]
+    """(target, image, lighting); `compression` and `probe` where it takes them."""
     media_type: str
-    read: Callable[[bytes], "Image"] | None = None  # the linear pixels (H, W, 3); None where a file holds none
+    """By which HTTP names it."""
+    read: Callable[[bytes], "Image"] | None = None
+    """The linear pixels (H, W, 3); None where a file holds none."""
     takes_compression: bool = False
-    has_header: bool = False  # whether files hold lighting and probe
+    """Whether a file may be packed in several ways."""
+    has_header: bool = False
+    """Whether files hold lighting and probe."""
 
 
 def _write_exr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:

@@ -43,9 +43,12 @@ _MAX_SUITABLE_NO_PHOTO = 0.01  # of pictures that are no photo of one view
 class PhotoPrediction:
     """The network's prediction for a photo, and the photo's metadata as far as the pixels let them be true."""
 
-    prediction: Prediction  # with the camera by the photo's straight lines too
-    metadata: PhotoMetadata  # whose place has a hemisphere and whose lens the pixels do not exclude
-    warnings: tuple[CodedWarning, ...]  # of the metadata
+    prediction: Prediction
+    """With the camera by the photo's straight lines too."""
+    metadata: PhotoMetadata
+    """Whose place has a hemisphere and whose lens the pixels do not exclude."""
+    warnings: tuple[CodedWarning, ...]
+    """Of the metadata."""
 
 
 def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Prediction:

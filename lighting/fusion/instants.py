@@ -40,21 +40,30 @@ _SURE, _AGREED, _LIKELY, _EVEN, _UNLIKELY = 0.99, 0.95, 0.9, 0.5, 0.25
 class Instant:
     """An instant at which a photo may have been taken."""
 
-    utc_time: datetime  # aware
-    utc_offset: float | None  # h, of the clock that is believed, or else of the place
-    source: str  # of the instant: USER, GPS, OTHER_PHOTOS, ZONE_OF_PLACE or a name of OFFSET_RULES
-    weight: float = 1.0  # probability before the pixels
-    clock: str = ""  # which photos of one camera have in common
+    utc_time: datetime
+    """Utc time, aware."""
+    utc_offset: float | None
+    """Hours, of the clock that is believed, or else of the place."""
+    source: str
+    """Of the instant: USER, GPS, OTHER_PHOTOS, ZONE_OF_PLACE or a name of OFFSET_RULES."""
+    weight: float = 1.0
+    """Probability before the pixels."""
+    clock: str = ""
+    """Which photos of one camera have in common."""
 
 
 @dataclass(frozen=True)
 class ClockConflict:
     """Clock and GPS that contradict each other."""
 
-    sentence: str  # how, without a full stop
+    sentence: str
+    """How, without a full stop."""
     gps_usable: bool = True
+    """Whether the instant by GPS may be right."""
     clock_usable: bool = True
-    agreed: str | None = None  # of instants, the `clock` by which the two do not contradict each other
+    """Whether the instant by the clock may be right."""
+    agreed: str | None = None
+    """Of instants, the `clock` by which the two do not contradict each other."""
 
     def warn(self, used: Instant) -> CodedWarning | None:
         """Return the warning that says what was used; None where clock and GPS agree on it.
@@ -74,9 +83,12 @@ class ClockConflict:
 class PhotoInstants:
     """When a photo may have been taken, by its file and its user."""
 
-    instants: tuple[Instant, ...] = ()  # weights sum to 1; none where the time or its zone is unknown
+    instants: tuple[Instant, ...] = ()
+    """Weights sum to 1; none where the time or its zone is unknown."""
     conflict: ClockConflict | None = None
+    """How GPS and clock contradict each other. None: they do not."""
     warnings: tuple[str, ...] = ()
+    """Sentences for people."""
 
     @property
     def likeliest(self) -> Instant | None:

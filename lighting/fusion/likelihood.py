@@ -31,8 +31,10 @@ _MIN_BLUR_STD = 1.5  # deg, of a heading; smaller errors vanish beside the 4 deg
 class Correlation:
     """How the errors of views correlate."""
 
-    without_overlap: float  # of two views that share nothing, 0 to 1
-    outlier_rate: float  # share of cases in which all views tell no more than one, 0 to 1
+    without_overlap: float
+    """Of two views that share nothing, 0 to 1."""
+    outlier_rate: float
+    """Share of cases in which all views tell no more than one, 0 to 1."""
 
 
 SUN_CORRELATION = Correlation(0.05, 0.15)  # of the sun's distribution in one frame

@@ -45,13 +45,21 @@ class MetadataPrior:
     """The observations of one photo, and what its estimate reports besides."""
 
     observations: Observations = field(default_factory=Observations)
+    """What the metadata and the user say."""
     warnings: tuple[str, ...] = ()
-    twilight_sun: float | None = None  # deg, the sun's negative elevation in civil twilight by time and place
-    is_night: bool = False  # time and place say that it was night, too dark for these skies; they were not used
-    location: tuple[float, float] | None = field(default=None, repr=False)  # latitude and longitude for the answer, deg
-    instants: PhotoInstants = field(default_factory=PhotoInstants)  # as many as candidates, if there are any of these
-    camera_height: float = EYE_HEIGHT  # m above the ground
-    is_aerial: bool = False  # a gimbal says that the camera flies, and nothing says how high
+    """Sentences for people."""
+    twilight_sun: float | None = None
+    """Deg, the sun's negative elevation in civil twilight by time and place."""
+    is_night: bool = False
+    """Time and place say that it was night, too dark for these skies; they were not used."""
+    location: tuple[float, float] | None = field(default=None, repr=False)
+    """Latitude and longitude for the answer, deg."""
+    instants: PhotoInstants = field(default_factory=PhotoInstants)
+    """As many as candidates, if there are any of these."""
+    camera_height: float = EYE_HEIGHT
+    """Meters above the ground."""
+    is_aerial: bool = False
+    """A gimbal says that the camera flies, and nothing says how high."""
 
 
 def observations_from_metadata(

@@ -57,39 +57,60 @@ _MAX_SUN_DIFFERENCE = (15.0, 12.0)  # deg of azimuth and elevation up to which e
 class Gravity:
     """How the camera was tilted, by the photo's metadata."""
 
-    elevation: float  # deg, positive looks up
-    roll: float | None  # deg, positive rotates the camera clockwise; None where it is unknown
-    std: float  # deg, one standard deviation of both
+    elevation: float
+    """Deg, positive looks up."""
+    roll: float | None
+    """Deg, positive rotates the camera clockwise; None where it is unknown."""
+    std: float
+    """Deg, one standard deviation of both."""
 
 
 @dataclass(frozen=True)
 class Observations:
     """What is known about one photo besides its pixels."""
 
-    candidates: tuple[tuple[float, float], ...] = ()  # (sun elevation, sun compass azimuth) [deg]
-    heading: float | None = None  # deg clockwise from true north, where the camera points
-    heading_std: float = COMPASS_STD  # deg, one standard deviation of that
-    vertical_fov: float | None = None  # deg, of the upright photo
-    gravity: Gravity | None = None  # the camera's tilt
-    exposure_value: float | None = None  # EV at ISO 100, of the camera's settings
-    subject: str = "photo"  # what warnings call the pixels' source: a "clip" and a "stream" are taken, too
-    weights: tuple[float, ...] = ()  # probability of each candidate before the pixels; () where all are alike
+    candidates: tuple[tuple[float, float], ...] = ()
+    """(sun elevation, sun compass azimuth) [deg]."""
+    heading: float | None = None
+    """Deg clockwise from true north, where the camera points."""
+    heading_std: float = COMPASS_STD
+    """Deg, one standard deviation of that."""
+    vertical_fov: float | None = None
+    """Deg, of the upright photo."""
+    gravity: Gravity | None = None
+    """The camera's tilt."""
+    exposure_value: float | None = None
+    """EV at ISO 100, of the camera's settings."""
+    subject: str = "photo"
+    """What warnings call the pixels' source: a "clip" and a "stream" are taken, too."""
+    weights: tuple[float, ...] = ()
+    """Probability of each candidate before the pixels; () where all are alike."""
 
 
 @dataclass(frozen=True, eq=False)
 class Posterior:
     """The fused distribution and parameters of one photo; `build_estimate` makes an EstimatedLight of it."""
 
-    prediction: Prediction  # with the fused camera, turbidity and exposure
+    prediction: Prediction
+    """With the fused camera, turbidity and exposure."""
     sun: SunEstimate
-    directions: Floats  # (M, 3) unit vectors towards the sun, relative to the camera
-    probability: Floats  # (M,) of each, sums to 1
+    """Where the sun is."""
+    directions: Floats
+    """(M, 3) unit vectors towards the sun, relative to the camera."""
+    probability: Floats
+    """(M,) of each, sums to 1."""
     used: tuple[EvidenceKind, ...]
-    warnings: tuple[str, ...] = ()  # sentences about what contradicts the pixels
-    camera_heading: Heading | None = None  # from true north; None without time and place
-    relative_heading: Heading | None = None  # from the first of several photos; None where there is a heading
-    candidate: tuple[float, float] | None = None  # elevation and azimuth [deg] of the likeliest one of time and place
-    predicted_sun_elevation: float | None = None  # deg, by the pixels whose light it has; None: those of `prediction`
+    """The evidence that counted."""
+    warnings: tuple[str, ...] = ()
+    """Sentences about what contradicts the pixels."""
+    camera_heading: Heading | None = None
+    """From true north; None without time and place."""
+    relative_heading: Heading | None = None
+    """From the first of several photos; None where there is a heading."""
+    candidate: tuple[float, float] | None = None
+    """Elevation and azimuth [deg] of the likeliest one of time and place."""
+    predicted_sun_elevation: float | None = None
+    """Deg, by the pixels whose light it has; None: those of `prediction`."""
 
     def on_cells(self) -> SunDistribution:
         """The same distribution over the network's own cells."""

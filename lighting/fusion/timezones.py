@@ -33,9 +33,12 @@ _CLAIMED_BOXES = (  # south, west, north and east [deg] of such places, and the 
 class ZoneOffset:
     """An offset from UTC that clocks at a place may have at a local time."""
 
-    hours: float  # local minus universal time
-    name: str  # of the zone, the same for all photos of one clock
-    weight: float  # share of the clocks, 0 to 1
+    hours: float
+    """Local minus universal time."""
+    name: str
+    """Of the zone, the same for all photos of one clock."""
+    weight: float
+    """Share of the clocks, 0 to 1."""
 
 
 def offsets_of_place(latitude: float, longitude: float, local_time: datetime) -> tuple[ZoneOffset, ...]:

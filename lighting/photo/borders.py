@@ -60,9 +60,13 @@ class Rectangle:
     """A part of a picture, in shares of its width and height."""
 
     left: float
+    """Of the left edge, 0 to 1 of the picture's width."""
     top: float
+    """Of the upper edge, 0 to 1 of the picture's height."""
     right: float
+    """Of the right edge, 0 to 1 of the picture's width."""
     bottom: float
+    """Of the lower edge, 0 to 1 of the picture's height."""
 
     def pixels(self, width: int, height: int) -> tuple[int, int, int, int]:
         """Left, top, right and bottom in whole pixels, within the part.
@@ -79,9 +83,12 @@ class Rectangle:
 class Layout:
     """How a picture is made up."""
 
-    photo: Rectangle | None = None  # of several like it, or inside a border; None: the whole picture
+    photo: Rectangle | None = None
+    """Of several like it, or inside a border; None: the whole picture."""
     is_collage: bool = False
+    """Whether the picture shows several photos."""
     is_stereo_pair: bool = False
+    """Whether the picture shows one view for each eye."""
 
 
 @dataclass(frozen=True)

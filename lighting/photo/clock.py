@@ -102,8 +102,10 @@ def to_utc(local_time: datetime, utc_offset: float) -> datetime:
 class Stamp:
     """One date and time that a file holds."""
 
-    time: datetime  # naive
-    utc_offset: float | None = None  # h, local minus universal time
+    time: datetime
+    """Time, naive."""
+    utc_offset: float | None = None
+    """Hours, local minus universal time."""
 
 
 # Dates as texts.

@@ -73,9 +73,13 @@ class ColorEncoding:
     """What values in [0, 1] mean."""
 
     curve: _Curve = "srgb"
-    to_rec709: _Matrix | None = None  # (3, 3) from linear values; None: the primaries are Rec.709's
-    profile: bytes | None = field(default=None, repr=False)  # an ICC profile, which then counts for 8-bit values
-    full_range: bool = True  # False: 8-bit values go from 16 to 235
+    """From stored values to linear light."""
+    to_rec709: _Matrix | None = None
+    """(3, 3) from linear values; None: the primaries are Rec.709's."""
+    profile: bytes | None = field(default=None, repr=False)
+    """An ICC profile, which then counts for 8-bit values."""
+    full_range: bool = True
+    """False: 8-bit values go from 16 to 235."""
 
     def to_srgb(self) -> Callable[[Image.Image], NDArray[np.uint8]]:
         """A function from pictures in mode L, RGB or CMYK to 8-bit sRGB (h, w, 3), for the parts of one picture."""

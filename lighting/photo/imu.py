@@ -36,10 +36,14 @@ _LANDSCAPE, _PORTRAIT = (1, 3), (6, 8)  # orientations that keep the sensor's lo
 class CameraTilt:
     """Elevation and roll of a camera."""
 
-    elevation: float  # deg, positive looks up
-    roll: float | None  # deg, positive turns the camera clockwise; None where it is unknown or not defined
-    std: float  # deg, of both
-    source: str  # "accelerometer", "gimbal" or "elevation angle"
+    elevation: float
+    """Deg, positive looks up."""
+    roll: float | None
+    """Deg, positive turns the camera clockwise; None where it is unknown or not defined."""
+    std: float
+    """Deg, of both."""
+    source: str
+    """"accelerometer", "gimbal" or "elevation angle"."""
 
 
 def tilt_from_accelerometer(

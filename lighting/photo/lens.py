@@ -36,22 +36,32 @@ _CENTERED = 0.02  # of a side, by which a crop's middle may differ from the phot
 class PhotoLens:
     """What a photo's file says of its lens and of its frame."""
 
-    focal_length: float | None = None  # mm, of the 36 x 24 mm camera with the same diagonal field of view
-    vertical_fovs: tuple[float, ...] = ()  # deg, of the upright photo, those that it may have, the likeliest first
-    is_consistent: bool = False  # whether focal length and 35 mm value, or sensor, agree
-    is_whole: bool = True  # whether the photo shows the whole frame or its middle, for what is known of the tilt
-    turn: float = 0.0  # deg, by which the camera's roll is more than that of the sensor's measurement
-    is_panorama: bool = False  # of several frames
+    focal_length: float | None = None
+    """Millimeters, of the 36 x 24 mm camera with the same diagonal field of view."""
+    vertical_fovs: tuple[float, ...] = ()
+    """Deg, of the upright photo, those that it may have, the likeliest first."""
+    is_consistent: bool = False
+    """Whether focal length and 35 mm value, or sensor, agree."""
+    is_whole: bool = True
+    """Whether the photo shows the whole frame or its middle, for what is known of the tilt."""
+    turn: float = 0.0
+    """Deg, by which the camera's roll is more than that of the sensor's measurement."""
+    is_panorama: bool = False
+    """Of several frames."""
 
 
 @dataclass(frozen=True)
 class PhotoFrame:
     """A photo's sizes in pixels."""
 
-    width: int  # of the upright photo
+    width: int
+    """Of the upright photo."""
     height: int
-    is_turned: bool  # whether its rows are the columns of the stored picture
-    is_inside: bool = False  # whether it lies inside a border, so that the stored picture is larger
+    """Rows, pixels."""
+    is_turned: bool
+    """Whether its rows are the columns of the stored picture."""
+    is_inside: bool = False
+    """Whether it lies inside a border, so that the stored picture is larger."""
 
 
 def vertical_fov_from_focal_length(focal_length: float, width: float, height: float) -> float:

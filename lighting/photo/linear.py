@@ -40,15 +40,24 @@ _MIN_PLATEAU = 3  # pixels of exactly the largest value that say a float picture
 class LinearPhoto:
     """Linear values of a photo, in units of the sensor's full scale."""
 
-    pixels: Pixels  # (H, W, 3), 0 or more
-    white: float  # from which on a channel counts as clipped; infinite where nothing is
-    step: float  # the least difference that the file can hold, near black
-    exposure: float | None = None  # s x ISO / 100 / f-number^2, from EXIF
+    pixels: Pixels
+    """(H, W, 3), 0 or more."""
+    white: float
+    """From which on a channel counts as clipped; infinite where nothing is."""
+    step: float
+    """The least difference that the file can hold, near black."""
+    exposure: float | None = None
+    """S x ISO / 100 / f-number^2, from EXIF."""
     metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
+    """What the file says."""
     warnings: tuple[str, ...] = ()
-    gray: bool = False  # whether the file holds one channel, which the pixels repeat
-    srgb_decoded: bool = False  # whether a curve was taken off
-    gamma_doubtful: bool = False  # whether the file says that a curve coded the values which were taken for linear
+    """Sentences for people."""
+    gray: bool = False
+    """Whether the file holds one channel, which the pixels repeat."""
+    srgb_decoded: bool = False
+    """Whether a curve was taken off."""
+    gamma_doubtful: bool = False
+    """Whether the file says that a curve coded the values which were taken for linear."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -79,14 +79,18 @@ _ERRORS: dict[str, type[LightingError]] = {
 class DecodeRequest:
     """A photo to read, the limits of `read_photo`, and one of time."""
 
-    size: int  # bytes of the photo, which follow
+    size: int
+    """Bytes of the photo, which follow."""
     max_bytes: int
+    """As in `read_photo`."""
     max_pixels: int
-    target: int | None  # pixels
+    """As in `read_photo`."""
+    target: int | None
+    """Target, pixels."""
     seconds: float
-    sidecar: tuple[
-        tuple[str, str], ...
-    ] = ()  # XMP properties of the files beside the photo, which a worker cannot read
+    """Over 0, that decoding may take."""
+    sidecar: tuple[tuple[str, str], ...] = ()
+    """XMP properties of the files beside the photo, which a worker cannot read."""
 
 
 def read_photo_isolated(

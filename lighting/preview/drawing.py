@@ -177,10 +177,14 @@ def rounded_mask(size: tuple[int, int], radius: int) -> Image.Image:
 class TextStyle:
     """How a text looks."""
 
-    size: int  # pixels
+    size: int
+    """Size, pixels."""
     color: Srgb
-    anchor: str = "la"  # of Pillow: which point of the text lies on its spot
-    shaded: bool = False  # with a soft dark rim, readable on any background
+    """sRGB, 0 to 255."""
+    anchor: str = "la"
+    """Of Pillow: which point of the text lies on its spot."""
+    shaded: bool = False
+    """With a soft dark rim, readable on any background."""
 
 
 def draw_text(picture: Image.Image, spot: Point, text: str, style: TextStyle) -> None:

@@ -41,9 +41,13 @@ class Box:
     """A rectangle by its upper left corner and its size."""
 
     x: int
+    """Column of the left edge, pixels."""
     y: int
+    """Row of the upper edge, pixels."""
     width: int
+    """Columns, pixels."""
     height: int
+    """Rows, pixels."""
 
 
 @dataclass(frozen=True)

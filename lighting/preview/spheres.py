@@ -50,17 +50,28 @@ _EPSILON = 1e-9  # stands for no light
 class SphereScene:
     """The spheres, the environment map without its sun, and the light exchanged between spheres and ground."""
 
-    centers: Floats  # (3, 3) of the spheres, which stand on level ground
-    sky: NDArray[np.float32]  # the map (H, 2H, 3) without the sun's disc
-    coarse_sky: NDArray[np.float32]  # the same in few pixels
-    glossy_sky: NDArray[np.float32]  # the same, blurred by the glossy lobe
-    sun_direction: Floats  # (3,)
-    sun_irradiance: Floats  # (3,) on a surface that faces the sun; 0 where the map has no disc
-    ground: Floats  # radiance (3,) of open ground
-    ground_sky: Floats  # (3,) the part of it that the sky lights
-    albedo: Floats  # (3,) of the ground
-    diffuse_irradiance: Floats  # (h, 2h, 3) of the diffuse sphere by all but the sun, by its normals
-    exchange: tuple[Floats, ...]  # (h, 2h, 3) of each sphere with the ground, by direction; empty before a bounce
+    centers: Floats
+    """(3, 3) of the spheres, which stand on level ground."""
+    sky: NDArray[np.float32]
+    """The map (H, 2H, 3) without the sun's disc."""
+    coarse_sky: NDArray[np.float32]
+    """The same in few pixels."""
+    glossy_sky: NDArray[np.float32]
+    """The same, blurred by the glossy lobe."""
+    sun_direction: Floats
+    """Sun direction, (3,)."""
+    sun_irradiance: Floats
+    """(3,) on a surface that faces the sun; 0 where the map has no disc."""
+    ground: Floats
+    """Radiance (3,) of open ground."""
+    ground_sky: Floats
+    """(3,) the part of it that the sky lights."""
+    albedo: Floats
+    """(3,) of the ground."""
+    diffuse_irradiance: Floats
+    """(h, 2h, 3) of the diffuse sphere by all but the sun, by its normals."""
+    exchange: tuple[Floats, ...]
+    """(h, 2h, 3) of each sphere with the ground, by direction; empty before a bounce."""
 
 
 # A picture of the scene.

@@ -35,10 +35,14 @@ _MIN_OUTLIER = 1.0  # deg
 class Alignment:
     """How a camera stood and what its lens is."""
 
-    rotation: Floats  # (3, 3), takes column vectors of the camera to the world's
+    rotation: Floats
+    """(3, 3), takes column vectors of the camera to the world's."""
     lens: Lens
-    residuals: Floats  # (N,) deg, between each sun found and the ephemeris
-    used: NDArray[np.bool_]  # (N,), suns that were not left out as wrong
+    """The lens that fits."""
+    residuals: Floats
+    """(N,) deg, between each sun found and the ephemeris."""
+    used: NDArray[np.bool_]
+    """(N,), suns that were not left out as wrong."""
 
     @property
     def residual(self) -> float:
@@ -147,10 +151,14 @@ _MIN_ERROR_RATIO = 1.05  # the other sense's error / the better one's, from whic
 class Scan:
     """One sky in a few directions, and where the sun truly was."""
 
-    azimuth: Floats  # (N,) deg, as filed
-    elevation: Floats  # (N,) deg
-    luminance: Floats  # (N,), any unit
-    sun: tuple[float, float]  # azimuth clockwise from true north, elevation, deg
+    azimuth: Floats
+    """(N,) deg, as filed."""
+    elevation: Floats
+    """Elevation, (N,) deg."""
+    luminance: Floats
+    """(N,), any unit."""
+    sun: tuple[float, float]
+    """Azimuth clockwise from true north, elevation, deg."""
 
     def directions(self, sense: int, offset: float) -> Floats:
         """Return the directions as unit vectors (N, 3) in the world.

@@ -39,7 +39,9 @@ class Bracket:
     """Two exposures or more of one view, the shortest first."""
 
     photos: tuple[LinearPhoto, ...]
-    names: tuple[str, ...]  # of the files, for messages
+    """From the same place, of different exposures."""
+    names: tuple[str, ...]
+    """Of the files, for messages."""
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -118,7 +120,9 @@ class BracketFiles:
     """The files of one bracket and what they say of when and where."""
 
     files: tuple[Path, ...]
-    metadata: PhotoMetadata  # clock and place of the first files that have them
+    """Of its photos."""
+    metadata: PhotoMetadata
+    """Clock and place of the first files that have them."""
 
     def instants(self, user_input: UserInput = NO_USER_INPUT) -> PhotoInstants:
         """Return when the bracket was taken.

@@ -54,16 +54,27 @@ class BracketSettings:
     """
 
     kind: LensKind = "equidistant"
-    fov: float | None = None  # deg
-    centre: tuple[float, float] | None = None  # pixels
-    radius: float | None = None  # pixels
-    pitch: float | None = None  # deg
+    """The lens's projection."""
+    fov: float | None = None
+    """Fov, deg."""
+    centre: tuple[float, float] | None = None
+    """Centre, pixels."""
+    radius: float | None = None
+    """Radius, pixels."""
+    pitch: float | None = None
+    """Pitch, deg."""
     mirrored: bool = False
-    nd: float = 0.0  # stops of a filter before the lens
-    yaw: float | None = None  # deg clockwise from north of the camera's azimuth 0; None finds it by the sun
-    height: int = 512  # rows of the map
+    """Whether left and right are swapped."""
+    nd: float = 0.0
+    """Stops of a filter before the lens."""
+    yaw: float | None = None
+    """Deg clockwise from north of the camera's azimuth 0; None finds it by the sun."""
+    height: int = 512
+    """Rows of the map."""
     curve: Curve | None = None
-    fill: bool = False  # a clipped sun is taken from the model
+    """How values are coded: "linear" or "srgb". None: linear for 16 bits, else sRGB."""
+    fill: bool = False
+    """A clipped sun is taken from the model."""
 
     def __post_init__(self) -> None:
         _check_finite("The lens", self.fov, *(self.centre or ()), self.radius, self.pitch, self.nd, self.yaw)
@@ -80,9 +91,12 @@ class BracketSettings:
 class Moment:
     """When and where a bracket was taken."""
 
-    time: datetime  # aware
-    latitude: float  # deg, positive north
-    longitude: float  # deg, positive east
+    time: datetime
+    """Time, aware."""
+    latitude: float
+    """Deg, positive north."""
+    longitude: float
+    """Deg, positive east."""
 
     def __post_init__(self) -> None:
         _check_finite("The place", self.latitude, self.longitude)
@@ -163,15 +177,24 @@ class _MergedBracket:
 class Probe:
     """A measured sky in the world's axes: centre column true north, right half east."""
 
-    image: NDArray[np.float32]  # (H, 2H, 3), linear Rec.709, in units of full scale / relative exposure
-    clipped: Mask  # (H, 2H), brighter than could be measured
+    image: NDArray[np.float32]
+    """(H, 2H, 3), linear Rec.709, in units of full scale / relative exposure."""
+    clipped: Mask
+    """(H, 2H), brighter than could be measured."""
     moment: Moment
+    """When and where it was taken."""
     spot: SunBlob | None
-    estimated: bool  # the sun's light is the model's
-    fit: SkyFit | None  # the model, where it was asked for
-    alignment: Alignment | None  # None where the caller told the yaw
+    """The sun in the photos. None: not seen."""
+    estimated: bool
+    """The sun's light is the model's."""
+    fit: SkyFit | None
+    """The model, where it was asked for."""
+    alignment: Alignment | None
+    """None where the caller told the yaw."""
     ratios: ExposureRatios
+    """Of the exposures."""
     warnings: tuple[str, ...]
+    """Sentences for people."""
 
     @property
     def sun_error(self) -> float | None:

@@ -30,13 +30,21 @@ class Lens:
     """A projection; lengths in pixels of the picture, centres of pixels at (i + 0.5)."""
 
     kind: LensKind
+    """Its projection."""
     width: int
+    """Columns of the photo, pixels."""
     height: int
-    centre: tuple[float, float]  # x and y of the axis
-    radius: float  # of the circle that the lens fills, or of the ball
-    fov: float = 180.0  # deg across that circle; a ball shows everything
-    pitch: float = 90.0  # deg, elevation of the direction in which the camera looks
-    mirrored: bool = False  # the picture was flipped left to right
+    """Rows of the photo, pixels."""
+    centre: tuple[float, float]
+    """X and y of the axis."""
+    radius: float
+    """Of the circle that the lens fills, or of the ball."""
+    fov: float = 180.0
+    """Deg across that circle; a ball shows everything."""
+    pitch: float = 90.0
+    """Deg, elevation of the direction in which the camera looks."""
+    mirrored: bool = False
+    """The picture was flipped left to right."""
 
 
 def make_lens(kind: LensKind, width: int, height: int, **options: Any) -> Lens:

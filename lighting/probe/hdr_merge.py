@@ -77,10 +77,14 @@ class _ExposureRatio:
 class ExposureRatios:
     """How long each exposure of a bracket is."""
 
-    relative: Floats  # (N,), with EXIF s x ISO / 100 / f-number^2, else the longest is 1
-    ratios: tuple[_ExposureRatio | None, ...]  # measured, (N - 1); None where the pixels cannot say
+    relative: Floats
+    """(N,), with EXIF s x ISO / 100 / f-number^2, else the longest is 1."""
+    ratios: tuple[_ExposureRatio | None, ...]
+    """Measured, (N - 1); None where the pixels cannot say."""
     from_exif: bool
+    """Whether the files' own exposures counted."""
     warnings: tuple[str, ...]
+    """Sentences for people."""
 
 
 def measure_ratios(bracket: Bracket) -> ExposureRatios:
@@ -195,8 +199,10 @@ _ROWS_AT_ONCE = 128  # merged at once, so that little memory is needed beside th
 class MergedHdr:
     """A picture of radiance, in units of full scale / relative exposure."""
 
-    radiance: NDArray[np.float32]  # (H, W, 3); where clipped, the least that it can be
-    clipped: Mask  # (H, W), a channel is clipped in every exposure
+    radiance: NDArray[np.float32]
+    """(H, W, 3); where clipped, the least that it can be."""
+    clipped: Mask
+    """(H, W), a channel is clipped in every exposure."""
 
 
 def merge_exposures(bracket: Bracket, relative: Floats) -> MergedHdr:

@@ -44,11 +44,16 @@ MIN_COVERAGE = 0.4  # sr, `SkyFit.coverage` of a trusted fit
 class SkyFit:
     """The Hosek-Wilkie sky nearest to a picture's sky."""
 
-    turbidity: float  # 1 to 10
-    exposure: float  # picture's linear values / sky radiance
-    residual: float  # robust spread of log(picture / model) over the sky's pixels
-    coverage: float  # sr, of the sky that the model explains
-    ok: bool  # whether the fit may be trusted
+    turbidity: float
+    """Turbidity, 1 to 10."""
+    exposure: float
+    """Picture's linear values / sky radiance."""
+    residual: float
+    """Robust spread of log(picture / model) over the sky's pixels."""
+    coverage: float
+    """Sr, of the sky that the model explains."""
+    ok: bool
+    """Whether the fit may be trusted."""
 
 
 @dataclass(frozen=True)
@@ -157,13 +162,21 @@ class SkyState:
     """A sky in numbers; angles in deg, azimuth from the map's centre column, clockwise positive, -180 to 180."""
 
     sun_azimuth: float
+    """Deg, -180 to 180: 0 = the middle of the map, positive to the right."""
     sun_elevation: float
-    sun_source: str  # "found" in the map or "given"
+    """Deg above the horizon, -4.2 to 90."""
+    sun_source: str
+    """"found" in the map or "given"."""
     turbidity: float
-    exposure: float  # map's values / sky radiance
-    residual: float  # robust spread of log(map / model) over the clear sky
-    trusted: bool  # whether the fit may be
-    cover: float  # share of the sky above MIN_ELEVATION that the model of the clear sky does not explain, 0 to 1
+    """Linke's turbidity, 1 to 10."""
+    exposure: float
+    """Map's values / sky radiance."""
+    residual: float
+    """Robust spread of log(map / model) over the clear sky."""
+    trusted: bool
+    """Whether the fit may be."""
+    cover: float
+    """Share of the sky above MIN_ELEVATION that the model of the clear sky does not explain, 0 to 1."""
 
     def to_dict(self) -> Json:
         """As JSON, with no more digits than the sky tells."""

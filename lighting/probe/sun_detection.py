@@ -79,9 +79,12 @@ MIN_PEAK_CONTRAST = 1000.0  # an unclipped sun / the median of the upper half
 class DetectedSun:
     """A sun found in a picture."""
 
-    azimuth: float  # deg, 0 = centre column, positive to the right
-    elevation: float  # deg
-    radius: float  # deg, of a cap as large as the blown-out region; the position is no better than a part of it
+    azimuth: float
+    """Deg, 0 = centre column, positive to the right."""
+    elevation: float
+    """Elevation, deg."""
+    radius: float
+    """Deg, of a cap as large as the blown-out region; the position is no better than a part of it."""
 
     @property
     def direction(self) -> Floats:
@@ -165,11 +168,16 @@ MARGIN = 1.5  # pixels of the map around the bright region whose light counts as
 class SunBlob:
     """The sun as a map shows it."""
 
-    azimuth: float  # deg, 0 = centre column, positive to the right
-    elevation: float  # deg
-    radius: float  # deg, of a cap as large as the bright region
-    clipped: bool  # brighter than the shortest exposure could measure
-    irradiance: Floats  # (3,), on a surface that faces it, above the sky beside it; the least that it can be if clipped
+    azimuth: float
+    """Deg, 0 = centre column, positive to the right."""
+    elevation: float
+    """Elevation, deg."""
+    radius: float
+    """Deg, of a cap as large as the bright region."""
+    clipped: bool
+    """Brighter than the shortest exposure could measure."""
+    irradiance: Floats
+    """(3,), on a surface that faces it, above the sky beside it; the least that it can be if clipped."""
 
     @property
     def direction(self) -> Floats:

@@ -29,9 +29,12 @@ _WeightFn = Callable[[float], float]
 class OrientedGroup:
     """Cameras that relative rotations connect."""
 
-    members: tuple[int, ...]  # numbers of the photos, ascending
-    rotations: Floats  # (n, 3, 3) directions in the first member's frame to each member's
-    covariance: Floats  # (n, 3, 3) [deg^2] of the small rotation in each member's frame; zero for the first
+    members: tuple[int, ...]
+    """Numbers of the photos, ascending."""
+    rotations: Floats
+    """(n, 3, 3) directions in the first member's frame to each member's."""
+    covariance: Floats
+    """(n, 3, 3) [deg^2] of the small rotation in each member's frame; zero for the first."""
 
 
 def connected_components(count: int, pairs: PairRotations) -> list[tuple[int, ...]]:

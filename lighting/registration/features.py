@@ -29,10 +29,14 @@ MAX_DISTANCE_RATIO = 0.8  # of the distances to the nearest and the next feature
 class Features:
     """A photo's features: their points and what they look like."""
 
-    points: Floats  # (N, 2) from the photo's centre, x right, y up, in units of half its diagonal
-    descriptors: NDArray[np.float32]  # (N, 128) of length 1; roots of SIFT's values [2]
-    width: int  # pixels of the picture in which they were sought
+    points: Floats
+    """(N, 2) from the photo's centre, x right, y up, in units of half its diagonal."""
+    descriptors: NDArray[np.float32]
+    """(N, 128) of length 1; roots of SIFT's values [2]."""
+    width: int
+    """Pixels of the picture in which they were sought."""
     height: int
+    """Rows of the picture, pixels."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -49,9 +53,12 @@ class Features:
 class Matches:
     """Pairs of points that look alike, the surest first."""
 
-    a: Floats  # (M, 2) in the first photo, as Features.points
-    b: Floats  # (M, 2) in the second
-    pixel: float  # the coarser photo's pixel in units of half its diagonal
+    a: Floats
+    """(M, 2) in the first photo, as Features.points."""
+    b: Floats
+    """(M, 2) in the second."""
+    pixel: float
+    """The coarser photo's pixel in units of half its diagonal."""
 
     def __len__(self) -> int:
         return len(self.a)

@@ -63,11 +63,17 @@ class ViewFeatures:
     """One photo of a set, before it is compared with others."""
 
     features: Features
-    camera_elevation: float  # deg, by the network and the photo's metadata
+    """What is recognized elsewhere."""
+    camera_elevation: float
+    """Deg, by the network and the photo's metadata."""
     camera_roll: float
-    predicted_fov: float  # deg, vertical, by the network
-    metadata_fov: float | None = None  # by its metadata or its user
-    up_std: float = UP_STD  # deg, of the vertical that elevation and roll mean, about each horizontal axis
+    """Deg, -180 to 180: positive turns the camera clockwise."""
+    predicted_fov: float
+    """Deg, vertical, by the network."""
+    metadata_fov: float | None = None
+    """By its metadata or its user."""
+    up_std: float = UP_STD
+    """Deg, of the vertical that elevation and roll mean, about each horizontal axis."""
 
     @property
     def size(self) -> tuple[int, int]:
@@ -85,12 +91,18 @@ class ViewFeatures:
 class View:
     """One photo of a set before features are sought in it."""
 
-    pixels: NDArray[np.uint8]  # (H, W, 3) sRGB, upright
-    camera_elevation: float  # deg; this and what follows as in ViewFeatures
+    pixels: NDArray[np.uint8]
+    """(H, W, 3) sRGB, upright."""
+    camera_elevation: float
+    """Deg; this and what follows as in ViewFeatures."""
     camera_roll: float
+    """Deg, -180 to 180: positive turns the camera clockwise."""
     predicted_fov: float
+    """Deg, 1 to 170, vertical field of view by the network."""
     metadata_fov: float | None = None
+    """Deg, 1 to 170, vertical field of view by the metadata. None: unknown."""
     up_std: float = UP_STD
+    """Deg, standard deviation of the direction of up."""
 
     def with_features(self) -> ViewFeatures:
         """The same with its features; MissingExtraError without OpenCV."""
@@ -102,12 +114,18 @@ class View:
 class RegisteredView:
     """Where one photo of a set looks, by its matches with the others."""
 
-    group: int  # photos of one number are connected by matches
-    heading: float  # deg clockwise from the group's first photo
-    heading_std: float  # deg, one standard deviation of that
-    camera_elevation: float  # deg
+    group: int
+    """Photos of one number are connected by matches."""
+    heading: float
+    """Deg clockwise from the group's first photo."""
+    heading_std: float
+    """Deg, one standard deviation of that."""
+    camera_elevation: float
+    """Camera elevation, deg."""
     camera_roll: float
-    vertical_fov: float | None  # deg, as the matches reveal it; None for a photo without any
+    """Deg, -180 to 180: positive turns the camera clockwise."""
+    vertical_fov: float | None
+    """Deg, as the matches reveal it; None for a photo without any."""
 
 
 def register_views(views: Sequence[ViewFeatures]) -> tuple[RegisteredView, ...]:

@@ -29,9 +29,12 @@ Residuals = Callable[[Floats], Floats]
 class LeastSquaresResult:
     """Where the residuals are least, and how sure that is."""
 
-    parameters: Floats  # (P,)
-    covariance: Floats  # (P, P) of them, from the scatter of the residuals
-    residuals: Floats  # (N,) at the parameters
+    parameters: Floats
+    """Parameters, (P,)."""
+    covariance: Floats
+    """(P, P) of them, from the scatter of the residuals."""
+    residuals: Floats
+    """(N,) at the parameters."""
 
 
 def least_squares(

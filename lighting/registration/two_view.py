@@ -53,14 +53,22 @@ _FIRST = np.vstack([np.eye(3, 5), [0.0, 0.0, 0.0, 1.0, -1.0]])  # the first loga
 class RelativeRotation:
     """The rotation from the first camera to the second."""
 
-    rotation: Floats  # (3, 3) a direction in the first camera's frame (x right, y up, -z ahead) to the second's
-    covariance: Floats  # (3, 3) [deg^2] of the small rotation vector in the second's frame that corrects `rotation`
-    vertical_fov: tuple[float, float]  # deg, of the first and of the second photo
-    fov_std: float  # deg, one standard deviation of those; 0 where they are exact
-    inliers: int  # matches that agree
+    rotation: Floats
+    """(3, 3) a direction in the first camera's frame (x right, y up, -z ahead) to the second's."""
+    covariance: Floats
+    """(3, 3) [deg^2] of the small rotation vector in the second's frame that corrects `rotation`."""
+    vertical_fov: tuple[float, float]
+    """Deg, of the first and of the second photo."""
+    fov_std: float
+    """Deg, one standard deviation of those; 0 where they are exact."""
+    inliers: int
+    """Matches that agree."""
     matches: int
-    translates: bool = False  # whether the camera moved as well, among near things
-    zoomed: bool = False  # whether the photos have a focal length each, other than was assumed of them
+    """How many points of both pictures obey it."""
+    translates: bool = False
+    """Whether the camera moved as well, among near things."""
+    zoomed: bool = False
+    """Whether the photos have a focal length each, other than was assumed of them."""
 
     @property
     def std(self) -> float:

@@ -22,18 +22,25 @@ class ExporterOption:
     """An option that a tool's writer takes by name."""
 
     choices: tuple[str, ...]
+    """The values that it takes."""
     default: str
+    """Its value unless stated."""
 
 
 @dataclass(frozen=True)
 class Exporter:
     """How scenes are written for one tool."""
 
-    write: Callable[..., None]  # (scene, folder, **options)
-    files: tuple[str, ...]  # all that `write` may make; the tool opens the first
+    write: Callable[..., None]
+    """(scene, folder, **options)."""
+    files: tuple[str, ...]
+    """All that `write` may make; the tool opens the first."""
     options: dict[str, ExporterOption] = field(default_factory=dict)
-    animate: Callable[..., dict[str, str]] | None = None  # (CameraMotion) to the texts of files beside the scene's
-    opened_by: str = "open {file}"  # how to open the scene: {file} is the first of `files`, {folder} the folder
+    """That `write` takes, by name."""
+    animate: Callable[..., dict[str, str]] | None = None
+    """(CameraMotion) to the texts of files beside the scene's."""
+    opened_by: str = "open {file}"
+    """How to open the scene: {file} is the first of `files`, {folder} the folder."""
 
 
 def import_function(module: str, name: str) -> Callable[..., Any]:

@@ -20,10 +20,14 @@ if TYPE_CHECKING:
 class Weather:
     """What shapes a sky; each model takes what it knows."""
 
-    turbidity: float  # Linke, 1 to 10
-    ground_albedo: float  # 0 to 1
-    beam: float  # irradiance of a surface that faces the sun / that of level ground by the sky, 0 or more
-    diffuse: float  # W m^-2, irradiance of level ground by the sky
+    turbidity: float
+    """Linke, 1 to 10."""
+    ground_albedo: float
+    """Ground albedo, 0 to 1."""
+    beam: float
+    """Irradiance of a surface that faces the sun / that of level ground by the sky, 0 or more."""
+    diffuse: float
+    """W m^-2, irradiance of level ground by the sky."""
 
 
 @dataclass(frozen=True)
@@ -35,10 +39,14 @@ class SkyModel:
     """
 
     shape: Callable[["ArrayLike", "ArrayLike", Weather], "Floats"]
-    sun_glow: Callable[["ArrayLike", "ArrayLike"], "Floats"] | None = None  # (...) at any scale; None: a disc
+    """Of unit vectors, the sun's direction and the weather: radiance."""
+    sun_glow: Callable[["ArrayLike", "ArrayLike"], "Floats"] | None = None
+    """(...) at any scale; None: a disc."""
     # (3, R, N) by R angles [deg] from the zenith, N from the sun, and the sun's elevation [deg]: paints maps fast
     by_angles: Callable[["Floats", "Floats", float, Weather], "Floats"] | None = None
-    advanced: bool = False  # help names its kind as a range
+    """The same by angles, which is faster. None: it has none."""
+    advanced: bool = False
+    """Help names its kind as a range."""
 
 
 def _hosek_wilkie(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":

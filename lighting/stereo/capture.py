@@ -355,13 +355,21 @@ class DayPhotos:
     """The photos of a day, ready to solve."""
 
     names: tuple[str, ...]
-    images: Pixels  # (T, H, W, C), linear, in one unit
-    times: NDArray[np.datetime64]  # (T,), UTC
-    mask: NDArray[np.bool_]  # (H, W), where the thing is and no photo is clipped
-    location: tuple[float, float] | None  # latitude and longitude [deg] that the photos tell
-    heading: float | None  # deg from true north, likewise
-    focal_length: float | None  # mm in 35 mm terms, likewise
+    """Of the files."""
+    images: Pixels
+    """(T, H, W, C), linear, in one unit."""
+    times: NDArray[np.datetime64]
+    """Times, (T,), UTC."""
+    mask: NDArray[np.bool_]
+    """(H, W), where the thing is and no photo is clipped."""
+    location: tuple[float, float] | None
+    """Latitude and longitude [deg] that the photos tell."""
+    heading: float | None
+    """Deg from true north, likewise."""
+    focal_length: float | None
+    """Millimeters in 35 mm terms, likewise."""
     warnings: tuple[str, ...]
+    """Sentences for people."""
 
 
 def read_day_photos(

@@ -33,9 +33,12 @@ from lighting.stereo.light_vectors import Skies, illumination_matrices
 class Pose:
     """How a camera stands; the defaults look level to the north."""
 
-    heading: float = 0.0  # deg clockwise from true north, where the camera looks
-    pitch: float = 0.0  # deg, positive looks up
-    roll: float = 0.0  # deg, positive turns the camera clockwise as its holder sees it
+    heading: float = 0.0
+    """Deg clockwise from true north, where the camera looks."""
+    pitch: float = 0.0
+    """Deg, positive looks up."""
+    roll: float = 0.0
+    """Deg, positive turns the camera clockwise as its holder sees it."""
 
 
 def _axes(pose: Pose) -> Floats:
@@ -91,26 +94,40 @@ _EPSILON = np.float32(1e-12)
 class Candidates:
     """What a pixel may be: normals in the camera frame and how a day lights them."""
 
-    normals: Image  # (K, 3)
-    light: Image  # (K, T, 3, C), mean light vectors
-    brightness: Image  # (C, K, T), of white patches
-    prior: Image  # (K,), logarithms of how likely each is before any image is seen, up to a constant
-    spacing: float  # rad, between neighbouring normals
+    normals: Image
+    """Normals, (K, 3)."""
+    light: Image
+    """(K, T, 3, C), mean light vectors."""
+    brightness: Image
+    """(C, K, T), of white patches."""
+    prior: Image
+    """(K,), logarithms of how likely each is before any image is seen, up to a constant."""
+    spacing: float
+    """Rad, between neighbouring normals."""
 
 
 @dataclass(frozen=True)
 class SearchResult:
     """What the search says of P pixels."""
 
-    normal: Image  # (P, 3), camera frame
-    albedo: Image  # (P, C), in units of the images over those of the skies
-    residual: Image  # (P,), root of the mean squared difference of the images, in their unit
-    difference: Image  # (P, T), the images less what normal and albedo make, mean over channels
-    error: Image  # (P,), expected angle [deg] of the normal to the truth
-    error_rms: Image  # (P,), the same as root of the mean square
-    mean: Image  # (P, 3), mean of the distribution over normals; its length is less than 1
-    other: Image  # (P, 3), the best normal MIN_OTHER_ANGLE or more from the first
-    log_odds: Image  # (P,), natural logarithm of how much less likely the other one is, at most 0
+    normal: Image
+    """(P, 3), camera frame."""
+    albedo: Image
+    """(P, C), in units of the images over those of the skies."""
+    residual: Image
+    """(P,), root of the mean squared difference of the images, in their unit."""
+    difference: Image
+    """(P, T), the images less what normal and albedo make, mean over channels."""
+    error: Image
+    """(P,), expected angle [deg] of the normal to the truth."""
+    error_rms: Image
+    """(P,), the same as root of the mean square."""
+    mean: Image
+    """(P, 3), mean of the distribution over normals; its length is less than 1."""
+    other: Image
+    """(P, 3), the best normal MIN_OTHER_ANGLE or more from the first."""
+    log_odds: Image
+    """(P,), natural logarithm of how much less likely the other one is, at most 0."""
 
 
 SearchProgress = Callable[[Iterable[SearchResult], int], Iterable[SearchResult]]  # sees answers pass, of so many in all

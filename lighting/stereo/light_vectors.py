@@ -33,9 +33,12 @@ _CHUNK_WEIGHTS = 1 << 22  # weights of pixels held at once
 class Skies:
     """The light from far away at T moments, in C channels, the sun's disc apart from the rest."""
 
-    radiance: NDArray[np.float32]  # (T, H, 2H, C), lat-long maps without the disc: row 0 zenith, centre column north
-    sun_direction: Floats  # (T, 3), unit vectors towards the disc's centre; any where there is no sun
-    sun_irradiance: Floats  # (T, C), of the disc on a plane that faces it; 0 where there is none
+    radiance: NDArray[np.float32]
+    """(T, H, 2H, C), lat-long maps without the disc: row 0 zenith, centre column north."""
+    sun_direction: Floats
+    """(T, 3), unit vectors towards the disc's centre; any where there is no sun."""
+    sun_irradiance: Floats
+    """(T, C), of the disc on a plane that faces it; 0 where there is none."""
 
     def __post_init__(self) -> None:
         shape = self.radiance.shape

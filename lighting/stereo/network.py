@@ -29,8 +29,10 @@ _LARGE_DIFFERENCE = 0.05  # of the mean brightness, what counts as a large diffe
 class NormalFeatures:
     """Planes of a picture."""
 
-    by_image: Image  # (T, BY_IMAGE, H, W)
-    shared: Image  # (SHARED, H, W)
+    by_image: Image
+    """(T, BY_IMAGE, H, W)."""
+    shared: Image
+    """(SHARED, H, W)."""
 
 
 def normal_features(

@@ -242,19 +242,32 @@ _TURBIDITY_SKY_HEIGHT = 32  # rows of the skies that a turbidity is found with
 class NormalsOptions:
     """What is told beside the photos; None is to be found in them."""
 
-    latitude: float | None = None  # deg, positive north
-    longitude: float | None = None  # deg, positive east
-    heading: float | None = None  # deg clockwise from true north, where the camera looks
-    pitch: float = 0.0  # deg, positive looks up
-    roll: float = 0.0  # deg, positive turns the camera clockwise as its holder sees it
-    utc_offset: float | None = None  # h, of the camera's clock and of the probes' names
-    turbidity: float | None = None  # of a modelled sky; None is found from the photos
+    latitude: float | None = None
+    """Deg, positive north."""
+    longitude: float | None = None
+    """Deg, positive east."""
+    heading: float | None = None
+    """Deg clockwise from true north, where the camera looks."""
+    pitch: float = 0.0
+    """Deg, positive looks up."""
+    roll: float = 0.0
+    """Deg, positive turns the camera clockwise as its holder sees it."""
+    utc_offset: float | None = None
+    """Hours, of the camera's clock and of the probes' names."""
+    turbidity: float | None = None
+    """Of a modelled sky; None is found from the photos."""
     ground_albedo: float = GROUND_ALBEDO
-    probes: Path | None = None  # folder of measured skies in place of a modelled one
+    """Share of light, 0 to 1, that the ground reflects."""
+    probes: Path | None = None
+    """Folder of measured skies in place of a modelled one."""
     mask: Path | None = None
-    curve: Curve | None = None  # how the photos' values are coded, where the files are not to be believed
-    size: int | None = MAX_SIZE  # pixels of the longer side; None keeps all
-    noise: float = MIN_NOISE  # least standard deviation of the photos' noise, as a share of the brightest pixel
+    """A picture, white where the thing is. None: all counts."""
+    curve: Curve | None = None
+    """How the photos' values are coded, where the files are not to be believed."""
+    size: int | None = MAX_SIZE
+    """Pixels of the longer side; None keeps all."""
+    noise: float = MIN_NOISE
+    """Least standard deviation of the photos' noise, as a share of the brightest pixel."""
 
 
 @dataclass(frozen=True)
@@ -262,7 +275,9 @@ class NormalsProgress:
     """Who sees the work progress; by default nobody."""
 
     photos: Callable[[Sequence[Path]], Iterable[Path]] = iter
+    """Puts the photos behind a progress bar."""
     pixels: SearchProgress = ignore_progress
+    """Is told how far the search has come."""
 
 
 @dataclass(frozen=True)
@@ -270,10 +285,15 @@ class NormalsResult:
     """A day's normals and what they were found from."""
 
     map: NormalMap
+    """The normals."""
     pose: Pose
-    focal: float | None  # pixels; None without a lens known
-    record: Json  # as JSON, for people and programs
+    """How the camera stood."""
+    focal: float | None
+    """Pixels; None without a lens known."""
+    record: Json
+    """As JSON, for people and programs."""
     warnings: tuple[str, ...] = ()
+    """Sentences for people."""
 
 
 def estimate_normals(

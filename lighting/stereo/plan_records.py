@@ -17,9 +17,12 @@ NOISE_RANGE = (0.001, 100.0)  # per cent
 class PlanRequest:
     """What is to be photographed, and with how many photos of which noise; raises ParameterError out of range."""
 
-    facing: float | None = None  # deg clockwise from north, where the surface faces; None: all around and up
-    shots: int = 8  # photos of a window
-    noise: float = 1.0  # standard deviation of a pixel, per cent of the brightest light
+    facing: float | None = None
+    """Deg clockwise from north, where the surface faces; None: all around and up."""
+    shots: int = 8
+    """Photos of a window."""
+    noise: float = 1.0
+    """Standard deviation of a pixel, per cent of the brightest light."""
 
     def __post_init__(self) -> None:
         check_range("shots", self.shots, MIN_SHOTS, MAX_SHOTS)
@@ -33,11 +36,17 @@ class SurfaceOrientation:
     """What a window promises for one orientation of the surface; infinite where its light resolves nothing."""
 
     name: str
-    azimuth: float  # deg clockwise from north, where the normal points
-    elevation: float  # deg, of the normal above the horizon
-    error: float  # deg, expected (root mean square) error of the normal, 90 at most
-    gain: float  # lambda_max
-    interval_95: tuple[float, float, float]  # +- of the normal's components east, up, south
+    """Name, in words."""
+    azimuth: float
+    """Deg clockwise from north, where the normal points."""
+    elevation: float
+    """Deg, of the normal above the horizon."""
+    error: float
+    """Deg, expected (root mean square) error of the normal, 90 at most."""
+    gain: float
+    """Gain, lambda_max."""
+    interval_95: tuple[float, float, float]
+    """+- of the normal's components east, up, south."""
 
     def to_dict(self) -> Json:
         """As JSON, null for what the light does not resolve."""
@@ -55,14 +64,22 @@ class SurfaceOrientation:
 class Window:
     """A window of a day, and what it promises."""
 
-    hours: int  # its length
-    start: float  # min since midnight
-    end: float  # min since midnight
-    error: float  # deg, expected error of the normal, median over the orientations of interest, 90 at most
-    gain: float  # lambda_max, median
-    rotation_free_gain: float  # 1 / sigma_min, median
+    hours: int
+    """Hours, its length."""
+    start: float
+    """Minutes since midnight."""
+    end: float
+    """Minutes since midnight."""
+    error: float
+    """Deg, expected error of the normal, median over the orientations of interest, 90 at most."""
+    gain: float
+    """Lambda_max, median."""
+    rotation_free_gain: float
+    """1 / sigma_min, median."""
     orientations: tuple[SurfaceOrientation, ...]
-    sphere: Floats  # (S, S), lambda_max over the half sphere seen, see `half_sphere_normals`
+    """Of surfaces, and how well each is told."""
+    sphere: Floats
+    """(S, S), lambda_max over the half sphere seen, see `half_sphere_normals`."""
 
     def to_dict(self) -> Json:
         """As JSON, times by the clock of the place."""
@@ -81,10 +98,14 @@ class Window:
 class WindowTable:
     """All windows of a day, for a drawing by start and end."""
 
-    step: float  # min between starts and between ends
-    start: Floats  # (W,) min since midnight
-    end: Floats  # (W,)
-    gain: Floats  # (W,) lambda_max, median; infinite where nothing is resolved
+    step: float
+    """Min between starts and between ends."""
+    start: Floats
+    """(W,) min since midnight."""
+    end: Floats
+    """End, (W,)."""
+    gain: Floats
+    """(W,) lambda_max, median; infinite where nothing is resolved."""
 
 
 @dataclass(frozen=True)
@@ -92,7 +113,9 @@ class DayScore:
     """How good a day is."""
 
     day: date
-    errors: tuple[float, ...]  # deg, least of each length of HOURS, 90 where none fits
+    """Day, the date."""
+    errors: tuple[float, ...]
+    """Deg, least of each length of HOURS, 90 where none fits."""
 
     def to_dict(self) -> Json:
         """As JSON."""
@@ -103,11 +126,16 @@ class DayScore:
 class Plan:
     """The best of several days, and its windows."""
 
-    day: date  # the best
+    day: date
+    """Day, the best."""
     question: PlanRequest
-    windows: tuple[Window, ...]  # the best of each length of HOURS that fits the day
+    """What was asked."""
+    windows: tuple[Window, ...]
+    """The best of each length of HOURS that fits the day."""
     days: tuple[DayScore, ...]
+    """Each day's score."""
     table: WindowTable
+    """All windows of the day."""
 
     def to_dict(self) -> Json:
         """As JSON: angles in deg, times by the clock of the place, null for what the light does not resolve."""

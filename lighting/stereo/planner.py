@@ -103,12 +103,18 @@ def _brightest_direction(image: NDArray[np.float32]) -> Floats:
 class ModelledSkies:
     """A place and days there under a kind of sky; ParameterError for another one and for what is out of range."""
 
-    latitude: float  # deg, positive north
-    longitude: float  # deg, positive east
+    latitude: float
+    """Deg, positive north."""
+    longitude: float
+    """Deg, positive east."""
     first: date
+    """The first day."""
     last: date
+    """The last day."""
     sky: Weather = "clear"
-    utc_offset: float | None = None  # h; None is the longitude's, a whole number of hours
+    """The weather."""
+    utc_offset: float | None = None
+    """H; None is the longitude's, a whole number of hours."""
 
     def __post_init__(self) -> None:
         check_range("latitude", self.latitude, *OPTIONAL_RANGES["latitude"])
@@ -134,9 +140,13 @@ class MeasuredSkies:
     """A folder of probes, and the days of it that count; None is no limit."""
 
     folder: Path
+    """Of the probes."""
     first: date | None = None
+    """The first day. None: any."""
     last: date | None = None
-    utc_offset: float = 0.0  # h, of the clock that days and times are told by
+    """The last day. None: any."""
+    utc_offset: float = 0.0
+    """Hours, of the clock that days and times are told by."""
 
     def days(self) -> dict[date, dict[float, Path]]:
         """List the maps of each day that counts.

@@ -55,9 +55,12 @@ FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 class ClockLocation:
     """A location, and the clock by which its days and times are stated."""
 
-    latitude: float  # deg, positive north
-    longitude: float  # deg, positive east
-    utc_offset: float  # h, of the clock that days and times are told by
+    latitude: float
+    """Deg, positive north."""
+    longitude: float
+    """Deg, positive east."""
+    utc_offset: float
+    """Hours, of the clock that days and times are told by."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +68,15 @@ class SkyDay:
     """Skies of one day at T moments in one channel, in one variant or in several between which clouds choose."""
 
     date: date
-    minutes: Floats  # (T,) since midnight by the clock of the place, ascending
-    tolerance: float  # min by which a photo's moment may miss the time wanted
-    skies: Skies  # of V x T moments: all of the first variant, then all of the next
-    clouds: NDArray[np.intp]  # (K, spells of a day), which variant each draw of the clouds shows in each spell
+    """Date, the day."""
+    minutes: Floats
+    """(T,) since midnight by the clock of the place, ascending."""
+    tolerance: float
+    """Min by which a photo's moment may miss the time wanted."""
+    skies: Skies
+    """Of V x T moments: all of the first variant, then all of the next."""
+    clouds: NDArray[np.intp]
+    """(K, spells of a day), which variant each draw of the clouds shows in each spell."""
 
     def light(self, normals: Floats) -> Floats:
         """Return the mean light vectors (N, V x T, 3) of normals.

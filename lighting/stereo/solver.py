@@ -49,24 +49,36 @@ _MIN_SUN_MOTION = np.radians(2.0)  # apart, for light to differ
 class Session:
     """What is solved: a camera's photos of several moments and the light of each."""
 
-    images: Image  # (T, H, W, C), linear, in one unit
-    mask: NDArray[np.bool_]  # (H, W), the pixels to solve
-    skies: Skies  # of T moments and C channels
+    images: Image
+    """(T, H, W, C), linear, in one unit."""
+    mask: NDArray[np.bool_]
+    """(H, W), the pixels to solve."""
+    skies: Skies
+    """Of T moments and C channels."""
     pose: Pose
+    """How the camera stands."""
 
 
 @dataclass(frozen=True)
 class NormalMap:
     """The normals of a picture; everything is 0 outside the mask."""
 
-    mask: NDArray[np.bool_]  # (H, W)
-    normal: Image  # (H, W, 3), unit vectors in the camera frame
-    albedo: Image  # (H, W, C), relative: the brightest hundredth is 1
-    error: Image  # (H, W), expected angle [deg] to the truth
-    misfit: Image  # (H, W), the residual that neighbours share, as a share of the brightest pixel; noise leaves none
-    residual: Image  # (H, W), what the model misses of the photos, as a share of the brightest pixel
-    network: NDArray[np.bool_]  # (H, W), where the network's normal was taken
-    noise: float  # of the photos and the model together, as a share of the brightest pixel
+    mask: NDArray[np.bool_]
+    """Mask, (H, W)."""
+    normal: Image
+    """(H, W, 3), unit vectors in the camera frame."""
+    albedo: Image
+    """(H, W, C), relative: the brightest hundredth is 1."""
+    error: Image
+    """(H, W), expected angle [deg] to the truth."""
+    misfit: Image
+    """(H, W), the residual that neighbours share, as a share of the brightest pixel; noise leaves none."""
+    residual: Image
+    """(H, W), what the model misses of the photos, as a share of the brightest pixel."""
+    network: NDArray[np.bool_]
+    """(H, W), where the network's normal was taken."""
+    noise: float
+    """Of the photos and the model together, as a share of the brightest pixel."""
 
     @property
     def median_misfit(self) -> float:
@@ -210,9 +222,12 @@ def raise_error(normals: NormalMap, angle: ArrayLike) -> NormalMap:
 class OtherHeading:
     """A heading that explains the photos better than the one that was told."""
 
-    heading: float  # deg clockwise from true north
-    noise_ratio: float  # of what it leaves unexplained to what the one that was told leaves, under 1
-    angle: float  # deg, median between the normals of both
+    heading: float
+    """Deg clockwise from true north."""
+    noise_ratio: float
+    """Of what it leaves unexplained to what the one that was told leaves, under 1."""
+    angle: float
+    """Deg, median between the normals of both."""
 
 
 def find_other_heading(session: Session) -> OtherHeading:

@@ -129,9 +129,12 @@ _PLAYLIST_START = re.compile(rb"(\xef\xbb\xbf)?\s*(#EXTM3U|ffconcat|\[playlist\]
 class Frame:
     """One picture of a clip."""
 
-    index: int  # counted from 0, in the clip
-    time: float  # s from the clip's first frame
-    pixels: NDArray[np.uint8]  # (h, w, 3) sRGB, upright
+    index: int
+    """Counted from 0, in the clip."""
+    time: float
+    """Seconds from the clip's first frame."""
+    pixels: NDArray[np.uint8]
+    """(h, w, 3) sRGB, upright."""
 
 
 @dataclass(frozen=True)

@@ -141,9 +141,13 @@ class UnzoomedShot:
     """A shot as if all of it had been seen through the lens of its first frame."""
 
     tracked: ShotObservations
-    zoom: Floats  # (N,) focal lengths of the frames by the first one's
-    lens: tuple[float, float]  # vertical field of view of the first frame and its standard deviation [deg]
-    zoom_share: float = 1.0  # share of the frames whose zoom their points told
+    """The shot as if its lens were fixed."""
+    zoom: Floats
+    """(N,) focal lengths of the frames by the first one's."""
+    lens: tuple[float, float]
+    """Vertical field of view of the first frame and its standard deviation [deg]."""
+    zoom_share: float = 1.0
+    """Share of the frames whose zoom their points told."""
 
 
 def remove_zoom(tracked: ShotObservations, clip: ClipMetadata) -> UnzoomedShot | None:

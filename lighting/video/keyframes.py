@@ -253,11 +253,16 @@ SMOOTHING_WINDOW = 5  # frames that a parabola is fitted to; tracking trembles f
 class CameraPath:
     """How the camera pointed, frame by frame."""
 
-    time: Floats  # (N,) s
-    heading: Floats  # (N,) deg clockwise from the first frame's, continuous: it may pass 180
-    elevation: Floats  # (N,) deg
-    roll: Floats  # (N,) deg
-    bridged: NDArray[np.bool_]  # (N,) where nothing could be followed and the neighbours tell
+    time: Floats
+    """Time, (N,) s."""
+    heading: Floats
+    """(N,) deg clockwise from the first frame's, continuous: it may pass 180."""
+    elevation: Floats
+    """Elevation, (N,) deg."""
+    roll: Floats
+    """Roll, (N,) deg."""
+    bridged: NDArray[np.bool_]
+    """(N,) where nothing could be followed and the neighbours tell."""
 
 
 def make_camera_path(time: Floats, orientations: Floats, is_used: NDArray[np.bool_], leveling: Floats) -> CameraPath:

@@ -44,10 +44,15 @@ class FrameObservation:
     """What one frame shows, and how that frame lies in the shot."""
 
     estimate: FrameEstimate
-    heading: float  # deg clockwise from the shot's azimuth 0
-    vertical_fov: float  # deg
-    gain: float = 1.0  # of the frame's linear values, by the first frame's
-    observations: Observations = field(default_factory=Observations)  # at its time; the candidates alone count here
+    """The network's, of this frame."""
+    heading: float
+    """Deg clockwise from the shot's azimuth 0."""
+    vertical_fov: float
+    """Vertical fov, deg."""
+    gain: float = 1.0
+    """Of the frame's linear values, by the first frame's."""
+    observations: Observations = field(default_factory=Observations)
+    """At its time; the candidates alone count here."""
 
 
 @dataclass

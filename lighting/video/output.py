@@ -55,12 +55,18 @@ MAX_PLATE_SIDE = 3840  # pixels that a scene's plate has along its longer side a
 class OutputOptions:
     """What to write beside the records."""
 
-    height: int = 512  # rows of the maps
-    sun: bool | None = None  # whether their sun's disc is painted; None where it likely shines
-    tool: str | None = None  # one of `animated_tools`
-    frames_exr: bool = False  # a map a frame
+    height: int = 512
+    """Rows of the maps."""
+    sun: bool | None = None
+    """Whether their sun's disc is painted; None where it likely shines."""
+    tool: str | None = None
+    """One of `animated_tools`."""
+    frames_exr: bool = False
+    """A map a frame."""
     film: bool = False
-    adjustments: Adjustments | None = None  # of the light by hand, as the shot's first camera sees it; None: none
+    """Whether the clip is drawn with its light."""
+    adjustments: Adjustments | None = None
+    """Of the light by hand, as the shot's first camera sees it; None: none."""
 
 
 @dataclass
@@ -68,9 +74,12 @@ class VideoResult:
     """What became of a clip."""
 
     shots: list[Shot | VideoError] = field(default_factory=list)
-    damage: str = ""  # a sentence, where part of the clip was lost
+    """Each shot, or why it has no answer."""
+    damage: str = ""
+    """A sentence, where part of the clip was lost."""
     # warnings of scenes, the light's too, by shot
     scene_warnings: dict[int, tuple[str, ...]] = field(default_factory=dict)
+    """Sentences for people, by the number of the shot, from 0."""
 
     @property
     def failed(self) -> bool:
@@ -98,10 +107,15 @@ class VideoJob:
     """A clip, where its light goes, and what is known."""
 
     source: Path
+    """The clip's file."""
     folder: Path
+    """Of the results."""
     user_input: UserInput = field(default_factory=UserInput)
-    every: float = NETWORK_INTERVAL  # s between the frames that the network sees
+    """What the user states of the clip."""
+    every: float = NETWORK_INTERVAL
+    """Seconds between the frames that the network sees."""
     options: OutputOptions = field(default_factory=OutputOptions)
+    """What is written."""
 
 
 def _shot_map(number: int) -> str:

@@ -69,16 +69,26 @@ _ODD_LENS = (
 class Shot:
     """One shot: where the camera points in each frame, and the light in the axes of its first frame."""
 
-    frames: NDArray[np.intp]  # (N,) indices in the clip
+    frames: NDArray[np.intp]
+    """(N,) indices in the clip."""
     path: CameraPath
-    gains: Floats  # (N, 3) of the linear values, relative to the shot's first frame
-    vertical_fov: float  # deg, of the shot's first frame
-    fov_std: float  # deg, one standard deviation of that
-    zoom: Floats  # (N,) focal length by the first frame's; 1 throughout unless the lens was zoomed
-    posterior: Posterior  # the sun, as the shot's first camera sees it, its tilt removed
-    ground: Floats | None  # (3,) reflectance; None where no frame shows it
+    """How the camera moved."""
+    gains: Floats
+    """(N, 3) of the linear values, relative to the shot's first frame."""
+    vertical_fov: float
+    """Deg, of the shot's first frame."""
+    fov_std: float
+    """Deg, one standard deviation of that."""
+    zoom: Floats
+    """(N,) focal length by the first frame's; 1 throughout unless the lens was zoomed."""
+    posterior: Posterior
+    """The sun, as the shot's first camera sees it, its tilt removed."""
+    ground: Floats | None
+    """(3,) reflectance; None where no frame shows it."""
     prior: MetadataPrior
-    north: float | None  # deg clockwise from true north, where azimuth 0 points; None unknown
+    """What the metadata say."""
+    north: float | None
+    """Deg clockwise from true north, where azimuth 0 points; None unknown."""
 
 
 def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
@@ -175,12 +185,18 @@ def estimate_north(posterior: Posterior, prior: MetadataPrior) -> float | None:
 class FrameLight:
     """One frame's answer."""
 
-    shot: int  # counted from 1
-    frame: int  # counted from 0 in the clip
-    time: float  # s from the clip's first frame
-    lighting: Lighting  # as this frame's camera sees it; `relative_heading` is against the shot's first frame
-    gain: tuple[float, float, float]  # linear red, green and blue against the shot's first frame
-    bridged: bool  # whether the camera's angles follow from its neighbours, because nothing could be followed
+    shot: int
+    """Counted from 1."""
+    frame: int
+    """Counted from 0 in the clip."""
+    time: float
+    """Seconds from the clip's first frame."""
+    lighting: Lighting
+    """As this frame's camera sees it; `relative_heading` is against the shot's first frame."""
+    gain: tuple[float, float, float]
+    """Linear red, green and blue against the shot's first frame."""
+    bridged: bool
+    """Whether the camera's angles follow from its neighbours, because nothing could be followed."""
 
     def to_line(self, name: str) -> str:
         """Return one line of JSON about the frame.

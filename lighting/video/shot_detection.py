@@ -41,8 +41,10 @@ _BUFFERED_FRAMES = 56  # frames: the longest dissolve, what is before it, and th
 class Dissolve:
     """When two pictures are mixed."""
 
-    first: float  # s
-    last: float  # s
+    first: float
+    """First, seconds."""
+    last: float
+    """Last, seconds."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -202,11 +202,16 @@ class _LensEstimator:
 class StreamFrame:
     """What is known after a frame."""
 
-    lighting: Lighting  # as this frame's camera sees it; `camera_heading` is absolute, where time and place are known
-    heading: float  # deg clockwise from the first frame, -180 to 180
-    gain: tuple[float, float, float]  # linear red, green and blue against the first frame
-    followed: bool  # False where nothing could be followed: the angles are those of the frame before
-    linked: bool  # whether headings are against the first frame; if not, they only go on from where the thread was lost
+    lighting: Lighting
+    """As this frame's camera sees it; `camera_heading` is absolute, where time and place are known."""
+    heading: float
+    """Deg clockwise from the first frame, -180 to 180."""
+    gain: tuple[float, float, float]
+    """Linear red, green and blue against the first frame."""
+    followed: bool
+    """False where nothing could be followed: the angles are those of the frame before."""
+    linked: bool
+    """Whether headings are against the first frame; if not, they only go on from where the thread was lost."""
 
 
 class Tracker:

@@ -39,10 +39,14 @@ _CLOCK = re.compile(r"(\d{4})[-.](\d\d)[-.](\d\d) (\d\d):(\d\d):(\d\d)")
 class Gimbal:
     """Where a drone says its camera points; all (N,), N may be 0, times rising."""
 
-    time: Floats = field(default_factory=lambda: np.empty(0))  # s from the clip's start
-    heading: Floats = field(default_factory=lambda: np.empty(0))  # deg clockwise from north, as `heading_from_gimbal`
-    elevation: Floats = field(default_factory=lambda: np.empty(0))  # deg
-    roll: Floats = field(default_factory=lambda: np.empty(0))  # deg
+    time: Floats = field(default_factory=lambda: np.empty(0))
+    """Seconds from the clip's start."""
+    heading: Floats = field(default_factory=lambda: np.empty(0))
+    """Deg clockwise from north, as `heading_from_gimbal`."""
+    elevation: Floats = field(default_factory=lambda: np.empty(0))
+    """Elevation, deg."""
+    roll: Floats = field(default_factory=lambda: np.empty(0))
+    """Roll, deg."""
 
     def at(self, time: float) -> tuple[float, float, float] | None:
         """Return heading, elevation and roll [deg] at a time; None where the gimbal says nothing.

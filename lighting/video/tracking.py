@@ -64,12 +64,18 @@ _LINEAR_TABLE = np.where((_CODES > 8) & (_CODES < 248), SRGB_LINEAR, np.float32(
 class Keyframe:
     """A keyframe."""
 
-    number: int  # counted from 0
-    stretch: int  # the number of frames lost before it: within one stretch all keyframes are linked
+    number: int
+    """Counted from 0."""
+    stretch: int
+    """The number of frames lost before it: within one stretch all keyframes are linked."""
     frame: int
-    time: float  # s
-    picture: NDArray[np.uint8]  # (h, w) grey, FEATURE_SIDE pixels along its longer side at most
-    zoom: float = 1.0  # its focal length by that of the lens as which its features are to be seen
+    """Number in the shot, from 0."""
+    time: float
+    """Time, seconds."""
+    picture: NDArray[np.uint8]
+    """(h, w) grey, FEATURE_SIDE pixels along its longer side at most."""
+    zoom: float = 1.0
+    """Its focal length by that of the lens as which its features are to be seen."""
 
     @cached_property
     def features(self) -> Features:
@@ -84,13 +90,21 @@ class TrackedFrame:
     """What one frame shares with a keyframe."""
 
     frame: int
-    time: float  # s
-    key: int  # number of the keyframe
+    """Number in the shot, from 0."""
+    time: float
+    """Time, seconds."""
+    key: int
+    """Number of the keyframe."""
     stretch: int
-    matches: Matches  # of the keyframe's points, to the frame's; none in the keyframe that begins a stretch
-    gain: Floats  # (3,) of linear values, the frame's by the keyframe's
-    is_start: bool  # whether it is the keyframe that begins a stretch
-    next_key: int | None = None  # number of the keyframe that the frame became, another one than `key`
+    """Number, from 0, of the part without a gap that it belongs to."""
+    matches: Matches
+    """Of the keyframe's points, to the frame's; none in the keyframe that begins a stretch."""
+    gain: Floats
+    """(3,) of linear values, the frame's by the keyframe's."""
+    is_start: bool
+    """Whether it is the keyframe that begins a stretch."""
+    next_key: int | None = None
+    """Number of the keyframe that the frame became, another one than `key`."""
 
 
 class PointTracker:
@@ -229,9 +243,12 @@ def chain_gains(steps: Sequence[TrackedFrame]) -> Floats:
 class FrameRotation:
     """A frame's rotation against a keyframe."""
 
-    rotation: Floats  # (3, 3) directions in the keyframe's camera to the frame's
-    share: float  # of the points that agree within twice TOLERANCE
-    agreeing: int  # how many those are
+    rotation: Floats
+    """(3, 3) directions in the keyframe's camera to the frame's."""
+    share: float
+    """Of the points that agree within twice TOLERANCE."""
+    agreeing: int
+    """How many those are."""
 
 
 def estimate_frame_rotation(matches: Matches, focal: float, guess: Floats) -> FrameRotation:
@@ -301,19 +318,26 @@ def _refine_rotation(a: Floats, b: Floats, rotation: Floats, reach: float) -> Fr
 class FrameEstimate:
     """What one frame shows by itself."""
 
-    prediction: Prediction  # its sky in the color that the frame shows
-    ground: Floats | None = None  # (3,) reflectance, where the frame shows enough of it
-    by_lens: "FrameEstimate | None" = None  # the same by a camera with the clip's known lens, where it has one
+    prediction: Prediction
+    """Its sky in the color that the frame shows."""
+    ground: Floats | None = None
+    """(3,) reflectance, where the frame shows enough of it."""
+    by_lens: "FrameEstimate | None" = None
+    """The same by a camera with the clip's known lens, where it has one."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShotObservations:
     """What was gathered of a clip, or of one shot of it."""
 
-    size: tuple[int, int]  # width and height of the frames, pixels
-    steps: Sequence[TrackedFrame]  # one a frame
-    keys: dict[int, Keyframe]  # by number
-    estimates: dict[int, FrameEstimate]  # by the frame's index
+    size: tuple[int, int]
+    """Width and height of the frames, pixels."""
+    steps: Sequence[TrackedFrame]
+    """One a frame."""
+    keys: dict[int, Keyframe]
+    """Keys, by number."""
+    estimates: dict[int, FrameEstimate]
+    """By the frame's index."""
 
     def with_fixed_lens(self) -> "ShotObservations":
         """The same with the estimates by the clip's known lens, for a shot that is not zoomed."""
@@ -324,10 +348,14 @@ class ShotObservations:
 class ClipMetadata:
     """What is known of a clip beside its pixels."""
 
-    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)  # of the clip's first moment
+    metadata: PhotoMetadata = field(default_factory=PhotoMetadata)
+    """Of the clip's first moment."""
     gimbal: Gimbal = field(default_factory=Gimbal)
+    """The camera's tilt by its gimbal."""
     user_input: UserInput = field(default_factory=UserInput)
-    subject: str = "clip"  # what warnings call it
+    """What the user states of the clip."""
+    subject: str = "clip"
+    """What warnings call it."""
 
     @property
     def vertical_fov(self) -> float | None:

@@ -1,5 +1,6 @@
 """Every field of a public record says what it is, with its unit and range."""
 
+import ast
 import pydoc
 import re
 from dataclasses import fields
@@ -8,6 +9,8 @@ import pytest
 
 import lighting
 from lighting.documentation import describe_fields, field_docstrings
+from lighting.envmap.relighting import Adjustments
+from lighting.light_probe import LightProbe, MainLight
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin
 from lighting.records import (
@@ -21,6 +24,7 @@ from lighting.records import (
 )
 from lighting.scene.records import CameraMotion, Scene
 from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
+from tests.helpers.pages import ROOT
 
 RECORDS: list[type] = [
     *(
@@ -35,6 +39,7 @@ RECORDS: list[type] = [
         SunEstimate,
     ),
     *(Photo, PhotoCrop, PhotoMetadata, PhotoOrigin, Scene, CameraMotion),
+    *(Adjustments, LightProbe, MainLight),
 ]
 NUMBERS = re.compile(r"float|int|Floats|NDArray|Color")  # types of fields that hold numbers
 UNITS = re.compile(r"\d|\b(deg|pixels|bytes|meters|mm|hours|hz|ev)\b", re.IGNORECASE)
@@ -65,6 +70,34 @@ def test_the_ranges_of_a_light_are_those_that_are_checked() -> None:
 def format_number(value: float) -> str:
     """A limit as prose has it: 0.1, 20,000, 1e6."""
     return f"{value:,.0f}" if 1000 <= value < 1e6 else f"{value:g}".replace("e-0", "e-").replace("e+0", "e")
+
+
+def is_record(node: ast.stmt) -> bool:
+    """Whether a statement defines a public dataclass."""
+    if not isinstance(node, ast.ClassDef) or node.name.startswith("_"):
+        return False
+    return any("dataclass" in ast.unparse(decorator) for decorator in node.decorator_list)
+
+
+def undocumented_fields(definition: ast.stmt) -> list[str]:
+    body = getattr(definition, "body", [])
+    return [
+        ast.unparse(statement.target)
+        for statement, below in zip(body, [*body[1:], None], strict=True)
+        if isinstance(statement, ast.AnnAssign) and not ast.unparse(statement.target).startswith("_")
+        if not (isinstance(below, ast.Expr) and isinstance(below.value, ast.Constant))
+    ]
+
+
+def test_no_field_of_a_public_record_lacks_a_docstring() -> None:
+    """Also of those that no user meets."""
+    missing = {
+        f"{path.relative_to(ROOT)}:{getattr(node, 'name', '')}": names
+        for path in sorted((ROOT / "lighting").rglob("*.py"))
+        for node in ast.parse(path.read_text(encoding="utf-8")).body
+        if is_record(node) and (names := undocumented_fields(node))
+    }
+    assert missing == {}
 
 
 @pytest.mark.parametrize("record", RECORDS)

@@ -41,7 +41,7 @@ from lighting.preview.picture import _draw_preview, preview_png
 from lighting.records import Lighting
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
-from lighting.validation import check_range, option_name, parameter_name, record_path
+from lighting.validation import check_range, option_name, record_path
 from tests.helpers.scenes import estimate, outdoors, photo, small_map
 
 LIGHT = outdoors(30.0, 40.0)
