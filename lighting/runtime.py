@@ -95,17 +95,23 @@ def charge_helper(pid: int) -> Iterator[None]:
     Args:
         pid: of a process that works for this thread alone.
     """
-    began, before = time.monotonic(), _process_seconds(pid)
+    began, before = time.monotonic(), process_seconds(pid)
     try:
         yield
     finally:
-        after = _process_seconds(pid)
+        after = process_seconds(pid)
         took = time.monotonic() - began if before is None or after is None else after - before
         _helped.seconds = getattr(_helped, "seconds", 0.0) + took
 
 
-def _process_seconds(pid: int) -> float | None:
-    """The processor time of a process; its clock has this number on Linux (clock_getcpuclockid(3) makes it)."""
+def process_seconds(pid: int) -> float | None:
+    """Return the processor time [s] of a process; None where the system does not say, or it has ended.
+
+    Its clock has this number on Linux (clock_getcpuclockid(3) makes it).
+
+    Args:
+        pid: of the process.
+    """
     if sys.platform != "linux":
         return None
     try:

@@ -12,7 +12,7 @@ from starlette.middleware.cors import CORSMiddleware
 
 from lighting.estimator import Estimator
 from lighting.version import __version__
-from server import middleware, openapi, problems, routes, static_page
+from server import job_routes, middleware, openapi, problems, routes, static_page
 from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
@@ -20,7 +20,7 @@ from server.query_params import refuse_duplicates
 from server.responses import WARNINGS_HEADER
 from server.settings import Settings, read_settings
 
-_EXPOSED_HEADERS = ("ETag", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
+_EXPOSED_HEADERS = ("ETag", "Location", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
 
 log = logging.getLogger(__name__)
 
@@ -69,13 +69,11 @@ def _add_routes(app: FastAPI, service: Service) -> None:
         (service.keys, require_api_key, (401, 403)),
     ]
     active = [(guard, statuses) for enabled, guard, statuses in guards if enabled]
-    app.include_router(
-        routes.router,
-        dependencies=[*(Depends(guard) for guard, _ in active), Depends(refuse_duplicates)],
-        responses=problems.problem_responses(
-            400, 403, 421, 422, 431, *(status for _, statuses in active for status in statuses)
-        ),
-    )
+    dependencies = [*(Depends(guard) for guard, _ in active), Depends(refuse_duplicates)]
+    statuses = [status for _, statuses in active for status in statuses]
+    responses = problems.problem_responses(400, 403, 421, 422, 431, *statuses)
+    app.include_router(routes.router, dependencies=dependencies, responses=responses)
+    app.include_router(job_routes.router, dependencies=dependencies, responses=responses)
     app.include_router(middleware.router)
     app.include_router(openapi.router)
     app.include_router(static_page.make_page_router(photo=service.settings.photo))
@@ -89,7 +87,7 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
         app.add_middleware(
             CORSMiddleware,
             allow_origins=service.settings.cors_origins,
-            allow_methods=["GET", "POST"],
+            allow_methods=["GET", "POST", "DELETE"],
             allow_headers=["Authorization", "Content-Type", "If-None-Match", "X-Request-ID"],
             expose_headers=_EXPOSED_HEADERS,
         )
@@ -106,7 +104,13 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     await to_thread.run_sync(service.load)
     async with create_task_group() as tasks:
         tasks.start_soon(_warm_up, app, service)
+        if service.jobs:
+            tasks.start_soon(service.jobs.run)
         yield
+        tasks.cancel_scope.cancel()
+    if service.jobs:
+        service.jobs.store.close()
+        service.jobs = None
 
 
 async def _warm_up(app: FastAPI, service: Service) -> None:

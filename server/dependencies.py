@@ -28,6 +28,8 @@ from lighting.registration import features, photo_set
 from server import problems
 from server.auth import ApiKeys, CpuLimiter, RateLimiter
 from server.identity import Client, client_of_address, client_of_key, client_of_request
+from server.job_store import JobStore
+from server.jobs import JobRunner
 from server.limits import ConnectionLimiter, PendingResponses, UploadLimiter, count_possible_connections
 from server.metrics import Metrics
 from server.problems import ProblemError
@@ -103,6 +105,7 @@ class Service:
         possible = count_possible_connections(settings.workers)
         self.connections = ConnectionLimiter(min(settings.connections, possible), settings.connections_per_client)
         self.metrics = Metrics(self.limiter, self.uploads, self.pending, self.connections)
+        self.jobs: JobRunner | None = None
         self.ready = False
         self.ending = False  # whether the process was told to end: answers are the last of their connections
         self.loaded_estimator = estimator
@@ -113,10 +116,19 @@ class Service:
         Raises:
             ModelError: the network cannot be loaded.
             PhotoError: no decoder starts.
+            SettingsError: the folder of jobs cannot be used.
         """
+        if self.settings.jobs_folder and self.jobs is None:
+            store = JobStore(self.settings.jobs_folder, self.settings.jobs)
+            limits = self.settings.job_bytes, self.settings.job_seconds
+            self.jobs = JobRunner(store, *limits, self.limiter.usage.load, self._charge_job)
         if self.loaded_estimator is None:
             self.loaded_estimator = Estimator(Model.load(self.settings.model, self.settings.threads))
             start_decoder_pool(self.settings.workers)
+
+    def _charge_job(self, client: Client, seconds: float) -> None:
+        self.limiter.usage.add(client, seconds)
+        self.cpu_limiter.charge(client, seconds)
 
     def warm_up(self) -> None:
         """Estimate the light of a gray image; the service is ready afterwards."""

@@ -25,6 +25,7 @@ curl -F photo=@photo.jpg -F height=256 -F format=hdr http://127.0.0.1:8000/v1/en
 """
 TAGS = [
     {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
+    {"name": "jobs", "description": "Long work: clips, many photos, normals. Off unless the operator names a folder."},
     {"name": "operations", "description": "For operators."},
 ]
 

@@ -68,6 +68,10 @@ NOT_FOUND = ProblemKind(
 METHOD_NOT_ALLOWED = ProblemKind(
     "method-not-allowed", 405, "The method is not allowed here", "GET is not allowed here; allowed is POST."
 )
+UNKNOWN_JOB = ProblemKind(
+    "unknown-job", 404, "There is no such job", "This service has no such job; results are kept for a day."
+)
+NO_RESULT = ProblemKind("no-result", 409, "The job has no result", "The job is running; ask again.")
 TOO_SLOW = ProblemKind(
     "too-slow",
     408,
@@ -120,8 +124,8 @@ BUSY = ProblemKind("busy", 503, "The service is busy", "All workers are busy and
 
 KINDS = (
     UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, FOREIGN_ORIGIN, NOT_FOUND,
-    METHOD_NOT_ALLOWED, TOO_SLOW, REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, WRONG_HOST, INVALID, TOO_MANY_REQUESTS,
-    TOO_MANY_UPLOADS, SHARE_TAKEN, HEADERS_TOO_LARGE, INTERNAL, NOT_READY, BUSY,
+    METHOD_NOT_ALLOWED, UNKNOWN_JOB, NO_RESULT, TOO_SLOW, REMOVED, TOO_LARGE, UNSUPPORTED_TYPE, WRONG_HOST, INVALID,
+    TOO_MANY_REQUESTS, TOO_MANY_UPLOADS, SHARE_TAKEN, HEADERS_TOO_LARGE, INTERNAL, NOT_READY, BUSY,
 )  # fmt: skip
 _DETAIL_BY_TYPE = {  # plainer than pydantic's, by pydantic's type of error
     "missing": (ErrorCode.MISSING, "is missing"),

@@ -5,9 +5,10 @@ from collections import Counter
 from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import AbstractContextManager, ExitStack, asynccontextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, TypeVar
 
-from anyio import CancelScope, current_time
+from anyio import CancelScope, current_time, open_file
 from fastapi import Request, Response
 from fastapi.exceptions import RequestValidationError
 from fastapi.routing import APIRoute
@@ -30,7 +31,8 @@ T = TypeVar("T")
 FORM_TYPE = "multipart/form-data"
 JSON_TYPE = "application/json"
 PHOTO_TYPES = ("image/jpeg", "image/png", "image/webp", "image/heic", "image/heif", "image/tiff", "image/avif")
-PHOTO_FIELD = "photo"
+PHOTO_FIELD, UPLOAD_FIELD = "photo", "file"
+FILE_TYPES = ("application/zip", "application/octet-stream")  # of uploads of jobs, beside video/*
 _MAX_FIELDS = 64  # of a form: more than any route has parameters
 _MAX_FIELD_BYTES = 65_536  # of a parameter in a form
 UPLOAD_GRACE = 5.0  # seconds in which a body may be slower than its minimum rate
@@ -140,6 +142,39 @@ class RequestBody:
         listed = ", ".join((FORM_TYPE, *PHOTO_TYPES, *also))
         raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
 
+    async def save(self, path: Path) -> str:
+        """Write the file of a form, or the whole body, to a new file; the name that the client gave it, or nothing.
+
+        Args:
+            path: of the new file.
+
+        Raises:
+            ProblemError: the body is of another type, too large or too slow, or the form has no one file.
+        """
+        self._refuse_encoding()
+        body_type = media_type(self.request)
+        if body_type == FORM_TYPE:
+            return await self._within_limits(lambda: self._save_form(path))
+        if body_type in FILE_TYPES or body_type.startswith("video/"):
+            return await self._within_limits(lambda: self._save_all(path))
+        listed = ", ".join((FORM_TYPE, *FILE_TYPES, "video/*"))
+        raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
+
+    async def _save_all(self, path: Path) -> str:
+        async with await open_file(path, "xb") as file:
+            async for chunk in self._chunks(self.limits.max_bytes):
+                await file.write(chunk)
+        return ""
+
+    async def _save_form(self, path: Path) -> str:
+        async with self._parse_form(1, path) as form:
+            self._take_parameters(form, UPLOAD_FIELD)
+            fields = form.getlist(UPLOAD_FIELD)
+            if len(fields) != 1 or not isinstance(fields[0], UploadFile):
+                detail = "The form needs one file in this field, as `curl -F file=@FILE` sends it."
+                raise problems.invalid_field_error(UPLOAD_FIELD, detail, "form", ErrorCode.WRONG_TYPE)
+            return fields[0].filename or ""
+
     async def record(self) -> bytes:
         """The bytes of a JSON lighting record; raises ProblemError."""
         self._refuse_encoding()
@@ -185,7 +220,7 @@ class RequestBody:
 
     async def _read_form(self, max_photos: int) -> list[Upload]:
         async with self._parse_form(max_photos) as form:
-            self._take_parameters(form)
+            self._take_parameters(form, PHOTO_FIELD)
             fields = form.getlist(PHOTO_FIELD)
             files = [field for field in fields if isinstance(field, UploadFile)]
             if not 1 <= len(files) == len(fields):
@@ -195,12 +230,12 @@ class RequestBody:
                 raise _too_many_files(max_photos)
             return [Upload(await file.read(), file.filename or "") for file in files]
 
-    def _take_parameters(self, form: FormData) -> None:
+    def _take_parameters(self, form: FormData, file_field: str) -> None:
         """Keep the form's texts as parameters; ProblemError for other files, and for what is given twice."""
-        others = [(name, value) for name, value in form.multi_items() if name != PHOTO_FIELD]
+        others = [(name, value) for name, value in form.multi_items() if name != file_field]
         parameters = [(name, value) for name, value in others if isinstance(value, str)]
         if files := {name for name, _ in others} - {name for name, _ in parameters}:
-            detail = f"The form takes no such file; photos go into the field {PHOTO_FIELD}."
+            detail = f"The form takes no such file; it belongs into the field {file_field}."
             raise problems.invalid_fields_error(
                 [InvalidField(name, "form", detail, ErrorCode.UNKNOWN) for name in sorted(files)]
             )
@@ -213,11 +248,13 @@ class RequestBody:
         self.request.scope[FORM_PARAMETERS] = parameters
 
     @asynccontextmanager
-    async def _parse_form(self, max_photos: int) -> AsyncIterator[FormData]:
-        limits = {"max_files": max(max_photos, _MAX_FIELDS), "max_fields": _MAX_FIELDS}
+    async def _parse_form(self, max_photos: int, path: Path | None = None) -> AsyncIterator[FormData]:
+        """The form, its files in memory, or the only one at a path."""
+        limits = {"max_files": 1 if path else max(max_photos, _MAX_FIELDS), "max_fields": _MAX_FIELDS}
         chunks = self._chunks(self.limits.max_bytes)
         parser = _FormParser(self.request.headers, chunks, **limits, max_part_size=_MAX_FIELD_BYTES)
         parser.spool_max_size = self.limits.max_bytes + 1  # in memory, never on disk
+        parser.path = path
         try:
             form = await parser.parse()
         except MultiPartException as error:
@@ -234,10 +271,16 @@ class _FormParser(MultiPartParser):
     """A parser that refuses a form that ends early, and knows whether one has too many files."""
 
     ended = False
+    path: Path | None = None  # where the file goes; None keeps files in memory
 
     @property
     def has_too_many_files(self) -> bool:
         return self._current_files > self.max_files
+
+    def on_headers_finished(self) -> None:
+        super().on_headers_finished()
+        if self.path and (upload := self._current_part.file):
+            upload.file = self._files_to_close_on_error[-1] = self.path.open("xb")  # type: ignore[call-overload]
 
     def on_end(self) -> None:
         self.ended = True

@@ -246,6 +246,7 @@ async def describe_model(request: Request, service: ServiceDep) -> Response:
         grid=spec.sun_grid,
         accuracy=responses.read_accuracy(spec, service.model_folder),
         matching=features.has_opencv(),
+        jobs=service.jobs is not None,
         **names,
     )
     return responses.tagged_json_response(request, card.model_dump(mode="json"))

@@ -295,6 +295,7 @@ class ModelCard(BaseModel):
     matching: bool = Field(
         description="whether this service finds by what several photos show in common how they are turned"
     )
+    jobs: bool = Field(description="whether this service takes long jobs, whose uploads it keeps until they end")
     scene_tools: list[str] = Field(description="values of `tool`", examples=[list(EXPORTERS)])
     sky_models: list[str] = Field(description="values of `sky`", examples=[list(SKY_MODELS)])
     map_formats: list[str] = Field(description="values of `format`", examples=[list(MAP_FORMATS)])
@@ -322,6 +323,26 @@ class Problem(BaseModel):
     instance: str = Field(examples=["/v1/lighting"])
     request_id: str = Field(examples=["4d1c0a6f5e2b7398"])
     errors: list[FieldError] = Field([], description="the invalid fields, with their ranges")
+
+
+class JobLinks(BaseModel):
+    self: str = Field(description="of this record", examples=["/v1/jobs/0PzMZlz5QyxYyh4sHUhXrQ"])
+    result: str | None = Field(None, description="of the ZIP; present once the job has finished")
+
+
+class JobRecord(BaseModel):
+    """A job and where it is on its way."""
+
+    id: str = Field(description="secret: who knows it may read the result", examples=["0PzMZlz5QyxYyh4sHUhXrQ"])
+    kind: str = Field(examples=["video"])
+    state: Literal["queued", "running", "finished", "failed"]
+    progress: float = Field(description="part that is done, 0 to 1", examples=[0.42])
+    created: AwareDatetime
+    expires: AwareDatetime | None = Field(None, description="when the job is forgotten; present once it has ended")
+    warnings: list[str] = Field([], description="sentences about the result")
+    error: str | None = Field(None, description="why it failed")
+    code: str | None = Field(None, description="the same for programs")
+    links: JobLinks
 
 
 class Status(BaseModel):

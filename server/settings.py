@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Annotated, Literal
 
 from limits import RateLimitItem, parse_many
-from pydantic import BeforeValidator, Field, FilePath, SecretStr, field_validator
+from pydantic import BeforeValidator, DirectoryPath, Field, FilePath, SecretStr, field_validator
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
 from lighting.errors import LightingError
@@ -120,6 +120,12 @@ class Settings(BaseSettings):
     api_keys_file: Path | None = Field(None, description="file with further keys, one per line; `#` begins a comment")
     rate_limit: str = Field("", description="rate limit per client, for example `60/minute` or `5/second;1000/day`")
     cpu_limit: str = Field("", description="limit per client in seconds of processor time, for example `20/minute`")
+    jobs_folder: DirectoryPath | None = Field(
+        None, description="folder of long jobs, their uploads and results; without one there are no jobs"
+    )
+    jobs: int = Field(16, ge=1, le=10_000, description="jobs that are kept at a time; one client has a quarter of them")
+    job_bytes: int = Field(500_000_000, ge=1, description="bytes of disk for one job; its upload may have half of them")
+    job_seconds: Seconds = Field(3600.0, description="time limit for one job's work, in seconds")
     hosts: Names = Field(
         (), description="names of the service, separated by commas or spaces; requests for another name are refused"
     )

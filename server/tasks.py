@@ -78,7 +78,7 @@ def _answer_photo(photo: Photo, estimate: Estimate, query: queries.LightingQuery
 
 
 def _estimate_each(
-    service: Service, photos: Sequence[Photo], query: queries.LightingQuery, matcher: PhotoMatcher | None
+    service: Service, photos: Sequence[Photo], query: queries.LightingsQuery, matcher: PhotoMatcher | None
 ) -> list[Estimate]:
     """The light of each photo, by all of them where they are of one place."""
     if query.together:

@@ -1,0 +1,214 @@
+"""Long jobs over HTTP: submit a clip or a ZIP of photos, ask how far it is, take the result, delete it."""
+
+import re
+from dataclasses import fields
+from datetime import UTC, datetime
+from pathlib import PurePath
+from typing import Annotated, Any, Self
+
+from fastapi import APIRouter, Depends, Query, Request, Response
+from fastapi.responses import FileResponse, JSONResponse
+from pydantic import Field, model_validator
+
+from lighting.fusion.user_input import UserInput
+from lighting.records import Json
+from lighting.scene import animated_tools
+from server import field_types as types
+from server import problems
+from server.dependencies import ServiceDep
+from server.field_types import InRange, NotNull, RegistryName, field_error
+from server.identity import client_of_request
+from server.job_kinds import JOB_KINDS, RESULT_FILE, UPLOAD_STEM
+from server.job_store import JobState, StoredJob
+from server.jobs import JobRunner
+from server.problems import ProblemError, problem_responses
+from server.query_params import UserInputQuery, refuse_parameters
+from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
+from server.responses import ZIP_TYPE
+from server.schemas import JobLinks, JobRecord
+
+_UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
+_UPLOAD_PART = 2  # an upload may have this part of a job's bytes
+_POLL_SECONDS = "2"  # after which a client may ask again
+_SUFFIX = re.compile(r"\.[A-Za-z0-9]{1,5}")
+_BINARY = {"type": "string", "format": "binary"}
+_FORM = {
+    "type": "object",
+    "required": [UPLOAD_FIELD],
+    "properties": {UPLOAD_FIELD: {**_BINARY, "description": "the clip, or the ZIP of photos"}},
+    "additionalProperties": {"type": "string", "description": "any parameter of the URL, in the form instead"},
+}
+_UPLOAD_BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {FORM_TYPE: {"schema": _FORM}, **{kind: {"schema": _BINARY} for kind in FILE_TYPES}},
+    }
+}
+_OFF = "This service takes no jobs; its operator may name a folder for them, LIGHTING_JOBS_FOLDER."
+
+router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=FormRoute)
+
+
+class JobQuery(UserInputQuery):
+    """What a job does, and what is known of its photos."""
+
+    kind: Annotated[str, RegistryName(JOB_KINDS)] = Field(
+        description="; ".join(f"`{name}`: {kind.upload}" for name, kind in JOB_KINDS.items())
+    )
+    every: Annotated[float, InRange(0.04, 60, description="s; of a clip the network sees a frame this often")] = 0.2
+    tool: Annotated[str | None, RegistryName(animated_tools()), NotNull()] = Field(
+        None, alias="for", description="of a clip: also a scene for this tool, its camera with key frames"
+    )
+    preview: types.Flag = Field(False, description="of a clip: also the clip with horizon, sun and balls drawn in")
+    envmap: types.Flag = Field(False, description="of photos: also the environment map of each")
+    height: types.Height = 512
+    camera_elevation: types.CameraElevation = 0.0
+    camera_roll: types.CameraRoll = 0.0
+
+    @model_validator(mode="after")
+    def _check_options(self) -> Self:
+        allowed = JOB_KINDS[self.kind].options | {"kind"}
+        fields = type(self).model_fields
+        names = {name: fields[name].alias or name for name in self.explicit_fields()}
+        if others := sorted(name for name in names.values() if name not in allowed):
+            kinds = [name for name, kind in JOB_KINDS.items() if others[0] in kind.options]
+            raise field_error(others[0], f"goes with kind={' or '.join(kinds)}")
+        return self
+
+    def to_request(self, upload: str, model: str | None) -> Json:
+        """The request of a job's process."""
+        known = self.user_input()
+        stated = {field.name: getattr(known, field.name) for field in fields(UserInput)}
+        names = ("every", "tool", "preview", "envmap", "height", "camera_elevation", "camera_roll")
+        return {
+            "kind": self.kind,
+            "upload": upload,
+            "model": model,
+            "user_input": {**stated, "time": known.time.isoformat() if known.time else None},
+            "options": {name: getattr(self, name) for name in names},
+        }
+
+
+async def _get_jobs(service: ServiceDep) -> JobRunner:
+    """The jobs of a service that takes some; raises ProblemError (404) otherwise."""
+    if service.jobs is None:
+        raise ProblemError(problems.NOT_FOUND, _OFF)
+    return service.jobs
+
+
+JobsDep = Annotated[JobRunner, Depends(_get_jobs)]
+
+
+async def _find_job(id: str, jobs: JobsDep) -> StoredJob:
+    """The job that a path names; raises ProblemError (404)."""
+    job = jobs.store.find(id)
+    if job is None:
+        raise ProblemError(problems.UNKNOWN_JOB, problems.UNKNOWN_JOB.example)
+    return job
+
+
+JobDep = Annotated[StoredJob, Depends(_find_job)]
+
+
+async def _receive_upload(request: Request, service: ServiceDep, jobs: JobsDep) -> Any:
+    """The number of a new job, whose upload lies in its folder; all of it is gone if the request fails."""
+    limits = BodyLimits(jobs.max_bytes // _UPLOAD_PART, _UPLOAD_SECONDS, service.settings.upload_rate)
+    with jobs.store.reserve_place(client_of_request(request)) as number:
+        path = jobs.store.path(number) / UPLOAD_STEM
+        name = await RequestBody(request, limits, service.uploads.count_upload).save(path)
+        suffix = PurePath(name).suffix
+        yield number, path.rename(path.with_suffix(suffix if _SUFFIX.fullmatch(suffix) else ""))
+
+
+UploadDep = Annotated[Any, Depends(_receive_upload)]
+
+
+@router.post(
+    "",
+    summary="Start a long job",
+    status_code=202,
+    response_model=JobRecord,
+    response_description="The job waits for its turn; ask at `Location` how far it is",
+    responses=problem_responses(404, 408, 413, 415, 429, 500, 503),
+    openapi_extra=_UPLOAD_BODY,
+)
+async def submit_job(
+    request: Request, jobs: JobsDep, service: ServiceDep, upload: UploadDep, query: Annotated[JobQuery, Query()]
+) -> JSONResponse:
+    """Upload a clip, or a ZIP of photos; the answer comes at once, and the result later.
+
+    The upload is deleted when its job ends, the result a day later or by DELETE. Jobs are worked on one at a time.
+    """
+    number, path = upload
+    model = service.settings.model
+    job = StoredJob(
+        number, client_of_request(request), query.to_request(path.name, str(model.resolve()) if model else None)
+    )
+    jobs.submit(job)
+    return _answer_job(request, jobs, number, 202)
+
+
+@router.get(
+    "/{id}",
+    summary="How far a job is",
+    response_model=JobRecord,
+    responses=problem_responses(404, 500),
+    dependencies=[Depends(refuse_parameters)],
+)
+async def describe_job(request: Request, jobs: JobsDep, job: JobDep) -> JSONResponse:
+    """Ask again after `Retry-After` seconds until `state` is `finished` or `failed`."""
+    return _answer_job(request, jobs, job.id, 200)
+
+
+@router.get(
+    "/{id}/result",
+    summary="The result of a job",
+    response_class=Response,
+    response_description="A ZIP of what the command line writes for this kind of job",
+    responses={200: {"content": {ZIP_TYPE: {"schema": _BINARY}}}, **problem_responses(404, 409, 500)},
+    dependencies=[Depends(refuse_parameters)],
+)
+async def download_result(jobs: JobsDep, job: JobDep) -> Response:
+    """It is kept for a day after the job has finished."""
+    if job.state is not JobState.FINISHED:
+        raise ProblemError(problems.NO_RESULT, job.error or f"The job is {job.state.value}; ask again.")
+    headers = {"Cache-Control": "private, no-store"}
+    return FileResponse(jobs.store.path(job.id) / RESULT_FILE, media_type=ZIP_TYPE, headers=headers)
+
+
+@router.delete(
+    "/{id}",
+    summary="Stop and forget a job",
+    status_code=204,
+    response_description="Its files are deleted",
+    responses=problem_responses(404, 500),
+    dependencies=[Depends(refuse_parameters)],
+)
+async def delete_job(jobs: JobsDep, job: JobDep) -> Response:
+    """A job at work is ended; its upload and its result are deleted."""
+    await jobs.remove(job.id)
+    return Response(status_code=204)
+
+
+def _answer_job(request: Request, jobs: JobRunner, number: str, status: int) -> JSONResponse:
+    """The record of a job that exists."""
+    job = jobs.store.find(number)
+    if job is None:
+        raise ProblemError(problems.UNKNOWN_JOB, problems.UNKNOWN_JOB.example)
+    address = f"{request.scope.get('root_path', '')}/v1/jobs/{job.id}"
+    finished, ended = job.state is JobState.FINISHED, job.expires is not None
+    record = JobRecord(
+        id=job.id,
+        kind=job.request["kind"],
+        state=job.state.value,
+        progress=jobs.progress(job),
+        created=datetime.fromtimestamp(job.created, UTC),
+        expires=datetime.fromtimestamp(job.expires, UTC) if job.expires is not None else None,
+        warnings=list(job.warnings),
+        error=job.error or None,
+        code=job.code or None,
+        links=JobLinks(self=address, result=f"{address}/result" if finished else None),
+    )
+    headers = {"Cache-Control": "no-store"} | ({"Location": address} if status == 202 else {})
+    headers |= {} if ended else {"Retry-After": _POLL_SECONDS}
+    return JSONResponse(record.model_dump(mode="json", exclude_none=True), status, headers)

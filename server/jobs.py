@@ -1,0 +1,172 @@
+"""Jobs at work: one at a time, in turn by client, each in a process of its own within bounds of time and disk."""
+
+import json
+import logging
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from subprocess import Popen
+
+from anyio import CancelScope, Event, get_cancelled_exc_class, move_on_after, sleep, to_thread
+
+from lighting.records import Json
+from lighting.runtime import process_seconds, start_python
+from server.identity import Client
+from server.job_kinds import RESULT_FILE
+from server.job_store import JobState, JobStore, StoredJob
+
+_WORKER = "from server.job_kinds import run_worker; run_worker()"
+_POLL_SECONDS = 0.25  # between two looks at the process at work
+_SWEEP_SECONDS = 60.0  # between two looks for jobs that are to be forgotten
+_MAX_LINE = 1 << 16  # bytes of a line that the process writes
+_DISK_ERROR, _TIME_ERROR = "The job needs more disk than it may have.", "The job took longer than it may."
+_CRASH_ERROR = "The job's process died: it needed too much memory, or its upload is damaged."
+_INTERNAL_ERROR = "An unexpected error occurred in the job."
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class _Worker:
+    """A process at work, and what it has said so far."""
+
+    process: "Popen[bytes]"
+    progress: float = 0.0
+    outcome: Json = field(default_factory=dict)
+
+    def listen(self) -> None:
+        """Read what the process writes, to its end."""
+        assert self.process.stdout is not None
+        while line := self.process.stdout.readline(_MAX_LINE):
+            try:
+                content = json.loads(line)
+                if "progress" in content:
+                    self.progress = float(content["progress"])
+                else:
+                    self.outcome = dict(content)
+            except (ValueError, TypeError):
+                return
+
+
+class JobRunner:
+    """Works on the queued jobs of a store.
+
+    Args:
+        store: the jobs.
+        max_bytes: of a job's folder.
+        seconds: that a job may take.
+        load: how much processor time a client used lately; the one with the least comes next.
+        charge: is told the processor time [s] that a client's job took.
+    """
+
+    def __init__(
+        self,
+        store: JobStore,
+        max_bytes: int,
+        seconds: float,
+        load: Callable[[Client], float],
+        charge: Callable[[Client, float], None],
+    ) -> None:
+        self.store = store
+        self.max_bytes = max_bytes
+        self.seconds = seconds
+        self._load = load
+        self._charge = charge
+        self._current: tuple[str, _Worker] | None = None
+        self._news = Event()
+
+    def submit(self, job: StoredJob) -> None:
+        """Queue a job whose upload lies in its folder."""
+        self.store.add(job)
+        self._news.set()
+
+    def progress(self, job: StoredJob) -> float:
+        """The part of a job that is done, 0 to 1."""
+        if job.state is JobState.FINISHED:
+            return 1.0
+        return self._current[1].progress if self._current and self._current[0] == job.id else 0.0
+
+    async def remove(self, number: str) -> None:
+        """Stop a job, if it is at work, and forget it."""
+        if self._current and self._current[0] == number:
+            self._current[1].process.kill()
+        self.store.remove(number)
+
+    async def run(self) -> None:
+        """Work until this is cancelled."""
+        while True:
+            self.store.remove_expired()
+            if job := self._next():
+                await self._carry_out(job)
+                continue
+            self._news = Event()
+            with move_on_after(_SWEEP_SECONDS):
+                await self._news.wait()
+
+    def _next(self) -> StoredJob | None:
+        jobs = [job for job in self.store.all_jobs() if job.state is JobState.QUEUED]
+        return min(jobs, key=lambda job: self._load(job.client), default=None)
+
+    async def _carry_out(self, job: StoredJob) -> None:
+        self.store.begin(job)
+        worker = _Worker(start_python(_WORKER))
+        self._current = job.id, worker
+        try:
+            error = await self._watch(job, worker)
+        except get_cancelled_exc_class():  # the service shuts down
+            self.store.requeue(job)
+            raise
+        finally:
+            self._current = None
+            with CancelScope(shield=True):
+                worker.process.kill()
+                await to_thread.run_sync(worker.process.wait)
+        if self.store.find(job.id):  # else it was deleted meanwhile
+            self._end(job, worker.outcome, error)
+        else:
+            self.store.remove(job.id)  # what the process wrote since
+
+    async def _watch(self, job: StoredJob, worker: _Worker) -> str:
+        """Wait for the end of a job's process; why it was ended, or nothing."""
+        folder = self.store.path(job.id)
+        request = {**job.request, "folder": str(folder.resolve()), "max_bytes": self.max_bytes}
+        assert worker.process.stdin is not None
+        worker.process.stdin.write(json.dumps(request).encode())
+        worker.process.stdin.close()
+        listener = threading.Thread(target=worker.listen, daemon=True)
+        listener.start()
+        began, charged = time.monotonic(), 0.0
+        while worker.process.poll() is None:
+            await sleep(_POLL_SECONDS)
+            used = process_seconds(worker.process.pid) or charged
+            self._charge(job.client, used - charged)
+            charged = used
+            if time.monotonic() - began > self.seconds:
+                return _TIME_ERROR
+            if await to_thread.run_sync(_folder_size, folder) > self.max_bytes:
+                return _DISK_ERROR
+        await to_thread.run_sync(listener.join, 5.0)
+        return ""
+
+    def _end(self, job: StoredJob, outcome: Json, error: str) -> None:
+        kind = job.request["kind"]
+        if "log" in outcome:
+            log.error("job of kind %s failed:\n%s", kind, outcome["log"])
+        if not error and "warnings" in outcome and (self.store.path(job.id) / RESULT_FILE).is_file():
+            self.store.end(job.id, warnings=tuple(map(str, outcome["warnings"])))
+        else:
+            told = str(outcome.get("error") or (_INTERNAL_ERROR if "log" in outcome else _CRASH_ERROR))
+            self.store.end(job.id, error=error or told, code=str(outcome.get("code", "failed")))
+        log.info("job of kind %s %s", kind, "failed" if error or "warnings" not in outcome else "finished")
+
+
+def _folder_size(folder: Path) -> int:
+    """The bytes of all files in a folder, some of which may vanish meanwhile."""
+    size = 0
+    for path in folder.rglob("*"):
+        with suppress(OSError):
+            size += path.lstat().st_size
+    return size
