@@ -36,8 +36,25 @@ class _Worker:
     process: "Popen[bytes]"
     progress: float = 0.0
     outcome: Json = field(default_factory=dict)
+    listener: threading.Thread = field(init=False)
 
-    def listen(self) -> None:
+    def begin(self, request: Json) -> None:
+        """Send the request, and listen from now on."""
+        assert self.process.stdin is not None
+        with suppress(BrokenPipeError), self.process.stdin as stdin:
+            stdin.write(json.dumps(request).encode())
+        self.listener = threading.Thread(target=self._listen, daemon=True)
+        self.listener.start()
+
+    def end(self) -> None:
+        """End the process, and wait until all that it wrote is read."""
+        self.process.kill()
+        self.process.wait()
+        self.listener.join()
+        assert self.process.stdout is not None
+        self.process.stdout.close()
+
+    def _listen(self) -> None:
         """Read what the process writes, to its end."""
         assert self.process.stdout is not None
         while line := self.process.stdout.readline(_MAX_LINE):
@@ -47,8 +64,8 @@ class _Worker:
                     self.progress = float(content["progress"])
                 else:
                     self.outcome = dict(content)
-            except (ValueError, TypeError):
-                return
+            except (ValueError, TypeError):  # of a process that somebody has taken over
+                continue
 
 
 class JobRunner:
@@ -114,41 +131,34 @@ class JobRunner:
         self.store.begin(job)
         worker = _Worker(start_python(_WORKER))
         self._current = job.id, worker
+        folder = self.store.path(job.id).resolve()
+        worker.begin({**job.request, "folder": str(folder), "max_bytes": self.max_bytes})
         try:
-            error = await self._watch(job, worker)
+            error = await self._watch(job.client, worker.process, folder)
         except get_cancelled_exc_class():  # the service shuts down
             self.store.requeue(job)
             raise
         finally:
             self._current = None
             with CancelScope(shield=True):
-                worker.process.kill()
-                await to_thread.run_sync(worker.process.wait)
+                await to_thread.run_sync(worker.end)
         if self.store.find(job.id):  # else it was deleted meanwhile
             self._end(job, worker.outcome, error)
         else:
             self.store.remove(job.id)  # what the process wrote since
 
-    async def _watch(self, job: StoredJob, worker: _Worker) -> str:
-        """Wait for the end of a job's process; why it was ended, or nothing."""
-        folder = self.store.path(job.id)
-        request = {**job.request, "folder": str(folder.resolve()), "max_bytes": self.max_bytes}
-        assert worker.process.stdin is not None
-        worker.process.stdin.write(json.dumps(request).encode())
-        worker.process.stdin.close()
-        listener = threading.Thread(target=worker.listen, daemon=True)
-        listener.start()
+    async def _watch(self, client: Client, process: "Popen[bytes]", folder: Path) -> str:
+        """Wait for the end of a job's process; why it has to end, or nothing."""
         began, charged = time.monotonic(), 0.0
-        while worker.process.poll() is None:
+        while process.poll() is None:
             await sleep(_POLL_SECONDS)
-            used = process_seconds(worker.process.pid) or charged
-            self._charge(job.client, used - charged)
+            used = process_seconds(process.pid) or charged
+            self._charge(client, used - charged)
             charged = used
             if time.monotonic() - began > self.seconds:
                 return _TIME_ERROR
             if await to_thread.run_sync(_folder_size, folder) > self.max_bytes:
                 return _DISK_ERROR
-        await to_thread.run_sync(listener.join, 5.0)
         return ""
 
     def _end(self, job: StoredJob, outcome: Json, error: str) -> None:

@@ -280,6 +280,7 @@ class _FormParser(MultiPartParser):
     def on_headers_finished(self) -> None:
         super().on_headers_finished()
         if self.path and (upload := self._current_part.file):
+            upload.file.close()
             upload.file = self._files_to_close_on_error[-1] = self.path.open("xb")  # type: ignore[call-overload]
 
     def on_end(self) -> None:

@@ -1,0 +1,266 @@
+"""Long jobs over HTTP: submitted, watched, taken, deleted, within shares and bounds, and across a restart."""
+
+import io
+import json
+import time
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from starlette.testclient import TestClient
+
+from lighting.estimator import Estimator
+from server import job_kinds, job_store
+from server.app import create_app
+from server.identity import client_of_address
+from server.job_kinds import MAX_FILES, RESULT_FILE, UploadError
+from server.job_store import RESULT_SECONDS, JobState, JobStore, StoredJob
+from server.limits import BusyError, ShareTakenError
+from server.settings import Settings, SettingsError
+from tests.conftest import encode, scene
+from tests.helpers.clips import pan, write_clip
+from tests.server.conftest import problem
+
+HOST = client_of_address("192.0.2.1")
+
+
+def pack(**files: bytes) -> bytes:
+    """A ZIP of files by name."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return stream.getvalue()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    path = tmp_path / "jobs"
+    path.mkdir()
+    return path
+
+
+@pytest.fixture
+def client(estimator: Estimator, network: Path, folder: Path) -> Iterator[TestClient]:
+    app = create_app(Settings(jobs_folder=folder, model=network), estimator)
+    with TestClient(app, raise_server_exceptions=False) as client:
+        yield client
+
+
+def submit(client: TestClient, upload: bytes, name: str = "p.zip", **fields: Any) -> Any:
+    return client.post("/v1/jobs", data=fields, files={"file": (name, upload)})
+
+
+def wait(client: TestClient, address: str) -> dict[str, Any]:
+    """The record of a job that has ended."""
+    deadline = time.monotonic() + 300
+    while True:
+        answer = client.get(address)
+        record: dict[str, Any] = answer.json()
+        if record["state"] in ("finished", "failed"):
+            assert "retry-after" not in answer.headers
+            return record
+        assert answer.headers["retry-after"] == "2"
+        assert 0 <= record["progress"] <= 1
+        assert time.monotonic() < deadline
+        time.sleep(0.1)
+
+
+@pytest.mark.slow
+def test_photos_become_a_zip_that_is_kept_until_it_is_deleted(client: TestClient, folder: Path) -> None:
+    photos = pack(**{"day/a.jpg": encode(scene(64, 48)), "day/b.jpg": encode(scene(48, 64)), "day/c.jpg": b"no photo"})
+    answer = submit(client, photos, kind="photos", envmap="true", height=16)
+    assert answer.status_code == 202, answer.text
+    address = answer.headers["location"]
+    assert answer.json()["links"] == {"self": address}
+    assert problem(client.get(f"{address}/result"), 409, "no-result")["detail"].startswith("The job is ")
+    record = wait(client, address)
+    assert (record["state"], record["progress"], record["kind"]) == ("finished", 1.0, "photos")
+    assert record["warnings"] == ["1 of 3 photos cannot be read; lighting.jsonl says why."]
+    result = client.get(record["links"]["result"])
+    assert (result.status_code, result.headers["content-type"]) == (200, "application/zip")
+    with zipfile.ZipFile(io.BytesIO(result.content)) as archive:
+        assert {"lighting.jsonl", "day/a.jpg.exr", "day/b.jpg.exr"} <= set(archive.namelist())
+        lines = [json.loads(line) for line in archive.read("lighting.jsonl").splitlines()]
+    assert sorted(line["file"] for line in lines) == ["day/a.jpg", "day/b.jpg", "day/c.jpg"]
+    assert sum("lighting" in line for line in lines) == 2
+    assert [path.name for path in (folder / record["id"]).iterdir()] == [RESULT_FILE]  # the upload is gone
+    assert client.delete(address).status_code == 204
+    assert not (folder / record["id"]).exists()
+    for path in (address, f"{address}/result"):
+        problem(client.get(path), 404, "unknown-job")
+    problem(client.delete(address), 404, "unknown-job")
+
+
+@pytest.mark.slow
+def test_a_clip_becomes_records_and_a_map(client: TestClient, tmp_path: Path) -> None:
+    write_clip(clip := tmp_path / "clip.mp4", pan(8))
+    record = wait(client, submit(client, clip.read_bytes(), "clip.mp4", kind="video", height=16).headers["location"])
+    assert record["state"] == "finished", record
+    with zipfile.ZipFile(io.BytesIO(client.get(record["links"]["result"]).content)) as archive:
+        assert set(archive.namelist()) == {"lighting.jsonl", "shot-1.exr"}
+        assert json.loads(archive.read("lighting.jsonl").splitlines()[0])["file"] == "upload.mp4"  # no folder's name
+
+
+@pytest.mark.slow
+def test_what_cannot_be_done_is_told_in_a_sentence(client: TestClient, folder: Path) -> None:
+    refused = {
+        "The upload is no ZIP that can be read.": submit(client, b"text", kind="photos"),
+        "photo": submit(client, pack(**{"a.txt": b"text"}), kind="photos"),
+        "clip": client.post("/v1/jobs?kind=video", content=b"text", headers={"Content-Type": "video/mp4"}),
+        "photos": submit(client, pack(**{"a.jpg": encode(scene(64, 48))}), kind="normals", heading=10),
+    }
+    for words, answer in refused.items():
+        record = wait(client, answer.headers["location"])
+        assert record["state"] == "failed"
+        assert words in record["error"]
+        assert "Traceback" not in record["error"]
+        assert str(folder) not in record["error"]
+        assert record["code"]
+        assert not list((folder / record["id"]).iterdir())
+        assert (
+            problem(client.get(f"{answer.headers['location']}/result"), 409, "no-result")["detail"] == record["error"]
+        )
+
+
+def test_what_a_request_may_ask_is_checked_before_it_is_a_job(client: TestClient, folder: Path) -> None:
+    upload = pack(a=b"")
+    for fields, field, words in (
+        ({}, "kind", "is missing; it is one of video, photos, normals"),
+        ({"kind": "videos"}, "kind", "did you mean video?"),
+        ({"kind": "photos", "every": "1"}, "every", "goes with kind=video"),
+        ({"kind": "normals", "time": "2024-06-01T12:00Z"}, "time", "goes with kind=video"),
+        ({"kind": "photos", "height": "15"}, "height", "16"),
+    ):
+        (error,) = problem(submit(client, upload, **fields), 422, "invalid")["errors"]
+        assert error["field"] == field
+        assert words in error["detail"]
+    problem(
+        client.post("/v1/jobs?kind=photos", content=b"x", headers={"Content-Type": "image/jpeg"}),
+        415,
+        "unsupported-type",
+    )
+    (error,) = problem(client.post("/v1/jobs?kind=photos", files={"photo": ("p", upload)}), 422, "invalid")["errors"]
+    assert error["field"] == "photo"
+    assert [path for path in folder.iterdir() if path.is_dir()] == []
+
+
+def test_an_upload_has_half_of_a_jobs_bytes(estimator: Estimator, folder: Path) -> None:
+    app = create_app(Settings(jobs_folder=folder, job_bytes=2000), estimator)
+    with TestClient(app, raise_server_exceptions=False) as client:
+        problem(submit(client, bytes(1001), kind="photos"), 413, "too-large")
+    assert [path for path in folder.iterdir() if path.is_dir()] == []
+
+
+def test_without_a_folder_there_are_no_jobs(estimator: Estimator) -> None:
+    with TestClient(create_app(Settings(), estimator), raise_server_exceptions=False) as client:
+        for answer in (submit(client, b"", kind="photos"), client.get("/v1/jobs/x"), client.delete("/v1/jobs/x")):
+            assert "LIGHTING_JOBS_FOLDER" in problem(answer, 404, "not-found")["detail"]
+        assert client.get("/v1/model").json()["jobs"] is False
+
+
+def store_job(store: JobStore, upload: bytes = b"x", client: Any = HOST) -> str:
+    """A queued job with its upload."""
+    with store.reserve_place(client) as number:
+        (store.path(number) / "upload").write_bytes(upload)
+        store.add(StoredJob(number, client, {"kind": "photos", "upload": "upload"}))
+    return number
+
+
+def test_places_have_shares(folder: Path) -> None:
+    store = JobStore(folder, places=8)
+    for _ in range(2):
+        store_job(store)
+    with pytest.raises(ShareTakenError), store.reserve_place(HOST):
+        pass
+    others = [client_of_address(f"192.0.2.{number}") for number in range(2, 8)]
+    for other in others[:5]:
+        store_job(store, client=other)
+    with store.reserve_place(others[5]) as arriving, pytest.raises(BusyError), store.reserve_place(others[4]):
+        pass
+    assert not store.path(arriving).exists()  # nothing came of it
+    store.remove(store.all_jobs()[0].id)
+    store_job(store)
+    store.close()
+
+
+def test_jobs_survive_a_restart(folder: Path) -> None:
+    store = JobStore(folder, places=8)
+    with pytest.raises(SettingsError, match="another service uses it"):
+        JobStore(folder, places=8)
+    numbers = [store_job(store, client=client_of_address(f"192.0.2.{n}")) for n in range(3)]
+    store.begin(store.find(numbers[0]) or pytest.fail("gone"))
+    store.end(numbers[1], warnings=("It was dark.",))
+    (folder / "stray").mkdir()
+    store.close()
+    again = JobStore(folder, places=8)
+    jobs = [again.find(number) for number in numbers]
+    assert [job.state for job in jobs if job] == [JobState.QUEUED, JobState.FINISHED, JobState.QUEUED]
+    assert jobs[1]
+    assert jobs[1].warnings == ("It was dark.",)
+    assert not (folder / "stray").exists()
+    again.begin(jobs[0] or pytest.fail("gone"))
+    again.close()
+    third = JobStore(folder, places=8)
+    failed = third.find(numbers[0])
+    assert failed
+    assert failed.state is JobState.FAILED
+    assert failed.error == "The service ended twice while it worked on this."
+    assert not list(third.path(numbers[0]).iterdir())
+    third.close()
+
+
+def test_a_result_is_kept_for_a_day(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = JobStore(folder, places=8)
+    ended, queued = store_job(store), store_job(store)
+    store.end(ended)
+    now = time.time()
+    monkeypatch.setattr(job_store.time, "time", lambda: now + RESULT_SECONDS - 10)
+    store.remove_expired()
+    assert store.find(ended)
+    monkeypatch.setattr(job_store.time, "time", lambda: now + RESULT_SECONDS + 10)
+    store.remove_expired()
+    assert [job.id for job in store.all_jobs()] == [queued]
+    assert not store.path(ended).exists()
+    store.close()
+
+
+def test_a_zip_stays_in_its_folder_and_within_its_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    archive = Path("p.zip")
+    archive.write_bytes(pack(**{"../../up.jpg": b"1", "/root.jpg": b"2", "a/b\\c.jpg": b"3", "./.": b"4"}))
+    job_kinds._unpack(archive, 100)
+    found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*") if path.is_file()}
+    assert found == {"p.zip", "photos/up.jpg", "photos/root.jpg", "photos/a/b/c.jpg", "photos/photo"}
+    for files, words in (
+        ({"big": bytes(101)}, "more than 0.0001 MB"),
+        ({f"n{n}": b"" for n in range(MAX_FILES + 1)}, f"at most {MAX_FILES}"),
+        ({"x/a": b"1", "../x/a": b"2"}, "one twice"),
+        ({"y": b"1", "y/z": b"2"}, "no file's"),
+    ):
+        archive.write_bytes(pack(**files))
+        with pytest.raises(UploadError, match=words):
+            job_kinds._unpack(archive, 100)
+        for path in sorted(Path("photos").rglob("*"), reverse=True):
+            path.rmdir() if path.is_dir() else path.unlink()
+
+
+@pytest.mark.slow
+def test_a_job_that_takes_too_long_or_is_deleted_is_stopped(
+    estimator: Estimator, network: Path, folder: Path, tmp_path: Path
+) -> None:
+    write_clip(clip := tmp_path / "clip.mp4", pan(45))
+    app = create_app(Settings(jobs_folder=folder, model=network, job_seconds=0.1), estimator)
+    with TestClient(app, raise_server_exceptions=False) as client:
+        record = wait(client, submit(client, clip.read_bytes(), "a.mp4", kind="video").headers["location"])
+        assert (record["state"], record["error"]) == ("failed", "The job took longer than it may.")
+    app = create_app(Settings(jobs_folder=folder, model=network), estimator)
+    with TestClient(app, raise_server_exceptions=False) as client:
+        address = submit(client, clip.read_bytes(), "a.mp4", kind="video").headers["location"]
+        while client.get(address).json()["state"] == "queued":
+            time.sleep(0.05)
+        assert client.delete(address).status_code == 204
+        problem(client.get(address), 404, "unknown-job")
+    assert [path.name for path in folder.iterdir() if path.is_dir()] == [record["id"]]
