@@ -12,7 +12,7 @@ import pytest
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
-from server import job_kinds, job_store
+from server import job_kinds
 from server.app import create_app
 from server.identity import client_of_address
 from server.job_kinds import MAX_FILES, RESULT_FILE, UploadError
@@ -217,10 +217,10 @@ def test_a_result_is_kept_for_a_day(folder: Path, monkeypatch: pytest.MonkeyPatc
     ended, queued = store_job(store), store_job(store)
     store.end(ended)
     now = time.time()
-    monkeypatch.setattr(job_store.time, "time", lambda: now + RESULT_SECONDS - 10)
+    monkeypatch.setattr(time, "time", lambda: now + RESULT_SECONDS - 10)
     store.remove_expired()
     assert store.find(ended)
-    monkeypatch.setattr(job_store.time, "time", lambda: now + RESULT_SECONDS + 10)
+    monkeypatch.setattr(time, "time", lambda: now + RESULT_SECONDS + 10)
     store.remove_expired()
     assert [job.id for job in store.all_jobs()] == [queued]
     assert not store.path(ended).exists()

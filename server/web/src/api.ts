@@ -217,6 +217,7 @@ export function formatValue(value: number | Triple | boolean): string {
 export interface ModelInfo {
   accuracy: Record<string, Record<string, number>>; // median errors by protocol, then by the names of the model card
   matching: boolean; // whether it finds the rotations between photos by what they show in common
+  jobs: boolean; // whether it takes long jobs, whose uploads it keeps until they end
   scene_tools: string[];
   map_formats: string[];
 }

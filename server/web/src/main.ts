@@ -152,6 +152,7 @@ async function offerByService(): Promise<void> {
   const info = await modelInfo();
   if (!info) return;
   showMatching(info.matching);
+  byId("jobs-note").hidden = !info.jobs;
   downloads.offer(info);
 }
 
