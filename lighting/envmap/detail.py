@@ -110,7 +110,7 @@ def _saturation(colors: Image) -> float:
 
 def add_detail(
     image: Image,
-    source: DetailSource,
+    detail: Image,
     lighting: Lighting,
     photo: NDArray[np.uint8],
     continued: ContinuedPhoto | None,
@@ -120,14 +120,13 @@ def add_detail(
 
     Args:
         image: (H, 2H, 3) linear, MIN_ROWS rows at least, without photo and disc, changed in place.
-        source: of the detail.
+        detail: (H, 2H, 3) of `library_detail`, changed in place.
         lighting: of the map; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
         continued: the photo in the map with its continuation; None: it is too narrow to be seen.
         gain: over 0, by which the photo's linear values are multiplied.
     """
     height = len(image)
-    detail = _library_detail(source, height)
     edge, rim, covered = (np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, count), np.float32) for count in (3, 1, 1))
     if continued is not None:
         log, shown = _photo_cells(photo, lighting)
@@ -146,11 +145,12 @@ def add_detail(
     log = np.log(np.maximum(before, np.float32(1e-9)))
     blurred = np.exp(_blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
     np.clip(detail, *_DETAIL_RANGE, out=detail)
-    lit = before * blurred * shrink_envmap(detail, _CELL_ROWS)
+    cells = before * shrink_envmap(detail, _CELL_ROWS)
+    lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
     gains *= _hand_over(lit, edge, rim)
-    _limit_sky(detail[: height // 2], before * gains, _sky_limit(before, open_share, sun))
-    cells = before * shrink_envmap(detail, _CELL_ROWS)
+    if _limit_sky(detail[: height // 2], before * gains, _sky_limit(before, open_share, sun)):
+        cells = before * shrink_envmap(detail, _CELL_ROWS)
     for _ in range(_ROUNDS):
         gains *= _hand_over(cells * gains, edge, rim)
         _keep_moments(gains, before, cells, open_share)
@@ -159,8 +159,13 @@ def add_detail(
         multiply_cells(half, cells)
 
 
-def _library_detail(source: DetailSource, height: int) -> Image:
-    """A panorama (H, 2H, 3) over what is coarse in it, to the power _CONTRAST."""
+def library_detail(source: DetailSource, height: int) -> Image:
+    """A panorama (H, 2H, 3) of the library over what is coarse in it, to the power _CONTRAST.
+
+    Args:
+        source: that suits the photo.
+        height: rows of the map.
+    """
     picture = detail_picture(source.choice, height, source.saturation)
     log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
     coarse = _blur_cells(shrink_envmap(log_offset.take(_reduce(picture)), _CELL_ROWS), _COARSE_DEG)
@@ -235,8 +240,7 @@ def _calm_sun(detail: Image, sun: Floats) -> None:
     rows = np.flatnonzero((share < 1).any(axis=(1, 2)))
     if not rows.size:
         return
-    scale = len(detail) / _CELL_ROWS
-    window = slice(int(max(0, (rows[0] - 1) * scale)), int(min(len(detail), (rows[-1] + 2) * scale)))
+    window = _rows_between(rows, len(detail), _CELL_ROWS)
     part = detail[window]
     part -= 1
     part *= interpolate_cells(share, len(detail), window, slice(None))
@@ -277,17 +281,28 @@ def _hand_over(lit: Image, log: Image, rim: Image) -> Image:
     return np.asarray(np.exp(spread * np.clip(share / np.median(share[rim > 0]), 0, 1)), dtype=np.float32)
 
 
-def _limit_sky(detail: Image, cells: Image, limit: Floats) -> None:
-    """Darken what would be too bright in the sky.
+def _limit_sky(detail: Image, cells: Image, limit: Floats) -> bool:
+    """Darken what would be too bright in the sky; False where nothing can be.
 
     Args:
         detail: (H / 2, 2H, 3), changed in place.
         cells: (R, 2R, 3) what it will be multiplied with.
         limit: (R / 2, 2R) luminance that no part of the sky may exceed.
     """
-    ceiling = np.maximum(limit / np.maximum(luminance(cells[: len(limit)]), 1e-9), 1)
-    both = np.concatenate([ceiling, ceiling[::-1]]).astype(np.float32)[..., None].repeat(3, axis=2)
-    np.minimum(detail, interpolate_cells(both, 2 * len(detail), slice(0, len(detail)), slice(None)), out=detail)
+    ceiling = np.maximum(limit / np.maximum(luminance(cells[: len(limit)]), 1e-9), 1).astype(np.float32)
+    rows = np.flatnonzero((ceiling < _DETAIL_RANGE[1]).any(axis=1))
+    if not rows.size:
+        return False
+    both = np.concatenate([ceiling, ceiling[::-1]])[..., None].repeat(3, axis=2)
+    part = _rows_between(rows, len(detail), len(limit))
+    np.minimum(detail[part], interpolate_cells(both, 2 * len(detail), part, slice(None)), out=detail[part])
+    return True
+
+
+def _rows_between(cells: NDArray[np.intp], height: int, rows: int) -> slice:
+    """The rows, of a map's or a half's height, that some rows of cells, of as many as it has, reach."""
+    scale = height / rows
+    return slice(int(max(0, (cells[0] - 1) * scale)), int(min(height, (cells[-1] + 2) * scale)))
 
 
 def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) -> None:
@@ -309,10 +324,14 @@ def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) 
         gains[..., channel] *= change.reshape(gains.shape[:2]).astype(np.float32)
 
 
+@lru_cache(maxsize=1)
 def _moments(rows: int) -> Floats:
     """Spherical harmonics (R, 2R, 10) up to the second order, of any scale, and the cosine of level ground."""
     x, y, z = np.moveaxis(latlong_directions(rows), -1, 0)
-    return np.stack([np.ones_like(x), x, y, z, x * y, y * z, x * z, x * x - z * z, 3 * y * y - 1, np.abs(y)], axis=-1)
+    terms = [np.ones_like(x), x, y, z, x * y, y * z, x * z, x * x - z * z, 3 * y * y - 1, np.abs(y)]
+    moments = np.stack(terms, axis=-1)
+    moments.setflags(write=False)
+    return moments
 
 
 def _multiply_both(gains: Image, lit: Image, change: Image) -> None:

@@ -149,22 +149,17 @@ def choose_detail(
     library = load_detail_library() if library is None else library
     columns = 2 * FEATURE_ROWS
     turned = (np.arange(columns)[:, None] + np.arange(columns)) % columns  # (turns, columns)
-    weights, targets = (
-        np.moveaxis(values[..., turned], -2, 0).reshape(columns, -1) for values in (weight, weight * target)
-    )
-    costs = []
-    for flipped in (False, True):
-        features = _flat_features(library, flipped)
-        cost = features**2 @ weights.T - 2 * features @ targets.T  # (N, turns), but for what is the same for all
-        costs.append(cost + _sun_cost(library, flipped, sun_azimuth))
+    flips = [library.features, library.features[..., ::-1]]
+    costs = [_sun_cost(library, flipped, sun_azimuth) for flipped in (False, True)]
+    for kind, (weights, targets) in enumerate(zip(weight, weight * target, strict=True)):
+        rows = weights.any(axis=1)  # of most kinds only those that the photo shows
+        turns = [one[rows][:, turned].swapaxes(0, 1).reshape(columns, -1).T for one in (weights, targets)]
+        for cost, features in zip(costs, flips, strict=True):
+            values = features[:, kind, rows].reshape(len(features), -1)
+            cost += values**2 @ turns[0] - 2 * values @ turns[1]  # but for what is the same for all
     cost = np.stack(costs)
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 360.0 / columns)))
-
-
-def _flat_features(library: DetailLibrary, flipped: bool) -> Image:
-    features = library.features[..., ::-1] if flipped else library.features
-    return features.reshape(len(features), -1)
 
 
 def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:

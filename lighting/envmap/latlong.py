@@ -1,7 +1,8 @@
 """Operations on lat-long images: row weights, irradiance, resize, blur, remove sun."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Iterator
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,13 +121,21 @@ def shrink_envmap(image: Image, rows: int) -> Image:
     return np.asarray(np.einsum("xw,ywc->yxc", _area_shares(2 * rows, 2 * height), wide, optimize=True))
 
 
+@lru_cache(maxsize=16)
 def _area_shares(fewer: int, pixels: int) -> Image:
     """How much (fewer, pixels) of each of the larger pixels each of the smaller ones fills; rows sum to 1."""
     edges = np.arange(fewer + 1) * (pixels / fewer)
     low, high = edges[:-1, None], edges[1:, None]
     start = np.arange(pixels)
     filled = np.clip(np.minimum(high, start + 1) - np.maximum(low, start), 0.0, None)
-    return np.asarray(filled * (fewer / pixels), dtype=np.float32)
+    return _read_only(filled * (fewer / pixels))
+
+
+def _read_only(shares: Floats) -> Image:
+    """Shares that are kept, and so must stay."""
+    kept = np.asarray(shares, dtype=np.float32)
+    kept.setflags(write=False)
+    return kept
 
 
 def blur_envmap(image: Image, concentration: float) -> Image:
@@ -188,15 +197,12 @@ def multiply_cells(image: Image, cells: Image) -> None:
         image: changed in place.
         cells: factors on a grid of the same directions.
     """
-    (height, width), (rows, columns) = image.shape[:2], cells.shape[:2]
-    wide = (_interpolation_weights(width, columns, lambda cell: cell % columns) @ cells).reshape(rows, -1)  # (R, 3 W)
-    down = _interpolation_weights(height, rows, lambda cell: np.clip(cell, 0, rows - 1))
+    height, width = image.shape[:2]
+    wide = (_interpolation_weights(width, cells.shape[1], True) @ cells).reshape(len(cells), -1)  # (R, 3 W)
+    down = _interpolation_weights(height, len(cells), False)
     flat = image.reshape(height, -1)
-    for start in range(0, height, _BAND_ROWS):
-        band = slice(start, start + _BAND_ROWS)
-        near = np.flatnonzero(down[band].any(axis=0))
-        between = slice(near[0], near[-1] + 1)
-        flat[band] *= down[band, between] @ wide[between]
+    for band, near, shares in _row_bands(down):
+        flat[band] *= shares @ wide[near]
 
 
 def interpolate_cells(cells: Image, height: int, rows: slice, columns: slice) -> Image:
@@ -208,19 +214,31 @@ def interpolate_cells(cells: Image, height: int, rows: slice, columns: slice) ->
         rows: of the window.
         columns: of the window.
     """
-    down = _interpolation_weights(height, len(cells), lambda cell: np.clip(cell, 0, len(cells) - 1))[rows]
-    across = _interpolation_weights(2 * height, cells.shape[1], lambda cell: cell % cells.shape[1])[columns]
+    down = _interpolation_weights(height, len(cells), False)[rows]
+    across = _interpolation_weights(2 * height, cells.shape[1], True)[columns]
     wide = (across @ cells).reshape(len(cells), -1)
-    return np.asarray((down @ wide).reshape(len(down), len(across), 3))
+    window = np.empty((len(down), wide.shape[1]), np.float32)
+    for band, near, shares in _row_bands(down):
+        np.matmul(shares, wide[near], out=window[band])
+    return window.reshape(len(down), len(across), 3)
 
 
-def _interpolation_weights(
-    pixels: int, cells: int, bound: Callable[[NDArray[np.intp]], NDArray[np.intp]]
-) -> NDArray[np.float32]:
-    """The shares (pixels, cells) of the cells on either side of each pixel; `bound` maps those beyond the ends."""
+def _row_bands(down: NDArray[np.float32]) -> Iterator[tuple[slice, slice, NDArray[np.float32]]]:
+    """Rows in bands, the rows of cells that count for each, and their shares, of the shares (r, R) of all."""
+    for start in range(0, len(down), _BAND_ROWS):
+        band = slice(start, start + _BAND_ROWS)
+        near = np.flatnonzero(down[band].any(axis=0))
+        between = slice(int(near[0]), int(near[-1]) + 1)
+        yield band, between, down[band, between]
+
+
+@lru_cache(maxsize=32)
+def _interpolation_weights(pixels: int, cells: int, wraps: bool) -> NDArray[np.float32]:
+    """The shares (pixels, cells) of the cells on either side of each pixel; beyond the ends they wrap or end."""
     position = (np.arange(pixels) + 0.5) * cells / pixels - 0.5
     low = np.floor(position).astype(np.intp)
     shares = np.zeros((pixels, cells), np.float32)
     for cell, share in ((low, 1 - (position - low)), (low + 1, position - low)):
-        shares[np.arange(pixels), bound(cell)] += np.asarray(share, dtype=np.float32)
-    return shares
+        inside = cell % cells if wraps else np.clip(cell, 0, cells - 1)
+        shares[np.arange(pixels), inside] += np.asarray(share, dtype=np.float32)
+    return _read_only(shares)

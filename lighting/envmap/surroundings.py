@@ -195,8 +195,9 @@ def render_with_surroundings(
     check_height(height)
     _check_context(context)
     detailed = context.detail and height >= map_detail.MIN_ROWS
-    with ThreadPoolExecutor(1) as pool:  # projects the photo while the sky is painted; then each half has a thread
+    with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
         projection = pool.submit(_project_photo, lighting, context, height, detailed)
+        found = pool.submit(_find_detail, lighting, context, height) if detailed else None
         image = render(lighting, height, sun=sun, disc=False)
         factors, photo = _context_factors(image, lighting, context), projection.result()
         gain, targets = context.gain(lighting), _half_irradiances(image)
@@ -207,9 +208,10 @@ def render_with_surroundings(
         upper_done = pool.submit(upper, not detailed)
         lower(not detailed)
         upper_done.result()
-    if detailed:
+        detail = None if found is None else found.result()
+    if detail is not None:
         continued = photo if isinstance(photo, ContinuedPhoto) else None
-        map_detail.add_detail(image, _detail_source(context, lighting), lighting, context.photo, continued, gain)
+        map_detail.add_detail(image, detail, lighting, context.photo, continued, gain)
         for rows, target in zip(_halves(height), targets, strict=True):
             _lay_photo(image, rows, target, photo.within(rows) if photo else None, gain)
     cap_map(image, lighting)
@@ -237,6 +239,11 @@ def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_
     if goes_on:
         return continue_photo(lighting, context.photo, height, context.segments)
     return project_photo(lighting, context.photo, height)
+
+
+def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> Image:
+    """The detail (H, 2H, 3) of the library that suits a photo."""
+    return map_detail.library_detail(_detail_source(context, lighting), height)
 
 
 def _detail_source(context: PhotoContext, lighting: Lighting) -> map_detail.DetailSource:
