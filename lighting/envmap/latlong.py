@@ -1,7 +1,7 @@
 """Operations on lat-long images: row weights, irradiance, resize, blur, remove sun."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import numpy as np
