@@ -27,8 +27,27 @@ _AXES = np.array(  # of each face: its middle, the way of its columns, the way o
     ],
     dtype=np.float64,
 )
+_MIN_FACE = 16  # pixels
 _BLUR_ROWS = 96  # of the map that is convolved; the least lobe is several of its pixels wide
 _MIN_ROUGHNESS = 0.1  # a lobe of which is narrower than those pixels
+
+
+def face_size(image: Image) -> int:
+    """Return the pixels of a face that holds a map's detail: half its rows, down to a power of two, 32 at least.
+
+    Args:
+        image: (H, 2H, 3).
+    """
+    return max(2 * _MIN_FACE, 1 << (len(image) // 2).bit_length() - 1)
+
+
+def level_count(size: int) -> int:
+    """Return how many levels there are down to faces of 16 pixels, which hold the roughest mirror's image.
+
+    Args:
+        size: of the first level's faces, pixels.
+    """
+    return size.bit_length() - _MIN_FACE.bit_length() + 1
 
 
 def cubemap_directions(size: int) -> Floats:

@@ -9,6 +9,7 @@ References:
 
 import math
 import re
+from collections.abc import Iterator
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,13 +35,27 @@ def write_hdr(target: WriteTarget, image: Floats, _: Lighting | None = None) -> 
         image: (H, 2H, 3) linear Rec.709, else EnvironmentMapError.
         _: a lighting, which the format does not hold.
     """
-    pixels = _encode_rgbe(check_envmap(image))
-    height, width = pixels.shape[:2]
-    start = _row_start(width)
     with open_target(target) as stream:
-        stream.write(f"#?RADIANCE\nSOFTWARE={SOFTWARE}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode())
-        for row in pixels:
-            stream.write(start + b"".join(_encode_runs(row[:, channel].tobytes()) for channel in range(4)))
+        stream.writelines(_encode_rows(check_envmap(image)))
+
+
+def encode_hdr_face(face: NDArray[np.float32]) -> bytes:
+    """The bytes of a file that holds a face of a cubemap, as `write_hdr` writes maps.
+
+    Args:
+        face: (size, size, 3) linear Rec.709, of 8 pixels or more.
+    """
+    return b"".join(_encode_rows(face))
+
+
+def _encode_rows(image: NDArray[np.float32]) -> Iterator[bytes]:
+    """The header, and one row after the other."""
+    pixels = _encode_rgbe(image)
+    height, width = pixels.shape[:2]
+    yield f"#?RADIANCE\nSOFTWARE={SOFTWARE}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
+    start = _row_start(width)
+    for row in pixels:
+        yield start + b"".join(_encode_runs(row[:, channel].tobytes()) for channel in range(4))
 
 
 def _encode_rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:

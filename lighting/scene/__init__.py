@@ -14,6 +14,7 @@ from typing import Any
 
 PLATE, ENVIRONMENT, RECORD = "plate.png", "environment.exr", "lighting.json"
 LIT_GROUND, GROUND = "lit_ground.png", "ground.png"
+CUBE_FACES = ("+X", "-X", "+Y", "-Y", "+Z", "-Z")
 SHARED_FILES = (PLATE, ENVIRONMENT, RECORD, LIT_GROUND, GROUND)  # the same for every tool that has them
 
 
@@ -75,6 +76,16 @@ EXPORTERS: dict[str, Exporter] = {
         import_function("lighting.scene.gltf", "write_gltf"),
         files=("scene.glb",),
         opened_by="drop {file} into any viewer of glTF, or import it",
+    ),
+    "filament": Exporter(
+        import_function("lighting.scene.filament", "write_filament"),
+        files=("scene.glb", "environment_ibl.ktx", "environment_skybox.ktx", "sh.txt", "light.json", RECORD),
+        opened_by="open {file} with environment_ibl.ktx beside it as its indirect light",
+    ),
+    "cubemap": Exporter(
+        import_function("lighting.scene.cubemap", "write_cubemap"),
+        files=("scene.glb", "environment.ktx2", *(f"{face}.hdr" for face in CUBE_FACES), RECORD),
+        opened_by="open {file}, with environment.ktx2 or the six .hdr beside it as its cubemap",
     ),
     "threejs": Exporter(
         import_function("lighting.scene.threejs", "write_threejs"),

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import color_and_intensity
-from lighting.envmap.cubemap import prefilter_cubemap
+from lighting.envmap.cubemap import face_size, level_count, prefilter_cubemap
 from lighting.envmap.latlong import Image, max_channel
 from lighting.files.atomic import encode_png
 from lighting.files.exr import SOFTWARE
@@ -40,7 +40,7 @@ _GROUND_IN_BALLS = 12.0  # the disc's radius / the ball's; it holds the shadow o
 _BEHIND = 1.2  # the plate's distance / that of the disc's far edge
 
 _IBL = "EXT_lights_image_based"
-_MIN_FACE, _MAX_FACE = 16, 256  # pixels of the map's mirror images
+_MAX_FACE = 256  # pixels of the map's mirror images
 _GAMMA = 2.2  # of Babylon.js
 
 _PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
@@ -115,10 +115,9 @@ def _sun(scene: Scene) -> Json:
 
 def _image_light(scene: Scene, images: list[Json], binary: "_Binary") -> Json:
     """The map's light; its pictures are added to the others."""
-    size = max(_MIN_FACE, min(_MAX_FACE, 1 << (len(scene.environment) // 2).bit_length() - 1))
-    count = size.bit_length() - _MIN_FACE.bit_length() + 1
+    size = min(_MAX_FACE, face_size(scene.environment))
     mirrored = np.ascontiguousarray(scene.environment[:, ::-1])
-    levels = prefilter_cubemap(mirrored, size, np.linspace(0.0, 1.0, max(count, 2))[:count].tolist())
+    levels = prefilter_cubemap(mirrored, size, np.linspace(0.0, 1.0, level_count(size)).tolist())
     pictures = []
     for faces in levels:
         pictures.append(list(range(len(images), len(images) + len(faces))))

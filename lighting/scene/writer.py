@@ -220,10 +220,20 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
     """
     (folder / PLATE).write_bytes(encode_plate(scene))
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe))
-    record = json.dumps(record_with_coefficients(scene.lighting, scene.light_probe), indent=2)
-    (folder / RECORD).write_text(record + "\n", encoding="utf-8")
+    write_record(scene, folder)
     (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
     (folder / GROUND).write_bytes(encode_png(draw_ground_mask(scene.shadow_receivers, scene.segments)))
+
+
+def write_record(scene: Scene, folder: Folder) -> None:
+    """Write RECORD.
+
+    Args:
+        scene: made by `make_scene`.
+        folder: where the file goes.
+    """
+    record = json.dumps(record_with_coefficients(scene.lighting, scene.light_probe), indent=2)
+    (folder / RECORD).write_text(record + "\n", encoding="utf-8")
 
 
 def encode_plate(scene: Scene) -> bytes:

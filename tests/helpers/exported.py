@@ -276,7 +276,7 @@ def _read_mitsuba(folder: Path) -> ExportedScene:
 READERS: dict[str, Callable[[Path], ExportedScene]] = {
     "blender": _read_blender,
     "usd": _read_usd,
-    "gltf": _read_gltf,
+    **dict.fromkeys(("gltf", "filament", "cubemap"), _read_gltf),
     "threejs": _read_threejs,
     "godot": _read_godot,
     "unreal": _read_unreal,

@@ -49,6 +49,9 @@ def scene(request: pytest.FixtureRequest, scenes: dict[str, Scene]) -> Scene:
     return scenes[request.param]
 
 
+GLTF = ("gltf", "filament", "cubemap")  # the tools whose scene is a glTF
+
+
 @pytest.fixture(params=EXPORTERS)
 def tool(request: pytest.FixtureRequest) -> str:
     return str(request.param)
@@ -74,7 +77,9 @@ def test_every_tool_has_the_scene(exported: ExportedScene, scene: Scene, tool: s
     # The shade rule.
     if tool != "threejs":  # whose page follows it itself, wherever the object stands
         assert exported.sun_reaches_object is not scene.spot_in_shade
-    if tool != "gltf" or not scene.spot_in_shade:  # glTF cannot leave the sun out for one object alone
+    if (
+        tool not in ("gltf", "filament", "cubemap") or not scene.spot_in_shade
+    ):  # glTF cannot leave the sun out for one object alone
         assert exported.sun_irradiance == pytest.approx(scene.sun_irradiance, rel=0.01)
     # The light on open ground, and on walls to either side and behind the object.
     if exported.environment is not None:
@@ -89,7 +94,7 @@ def test_every_tool_has_the_scene(exported: ExportedScene, scene: Scene, tool: s
 
 def test_every_tool_that_takes_a_mask_has_the_same(exported: ExportedScene, scene: Scene, tool: str) -> None:
     if exported.lit_ground is None:
-        assert tool in ("usd", "gltf")  # whose renderers put no shadows on a plate
+        assert tool in ("usd", *GLTF)  # whose renderers put no shadows on a plate
         return
     height, width = exported.lit_ground.shape
     receivers = scene.shadow_receivers

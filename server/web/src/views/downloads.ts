@@ -27,7 +27,7 @@ interface Target {
 
 const TOOL_LABELS: Record<string, string> = {
   ...{ blender: "Blender", unreal: "Unreal", unity: "Unity", godot: "Godot", houdini: "Houdini", nuke: "Nuke" },
-  ...{ usd: "USD", gltf: "glTF", threejs: "three.js", mitsuba: "Mitsuba" },
+  ...{ usd: "USD", gltf: "glTF", filament: "Filament", cubemap: "Cubemap", threejs: "three.js", mitsuba: "Mitsuba" },
 };
 const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps the latest one
 const CHANGED_NOTE = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
