@@ -236,8 +236,16 @@ async def attack(target: Target, clients: int) -> None:
                 await ATTACKS[kind][1](target, source, number)
             await asyncio.sleep(PAUSE)
 
+    async def watch() -> None:
+        parent = os.getppid()
+        while os.getppid() == parent:
+            await asyncio.sleep(1)
+        os._exit(1)  # the benchmark was killed
+
     kinds = [(KINDS[n % len(KINDS)], f"127.0.2.{n + 1}") for n in range(clients)]
+    watcher = asyncio.create_task(watch())
     await asyncio.gather(*(repeat(kind, source, n) for kind, source in kinds for n in range(ATTACKS[kind][0])))
+    watcher.cancel()
 
 
 def _attack_in_process(target: Target, clients: int) -> None:

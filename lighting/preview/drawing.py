@@ -3,6 +3,7 @@
 Pillow draws antialiased ink as an enlarged mask, which is then reduced.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
-from lighting.color import tone_map
+from lighting.color import srgb_bytes
 from lighting.envmap.projection import photo_camera
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
 from lighting.records import Lighting
@@ -34,6 +35,7 @@ Point = tuple[float, float]
 _SUPERSAMPLING = 3
 _SHADE_OPACITY = 0.45  # of the dark background of marks and outlined text
 _LABEL_REACH = 52  # pixels within which the horizon may cross the words beside an arrow
+_CORNER = math.radians(10.0)
 _SHOULDER = 0.6  # linear value above which the display curve bends instead of clipping
 
 
@@ -53,7 +55,7 @@ def display_srgb(linear: NDArray[np.float32]) -> NDArray[np.uint8]:
         linear: (H, W, 3) linear Rec.709, 1 is white.
     """
     over = np.maximum(linear - _SHOULDER, 0) / np.float32(1 - _SHOULDER)
-    return tone_map(np.minimum(linear, _SHOULDER) + (1 - _SHOULDER) * (1 - np.exp(-over)))
+    return srgb_bytes(np.minimum(linear, _SHOULDER) + np.float32(1 - _SHOULDER) * (1 - np.exp(-over)))
 
 
 def _paint_mask(
@@ -76,6 +78,14 @@ def _paint_mask(
     picture.paste(color, box, small if opacity == 1 else small.point([round(value * opacity) for value in range(256)]))
 
 
+def _find_corners(line: Floats) -> list[int]:
+    """The inner points of a line (N, 2) at which it turns by more than _CORNER."""
+    steps = np.diff(line, axis=0)
+    along = np.sum(steps[:-1] * steps[1:], axis=1)
+    lengths = np.linalg.norm(steps, axis=1)
+    return [int(n) + 1 for n in np.flatnonzero(along < math.cos(_CORNER) * lengths[:-1] * lengths[1:])]
+
+
 def draw_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width: float, opacity: float = 1.0) -> None:
     """Draw open lines; one without a pixel is not drawn.
 
@@ -89,7 +99,9 @@ def draw_lines(picture: Image.Image, lines: Sequence[Floats], color: Srgb, width
 
     def paint(draw: ImageDraw.ImageDraw, scale: int) -> None:
         for line in filter(len, lines):
-            draw.line(_scaled(line, scale), fill=255, width=round(width * scale), joint="curve")
+            draw.line(_scaled(line, scale), fill=255, width=round(width * scale))
+            for corner in _find_corners(line):  # Pillow's joints cost more than lines, and show at corners alone
+                draw.line(_scaled(line[corner - 1 : corner + 2], scale), 255, round(width * scale), joint="curve")
 
     _paint_mask(picture, color, opacity, paint)
 

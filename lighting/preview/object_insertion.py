@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 import lighting.geometry as geometry
-from lighting.color import srgb_decode, tone_map
+from lighting.color import SRGB_LINEAR, srgb_bytes
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
 from lighting.geometry import Floats, Pinhole
@@ -43,12 +43,12 @@ def insert_balls(
     camera = photo_camera(lighting, picture.width, picture.height)
     centers, radius = _ball_centers(camera, np.array(lighting.spot_direction), lighting.camera_height)
     moved = replace(scene, centers=centers.astype(np.float32))
-    linear = srgb_decode(np.asarray(picture) / np.float32(255)).astype(np.float32)
+    linear = SRGB_LINEAR[np.asarray(picture)]
     lit = ground_shadow_mask(np.asarray(picture), lighting, segments=segments)
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
     standing = dim_sun(moved, 0.0) if in_shade else moved
     left = _remaining_light(lit, camera, replace(moved, exchange=standing.exchange), casts_shadow=not in_shade)
-    return Image.fromarray(tone_map(_composite_balls(linear * _on_ground(left, segments), camera, standing, centers)))
+    return Image.fromarray(srgb_bytes(_composite_balls(linear * _on_ground(left, segments), camera, standing, centers)))
 
 
 def _on_ground(left: NDArray[np.float32], segments: Segments | None) -> NDArray[np.float32]:

@@ -15,7 +15,16 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
-from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, ray_sphere, sample_latlong
+from lighting.geometry import (
+    Floats,
+    Pinhole,
+    angles,
+    camera_axes,
+    direction,
+    dot_product,
+    ray_sphere,
+    sample_latlong,
+)
 from lighting.records import Lighting
 
 MIRROR, GLOSSY, DIFFUSE = range(3)  # from left to right
@@ -276,7 +285,7 @@ def _exchange(kind: int, paths: _RaysToSphere, scene: SphereScene) -> Floats:
     """
     radiance = shade_sphere(kind, paths.hits, paths.rays, scene, mirrored=True)
     radiance = np.where(paths.unobstructed[:, None], radiance - paths.background, 0.0)
-    upper = np.einsum("nr,nrc->nc", paths.weight, radiance.reshape(*paths.weight.shape, 3))
+    upper = (paths.weight[:, None] @ radiance.reshape(*paths.weight.shape, 3))[:, 0]
     upper = upper.reshape(_EXCHANGE_ROWS // 2, -1, 3)
     return np.concatenate([upper, upper[::-1]])
 
@@ -292,7 +301,7 @@ def _diffuse_irradiance(scene: SphereScene) -> Floats:
     radiance = np.zeros((*weight.shape, 3), dtype=np.float32)
     points = (scene.centers[DIFFUSE] + normals).astype(np.float32)
     radiance[normal, ray] = _trace(points[normal], rays.astype(np.float32)[ray], scene, DIFFUSE, disc_radius=None)
-    total = np.einsum("nr,nrc->nc", weight, radiance) * np.pi / weight.sum(axis=1, keepdims=True)
+    total = (weight[:, None] @ radiance)[:, 0] * np.pi / weight.sum(axis=1, keepdims=True)
     return np.asarray(total.reshape(_NORMAL_ROWS, -1, 3))
 
 
@@ -327,10 +336,6 @@ def _trace(
     return radiance
 
 
-def _dot(a: Floats, b: Floats) -> Floats:
-    return np.asarray(np.einsum("...i,...i->...", a, b))
-
-
 def _sky_radiance(rays: Floats, scene: SphereScene, disc_radius: float | None) -> Floats:
     """The map along rays (N, 3), with a sharp disc that carries the sun's power."""
     radiance = sample_latlong(scene.sky, rays).astype(rays.dtype)
@@ -358,7 +363,9 @@ def ground_radiance(points: Floats, scene: SphereScene) -> Floats:
     radiance = (scene.ground.astype(points.dtype) - sky) * visible_sun_share(points, scene)[:, None] + sky
     for center, exchange in zip(scene.centers, scene.exchange, strict=False):  # without an exchange before a bounce
         to_center = center - points
-        share = _dot(to_center, to_center)[:, None] ** -1.5  # of a cosine-weighted hemisphere; the center is 1 up
+        share = (
+            dot_product(to_center, to_center)[:, None] ** -1.5
+        )  # of a cosine-weighted hemisphere; the center is 1 up
         radiance += albedo * share * sample_latlong(exchange, to_center).astype(points.dtype)
     return np.maximum(radiance, 0)
 
@@ -378,7 +385,7 @@ def visible_sun_share(points: Floats, scene: SphereScene, leaving: int | None = 
             continue
         to_center = center - points
         along = to_center @ sun
-        lateral = np.sqrt(np.maximum(_dot(to_center, to_center) - along**2, 0))
+        lateral = np.sqrt(np.maximum(dot_product(to_center, to_center) - along**2, 0))
         penumbra = 2 * np.tan(np.radians(geometry.SUN_RADIUS)) * np.maximum(along, 1e-3)
         share *= np.where(along > 0, np.clip((lateral - 1) / penumbra + 0.5, 0, 1), 1)
     return share
@@ -397,7 +404,7 @@ def shade_sphere(kind: int, points: Floats, rays: Floats, scene: SphereScene, *,
     normals = points - scene.centers[kind]
     if kind == DIFFUSE:
         return _shade_diffuse(points, normals, scene)
-    reflected = rays - 2 * _dot(rays, normals)[:, None] * normals
+    reflected = rays - 2 * dot_product(rays, normals)[:, None] * normals
     if mirrored:
         incoming = _blurred_surroundings(points, reflected, scene)
         return _shade_glossy(incoming, points, reflected, scene, kind, _MIRRORED_GLOSSINESS)
