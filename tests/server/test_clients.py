@@ -17,9 +17,12 @@ from lighting.scene import EXPORTERS
 from lighting.scene.records import make_scene
 from server import tasks
 from tests.conftest import encode, scene
+from tests.helpers.pages import ROOT
+from tests.helpers.service import started
 
 Document = dict[str, Any]
 PHOTO = encode(scene(64, 48))
+NODE = ROOT / "tests" / "node"
 
 
 @pytest.fixture
@@ -152,3 +155,33 @@ def test_a_client_by_openapi_python_client_gets_the_five_scenes(
         return found
 
     assert anyio.run(ask_all) == dict.fromkeys(EXPORTERS, 200)
+
+
+@pytest.mark.slow
+def test_a_client_by_openapi_typescript_has_types_that_are_true(
+    client: TestClient, network: Path, photo_path: Path, tmp_path: Path
+) -> None:
+    """It is compiled strictly against the types of the document and then asks a real service."""
+    if not (NODE / "node_modules" / "openapi-fetch").is_dir():
+        pytest.skip("openapi-typescript is not installed: npm ci --prefix tests/node")
+    (tmp_path / "openapi.json").write_text(client.get("/openapi.json").text)
+    (tmp_path / "node_modules").symlink_to(NODE / "node_modules")
+    (tmp_path / "client.ts").write_text((NODE / "client.ts").read_text())
+    (tmp_path / "package.json").write_text('{"type": "module"}')
+    options = ["--strict", "--target", "es2022", "--module", "esnext", "--moduleResolution", "bundler"]
+    for command in (
+        ["openapi-typescript", "openapi.json", "-o", "api.d.ts"],
+        ["tsc", *options, "--lib", "es2023,dom", "--types", "node", "--skipLibCheck", "client.ts"],
+    ):
+        program = [str(NODE / "node_modules" / ".bin" / command[0]), *command[1:]]
+        done = subprocess.run(program, cwd=tmp_path, capture_output=True, text=True, timeout=240, check=False)
+        assert done.returncode == 0, done.stdout + done.stderr
+    with started(network) as server:
+        url = f"http://127.0.0.1:{server.port}"
+        asked = subprocess.run(
+            ["node", "client.js", url, str(photo_path)], cwd=tmp_path, capture_output=True, text=True, timeout=240
+        )
+    assert asked.returncode == 0, asked.stderr
+    answer = json.loads(asked.stdout)
+    assert isinstance(answer.pop("azimuth"), int | float)
+    assert answer == {"lights": 2, "bytes": 200, "field": "vertical_fov", "tools": list(EXPORTERS), "jobs": False}
