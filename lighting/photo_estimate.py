@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import reprlib
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.documentation import describe_fields
+from lighting.errors import ErrorCode, ParameterError
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.photo.reader import Photo, reread_photo
 from lighting.records import EstimatedLight, Lighting, check_lighting
@@ -110,6 +112,7 @@ class Estimate(EstimatedLight):
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
+        _check_flags(sun=sun, surroundings=surroundings, detail=detail, disc=disc)
         return self._render(height, sun, yaw, sky, surroundings, detail, disc)[0]
 
     def save(
@@ -144,6 +147,7 @@ class Estimate(EstimatedLight):
         from lighting.files import check_map_name, write_envmap
 
         check_map_name(path)
+        _check_flags(sun=sun, surroundings=surroundings, detail=detail)
         image, lighting = self._render(height, sun, yaw, sky, surroundings, detail)
         probe = self.light_probe(sun=sun, yaw=yaw, sky=sky, surroundings=surroundings)
         write_envmap(path, image, lighting, compression=compression, probe=probe)
@@ -169,6 +173,7 @@ class Estimate(EstimatedLight):
         """
         from lighting.light_probe import compute_light_probe
 
+        _check_flags(sun=sun, surroundings=surroundings)
         context = self._context(self.photo.pixels, surroundings, detail=False)
         with ONE_BLAS_THREAD:
             return compute_light_probe(self.lighting, context, sun=sun, yaw=yaw, sky=sky)
@@ -190,6 +195,7 @@ class Estimate(EstimatedLight):
 
         from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels
 
+        _check_flags(sun=sun, surroundings=surroundings, detail=detail)
         options: Any = {"lighting": self.lighting, "sun": sun, "surroundings": surroundings, "detail": detail}
         pixels = reread_photo(self.photo, PHOTO_SIDE).pixels
         with ONE_BLAS_THREAD:
@@ -229,6 +235,7 @@ class Estimate(EstimatedLight):
         from lighting.scene.records import PLATE_SIDE, make_scene
         from lighting.scene.writer import check_scene_target, write_scene
 
+        _check_flags(overwrite=overwrite, sun=sun, surroundings=surroundings, detail=detail)
         check_scene_target(tool, folder, overwrite=overwrite)
         for name in options.keys() - EXPORTERS[tool].options.keys():
             raise TypeError(f"A scene for {tool} has no option {name!r}.")
@@ -291,3 +298,12 @@ class Estimate(EstimatedLight):
     def _unchanged(self) -> Self:
         """The estimate of the light that the photo shows."""
         return dataclasses.replace(self, lighting=self.photo_lighting)
+
+
+def _check_flags(**flags: object) -> None:
+    """Raise ParameterError for a flag that is neither True, False nor None, such as a direction of the sun."""
+    for name, value in flags.items():
+        if not isinstance(value, bool | np.bool_ | None):
+            hint = "; `replace(sun=(40, 25))` moves it" if name == "sun" else ""
+            predicate = f"must be True or False, not {reprlib.repr(value)}{hint}."
+            raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)

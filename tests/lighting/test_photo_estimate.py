@@ -2,8 +2,10 @@
 
 import io
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -151,6 +153,32 @@ def test_a_scene_is_written_for_a_tool(answer: Estimate, tmp_path: Path) -> None
     assert not (tmp_path / "other").exists()
 
 
+@pytest.mark.parametrize(
+    ("make", "field"),
+    [
+        (lambda light: light.envmap(sun=(40, 25)), "sun"),
+        (lambda light: light.preview(surroundings="no"), "surroundings"),
+        (lambda light: light.save("never.exr", detail=1), "detail"),
+        (lambda light: light.light_probe(sun=0), "sun"),
+        (lambda light: light.scene("usd", "never", overwrite="yes"), "overwrite"),
+        (lambda light: light.replace(overcast=1), "overcast"),
+        (lambda light: light.replace(sun=40), "sun"),
+        (lambda light: light.replace(camera_height="high"), "camera_height"),
+        (lambda light: light.envmap("high"), "height"),
+        (lambda light: light.envmap(64, yaw="left"), "yaw"),
+    ],
+)
+def test_a_value_of_the_wrong_type_is_a_type_error(
+    make: Callable[[Any], object], field: str, answer: Estimate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(TypeError, match=r"\.$") as caught:
+        make(answer)
+    assert isinstance(caught.value, ParameterError)
+    assert caught.value.field == field
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_file_that_changed_since_is_not_taken_for_the_photo(tmp_path: Path) -> None:
     file = tmp_path / "photo.jpg"
     file.write_bytes(PHOTO.read_bytes())
@@ -177,3 +205,10 @@ def test_the_public_face_is_documented_and_whole() -> None:
         assert getattr(lighting, name) is not None
     with pytest.raises(AttributeError, match="estimat"):
         _ = lighting.estimat  # type: ignore[attr-defined]
+
+
+def test_the_light_probe_is_that_of_the_changed_light(answer: Estimate) -> None:
+    probe, brighter = answer.light_probe(), answer.replace(exposure=1).light_probe()
+    np.testing.assert_allclose(brighter.coefficients, 2 * probe.coefficients, rtol=1e-2)
+    np.testing.assert_allclose(answer.replace(sun=(0, 90)).light_probe().main_light.direction, [0, 1, 0], atol=1e-6)
+    assert not answer.light_probe(sun=False).main_light.irradiance.any()
