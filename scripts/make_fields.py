@@ -1,5 +1,6 @@
 """docs/fields.md, from the docstrings of the records' fields: `python -m scripts.make_fields`."""
 
+import re
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -18,6 +19,7 @@ _RECORDS: tuple[Any, ...] = (
     *(lighting.Lighting, lighting.Estimate, SunDistribution, lighting.UserInput, Adjustments),
     *(Photo, PhotoCrop, PhotoMetadata, LightProbe, MainLight, Scene),
 )
+_ARRAY = re.compile(r"numpy\.ndarray\[.*?numpy\.dtype\[numpy\.(\w+)(?:\[typing\.Any\])?\]\]")  # any numpy's name of one
 _HEAD = """# Fields
 
 What the records of the Python package hold: type, unit, range and meaning, as `help` prints them. `python -m
@@ -41,7 +43,7 @@ def _table(record: Any) -> str:
 def _cell(content: Any) -> str:
     """A type or a text in a cell of a table."""
     text = content.__name__ if isinstance(content, type) and "[" not in str(content) else str(content).strip("\"'")
-    return text.replace("|", "\\|").replace("\n", " ")
+    return _ARRAY.sub(r"NDArray[\1]", text).replace("|", "\\|").replace("\n", " ")
 
 
 if __name__ == "__main__":
