@@ -53,6 +53,12 @@ async function moveSun(page, seen, folder) {
   await page.selectOption("#size", "256");
   for (const format of ["hdr", "png"]) await downloaded(page, format, folder, `map.${format}`);
   await saved(page, "#get-json", folder, "edited.json");
+  page.requests = [];
+  await saved(page, "#get-preview", folder, "edited-preview.png");
+  seen.previewOfChange = page.requests.filter((address) => address.includes("v1/preview"));
+  await relit(page, () => page.locator("#warmth").press("ArrowRight"));
+  seen.preview.push(await preview(page));
+  await page.click("#undo");
 }
 
 /** The copied texts, of the changed light and of the estimate. */

@@ -66,7 +66,12 @@ async function movePlacement(page, seen, folder) {
   seen.keyed = [await rotation(page), await foot(page), await page.inputValue("#object-size")];
   await page.mouse.click(x + 0.5 * width, y + 0.2 * height);
   seen.sky = [await page.textContent("#scene-note"), await foot(page)];
-  for (let i = 0; i < 9; i++) await page.keyboard.press("Control+z");
+  await page.mouse.click(x + 0.85 * width, y + 0.85 * height);
+  seen.shade = [await page.isVisible("#shade"), (await foot(page))[0]];
+  await press(page.locator("#put-in-sun"));
+  seen.shade.push(await page.isVisible("#shade"), (await foot(page))[0]);
+  await page.focus("#stage");
+  for (let i = 0; i < 11; i++) await page.keyboard.press("Control+z");
   seen.back = [await page.isEnabled("#undo"), await foot(page)];
 }
 

@@ -62,7 +62,7 @@ async function controlsWithoutPicture(page) {
 async function takeHold(page, seen, folder) {
   const sun = async () => [Number(await page.inputValue("#sun_azimuth")), Number(await page.inputValue("#sun_elevation"))];
   await page.focus("#dome svg");
-  const grip = await page.locator("#dome .grip").boundingBox();
+  const grip = await page.locator("#dome .hit").boundingBox();
   const dome = await page.locator("#dome svg").boundingBox();
   const touch = await page.context().newCDPSession(page);
   const at = (type, x, y) => touch.send("Input.dispatchTouchEvent", { type, touchPoints: type === "touchEnd" ? [] : [{ x, y }] });

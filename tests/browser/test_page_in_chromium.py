@@ -431,6 +431,13 @@ class TestObject:
         assert "below the horizon" in note
         assert foot == seen["keyed"][1]
 
+    def test_what_stands_in_the_shade_is_put_into_the_sun(self, seen: Seen) -> None:
+        """The right half of the ground is in shade."""
+        shaded, before, still, after = seen["shade"]
+        assert (shaded, still) == (True, False)
+        assert before == pytest.approx(0.85, abs=0.01)
+        assert after < 0.5 or after == before
+
     def test_all_of_it_is_undone(self, seen: Seen) -> None:
         undo, foot = seen["back"]
         assert not undo
@@ -484,6 +491,7 @@ class TestDownloads:
         assert {"Sun azimuth", "Turbidity", "Vertical field of view"} <= set(seen["numbers"])
         assert "of this photo alone" in seen["note"]
         record = json.loads((folder / "estimate.json").read_text())
+        assert len(record.pop("light_probe")["coefficients"]) == 9
         assert record_with_coefficients(Lighting.from_dict(record)) == record
 
     def test_the_dome_is_read_by_keyboard(self, seen: Seen) -> None:
@@ -496,6 +504,7 @@ class TestDownloads:
         text = (folder / "edited.json").read_text()
         assert Lighting.from_dict(json.loads(text)).sun_azimuth == -180
         assert not {"radius_50", "radius_90"} & set(json.loads(text)["sun"])
+        assert "light_probe" not in json.loads(text)  # the estimate's
         assert json.loads(text)["sun"]["visibility"] in (0, 1)
 
     def test_the_map_has_the_sun_where_the_slider_put_it(self, seen: Seen, folder: Path) -> None:
@@ -513,7 +522,7 @@ class TestDownloads:
         assert re.fullmatch(r"Saved railway_field-\w+\.zip \([\d.]+\s[kM]B\)\.", seen["saved"])
         for tool in EXPORTERS:
             with zipfile.ZipFile(folder / f"{tool}.zip") as scene:
-                assert any(name.endswith((".png", ".glb", ".html")) for name in scene.namelist())
+                assert any(name.endswith((".png", ".glb", ".html", ".unitypackage")) for name in scene.namelist())
         with Image.open(folder / "preview.png") as image_file:
             assert image_file.width == 1600
 
@@ -522,10 +531,13 @@ class TestDownloads:
         assert seen["offered"] == ["USD", "toy", "map (.exr)", "map (.jxl)"]
 
     def test_the_preview_is_offered_while_it_shows_the_light_on_show(self, seen: Seen) -> None:
-        (alone, _), (changed, why_changed), (reset, _), (together, why_together) = seen["preview"]
-        assert (alone, changed, reset, together) == (True, False, True, False)
-        assert "the light was changed" in why_changed
+        (alone, _), (toned, why_toned), (changed, _), (reset, _), (together, why_together) = seen["preview"]
+        assert (alone, toned, changed, reset, together) == (True, False, True, True, False)
+        assert "color or softness" in why_toned
         assert "estimated together" in why_together
+        (request,) = seen["previewOfChange"]
+        assert "sun=-180%2C" in request
+        assert "exposure=0&haze=" in request
 
     def test_what_is_copied_runs(self, seen: Seen, url: str, folder: Path) -> None:
         """The commands as curl, the programs in Python, for the estimate and for the light that was changed."""

@@ -31,6 +31,7 @@ export interface Lighting {
   ground?: { color?: Triple; visible?: number; spot?: GroundSpot | null }; // null: it shows no ground for an object
   camera: Camera & { height?: number; heading?: number; heading_radius_50?: number; relative_heading?: number };
   time?: { utc?: string; utc_offset?: number; source?: string }; // when the photo was taken, as the answer believes
+  light_probe?: unknown; // of this light
   evidence: string[];
   warnings: string[];
   warning_codes?: string[]; // in answers: what each warning is about
@@ -152,9 +153,21 @@ export const fetchGroundMask = (photo: Blob, userInput: UserInput, signal: Abort
 export const fetchExample = async (url: string, signal: AbortSignal): Promise<Blob> =>
   (await request(url, { signal })).blob();
 
-/** The preview of a photo's estimate, as PNG. */
-export const fetchPreview = (photo: Blob, userInput: UserInput): Promise<Blob> =>
-  post(`v1/preview?${userInputQuery(userInput, 1)}`, buildForm([photo]));
+/** What a user changes of a light by hand, in the names of the service. */
+export interface Adjustments {
+  sun: [azimuth: number, elevation: number] | false; // false leaves it out
+  exposure: number; // EV
+  haze: number; // turbidity
+}
+
+/** The preview of a photo's light, as PNG: of the estimate, or of that light adjusted. */
+export function fetchPreview(photo: Blob, userInput: UserInput, adjustments?: Adjustments): Promise<Blob> {
+  const query = userInputQuery(userInput, 1);
+  for (const [name, value] of Object.entries(adjustments ?? {})) {
+    query.set(name, Array.isArray(value) ? value.map(formatNumber).join(",") : formatValue(value));
+  }
+  return post(`v1/preview?${query}`, buildForm([photo]));
+}
 
 /** What the service calls fields of the record that replace the estimate, where it is not by their own names. */
 const EDIT_NAMES: Readonly<Record<string, string>> = { exposure: "sky_exposure", vertical_fov: "camera_vertical_fov" };

@@ -149,12 +149,13 @@ export function buildRecord(
 ): Lighting | EditedLighting {
   const { links: _, crop: __, probability: ___, photo_metadata: ____, warning_codes: _____, ...record } = estimate;
   if (sameParameters(parametersFromRecord(record), parameters)) return record;
+  const { light_probe: ______, ...rest } = record;
   const { azimuth, elevation } = { azimuth: parameters.sun_azimuth, elevation: parameters.sun_elevation };
   const hasIrradiances = record.sky.irradiance !== undefined || isToned(parameters);
   const cover =
     record.sky.cover === undefined && !isToned(parameters) ? undefined : coverOf(record.sky.cover, parameters);
   return {
-    ...record,
+    ...rest,
     evidence: [],
     warnings: [],
     sun: {

@@ -6,6 +6,7 @@ import {
   fetchEnvmap,
   fetchExample,
   fetchModelInfo,
+  fetchPreview,
   fetchScene,
   modelInfo,
   type ServiceError,
@@ -103,6 +104,12 @@ describe("the service", () => {
     expect(onlyRequest()[0]).toBe(
       "v1/scene?heading=87&sun_azimuth=10&sun_elevation=20&turbidity=3&sky_exposure=1.5&sun=false&for=usd",
     );
+  });
+
+  it("draws previews of the light on show", async () => {
+    stubAnswer("PNG", 200);
+    await fetchPreview(new Blob(["x"]), NO_USER_INPUT, { sun: [40, 25.5], exposure: -1, haze: 3 });
+    expect(onlyRequest()[0]).toBe("v1/preview?sun=40%2C25.5&exposure=-1&haze=3");
   });
 
   it("refuses in its own words", async () => {

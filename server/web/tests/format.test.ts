@@ -182,7 +182,7 @@ describe("light in words", () => {
   });
 
   it("counts the exposure from the photo's", () => {
-    expect(describeExposure(5, 5)).toEqual({ text: "as in the photo", hint: "0.0 EV" });
+    expect(describeExposure(5, 5)).toEqual({ text: "as shot", hint: "0.0 EV" });
     expect(describeExposure(10, 5)).toEqual({ text: "brighter", hint: "+1.0 EV" });
     expect(describeExposure(2.5, 5)).toEqual({ text: "darker", hint: "−1.0 EV" });
   });
@@ -263,6 +263,8 @@ describe("the record on show", () => {
 
   it("carries no radii and no visibility of the estimate once it is edited", () => {
     const { sun } = buildRecord(ESTIMATE, { ...parameters, sun_azimuth: 90 }, irradiances);
+    const probed = { ...ESTIMATE, light_probe: { coefficients: [] } };
+    expect(buildRecord(probed, { ...parameters, sun_azimuth: 90 }, irradiances)).not.toHaveProperty("light_probe");
     expect(Object.keys(sun).sort()).toEqual(["azimuth", "direction", "elevation", "visibility"]);
     expect(sun.visibility).toBe(1);
   });

@@ -15,7 +15,7 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../src/geometry/placement";
-import { groundMaskFromPixels, nearestSunlit, sunlitAt } from "../src/scene/groundMask";
+import { groundMaskFromPixels, nearestSunlit, sunlitAround } from "../src/scene/groundMask";
 import { buildRecord, cameraOverrides, imagePart, parametersFromRecord, statedOverrides } from "../src/state";
 import {
   describeBorrowed,
@@ -338,7 +338,8 @@ describe("the ground", () => {
   const mask = groundMaskFromPixels({ width: 10, height: 10, data });
 
   it("is read where it lies in the sun and where not", () => {
-    expect([sunlitAt(mask, [0.2, 0.5]), sunlitAt(mask, [0.8, 0.5]), sunlitAt(mask, [1.2, 0.5])]).toEqual([0, 1, 1]);
+    const read = (x: number, reach: number): number => sunlitAround(mask, [x, 0.55], [reach, reach]);
+    expect([read(0.25, 0.01), read(0.85, 0.01), read(1.2, 0.01), read(0.45, 0.1)]).toEqual([0, 1, 1, 1 / 3]);
   });
 
   it("has a nearest spot in the sun with room around it", () => {

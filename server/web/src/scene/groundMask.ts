@@ -21,10 +21,25 @@ export function groundMaskFromPixels({ width, height, data }: Pixels): GroundMas
   return { width, height, firm: channel(0), lit: channel(1) };
 }
 
-/** How far the sun reaches a point of the photo, 0 to 1; 1 outside of it. The point is in shares of width and height. */
-export function sunlitAt({ width, height, lit }: GroundMask, [x, y]: Point): number {
-  if (x < 0 || x >= 1 || y < 0 || y >= 1) return 1;
-  return (lit[Math.floor(y * height) * width + Math.floor(x * width)] as number) / 255;
+/**
+ * How far the sun reaches the ground around a point of the photo, 0 to 1: the mean of the cells up to `reach` away. Both
+ * are shares of width and height; 1 outside of the photo.
+ */
+export function sunlitAround({ width, height, lit }: GroundMask, [x, y]: Point, reach: Point): number {
+  const span = (at: number, radius: number, count: number): readonly [number, number] => [
+    Math.max(0, Math.floor((at - radius) * count)),
+    Math.min(count, Math.floor((at + radius) * count) + 1),
+  ];
+  const [left, right] = span(x, reach[0], width);
+  const [top, bottom] = span(y, reach[1], height);
+  let [sum, count] = [0, 0];
+  for (let row = top; row < bottom; row++) {
+    for (let column = left; column < right; column++) {
+      sum += lit[row * width + column] as number;
+      count++;
+    }
+  }
+  return count ? sum / count / 255 : 1;
 }
 
 const SURE = 160; // of 255, from which a cell counts as firm and as lit

@@ -35,7 +35,7 @@ export const describeHaze = (turbidity: number): Wording => ({
 export function describeExposure(exposure: number, estimated: number): Wording {
   const stops = Math.log2(exposure / estimated);
   const rounded = Math.abs(stops) < 0.05 ? 0 : stops;
-  const text = rounded === 0 ? "as in the photo" : rounded > 0 ? "brighter" : "darker";
+  const text = rounded === 0 ? "as shot" : rounded > 0 ? "brighter" : "darker";
   return { text, hint: `${rounded > 0 ? "+" : ""}${rounded.toFixed(1).replace("-", "−")} EV` };
 }
 

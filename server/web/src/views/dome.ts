@@ -25,7 +25,7 @@ export class Dome {
   private readonly heat = document.createElement("canvas");
   private readonly drawing = createSvg("svg", { viewBox: [-1, -1, 2, 2].map((v) => v * (RADIUS + MARGIN)).join(" ") });
   private readonly cursor = createSvg("g", { class: "cursor" });
-  private readonly sunMarker = createSvg("g", {});
+  private readonly sunMarker = createSvg("g", { class: "grip" });
   private cells: GridCell[] = [];
   private dragging = false;
   private at: Angles = { azimuth: 0, elevation: 45 };
@@ -65,8 +65,8 @@ export class Dome {
   mark(parameters: LightParameters): void {
     const ray = direction(parameters.sun_azimuth, parameters.sun_elevation);
     const [cx, cy] = onDrawing(ray);
-    const grip = createSvg("circle", { cx, cy, r: GRIP, class: "grip" });
-    this.sunMarker.replaceChildren(grip, drawSun([cx, cy], 4.5, parameters.sun ? "sun" : "sun pale"));
+    const hit = createSvg("circle", { cx, cy, r: GRIP, class: "hit" });
+    this.sunMarker.replaceChildren(hit, drawSun([cx, cy], 4.5, parameters.sun ? "sun" : "sun pale"));
   }
 
   /** The density in colours, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
@@ -80,7 +80,7 @@ export class Dome {
 
   private listen(): void {
     this.drawing.addEventListener("pointerdown", (event) => {
-      this.dragging = event.pointerType === "mouse" || (event.target as Element).classList.contains("grip");
+      this.dragging = event.pointerType === "mouse" || this.sunMarker.contains(event.target as Element);
       if (this.dragging) this.drawing.setPointerCapture(event.pointerId);
     });
     this.drawing.addEventListener("pointermove", (event) => {

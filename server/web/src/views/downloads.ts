@@ -1,6 +1,6 @@
 /** The light on show, as files and as text. Files are fetched: links carry no API key and say no errors. */
 
-import { fetchEnvmap, fetchPreview, fetchScene, type LightOverrides, type ModelInfo } from "../api";
+import { type Adjustments, fetchEnvmap, fetchPreview, fetchScene, type LightOverrides, type ModelInfo } from "../api";
 import { byId, createElement } from "../dom";
 import {
   buildRecord,
@@ -21,6 +21,7 @@ type FetchFile = (view: PhotoView, session: Session) => Promise<Blob>;
 interface Target {
   value: string;
   label: string;
+  isMap: boolean;
   suffix: string;
   fetchFile: FetchFile;
 }
@@ -30,7 +31,7 @@ const TOOL_LABELS: Record<string, string> = {
   ...{ usd: "USD", gltf: "glTF", filament: "Filament", cubemap: "Cubemap", threejs: "three.js", mitsuba: "Mitsuba" },
 };
 const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps the latest one
-const CHANGED_NOTE = "The preview shows the estimate; the light was changed. Reset brings the estimate back.";
+const TONED_NOTE = "The preview knows no color or softness of the sun but the estimate's. Reset brings these back.";
 const TOGETHER_NOTE = "The preview shows the estimate from one photo alone; these photos were estimated together.";
 
 /** The buttons that save files; `settle` gives what is on show when one is pressed. */
@@ -45,10 +46,13 @@ export class Downloads {
     this.listen(byId("get-json"), () => ({ suffix: ".json", fetchFile: createRecordFile }));
     this.listen(byId("get-preview"), () => ({
       suffix: "-preview.png",
-      fetchFile: ({ photo }, { userInput }) => fetchPreview(photo.file, userInput),
+      fetchFile: (view, { userInput }) => fetchPreview(view.photo.file, userInput, adjustmentsOf(view)),
     }));
     this.listen(byId("download"), () => this.targets.find(({ value }) => value === this.select.value));
-    this.select.addEventListener("change", () => localStorage.setItem(CHOSEN_TARGET, this.select.value));
+    this.select.addEventListener("change", () => {
+      localStorage.setItem(CHOSEN_TARGET, this.select.value);
+      this.nameButton();
+    });
   }
 
   /** Offers each tool of a scene and each format of a map that the service has. */
@@ -60,6 +64,13 @@ export class Downloads {
     );
     const chosen = localStorage.getItem(CHOSEN_TARGET);
     if (this.targets.some(({ value }) => value === chosen)) this.select.value = chosen ?? "";
+    this.nameButton();
+  }
+
+  /** The button says what it will do: "Download for Blender", "Download map (.exr)". */
+  private nameButton(): void {
+    const chosen = this.targets.find(({ value }) => value === this.select.value);
+    byId("download").textContent = chosen ? `Download ${chosen.isMap ? "" : "for "}${chosen.label}` : "Download";
   }
 
   private listen(button: HTMLElement, target: () => Pick<Target, "suffix" | "fetchFile"> | undefined): void {
@@ -87,6 +98,7 @@ export class Downloads {
 const sceneTarget = (tool: string): Target => ({
   value: tool,
   label: TOOL_LABELS[tool] ?? tool,
+  isMap: false,
   suffix: `-${tool}.zip`,
   fetchFile: (view, session) => fetchSceneOf(view, session, tool),
 });
@@ -94,6 +106,7 @@ const sceneTarget = (tool: string): Target => ({
 const mapTarget = (format: string): Target => ({
   value: format,
   label: `map (.${format})`,
+  isMap: true,
   suffix: `.${format}`,
   fetchFile: (view, session) => fetchMap(view, session, format),
 });
@@ -132,13 +145,23 @@ export function lightOverrides(view: PhotoView, { views }: Session): LightOverri
   return isChanged(view) ? parameters : undefined;
 }
 
-/** The preview is of the estimate from one photo alone: it is offered while that is the light on show. */
+/** What the light on show changes of the estimate. */
+function adjustmentsOf(view: PhotoView): Adjustments | undefined {
+  if (!isChanged(view)) return undefined;
+  const { sun, sun_azimuth, sun_elevation, exposure, turbidity } = currentState(view).parameters;
+  return {
+    sun: sun && [sun_azimuth, sun_elevation],
+    exposure: Math.log2(exposure / view.estimate.sky.exposure),
+    haze: turbidity,
+  };
+}
+
+/** The preview is of one photo alone, whose sun has the estimate's color and softness. */
 export function offerPreview(view: PhotoView, session: Session): void {
-  const unavailable = lightOverrides(view, session) !== undefined;
-  byId<HTMLButtonElement>("get-preview").disabled = unavailable;
-  const note = byId("preview-note");
-  note.hidden = !unavailable;
-  note.textContent = unavailable ? (session.views.length > 1 ? TOGETHER_NOTE : CHANGED_NOTE) : "";
+  const note = session.views.length > 1 ? TOGETHER_NOTE : isToned(currentState(view).parameters) ? TONED_NOTE : "";
+  byId<HTMLButtonElement>("get-preview").disabled = note !== "";
+  byId("preview-note").hidden = note === "";
+  byId("preview-note").textContent = note;
 }
 
 async function createRecordFile(view: PhotoView): Promise<Blob> {

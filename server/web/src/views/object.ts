@@ -6,6 +6,7 @@ import {
   cameraHeight,
   footPoint,
   groundDistance,
+  heightInPhoto,
   maxRadius,
   movePlacement,
   type Placement,
@@ -13,7 +14,7 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../geometry/placement";
-import { nearestSunlit, SUNLIT, sunlitAt } from "../scene/groundMask";
+import { nearestSunlit, SUNLIT, sunlitAround } from "../scene/groundMask";
 import type { Stage } from "../scene/stage";
 import type { SceneLight } from "../sky/lighting";
 import { aspectRatio, currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
@@ -100,7 +101,8 @@ export class ObjectView {
   private sunlit({ placement, inSun }: EditState): number {
     const foot = this.foot(placement);
     if (inSun || !placement.grounded || !foot || !this.view) return 1;
-    return sunlitAt(this.view.groundMask, foot);
+    const high = heightInPhoto(placement, this.view.estimate.camera);
+    return sunlitAround(this.view.groundMask, foot, [high / this.aspect, high]);
   }
 
   private foot(placement: Placement): Point | null {
