@@ -9,7 +9,7 @@ mirror=${DEBIAN_MIRROR:-http://deb.debian.org/debian}
 mmdebstrap --variant=apt --components=main --aptopt='Acquire::Check-Valid-Until "false"' \
   --aptopt='APT::Install-Recommends "false"' --dpkgopt='path-exclude=/usr/share/doc/*' \
   --dpkgopt='path-exclude=/usr/share/man/*' --dpkgopt='path-exclude=/usr/share/locale/*' \
-  --include=godot,blender,mono-mcs,xvfb,xauth,mesa-vulkan-drivers,libgl1-mesa-dri,ca-certificates \
+  --include=godot,blender,python3-numpy,python3-cattr,python3-requests,mono-mcs,libegl1,xvfb,xauth,mesa-vulkan-drivers,libgl1-mesa-dri,ca-certificates \
   sid "$folder" "$mirror"
 
 chroot "$folder" godot --version

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from .lighting.color import color_and_intensity
+from .lighting.color import color_and_intensity, luminance
 from .lighting.envmap.relighting import edit_lighting
-from .lighting.envmap.render import render
+from .lighting.envmap.render import render, sky_irradiance
 from .lighting.envmap.sun_disc import sun_irradiance
 from .lighting.geometry import to_z_up
 from .lighting.records import Lighting
@@ -41,4 +41,15 @@ def sun(light: Lighting, shines: bool) -> dict[str, Any]:
         "direction": to_z_up(light.sun_direction).tolist(),
         "colour": color.tolist(),
         "irradiance": intensity,
+    }
+
+
+def native_sky(light: Lighting) -> dict[str, Any]:
+    """What `aim_native_sky` takes."""
+    return {
+        "sun_direction": to_z_up(light.sun_direction).tolist(),
+        "turbidity": light.turbidity,
+        "ground_albedo": light.ground_albedo,
+        "strength": light.exposure,
+        "luminance": float(luminance(sky_irradiance(light))),
     }

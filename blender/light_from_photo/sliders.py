@@ -55,13 +55,10 @@ def shine(settings: Any) -> None:
         return
     values = [getattr(settings, name) for name in _NAMES]
     light = skies.light_of_sliders(settings.record, dict(zip(_NAMES, values, strict=True)))
-    numbers = skies.sun(light, settings.shines)
-    script.aim_sun(settings.sun, numbers)
+    script.aim_sun(settings.sun, skies.sun(light, settings.shines))
     node = environment_node(settings.world)
     node.image = settings.environment if values == list(settings.estimate) else _painted(settings, light)
-    native = sky_node(settings.world)
-    native.sun_direction, native.turbidity = numbers["direction"], settings.turbidity
-    native.outputs[0].links[0].to_node.inputs["Strength"].default_value = settings.exposure
+    script.aim_native_sky(sky_node(settings.world), skies.native_sky(light))
 
 
 def _painted(settings: Any, light: Lighting) -> Any:

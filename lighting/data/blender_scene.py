@@ -5,8 +5,9 @@
 
 `python scene.py --save` does the same where the module bpy is installed. The light's units are those of the photo's
 linear values; +Z is up and the camera looks along +Y. The value "Native sky" in the world's nodes blends from the
-environment map (0) to Blender's own sky, that of Hosek and Wilkie, with the same sun and turbidity (1). Where the spot
-lies in the photo's shade, the sun lights the collection "Lit by the Sun" alone, which holds the ground.
+environment map (0) to Blender's own sky with the same sun and turbidity (1): Multiple Scattering from Blender 5.0, else
+that of Hosek and Wilkie. A new scene has the collections of GROUPS. Where the spot lies in the photo's shade, the sun
+lights the collection "Lit by the Sun" alone, which holds the ground.
 """
 
 import json
@@ -21,6 +22,14 @@ from mathutils import Matrix, Vector
 Json = dict[str, Any]  # of scene.json
 
 LIT_BY_THE_SUN = "Lit by the Sun"  # what its collection is called where it excludes the object
+MULTIPLE_SCATTERING = "MULTIPLE_SCATTERING"  # Blender's type of sky, from 5.0
+SCATTERED_ELEVATIONS = (2.0, 10.0, 25.0, 45.0, 70.0, 90.0)  # deg, of the sun: the rows of SCATTERED_LUMINANCE
+SCATTERED_AEROSOLS = (0.0, 1.0, 3.0)  # densities: its columns
+SCATTERED_LUMINANCE = (
+    *((2.65, 2.71, 2.73), (6.45, 7.23, 8.42), (9.22, 10.82, 13.67)),
+    *((11.16, 13.26, 17.16), (12.57, 14.97, 19.50), (12.93, 15.50, 20.35)),
+)
+GROUPS = ("Photo", "Ground", "Lights", "Objects")  # of the scene's collections
 
 
 def _main() -> None:
@@ -52,22 +61,28 @@ def build_scene(numbers: Json, folder: Path, scene: Any = None) -> Any:
     Args:
         numbers: of scene.json.
         folder: with the pictures beside it.
-        scene: to build it in; None for a new one, which is made the current one.
+        scene: to build it in; None for a new one with collections, which is made the current one.
     """
     if scene is None:
         scene = bpy.data.scenes.new("Photo")
+        homes = [bpy.data.collections.new(name) for name in GROUPS]
+        for home in homes:
+            scene.collection.children.link(home)
         if bpy.context.window:
             bpy.context.window.scene = scene
+    else:
+        homes = [scene.collection] * len(GROUPS)
+    photo, below, lights, objects = homes
     plate = _load_image(folder / numbers["plate"], "sRGB")
     environment = _load_image(folder / numbers["environment"], "Linear Rec.709")
     _set_up_render(scene, numbers)
-    _add_camera(scene, numbers["camera"], plate)
-    sun = _add_sun_lamp(scene, numbers["sun"])
+    scene.camera = _add_camera(photo, numbers["camera"], plate)
+    sun = _add_sun_lamp(lights, numbers["sun"])
     scene.world = _make_world(numbers["sky"], environment)
-    ground = _add_ground(scene, numbers["ground"])
+    ground = _add_ground(below, numbers["ground"])
     if numbers["spot_in_shade"]:
         _keep_sun_from_object(sun, ground, numbers["shade"])
-    _add_placeholder(scene, numbers["placeholder"])
+    _add_placeholder(objects, numbers["placeholder"])
     if not has_compositor(scene):
         lit = _load_image(folder / numbers["lit_ground"], "Non-Color")
         _composite_over(scene, plate, lit, numbers["shade"])
@@ -96,14 +111,15 @@ def _set_up_render(scene: Any, numbers: Json) -> None:
     scene.view_settings.exposure, scene.view_settings.gamma = 0.0, 1.0
 
 
-def _add_object(scene: Any, name: str, data: Any, parent: Any = None) -> Any:
+def _add_object(home: Any, name: str, data: Any, parent: Any = None) -> Any:
+    """An object in a collection."""
     made = bpy.data.objects.new(name, data)
-    scene.collection.objects.link(made)
+    home.objects.link(made)
     made.parent = parent
     return made
 
 
-def _add_camera(scene: Any, numbers: Json, plate: Any) -> None:
+def _add_camera(home: Any, numbers: Json, plate: Any) -> Any:
     data = bpy.data.cameras.new("Camera")
     data.sensor_fit = "VERTICAL"
     data.sensor_width, data.sensor_height = numbers["sensor"]
@@ -111,15 +127,15 @@ def _add_camera(scene: Any, numbers: Json, plate: Any) -> None:
     data.clip_start, data.clip_end = numbers["clip"]
     data.show_background_images = True
     data.background_images.new().image = plate
-    camera = _add_object(scene, "Camera", data)
+    camera = _add_object(home, "Camera", data)
     camera.matrix_world = Matrix(numbers["matrix"])
-    scene.camera = camera
+    return camera
 
 
-def _add_sun_lamp(scene: Any, numbers: Json) -> Any:
+def _add_sun_lamp(home: Any, numbers: Json) -> Any:
     data = bpy.data.lights.new("Sun", "SUN")
     data.angle = math.radians(numbers["angle"])
-    sun = _add_object(scene, "Sun", data)
+    sun = _add_object(home, "Sun", data)
     aim_sun(sun, numbers)
     return sun
 
@@ -166,12 +182,52 @@ def _environment_background(nodes: Any, links: Any, environment: Any, yaw: float
 
 def _native_background(nodes: Any, links: Any, numbers: Json) -> Any:
     sky, background = nodes.new("ShaderNodeTexSky"), nodes.new("ShaderNodeBackground")
-    sky.sky_type, sky.label = "HOSEK_WILKIE", numbers["model"]
-    sky.sun_direction = numbers["sun_direction"]
-    sky.turbidity, sky.ground_albedo = numbers["turbidity"], numbers["ground_albedo"]
-    background.inputs["Strength"].default_value = numbers["strength"]
     links.new(sky.outputs[0], background.inputs["Color"])
+    aim_native_sky(sky, numbers)
     return background.outputs[0]
+
+
+def aim_native_sky(sky: Any, numbers: Json) -> None:
+    """Give Blender's own sky the sun and the air, and the node behind it the strength.
+
+    Args:
+        sky: the node, which another one takes the color of.
+        numbers: "sun_direction" (3,), "turbidity", "ground_albedo", "strength" of Hosek and Wilkie's model, and the
+            "luminance" of the sky's irradiance on level ground.
+    """
+    strength = sky.outputs[0].links[0].to_node.inputs["Strength"]
+    if MULTIPLE_SCATTERING not in [item.identifier for item in sky.bl_rna.properties["sky_type"].enum_items]:
+        sky.sky_type = sky.label = "HOSEK_WILKIE"
+        sky.sun_direction = numbers["sun_direction"]
+        sky.turbidity, sky.ground_albedo = numbers["turbidity"], numbers["ground_albedo"]
+        strength.default_value = numbers["strength"]
+        return
+    sky.sky_type = sky.label = MULTIPLE_SCATTERING
+    sky.sun_disc = False
+    x, y, z = numbers["sun_direction"]
+    elevation = math.asin(max(-1.0, min(1.0, z)))
+    sky.sun_elevation, sky.sun_rotation = elevation, math.atan2(x, y)
+    sky.aerosol_density = (numbers["turbidity"] - 1.0) / 2.0
+    strength.default_value = numbers["luminance"] / _scattered_luminance(math.degrees(elevation), sky.aerosol_density)
+
+
+def _scattered_luminance(elevation: float, aerosols: float) -> float:
+    """Luminance of the irradiance on level ground under Multiple Scattering of strength 1, measured in Blender 5.2.
+
+    Args:
+        elevation: of the sun, deg.
+        aerosols: their density.
+    """
+    column = 0 if aerosols < SCATTERED_AEROSOLS[1] else 1
+    low, high = SCATTERED_AEROSOLS[column : column + 2]
+    share = (aerosols - low) / (high - low)
+    values = [row[column] + share * (row[column + 1] - row[column]) for row in SCATTERED_LUMINANCE]
+    after = next((i for i, knot in enumerate(SCATTERED_ELEVATIONS) if knot >= elevation), len(values) - 1)
+    if after == 0:
+        return values[0]
+    start, end = SCATTERED_ELEVATIONS[after - 1 : after + 1]
+    along = min(1.0, (elevation - start) / (end - start))
+    return values[after - 1] + along * (values[after] - values[after - 1])
 
 
 def _clear_nodes(owner: Any) -> tuple[Any, Any]:
@@ -198,13 +254,13 @@ def _diffuse_material(name: str, albedo: list[float]) -> Any:
     return material
 
 
-def _add_ground(scene: Any, numbers: Json) -> Any:
+def _add_ground(home: Any, numbers: Json) -> Any:
     reach = numbers["radius"]
     mesh = bpy.data.meshes.new("Ground")
     corners = [(-reach, -reach, 0.0), (reach, -reach, 0.0), (reach, reach, 0.0), (-reach, reach, 0.0)]
     mesh.from_pydata(corners, [], [(0, 1, 2, 3)])
     mesh.materials.append(_diffuse_material("Ground", numbers["albedo"]))
-    ground = _add_object(scene, "Ground", mesh)
+    ground = _add_object(home, "Ground", mesh)
     ground.is_shadow_catcher = True
     return ground
 
@@ -229,10 +285,10 @@ def _keep_sun_from_object(sun: Any, ground: Any, shade: list[float]) -> None:
     _arrange_nodes(tree.nodes)
 
 
-def _add_placeholder(scene: Any, numbers: Json) -> None:
+def _add_placeholder(home: Any, numbers: Json) -> None:
     """A ball and a stick under an empty at the spot for one's own object."""
     material = _diffuse_material("Placeholder", numbers["albedo"])
-    spot = _add_object(scene, "Your object here", None)
+    spot = _add_object(home, "Your object here", None)
     spot.location = numbers["spot"]
     spot.empty_display_size = numbers["ball_radius"]
     for name, mesh, location in (
@@ -240,7 +296,7 @@ def _add_placeholder(scene: Any, numbers: Json) -> None:
         ("Stick", _stick_mesh(numbers["stick_radius"], numbers["stick_height"]), numbers["stick_foot"]),
     ):
         mesh.materials.append(material)
-        _add_object(scene, name, mesh, spot).location = location
+        _add_object(home, name, mesh, spot).location = location
 
 
 def _ball_mesh(radius: float) -> Any:

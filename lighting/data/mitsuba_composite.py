@@ -3,9 +3,10 @@
 Renders with the object and without differ by its shadow and its reflected light: the plate is multiplied by their ratio
 (Debevec 1998). Where lit_ground.png says that the photo's ground lies in shade, the sun is left out of both, so that no
 shadow darkens shade. The object's own pixels have as much of the sun as `sun_on_object` in object.xml says. Writes
-composite.png.
+composite.png. The variant scalar_rgb runs everywhere; llvm_ad_rgb is faster and needs LLVM.
 """
 
+import subprocess
 import sys
 from pathlib import Path
 from typing import Any
@@ -17,9 +18,12 @@ import numpy as np
 mi: Any = mitsuba
 
 FOLDER = Path(__file__).resolve().parent
+FALLBACK = "scalar_rgb"  # the variant that runs everywhere
 
 
-def _main(samples: str = "64", variant: str = "scalar_rgb") -> None:
+def _main(samples: str = "64", variant: str = FALLBACK) -> None:
+    if variant != FALLBACK:
+        _try(variant)
     mi.set_variant(variant)
     plate = _linear(mi.Bitmap(str(FOLDER / "plate.png")))
     lit = _lit_ground(plate.shape[1], plate.shape[0])
@@ -29,6 +33,17 @@ def _main(samples: str = "64", variant: str = "scalar_rgb") -> None:
     shadowed = plate * (sky + lit * sun) / np.maximum(empty_sky + lit * empty_sun, 1e-6)
     picture = covered * (sky + _sun_on_object() * sun) + (1 - covered) * shadowed
     mi.util.write_bitmap(str(FOLDER / "composite.png"), mi.Bitmap(picture.astype(np.float32)), write_async=False)
+
+
+def _try(variant: str) -> None:
+    """Exit with a sentence where a variant cannot render here: a wrong LLVM aborts the whole process."""
+    scene = {"type": "scene", "integrator": {"type": "path"}, "sensor": {"type": "perspective"}}
+    render = f"mi.TensorXf(mi.render(mi.load_dict({scene}), spp=1)).numpy()"
+    code = f"import mitsuba as mi; mi.set_variant({variant!r}); {render}"
+    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    if result.returncode:
+        reason = (result.stderr.strip().splitlines() or ["it aborted"])[-1]
+        sys.exit(f"Mitsuba's variant {variant} does not run here: {reason} Use {FALLBACK}, which needs no LLVM.")
 
 
 def _linear(picture: Any) -> Any:

@@ -67,7 +67,7 @@ EXPORTERS: dict[str, Exporter] = {
     ),
     "usd": Exporter(
         import_function("lighting.scene.usd", "write_usd"),
-        files=("scene.usda", *SHARED_FILES),
+        files=("scene.usda", "scene.usdz", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
         animate=import_function("lighting.scene.usd", "animate_usd"),
         opened_by="usdview {file}, or import it into any program that reads USD",

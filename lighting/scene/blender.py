@@ -1,7 +1,7 @@
 """A scene for Blender: a script that builds it and, if the module bpy is installed, the .blend file.
 
-Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky
-Texture is that of Hosek and Wilkie on the record's scale, by way of other colour tables; the map may be of another.
+Blender's lat-long maps have +X at the centre where its camera here looks along +Y, hence YAW. The native Sky Texture is
+Blender's Multiple Scattering, from 5.0, or that of Hosek and Wilkie on the record's scale; the map may be of another.
 """
 
 import json
@@ -13,13 +13,12 @@ from pathlib import Path
 
 import numpy as np
 
-from lighting.color import color_and_intensity
+from lighting.color import color_and_intensity, luminance
 from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import to_z_up
 from lighting.records import Json
 from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
 from lighting.scene.writer import Folder, read_data_text, write_shared_files
-from lighting.sky import SKY_MODEL
 
 SCRIPT, NUMBERS, FILE = "scene.py", "scene.json", "scene.blend"
 SHOT_SCRIPT, SHOT_NUMBERS = "shot.py", "shot.json"
@@ -100,11 +99,11 @@ def _description(scene: records.Scene) -> Json:
 
 def _native_sky(scene: records.Scene) -> Json:
     return {
-        "model": SKY_MODEL,
         "sun_direction": to_z_up(scene.sun_direction).tolist(),
         "turbidity": scene.lighting.turbidity,
         "ground_albedo": scene.lighting.ground_albedo,
         "strength": scene.lighting.exposure,
+        "luminance": float(luminance(scene.sky_irradiance)),
     }
 
 

@@ -1,11 +1,18 @@
 """A scene as USD: `scene.usda` with the plate, the map and the record beside it.
 
 Lights follow UsdLux: radiance 1 of the map is 1 nit, and a DistantLight with `normalize` gives an irradiance of
-intensity x colour on a surface that faces it, whatever its angle. USD has neither background plates nor shadow catchers
-of its own: the plate hangs before the camera as a guide, which renderers leave out, and the ground carries the primvars
-by which Omniverse RTX and Karma know one; to others it is a diffuse plane of the ground's albedo.
+intensity x colour on a surface that faces it, whatever its angle. Focal length and apertures are in tenths of the
+stage's unit, the meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ is for AR, which takes no lights.
+
+USD has neither background plates nor shadow catchers of its own: the plate hangs before the camera as a guide, which
+renderers leave out, and the ground carries the primvars by which Omniverse RTX and Karma know one; to others it is a
+diffuse plane of the ground's albedo.
 """
 
+import io
+import re
+import struct
+import zipfile
 from collections.abc import Callable, Iterable
 from functools import partial
 
@@ -16,23 +23,26 @@ from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import Floats, to_z_up
 from lighting.scene import ENVIRONMENT, PLATE, records
-from lighting.scene.writer import Folder, fill_template, write_shared_files
+from lighting.scene.writer import Folder, encode_plate, fill_template, write_shared_files
 
-STAGE, SHOT_STAGE = "scene.usda", "shot.usda"
+STAGE, SHOT_STAGE, PACKAGE = "scene.usda", "shot.usda", "scene.usdz"
 
 ToStage = Callable[[ArrayLike], NDArray[np.float64]]  # vectors (..., 3) of our frame in the stage's
 
 APERTURE_UNIT = 100.0  # mm: apertures and focal lengths are in tenths of the stage's unit, which is the meter
 _UP = np.array([0.0, 1.0, 0.0])
+_RENDER_SETTINGS = '    renderSettingsPrimPath = "/Render/Settings"\n'
+_ZIP_HEADER = 30 + 4  # bytes of a file's header in a ZIP archive, and of its extra field's header
+_ZIP_PADDING = 0x1986  # the extra field that OpenUSD pads with
 
 
 def write_usd(scene: records.Scene, folder: Folder, *, up_axis: str = "Y") -> None:
-    """Write STAGE and the files it refers to.
+    """Write STAGE and the files it refers to, and PACKAGE, which holds its camera, plate and geometry.
 
     Args:
         scene: made by `make_scene`.
         folder: where the files go.
-        up_axis: "Y", or "Z", where the camera looks along +Y at azimuth 0.
+        up_axis: of STAGE: "Y", or "Z", where the camera looks along +Y at azimuth 0.
 
     Raises:
         SceneError: `up_axis` is neither Y nor Z.
@@ -41,6 +51,30 @@ def write_usd(scene: records.Scene, folder: Folder, *, up_axis: str = "Y") -> No
         raise SceneError(f"The up axis {up_axis!r} is not known; it must be Y or Z.", "up_axis", ErrorCode.UNKNOWN)
     write_shared_files(scene, folder)
     (folder / STAGE).write_text(fill_template("scene.usda", _values(scene, up_axis)), encoding="utf-8")
+    geometry = _without_lights(fill_template("scene.usda", _values(scene, "Y")))
+    (folder / PACKAGE).write_bytes(_pack_usdz({STAGE: geometry.encode(), PLATE: encode_plate(scene)}))
+
+
+def _without_lights(stage: str) -> str:
+    """The text of a stage without its lights and settings of a renderer, which AR does not take."""
+    prims = r'^( *)def (?:DomeLight|DistantLight|Scope) "(?:Sky|Sun|Render)".*?^\1}\n'
+    return re.sub(prims, "", stage, flags=re.MULTILINE | re.DOTALL).replace(_RENDER_SETTINGS, "")
+
+
+def _pack_usdz(members: dict[str, bytes]) -> bytes:
+    """A ZIP archive without compression, whose files begin at multiples of 64 bytes; the stage is the first.
+
+    References:
+        Usdz File Format Specification, OpenUSD.
+    """
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w", zipfile.ZIP_STORED) as archive:
+        for name, data in members.items():
+            info = zipfile.ZipInfo(name)  # of 1980, so that the same scene makes the same bytes
+            padding = -(stream.tell() + _ZIP_HEADER + len(name)) % 64
+            info.extra = struct.pack("<HH", _ZIP_PADDING, padding) + bytes(padding)
+            archive.writestr(info, data)
+    return stream.getvalue()
 
 
 def animate_usd(motion: records.CameraMotion) -> dict[str, str]:

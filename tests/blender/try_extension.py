@@ -1,6 +1,7 @@
 """Run by a Python that has bpy: install the zip, pick a photo, move the sliders, undo; prints one line of JSON.
 
 BLENDER_USER_RESOURCES=FOLDER PYTHON try_extension.py EXTENSION.zip COMMAND PHOTO [PICTURE.png]
+BLENDER_USER_RESOURCES=FOLDER blender --background --python try_extension.py -- EXTENSION.zip COMMAND PHOTO
 """
 
 import json
@@ -15,7 +16,7 @@ NAME = "bl_ext.user_default.light_from_photo"
 
 
 def main() -> None:
-    package, command, photo, *picture = sys.argv[1:]
+    package, command, photo, *picture = sys.argv[sys.argv.index("--") + 1 if "--" in sys.argv else 1 :]
     bpy.ops.wm.read_factory_settings(use_empty=False)
     folder = Path(bpy.utils.user_resource("EXTENSIONS", path="user_default/light_from_photo", create=True))
     zipfile.ZipFile(package).extractall(folder)

@@ -5,11 +5,13 @@ import importlib
 import io
 import json
 import os
+import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from socket import create_server
@@ -23,10 +25,14 @@ from lighting.batch.photo_files import PHOTO_SUFFIXES
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
+from lighting.estimator import Estimator
+from lighting.photo.reader import read_photo
 from lighting.records import Lighting
-from lighting.scene.writer import zip_scene
+from lighting.scene.records import make_scene
+from lighting.scene.writer import write_scene, zip_scene
 from scripts.blender_extension import ROOT, build, relative
 from tests.helpers.blender import PYTHON, needs_blender
+from tests.helpers.engines import CHROOT, folder_in_chroot, needs_engines, run_in_chroot
 from tests.helpers.scenes import sunlit_scene
 
 NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}
@@ -307,8 +313,34 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     result = subprocess.run(
         [PYTHON, *map(str, arguments)], env=environment, capture_output=True, text=True, timeout=300
     )
-    (line,) = [line for line in result.stdout.splitlines() if line.startswith("FOUND ")] or [result.stderr]
-    report, printed = json.loads(line.removeprefix("FOUND ")), result.stdout + result.stderr
+    check_report(result.stdout + result.stderr)
+
+
+@needs_engines
+def test_in_blender_52(package: Path) -> None:
+    """The command's answer is made out here, where its packages are."""
+    with folder_in_chroot() as folder:
+        photo = read_photo((ROOT / "examples" / "wide_street.jpg").read_bytes(), target=480)
+        scene = make_scene(photo, Estimator()(photo).lighting, map_height=512)
+        write_scene(replace(scene, lit_ground=np.zeros_like(scene.lit_ground)), "blender", folder / "answer")
+        program = folder / "lighting"
+        program.write_text('#!/bin/sh\ncp "$(dirname "$0")"/answer/* "$6"\n')
+        program.chmod(0o755)
+        for path in (package, ROOT / "tests" / "blender" / "try_extension.py", ROOT / "examples" / "wide_street.jpg"):
+            shutil.copy(path, folder)
+        inside = f"/{folder.relative_to(CHROOT)}"
+        arguments = " ".join(f"{inside}/{name}" for name in (package.name, "lighting", "wide_street.jpg"))
+        environment = f"BLENDER_USER_RESOURCES={inside}/user"
+        printed = run_in_chroot(
+            folder, f"{environment} blender --background --factory-startup --python try_extension.py -- {arguments}"
+        )
+    assert check_report(printed)["blender"].startswith("5.2")
+
+
+def check_report(printed: str) -> dict[str, Any]:
+    """What try_extension.py printed, as it must be; returns its report."""
+    (line,) = [line for line in printed.splitlines() if line.startswith("FOUND ")] or [printed]
+    report = dict(json.loads(line.removeprefix("FOUND ")))
     assert report["estimate"] == ["FINISHED"]
     assert report["kept"]
     assert {name.split(".")[0] for name in report["made"]} == {"Camera", "Ground", "Sun", "Your object here"}
@@ -340,3 +372,4 @@ def test_in_blender(package: Path, tmp_path: Path) -> None:
     assert "World" in report["worlds"]  # the artist's own
     assert report["reopened"]["sliders"][0] == 12.0
     assert report["reopened"]["image"].startswith("Sky of the sliders")
+    return report

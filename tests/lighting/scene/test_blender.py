@@ -18,6 +18,7 @@ from lighting.geometry import direction, to_z_up
 from lighting.scene import blender
 from lighting.scene.writer import write_scene
 from tests.helpers.blender import PYTHON, needs_blender
+from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
 from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 
@@ -156,3 +157,48 @@ def test_the_sun_lights_the_ground_alone_where_the_spot_is_in_shade(folder: Path
         result = subprocess.run([PYTHON, "-c", look], cwd=folder, capture_output=True, text=True, check=True)
         lit.append(result.stdout.splitlines()[-1])
     assert lit == ["('Lit by the Sun', ['Ground'])", "None"]
+
+
+LOOK = """
+import bpy, json, os
+scene = bpy.context.scene
+homes = {group.name: sorted(thing.name for thing in group.objects) for group in scene.collection.children}
+sky = next(node for node in scene.world.node_tree.nodes if node.type == "TEX_SKY")
+others = [thing.name for thing in scene.collection.objects]
+print("FOUND", json.dumps([bpy.app.version_string, homes, others, sky.label]))
+"""
+GROUPS = {
+    "Photo": ["Camera"],
+    "Ground": ["Ground"],
+    "Lights": ["Sun"],
+    "Objects": ["Ball", "Stick", "Your object here"],
+}
+
+
+@pytest.mark.slow
+@needs_blender
+def test_the_scene_has_collections(folder: Path) -> None:
+    subprocess.run([PYTHON, "scene.py", "--save"], cwd=folder, capture_output=True, check=True)
+    look = "import os, bpy; bpy.ops.wm.open_mainfile(filepath=os.path.abspath('scene.blend'))" + LOOK
+    result = subprocess.run([PYTHON, "-c", look], cwd=folder, capture_output=True, text=True, check=True)
+    _, homes, others, _ = json.loads(result.stdout.rpartition("FOUND")[2].splitlines()[0])
+    assert (homes, others) == (GROUPS, [])
+
+
+@needs_engines
+def test_blender_52_builds_and_renders_the_scene() -> None:
+    with folder_in_chroot() as folder:
+        blender.write_blender(half_shaded_scene(), folder)
+        numbers = json.loads((folder / "scene.json").read_text())
+        (folder / "scene.json").write_text(json.dumps(numbers | {"samples": 4}))
+        (folder / "look.py").write_text(LOOK)
+        program = "blender --background --factory-startup"
+        printed = run_in_chroot(folder, f"{program} --python scene.py --python look.py -- --save --render")
+        version, homes, others, sky = json.loads(printed.rpartition("FOUND")[2].splitlines()[0])
+        assert (folder / "scene.blend").is_file()
+        picture = srgb_decode(np.asarray(Image.open(folder / "render.png").convert("RGB")) / 255.0)
+    assert version.startswith("5.2")
+    assert (homes, others, sky) == (GROUPS, [], "MULTIPLE_SCATTERING")
+    ratio = picture / srgb_decode(half_shaded_scene().plate / 255.0)
+    assert np.median(ratio[297:305, 230:235]) < 0.3
+    assert np.median(ratio[320:325, 400:412]) > 0.9  # the stick's

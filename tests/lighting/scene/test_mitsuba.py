@@ -1,5 +1,6 @@
 """The scene for Mitsuba, rendered: light, shadow and composite as they must be."""
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -142,3 +143,14 @@ def composited(folder: Path) -> NDArray[np.uint8]:
     """What composite.py makes of a folder's scene."""
     subprocess.run([sys.executable, "composite.py", "4"], cwd=folder, check=True, capture_output=True)
     return np.asarray(Image.open(folder / "composite.png").convert("RGB"))
+
+
+def test_a_variant_that_does_not_run_names_the_one_that_does(folder: Path) -> None:
+    """Without its LLVM the library writes lines of its own, raises or aborts."""
+    command = [sys.executable, "composite.py", "1", "llvm_ad_rgb"]
+    environment = os.environ | {"DRJIT_LIBLLVM_PATH": "/nonexistent/libLLVM.so"}
+    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("Mitsuba's variant llvm_ad_rgb does not run here: ")
+    assert done.stderr.endswith(" Use scalar_rgb, which needs no LLVM.\n")

@@ -1,5 +1,7 @@
 """The USD stage, as OpenUSD itself reads it."""
 
+import struct
+import zipfile
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -47,6 +49,28 @@ def test_openusds_own_checker_finds_nothing(tmp_path: Path, up_axis: str) -> Non
     assert complaints(stage) == []
     assert UsdGeom.GetStageUpAxis(stage) == up_axis
     assert UsdGeom.GetStageMetersPerUnit(stage) == 1
+
+
+@BOTH_AXES
+def test_the_package_for_ar_holds_all_but_the_lights(tmp_path: Path, up_axis: str) -> None:
+    scene = opened(tmp_path, up_axis)
+    package = Usd.Stage.Open(str(tmp_path / usd.PACKAGE))
+    assert complaints(package) == []
+    assert UsdGeom.GetStageUpAxis(package) == "Y"
+    of_lights = {"/World/Sky", "/World/Sun", "/Render", "/Render/Settings"}
+    assert paths(scene) - paths(package) == of_lights
+    assert paths(package) <= paths(scene)
+    data = (tmp_path / usd.PACKAGE).read_bytes()
+    with zipfile.ZipFile(tmp_path / usd.PACKAGE) as archive:
+        assert archive.namelist() == ["scene.usda", "plate.png"]
+        for info in archive.infolist():
+            name, extra = struct.unpack_from("<HH", data, info.header_offset + 26)
+            assert (info.header_offset + 30 + name + extra) % 64 == 0
+            assert info.compress_type == zipfile.ZIP_STORED
+
+
+def paths(stage: Any) -> set[str]:
+    return {str(prim.GetPath()) for prim in stage.Traverse()}
 
 
 def test_the_checker_does_find_faults(tmp_path: Path) -> None:
