@@ -2,6 +2,7 @@
 
 import json
 import logging
+import zipfile
 from datetime import datetime, timedelta, timezone
 from io import BytesIO
 from typing import Any
@@ -13,6 +14,7 @@ from pydantic import ValidationError
 from starlette.testclient import TestClient
 
 from lighting.cli.options import _OPTIONS
+from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.render import render
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
@@ -372,3 +374,65 @@ def test_a_compression_goes_with_exr_alone_and_its_default_with_all() -> None:
     assert MapQuery(format="exr", compression="pxr24").compression == "pxr24"
     with pytest.raises(ValidationError, match="compression goes with format=exr"):
         MapQuery(format="hdr", compression="pxr24")
+
+
+# Another light, under the names of the command line
+
+
+@pytest.mark.parametrize(
+    ("query", "adjusted"),
+    [
+        ({"sun": "40,25"}, Adjustments(sun=(40.0, 25.0))),
+        ({"exposure": "-1.5", "haze": "8"}, Adjustments(exposure=-1.5, haze=8.0)),
+        ({"overcast": "true"}, Adjustments(overcast=True)),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, dict) else "",
+)
+def test_a_light_is_adjusted_as_on_the_command_line(
+    client: TestClient, estimator: Estimator, query: dict[str, str], adjusted: Adjustments
+) -> None:
+    expected = adjust_lighting(estimator(read_photo(PLAIN)).lighting, adjusted)
+    of_photo = ask(client, path="/v1/envmap", height=32, **query)
+    record = estimate(client)
+    of_record = client.post(f"/v1/envmap?height=32&{urlencode(query)}", json=record)
+    in_form = client.post("/v1/envmap", files={"photo": PLAIN}, data={"height": "32", **query})
+    for answer in (of_photo, of_record, in_form):
+        assert answer.status_code == 200, answer.text
+        assert read_exr(BytesIO(answer.content))[1] == expected
+
+
+def test_a_scene_and_a_preview_are_adjusted_too(client: TestClient) -> None:
+    answer = ask(client, path="/v1/scene", height=16, sun="40,25", **{"for": "usd"})
+    with zipfile.ZipFile(BytesIO(answer.content)) as archive:
+        assert json.loads(archive.read("lighting.json"))["sun"]["azimuth"] == 40.0
+    drawn = [ask(client, path="/v1/preview", **query).content for query in ({}, {"exposure": "1"})]
+    assert drawn[0] != drawn[1]
+
+
+@pytest.mark.parametrize(
+    ("query", "field", "words"),
+    [
+        ({"sun": "40"}, "sun", "true or false"),
+        ({"sun": "40,95"}, "sun", "elevation is 95"),
+        ({"sun": "north,25"}, "sun", "such as 40,25"),
+        ({"exposure": "21"}, "exposure", "from -20 to 20"),
+        ({"haze": "0"}, "haze", "from 1 to 10"),
+        ({"overcast": "yes"}, "overcast", "true or false"),
+    ],
+)
+def test_an_adjustment_that_cannot_be_is_refused(
+    client: TestClient, query: dict[str, str], field: str, words: str
+) -> None:
+    (error,) = problem(ask(client, path="/v1/envmap", **query), 422, "invalid")["errors"]
+    assert error["field"] == field
+    assert words in error["detail"]
+
+
+def test_photos_that_are_not_together_are_estimated_alone(client: TestClient) -> None:
+    files = [("photo", PLAIN), ("photo", OTHER)]
+    answer = client.post("/v1/lightings", files=files, data={"together": "false"}).json()["lightings"]
+    assert ["other photos" in light["evidence"] for light in answer] == [False, False]
+    alone = estimate(client, PLAIN)
+    assert answer[0]["sun"] == alone["sun"]
+    refused = client.post("/v1/lightings?together=false&headings=0,90", files=files)
+    assert problem(refused, 422, "invalid")["errors"][0]["field"] == "headings"

@@ -382,3 +382,23 @@ def test_metadata_tell_time_and_place_unless_told_not_to(network: Path, tmp_path
     assert "heading" in told["camera"]
     assert "time+place" not in untold["evidence"]
     assert "place" not in told  # only with --keep-location
+
+
+def test_the_light_of_a_clip_is_adjusted_by_hand(clip: Path, network: Path, tmp_path: Path) -> None:
+    """As the first frame shows it, and for the other frames as they are turned."""
+    out = tmp_path / "out"
+    options = ["--model", network, "--height", 16, "--every", 0.5, "--sun", "40,25", "--exposure", 1, "--for", "usd"]
+    done = run(clip, "-o", out, *options, "--json")
+    assert done.exit_code == 0, done.output
+    (line,) = done.stdout.splitlines()
+    result = json.loads(line)
+    assert (result["output"], len(result["shots"]), result["shots"][0]["frames"]) == (str(out), 1, 30)
+    first, *_, last = [Lighting.from_dict(line["lighting"]) for line in records(out)]
+    assert (first.sun_azimuth, first.sun_elevation) == (pytest.approx(40.0, abs=0.01), 25.0)
+    assert last.sun_azimuth == pytest.approx(40.0 - (last.relative_heading or 0.0), abs=0.01)
+    plain = run(clip, "-o", tmp_path / "plain", *options[:6])
+    assert plain.stdout.splitlines()[-1].startswith(f"Wrote {tmp_path / 'plain'}/. Open it: ")
+    before = Lighting.from_dict(records(tmp_path / "plain")[0]["lighting"])
+    assert first.exposure == pytest.approx(2 * before.exposure, rel=1e-4)
+    scene = json.loads((out / "shot-1-usd" / "lighting.json").read_text())
+    assert scene["sun"]["elevation"] == 25.0
