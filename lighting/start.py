@@ -15,6 +15,7 @@ from lighting.runtime import keep_memory
 _BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
 _ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
 _OPTIONS_WITHOUT_NETWORK = ("-h", "--help", "--model", "--lighting")  # options that run none or another
+_OUTPUT_OPTIONS = ("-o", "--output", "--preview")  # options before files that are written
 _DATA = Path(__file__).parent / "data"
 _GC_THRESHOLD = 100_000  # objects after which cycles among them are sought; the imports alone make tens of thousands
 
@@ -72,12 +73,18 @@ def start_network(arguments: Sequence[str]) -> None:
     """
     if not arguments or arguments[0] not in _ONE_PHOTO_COMMANDS:
         return
-    command, *others = arguments
+    others = arguments[1:]
     if any(other.startswith(_OPTIONS_WITHOUT_NETWORK) for other in others):
         return
-    if command == "estimate" and sum(map(_is_file, others)) > 1:  # which take a network prepared for many runs
+    if _count_photos(others) > 1:  # which take a network prepared for many runs
         return
     _started.append(_EarlySession())
+
+
+def _count_photos(arguments: Sequence[str]) -> int:
+    """How many arguments are files that are read."""
+    before = ["", *arguments]
+    return sum(_is_file(name) for name, option in zip(arguments, before, strict=False) if option not in _OUTPUT_OPTIONS)
 
 
 def _is_file(name: str) -> bool:

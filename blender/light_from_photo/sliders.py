@@ -33,7 +33,7 @@ class LightFromPhotoSettings(bpy.types.PropertyGroup):
 
     sun_azimuth: _slider("sun_azimuth", "Azimuth", "Degrees to the right of where the camera points")  # type: ignore
     sun_elevation: _slider("sun_elevation", "Elevation", "Degrees above the horizon")  # type: ignore
-    turbidity: _slider("turbidity", "Turbidity", "2 is very clear, 10 is hazy", default=3.0)  # type: ignore
+    turbidity: _slider("turbidity", "Haze", "Turbidity: 2 is very clear, 10 is hazy", default=3.0)  # type: ignore
     exposure: _slider(  # type: ignore
         "exposure", "Exposure", "Factor of sun and sky", default=1.0, soft_min=0.01, soft_max=100.0, precision=3
     )

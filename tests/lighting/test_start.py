@@ -54,6 +54,7 @@ def test_what_the_user_set_stays(monkeypatch: pytest.MonkeyPatch) -> None:
         ["batch", "PHOTO", "out"],
         ["estimate", "--help", "PHOTO"],
         ["estimate", "PHOTO", "PHOTO"],
+        ["envmap", "PHOTO", "PHOTO", "-o", "maps/"],
         ["estimate", "PHOTO", "--model=other.onnx"],
         ["scene", "PHOTO", "--lighting", "light.json"],
     ],
