@@ -28,6 +28,11 @@ H273_CHROMATICITIES = {  # the same eight of other primaries, by their numbers i
     12: (0.680, 0.320, 0.265, 0.690, 0.150, 0.060, 0.3127, 0.3290),  # P3 of displays
     22: (0.630, 0.340, 0.295, 0.605, 0.155, 0.077, 0.3127, 0.3290),  # EBU 3213
 }
+COLOR_SPACES = {  # of map files: the eight numbers, and the name that the Color Interop Forum gives the linear space
+    "rec709": (CHROMATICITIES, "lin_rec709_scene"),
+    "acescg": ((0.713, 0.293, 0.165, 0.830, 0.128, 0.044, 0.32168, 0.33767), "lin_ap1_scene"),
+    "linear-p3": (H273_CHROMATICITIES[12], "lin_p3d65_scene"),
+}
 ADOBE_RGB_CHROMATICITIES = (0.64, 0.33, 0.21, 0.71, 0.15, 0.06, 0.3127, 0.3290)
 ADOBE_RGB_GAMMA = 563 / 256
 _REC709_ALPHA, _REC709_BETA = 1.09929682680944, 0.018053968510807  # of the curve of Rec.709
@@ -199,6 +204,20 @@ def chromaticities_to_rec709(chromaticities: Sequence[float]) -> NDArray[np.floa
     if not np.isfinite(matrix).all():
         raise ValueError("no colors")
     return np.asarray(matrix, dtype=np.float32)
+
+
+def convert_colors(linear: NDArray[np.float32], space: str) -> NDArray[np.float32]:
+    """Return linear Rec.709 colors (..., 3) in another space of COLOR_SPACES; white stays (1, 1, 1).
+
+    Args:
+        linear: (..., 3), Rec.709.
+        space: its name.
+    """
+    matrix = chromaticities_to_rec709(COLOR_SPACES[space][0])
+    if matrix is None:
+        return linear
+    inverse = np.linalg.inv(matrix.astype(np.float64)).astype(np.float32)
+    return np.ascontiguousarray(linear @ inverse.T)
 
 
 def _to_xyz(xy: Floats) -> Floats:

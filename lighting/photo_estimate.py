@@ -126,6 +126,7 @@ class Estimate(EstimatedLight):
         surroundings: bool | None = None,
         detail: bool = True,
         compression: str = "zip",
+        colours: str = "rec709",
     ) -> None:
         """Write the environment map; an EXR holds the record, too. It replaces a file, and appears when it is whole.
 
@@ -138,6 +139,7 @@ class Estimate(EstimatedLight):
             surroundings: as in `envmap`.
             detail: as in `envmap`.
             compression: of an EXR: zip, pxr24 or none.
+            colours: primaries of an EXR: rec709, acescg or linear-p3.
 
         Raises:
             EnvironmentMapError: the path ends otherwise, or cannot be written.
@@ -150,7 +152,7 @@ class Estimate(EstimatedLight):
         _check_flags(sun=sun, surroundings=surroundings, detail=detail)
         image, lighting = self._render(height, sun, yaw, sky, surroundings, detail)
         probe = self.light_probe(sun=sun, yaw=yaw, sky=sky, surroundings=surroundings)
-        write_envmap(path, image, lighting, compression=compression, probe=probe)
+        write_envmap(path, image, lighting, compression=compression, probe=probe, colours=colours)
 
     def light_probe(
         self,

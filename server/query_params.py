@@ -9,6 +9,7 @@ from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
+from lighting.color import COLOR_SPACES
 from lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
@@ -138,6 +139,8 @@ class MapQuery(Query):
         "zip", description="how an EXR is packed; `zip` writes half floats, `pxr24` and `none` 32-bit floats"
     )
 
+    colours: Annotated[str, RegistryName(COLOR_SPACES)] = Field("rec709", description="primaries of an EXR")
+
     @property
     def sun_in_map(self) -> bool | None:
         """Whether the sun is painted; None: by `Lighting.sun_painted`."""
@@ -148,6 +151,9 @@ class MapQuery(Query):
         if "compression" in self.explicit_fields() and not MAP_FORMATS[self.format].takes_compression:
             formats = [name for name, entry in MAP_FORMATS.items() if entry.takes_compression]
             raise field_error("compression", f"compression goes with format={' or '.join(formats)}")
+        if "colours" in self.explicit_fields() and not MAP_FORMATS[self.format].has_header:
+            formats = [name for name, entry in MAP_FORMATS.items() if entry.has_header]
+            raise field_error("colours", f"colours goes with format={' or '.join(formats)}")
         return self
 
 

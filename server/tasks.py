@@ -121,7 +121,8 @@ def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: Phot
     image, rotated = render_view(lighting, query.height, **view)
     check_cancelled()
     probe = compute_light_probe(lighting, **view) if MAP_FORMATS[query.format].has_header else None
-    return encode_envmap(image, rotated, query.format, compression=query.compression, probe=probe)
+    file: Any = {"compression": query.compression, "colours": query.colours, "probe": probe}
+    return encode_envmap(image, rotated, query.format, **file)
 
 
 def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQuery) -> bytes:

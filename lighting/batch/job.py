@@ -46,6 +46,8 @@ class MapOptions:
     """Whether they show the photo; None: where the network predicts the rest."""
     detail: bool = True
     """Whether they have detail all around the photo, where they show it."""
+    colours: str = "rec709"
+    """Of EXR files, one of COLOR_SPACES."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +190,7 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions)
     view: Any = {"sun": maps.sun, "yaw": maps.yaw, "sky": maps.sky, "context": answer.context}
     image, lighting = render_view(answer.lighting, maps.height, **view)
     probe = compute_light_probe(answer.lighting, **view)
-    write_exr(target, image, lighting, compression=maps.compression, probe=probe)
+    write_exr(target, image, lighting, compression=maps.compression, probe=probe, colours=maps.colours)
 
 
 def estimate_or_error(

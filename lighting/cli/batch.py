@@ -35,6 +35,7 @@ class _Options:
     yaw: float
     sky: str | None
     compression: str | None
+    colours: str | None
     surroundings: bool | None
     detail: bool
     parquet: bool
@@ -56,7 +57,7 @@ class _Options:
         if self.envmap:
             compression = self.compression or "zip"
             view = self.height, self.sun, self.yaw, self.sky
-            maps = MapOptions(*view, compression, self.surroundings, self.detail)
+            maps = MapOptions(*view, compression, self.surroundings, self.detail, self.colours or "rec709")
         return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
 
     @property
@@ -146,9 +147,9 @@ def _holds_unsuitable(results: Path) -> bool:
 def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
     explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-    of_maps = {"height", "sun", "yaw", "sky", "compression", "surroundings", "detail"}
+    of_maps = {"height", "sun", "yaw", "sky", "compression", "colours", "surroundings", "detail"}
     if not ctx.params["envmap"] and explicit & of_maps:
-        names = "--height, --sun, --yaw, --sky, --compression, --surroundings and --detail"
+        names = "--height, --sun, --yaw, --sky, --compression, --colours, --surroundings and --detail"
         raise click.UsageError(f"{names} need --envmap.")
     if ctx.params["engine"] == "pool" and "address" in explicit:
         raise click.UsageError("--address needs --engine ray.")

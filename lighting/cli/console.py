@@ -479,27 +479,34 @@ def map_context(
     return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings, detail=detail)
 
 
-def check_compression_option(output: str, compression: str | None) -> None:
-    """Raise UsageError for a compression where no file takes one.
+def check_exr_options(output: str, compression: str | None, colours: str | None) -> None:
+    """Raise UsageError for a compression or colours where no file takes them.
 
     Args:
         output: the map's file.
         compression: that the user stated; None without.
+        colours: the same.
     """
     from lighting.files import MAP_FORMATS
 
     suffixes = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
     if compression is not None and output != "-" and not output.lower().endswith(tuple(suffixes)):
         raise click.UsageError(f"--compression goes with {' and '.join(suffixes)} alone.")
+    headed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.has_header]
+    if colours is not None and output != "-" and not output.lower().endswith(tuple(headed)):
+        raise click.UsageError(f"--colours goes with {' and '.join(headed)} alone.")
 
 
-def write_output_map(output: str, lighting: "Lighting", compression: str | None, **view_options: Any) -> None:
+def write_output_map(
+    output: str, lighting: "Lighting", compression: str | None, colours: str | None, **view_options: Any
+) -> None:
     """Render a map and write it; with a yaw, the record in the file is rotated with the map.
 
     Args:
         output: the map's file; "-" is stdout.
         lighting: what is rendered.
         compression: of an EXR; None is zip.
+        colours: of an EXR; None is rec709.
         view_options: of `render_view`.
     """
     from lighting.envmap.surroundings import render_view
@@ -510,10 +517,11 @@ def write_output_map(output: str, lighting: "Lighting", compression: str | None,
     if output == "-" or output.lower().endswith(".exr"):
         probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
     image, lighting = render_view(lighting, **view_options)
+    file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe}
     if output == "-":
-        _write_stdout(encode_envmap(image, lighting, "exr", compression=compression or "zip", probe=probe))
+        _write_stdout(encode_envmap(image, lighting, "exr", **file))
     else:
-        write_envmap(output, image, lighting, compression=compression or "zip", probe=probe)
+        write_envmap(output, image, lighting, **file)
 
 
 def write_png(output: str, data: bytes) -> None:

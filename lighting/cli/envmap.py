@@ -33,7 +33,7 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **
     names = outputs.choose_files(chosen.photos, chosen.output, outputs.MAPS, overwrite=chosen.overwrite)
     _check_preview(chosen, names, preview)
     for name in names:
-        console.check_compression_option(name, view["compression"])
+        console.check_exr_options(name, view["compression"], view["colours"])
     estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, console.warm_up)
     sun = photos.choose_sun(chosen.sun, chosen.adjustments)
 
@@ -136,7 +136,7 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     stored = console.read_lighting(record) if output is None else None  # whose error says more than one of the output
     (name,) = outputs.choose_files([record], output, outputs.MAPS, overwrite=overwrite)
     outputs.check_apart(sources, [name])
-    console.check_compression_option(name, options["compression"])
+    console.check_exr_options(name, options["compression"], options["colours"])
     as_json, quiet, adjustments = (options.pop(key) for key in ("as_json", "quiet", "adjustments"))
     photos.check_json(as_json, [name])
     options["sun"] = photos.choose_sun(options["sun"], adjustments)

@@ -122,6 +122,12 @@ class _Compression(RegistryChoice):
         return value
 
 
+def _colour_spaces() -> Iterable[str]:
+    from lighting.color import COLOR_SPACES
+
+    return COLOR_SPACES
+
+
 def _compressions() -> Iterable[str]:
     from lighting.files.exr import COMPRESSIONS
 
@@ -195,6 +201,12 @@ def map_options(command: Command) -> Command:
             metavar="NAME",
             type=_Compression(),
             help="How an EXR is packed: zip (the default), pxr24 or none.",
+        ),
+        click.option(
+            "--colours",
+            metavar="NAME",
+            type=RegistryChoice(_colour_spaces),
+            help="Primaries of an EXR: rec709 (the default), acescg or linear-p3.",
         ),
     ]
     for option in reversed(options):

@@ -26,7 +26,7 @@ class MapFormat:
     """How environment maps are written in one format."""
 
     write: Callable[..., None]
-    """(target, image, lighting); `compression` and `probe` where it takes them."""
+    """(target, image, lighting); `compression`, `probe` and `colours` where it takes them."""
     media_type: str
     """By which HTTP names it."""
     read: Callable[[bytes], "Image"] | None = None
@@ -34,7 +34,7 @@ class MapFormat:
     takes_compression: bool = False
     """Whether a file may be packed in several ways."""
     has_header: bool = False
-    """Whether files hold lighting and probe."""
+    """Whether files hold lighting and probe, and say in which colours they are."""
 
 
 def _write_exr(target: "WriteTarget", image: "Floats", lighting: "Lighting | None", **options: Any) -> None:
@@ -87,6 +87,7 @@ def write_envmap(
     *,
     compression: str = "zip",
     probe: "LightProbe | None" = None,
+    colours: str = "rec709",
 ) -> None:
     """Write a map to a path in the format of its suffix. The path appears only when the file is whole.
 
@@ -98,8 +99,9 @@ def write_envmap(
         lighting: for the header of an EXR; None: without.
         compression: of an EXR, one of COMPRESSIONS; the others have none.
         probe: the map's, for the header of an EXR; None: without.
+        colours: of an EXR, one of `color.COLOR_SPACES`; the others are Rec.709's.
     """
-    _writer_of(check_map_name(target), compression, probe)(target, image, lighting)
+    _writer_of(check_map_name(target), compression, probe, colours)(target, image, lighting)
 
 
 def encode_envmap(
@@ -109,6 +111,7 @@ def encode_envmap(
     *,
     compression: str = "zip",
     probe: "LightProbe | None" = None,
+    colours: str = "rec709",
 ) -> bytes:
     """The bytes of a file that holds a map; raises as `write_envmap`.
 
@@ -118,9 +121,10 @@ def encode_envmap(
         format: one of MAP_FORMATS.
         compression: of an EXR, one of COMPRESSIONS; the others have none.
         probe: the map's, for the header of an EXR; None: without.
+        colours: of an EXR, one of `color.COLOR_SPACES`; the others are Rec.709's.
     """
     buffer = io.BytesIO()
-    _writer_of(format, compression, probe)(buffer, image, lighting)
+    _writer_of(format, compression, probe, colours)(buffer, image, lighting)
     return buffer.getvalue()
 
 
@@ -145,14 +149,16 @@ def check_map_name(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def _writer_of(name: str, compression: str, probe: "LightProbe | None") -> Callable[..., None]:
+def _writer_of(name: str, compression: str, probe: "LightProbe | None", colours: str) -> Callable[..., None]:
     if name not in MAP_FORMATS:
         raise EnvironmentMapError(
             f"The format {name!r} is not known; an environment map is {_join_with_or(list(MAP_FORMATS))}."
         )
     entry = MAP_FORMATS[name]
+    if colours != "rec709" and not entry.has_header:
+        raise EnvironmentMapError(f"The colours {colours} go with .exr alone.", "colours", ErrorCode.CONTRADICTION)
     options = {"compression": compression} if entry.takes_compression else {}
-    return partial(entry.write, **options, **({"probe": probe} if entry.has_header else {}))
+    return partial(entry.write, **options, **({"probe": probe, "colours": colours} if entry.has_header else {}))
 
 
 def _join_with_or(names: list[str]) -> str:

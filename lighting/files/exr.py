@@ -1,8 +1,8 @@
 """OpenEXR read and write, attributes, compression.
 
 Environment maps are R, G, B with the lighting that made them in the header: half floats by `zip` where they fit, else
-32-bit floats. Attributes: `envmap`, `chromaticities`, `software`; `lighting.<name>` for each number of a Lighting that
-is not None, with the names and units of validation.py; `lighting.sky_model`, `lighting.sky_painted`,
+32-bit floats. Attributes: `envmap`, `chromaticities`, `colorInteropID`, `software`; `lighting.<name>` for each number
+of a Lighting that is not None, with the names and units of validation.py; `lighting.sky_model`, `lighting.sky_painted`,
 `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the record. Of a light probe:
 `light_probe.coefficients`, 27 numbers, RGB by RGB; `light_probe.direction`, `light_probe.irradiance`,
 `light_probe.lux` and `light_probe.kelvin` of its main light.
@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import CHROMATICITIES, chromaticities_to_rec709
+from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709, convert_colors
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files.atomic import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
@@ -211,6 +211,7 @@ def write_exr(
     *,
     compression: str = "zip",
     probe: "LightProbe | None" = None,
+    colours: str = "rec709",
 ) -> None:
     """Write a map to a path or a binary stream.
 
@@ -227,6 +228,7 @@ def write_exr(
         attributes: beside those of the lighting: texts, floats and what else OpenEXR knows; None: no others.
         compression: one of COMPRESSIONS.
         probe: the map's, for the header; None: without.
+        colours: of the file, one of `color.COLOR_SPACES`; lighting and probe stay in Rec.709.
     """
     import OpenEXR
 
@@ -235,12 +237,14 @@ def write_exr(
             f"The attributes of an EXR have names, which {type(attributes).__name__} has not.",
             code=ErrorCode.WRONG_TYPE,
         )
-    packing, pixels = prepare_compression(check_envmap(image), compression)
+    chromaticities, interop_id = _color_space(colours)
+    packing, pixels = prepare_compression(convert_colors(check_envmap(image), colours), compression)
     header = {
         "compression": packing,
         "type": OpenEXR.scanlineimage,
         "envmap": OpenEXR.ENVMAP_LATLONG,
-        "chromaticities": CHROMATICITIES,
+        "chromaticities": chromaticities,
+        "colorInteropID": interop_id,
         "software": SOFTWARE,
         **_attributes(lighting, probe),
         **_probe_attributes(probe),
@@ -375,6 +379,14 @@ def _try_attributes(header: Mapping[str, Any]) -> None:
         OpenEXR.File(dict(header), {"RGB": np.zeros((1, 1, 3), np.float32)}).write(io.BytesIO())
     except (RuntimeError, ValueError, TypeError) as error:
         raise EnvironmentMapError(f"The attributes cannot be those of an EXR: {str(error).rstrip('.')}.") from error
+
+
+def _color_space(name: str) -> tuple[tuple[float, ...], str]:
+    """Chromaticities and interoperable name of a space; EnvironmentMapError for another than COLOR_SPACES."""
+    if name not in COLOR_SPACES:
+        sentence = f"The colours {name!r} are not known; they must be one of {', '.join(COLOR_SPACES)}."
+        raise EnvironmentMapError(sentence, "colours", ErrorCode.UNKNOWN)
+    return COLOR_SPACES[name]
 
 
 def _probe_attributes(probe: "LightProbe | None") -> _Attributes:
