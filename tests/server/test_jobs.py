@@ -8,10 +8,15 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
+from lighting.stereo.grid_search import Pose
+from lighting.stereo.light_vectors import clear_skies
+from lighting.stereo.output import _write_png16
 from server import job_kinds
 from server.app import create_app
 from server.identity import client_of_address
@@ -21,6 +26,7 @@ from server.limits import BusyError, ShareTakenError
 from server.settings import Settings, SettingsError
 from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
+from tests.helpers.skies import JUNE, ball, june_suns, photos
 from tests.server.conftest import problem
 
 HOST = client_of_address("192.0.2.1")
@@ -70,8 +76,8 @@ def wait(client: TestClient, address: str) -> dict[str, Any]:
 
 @pytest.mark.slow
 def test_photos_become_a_zip_that_is_kept_until_it_is_deleted(client: TestClient, folder: Path) -> None:
-    photos = pack(**{"day/a.jpg": encode(scene(64, 48)), "day/b.jpg": encode(scene(48, 64)), "day/c.jpg": b"no photo"})
-    answer = submit(client, photos, kind="photos", envmap="true", height=16)
+    upload = pack(**{"day/a.jpg": encode(scene(64, 48)), "day/b.jpg": encode(scene(48, 64)), "day/c.jpg": b"no photo"})
+    answer = submit(client, upload, kind="photos", envmap="true", height=16)
     assert answer.status_code == 202, answer.text
     address = answer.headers["location"]
     assert answer.json()["links"] == {"self": address}
@@ -102,6 +108,42 @@ def test_a_clip_becomes_records_and_a_map(client: TestClient, tmp_path: Path) ->
     with zipfile.ZipFile(io.BytesIO(client.get(record["links"]["result"]).content)) as archive:
         assert set(archive.namelist()) == {"lighting.jsonl", "shot-1.exr"}
         assert json.loads(archive.read("lighting.jsonl").splitlines()[0])["file"] == "upload.mp4"  # no folder's name
+
+
+@pytest.mark.slow
+def test_the_photos_of_a_day_become_normals(client: TestClient, tmp_path: Path) -> None:
+    normals, mask, _ = ball()
+    images = photos(normals, mask, clear_skies(june_suns()), Pose(heading=20.0))
+    for index, image in enumerate(images):
+        _write_png16(tmp_path / f"{index}.png", 65535 * image)
+    Image.fromarray((255 * mask).astype(np.uint8)).save(tmp_path / "mask.png")
+    files = {f"day/{path.name}": path.read_bytes() for path in tmp_path.glob("*.png")}
+    rows = "".join(f"{index}.png,{time}+00:00\n" for index, time in enumerate(JUNE))
+    upload = pack(**files, **{"day/times.csv": f"file,time\n{rows}".encode()})
+    answer = submit(client, upload, kind="normals", latitude=47, longitude=0, heading=20)
+    record = wait(client, answer.headers["location"])
+    assert record["state"] == "finished", record
+    with zipfile.ZipFile(io.BytesIO(client.get(record["links"]["result"]).content)) as archive:
+        assert {"normals_camera.png", "mesh.ply", "normals.json"} <= set(archive.namelist())
+        assert abs(json.loads(archive.read("normals.json"))["turbidity"] - 3) < 0.5  # of the sky that was drawn
+
+
+@pytest.mark.slow
+def test_a_job_at_work_waits_for_the_next_start_when_the_service_shuts_down(
+    estimator: Estimator, network: Path, folder: Path, tmp_path: Path
+) -> None:
+    write_clip(clip := tmp_path / "clip.mp4", pan(45))
+    settings = Settings(jobs_folder=folder, model=network)
+    with TestClient(create_app(settings, estimator), raise_server_exceptions=False) as client:
+        address = submit(client, clip.read_bytes(), "a.mp4", kind="video", height=16).headers["location"]
+        while client.get(address).json()["state"] == "queued":
+            time.sleep(0.05)
+    store = JobStore(folder, places=8)
+    (job,) = store.all_jobs()
+    assert (job.state, job.attempts) == (JobState.QUEUED, 0)
+    store.close()
+    with TestClient(create_app(settings, estimator), raise_server_exceptions=False) as client:
+        assert wait(client, address)["state"] == "finished"
 
 
 @pytest.mark.slow
