@@ -11,7 +11,7 @@ import pytest
 from pyarrow.parquet import read_table
 
 from lighting.batch.job import BatchJob
-from lighting.batch.ray import _filesystem_at, _open_results
+from lighting.batch.ray import _filesystem_at, _open_results, _PhotoActor
 from lighting.batch.results import _read_records, open_journal, require_parquet, table_row, table_schema, write_parquet
 from lighting.errors import BatchError, MissingExtraError
 from lighting.records import Lighting
@@ -254,3 +254,15 @@ def test_results_of_other_settings_are_refused_on_ray(
         _open_results(*_filesystem_at(ray_job.out), ray_job, overwrite=False)
         assert '"engine": "ray"' in Path(ray_job.out, "batch.json").read_text()
     assert file.read_text() == content
+
+
+def test_an_actor_of_ray_reads_sidecars_and_makes_rows_of_texts(tmp_path: Path, network: Path) -> None:
+    pytest.importorskip("pyarrow")
+    (tmp_path / "a.jpg").write_bytes(encode(scene(320, 240)))
+    taken = {"photoTakenTime": {"timestamp": "1717253400"}, "geoData": {"latitude": 48.1, "longitude": 11.6}}
+    (tmp_path / "a.jpg.supplemental-metadata.json").write_text(json.dumps(taken))
+    actor = _PhotoActor(BatchJob(str(tmp_path), str(tmp_path / "out"), str(network), engine="ray"))
+    row = actor({"path": str(tmp_path.resolve() / "a.jpg"), "bytes": (tmp_path / "a.jpg").read_bytes()})
+    assert row["error"] is None
+    assert row["utc_time"].startswith("2024-06-01T14:50:00")
+    assert list(row) == table_schema().names
