@@ -1,0 +1,91 @@
+"""examples/webxr in Chromium, with a session that the test simulates."""
+
+import json
+import re
+import shutil
+import subprocess
+import threading
+from dataclasses import replace
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from lighting.light_probe import compute_light_probe, encode_light_probe
+from tests.helpers.lights import stated_light
+
+ROOT = Path(__file__).parents[2]
+MODULES = ROOT / "tests" / "node" / "node_modules"
+SCRIPT = """
+<script>
+const waiting = setInterval(async () => {
+  if (!window.example) return;
+  clearInterval(waiting);
+  const { THREE, renderer, scene, camera, probe, sun, knot, followEstimates } = window.example;
+  knot.geometry = new THREE.SphereGeometry(0.2, 64, 32);
+  renderer.setAnimationLoop(null);
+  const drawn = () => {
+    renderer.render(scene, camera);
+    const gl = renderer.getContext(), pixel = new Uint8Array(4);
+    const { width, height } = renderer.domElement;
+    gl.readPixels(width / 2, height / 2, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, pixel);
+    return [...pixel].slice(0, 3);
+  };
+  const before = drawn();
+  const estimate = await (await fetch("other.json")).json();
+  const frames = [];
+  await followEstimates({
+    requestLightProbe: async () => ({}),
+    requestAnimationFrame: (callback) => frames.push(callback),
+  });
+  frames.shift()(0, { getLightEstimate: () => estimate });
+  document.body.textContent = `drawn ${JSON.stringify([before, drawn(), frames.length])}`;
+}, 50);
+</script>
+"""
+
+
+class _QuietHandler(SimpleHTTPRequestHandler):
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.mark.slow
+def test_the_page_is_lit_by_the_photo_and_then_by_the_sessions_estimate(tmp_path: Path) -> None:
+    program = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+    if program is None or not (MODULES / "three").is_dir():
+        pytest.skip("Chromium or three.js is not installed: npm ci --prefix tests/node")
+    site = tmp_path / "site"
+    shutil.copytree(ROOT / "examples" / "webxr", site)
+    (site / "node_modules").symlink_to(MODULES)
+    behind = replace(stated_light(), sun_azimuth=150.0)  # the camera, so that it lights what the camera sees
+    dark = replace(behind, sun_irradiance=(0.0, 0.0, 0.0))
+    probes = {name: compute_light_probe(light) for name, light in (("light", behind), ("other", dark))}
+    for name, probe in probes.items():
+        (site / f"{name}.json").write_text(encode_light_probe(probe, "webxr"))
+    page = site / "index.html"
+    page.write_text(page.read_text().replace("</html>", f"{SCRIPT}</html>"))
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_QuietHandler, directory=str(site)))
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    command = [
+        program, "--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking",
+        "--use-angle=swiftshader", "--enable-unsafe-swiftshader", f"--user-data-dir={tmp_path / 'profile'}",
+        "--virtual-time-budget=60000", "--dump-dom", f"http://127.0.0.1:{server.server_port}/index.html",
+    ]  # fmt: skip
+    try:
+        shown = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True).stdout
+    finally:
+        server.shutdown()
+        server.server_close()
+    found = re.search(r"drawn (\[.*\])", shown)
+    assert found, shown[-2000:]
+    *colors, waiting = json.loads(found[1])
+    assert waiting == 1  # for the next frame
+    facing, albedo = np.array([0.0, 0.0, 1.0]), ((0xCC / 255 + 0.055) / 1.055) ** 2.4
+    for color, probe in zip(colors, probes.values(), strict=True):
+        light = probe.main_light
+        total = probe.irradiance(facing) + light.irradiance * max(float(light.direction @ facing), 0.0)
+        linear = ((np.array(color) / 255 + 0.055) / 1.055) ** 2.4
+        assert linear == pytest.approx(albedo * total / np.pi, rel=0.05, abs=0.01)
