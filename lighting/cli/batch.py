@@ -117,7 +117,7 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
     from lighting.batch.results import JOURNAL, TABLE
 
     results = Path(chosen.out, TABLE if chosen.engine == "ray" else JOURNAL)
-    outputs.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json)
+    outputs.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json, err=True)
     ctx.exit(1 if summary.failed else UNSUITABLE_STATUS if chosen.strict and _holds_unsuitable(results) else 0)
 
 

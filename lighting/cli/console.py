@@ -194,7 +194,7 @@ def warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | N
     from lighting.registration.features import has_opencv
 
     if together and headings is None and not quiet and not has_opencv():
-        reason = f"because OpenCV is not installed: {errors.install_command('turns')}."
+        reason = f"because OpenCV is not installed: {errors.install_command('all')}."
         click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
 
 

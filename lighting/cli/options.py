@@ -170,7 +170,7 @@ def _refuse_moved_sun(_ctx: click.Context, _param: click.Parameter, text: str | 
 
 
 moved_sun_option = click.option(
-    "--sun", hidden=True, expose_value=False, callback=_refuse_moved_sun, help="Of one photo."
+    "--sun", "moved_sun", hidden=True, expose_value=False, callback=_refuse_moved_sun, help="Of one photo."
 )
 
 

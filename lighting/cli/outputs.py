@@ -298,7 +298,11 @@ def open_command(name: str) -> str:
 
 
 def report_written(
-    names: Sequence[str], how_to_open: Callable[[str], str] = open_command, *, quiet: bool = False
+    names: Sequence[str],
+    how_to_open: Callable[[str], str] = open_command,
+    *,
+    quiet: bool = False,
+    err: bool = False,
 ) -> None:
     """Print the last line: what was written, and how to open it.
 
@@ -306,9 +310,10 @@ def report_written(
         names: of files or folders; "-" is stdout, about which nothing is printed.
         how_to_open: of the first file.
         quiet: print nothing.
+        err: print on stderr, where a command's words go there.
     """
     if quiet or not names or "-" in names or not sys.stdout.writable():
         return
     first, *others = (escape_path(name) + "/" * (is_folder(name) and not name.endswith("/")) for name in names)
     shown = f"{first} and {len(others)} more" if len(others) > 1 else " and ".join([first, *others])
-    click.echo(f"Wrote {shown}. Open it: {escape_control_chars(how_to_open(names[0]))}")
+    click.echo(f"Wrote {shown}. Open it: {escape_control_chars(how_to_open(names[0]))}", err=err)

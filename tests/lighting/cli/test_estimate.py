@@ -149,7 +149,8 @@ def test_preview_draws_a_png(network: Path, photo_path: Path, tmp_path: Path) ->
     alone, beside = tmp_path / "alone.png", tmp_path / "beside.png"
     result = invoke_command("preview", photo_path, "-o", alone, "--model", network)
     assert result.exit_code == 0
-    assert result.output.splitlines() == [f"Warning: {photo_path}: {STAGE}"]
+    assert result.stderr.splitlines() == [f"Warning: {photo_path}: {STAGE}"]
+    assert result.stdout.splitlines()[-1].startswith(f"Wrote {alone}. Open it: ")
     options = ["--height", "64", "--yaw", "45", "--preview", str(beside)]
     assert invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--model", network, *options).exit_code == 0
     with Image.open(alone) as first, Image.open(beside) as second:
