@@ -1,5 +1,6 @@
 """Long jobs over HTTP: submit a clip or a ZIP of photos, ask how far it is, take the result, delete it."""
 
+import errno
 import re
 from dataclasses import fields
 from datetime import UTC, datetime
@@ -21,6 +22,7 @@ from server.identity import client_of_request
 from server.job_kinds import JOB_KINDS, RESULT_FILE, UPLOAD_STEM
 from server.job_store import JobState, StoredJob
 from server.jobs import JobRunner
+from server.limits import BusyError
 from server.problems import ProblemError, problem_responses
 from server.query_params import UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
@@ -29,6 +31,7 @@ from server.schemas import JobLinks, JobRecord
 
 _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
 _UPLOAD_PART = 2  # an upload may have this part of a job's bytes
+_DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 _POLL_SECONDS = "2"  # after which a client may ask again
 _SUFFIX = re.compile(r"\.[A-Za-z0-9]{1,5}")
 _BINARY = {"type": "string", "format": "binary"}
@@ -115,7 +118,11 @@ async def _receive_upload(request: Request, service: ServiceDep, jobs: JobsDep) 
     limits = BodyLimits(jobs.max_bytes // _UPLOAD_PART, _UPLOAD_SECONDS, service.settings.upload_rate)
     with jobs.store.reserve_place(client_of_request(request)) as number:
         path = jobs.store.path(number) / UPLOAD_STEM
-        name = await RequestBody(request, limits, service.uploads.count_upload).save(path)
+        body = RequestBody(request, limits, service.uploads.count_upload)
+        try:
+            name = await body.save(path)
+        except OSError as error:
+            raise (BusyError("The disk for jobs is full.") if error.errno in _DISK_FULL else error) from error
         suffix = PurePath(name).suffix
         yield number, path.rename(path.with_suffix(suffix if _SUFFIX.fullmatch(suffix) else ""))
 

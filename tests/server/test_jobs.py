@@ -1,5 +1,6 @@
 """Long jobs over HTTP: submitted, watched, taken, deleted, within shares and bounds, and across a restart."""
 
+import errno
 import io
 import json
 import time
@@ -23,6 +24,7 @@ from server.identity import client_of_address
 from server.job_kinds import MAX_FILES, RESULT_FILE, UploadError
 from server.job_store import RESULT_SECONDS, JobState, JobStore, StoredJob
 from server.limits import BusyError, ShareTakenError
+from server.request_body import RequestBody
 from server.settings import Settings, SettingsError
 from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
@@ -193,6 +195,17 @@ def test_an_upload_has_half_of_a_jobs_bytes(estimator: Estimator, folder: Path) 
     app = create_app(Settings(jobs_folder=folder, job_bytes=2000), estimator)
     with TestClient(app, raise_server_exceptions=False) as client:
         problem(submit(client, bytes(1001), kind="photos"), 413, "too-large")
+    assert [path for path in folder.iterdir() if path.is_dir()] == []
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(
+    client: TestClient, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(RequestBody, "save", fail)
+    assert problem(submit(client, b"x", kind="photos"), 503, "busy")["detail"] == "The disk for jobs is full."
     assert [path for path in folder.iterdir() if path.is_dir()] == []
 
 
