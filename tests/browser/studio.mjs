@@ -62,15 +62,17 @@ async function controlsWithoutPicture(page) {
 async function takeHold(page, seen, folder) {
   const sun = async () => [Number(await page.inputValue("#sun_azimuth")), Number(await page.inputValue("#sun_elevation"))];
   await page.focus("#dome svg");
-  const grip = await page.locator("#dome .hit").boundingBox();
+  const grip = await page.locator("#dome .grip").boundingBox();
   const dome = await page.locator("#dome svg").boundingBox();
   const touch = await page.context().newCDPSession(page);
   const at = (type, x, y) => touch.send("Input.dispatchTouchEvent", { type, touchPoints: type === "touchEnd" ? [] : [{ x, y }] });
   seen.scrolled = [await page.evaluate(() => scrollY)];
   await at("touchStart", grip.x + grip.width / 2, grip.y + grip.height / 2);
   const [x, y] = [dome.x + dome.width * 0.5, dome.y + dome.height * 0.3];
-  await at("touchMove", x + 4, y - 8);
-  await at("touchMove", x, y);
+  for (const away of [8, 0]) {
+    await at("touchMove", x + away, y - away);
+    await page.waitForTimeout(300); // moves come with the frames
+  }
   await at("touchEnd", x, y);
   seen.compass = await sun();
   seen.scrolled.push(await page.evaluate(() => scrollY));

@@ -25,7 +25,8 @@ export class Dome {
   private readonly heat = document.createElement("canvas");
   private readonly drawing = createSvg("svg", { viewBox: [-1, -1, 2, 2].map((v) => v * (RADIUS + MARGIN)).join(" ") });
   private readonly cursor = createSvg("g", { class: "cursor" });
-  private readonly sunMarker = createSvg("g", { class: "grip" });
+  private readonly grip = createSvg("circle", { r: GRIP, class: "grip" }); // stays while it is dragged
+  private readonly sunMarker = createSvg("g", { class: "mark" });
   private cells: GridCell[] = [];
   private dragging = false;
   private at: Angles = { azimuth: 0, elevation: 45 };
@@ -40,7 +41,7 @@ export class Dome {
     this.drawing.setAttribute("tabindex", "0");
     this.drawing.setAttribute("role", "application");
     this.drawing.setAttribute("aria-label", "Sky dome: arrow keys move the reading, Enter moves the sun there");
-    this.drawing.append(...compass(), this.sunMarker, this.cursor);
+    this.drawing.append(...compass(), this.sunMarker, this.grip, this.cursor);
     root.append(this.heat, this.drawing);
     readout.textContent = hintText();
     this.listen();
@@ -65,8 +66,9 @@ export class Dome {
   mark(parameters: LightParameters): void {
     const ray = direction(parameters.sun_azimuth, parameters.sun_elevation);
     const [cx, cy] = onDrawing(ray);
-    const hit = createSvg("circle", { cx, cy, r: GRIP, class: "hit" });
-    this.sunMarker.replaceChildren(hit, drawSun([cx, cy], 4.5, parameters.sun ? "sun" : "sun pale"));
+    this.grip.setAttribute("cx", String(cx));
+    this.grip.setAttribute("cy", String(cy));
+    this.sunMarker.replaceChildren(drawSun([cx, cy], 4.5, parameters.sun ? "sun" : "sun pale"));
   }
 
   /** The density in colours, by the palette of the style sheet; its scale ends at 1 per steradian or at the peak. */
@@ -79,8 +81,9 @@ export class Dome {
   }
 
   private listen(): void {
+    this.grip.addEventListener("touchstart", (event) => event.preventDefault(), { passive: false }); // which would scroll
     this.drawing.addEventListener("pointerdown", (event) => {
-      this.dragging = event.pointerType === "mouse" || this.sunMarker.contains(event.target as Element);
+      this.dragging = event.pointerType === "mouse" || event.target === this.grip;
       if (this.dragging) this.drawing.setPointerCapture(event.pointerId);
     });
     this.drawing.addEventListener("pointermove", (event) => {
