@@ -303,13 +303,18 @@ def _video(data: Path, count: int, kinds: tuple[str, ...], model: Path | None) -
     "--split", "Panoramas that are cropped; choose nothing by those of val.", click.Choice(["val", "train"]), "val"
 )
 @_option("--cache", "Folder that keeps estimates and truths.", default="runs/map-detail")
+@_flag("--balance", "Say by crops of train what the library's panoramas cost, and write it into the library.")
 @_network
-def _map_detail(data: Path, count: int, split: str, cache: Path, model: Path | None) -> None:
+def _map_detail(data: Path, count: int, split: str, cache: Path, balance: bool, model: Path | None) -> None:
     """How real maps look around the photo, and how near objects lit by them come to the truth."""
-    from export.reports.map_detail import report_map_detail
+    from export.reports.map_detail import balance_detail, report_map_detail
     from lighting.model import Model
 
-    click.echo(report_map_detail(data, Model.load(model), count, split, cache))
+    network = Model.load(model)
+    if balance:
+        click.echo(balance_detail(data, network, count, cache))
+    else:
+        click.echo(report_map_detail(data, network, count, split, cache))
 
 
 @_report.command("sky-models")

@@ -3,7 +3,8 @@
     python -m export.data.detail_library --data DIR
 
 Each is exposed like a photo, the sun and its glare are taken out, since a map has a sun of its own, and it is kept as a
-small WebP picture beside the features by which it is chosen.
+small WebP picture beside the features by which it is chosen. `balance_library` then says what those cost that would be
+chosen too often.
 """
 
 import argparse
@@ -43,14 +44,8 @@ LEFT_OUT = (
     *("mfecane_1189", "mfecane_1194", "mfecane_1195", "mfecane_1204", "mfecane_1213"),  # others show the same
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
-    *(
-        "horn_koppe_snow",
-        "snowy_forest_path_01",
-        "stierberg_sunrise",
-        "winter_lake_01",
-    ),  # snow, chosen for other places
 )
-QUALITY = 32  # of WebP, 0 to 100
+QUALITY = 60  # of WebP, 0 to 100
 
 _BRIGHT, _BRIGHT_SHARE, _MEAN = (
     0.9,
@@ -61,6 +56,8 @@ _MIDDLE = slice(1, 3)  # quarters of the rows by which a panorama is exposed
 _GLARE_DEG = (12.0, 26.0)  # from the sun: the sky is smooth within the first, as it was beyond the second
 _SKY_LUMINANCE = 0.3
 _VIEW_STEP, _VIEW_FOV = 30, 60.0  # deg between the views in which classes are looked for; deg, vertical
+_MOST_USED = 0.05  # share of photos for which a panorama is chosen
+_COST_STEP, _BALANCE_STEPS = 0.002, 5000
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
@@ -82,6 +79,7 @@ def make_detail_library(data: Path) -> dict[str, NDArray[Any]]:
         "features": np.round((np.clip(features, low, high) - low) * (255 / (high - low))).astype(np.uint8),
         "sun_azimuth": np.array([np.nan if p.sun_azimuth is None else p.sun_azimuth for p in chosen]),
         "sunlit": np.array([p.direct in ("yes", "partly") and p.sun_azimuth is not None for p in chosen]),
+        "cost": np.zeros(len(chosen), np.float32),
     }
 
 
@@ -93,6 +91,26 @@ def may_ship(panorama: Panorama) -> bool:
     """
     licence = panorama.licence.lower()
     return LICENCE in licence and "cc0" in licence
+
+
+def balance_library(costs: NDArray[np.floating]) -> NDArray[np.float32]:
+    """What each panorama of the library must cost, so that none is chosen for more than a share of photos.
+
+    Without it some, whose features are mean ones, suit too many photos (hubness [1]), and maps look alike.
+
+    Args:
+        costs: (V, N) of each panorama for each of V photos.
+
+    References: [1] Radovanovic et al., Hubs in Space, JMLR 2010.
+    """
+    extra = np.zeros(costs.shape[1])
+    for _ in range(_BALANCE_STEPS):
+        used = np.bincount((costs + extra).argmin(axis=1), minlength=len(extra))
+        often = used > max(1, _MOST_USED * len(costs))
+        if not often.any():
+            break
+        extra[often] += _COST_STEP
+    return extra.astype(np.float32)
 
 
 def _prepare(panorama: Panorama) -> NDArray[np.float32]:

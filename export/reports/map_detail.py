@@ -15,15 +15,17 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from export.data.detail_library import balance_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation import map_quality
 from export.evaluation.map_quality import MapErrors
 from export.evaluation.metrics import figures_table
 from lighting.color import luminance, tone_map
+from lighting.envmap.detail_library import LIBRARY_PATH, choice_costs
 from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import rotate_envmap
-from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.envmap.surroundings import PhotoContext, describe_place, render_with_surroundings
 from lighting.estimator import Estimator
 from lighting.files.exr import write_exr
 from lighting.fusion.user_input import UserInput
@@ -80,18 +82,46 @@ def report_map_detail(data: Path, model: Model, count: int, split: str, cache: P
         split: "val", or "train" to develop on.
         cache: folder for estimates and truths.
     """
-    panoramas = _choose_views([p for p in read_index(data, split) if split == "val" or not _in_library(p)], count)
-    files = [cache / f"{model.spec.name}-{model.spec.version}-{p.name}.npz" for p in panoramas]
-    estimator = Estimator(model)
-    for panorama, file in zip(panoramas, files, strict=True):
-        if not file.exists():
-            _write_view(panorama, estimator, file)
+    panoramas, files = _prepare_views(data, model, count, split, cache)
     features = _imagenet_features()
     looks = {"true panorama": _measure_truth(files, panoramas, features)}
     for name, render in METHODS.items():
         looks[name] = _measure_maps(_read_views(files, panoramas), render, features)
     places = np.array([panorama.place for panorama in panoramas])
     return _format_looks(looks, places)
+
+
+def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
+    """Write into the library of detail what its panoramas cost, by crops of `train`; what it then is, in a sentence.
+
+    Args:
+        data: folder of panoramas.
+        model: the network to ask.
+        count: crops, each of another panorama.
+        cache: folder for estimates and truths.
+    """
+    panoramas, files = _prepare_views(data, model, count, "train", cache)
+    costs = []
+    for view in _read_views(files, panoramas):
+        features = describe_place(view.lighting, view.context)
+        costs.append(choice_costs(features.target, features.weight, features.sun_azimuth).min(axis=(0, 2)))
+    extra = balance_library(np.stack(costs))
+    with np.load(LIBRARY_PATH) as stored:
+        arrays = {**stored, "cost": extra}
+    np.savez_compressed(LIBRARY_PATH, allow_pickle=False, **arrays)
+    used = np.bincount((np.stack(costs) + extra).argmin(axis=1))
+    return f"{LIBRARY_PATH}: {np.count_nonzero(used)} of {len(extra)} panoramas suit {len(files)} crops."
+
+
+def _prepare_views(data: Path, model: Model, count: int, split: str, cache: Path) -> tuple[list[Panorama], list[Path]]:
+    """Panoramas, and a file in the cache with a crop of each."""
+    panoramas = _choose_views([p for p in read_index(data, split) if split == "val" or not _in_library(p)], count)
+    files = [cache / f"{model.spec.name}-{model.spec.version}-{p.name}.npz" for p in panoramas]
+    estimator = Estimator(model)
+    for panorama, file in zip(panoramas, files, strict=True):
+        if not file.exists():
+            _write_view(panorama, estimator, file)
+    return panoramas, files
 
 
 def _imagenet_features() -> Features:

@@ -66,10 +66,24 @@ class DetailSource:
     """Factor, 0 or more, on the detail's color."""
 
 
-def choose_source(
+@dataclass(frozen=True, eq=False)
+class PhotoFeatures:
+    """By what the detail for a photo is chosen."""
+
+    target: Image
+    """(F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES."""
+    weight: Image
+    """As `target`."""
+    sun_azimuth: float | None
+    """deg; None: without a sun that shines."""
+    saturation: float
+    """0 for a grey photo to 1."""
+
+
+def describe_photo(
     lighting: Lighting, photo: NDArray[np.uint8], around: Image, segments: Segments | None = None
-) -> DetailSource:
-    """The detail that suits a photo.
+) -> PhotoFeatures:
+    """What of a photo counts for its detail.
 
     Args:
         lighting: of the photo; its camera and its sun count.
@@ -90,8 +104,17 @@ def choose_source(
     target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
     weight = feature_weights(seen, level, segments is not None)
     shines = lighting.sun_painted and lighting.sun_shines
-    choice = choose_detail(target, weight, lighting.sun_azimuth if shines else None)
-    return DetailSource(choice, _saturation(colors))
+    return PhotoFeatures(target, weight, lighting.sun_azimuth if shines else None, _saturation(colors))
+
+
+def choose_source(features: PhotoFeatures) -> DetailSource:
+    """The detail that suits a photo.
+
+    Args:
+        features: of the photo.
+    """
+    choice = choose_detail(features.target, features.weight, features.sun_azimuth)
+    return DetailSource(choice, features.saturation)
 
 
 def _cell_indices(directions: Floats, rows: int) -> NDArray[np.intp]:

@@ -51,6 +51,8 @@ class DetailLibrary:
     """(N,) deg, NaN where unknown."""
     sunlit: NDArray[np.bool_]
     """(N,) whether direct sunlight reaches the place."""
+    cost: Floats
+    """(N,) in squared logarithms, of what would else be chosen too often."""
 
 
 @dataclass(frozen=True)
@@ -77,6 +79,7 @@ def load_detail_library() -> DetailLibrary:
             features=stored["features"] * np.float32((high - low) / 255) + np.float32(low),
             sun_azimuth=stored["sun_azimuth"],
             sunlit=stored["sunlit"],
+            cost=stored["cost"],
         )
 
 
@@ -138,7 +141,24 @@ def class_features(segments: Segments, size: tuple[int, int], cell: NDArray[np.i
 def choose_detail(
     target: Image, weight: Image, sun_azimuth: float | None, library: DetailLibrary | None = None
 ) -> DetailChoice:
-    """The panorama, of all rotations and both ways round, with the least squared difference of features.
+    """The panorama, of all rotations and both ways round, that costs least.
+
+    Args:
+        target: as that of `choice_costs`.
+        weight: likewise.
+        sun_azimuth: likewise.
+        library: likewise.
+    """
+    library = load_detail_library() if library is None else library
+    cost = choice_costs(target, weight, sun_azimuth, library) + library.cost[:, None]
+    way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
+    return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
+
+
+def choice_costs(
+    target: Image, weight: Image, sun_azimuth: float | None, library: DetailLibrary | None = None
+) -> Floats:
+    """Squared differences of features (2, N, turns), but for what is the same for all: panoramas, and flipped ones.
 
     Args:
         target: (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
@@ -156,10 +176,8 @@ def choose_detail(
         turns = [one[rows][:, turned].swapaxes(0, 1).reshape(columns, -1).T for one in (weights, targets)]
         for cost, features in zip(costs, flips, strict=True):
             values = features[:, kind, rows].reshape(len(features), -1)
-            cost += values**2 @ turns[0] - 2 * values @ turns[1]  # but for what is the same for all
-    cost = np.stack(costs)
-    way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
-    return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 360.0 / columns)))
+            cost += values**2 @ turns[0] - 2 * values @ turns[1]
+    return np.stack(costs)
 
 
 def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:

@@ -243,15 +243,20 @@ def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_
 
 def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> Image:
     """The detail (H, 2H, 3) of the library that suits a photo."""
-    return map_detail.library_detail(_detail_source(context, lighting), height)
+    return map_detail.library_detail(map_detail.choose_source(describe_place(lighting, context)), height)
 
 
-def _detail_source(context: PhotoContext, lighting: Lighting) -> map_detail.DetailSource:
-    """The detail for a photo, by the light that it shows: it stays under another sun."""
+def describe_place(lighting: Lighting, context: PhotoContext) -> map_detail.PhotoFeatures:
+    """By what a photo's detail is chosen: by the light that it shows, so that the detail stays under another sun.
+
+    Args:
+        lighting: of the map.
+        context: the photo and its surroundings.
+    """
     light = context.light or lighting
     bare = _pool_cells(render(light, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False))
     around = bare * _surroundings_factors(bare, light, context)
-    return map_detail.choose_source(light, context.photo, around, context.segments)
+    return map_detail.describe_photo(light, context.photo, around, context.segments)
 
 
 def _check_context(thing: object) -> None:

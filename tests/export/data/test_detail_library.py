@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import lighting.envmap.detail_library as detail_library
-from export.data.detail_library import _remove_glare, make_detail_library, may_ship
+from export.data.detail_library import _MOST_USED, _remove_glare, balance_library, make_detail_library, may_ship
 from export.data.panoramas import Panorama
 from lighting.geometry import angle_between, direction, latlong_directions
 
@@ -72,3 +72,16 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
     picture = detail_library.detail_picture(detail_library.DetailChoice(0, False, 0.0), 96, library=library)
     assert picture.shape == (96, 192, 3)
     assert np.isfinite(library.features).all()
+    assert library.cost.tolist() == [0.0]
+
+
+def test_no_panorama_is_chosen_for_too_many_photos() -> None:
+    costs = np.random.default_rng(2).random((200, 60))
+    costs[:, 7] -= 0.6  # suits nearly every photo
+    extra = balance_library(costs)
+    used = np.bincount((costs + extra).argmin(axis=1), minlength=60)
+    assert np.bincount(costs.argmin(axis=1))[7] > 100
+    assert used.max() <= _MOST_USED * 200
+    assert used[7] > 0
+    assert extra.argmax() == 7
+    assert np.median(extra) == 0
