@@ -89,7 +89,12 @@ def _nodes(scene: Scene) -> list[Json]:
         {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
         {"name": "Plate", "mesh": 3, "matrix": _columns(plate)},  # not the camera's child, which Babylon.js mirrors
         {"name": "Sun", "matrix": _columns(scene.sun_matrix), "extensions": {"KHR_lights_punctual": {"light": 0}}},
-        {"name": "Ground", "mesh": 2, "translation": scene.spot.tolist()},
+        {
+            "name": "Ground",
+            "mesh": 2,
+            "translation": scene.spot.tolist(),
+            "extras": {"contact": {"center": placeholder.ball_center.tolist(), "radius": placeholder.ball_radius}},
+        },
         {"name": "YourObject", "translation": scene.spot.tolist(), "children": [5, 6]},
         {"name": "Ball", "mesh": 0, "translation": placeholder.ball_center.tolist()},
         {"name": "Stick", "mesh": 1, "translation": placeholder.stick_foot.tolist()},

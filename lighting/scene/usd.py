@@ -187,6 +187,7 @@ def _object_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
         "object_colour": _vector([records.PLACEHOLDER_ALBEDO] * 3),
         "spot": _vector(to_stage(scene.spot)),
         "ball_centre": _vector(to_stage(placeholder.ball_center)),
+        "contact_center": _vector(to_stage(scene.spot + placeholder.ball_center)),
         "ball_radius": _number(placeholder.ball_radius),
         "ball_extent": _extent(np.array([[-1.0] * 3, [1.0] * 3]) * placeholder.ball_radius),
         "stick_centre": _vector(to_stage(placeholder.stick_center)),

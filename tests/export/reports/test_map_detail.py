@@ -1,12 +1,14 @@
 """The report of detail around maps, on rendered panoramas, with features that need no ImageNet."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from export.data.panoramas import read_index
-from export.reports.map_detail import _choose_views, report_map_detail
+from export.reports.map_detail import _choose_views, balance_detail, report_map_detail
+from lighting.envmap.detail_library import LIBRARY_PATH
 from lighting.model import Model
 
 
@@ -37,3 +39,11 @@ def test_the_report_has_a_row_for_each_kind_of_map_and_keeps_what_is_estimated(
     before = [file.stat().st_mtime_ns for file in kept]
     assert report_map_detail(data, model, 4, "train", tmp_path / "cache").split("CPU")[0] == report.split("CPU")[0]
     assert [file.stat().st_mtime_ns for file in kept] == before
+    library = tmp_path / "detail.npz"
+    shutil.copyfile(LIBRARY_PATH, library)
+    monkeypatch.setattr("export.reports.map_detail.LIBRARY_PATH", library)
+    assert balance_detail(data, model, 4, tmp_path / "cache").endswith(" of 49 panoramas suit 4 crops.")
+    with np.load(library) as balanced, np.load(LIBRARY_PATH) as shipped:
+        assert set(balanced) == set(shipped)
+        assert (balanced["pictures"] == shipped["pictures"]).all()
+        assert balanced["cost"].shape == shipped["cost"].shape

@@ -78,6 +78,17 @@ def test_the_camera_is_the_scenes(tmp_path: Path) -> None:
     assert camera["aspectRatio"] == pytest.approx(scene.width / scene.height)
 
 
+def test_the_ground_says_where_an_object_touches_it(tmp_path: Path) -> None:
+    scene = sunlit_scene()
+    gltf.write_gltf(scene, tmp_path)
+    document, _ = document_of(tmp_path)
+    ground, ball = node(document, "Ground"), node(document, "Ball")
+    contact = ground["extras"]["contact"]
+    assert ground["translation"] == node(document, "YourObject")["translation"]
+    assert contact["center"] == ball["translation"]
+    assert contact["center"][1] == pytest.approx(contact["radius"])
+
+
 def test_the_sun_shines_from_its_direction_with_its_irradiance(tmp_path: Path) -> None:
     scene = sunlit_scene()
     gltf.write_gltf(scene, tmp_path)
