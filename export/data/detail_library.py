@@ -44,7 +44,7 @@ LEFT_OUT = (
     *("mfecane_1189", "mfecane_1194", "mfecane_1195", "mfecane_1204", "mfecane_1213"),  # others show the same
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
-    *("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),  # snow, chosen for other places
+    *("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),  # snow, chosen elsewhere
 )
 QUALITY = 60  # of WebP, 0 to 100
 
