@@ -12,7 +12,7 @@ from starlette.middleware.cors import CORSMiddleware
 
 from lighting.estimator import Estimator
 from lighting.version import __version__
-from server import job_routes, middleware, openapi, problems, routes, static_page
+from server import inference_protocol, job_routes, middleware, openapi, problems, routes, static_page
 from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
@@ -74,6 +74,8 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     responses = problems.problem_responses(400, 403, 421, 422, 431, *statuses)
     app.include_router(routes.router, dependencies=dependencies, responses=responses)
     app.include_router(job_routes.router, dependencies=dependencies, responses=responses)
+    app.include_router(inference_protocol.router, dependencies=dependencies)
+    app.include_router(inference_protocol.health_router)
     app.include_router(middleware.router)
     app.include_router(openapi.router)
     app.include_router(static_page.make_page_router(photo=service.settings.photo))
