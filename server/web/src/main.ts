@@ -235,6 +235,7 @@ function showPhoto(index: number): void {
   dome.show(estimate, aspectRatio(photo));
   object.open(view);
   sky.setExported(view.exported?.light ?? null);
+  requested = undefined;
   refresh();
 }
 
@@ -281,7 +282,18 @@ function refresh(): void {
   drawPhotoMarks();
   drawMapMarks();
   object.show(state);
-  sky.request(skyRequest(view));
+  requestLight(view);
+}
+
+let requested: [PhotoView, string] | undefined; // whose light was asked for last, and which
+
+/** Asks for the light of a view, unless it is the one that was asked for last, as when only the object moves. */
+function requestLight(view: PhotoView): void {
+  const question = skyRequest(view);
+  const text = JSON.stringify(question);
+  if (requested?.[0] === view && requested[1] === text) return;
+  requested = [view, text];
+  sky.request(question);
 }
 
 /** What is shown, once its light is known; undefined where it cannot be, which is shown as an error. */
