@@ -371,9 +371,11 @@ async def problem_response(request: Request, error: Exception) -> Response:
 
 def _locate_form_parameters(request: Request, problem: ProblemError) -> None:
     """Name the form, not the URL, as the location of a parameter that stood in it."""
-    names = {name for name, _ in request.scope.get(FORM_PARAMETERS, ())}
+    if not request.scope.get(FORM_PARAMETERS):
+        return
+    in_url = Request(request.scope).query_params  # an old name in the form is told as the new one
     for item in problem.more.get("errors", ()):
-        if item["place"] == "query" and item["field"] in names:
+        if item["place"] == "query" and item["field"] not in in_url:
             item["place"] = "form"
 
 

@@ -314,7 +314,7 @@ def test_a_file_in_a_form_may_have_any_name(client: TestClient) -> None:
 def test_wrong_fields_of_a_form_are_named_with_their_place(client: TestClient, path: str) -> None:
     files: Any = {"photo": ("p.jpg", GOOD, "image/jpeg")}
     body = problem(client.post(path, files=files, data={"lat": "9999", "note": "hello"}), 422, "invalid")
-    assert [(error["field"], error["place"]) for error in body["errors"]] == [("lat", "form"), ("note", "form")]
+    assert [(error["field"], error["place"]) for error in body["errors"]] == [("latitude", "form"), ("note", "form")]
 
 
 def test_the_fields_of_a_form_are_parameters(client: TestClient) -> None:

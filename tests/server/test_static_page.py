@@ -81,7 +81,7 @@ def test_the_built_page_is_in_the_repository() -> None:
     for name in ("index.html", "docs.html"):
         html = (BUNDLE / name).read_text()
         assert 'src="./assets/' in html
-        assert all((BUNDLE / asset).is_file() for asset in re.findall(r'"\./(assets/[^"]+)"', html))
+        assert all((BUNDLE / asset).is_file() for asset in re.findall(r'\./(assets/[^"\s]+)', html))
 
 
 def test_the_reference_of_the_api_loads_nothing_from_elsewhere(client: TestClient) -> None:
