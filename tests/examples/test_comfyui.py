@@ -1,0 +1,74 @@
+"""The node for ComfyUI, against a stand-in of the parts of its API that it uses (comfy_api.latest, V3)."""
+
+import asyncio
+import importlib.util
+import json
+import sys
+from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+FOLDER = Path(__file__).parents[2] / "examples" / "comfyui"
+
+
+class _Port:
+    """An input or output: its name and options."""
+
+    def __init__(self, id: str, **options: Any) -> None:
+        self.id, self.options = id, options
+
+
+class _Node:
+    pass
+
+
+class _Extension:
+    pass
+
+
+class _Output(tuple):  # type: ignore[type-arg]
+    def __new__(cls, *values: Any) -> "_Output":
+        return super().__new__(cls, values)
+
+
+@pytest.fixture
+def module(monkeypatch: pytest.MonkeyPatch) -> Any:
+    pytest.importorskip("torch")
+    kinds = {kind: SimpleNamespace(Input=_Port, Output=_Port) for kind in ("Image", "Mask", "Int", "Float", "Boolean")}
+    kinds["String"] = SimpleNamespace(Input=_Port, Output=_Port)
+    latest: Any = ModuleType("comfy_api.latest")
+    latest.io = SimpleNamespace(ComfyNode=_Node, Schema=SimpleNamespace, NodeOutput=_Output, **kinds)
+    latest.ComfyExtension = _Extension
+    monkeypatch.setitem(sys.modules, "comfy_api", ModuleType("comfy_api"))
+    monkeypatch.setitem(sys.modules, "comfy_api.latest", latest)
+    spec = importlib.util.spec_from_file_location("outdoor_lighting_nodes", FOLDER / "__init__.py")
+    assert spec is not None
+    assert spec.loader is not None
+    loaded = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(loaded)
+    return loaded
+
+
+@pytest.mark.slow
+def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
+    import torch
+    from PIL import Image
+
+    with Image.open(FOLDER.parent / "wide_street.jpg") as file:
+        photo = np.asarray(file.convert("RGB").resize((320, 240)), dtype=np.float32) / 255
+    (node,) = asyncio.run(asyncio.run(module.comfy_entrypoint()).get_node_list())
+    schema = node.define_schema()
+    assert [port.id for port in schema.inputs] == ["photo", "map_height", "sun"]
+    values = node.execute(torch.from_numpy(photo)[None], 64, True)
+    assert len(values) == len(schema.outputs) == 5
+    envmap, azimuth, elevation, lit, record = values
+    assert (tuple(envmap.shape), envmap.dtype) == ((1, 64, 128, 3), torch.float32)
+    assert envmap.max() > 10  # the sun
+    assert tuple(lit.shape[:1]) == (1,)
+    assert 0 <= lit.min() <= lit.max() <= 1
+    assert (azimuth, elevation) == tuple(json.loads(record)["sun"][name] for name in ("azimuth", "elevation"))
+    without = node.execute(torch.from_numpy(photo)[None], 64, False)[0]
+    assert without.max() < envmap.max()
