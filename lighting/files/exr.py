@@ -7,7 +7,7 @@ of a Lighting that is not None, with the names and units of validation.py; `ligh
 `light_probe.coefficients`, 27 numbers, RGB by RGB; `light_probe.direction`, `light_probe.irradiance`,
 `light_probe.lux` and `light_probe.kelvin` of its main light.
 
-docs/performance.md says which programs opened which files, how long they take and how large they are.
+docs/lab/performance.md says which programs opened which files, how long they take and how large they are.
 """
 
 import ctypes
