@@ -223,6 +223,21 @@ def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **setti
         write_card(evaluation, options)
 
 
+@export_cli.command("explain")
+@click.argument("photos", type=PATH, nargs=-1, required=True)
+@click.option("-o", "--out", type=FILE, help="PNG or JPEG file to write.", default="explained.png", show_default=True)
+@_network
+def _explain(photos: tuple[Path, ...], out: Path, model: Path | None) -> None:
+    """Paint what the network looks at in PHOTOS.
+
+    Orange parts speak for its answer about the sun, blue ones against it.
+    """
+    from export.evaluation.occlusion import write_occlusion
+    from lighting.model import Model
+
+    write_occlusion(Model.load(model), photos, out)
+
+
 @export_cli.command("fit")
 @click.argument("name", type=click.Choice(FITS))
 @_data

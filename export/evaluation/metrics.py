@@ -12,6 +12,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from export.evaluation.perception import fov_noticed, horizon_noticed, roll_noticed
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import SunEstimate
 
@@ -209,11 +210,12 @@ def auc(score: Floats, positive: Bools, weight: Floats | None = None) -> float:
 ANGLES = {"elevation": 0, "roll": 1, "fov": 2}  # columns of a camera
 UP_TO = (1.0, 5.0, 10.0)  # deg
 HORIZON_UP_TO = 0.25  # of the picture's height
-NOTICED = 0.05  # of the picture's height; most people see a horizon that is further off
 
 
 def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
-    """Scores [%] of the camera, and the horizon's median error [% of the picture's height].
+    """Scores [%] of the camera, the horizon's median error [% of the picture's height], and who notices the errors.
+
+    "Noticed" is the mean share of people who prefer the true value, by `evaluation.perception`; 50 is chance.
 
     Args:
         truth: of N crops.
@@ -224,17 +226,25 @@ def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
     scores = {f"{name} AUC {limit:g}°": _recall_area(values, limit) for name, values, limit in areas}
     ends, true_ends = (_horizon_ends(of.camera, truth.aspect) for of in (answers, truth))
     horizon = np.abs(ends - true_ends).max(axis=1)
+    cameras = truth.camera, answers.camera
     return {
         **scores,
         "horizon AUC": _recall_area(horizon, HORIZON_UP_TO),
         "horizon off %": 100 * median(horizon),
-        f"horizon < {100 * NOTICED:g} %": percentage(horizon < NOTICED),
+        "horizon noticed %": float(np.mean(horizon_noticed(horizon))),
+        "roll noticed %": float(np.mean(roll_noticed(truth.camera[:, 1], answers.camera[:, 1]))),
+        "fov noticed %": float(np.mean(fov_noticed(*(_horizontal_fov(c, truth.aspect) for c in cameras)))),
     }
 
 
 def _recall_area(errors: Floats, limit: float) -> float:
     """Area [%] under the share of errors (N,) below a threshold, over thresholds from 0 to `limit`."""
     return float(100 * np.mean(np.clip(1 - errors / limit, 0, 1)))
+
+
+def _horizontal_fov(camera: Floats, aspect: Floats) -> Floats:
+    """Horizontal fields of view (N,) [deg] of cameras (N, 3) whose pictures have the aspect (N,)."""
+    return np.asarray(np.degrees(2 * np.arctan(aspect * np.tan(np.radians(camera[:, 2]) / 2))))
 
 
 def _horizon_ends(camera: Floats, aspect: Floats) -> Floats:
