@@ -138,7 +138,7 @@ def _round_texture(bits: NDArray[np.uint16]) -> NDArray[np.bool_]:
     dropped = np.zeros(curvature.shape, np.uint16)
     for least, count in _TEXTURE_BITS.items():
         dropped[curvature >= least] = (1 << count) - 1
-    texture = np.zeros((*bits.shape[:2], 1), np.uint16)
+    texture: Any = np.zeros((*bits.shape[:2], 1), np.uint16)  # rows, columns and all colors alike
     for first in range(3):  # the middle one of three and those beside it
         part = texture[:, first : first + dropped.shape[1], 0]
         np.maximum(part, dropped, out=part)
@@ -160,7 +160,7 @@ def _round_to_float(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return rounded
 
 
-def _bands(image: NDArray[np.float32]) -> Iterator[NDArray[np.float32]]:
+def _bands(image: NDArray[Any]) -> Iterator[NDArray[Any]]:
     """Views of a few rows each, so that what is computed of one stays in the processor's cache."""
     for start in range(0, len(image), _ROWS):
         yield image[start : start + _ROWS]

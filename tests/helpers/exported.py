@@ -139,7 +139,7 @@ def _read_threejs(folder: Path) -> ExportedScene:
     pictures = (
         np.frombuffer(b64decode(numbers[name].rpartition(",")[2]), np.uint8) for name in ("litGround", "environment")
     )
-    mask, environment = (cv2.imdecode(picture, cv2.IMREAD_UNCHANGED) for picture in pictures)
+    mask, environment = (np.asarray(cv2.imdecode(picture, cv2.IMREAD_UNCHANGED)) for picture in pictures)
     return ExportedScene(
         sun_direction=np.array(numbers["sunDirection"]),
         sun_irradiance=np.array(numbers["sunColour"]) * numbers["sunIntensity"],
@@ -148,8 +148,8 @@ def _read_threejs(folder: Path) -> ExportedScene:
         camera_position=matrix[:3, 3],
         vertical_fov=numbers["verticalFov"],
         spot=np.array(numbers["spot"]),
-        lit_ground=mask >= 128,
-        environment=environment[..., ::-1],
+        lit_ground=np.asarray(mask >= 128),
+        environment=np.asarray(environment[..., ::-1], dtype=np.float64),
         map_azimuth=90.0,  # three.js has +X at the centre
     )
 
@@ -205,8 +205,8 @@ def _read_unreal(folder: Path) -> ExportedScene:
         camera_position=ours(camera["location"]) / 100,
         vertical_fov=float(2 * np.degrees(np.arctan(camera["sensor"][1] / 2 / camera["focal_length"]))),
         spot=ours(np.array(ball["location"]) - [0, 0, ball["size"][2] / 2]) / 100,
-        lit_ground=np.asarray(Image.open(folder / numbers["albedo"])).any(axis=-1),
-        environment=environment[..., ::-1],
+        lit_ground=np.asarray(np.asarray(Image.open(folder / numbers["albedo"])).any(axis=-1)),
+        environment=np.asarray(environment[..., ::-1], dtype=np.float64),
         map_azimuth=float(angles(centre)[0]),
     )
 
@@ -238,7 +238,7 @@ def _read_unity(folder: Path) -> ExportedScene:
         camera_position=vector("cameraPosition"),
         vertical_fov=numbers["verticalFov"],
         spot=vector("spot"),
-        lit_ground=np.asarray(Image.open(assets / "ground_albedo.png")).any(axis=-1),
+        lit_ground=np.asarray(np.asarray(Image.open(assets / "ground_albedo.png")).any(axis=-1)),
         environment=_read_map(assets / "environment.exr"),
     )
 

@@ -45,7 +45,7 @@ def list_commands() -> dict[str, click.Command]:
     return {name: command for name, command in found.items() if command}
 
 
-def invoke_command(*arguments: str | Path, stdin: bytes | None = None) -> Result:
+def invoke_command(*arguments: object, stdin: bytes | None = None) -> Result:
     """A command in this process; what is no click exception propagates."""
     return CliRunner().invoke(cli, [str(a) for a in arguments], input=stdin, prog_name="lighting")
 

@@ -108,12 +108,13 @@ def test_unknown_formats_are_refused() -> None:
 
 
 def filament_irradiance(normals: Floats) -> Floats:
-    return np.pi * polynomials(normals) @ np.reshape(written("filament")["indirectLight"]["irradiance"], (9, 3))
+    harmonics = np.reshape(written("filament")["indirectLight"]["irradiance"], (9, 3))
+    return np.asarray(np.pi * polynomials(normals) @ harmonics)
 
 
 def unity_irradiance(normals: Floats) -> Floats:
     left_handed = normals * [1, 1, -1]
-    return np.pi * polynomials(left_handed) @ np.transpose(written("unity")["sphericalHarmonicsL2"])
+    return np.asarray(np.pi * polynomials(left_handed) @ np.transpose(written("unity")["sphericalHarmonicsL2"]))
 
 
 def planar_irradiance(normals: Floats) -> Floats:
@@ -122,7 +123,7 @@ def planar_irradiance(normals: Floats) -> Floats:
 
 def godot_irradiance(normals: Floats) -> Floats:
     factors = np.array([0.886227, *[1.023327] * 3, 0.858086, 0.858086, 0.247708, 0.858086, 0.429043])
-    return np.pi * (factors * polynomials(normals)) @ np.array(written("godot")["probe_sh"])
+    return np.asarray(np.pi * (factors * polynomials(normals)) @ np.array(written("godot")["probe_sh"]))
 
 
 def babylon_irradiance(normals: Floats) -> Floats:
@@ -163,7 +164,7 @@ def test_threejs_and_babylon_have_that_irradiance() -> None:
     if program is None or not (folder / "node_modules" / "babylonjs").is_dir():
         pytest.skip("node, three.js or Babylon.js is not installed: npm ci --prefix tests/node")
     data = {name: written(name) for name in ("threejs", "babylon")} | {"normals": UNIT_NORMALS.tolist()}
-    command = [program, folder / "light_probe.cjs"]
+    command = [program, str(folder / "light_probe.cjs")]
     result = subprocess.run(command, input=json.dumps(data), capture_output=True, text=True, check=True)
     by_engine = json.loads(result.stdout.splitlines()[-1])
     for name in ("threejs", "babylon"):

@@ -84,7 +84,7 @@ NOON: dict[str, Any] = {"time": "2024-06-01T12:00+02:00", "latitude": "48.1375",
 MUNICH = ("48.1375", "11.575")
 
 
-def ask(client: TestClient, data: bytes = PLAIN, path: str = "/v1/lighting", **query: Any) -> Any:
+def ask(client: TestClient, data: Any = PLAIN, path: Any = "/v1/lighting", **query: Any) -> Any:
     return client.post(f"{path}?{urlencode(query)}", content=data, headers=jpeg_headers())
 
 

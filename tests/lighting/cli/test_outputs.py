@@ -236,7 +236,11 @@ def test_strict_has_a_status_for_photos_that_are_not_of_outdoors(
     command: str, lit_network: Path, photo_path: Path, tmp_path: Path
 ) -> None:
     """The network of tests says how suitable it holds every photo."""
-    outputs = {"estimate": [], "envmap": ["-o", tmp_path / "a.exr", *SMALL], "batch": [tmp_path / "out"]}
+    outputs: dict[str, list[object]] = {
+        "estimate": [],
+        "envmap": ["-o", tmp_path / "a.exr", *SMALL],
+        "batch": [tmp_path / "out"],
+    }
     source = photo_path.parent if command == "batch" else photo_path
     arguments = [command, source, *outputs[command], "--model", lit_network, "-q"]
     suitable = json.loads(invoke_command("estimate", "--json", photo_path, "--model", lit_network).stdout)["lighting"]
