@@ -138,9 +138,10 @@ def _round_texture(bits: NDArray[np.uint16]) -> NDArray[np.bool_]:
     dropped = np.zeros(curvature.shape, np.uint16)
     for least, count in _TEXTURE_BITS.items():
         dropped[curvature >= least] = (1 << count) - 1
-    texture: Any = np.zeros((*bits.shape[:2], 1), np.uint16)  # rows, columns and all colors alike
+    rows, columns = bits.shape[:2]
+    texture = np.zeros((rows, columns, 1), np.uint16)
     for first in range(3):  # the middle one of three and those beside it
-        part = texture[:, first : first + dropped.shape[1], 0]
+        part = texture[:, first : first + columns - 2, 0]
         np.maximum(part, dropped, out=part)
     mask = texture * (bits < _MAX_TEXTURE)
     bits += (mask + np.uint16(1)) >> np.uint16(1)
