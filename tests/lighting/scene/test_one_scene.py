@@ -1,9 +1,10 @@
 """One scene for all tools: sun, light on the ground, shadow, camera and spot of three photos, as the files have them.
 
-By rendering where the renderer is a plain dependency (Mitsuba), else computed from the files. The tests of Godot and
-Blender render theirs in the chroot of scripts/engines.sh.
+Computed from the files, and rendered where there is a renderer: Mitsuba always, Godot and Blender in the chroot of
+scripts/engines.sh.
 """
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,23 +12,25 @@ from typing import Any
 import mitsuba as mitsuba_renderer
 import numpy as np
 import pytest
+from PIL import Image
 
+from lighting.color import srgb_decode
+from lighting.envmap.projection import photo_camera
 from lighting.estimator import Estimator
-from lighting.geometry import Floats
+from lighting.geometry import Floats, camera_pixel
 from lighting.photo.reader import read_photo
 from lighting.scene import EXPORTERS
 from lighting.scene.records import Scene, make_placeholder, make_scene
 from lighting.scene.writer import write_scene
+from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
 from tests.helpers.exported import READERS, ExportedScene
 from tests.helpers.pages import ROOT
+from tests.helpers.renders import render_in_godot
 
 mi: Any = mitsuba_renderer
 
-HEIGHTS = {
-    "garden_noon": 1.6,
-    "snow_field": 3.0,
-    "wide_street": 1.6,
-}  # m, of the cameras; the last has its spot in shade
+# The height [m] of each photo's camera; the last has its spot in shade.
+HEIGHTS = {"garden_noon": 1.6, "snow_field": 3.0, "wide_street": 1.6}
 UP = np.array([0.0, 1.0, 0.0])
 
 
@@ -146,3 +149,47 @@ def test_mitsuba_lights_and_shades_the_ground_as_the_scene_says(scene: Scene, tm
     assert shares[-1] == pytest.approx(np.ones(3), rel=0.02)
     assert (shares[:2] < scene.shadow + 0.02).all()
     assert (shares[2] > 0.9).all()
+
+
+# Rendered by Godot and Blender
+
+
+@needs_engines
+def test_godot_renders_each_photos_light_and_shadow(scene: Scene) -> None:
+    with folder_in_chroot() as folder:
+        pictures = render_in_godot(scene, folder, "scene", "ground")
+    level = (scene.sky_irradiance + scene.sun_irradiance * scene.sun_direction[1]) / np.pi
+    ground = pictures["ground"][-6:, :40].mean(axis=(0, 1))
+    share = pictures["scene"] / np.maximum(srgb_decode(scene.plate / 255.0), 1e-3)
+    assert ground == pytest.approx(level, rel=0.02)
+    if not scene.spot_in_shade:  # else the sun lights the ground alone, and this one's material is no shadow catcher
+        check_shadow(scene, pictures["ground"] / level)
+    check_shadow(scene, share)
+
+
+@needs_engines
+def test_blender_renders_each_photos_shadow(scene: Scene) -> None:
+    with folder_in_chroot() as folder:
+        write_scene(scene, "blender", folder, overwrite=True)
+        numbers = json.loads((folder / "scene.json").read_text())
+        (folder / "scene.json").write_text(json.dumps(numbers | {"samples": 16}))
+        run_in_chroot(folder, "blender --background --factory-startup --python scene.py -- --render")
+        picture = np.asarray(Image.open(folder / "render.png").convert("RGB"))
+    check_shadow(scene, srgb_decode(picture / 255.0) / np.maximum(srgb_decode(scene.plate / 255.0), 1e-3))
+
+
+def check_shadow(scene: Scene, share: Floats) -> None:
+    """Check the ball's shadow in a picture / open ground: the sky's share, or none where the spot is in shade."""
+    away = -scene.sun_direction * [1, 0, 1] / np.hypot(*scene.sun_direction[[0, 2]])
+    aside = np.array([-away[2], 0.0, away[0]]) * np.sign(away[2])  # to the left, where no stick's shadow falls
+    ball = make_placeholder(scene).ball_radius
+    middle = scene.spot + away * ball / np.tan(np.arcsin(scene.sun_direction[1]))
+    camera = photo_camera(scene.lighting, scene.width, scene.height)
+    points = np.array([middle, middle + 1.3 * ball * aside]) - scene.camera_position
+    patches = [share[y - 1 : y + 2, x - 1 : x + 2] for x, y in camera_pixel(points, camera).astype(int)]
+    shaded, beside = (np.median(patch.reshape(-1, 3), axis=0) for patch in patches)
+    if scene.spot_in_shade:
+        assert (shaded > 0.5).all()  # but for the sky that the ball hides
+    else:
+        assert (shaded < scene.shadow + 0.1).all()
+        assert (beside > 0.8).all()
