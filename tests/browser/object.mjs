@@ -51,7 +51,7 @@ const foot = (page) => page.evaluate(() => JSON.parse(document.getElementById("s
 const rotation = (page) => page.inputValue("#object-turn");
 
 async function movePlacement(page, seen, folder) {
-  const { x, y, width, height } = await page.locator("#stage").boundingBox();
+  let { x, y, width, height } = await page.locator("#stage").boundingBox();
   await page.mouse.click(x + 0.44 * width, y + 0.85 * height);
   seen.clicked = await foot(page);
   seen.scene = await page.textContent("#object-where");
@@ -64,6 +64,7 @@ async function movePlacement(page, seen, folder) {
   await page.focus("#stage");
   for (const key of ["ArrowUp", "ArrowRight", ">", "+"]) await page.keyboard.press(key);
   seen.keyed = [await rotation(page), await foot(page), await page.inputValue("#object-size")];
+  ({ x, y, width, height } = await page.locator("#stage").boundingBox()); // the focus may have scrolled it
   await page.mouse.click(x + 0.5 * width, y + 0.2 * height);
   seen.sky = [await page.textContent("#scene-note"), await foot(page)];
   await page.mouse.click(x + 0.85 * width, y + 0.85 * height);
