@@ -5,6 +5,7 @@ import inspect
 import textwrap
 from collections.abc import Iterator
 from dataclasses import fields
+from enum import Enum
 from typing import Any, TypeVar
 
 Record = TypeVar("Record")
@@ -45,12 +46,21 @@ def field_docstrings(record: type) -> dict[str, str]:
     return {field.name: found[field.name] for field in fields(_as_dataclass(record)) if field.name in found}
 
 
+def member_docstrings(codes: type[Enum]) -> dict[str, str]:
+    """Return the docstrings of an enumeration's members, by name; none where there is no source.
+
+    Args:
+        codes: an enumeration whose members have docstrings below them.
+    """
+    return _own_docstrings(codes)
+
+
 def _as_dataclass(record: type) -> Any:
     return record
 
 
 def _own_docstrings(owner: type) -> dict[str, str]:
-    """The docstrings behind the annotated names of a class."""
+    """The docstrings below the names of a class."""
     try:
         source = inspect.getsource(owner)
     except (OSError, TypeError):  # of a class that C defines, or a program without its sources
@@ -61,10 +71,9 @@ def _own_docstrings(owner: type) -> dict[str, str]:
 
 def _attribute_docstrings(definition: ast.ClassDef) -> Iterator[tuple[str, str]]:
     for statement, below in zip(definition.body, definition.body[1:], strict=False):
-        if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
-            match below:
-                case ast.Expr(ast.Constant(str(text))):
-                    yield statement.target.id, inspect.cleandoc(text)
+        match statement, below:
+            case ((ast.AnnAssign(ast.Name(name)) | ast.Assign([ast.Name(name)])), ast.Expr(ast.Constant(str(text)))):
+                yield name, inspect.cleandoc(text)
 
 
 def _list_fields(record: type, summary: str) -> str:

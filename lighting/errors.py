@@ -13,21 +13,36 @@ from typing import ClassVar, Self
 class ErrorCode(StrEnum):
     """What is wrong, for programs: stable, unlike the sentences."""
 
-    MISSING = "missing"  # a needed value is missing
-    WRONG_TYPE = "wrong-type"  # the error is a TypeError, too
-    OUT_OF_RANGE = "out-of-range"  # or not finite
-    MALFORMED = "malformed"  # a text that does not read as what it should
-    UNKNOWN = "unknown"  # not one of the known names
-    DUPLICATE = "duplicate"  # stated twice
-    CONTRADICTION = "contradiction"  # right by itself, and not beside the others
-    NIGHT = "night"  # the sun is below the horizon
-    INSUFFICIENT = "insufficient"  # too little for an answer
-    UNREADABLE = "unreadable"  # a file that is not what it should be
-    UNWRITABLE = "unwritable"  # a file or folder that cannot be written
+    MISSING = "missing"
+    """A needed value is missing."""
+    WRONG_TYPE = "wrong-type"
+    """A value is of the wrong type; the exception is a TypeError, too."""
+    OUT_OF_RANGE = "out-of-range"
+    """A number is outside its range, or not finite."""
+    MALFORMED = "malformed"
+    """A text does not read as what it should."""
+    UNKNOWN = "unknown"
+    """A name is none of the known ones."""
+    DUPLICATE = "duplicate"
+    """A value is stated twice."""
+    CONTRADICTION = "contradiction"
+    """A value is right by itself, and not beside the others."""
+    NIGHT = "night"
+    """The sun is below the horizon."""
+    INSUFFICIENT = "insufficient"
+    """There is too little for an answer."""
+    UNREADABLE = "unreadable"
+    """A file is not what it should be."""
+    UNWRITABLE = "unwritable"
+    """A file or folder cannot be written."""
     TOO_LARGE = "too-large"
+    """A file has more bytes or pixels than the limit."""
     TIMEOUT = "timeout"
-    MISSING_EXTRA = "missing-extra"  # an optional package is not installed
-    FAILED = "failed"  # for another reason, which the sentence states
+    """The work took longer than it may."""
+    MISSING_EXTRA = "missing-extra"
+    """An optional package is not installed."""
+    FAILED = "failed"
+    """It failed for another reason, which the sentence states."""
 
 
 class LightingError(Exception):

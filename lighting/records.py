@@ -65,19 +65,32 @@ class EvidenceKind(StrEnum):
 class WarningCode(StrEnum):
     """What a warning is about, for programs: stable, unlike its sentence."""
 
-    ELEVATION_CONTRADICTED = "elevation-contradicted"  # the sun's, of time and place, by the pixels
+    ELEVATION_CONTRADICTED = "elevation-contradicted"
+    """The pixels contradict the sun's elevation by time and place."""
     HEADING_CONTRADICTED = "heading-contradicted"
+    """The pixels contradict the camera's heading."""
     LENS_CONTRADICTED = "lens-contradicted"
-    GRAVITY_CONTRADICTED = "gravity-contradicted"  # and not used
-    CLOCK_CONTRADICTED = "clock-contradicted"  # the camera's clock, by GPS or by what no clock shows
-    OFFSET_REPLACED = "offset-replaced"  # the file's offset from UTC, by the user's
-    BORDER = "border"  # about the photo, which counts without it
-    COLLAGE = "collage"  # of several photos
-    PANORAMA = "panorama"  # by its file
-    LENS_OPEN = "lens-open"  # the file's lens was cropped, and the pixels chose, or it was not used
-    LOCATION_OPEN = "location-open"  # the file states no hemisphere; the zone chose, or the place was not used
-    TURN_INFERRED = "turn-inferred"  # nothing in common says how the photos are turned
+    """The pixels contradict the file's lens."""
+    GRAVITY_CONTRADICTED = "gravity-contradicted"
+    """The pixels contradict the file's gravity, which is not used."""
+    CLOCK_CONTRADICTED = "clock-contradicted"
+    """GPS contradicts the camera's clock, or no clock shows such a time."""
+    OFFSET_REPLACED = "offset-replaced"
+    """The user's offset from UTC replaces the file's."""
+    BORDER = "border"
+    """The photo has a border, without which it counts."""
+    COLLAGE = "collage"
+    """The picture is made of several photos."""
+    PANORAMA = "panorama"
+    """By its file, the picture is a panorama."""
+    LENS_OPEN = "lens-open"
+    """The file's lens was cropped: the pixels chose it, or it was not used."""
+    LOCATION_OPEN = "location-open"
+    """The file states no hemisphere: the zone chose it, or the place was not used."""
+    TURN_INFERRED = "turn-inferred"
+    """The photos have nothing in common that says how they are turned."""
     OTHER = "other"
+    """Any other warning."""
 
 
 class CodedWarning(str):

@@ -51,7 +51,8 @@ def complete_document(app: FastAPI, settings: Settings) -> None:
             document = generate()
             _add_schemas(document["components"]["schemas"])
             document["components"]["examples"] = {
-                kind.name: {"summary": kind.title, "value": problems.problem_example(kind)} for kind in problems.KINDS
+                kind.name: {"summary": kind.title, "description": kind.meaning, "value": problems.problem_example(kind)}
+                for kind in problems.KINDS
             }
             form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
             form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos

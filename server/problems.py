@@ -37,6 +37,7 @@ class ProblemKind:
     status: int
     title: str
     example: str = ""  # of a detail
+    meaning: str = ""  # when it is answered
 
     @property
     def type(self) -> str:
@@ -44,83 +45,174 @@ class ProblemKind:
         return f"tag:outdoor-lighting,2026:{self.name}"
 
 
-UNREADABLE_PHOTO = ProblemKind("unreadable-photo", 400, "The photo cannot be read", "The file is cut short or damaged.")
+UNREADABLE_PHOTO = ProblemKind(
+    "unreadable-photo",
+    400,
+    "The photo cannot be read",
+    "The file is cut short or damaged.",
+    "Not a photo, damaged, cut short, smaller than 32 pixels, or one side over 8 times the other.",
+)
 UNREADABLE_BODY = ProblemKind(
-    "unreadable-body", 400, "The body cannot be read", "The form cannot be read: It is cut short."
+    "unreadable-body",
+    400,
+    "The body cannot be read",
+    "The form cannot be read: It is cut short.",
+    "Not JSON, an incomplete form, or more than 4,096 chunks of fewer than 64 bytes in the mean. "
+    "For such chunks the connection is closed.",
 )
-MALFORMED = ProblemKind("malformed-request", 400, "The request is not HTTP/1.1", "Two headers say where the body ends.")
+MALFORMED = ProblemKind(
+    "malformed-request",
+    400,
+    "The request is not HTTP/1.1",
+    "Two headers say where the body ends.",
+    "Not HTTP/1.1, or two headers say where the body ends. The connection is closed.",
+)
 UNAUTHORIZED = ProblemKind(
-    "unauthorised", 401, "An API key is required", "Send one of the service's API keys: Authorization: Bearer KEY."
+    "unauthorised",
+    401,
+    "An API key is required",
+    "Send one of the service's API keys: Authorization: Bearer KEY.",
+    "The service asks for an API key and got none.",
 )
-FORBIDDEN = ProblemKind("forbidden", 403, "The API key is wrong", "The API key that was sent is none of the service's.")
+FORBIDDEN = ProblemKind(
+    "forbidden",
+    403,
+    "The API key is wrong",
+    "The API key that was sent is none of the service's.",
+    "The API key is none of the service's.",
+)
 FOREIGN_ORIGIN = ProblemKind(
     "foreign-origin",
     403,
     "A web page of another origin asks",
     "A web page of another origin may not ask this; LIGHTING_CORS_ORIGINS may name its origin.",
+    "A web page of an origin outside `LIGHTING_CORS_ORIGINS` sends a form, "
+    "or has this machine's service draw something.",
 )
 NOT_FOUND = ProblemKind(
     "not-found",
     404,
     "There is no such route",
     "There is no such route. Did you mean /v1/lighting? GET /docs lists all.",
+    "No such path; `detail` names a similar one.",
 )
 METHOD_NOT_ALLOWED = ProblemKind(
-    "method-not-allowed", 405, "The method is not allowed here", "GET is not allowed here; allowed is POST."
+    "method-not-allowed",
+    405,
+    "The method is not allowed here",
+    "GET is not allowed here; allowed is POST.",
+    "`Allow` names the methods of this path.",
 )
 UNKNOWN_JOB = ProblemKind(
-    "unknown-job", 404, "There is no such job", "This service has no such job; results are kept for a day."
+    "unknown-job",
+    404,
+    "There is no such job",
+    "This service has no such job; results are kept for a day.",
+    "No such job, or it was deleted or is older than a day.",
 )
-NO_RESULT = ProblemKind("no-result", 409, "The job has no result", "The job is running; ask again.")
+NO_RESULT = ProblemKind(
+    "no-result",
+    409,
+    "The job has no result",
+    "The job is running; ask again.",
+    "The job is not finished, or has failed; `detail` says which.",
+)
 TOO_SLOW = ProblemKind(
     "too-slow",
     408,
     "The request did not arrive in time",
     "The body must arrive within 60 s and at 10000 bytes per second.",
+    "The body took longer than `LIGHTING_UPLOAD_SECONDS` or came slower than `LIGHTING_UPLOAD_RATE`, "
+    "or the headers took longer than `LIGHTING_HEADER_SECONDS`.",
 )
 REMOVED = ProblemKind(
     "removed",
     410,
     "The route was removed",
     "GET /healthz was removed; ask GET /readyz, which answers the same, or GET /livez.",
+    "`detail` says what to use instead.",
 )
 TOO_LARGE = ProblemKind(
-    "too-large", 413, "The body or the photo is too large", "The body is larger than the limit of 64 MB."
+    "too-large",
+    413,
+    "The body or the photo is too large",
+    "The body is larger than the limit of 64 MB.",
+    "More bytes or pixels than the limits, or decoding needs more time or memory than it may.",
 )
 UNSUPPORTED_TYPE = ProblemKind(
     "unsupported-type",
     415,
     "The body is of a type that is not accepted",
     "The body has a Content-Encoding; send it as it is, without one.",
+    "`Accept` names the types that are accepted; a body with a `Content-Encoding` is none.",
 )
 WRONG_HOST = ProblemKind(
-    "wrong-host", 421, "The service has another name", "The service is not called so; LIGHTING_HOSTS may name it."
+    "wrong-host",
+    421,
+    "The service has another name",
+    "The service is not called so; LIGHTING_HOSTS may name it.",
+    "The request names a host that `LIGHTING_HOSTS` does not. "
+    "Without that setting, on a loopback address, any name with a dot is one.",
 )
 INVALID = ProblemKind(
-    "invalid", 422, "A parameter is missing, unknown or out of range", "height: must be a number from 16 to 2048"
+    "invalid",
+    422,
+    "A parameter is missing, unknown or out of range",
+    "height: must be a number from 16 to 2048",
+    "`errors` names each field (of very many the first 20), its `place` (`query`, `form` or `body`), its range and a "
+    "`code`, which stays while sentences may change. A parameter or a key of JSON given twice is invalid, too.",
 )
 TOO_MANY_REQUESTS = ProblemKind(
-    "too-many-requests", 429, "The rate limit is reached", "The rate limit is reached; wait 12 s."
+    "too-many-requests",
+    429,
+    "The rate limit is reached",
+    "The rate limit is reached; wait 12 s.",
+    "`Retry-After` says how long to wait.",
 )
 TOO_MANY_UPLOADS = ProblemKind(
     "too-many-uploads",
     429,
     "Too many uploads at once from one client",
     "Too many bodies are arriving from this client; send them one after another.",
+    "`LIGHTING_UPLOADS_PER_CLIENT` bodies are arriving from this client. Try again after `Retry-After` seconds.",
 )
 SHARE_TAKEN = ProblemKind(
     "share-taken",
     429,
     "One client has its share of the service",
     "The queue is full, and this client has its share of it.",
+    "This client has its share of the queue or of the answers that wait. Try again after `Retry-After` seconds.",
 )
 HEADERS_TOO_LARGE = ProblemKind(
-    "headers-too-large", 431, "The headers are too large", "The request line and the headers may have 16384 bytes."
+    "headers-too-large",
+    431,
+    "The headers are too large",
+    "The request line and the headers may have 16384 bytes.",
+    "Request line and headers exceed 16 KiB; the connection is closed.",
 )
 CLIENT_GONE = ProblemKind("client-gone", 499, "The client disconnected")
-INTERNAL = ProblemKind("internal", 500, "The service failed", "An unexpected error occurred in the service.")
-NOT_READY = ProblemKind("not-ready", 503, "The network is not loaded yet", "The network is not loaded yet.")
-BUSY = ProblemKind("busy", 503, "The service is busy", "All workers are busy and the queue is full.")
+INTERNAL = ProblemKind(
+    "internal",
+    500,
+    "The service failed",
+    "An unexpected error occurred in the service.",
+    "The log holds the details under the `request_id`.",
+)
+NOT_READY = ProblemKind(
+    "not-ready",
+    503,
+    "The network is not loaded yet",
+    "The network is not loaded yet.",
+    "The network is loading; try again after `Retry-After` seconds.",
+)
+BUSY = ProblemKind(
+    "busy",
+    503,
+    "The service is busy",
+    "All workers are busy and the queue is full.",
+    "The queue is full of other clients' requests, `LIGHTING_UPLOADS` bodies are arriving and this one came most "
+    "slowly, or the service shuts down. Try again after `Retry-After` seconds.",
+)
 
 KINDS = (
     UNREADABLE_PHOTO, UNREADABLE_BODY, MALFORMED, UNAUTHORIZED, FORBIDDEN, FOREIGN_ORIGIN, NOT_FOUND,

@@ -83,7 +83,20 @@ class _Program(Group):
 def cli(debug: bool) -> None:
     """Light from one outdoor photo: sun, sky, camera, and an HDR environment map.
 
-    Azimuths are degrees from where the camera points, positive to the right. A file named "-" is stdin or stdout.
+    Azimuths are degrees from where the camera points, positive to the right. A photo, a record, a map or a preview
+    named "-" is stdin or stdout.
+
+    Results lie beside the input, unless -o names a file or a folder. They appear when they are complete, and replace
+    no file without --overwrite.
+
+    The exit status is 0 when all went well, 1 when something failed, 2 for wrong usage, and 3 with --strict where a
+    photo is probably not of outdoors by daylight. An error is one sentence on stderr.
+
+    \b
+    Completion, once for each shell:
+      bash  eval "$(_LIGHTING_COMPLETE=bash_source lighting)"     in ~/.bashrc
+      zsh   eval "$(_LIGHTING_COMPLETE=zsh_source lighting)"      in ~/.zshrc
+      fish  _LIGHTING_COMPLETE=fish_source lighting | source      in ~/.config/fish/config.fish
     """
 
 

@@ -206,7 +206,7 @@ def map_options(command: Command) -> Command:
             "--colours",
             metavar="NAME",
             type=RegistryChoice(_colour_spaces),
-            help="Primaries of an EXR: rec709 (the default), acescg or linear-p3.",
+            help="Primaries of an EXR: rec709 (the default), acescg or linear-p3. A record stays in Rec.709.",
         ),
     ]
     for option in reversed(options):

@@ -36,7 +36,8 @@ _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 def _open(photo: Path | None) -> None:
     """Open the web page in your browser, with PHOTO in it.
 
-    The page and its service run on this machine alone, on a free port. Ctrl-C ends them.
+    The page and its service run on this machine alone, on a free port. Its other programs can read PHOTO there
+    meanwhile. Ctrl-C ends them.
     """
     port = _find_free_port()
     url = f"http://{_LOOPBACK}:{port}/"

@@ -1,11 +1,11 @@
-"""README and the pages of docs/ as tests read them: their text, their links, their blocks of code."""
+"""README and the pages of docs/, without docs/lab, as tests read them: text, links, blocks of code."""
 
 import re
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
-DOCS = sorted((ROOT / "docs").glob("*.md"))
+DOCS = sorted([*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "reference").glob("*.md")])
 
 
 def text(*pages: Path) -> str:
