@@ -344,7 +344,9 @@ _ADJUSTMENTS: tuple[Decorator, ...] = (
         help="Brighten by so many EV: +1 is twice as bright.",
     ),
     click.option("--haze", type=Number("3"), metavar="TURBIDITY", help="How hazy, 1 to 10: 2 is clear, 10 hazy."),
-    click.option("--overcast", is_flag=True, help="Cover the sky with clouds: no sun, soft grey light."),
+    click.option(
+        "--overcast", is_flag=True, help="Cover the sky with clouds: no sun, five sixths of a clear sky's light, grey."
+    ),
 )
 
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
