@@ -15,6 +15,7 @@ SOURCE = ROOT / "blender" / "light_from_photo"
 SCRIPT = "lighting/data/blender_scene.py"
 TABLES = ("lighting/data/hosek_wilkie.f32", "lighting/data/prague.f16")  # of the skies
 _IMPORT = re.compile(r"^(\s*)from lighting\.([\w.]+) import ", re.MULTILINE)
+_TYPES_ONLY = re.compile(r"^if TYPE_CHECKING:\n(?:(?: .*)?\n)+", re.MULTILINE)
 _USED = re.compile(r"^\s*from \.?lighting\.([\w.]+) import ", re.MULTILINE)
 _EPOCH = (1980, 1, 1, 0, 0, 0)  # so that the same files make the same zip
 
@@ -56,7 +57,8 @@ def sky_modules() -> dict[str, str]:
     modules: dict[str, str] = {}
     texts = [path.read_text(encoding="utf-8") for path in SOURCE.glob("*.py")]
     while texts:
-        for name in [name for module in _USED.findall(texts.pop()) for name in _files(module)]:
+        used = _USED.findall(_TYPES_ONLY.sub("", texts.pop()))
+        for name in [name for module in used for name in _files(module)]:
             if name not in modules:
                 modules[name] = (ROOT / name).read_text(encoding="utf-8")
                 texts.append(modules[name])

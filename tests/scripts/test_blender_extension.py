@@ -204,7 +204,7 @@ def test_a_service_gets_photo_and_key_and_fills_the_folder(
     (tmp_path / "out").mkdir()
     answers.from_service(address + "/ ", " secret\n", photo, tmp_path / "out")
     assert {path.name for path in (tmp_path / "out").iterdir()} == NEEDED  # and no script
-    assert _Service.received["path"] == "/v1/scene?tool=blender"
+    assert _Service.received["path"] == "/v1/scene?for=blender"
     assert _Service.received["body"] == b"a photo"
     assert _Service.received["content-type"] == "image/png"
     assert _Service.received["authorization"] == "Bearer secret"

@@ -353,7 +353,7 @@ def test_links_name_the_path_that_a_proxy_took_away(network: Path) -> None:
         link = json.loads(server.request("POST", "/v1/lighting", PHOTO)[1])["links"]["envmap"]
         assert link.startswith("/tools/light/v1/envmap?")
         assert server.request("GET", link.removeprefix("/tools/light") + "&height=16")[0] == 200
-        assert json.loads(server.request("GET", "/openapi.json")[1])["servers"] == [{"url": "/tools/light"}]
+        assert json.loads(server.request("GET", "/openapi.json")[1])["servers"][0]["url"] == "/tools/light"
         assert json.loads(server.request("GET", "/nowhere")[1])["instance"] == "/tools/light/nowhere"
         assert server.request("GET", "/")[0] == server.request("GET", "/favicon.ico")[0] == 200
         assert server.request("GET", "/healthz")[0] == 410

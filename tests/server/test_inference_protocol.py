@@ -11,11 +11,14 @@ from tests.conftest import encode, scene
 PHOTO = encode(scene(64, 48))
 
 
-def test_health_and_metadata(client: TestClient) -> None:
+def test_health_and_metadata(client: TestClient, monkeypatch: pytest.MonkeyPatch) -> None:
+    service = client.app.state.service  # type: ignore[attr-defined]
+    service.warm_up()
     assert client.get("/v2/health/live").status_code == 200
-    assert client.get("/v2/health/ready").status_code == 503
-    client.app.state.service.warm_up()  # type: ignore[attr-defined]
     assert client.get("/v2/health/ready").status_code == 200
+    with monkeypatch.context() as patch:
+        patch.setattr(service, "ready", False)
+        assert client.get("/v2/health/ready").status_code == 503
     name = client.get("/v1/model").json()["name"]
     assert client.get(f"/v2/models/{name}/ready").status_code == 200
     described = client.get(f"/v2/models/{name}").json()

@@ -110,7 +110,7 @@ def test_unknown_names_and_words_are_422(client: TestClient, query: dict[str, st
 
 def test_a_choice_that_is_missing_is_told_with_its_values(client: TestClient) -> None:
     (error,) = problem(client.get("/v1/scene", params=SKY), 422, "invalid")["errors"]
-    assert (error["field"], error["code"]) == ("tool", "missing")
+    assert (error["field"], error["code"]) == ("for", "missing")
     assert error["detail"] == f"is missing; it is one of {', '.join(EXPORTERS)}"
 
 

@@ -37,6 +37,7 @@ def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_pat
         "compression": "zip",
         "surroundings": None,
         "detail": True,
+        "colours": "rec709",
     }
     assert found["metadata"] == {"vertical_fov": 40.0}
     assert found["network"] == network.name

@@ -61,7 +61,7 @@ def test_points_are_counted_from_the_centre_up_and_right() -> None:
 def test_without_opencv_one_sentence_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     assert has_opencv()
     monkeypatch.setitem(sys.modules, "cv2", None)
-    with pytest.raises(MissingExtraError, match=r"outdoor-lighting\[turns\]"):
+    with pytest.raises(MissingExtraError, match=r"outdoor-lighting\[all\]"):
         import_opencv()
 
 

@@ -197,7 +197,6 @@ def test_probes_of_the_same_skies_give_the_same_normals(day: Path, tmp_path: Pat
         (["--lat", "47", "--lon", "180", "--heading", "0"], "below the horizon"),
         (["--lat", "47", "--lon", "0"], "--heading"),
         (["--heading", "0"], "--lat"),
-        (["--heading", "0", "--lat", "47"], "A latitude needs a longitude"),
         (["--probes", ".", "--heading", "0"], "holds no probe"),
     ],
 )
@@ -206,6 +205,13 @@ def test_what_is_missing_ends_in_a_sentence(day: Path, tmp_path: Path, options: 
     assert result.exit_code == 1
     assert sentence in result.stderr
     assert result.stderr.startswith("Error: ")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_latitude_needs_a_longitude(day: Path, tmp_path: Path) -> None:
+    result = run(day, "--heading", "0", "--lat", "47", "-o", tmp_path / "out")
+    assert result.exit_code == 2
+    assert "Error: --lat needs --lon too, such as --lat 48.14 --lon 11.58." in result.stderr
     assert not (tmp_path / "out").exists()
 
 
