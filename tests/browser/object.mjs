@@ -44,6 +44,17 @@ async function statedHeight(page) {
   return [Number(value) * (unit === "m" ? 100 : 1), 200 * 2 ** Number(await page.inputValue("#object-size"))];
 }
 
+/** Where the stage is once it stands still: a focus may scroll it. */
+async function boxOf(page) {
+  let box = await page.locator("#stage").boundingBox();
+  for (;;) {
+    await page.waitForTimeout(300);
+    const now = await page.locator("#stage").boundingBox();
+    if (now.y === box.y && now.height === box.height) return now;
+    box = now;
+  }
+}
+
 /** A click that does not wait for the page to stand still: frames are rare where the CPU draws them. */
 const press = (button) => button.dispatchEvent("click");
 
@@ -51,7 +62,7 @@ const foot = (page) => page.evaluate(() => JSON.parse(document.getElementById("s
 const rotation = (page) => page.inputValue("#object-turn");
 
 async function movePlacement(page, seen, folder) {
-  let { x, y, width, height } = await page.locator("#stage").boundingBox();
+  let { x, y, width, height } = await boxOf(page);
   await page.mouse.click(x + 0.44 * width, y + 0.85 * height);
   seen.clicked = await foot(page);
   seen.scene = await page.textContent("#object-where");
@@ -64,8 +75,8 @@ async function movePlacement(page, seen, folder) {
   await page.focus("#stage");
   for (const key of ["ArrowUp", "ArrowRight", ">", "+"]) await page.keyboard.press(key);
   seen.keyed = [await rotation(page), await foot(page), await page.inputValue("#object-size")];
-  ({ x, y, width, height } = await page.locator("#stage").boundingBox()); // the focus may have scrolled it
-  await page.mouse.click(x + 0.5 * width, y + 0.2 * height);
+  ({ x, y, width, height } = await boxOf(page));
+  await page.mouse.click(x + 0.15 * width, y + 0.4 * height); // beside the note about shade
   seen.sky = [await page.textContent("#scene-note"), await foot(page)];
   await page.mouse.click(x + 0.85 * width, y + 0.85 * height);
   seen.shade = [await page.isVisible("#shade"), (await foot(page))[0]];

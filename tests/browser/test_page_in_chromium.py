@@ -589,7 +589,7 @@ class TestSeveral:
         irradiances = ("exposure", "sun_irradiance", "sky_irradiance", "sky_cover", "ground_color")
         for name in ("sun_azimuth", *irradiances, "camera_elevation", "camera_roll", "vertical_fov"):
             assert getattr(lighting, name) == pytest.approx(getattr(stated, name), rel=1e-5), name
-        np.testing.assert_allclose(image, estimated_together([PHOTO, folder / DATED]), rtol=5e-3, atol=2e-3)
+        np.testing.assert_allclose(image, estimated_together([PHOTO, folder / DATED]), rtol=2e-2, atol=2e-3)
         for copied in seen["copies"]:
             run_copied(copied, folder)
             np.testing.assert_allclose(read_exr(folder / DATED.replace("jpg", "exr"))[0], image, atol=2e-3)

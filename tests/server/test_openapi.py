@@ -152,7 +152,7 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
     config = schemathesis.Config.from_dict(
         {
             "seed": 1,
-            "generation": {"deterministic": True, "max-examples": 100},
+            "generation": {"deterministic": True, "max-examples": 30},
             "operations": [{"include-operation-id": name, "checks": TOGETHER} for name in WITH_CONDITIONS],
         }
     )
@@ -166,7 +166,7 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
             calls[event.recorder.label] += len(event.recorder.interactions)
             failures |= failed_checks(event.recorder)
     assert not failures, "\n\n".join(failures.values())
-    assert calls.total() > 3000, calls
+    assert calls.total() > 1500, calls
 
 
 def is_sent_whole(_: HookContext, case: Case[Any]) -> bool:

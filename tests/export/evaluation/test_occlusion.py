@@ -12,15 +12,18 @@ from lighting.photo.reader import read_photo
 EXAMPLES = Path(__file__).parents[3] / "examples"
 
 
-def test_a_sun_in_the_picture_is_what_the_network_looks_at(tmp_path: Path) -> None:
-    model, path = Model.load(), EXAMPLES / "railway_field.jpg"
-    added = occlusion_map(model, read_photo(path))
+def test_a_sun_in_the_picture_is_what_the_network_looks_at() -> None:
+    added = occlusion_map(Model.load(), read_photo(EXAMPLES / "railway_field.jpg"))
     height, width = added.shape
     y, x = np.unravel_index(np.argmax(added), added.shape)
     assert abs(x / width - 0.78) < 0.1  # where the glare is
     assert abs(y / height - 0.25) < 0.12
     assert np.abs(added[height // 2 :, : width // 2]).max() < 0.3 * added.max()
-    write_occlusion(model, [path, path], tmp_path / "two.jpg")
+
+
+def test_several_photos_become_one_picture(network: Path, tmp_path: Path) -> None:
+    path = EXAMPLES / "railway_field.jpg"
+    write_occlusion(Model.load(network), [path, path], tmp_path / "two.jpg")
     with Image.open(tmp_path / "two.jpg") as picture:
         assert picture.size == (800, 300)
 
