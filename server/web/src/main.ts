@@ -73,7 +73,10 @@ const dome = new Dome(byId("dome"), byId("readout"), moveSun("dome"));
 const sunHandle = new SunHandle(moveSun("sun in the picture"));
 const sliders = new Sliders(editLight);
 const downloads = new Downloads(settleLight, showError);
-const object = new ObjectView(editState, showError);
+const object = new ObjectView(editState, showError, () => {
+  const view = currentView();
+  if (session && view) exportedMaps.request(view, session); // its light may have come before it
+});
 const metadata = new MetadataView(
   (userInput) => session && submitPhotos(photoFiles(session).map(sourceInMemory), userInput),
 );

@@ -49,6 +49,7 @@ export class ObjectView {
   constructor(
     private readonly change: Change,
     private readonly onError: (error: unknown) => void,
+    private readonly onDrawn: () => void,
   ) {
     this.canvas.setAttribute("role", "application");
     this.canvas.setAttribute("aria-label", `An object in the photo. ${KEYS}`);
@@ -166,6 +167,7 @@ export class ObjectView {
       const stage = new Stage(this.canvas);
       new ResizeObserver(() => this.fit(stage)).observe(byId("frame"));
       this.drawn = true;
+      this.onDrawn();
       return stage;
     } catch {
       this.note.textContent = NO_WEBGL;
