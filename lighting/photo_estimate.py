@@ -112,8 +112,12 @@ class Estimate(EstimatedLight):
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
+        from lighting.envmap.surroundings import render_view
+
         _check_flags(sun=sun, surroundings=surroundings, detail=detail, disc=disc)
-        return self._render(height, sun, yaw, sky, surroundings, detail, disc)[0]
+        context = self._map_context(height, surroundings, detail)
+        with ONE_BLAS_THREAD:
+            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context, disc=disc)[0]
 
     def save(
         self,
@@ -146,12 +150,16 @@ class Estimate(EstimatedLight):
             ParameterError: a value is out of range.
             PhotoError: the photo's file has changed since it was read.
         """
-        from lighting.files import check_map_name, write_envmap
+        from lighting.envmap.surroundings import render_view
+        from lighting.files import MAP_FORMATS, check_map_name, write_envmap
+        from lighting.light_probe import compute_light_probe
 
-        check_map_name(path)
+        has_header = MAP_FORMATS[check_map_name(path)].has_header
         _check_flags(sun=sun, surroundings=surroundings, detail=detail)
-        image, lighting = self._render(height, sun, yaw, sky, surroundings, detail)
-        probe = self.light_probe(sun=sun, yaw=yaw, sky=sky, surroundings=surroundings)
+        view: Any = {"sun": sun, "yaw": yaw, "sky": sky, "context": self._map_context(height, surroundings, detail)}
+        with ONE_BLAS_THREAD:
+            image, lighting = render_view(self.lighting, height, **view)
+            probe = compute_light_probe(self.lighting, **view) if has_header else None
         write_envmap(path, image, lighting, compression=compression, probe=probe, colours=colours)
 
     def light_probe(
@@ -270,27 +278,16 @@ class Estimate(EstimatedLight):
 
         return encode_png(np.asarray(self.preview()), compress_level=PNG_LEVEL)
 
-    def _render(
-        self,
-        height: int,
-        sun: bool | None,
-        yaw: float,
-        sky: str | None,
-        surroundings: bool | None,
-        detail: bool,
-        disc: bool = True,
-    ) -> tuple[NDArray[np.float32], Lighting]:
-        """The map, and the record turned with it."""
-        from lighting.envmap.surroundings import photo_context_for_height, render_view
+    def _map_context(self, height: int, surroundings: bool | None, detail: bool) -> "PhotoContext | None":
+        """The photo, read finer for a high map, and its surroundings."""
+        from lighting.envmap.surroundings import photo_context_for_height
 
         def read_finer(side: int) -> NDArray[np.uint8]:
             return reread_photo(self.photo, side).pixels
 
-        context = photo_context_for_height(
+        return photo_context_for_height(
             self._unchanged(), self.photo.pixels, height, read_finer, surroundings=surroundings, detail=detail
         )
-        with ONE_BLAS_THREAD:
-            return render_view(self.lighting, height, sun=sun, yaw=yaw, sky=sky, context=context, disc=disc)
 
     def _context(self, pixels: NDArray[np.uint8], surroundings: bool | None, detail: bool) -> "PhotoContext | None":
         from lighting.envmap.surroundings import photo_context

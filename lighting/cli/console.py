@@ -510,11 +510,11 @@ def write_output_map(
         view_options: of `render_view`.
     """
     from lighting.envmap.surroundings import render_view
-    from lighting.files import encode_envmap, write_envmap
+    from lighting.files import MAP_FORMATS, check_map_name, encode_envmap, write_envmap
     from lighting.light_probe import compute_light_probe
 
     probe = None
-    if output == "-" or output.lower().endswith(".exr"):
+    if output == "-" or MAP_FORMATS[check_map_name(output)].has_header:
         probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
     image, lighting = render_view(lighting, **view_options)
     file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe}

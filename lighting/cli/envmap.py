@@ -47,8 +47,7 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **
         if preview:
             photos.write_preview(preview, data, answer, lighting, chosen)
             files["preview"] = preview
-        crop, as_json, quiet = answer.photo.crop, chosen.as_json, chosen.quiet
-        console.print_estimate(photo, lighting, answer.warnings, files, crop=crop, as_json=as_json, quiet=quiet)
+        chosen.print_estimate(photo, answer, lighting, answer.warnings, files)
         return answer.lighting, list(files.values())
 
     photos.process_photos(ctx, chosen, work)
@@ -92,8 +91,7 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
         photos.write_preview(output, data, answer, lighting, chosen)
         warnings = (*answer.warnings, *spot_warnings(lighting))
         files = {"output": output}
-        crop, as_json, quiet = answer.photo.crop, chosen.as_json, chosen.quiet
-        console.print_estimate(photo, lighting, warnings, files, crop=crop, as_json=as_json, quiet=quiet)
+        chosen.print_estimate(photo, answer, lighting, warnings, files)
         return answer.lighting, [output]
 
     photos.process_photos(ctx, chosen, work)

@@ -61,6 +61,21 @@ class PhotoOptions:
         """
         return adjust_light(lighting, self.adjustments)
 
+    def print_estimate(
+        self, photo: str, answer: "Estimate", lighting: "Lighting", warnings: Sequence[str], files: dict[str, str]
+    ) -> None:
+        """Print the line of a photo, and its warnings.
+
+        Args:
+            photo: name of the file.
+            answer: about the photo.
+            lighting: as the user adjusted it.
+            warnings: of the answer and of what was made of it.
+            files: that were written, by what they are.
+        """
+        crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
+        console.print_estimate(photo, lighting, warnings, files, crop=crop, as_json=as_json, quiet=quiet)
+
 
 def adjust_light(lighting: "Lighting", adjustments: "Adjustments | None") -> "Lighting":
     """Return a light as the user adjusts it.

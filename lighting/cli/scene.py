@@ -100,8 +100,7 @@ def _scene(
         scene = make_scene(plate, lighting, map_height=height, sun=sun, context=context, segments=answer.segments)
         write_scene(scene, tool, folders[number], overwrite=chosen.overwrite, **stated)
         files = {"output": folders[number]}
-        crop, as_json, quiet = answer.photo.crop, chosen.as_json, chosen.quiet
-        console.print_estimate(photo, lighting, scene.warnings, files, crop=crop, as_json=as_json, quiet=quiet)
+        chosen.print_estimate(photo, answer, lighting, scene.warnings, files)
         return answer.lighting, [folders[number]]
 
     photos.process_photos(ctx, chosen, work, lambda folder: opening_command(tool, folder))
