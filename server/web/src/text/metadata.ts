@@ -20,16 +20,14 @@ export interface UserInput {
 export type UserInputField = Exclude<keyof UserInput, "metadata">;
 
 export const NO_USER_INPUT: UserInput = {
-  ...{
-    metadata: true,
-    time: "",
-    utc_offset: "",
-    latitude: "",
-    longitude: "",
-    heading: "",
-    vertical_fov: "",
-    headings: "",
-  },
+  metadata: true,
+  time: "",
+  utc_offset: "",
+  latitude: "",
+  longitude: "",
+  heading: "",
+  vertical_fov: "",
+  headings: "",
   camera_height: "",
 };
 
@@ -150,16 +148,7 @@ export function fillForm(metadata: PhotoMetadata, userInput: UserInput): UserInp
 
 /** The user's input by a form: what differs from the photo's own metadata. */
 export function readForm(form: UserInput, metadata: PhotoMetadata): UserInput {
-  const fromPhoto = fillForm(metadata, {
-    ...form,
-    time: "",
-    utc_offset: "",
-    latitude: "",
-    longitude: "",
-    heading: "",
-    vertical_fov: "",
-    camera_height: "",
-  });
+  const fromPhoto = fillForm(metadata, { ...NO_USER_INPUT, metadata: form.metadata, headings: form.headings });
   const unlessFromPhoto = (
     name: "time" | "utc_offset" | "latitude" | "longitude" | "heading" | "camera_height",
   ): string => (form.metadata && form[name] === fromPhoto[name] ? "" : form[name]);
