@@ -72,7 +72,7 @@ def test_the_proxy_ends_idle_connections_before_the_service_does() -> None:
 
 
 def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
-    """The sum that docs/service.md states."""
+    """What the service needs at once, at most, by its limits."""
     s = settings_of(services)
     bodies = (s.workers + s.queue + s.uploads) * s.max_bytes
     decoding = memory_budget(s.max_bytes, s.max_pixels, PLATE_SIDE)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 README = ROOT / "README.md"
-DOCS = sorted([*(ROOT / "docs").glob("*.md"), *(ROOT / "docs" / "reference").glob("*.md")])
+DOCS = sorted(page for page in (ROOT / "docs").glob("**/*.md") if page.parent.name != "lab")
 
 
 def text(*pages: Path) -> str:
@@ -26,4 +26,5 @@ def anchors(page: Path) -> set[str]:
 
 def links(page: Path) -> list[str]:
     """Where the links of a page lead."""
-    return re.findall(r"\]\(([^)]+)\)", text(page))
+    plain, html = r"\]\(([^)\s]+)(?:\s[^)]*)?\)", r"<(?:img|a|source)\b[^>]*?\b(?:src|href|srcset)=\"([^\"]+)\""
+    return [*re.findall(plain, text(page)), *re.findall(html, text(page))]

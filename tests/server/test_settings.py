@@ -8,17 +8,10 @@ from pydantic import SecretStr, ValidationError
 
 from server.app import create_app
 from server.settings import PREFIX, Settings, SettingsError, read_settings
-from tests.helpers.pages import ROOT, text
 
 
 def test_every_setting_has_a_meaning() -> None:
     assert all(field.description for field in Settings.model_fields.values())
-
-
-def test_the_page_lists_every_route() -> None:
-    page = text(ROOT / "docs" / "service.md")
-    for path, methods in create_app(Settings()).openapi()["paths"].items():
-        assert all(f"`{method.upper()} {path}`" in page for method in methods), path
 
 
 def test_settings_come_from_the_environment(monkeypatch: pytest.MonkeyPatch) -> None:
