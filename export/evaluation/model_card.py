@@ -20,7 +20,7 @@ TEMPLATE = Path(__file__).with_name("card_template.md")
 
 
 def write_card(evaluation: Evaluation, options: Options) -> Path:
-    """Write the card and the figures of the first network beside it, its reliability diagram into docs/.
+    """Write the card and the figures of the first network beside it, its reliability diagram into docs/images/.
 
     Returns the card's path.
 
@@ -29,7 +29,7 @@ def write_card(evaluation: Evaluation, options: Options) -> Path:
         options: of that evaluation; its first network is ours.
     """
     model = options.models[0]
-    target, docs = model.parent / MODEL_CARD, ROOT / "docs"
+    target, docs = model.parent / MODEL_CARD, ROOT / "docs" / "images"
     train, val = read_index(options.data, "train"), read_index(options.data, "val")
     given = sun_agreement([*train, *val], read_labels(options.labels))
     loaded = Model.load(model)

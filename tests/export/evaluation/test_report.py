@@ -131,12 +131,12 @@ def test_a_protocol_counts_its_crops_and_names_every_method() -> None:
 
 
 def test_the_picture_goes_to_the_documents_and_is_linked_from_the_card(tmp_path: Path) -> None:
-    (tmp_path / "docs").mkdir()
+    (tmp_path / "docs" / "images").mkdir(parents=True)
     (tmp_path / "lighting" / "data").mkdir(parents=True)
     picture = tmp_path / "reliability.png"
     picture.write_bytes(b"curves")
-    link = _publish(picture, tmp_path / "docs", tmp_path / "lighting" / "data" / "MODEL_CARD.md")
-    assert link == "../../docs/reliability.png"
+    link = _publish(picture, tmp_path / "docs" / "images", tmp_path / "lighting" / "data" / "MODEL_CARD.md")
+    assert link == "../../docs/images/reliability.png"
     assert (tmp_path / "lighting" / "data" / link).read_bytes() == b"curves"
 
 

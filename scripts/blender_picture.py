@@ -1,6 +1,6 @@
-"""docs/blender.png: Blender's monkey in a photo, in the photo's light and after the sliders moved the sun.
+"""Blender's monkey in a photo, in the photo's light and after the sliders moved the sun.
 
-BLENDER_USER_RESOURCES=FOLDER PYTHON_WITH_BPY docs/make_blender.py EXTENSION.zip COMMAND PHOTO OUT.png
+BLENDER_USER_RESOURCES=FOLDER PYTHON_WITH_BPY blender_picture.py EXTENSION.zip COMMAND PHOTO OUT.png
 """
 
 import sys

@@ -1,19 +1,16 @@
-"""Draw the figures of docs/ and print their numbers.
+"""The figures of docs/ that are drawn from the project's own geometry, skies and measurements.
 
-    python -m docs.figures axes|probe|stereo-plan|stereo-normals [FOLDER]
-
-`probe` also writes its seven 16-bit exposures and the probe made of them below FOLDER.
+`python -m scripts.make_pictures` writes them; `stereo-plan` and `stereo-normals` also print their numbers.
 """
 
-import tempfile
-from collections.abc import Callable, Sequence
+import io
+from collections.abc import Sequence
 from datetime import date
-from pathlib import Path
 from typing import Any
 
 import click
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import Image
 
 from export.reports.probe import (
@@ -30,7 +27,6 @@ from export.stereo.evaluate import SEASONS, Trial, normal_angles, photograph_sub
 from export.stereo.renders import Subject
 from export.stereo.surfaces import random_relief
 from lighting.color import luminance, srgb_encode, tone_map
-from lighting.files.atomic import encode_png
 from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
 from lighting.photo.linear import LinearPhoto
 from lighting.preview.drawing import (
@@ -53,7 +49,7 @@ from lighting.preview.drawing import (
 )
 from lighting.probe.alignment import Scan, fit_orientation, yaw_rotation
 from lighting.probe.bracket import make_bracket
-from lighting.probe.develop import BracketSettings, Moment, Probe, make_probe, write_probe
+from lighting.probe.develop import BracketSettings, Moment, Probe, make_probe
 from lighting.probe.fisheye import make_lens
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.cie import general_luminance
@@ -65,7 +61,7 @@ from lighting.stereo.plan_records import Plan, PlanRequest, format_clock
 from lighting.stereo.planner import ModelledSkies, plan_conditions, plan_photos, plan_title
 from lighting.stereo.schedule import gray_skies
 
-# axes.png: the frame, the angles and the environment map, all by lighting.geometry itself.
+# axes: the frame, the angles and the environment map, all by lighting.geometry itself.
 
 RED: Srgb = (255, 128, 116)
 GREEN: Srgb = (140, 214, 130)
@@ -87,8 +83,8 @@ AXES = (
 )
 
 
-def draw_axes() -> None:
-    """Write axes.png beside this script."""
+def draw_axes() -> Image.Image:
+    """Return the chart of the map, the frame and the angles."""
     canvas = Image.new("RGB", CHART_SIZE, BACKGROUND)
     for (x, y, width, height), caption, panel in (
         (
@@ -101,7 +97,7 @@ def draw_axes() -> None:
         draw_text(canvas, (x, y - 36), caption, TextStyle(19, TEXT))
         canvas.paste(panel, (x, y), rounded_mask((width, height), 10))
     _chart_ticks(canvas)
-    canvas.save(Path(__file__).parent / "axes.png", optimize=True)
+    return canvas
 
 
 def _chart_map() -> Image.Image:
@@ -239,9 +235,8 @@ def _circle(centre: tuple[float, float], radius: float) -> Floats:
     return np.stack([centre[0] + radius * np.cos(turn), centre[1] + radius * np.sin(turn)], axis=-1)
 
 
-# probe.png: a bracket of the project's own sky, merged, beside scans of the real sky.
+# probe: a bracket of the project's own sky, merged, beside scans of the real sky.
 
-PROBE_PICTURE = Path(__file__).with_name("probe.png")
 PROBE_SIDE = 600
 PROBE_YAW = 40.0  # deg, how the camera was turned
 SUNNY = "2013-05-27"
@@ -257,14 +252,11 @@ def _probe_exposures() -> list[LinearPhoto]:
     return expose_bracket(picture, BracketCamera(14, fill=8.0), np.random.default_rng(0), BRACKET_TIMES)
 
 
-def _draw_probe_panels(exposures: Sequence[LinearPhoto], probe: Probe, scan: Scan, offset: float) -> None:
+def _draw_probe_panels(exposures: Sequence[LinearPhoto], probe: Probe, scan: Scan, offset: float) -> Image.Image:
     """The exposures, the map, and a scan beside three models."""
-    import matplotlib as mpl
+    from matplotlib.figure import Figure
 
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure = plt.figure(figsize=(12, 12), layout="constrained")
+    figure = Figure(figsize=(12, 12), layout="constrained")
     top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 3.2, 2.0))
     for axes, photo, time in zip(top.subplots(1, len(exposures)), exposures, BRACKET_TIMES, strict=True):
         axes.imshow(tone_map(photo.pixels, 1.0))
@@ -275,7 +267,9 @@ def _draw_probe_panels(exposures: Sequence[LinearPhoto], probe: Probe, scan: Sca
     domes = bottom.subplots(1, len(skies), subplot_kw={"projection": "polar"})
     for axes, (name, values) in zip(domes, skies, strict=True):
         _draw_sky(axes, name, values, scan, offset)
-    figure.savefig(PROBE_PICTURE, dpi=80)
+    encoded = io.BytesIO()
+    figure.savefig(encoded, dpi=80)
+    return Image.open(encoded).convert("RGB")
 
 
 def _draw_map(axes: Any, probe: Probe) -> None:
@@ -320,28 +314,16 @@ def _seconds(time: float) -> str:
     return f"{time:.2g} s" if time > 0.3 else f"1/{1 / time:.0f} s"
 
 
-def _write_exposures(exposures: Sequence[LinearPhoto], folder: Path) -> None:
-    """The exposures as 16-bit PNG with their times in EXIF."""
-    from tests.helpers.photos import taken, write_png16
-
-    folder.mkdir(parents=True, exist_ok=True)
-    for index, photo in enumerate(exposures):
-        counts: NDArray[np.uint16] = np.rint(photo.pixels * 65535).astype(np.uint16)
-        write_png16(folder / f"exposure_{index}.png", counts, taken(BRACKET_TIMES[index]))
-
-
-def draw_probe(folder: Path) -> None:
+def draw_probe() -> Image.Image:
+    """Return seven exposures, the map merged of them, and a scan of the real sky beside three models."""
     exposures = _probe_exposures()
-    _write_exposures(exposures, folder)
     probe = make_probe(make_bracket(exposures), Moment(SKY_DAY, *SKY_PLACE), BracketSettings(fill=True))
-    write_probe(probe, folder / "probe.exr")
     day = read_sky_scans()[SUNNY]
-    _draw_probe_panels(exposures, probe, day[4], fit_orientation(day).offset)
+    return _draw_probe_panels(exposures, probe, day[4], fit_orientation(day).offset)
 
 
-# stereo-plan.png: a relief on a south wall in Bregenz, under skies that the project models.
+# stereo-plan: a relief on a south wall in Bregenz, under skies that the project models.
 
-PLAN_PICTURE = Path(__file__).with_name("stereo-plan.png")
 PLAN_WALL = PlanRequest(facing=180.0)
 PLAN_DAYS = (date(2026, 3, 20), date(2026, 6, 21), date(2026, 12, 21))
 
@@ -351,7 +333,8 @@ def _wall_plan(day: date, sky: str) -> tuple[ModelledSkies, Plan]:
     return skies, plan_photos(skies, PLAN_WALL)
 
 
-def draw_stereo_plan() -> None:
+def draw_stereo_plan() -> Image.Image:
+    """Return the plan of a clear day in June; print those of three days under two skies."""
     for day in PLAN_DAYS:
         for sky in ("clear", "mixed"):
             skies, plan = _wall_plan(day, sky)
@@ -361,20 +344,18 @@ def draw_stereo_plan() -> None:
                 for w in plan.windows
             )
             click.echo(f"{plan_title(skies, plan)}: {best}")
-            if (day, sky) == (PLAN_DAYS[1], "clear"):
-                drawing = draw_plan(
-                    plan, f"When to photograph: {plan_title(skies, plan)}", plan_conditions(skies, PLAN_WALL)
-                )
-                PLAN_PICTURE.write_bytes(encode_png(drawing))
+    skies, plan = _wall_plan(PLAN_DAYS[1], "clear")
+    title = f"When to photograph: {plan_title(skies, plan)}"
+    return Image.fromarray(draw_plan(plan, title, plan_conditions(skies, PLAN_WALL)))
 
 
-# stereo-normals.png: a made vessel, its normals as found on two simulated days, and how far they are off.
+# stereo-normals: a made vessel, its normals as found on two simulated days, and how far they are off.
 
 VESSEL_SIDE, VESSEL_SEED, WORST_ERROR = 192, 37, 45.0  # pixels; of the shape; deg, drawn white
 
 
-def draw_stereo_normals() -> None:
-    """Write the picture and print the errors: photos at 9, 12 and 16 h, normals by search and with the network."""
+def draw_stereo_normals() -> Image.Image:
+    """Return photos at 9, 12 and 16 h and normals by search and with the network; print their errors."""
     subject = Subject("vessel", "made", random_relief(VESSEL_SIDE, np.random.default_rng(VESSEL_SEED)))
     surface, network, rows = subject.surface, Network.load(), []
     for name in ("47° N, March", "47° N, June"):
@@ -390,31 +371,4 @@ def draw_stereo_normals() -> None:
         off = np.clip(normal_angles(found.network, surface.normals) / WORST_ERROR, 0, 1) * surface.mask
         rows.append(np.concatenate([*tiles, np.repeat(off[..., None], 3, axis=-1)], axis=1))
     pixels = np.round(255 * np.concatenate(rows)).astype(np.uint8)
-    Path("docs/stereo-normals.png").write_bytes(encode_png(pixels))
-
-
-FIGURES: dict[str, Callable[[], None]] = {
-    "axes": draw_axes,
-    "stereo-plan": draw_stereo_plan,
-    "stereo-normals": draw_stereo_normals,
-}
-
-
-@click.command()
-@click.argument("name", type=click.Choice([*FIGURES, "probe"]))
-@click.argument("folder", type=click.Path(path_type=Path), required=False)
-def main(name: str, folder: Path | None) -> None:
-    """Draw the figure NAME of docs/."""
-    if name != "probe":
-        if folder:
-            raise click.UsageError(f"FOLDER is for probe, not for {name}.")
-        FIGURES[name]()
-    elif folder:
-        draw_probe(folder)
-    else:
-        with tempfile.TemporaryDirectory() as temporary:
-            draw_probe(Path(temporary))
-
-
-if __name__ == "__main__":
-    main()
+    return Image.fromarray(pixels)

@@ -1,0 +1,177 @@
+"""Make the pictures of README and docs/: `python -m scripts.make_pictures [NAME ...]`.
+
+They go to docs/images/. `page` and `scenes` need node, Chromium, and `npm ci` in `server/web` and `tests/node`;
+`blender`, and a part of `scenes`, a Python with the module bpy that BLENDER_PYTHON names. What this machine lacks is
+said and left out. Three pictures need the training data and come from `python -m export`: `reliability.png` from
+`evaluate --card`, and two of docs/lab.
+"""
+
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import click
+from PIL import Image
+
+from lighting import estimate
+from lighting.files.atomic import atomic_write
+from scripts.figures import draw_axes, draw_probe, draw_stereo_normals, draw_stereo_plan
+from scripts.gallery import EXAMPLES, GALLERY, ROOT, draw_gallery_row, draw_moving_picture
+
+IMAGES = ROOT / "docs" / "images"
+_QUALITY = 80  # of WebP
+_FRAME_MILLISECONDS = 90
+_LARGEST = 1200  # pixels, a picture's width
+_START_SECONDS = 30
+
+Pictures = Image.Image | list[Image.Image]  # one, or the frames of one that moves
+
+
+class MissingToolError(Exception):
+    """A program that draws a picture is not on this machine."""
+
+
+def draw_preview() -> Image.Image:
+    """Return the preview of an example."""
+    return estimate(EXAMPLES / "brick_street.jpg").preview()
+
+
+def draw_page() -> Image.Image:
+    """Return the page with an example in it, as Chromium shows it."""
+    with tempfile.TemporaryDirectory() as folder, _service() as url:
+        out = Path(folder) / "page.png"
+        _run(_program("node"), ROOT / "scripts" / "page_picture.mjs", url, _program("chromium", "google-chrome"), out)
+        return _load(out)
+
+
+def draw_blender() -> Image.Image:
+    """Return Blender's monkey in two lights."""
+    python = _blender_python()
+    with tempfile.TemporaryDirectory() as folder:
+        package, out = Path(folder) / "light_from_photo.zip", Path(folder) / "blender.png"
+        _run(sys.executable, "-m", "scripts.blender_extension", "-o", package)
+        os.environ["BLENDER_USER_RESOURCES"] = folder
+        command = Path(sys.executable).with_name("lighting")
+        _run(python, ROOT / "scripts" / "blender_picture.py", package, command, EXAMPLES / "lake_clouds.jpg", out)
+        return _load(out)
+
+
+def draw_scenes() -> Image.Image:
+    """Return one scene as each tool renders it."""
+    blender = ["--blender", _blender_python()] if "BLENDER_PYTHON" in os.environ else []
+    with tempfile.TemporaryDirectory() as folder:
+        out = Path(folder) / "scenes.png"
+        _run(sys.executable, "-m", "benchmarks.scenes", "--picture", out, *blender)
+        return _load(out)
+
+
+PICTURES: dict[str, Callable[[], Pictures]] = {
+    "moving": draw_moving_picture,
+    **{f"gallery/{Path(name).name}": partial(draw_gallery_row, name) for name in GALLERY},
+    "preview": draw_preview,
+    "page": draw_page,
+    "blender": draw_blender,
+    "scenes": draw_scenes,
+    "axes": draw_axes,
+    "probe": draw_probe,
+    "stereo-plan": draw_stereo_plan,
+    "stereo-normals": draw_stereo_normals,
+}
+
+
+def _program(*names: str) -> str:
+    for name in names:
+        if found := shutil.which(name):
+            return found
+    raise MissingToolError(names[0])
+
+
+def _blender_python() -> str:
+    if "BLENDER_PYTHON" not in os.environ:
+        raise MissingToolError("BLENDER_PYTHON")
+    return os.environ["BLENDER_PYTHON"]
+
+
+def _run(*command: str | Path) -> None:
+    subprocess.run(list(map(str, command)), cwd=ROOT, check=True)
+
+
+def _load(file: Path) -> Image.Image:
+    with Image.open(file) as picture:
+        return picture.convert("RGB")
+
+
+@contextmanager
+def _service() -> Iterator[str]:
+    """The address of a service that runs meanwhile."""
+    with socket.socket() as free:
+        free.bind(("127.0.0.1", 0))
+        port = free.getsockname()[1]
+    url = f"http://127.0.0.1:{port}/"
+    with subprocess.Popen([sys.executable, "-m", "lighting", "serve", "--port", str(port)], cwd=ROOT) as process:
+        try:
+            _wait_until_ready(f"{url}readyz")
+            yield url
+        finally:
+            process.terminate()
+
+
+def _wait_until_ready(url: str) -> None:
+    deadline = time.monotonic() + _START_SECONDS
+    while True:
+        try:
+            with urlopen(url):
+                return
+        except URLError:
+            if time.monotonic() > deadline:
+                raise
+            time.sleep(0.1)
+
+
+def write_picture(drawn: Pictures, file: Path) -> None:
+    """Write a picture as WebP.
+
+    Args:
+        drawn: the picture, or frames that are shown again and again.
+        file: is replaced.
+    """
+    first, *others = [_shrink(frame) for frame in (drawn if isinstance(drawn, list) else [drawn])]
+    frames = {"save_all": True, "append_images": others, "duration": _FRAME_MILLISECONDS, "loop": 0} if others else {}
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(file) as path:
+        first.save(path, "WEBP", quality=_QUALITY, method=6, **frames)
+
+
+def _shrink(picture: Image.Image) -> Image.Image:
+    height = round(picture.height * _LARGEST / picture.width)
+    small = picture.convert("RGB")
+    return small if picture.width <= _LARGEST else small.resize((_LARGEST, height), Image.Resampling.LANCZOS)
+
+
+@click.command()
+@click.argument("names", nargs=-1, type=click.Choice(sorted(PICTURES)))
+def main(names: tuple[str, ...]) -> None:
+    """Make the pictures of README and docs/, or those of NAMES."""
+    for name in names or PICTURES:
+        try:
+            drawn = PICTURES[name]()
+        except MissingToolError as missing:
+            click.echo(f"{name} is left out: this machine lacks {missing}.")
+            continue
+        file = IMAGES / f"{name}.webp"
+        write_picture(drawn, file)
+        click.echo(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB")
+
+
+if __name__ == "__main__":
+    main()
