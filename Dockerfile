@@ -11,7 +11,8 @@ COPY requirements.lock requirements-turns.lock ./
 # `--build-arg TURNS=1` adds OpenCV, which matches several photos with each other and is 160 MB.
 ARG TURNS=
 RUN python -m pip --python /opt/venv/bin/python install --require-hashes --only-binary :all: --requirement requirements.lock ${TURNS:+--requirement requirements-turns.lock}
-COPY pyproject.toml README.md LICENSE NOTICE ./
+COPY pyproject.toml CHANGELOG.md README.md SECURITY.md LICENSE NOTICE ./
+COPY docs/ docs/
 COPY lighting/ lighting/
 COPY server/ server/
 RUN python -m pip --python /opt/venv/bin/python install --no-deps .

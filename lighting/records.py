@@ -228,7 +228,7 @@ class SunEstimate:
 @describe_fields
 @dataclass(frozen=True)
 class Lighting:
-    """The light of one photo and the camera that took it; units and ranges in RANGES. ParameterError for any other."""
+    """The light of one photo, and the camera that took it. A value out of range is a ParameterError."""
 
     sun_azimuth: float
     """Deg, -180 to 180: 0 = where the camera points, positive to the right."""

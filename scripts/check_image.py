@@ -43,9 +43,10 @@ BASE_CONTAINER, CONTAINER = "base", "image"
 LIMIT = 350  # MB over the base
 START, STOP = 120, 30  # seconds
 COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
-SENT = {"LICENSE", "NOTICE", "README.md", "pyproject.toml", "requirements.lock", "requirements-turns.lock"}
-SENT_FOLDERS = {"lighting", "server"}
-NEVER_SENT = {"node_modules", "__pycache__", "src"}
+SENT = {"CHANGELOG.md", "LICENSE", "NOTICE", "README.md", "SECURITY.md", "pyproject.toml"}
+SENT |= {"requirements.lock", "requirements-turns.lock"}
+SENT_FOLDERS = {"docs", "lighting", "server"}
+NEVER_SENT = {"lab", "node_modules", "__pycache__", "src"}
 
 
 class BrokenPromiseError(Exception):

@@ -1,7 +1,7 @@
 """The pages of docs/reference/, from the code: `python -m scripts.reference`."""
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import fields
 from enum import StrEnum
 from inspect import cleandoc
@@ -23,6 +23,9 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop
 from lighting.records import SunDistribution, WarningCode
 from lighting.scene.records import Scene
+from scripts.markdown import WRITTEN, escape_marks, write_table
+from scripts.reference_http import write_http
+from scripts.reference_python import write_python
 from server import problems
 from server.settings import PREFIX, Settings
 
@@ -34,7 +37,6 @@ _RECORDS: tuple[Any, ...] = (
 _ARRAY = re.compile(r"numpy\.ndarray\[.*?numpy\.dtype\[numpy\.(\w+)(?:\[typing\.Any\])?\]\]")  # any numpy's name of one
 _RANGE = re.compile(r"\bx[<>]|[<>]=?x\b")  # as click writes one
 _BOUNDS = ((Ge, "ge", "at least"), (Gt, "gt", "over"), (Le, "le", "at most"))
-_WRITTEN = "`python -m scripts.reference` writes this page."
 _WIDTH = 10_000  # columns: nothing is wrapped
 
 
@@ -43,20 +45,21 @@ def write_command_line() -> str:
     context = click.Context(cli, info_name="lighting", terminal_width=_WIDTH, max_content_width=_WIDTH)
     context.help_option_names = ["-h", "--help"]
     commands = list(_walk(cli, context))
-    index = [
-        f"- [`{c.command_path}`](#{c.command_path.replace(' ', '-')}): {_prose(c.command.get_short_help_str(_WIDTH))}"
-        for c in commands
-    ]
+    index = [f"- [`{c.command_path}`](#{c.command_path.replace(' ', '-')}): {_short_help(c.command)}" for c in commands]
     head = [
         "# Command line",
         "",
         "What `--help` prints of every command. In a usage line `PHOTO...` is one or more; `[OUT]` may be left out.",
-        _WRITTEN,
+        WRITTEN,
         "",
         *index,
         "",
     ]
     return "\n".join([*head, *(line for c in commands for line in _command_section(c))])
+
+
+def _short_help(command: click.Command) -> str:
+    return escape_marks(command.get_short_help_str(_WIDTH))
 
 
 def _walk(command: click.Command, context: click.Context) -> Iterator[click.Context]:
@@ -75,12 +78,12 @@ def _command_section(context: click.Context) -> Iterator[str]:
     yield from ("```", command.get_usage(context).removeprefix("Usage: "), "```", "")
     for paragraph in cleandoc(command.help or "").split("\n\n"):
         kept = paragraph.removeprefix("\b\n")  # whose lines click does not wrap
-        yield from ([_prose(paragraph)] if kept == paragraph else ["```text", kept, "```"])
+        yield from ([escape_marks(paragraph)] if kept == paragraph else ["```text", kept, "```"])
         yield ""
     records = [
         r for p in command.get_params(context) if isinstance(p, click.Option) and (r := p.get_help_record(context))
     ]
-    yield from _table(("option", "default", "meaning"), (_option_row(*record) for record in records))
+    yield from write_table(("option", "default", "meaning"), (_option_row(*record) for record in records))
     if isinstance(command, Command) and (old := _old_names(command)):
         yield from (f"Old names, until 0.3.0: {old}.", "")
     if isinstance(command, Command | Group) and command.examples:
@@ -95,7 +98,7 @@ def _option_row(names: str, text: str) -> tuple[str, str, str]:
     notes = [note for bracket in brackets for note in bracket.split("; ")]
     others = [note for note in notes if note == "required" or _RANGE.search(note)]
     default = "; ".join(note.removeprefix("default: ") for note in notes if note not in others)
-    return cell, default, " ".join([_prose(meaning), *(f"[{note}]" for note in others)]).strip()
+    return cell, default, " ".join([escape_marks(meaning), *(f"[{note}]" for note in others)]).strip()
 
 
 def _split_brackets(text: str) -> tuple[str, list[str]]:
@@ -119,9 +122,9 @@ def write_settings() -> str:
 
 Settings are environment variables. A value that makes no sense stops the service at its start with one sentence, and so
 does a variable `{PREFIX}...` that is not in this list.
-{_WRITTEN}
+{WRITTEN}
 """
-    return "\n".join([head, *_table(("variable", "default", "range", "meaning"), rows)])
+    return "\n".join([head, *write_table(("variable", "default", "range", "meaning"), rows)])
 
 
 def _default(value: object) -> str:
@@ -140,8 +143,8 @@ def write_problems() -> str:
     head = f"""# Problems
 
 What an error of the service says, as `application/problem+json` (RFC 9457). The name ends its `type`, and does not
-change. [The service](../service.md#errors) has the rest.
-{_WRITTEN}
+change.
+{WRITTEN}
 """
     kinds = sorted(problems.KINDS, key=lambda kind: kind.status)
     rows = ((str(kind.status), f"`{kind.name}`", kind.title, kind.meaning) for kind in kinds)
@@ -151,7 +154,7 @@ change. [The service](../service.md#errors) has the rest.
         "A 422 has such a `code` for each field in `errors`. Exceptions of Python have it, too.",
         "",
     ]
-    table = _table(("status", "name", "title", "when"), rows)
+    table = write_table(("status", "name", "title", "when"), rows)
     return "\n".join([head, *table, *codes, *_members(ErrorCode)])
 
 
@@ -161,12 +164,12 @@ def write_exceptions() -> str:
 
 What the Python package raises on purpose, all in `lighting.errors`. `str(error)` is one sentence for people.
 `error.code` and `error.field` are for programs: what is wrong, and with which parameter.
-{_WRITTEN}
+{WRITTEN}
 """
     rows = (
         (f"`{kind.__name__}`", _bases(kind), f"`{kind.default_code}`", _first_paragraph(kind)) for kind in _exceptions()
     )
-    table = _table(("exception", "is also", "code", "when"), rows)
+    table = write_table(("exception", "is also", "code", "when"), rows)
     codes = ["## Codes of errors", "", *_members(ErrorCode)]
     warned = [
         "## Codes of warnings",
@@ -184,7 +187,7 @@ def _exceptions() -> list[type[LightingError]]:
 
 
 def _first_paragraph(kind: type) -> str:
-    return _prose(cleandoc(kind.__doc__ or "").partition("\n\n")[0])
+    return escape_marks(cleandoc(kind.__doc__ or "").partition("\n\n")[0])
 
 
 def _bases(kind: type) -> str:
@@ -194,7 +197,7 @@ def _bases(kind: type) -> str:
 def _members(codes: type[StrEnum]) -> list[str]:
     """The table of an enumeration's values."""
     told = member_docstrings(codes)
-    return _table(("code", "meaning"), ((f"`{code}`", _prose(told[code.name])) for code in codes))
+    return write_table(("code", "meaning"), ((f"`{code}`", escape_marks(told[code.name])) for code in codes))
 
 
 def write_fields() -> str:
@@ -202,7 +205,7 @@ def write_fields() -> str:
     head = f"""# Fields
 
 What the records of the Python package hold: type, unit, range and meaning, as `help` prints them.
-{_WRITTEN}
+{WRITTEN}
 """
     return "\n".join([head, *(line for record in _RECORDS for line in _record_section(record))])
 
@@ -211,7 +214,7 @@ def _record_section(record: Any) -> list[str]:
     told = field_docstrings(record)
     types = {field.name: field.type for field in fields(record)}
     rows = ((f"`{name}`", f"`{_type(types[name])}`", text) for name, text in told.items())
-    return [f"## {record.__name__}", "", *_table(("field", "type", "meaning"), rows)]
+    return [f"## {record.__name__}", "", *write_table(("field", "type", "meaning"), rows)]
 
 
 def _type(content: Any) -> str:
@@ -220,26 +223,13 @@ def _type(content: Any) -> str:
     return _ARRAY.sub(r"NDArray[\1]", text)
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """The lines of a table, and the empty one after it."""
-    lines = [head, ["---"] * len(head), *([_cell(text) for text in row] for row in rows)]
-    return [*(f"| {' | '.join(line)} |" for line in lines), ""]
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
-
-
-def _prose(text: str) -> str:
-    """A help text or a docstring as Markdown, which takes no letter of it for a mark."""
-    return re.sub(r"(`[^`]*`)|(\*|<(?=\w))", lambda found: found[1] or f"\\{found[2]}", text)
-
-
 PAGES: dict[str, Callable[[], str]] = {
     "command-line.md": write_command_line,
     "exceptions.md": write_exceptions,
     "fields.md": write_fields,
+    "http.md": write_http,
     "problems.md": write_problems,
+    "python.md": write_python,
     "settings.md": write_settings,
 }
 

@@ -1,4 +1,4 @@
-"""The web page that vite builds from server/web; the built files lie in the repository and in the wheel."""
+"""The web page that vite builds from server/web, and the book; both lie in the repository and in the wheel."""
 
 import gzip
 from functools import lru_cache
@@ -9,8 +9,10 @@ from pathlib import Path
 from anyio import to_thread
 from fastapi import APIRouter, Request
 from starlette.exceptions import HTTPException
-from starlette.responses import FileResponse, Response
+from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.staticfiles import NotModifiedResponse, StaticFiles
+
+from server.book import FILES, PICTURES, Book
 
 _FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
@@ -57,6 +59,52 @@ def make_page_router(bundle: Path = BUNDLE, photo: Path | None = None) -> APIRou
         return await _serve_file(assets, path, request, _CACHE_FOREVER)
 
     return router
+
+
+def make_book_router(book: Book | None = None) -> APIRouter:
+    """The routes of the book.
+
+    Args:
+        book: None takes this package's.
+    """
+    router = APIRouter(include_in_schema=False)
+    shown = book or Book()
+    files = {".css": StaticFiles(directory=FILES), ".js": StaticFiles(directory=FILES)}
+    files |= dict.fromkeys(PICTURES, StaticFiles(directory=shown.docs, check_dir=False))
+
+    @router.get("/book")
+    async def start() -> Response:
+        return RedirectResponse("book/", 308)
+
+    @router.get("/book/{path:path}")
+    async def page(request: Request, path: str) -> Response:
+        if path == "search.json":
+            return await _serve_text(await to_thread.run_sync(lambda: shown.search_index), "application/json", request)
+        if found := shown.find_page(path):
+            return await _serve_text(await to_thread.run_sync(shown.render_page, found), "text/html", request)
+        suffix = Path(path).suffix
+        if suffix not in files:
+            raise HTTPException(404)
+        return await _serve_file(files[suffix], path, request, "no-cache")
+
+    return router
+
+
+async def _serve_text(data: bytes, kind: str, request: Request) -> Response:
+    """A text that is in memory, gzipped if the client accepts that."""
+    headers = {"Cache-Control": "no-cache", "Vary": "Accept-Encoding", "ETag": f'"{sha256(data).hexdigest()[:32]}"'}
+    if _accepts_gzip(request):
+        data = await to_thread.run_sync(_gzip_text, data)
+        headers |= {"Content-Encoding": "gzip", "ETag": f'"{sha256(data).hexdigest()[:32]}"'}
+    response = Response(data, media_type=kind, headers=headers)
+    if f"{headers['ETag']}" in request.headers.get("if-none-match", ""):
+        return NotModifiedResponse(response.headers)
+    return response
+
+
+@lru_cache(_KEPT_FILES)
+def _gzip_text(data: bytes) -> bytes:
+    return gzip.compress(data, mtime=0)
 
 
 async def _serve_file(files: StaticFiles, path: str, request: Request, cache_control: str) -> Response:

@@ -78,7 +78,7 @@ def test_the_book_is_short() -> None:
     assert sum(pages.values()) <= MOST_WORDS, pages
 
 
-@pytest.mark.parametrize("name", BUDGETS)
+@pytest.mark.parametrize("name", PAGES)
 def test_every_block_has_a_language_and_is_run_or_says_why_not(name: str) -> None:
     for block in read_code_blocks(existing(name)):
         assert block.language in {"sh", "python", *NOT_RUN}, block

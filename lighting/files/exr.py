@@ -216,20 +216,23 @@ def write_exr(
 ) -> None:
     """Write a map to a path or a binary stream.
 
-    Every program opens `zip`. It writes half floats, which change values by up to 5e-4 of each, by up to 2 % amid
-    texture, and the light by less than 1e-3. Where half floats do not hold a map, it writes 32-bit floats, changed by
-    up to 6e-5. The others always write these: `pxr24` changes up to 1.6e-5, `none` nothing.
-    Raises EnvironmentMapError for another shape or compression, attributes that OpenEXR does not know, and a target
-    that cannot be written.
+    Every program opens `zip`. It writes half floats, or 32-bit floats where half floats do not hold the map. `pxr24`
+    and `none` always write 32-bit floats.
 
     Args:
-        target: path, which appears when the file is whole, or binary stream.
+        target: a path, where the file appears when it is whole, or a binary stream.
         image: (H, 2H, 3) linear Rec.709.
-        lighting: for the header, else ParameterError; None: without.
-        attributes: beside those of the lighting: texts, floats and what else OpenEXR knows; None: no others.
-        compression: one of COMPRESSIONS.
-        probe: the map's, for the header; None: without.
-        colours: of the file, one of `color.COLOR_SPACES`; lighting and probe stay in Rec.709.
+        lighting: for the header; None: without.
+        attributes: more for the header: texts, numbers and what else OpenEXR knows; None: no others.
+        compression: zip, pxr24 or none. `zip` changes a value by up to 5e-4 of itself, amid texture by 0.02, and the
+            light by less than 1e-3; `pxr24` changes a value by 1.6e-5, `none` by nothing.
+        probe: the map's light probe, for the header; None: without.
+        colours: primaries of the file: rec709, acescg or linear-p3. Lighting and probe stay in Rec.709.
+
+    Raises:
+        EnvironmentMapError: the map has another shape, OpenEXR does not know an attribute, or the target cannot be
+            written.
+        ParameterError: `lighting` is no Lighting.
     """
     import OpenEXR
 
@@ -270,11 +273,13 @@ def write_exr(
 
 
 def read_exr(source: WriteTarget) -> tuple[Image, Lighting | None]:
-    """The pixels (H, W, 3) of an EXR file in linear Rec.709, and the lighting in its header or None.
+    """Read an EXR file: its pixels (H, W, 3) in linear Rec.709, and the lighting in its header or None.
 
     Args:
-        source: path or binary stream of a whole file with R, G and B, half or float, else EnvironmentMapError. So for
-            more than 64 million pixels, or more than a gigabyte of all channels.
+        source: path or binary stream of a file with R, G and B, half or float.
+
+    Raises:
+        EnvironmentMapError: it is no such file, is cut short, or has over 64 million pixels or a gigabyte of channels.
     """
     data = _read(source)
     if not _is_whole(data):

@@ -37,6 +37,7 @@ from lighting.scene import EXPORTERS
 from server.app import create_app
 from server.settings import Settings
 from server.static_page import BUNDLE
+from tests.helpers.browser import Seen, missing, visit_feature
 from tests.helpers.cameras import picture, texture
 from tests.helpers.photos import phone
 
@@ -44,7 +45,6 @@ ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "railway_field.jpg"
 NOON = ROOT / "examples" / "rome" / "noon_steps.jpg"
 DATED = "dated.jpg"  # the same with its time and focal length, and without its location
-PATIENCE = 900.0  # seconds
 FIRST_VIEW = 150_000  # bytes, compressed, without the pictures of examples
 FIRST_PICTURES = 400_000  # bytes
 SHADOW_RATIO = 0.75  # of the light that is left in the object's shadow, at most: sun and sky of a clear day
@@ -55,26 +55,7 @@ SAVE_OPTIONS: dict[str, dict[str, Any]] = {
     "lossless.webp": {"lossless": True},
 }
 
-Seen = dict[str, Any]  # what a visitor saw
 Visit = Callable[[str], Seen]
-
-
-def chromium() -> str | None:
-    """The browser's program."""
-    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-
-
-def missing() -> str:
-    """What a visit lacks here, as a sentence; empty if nothing."""
-    if not shutil.which("node"):
-        return "node is not installed"
-    if not chromium():
-        return "chromium is not installed"
-    if not (BUNDLE / "index.html").is_file():
-        return "the page is not built: run npm ci && npm run build in server/web"
-    if not (BUNDLE.parent / "node_modules" / "playwright-core").is_dir():
-        return "playwright-core is not installed: run npm ci in server/web"
-    return ""
 
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")]
@@ -103,15 +84,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def visits(url: str, folder: Path) -> Visit:
     """Visits a feature of the page, each once, and returns what the visitor saw."""
-    files = json.dumps(write_files(folder))
+    files = write_files(folder)
 
     @cache
     def visit(feature: str) -> Seen:
-        command = ["node", str(ROOT / "tests" / "browser" / "run.mjs"), url, str(chromium()), feature, files]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
-        assert done.returncode == 0, done.stderr
-        seen: Seen = json.loads(done.stdout)
-        return seen
+        return visit_feature(url, feature, files)
 
     return visit
 

@@ -21,7 +21,9 @@ def blocks(page: Path, name: str) -> list[str]:
 def anchors(page: Path) -> set[str]:
     """The fragments by which a page's headings can be linked, as GitHub forms them."""
     headings = re.findall(r"^#+ (.*)$", text(page), re.MULTILINE)
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+    slugs = [re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings]
+    before = [slugs[:number].count(slug) for number, slug in enumerate(slugs)]
+    return {f"{slug}-{count}" if count else slug for slug, count in zip(slugs, before, strict=True)}
 
 
 def links(page: Path) -> list[str]:
