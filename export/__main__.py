@@ -57,16 +57,32 @@ def _label(data: Path, out: Path, workers: int) -> None:
     label_folder(data, out, workers)
 
 
+@export_cli.group("data")
+def _data_group() -> None:
+    """Say what a folder of training data holds."""
+
+
+@_data_group.command("list")
+@_data
+@_option("--out", "CSV file to write.", FILE, "export/data/sources.csv")
+def _list(data: Path, out: Path) -> None:
+    """List every panorama and photo: address, licence, label and checksum."""
+    from export.data.sources import list_sources
+
+    click.echo(list_sources(data, out))
+
+
 @export_cli.command("synthesize")
 @_option("--out", "Folder to fill; places that it holds are kept.", default="runs/towns")
 @_option("--count", "Places in all.", click.IntRange(1), 1000)
+@_share("--val", 0.0, "Share of the places for `evaluate`; the rest is for training.")
 @_option("--height", "Rows of each panorama.", click.IntRange(32), 256)
 @_option("--samples", "JPEG file to write: one crop of each of the first 48 places.", FILE)
-def _synthesize(out: Path, count: int, height: int, samples: Path | None) -> None:
+def _synthesize(out: Path, count: int, val: float, height: int, samples: Path | None) -> None:
     """Render places with exact labels to train on; each takes two to three seconds on two cores."""
     from export.data.town_dataset import render_towns as run
 
-    run(out, count, height)
+    run(out, count, height, val)
     if samples:
         from export.training.dataset import write_samples
 

@@ -67,7 +67,7 @@ def write_table(path: str | Path, header: Sequence[str], rows: Iterable[Iterable
 
 INDEX = "panoramas.csv"
 REQUIRED = ("name", "file", "kind", "place", "split")
-OPTIONAL = ("sun", "direct", "scene", "label", "licence", "notes")  # and the numbers below
+OPTIONAL = ("sun", "direct", "scene", "label", "licence", "notes", "source")  # and the numbers below
 CHOICES = {
     "kind": ("ldr", "hdr"),
     "split": ("train", "val"),
@@ -105,6 +105,7 @@ class Panorama:
     label: str = ""  # who or what determined the sun's direction
     licence: str = ""
     notes: str = ""  # known defects
+    source: str = ""  # where the picture was published, as the index states it
 
     @property
     def sky_is_altered(self) -> bool:

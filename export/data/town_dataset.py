@@ -15,6 +15,7 @@ from lighting.geometry import Floats
 
 LABELS = "labels.csv"
 _SAVE_EVERY = 20  # places
+_ROUNDING = 1e-9  # so that five times 0.2 is one
 _GROUND_RADIUS = 12.0  # m around the camera, where sunlight on the ground counts
 _GROUND_POINTS = 400
 _MIN_DIRECT, _MIN_PARTLY = 0.25, 0.03  # shares of the sunlight for direct light to be "yes" and "partly"
@@ -56,13 +57,14 @@ def _make_label(name: str, sky: Sky, lit: float) -> Label:
     return replace(label, turbidity=light.turbidity, exposure=light.exposure, fit_residual=0.0, fit_ok=True)
 
 
-def render_towns(folder: Path, count: int, height: int) -> None:
+def render_towns(folder: Path, count: int, height: int, val: float = 0.0) -> None:
     """Render towns until the folder holds `count`; continues where an earlier call stopped.
 
     Args:
         folder: to fill.
         count: towns in all.
         height: rows of each panorama.
+        val: share of the towns that are of the split `val`, 0 to 1, evenly over their numbers.
     """
     root = folder.resolve()
     (root / "panoramas").mkdir(parents=True, exist_ok=True)
@@ -70,7 +72,7 @@ def render_towns(folder: Path, count: int, height: int) -> None:
     panoramas = read_index(root)[: len(labels)] if labels else []  # the index is written first: it may hold more
     for number in tqdm(range(len(labels), count), initial=len(labels), total=count, unit="place"):
         rendered = _render_town(number, height)
-        panoramas.append(_index_row(rendered, root))
+        panoramas.append(_index_row(rendered, root, _split_of(number, val)))
         labels.append(rendered.label)
         write_exr(panoramas[-1].path, rendered.radiance)
         if number + 1 == count or (number + 1) % _SAVE_EVERY == 0:
@@ -78,11 +80,16 @@ def render_towns(folder: Path, count: int, height: int) -> None:
             write_labels(labels, root / LABELS)
 
 
-def _index_row(rendered: _TownPanorama, root: Path) -> Panorama:
+def _split_of(number: int, val: float) -> str:
+    """The split of town `number`, the same however many towns there will be."""
+    return "val" if int((number + 1) * val + _ROUNDING) > int(number * val + _ROUNDING) else "train"
+
+
+def _index_row(rendered: _TownPanorama, root: Path, split: str) -> Panorama:
     label = rendered.label
     has_sun = label.sun_source != "none"
     path = root / "panoramas" / f"{rendered.name}.exr"
     sun = "none" if not has_sun else "visible" if rendered.sun_visible else "inferred"
     azimuth, elevation, std = (label.sun_azimuth, label.sun_elevation, 1.0) if has_sun else (None, None, None)
     name, more = rendered.name, (label.direct, *RENDERED)
-    return Panorama(name, path, "hdr", name, "train", sun, azimuth, elevation, std, *more)
+    return Panorama(name, path, "hdr", name, split, sun, azimuth, elevation, std, *more)

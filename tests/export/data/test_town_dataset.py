@@ -39,6 +39,13 @@ def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
     assert np.isfinite(crop.linear).all()
 
 
+@pytest.mark.parametrize(
+    ("share", "numbers"), [(0.2, [4, 9]), (0.5, [1, 3, 5, 7, 9]), (0.0, []), (1.0, list(range(10)))]
+)
+def test_a_share_of_the_towns_is_held_out_evenly(share: float, numbers: list[int]) -> None:
+    assert [number for number in range(10) if town_dataset._split_of(number, share) == "val"] == numbers
+
+
 @pytest.mark.usefixtures("llvm")
 def test_visible_suns_are_found_where_the_labels_have_them() -> None:
     errors = []

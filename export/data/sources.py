@@ -1,0 +1,131 @@
+"""What a folder of training data holds, so that anyone can see what was learnt from: `sources.csv` beside this file.
+
+A list of facts and addresses. No picture is in it.
+"""
+
+import hashlib
+import re
+from collections.abc import Iterator
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+from export.data.panoramas import INDEX, DataError, Panorama, is_permissive, read_index, read_table, write_table
+
+_PHOTO_TABLES = {"photos_train.csv": "train", "photos.csv": "val", "unsuitable.csv": "train"}  # with their splits
+_PICTURE = re.compile(r"\.(jpe?g|png|webp|tiff?|heic|hdr|exr)$", re.IGNORECASE)
+_CUBE_FACE = re.compile(r"(?:^|[/_])(?:[bdflru]|[pn][xyz]|(?:pos|neg)[xyz])\.\w+$", re.IGNORECASE)
+_STITCHED = re.compile(r"\bstitched\b|\bcube (?:tiles|faces|to equirect)")
+
+
+@dataclass(frozen=True)
+class _SourceRow:
+    """One picture; empty where nothing is known. Angles in deg, as in export/README.md."""
+
+    table: str  # file of the folder that lists the picture
+    file: str
+    split: str
+    place: str  # of a panorama
+    stitched: str  # "yes" for a panorama made of tiles or cube faces; "no" for one published as it is
+    sun: str  # of a panorama as in its index; of a photo "known" or "unknown"
+    sun_azimuth: str
+    sun_elevation: str
+    sun_uncertainty: str
+    direct: str
+    label: str  # who or what says so
+    licence: str  # as it was found
+    permissive: str  # "yes" if `train --licensed-only` uses it
+    address: str
+    path: str  # at that address; of a stitched panorama the tiles' folder, first name or one face
+    version: str  # first digits of the published file's hash
+    sha256: str  # of our file
+
+
+def list_sources(data: Path, out: Path) -> str:
+    """Write one row per panorama and photo of a folder; returns a sentence that counts them.
+
+    Args:
+        data: the folder, with `panoramas.csv`.
+        out: the CSV file to write.
+
+    Raises:
+        DataError: for a table or picture that is missing or cannot be read.
+    """
+    panoramas = [_panorama_row(panorama, data.resolve()) for panorama in read_index(data)]
+    photos = [row for name in _PHOTO_TABLES for row in _photo_rows(data, name)]
+    rows = [*panoramas, *photos]
+    write_table(out, [field.name for field in fields(_SourceRow)], map(astuple, rows))
+    learnt = sum(row.split == "train" for row in rows)
+    return (
+        f"{out}: {len(panoramas)} panoramas and {len(photos)} photos, {learnt} of them to learn from; "
+        f"{sum(row.permissive == 'yes' for row in rows)} state a permissive licence."
+    )
+
+
+def _panorama_row(panorama: Panorama, root: Path) -> _SourceRow:
+    address, path, version = _split_source(panorama.source)
+    angles = (panorama.sun_azimuth, panorama.sun_elevation, panorama.sun_uncertainty)
+    return _SourceRow(
+        INDEX,
+        panorama.path.relative_to(root).as_posix(),
+        panorama.split,
+        panorama.place,
+        "yes" if _is_stitched(path, panorama.notes) else "no",
+        panorama.sun,
+        *("" if value is None else f"{value:g}" for value in angles),
+        panorama.direct,
+        panorama.label,
+        panorama.licence or "unknown",
+        "yes" if is_permissive(panorama.licence) else "no",
+        address,
+        path,
+        version,
+        _hash_file(panorama.path),
+    )
+
+
+def _photo_rows(data: Path, name: str) -> Iterator[_SourceRow]:
+    """The rows of one table of photos; none if the folder lacks it."""
+    if not (data / name).is_file():
+        return
+    for row in read_table(data / name, ("file", "licence", "source")):
+        address, path, version = _split_source(row["source"])
+        angles = (row.get("sun_azimuth", ""), row.get("sun_elevation", ""), row.get("expected_azimuth_error", ""))
+        yield _SourceRow(
+            name,
+            row["file"],
+            _PHOTO_TABLES[name],
+            "",
+            "",
+            "known" if angles[1] else "unknown",
+            *angles,
+            row.get("direct", ""),
+            row.get("label_source") or row.get("kind", ""),
+            row["licence"] or "unknown",
+            "yes" if is_permissive(row["licence"]) else "no",
+            address,
+            path,
+            version,
+            _hash_file(data / row["file"]),
+        )
+
+
+def _split_source(source: str) -> tuple[str, str, str]:
+    """Address, path and version of OWNER/REPOSITORY:PATH@VERSION or pypi-PACKAGE:PATH; the address may be unknown."""
+    where, _, path = source.partition(":")
+    path, _, version = path.partition("@")
+    if where.startswith("pypi-"):
+        return f"https://pypi.org/project/{where.removeprefix('pypi-')}/", path, version
+    return (f"https://github.com/{where}" if where.count("/") == 1 else ""), path, version
+
+
+def _is_stitched(path: str, notes: str) -> bool:
+    """Whether tiles or cube faces were published: the notes say it, or the path names no whole picture."""
+    named = bool(path) and (not _PICTURE.search(path) or bool(_CUBE_FACE.search(path)))
+    return named or bool(_STITCHED.search(notes))
+
+
+def _hash_file(path: Path) -> str:
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError as error:
+        raise DataError(f"{path} cannot be read: {error.strerror or error}.") from error
