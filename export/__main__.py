@@ -224,19 +224,28 @@ def _onnx(
 @_flag("--with-metadata", "Also score answers with simulated time, place, compass and lens, and with several views.")
 @_flag("--relight", "Also relight objects with the estimated environment maps, and judge their light by weather.")
 @_flag("--failures", "Also write the worst crops; they show pictures of the data, so do not publish them.")
-@_flag("--card", "Also write the model card and figures beside the network, the reliability diagram into docs.")
+@_flag("--card", "Also write the model card and metrics.json beside the network, and the pages' figures and diagram.")
 def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **settings: Any) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.evaluation.evaluate import Options
     from export.evaluation.evaluate import evaluate_networks as run
-    from export.evaluation.model_card import write_card
+    from export.evaluation.model_card import publish_evaluation
     from lighting.model import packaged_model
 
     options = Options(**settings, models=(model or packaged_model(), *compare))
     evaluation = run(options)
     click.echo(evaluation.report)
     if card:
-        write_card(evaluation, options)
+        publish_evaluation(evaluation, options)
+
+
+@export_cli.command("card")
+@_option("--folder", "Folder with metrics.json and the network. [default: the package's]")
+def _card(folder: Path | None) -> None:
+    """Write the model card and the figures of README and docs again, from metrics.json."""
+    from export.evaluation.model_card import write_card
+
+    click.echo(write_card(folder))
 
 
 @export_cli.command("explain")

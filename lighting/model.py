@@ -23,7 +23,7 @@ PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "verti
 _LIGHT_OUTPUT = ("sun_red", "sun_green", "sun_blue", "sky_red", "sky_green", "sky_blue", "cover", "suitable")
 OUTPUTS = ("sun_probability", "parameters")
 OPTIONAL_OUTPUTS = {"light": (len(_LIGHT_OUTPUT),), "around": SURROUNDINGS_SHAPE}  # of which `around` needs `light`
-MODEL_CARD = "MODEL_CARD.md"  # beside a network's file
+MODEL_CARD, METRICS = "MODEL_CARD.md", "metrics.json"  # beside a network's file; a user's may have neither
 
 
 class Model:
@@ -124,16 +124,6 @@ def model_or_packaged(model: object) -> Model:
         sentence = f"A Model is needed, not {type(model).__name__}; in lighting.model, Model.load reads a file."
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
     return model
-
-
-def figures_path(spec: ModelSpec, folder: Path) -> Path:
-    """Return where the measured accuracy of a network lies, as JSON; a network of the user's may have none.
-
-    Args:
-        spec: the network's.
-        folder: the network's.
-    """
-    return folder / f"{spec.name}-{spec.version}.json"
 
 
 def packaged_model() -> Path:

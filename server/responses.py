@@ -15,7 +15,7 @@ from fastapi.responses import JSONResponse
 from lighting.envmap.latlong import Image
 from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
-from lighting.model import figures_path
+from lighting.model import METRICS
 from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Json, Lighting, ModelSpec, SunDistribution, record_with_coefficients, warning_code
 from lighting.sky import SKY_MODEL
@@ -174,5 +174,7 @@ def read_accuracy(spec: ModelSpec, folder: Path) -> Json:
         spec: names the network.
         folder: the network's folder.
     """
-    path = figures_path(spec, folder)
-    return dict(json.loads(path.read_text(encoding="utf-8"))["accuracy"]) if path.is_file() else {}
+    path = folder / METRICS
+    metrics = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    is_of_network = (metrics.get("name"), metrics.get("version")) == (spec.name, spec.version)
+    return dict(metrics["accuracy"]) if is_of_network else {}

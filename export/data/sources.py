@@ -63,23 +63,24 @@ def list_sources(data: Path, out: Path) -> str:
 
 def _panorama_row(panorama: Panorama, root: Path) -> _SourceRow:
     address, path, version = _split_source(panorama.source)
-    angles = (panorama.sun_azimuth, panorama.sun_elevation, panorama.sun_uncertainty)
     return _SourceRow(
-        INDEX,
-        panorama.path.relative_to(root).as_posix(),
-        panorama.split,
-        panorama.place,
-        "yes" if _is_stitched(path, panorama.notes) else "no",
-        panorama.sun,
-        *("" if value is None else f"{value:g}" for value in angles),
-        panorama.direct,
-        panorama.label,
-        panorama.licence or "unknown",
-        "yes" if is_permissive(panorama.licence) else "no",
-        address,
-        path,
-        version,
-        _hash_file(panorama.path),
+        table=INDEX,
+        file=panorama.path.relative_to(root).as_posix(),
+        split=panorama.split,
+        place=panorama.place,
+        stitched="yes" if _is_stitched(path, panorama.notes) else "no",
+        sun=panorama.sun,
+        sun_azimuth=_format_angle(panorama.sun_azimuth),
+        sun_elevation=_format_angle(panorama.sun_elevation),
+        sun_uncertainty=_format_angle(panorama.sun_uncertainty),
+        direct=panorama.direct,
+        label=panorama.label,
+        licence=panorama.licence or "unknown",
+        permissive="yes" if is_permissive(panorama.licence) else "no",
+        address=address,
+        path=path,
+        version=version,
+        sha256=_hash_file(panorama.path),
     )
 
 
@@ -89,24 +90,29 @@ def _photo_rows(data: Path, name: str) -> Iterator[_SourceRow]:
         return
     for row in read_table(data / name, ("file", "licence", "source")):
         address, path, version = _split_source(row["source"])
-        angles = (row.get("sun_azimuth", ""), row.get("sun_elevation", ""), row.get("expected_azimuth_error", ""))
         yield _SourceRow(
-            name,
-            row["file"],
-            _PHOTO_TABLES[name],
-            "",
-            "",
-            "known" if angles[1] else "unknown",
-            *angles,
-            row.get("direct", ""),
-            row.get("label_source") or row.get("kind", ""),
-            row["licence"] or "unknown",
-            "yes" if is_permissive(row["licence"]) else "no",
-            address,
-            path,
-            version,
-            _hash_file(data / row["file"]),
+            table=name,
+            file=row["file"],
+            split=_PHOTO_TABLES[name],
+            place="",
+            stitched="",
+            sun="known" if row.get("sun_elevation") else "unknown",
+            sun_azimuth=row.get("sun_azimuth", ""),
+            sun_elevation=row.get("sun_elevation", ""),
+            sun_uncertainty=row.get("expected_azimuth_error", ""),
+            direct=row.get("direct", ""),
+            label=row.get("label_source") or row.get("kind", ""),
+            licence=row["licence"] or "unknown",
+            permissive="yes" if is_permissive(row["licence"]) else "no",
+            address=address,
+            path=path,
+            version=version,
+            sha256=_hash_file(data / row["file"]),
         )
+
+
+def _format_angle(angle: float | None) -> str:
+    return "" if angle is None else f"{angle:g}"
 
 
 def _split_source(source: str) -> tuple[str, str, str]:

@@ -14,6 +14,7 @@ from export.evaluation.failures import ScoredCrops, diagnostic_sections
 from export.evaluation.irradiance import light_report
 from export.evaluation.metadata import evidence_report, in_view_evidence, simulate_metadata
 from export.evaluation.metrics import select_crops, sun_error
+from export.evaluation.metrics_file import NetworkMetrics, collect_metrics, write_metrics
 from export.evaluation.multi_view import groups_report
 from export.evaluation.predictions import (
     CROPS_EACH,
@@ -24,7 +25,7 @@ from export.evaluation.predictions import (
     sun_centered_views,
 )
 from export.evaluation.relighting import relight
-from export.evaluation.report import Figures, format_report, in_view_report, photo_report, stated_figures
+from export.evaluation.report import format_report, in_view_report, photo_report, stated_figures
 from lighting.color import tone_map
 from lighting.files.atomic import atomic_write
 from lighting.model import Model
@@ -48,14 +49,14 @@ class Options:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """The report in Markdown, and our network's figures by protocol."""
+    """The report in Markdown, and all its figures."""
 
     report: str
-    figures: dict[str, Figures]
+    metrics: NetworkMetrics
 
 
 def evaluate_networks(options: Options) -> Evaluation:
-    """Score the networks on the `val` split and write the report.
+    """Score the networks on the `val` split; write the report, and its figures as metrics.json.
 
     Args:
         options: data, networks, what the report holds and where it goes.
@@ -78,7 +79,11 @@ def evaluate_networks(options: Options) -> Evaluation:
     text = "\n\n".join([*_sections(options, models, sources, crops), *lit]) + "\n"
     with atomic_write(options.out / "report.md") as path:
         path.write_text(text)
-    return Evaluation(text, {p: stated_figures(c.truth, c.answers[c.ours]) for p, c in crops.items()})
+    ours = next(iter(models))
+    figures = {p: stated_figures(c.truth, c.answers[ours]) for p, c in crops.items()}
+    metrics = collect_metrics(options.models[0], options.data, text, figures, ours)
+    write_metrics(metrics, options.out)
+    return Evaluation(text, metrics)
 
 
 def _score(models: dict[str, Model], training: list[Label], sources: list[Source], protocol: str) -> ScoredCrops:

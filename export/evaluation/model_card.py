@@ -1,26 +1,36 @@
-"""The model card: what the network is for, what it was trained on, how accurate it is, where it fails."""
+"""The model card, and what the pages say of accuracy: both are written from metrics.json, so no figure is typed."""
 
-import os
+import re
 import shutil
-from collections.abc import Sequence
-from datetime import UTC, datetime
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+from textwrap import fill
 
 from export.data.labels import check_rendered, read_labels, sun_agreement
-from export.data.panoramas import Panorama, is_permissive, read_index
+from export.data.panoramas import DataError, read_index
 from export.evaluation.evaluate import Evaluation, Options
 from export.evaluation.failures import RELIABILITY_FILE
-from export.evaluation.report import write_figures
+from export.evaluation.metrics import markdown_table
+from export.evaluation.metrics_file import Cell, NetworkMetrics, read_metrics, write_metrics
 from lighting.files.atomic import atomic_write
-from lighting.model import MODEL_CARD, Model, network_sha256, weights_path
+from lighting.model import METRICS, MODEL_CARD, packaged_model
 
 ROOT = Path(__file__).parents[2]
-CAPTION = "True suns inside the region that holds a given probability, by that probability"
 TEMPLATE = Path(__file__).with_name("card_template.md")
+RELIABILITY = Path("docs") / "images" / RELIABILITY_FILE
+PAGES = ("README.md", "docs/understand/trust.md")  # which cite figures between marks
+_MARKED = re.compile(r"(<!-- metrics: (\w+) -->\n?).*?(\n?<!-- /metrics -->)", re.DOTALL)
+_PROTOCOLS = {"paper": "level camera", "phone": "as phones are held"}
+_WIDTH = 120  # columns of a paragraph
+_OTHERS = {  # rows of other methods, by how the name in the report begins
+    "cvpr2017": "sun, network as in CVPR 2017",
+    "constant direction": "sun, best constant",
+}
 
 
-def write_card(evaluation: Evaluation, options: Options) -> Path:
-    """Write the card and the figures of the first network beside it, its reliability diagram into docs/images/.
+def publish_evaluation(evaluation: Evaluation, options: Options) -> Path:
+    """Write metrics.json and the card beside our network, the reliability diagram and the pages' figures into docs.
 
     Returns the card's path.
 
@@ -28,57 +38,172 @@ def write_card(evaluation: Evaluation, options: Options) -> Path:
         evaluation: its report and figures.
         options: of that evaluation; its first network is ours.
     """
-    model = options.models[0]
-    target, docs = model.parent / MODEL_CARD, ROOT / "docs" / "images"
-    train, val = read_index(options.data, "train"), read_index(options.data, "val")
-    given = sun_agreement([*train, *val], read_labels(options.labels))
-    loaded = Model.load(model)
-    values = {
-        **_of_model(loaded, model),
-        **_of_data(train, val),
-        "agreement": f"- Given suns: {given}\n- Skies that the project renders: {check_rendered()}",
-        "report": evaluation.report.strip(),
-        "reliability": f"![{CAPTION}]({_publish(options.out / RELIABILITY_FILE, docs, target)})",
-        "date": datetime.now(UTC).date(),
-    }
+    panoramas = read_index(options.data)
+    labels = (
+        f"Given suns: {sun_agreement(panoramas, read_labels(options.labels))}",
+        f"Skies that the project renders: {check_rendered()}",
+    )
+    folder = options.models[0].parent
+    write_metrics(replace(evaluation.metrics, labels=labels), folder)
+    with atomic_write(ROOT / RELIABILITY) as path:
+        shutil.copyfile(options.out / RELIABILITY_FILE, path)
+    return write_card(folder)
+
+
+def write_card(folder: Path | None = None) -> Path:
+    """Write the card from metrics.json; if that is of the network in the package, the pages' figures, too.
+
+    Returns the card's path.
+
+    Args:
+        folder: of the network and metrics.json; None for the package's.
+
+    Raises:
+        DataError: there is no metrics.json, or a page asks for figures that are none.
+    """
+    packaged = packaged_model().parent
+    metrics = read_metrics((folder or packaged) / METRICS)
+    target = (folder or packaged) / MODEL_CARD
     with atomic_write(target) as path:
-        path.write_text(TEMPLATE.read_text(encoding="utf-8").format(**values), encoding="utf-8")
-    write_figures(loaded.spec, evaluation.figures, model.parent)
+        path.write_text(render_card(metrics), encoding="utf-8")
+    if target.parent.resolve() == packaged.resolve():
+        for page in (ROOT / name for name in PAGES if (ROOT / name).is_file()):
+            text = fill_figures(page.read_text(encoding="utf-8"), metrics)
+            with atomic_write(page) as path:
+                path.write_text(text, encoding="utf-8")
     return target
 
 
-def _publish(picture: Path, docs: Path, card: Path) -> str:
-    """Copy a picture into `docs`; returns its link from the card."""
-    with atomic_write(docs / picture.name) as path:
-        shutil.copyfile(picture, path)
-    return Path(os.path.relpath(docs / picture.name, card.parent)).as_posix()
+def render_card(metrics: NetworkMetrics) -> str:
+    """The card's text.
+
+    Args:
+        metrics: of the network.
+    """
+    values = {
+        **metrics.network,
+        **metrics.data,
+        "name": metrics.name,
+        "version": metrics.version,
+        "date": metrics.date,
+        **_texts(metrics),
+    }
+    return TEMPLATE.read_text(encoding="utf-8").format(**values)
 
 
-def _of_model(loaded: Model, path: Path) -> dict[str, object]:
-    spec = loaded.spec
-    metadata = loaded.session.get_modelmeta().custom_metadata_map
+def fill_figures(page: str, metrics: NetworkMetrics) -> str:
+    """A page with the figures between its marks `<!-- metrics: NAME -->` and `<!-- /metrics -->` as they are now.
+
+    Args:
+        page: its text; NAME is `line`, `table` or `limits`.
+        metrics: of the network.
+
+    Raises:
+        DataError: a mark has another name.
+    """
+    texts = _texts(metrics)
+
+    def filled(mark: re.Match[str]) -> str:
+        if mark[2] not in texts:
+            raise DataError(f"There are no figures {mark[2]!r}, only {', '.join(texts)}.")
+        return f"{mark[1]}{texts[mark[2]]}{mark[3]}"
+
+    return _MARKED.sub(filled, page)
+
+
+def _texts(metrics: NetworkMetrics) -> dict[str, str]:
     return {
-        "name": spec.name,
-        "version": spec.version,
-        "grid": spec.sun_grid.rpartition(":")[2],
-        "width": spec.width,
-        "height": spec.height,
-        "training_data": spec.training_data,
-        "file": path.name,
-        "size": sum(file.stat().st_size for file in (path, weights_path(path)) if file.is_file()) / 1e6,
-        "sha256": network_sha256(path),
-        **{
-            key: metadata.get(key, "unknown")
-            for key in ("commit", "networks", "parity", "temperature", "elevation_scale")
-        },
+        "line": _accuracy_line(metrics),
+        "table": _accuracy_table(metrics),
+        "limits": fill(" ".join(_limits(metrics)), _WIDTH),
     }
 
 
-def _of_data(train: Sequence[Panorama], val: Sequence[Panorama]) -> dict[str, object]:
-    return {
-        "train": len(train),
-        "train_places": len({p.place for p in train}),
-        "permissive": sum(is_permissive(p.licence) for p in train),
-        "val": len(val),
-        "val_places": len({p.place for p in val}),
+def _accuracy_line(metrics: NetworkMetrics) -> str:
+    """One sentence about how far the sun is off."""
+    phone = metrics.accuracy["phone"]
+    return (
+        f"On photos of {metrics.data['val_places']} places that it never saw, half of its suns are within "
+        f"{phone['sun_median']:.0f}°, and {phone['within_45']:.0f} % within 45°."
+    )
+
+
+def _accuracy_table(metrics: NetworkMetrics) -> str:
+    """The table of the card and of the page about trust: medians in degrees and shares, by protocol."""
+    accuracy = [metrics.accuracy[protocol] for protocol in _PROTOCOLS]
+    rows = [
+        ["sun", *(f"{a['sun_median']:.1f}°" for a in accuracy)],
+        ["sun within 22.5° / 45°", *(f"{a['within_22_5']:.0f} % / {a['within_45']:.0f} %" for a in accuracy)],
+        ["sun's azimuth / elevation", *_angles(accuracy, "sun_azimuth_median", "sun_elevation_median")],
+        *_evidence_rows(metrics),
+        [
+            "true sun in the 50 % / 90 % region",
+            *(f"{a['in_50_region']:.0f} % / {a['in_90_region']:.0f} %" for a in accuracy),
+        ],
+        ["camera's elevation / roll", *_angles(accuracy, "camera_elevation_median", "camera_roll_median")],
+        ["vertical field of view", *(f"{a['vertical_fov_median']:.1f}°" for a in accuracy)],
+        *_other_rows(metrics),
+    ]
+    return markdown_table(["", *_PROTOCOLS.values()], rows)
+
+
+def _angles(accuracy: Iterable[dict[str, float | None]], *names: str) -> list[str]:
+    return [" / ".join(f"{a[name]:.1f}°" for name in names) for a in accuracy]
+
+
+def _evidence_rows(metrics: NetworkMetrics) -> list[list[str]]:
+    """What metadata gain, where the report has it."""
+    known = {
+        "sun, with time and place": "pixels + time+place",
+        "sun, with heading, too": "pixels + time+place + heading",
     }
+    return _measured_rows(metrics, {label: ("Metadata, protocol", "", row, "sun") for label, row in known.items()})
+
+
+def _other_rows(metrics: NetworkMetrics) -> list[list[str]]:
+    """Networks and baselines that the same report scores."""
+    paper = next(s for s in metrics.sections if s.title.startswith("Protocol `paper`"))
+    names = [name for name in paper.tables[0].rows if name != metrics.row]
+    labels = {name: next((t for start, t in _OTHERS.items() if name.startswith(start)), None) for name in names}
+    labels |= {name: f"sun, network {name.rpartition(' ')[2]}" for name in names if name.startswith(f"{metrics.name} ")}
+    return _measured_rows(
+        metrics, {text: ("Protocol", "Sun [", name, "median") for name, text in labels.items() if text}
+    )
+
+
+def _measured_rows(metrics: NetworkMetrics, wanted: dict[str, tuple[str, str, str, str]]) -> list[list[str]]:
+    """Rows of angles by protocol, without those that the report lacks."""
+    rows = []
+    for label, (section, table, row, column) in wanted.items():
+        cells = [metrics.figure(f"{section} `{protocol}`", table, row, column) for protocol in _PROTOCOLS]
+        if None not in cells:
+            rows.append([label, *(f"{cell:.1f}°" for cell in cells)])
+    return rows
+
+
+def _limits(metrics: NetworkMetrics) -> list[str]:
+    """Sentences about low and high suns, seen suns and ordinary photos, as far as the report knows."""
+    by_height = f"`{metrics.row}` by true sun elevation"
+    low = metrics.figure("Protocol `paper`", by_height, "sun 0 to 20°", "elevation bias")
+    high = metrics.figure("Protocol `paper`", by_height, "sun 45 to 90°", "elevation bias")
+    seen = metrics.figure("Sun in the picture", "Cameras", metrics.row, "median")
+    direct = metrics.figure("Real photos", "Direct sun", metrics.row, "sun")
+    shade = metrics.figure("Real photos", "All that have", metrics.row, "sun")
+    sentences = [
+        _signed("Suns lower than 20° are placed {}.", low),
+        _signed("Suns higher than 45° are placed {}.", high),
+        _sentence("A sun that the photo shows is found to {:.1f}°.", seen),
+        _sentence("In ordinary photos in direct sun the median error is {:.0f}°.", direct),
+        _sentence("Over all ordinary photos, most of them in shade or under cloud, it is {:.0f}°.", shade),
+    ]
+    return [sentence for sentence in sentences if sentence]
+
+
+def _sentence(text: str, value: Cell) -> str:
+    return text.format(value) if isinstance(value, float) else ""
+
+
+def _signed(text: str, value: Cell) -> str:
+    if not isinstance(value, float):
+        return ""
+    return text.format(f"{abs(value):.1f}° too {'high' if value > 0 else 'low'}")

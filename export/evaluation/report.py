@@ -1,9 +1,7 @@
 """Tables of each protocol and of ordinary photos, and the figures that the service returns."""
 
-import json
 import math
 from collections.abc import Sequence
-from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -30,12 +28,10 @@ from export.evaluation.metrics import (
     sun_figures,
 )
 from lighting.decoding import lighting_from_prediction
-from lighting.files.atomic import atomic_write
 from lighting.fusion.estimate import predict_photo
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
-from lighting.model import Model, figures_path
+from lighting.model import Model
 from lighting.photo.reader import Photo, read_photo
-from lighting.records import ModelSpec
 
 ELEVATIONS = ((0, 20), (20, 45), (45, 90))  # deg, bins of the true sun
 IN_VIEW = ("sun in view", "sky in view", "no sky")
@@ -210,7 +206,7 @@ def _by_scene(error: Floats, scenes: Names) -> float:
     return median(np.array([np.median(error[scenes == scene]) for scene in np.unique(scenes)]))
 
 
-# The figures of a network that its model card states and that the service returns, as JSON beside the network.
+# The figures of a network that the service returns, by names of their own.
 
 Figures = dict[str, float | None]
 
@@ -246,23 +242,3 @@ def stated_figures(truth: Truth, ours: Answers) -> Figures:
     measured = ((sun, SUN), (camera_figures(truth, ours), CAMERA_AND_SKY))
     stated = [(name, values[column], column_decimals(column)) for values, of in measured for column, name in of.items()]
     return {n: round(value, digits or None) if math.isfinite(value) else None for n, value, digits in stated}
-
-
-def write_figures(spec: ModelSpec, figures: dict[str, Figures], folder: Path) -> Path:
-    """Write the figures of each protocol into the network's folder; returns the file's path.
-
-    Args:
-        spec: name and version of the network.
-        figures: by protocol.
-        folder: of the network's file.
-    """
-    record = {
-        "name": spec.name,
-        "version": spec.version,
-        "date": datetime.now(UTC).date().isoformat(),
-        "accuracy": {protocol: values for protocol, values in figures.items() if None not in values.values()},
-    }
-    target = figures_path(spec, folder)
-    with atomic_write(target) as path:
-        path.write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
-    return target

@@ -10,9 +10,10 @@ import pytest
 from pydantic import ValidationError
 from starlette.requests import Request
 
-from export.evaluation.report import CAMERA_AND_SKY, SUN, write_figures
+from export.evaluation.metrics_file import collect_metrics, read_metrics, write_metrics
+from export.evaluation.report import CAMERA_AND_SKY, SUN, Figures
 from lighting.light_probe import compute_light_probe
-from lighting.model import MODEL_CARD, Model, packaged_model
+from lighting.model import METRICS, Model, packaged_model
 from lighting.photo.location import HeadingReference
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import PhotoCrop
@@ -131,27 +132,24 @@ def test_a_clients_copy_is_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> No
     assert _is_fresh(request(copy), 'W/"a"') is fresh
 
 
-def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path) -> None:
-    measured = {name: float(i) for i, name in enumerate([*SUN.values(), *CAMERA_AND_SKY.values()])}
-    write_figures(TINY, {"phone": {**measured}, "paper": {**measured, "sun_median": None}}, tmp_path)
+def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path, network: Path) -> None:
+    measured: Figures = {name: float(i) for i, name in enumerate([*SUN.values(), *CAMERA_AND_SKY.values()])}
+    (tmp_path / "panoramas.csv").write_text("name,file,kind,place,split\n", encoding="utf-8")
+    figures: dict[str, Figures] = {"phone": measured, "paper": {**measured, "sun_median": None}}
+    write_metrics(collect_metrics(network, tmp_path, "", figures, "tiny"), tmp_path)
     assert read_accuracy(TINY, tmp_path) == {"phone": measured}  # nothing is stated of a protocol without suns to score
     assert set(measured) == set(Accuracy.model_fields)
 
 
-def test_the_packaged_network_s_figures_are_those_of_its_card() -> None:
-    """The row of the network in the card's table of the sun, which the same evaluation wrote."""
+def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
+    """The row of the network in the table of the sun, which the same evaluation wrote."""
     folder = packaged_model().parent
-    stated = read_accuracy(Model.load().spec, folder)
+    metrics, stated = read_metrics(folder / METRICS), read_accuracy(Model.load().spec, folder)
     assert set(stated) == {"paper", "phone"}
-    card = (folder / MODEL_CARD).read_text(encoding="utf-8")
     for protocol, numbers in stated.items():
         assert set(numbers) == set(Accuracy.model_fields)
-        section = card[card.index(f"## Protocol `{protocol}`") :]
-        row = next(line for line in section.splitlines() if line.startswith("| outdoor"))
-        names = ("crops", "sun_median", "sun_quartile_1", "sun_quartile_3", "within_22_5", "within_45")
-        assert row.split("|")[2:8] == [
-            f" {numbers[name]:g} " if name == "crops" else f" {numbers[name]:.1f} " for name in names
-        ]
+        for column, name in SUN.items():
+            assert metrics.figure(f"Protocol `{protocol}`", "Sun [", metrics.row, column) == numbers[name]
 
 
 def test_nothing_is_stated_for_a_network_without_figures(tmp_path: Path) -> None:

@@ -1,6 +1,5 @@
-"""Tests of the report and of the model card."""
+"""Tests of the report."""
 
-import json
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +8,6 @@ from PIL import Image
 
 from export.data.panoramas import DataError
 from export.evaluation.metrics import answers_from_sun, camera_figures, sun_figures
-from export.evaluation.model_card import TEMPLATE, _publish
 from export.evaluation.report import (
     _by_scene,
     _intervals_table,
@@ -20,15 +18,13 @@ from export.evaluation.report import (
     photo_report,
     stated_figures,
     sun_bins,
-    write_figures,
 )
 from lighting.geometry import angles, direction
 from lighting.model import Model
-from tests.conftest import TINY
 from tests.helpers.panoramas import truth_of
 
 
-def test_figures_are_rounded_as_the_tables_show_them(tmp_path: Path) -> None:
+def test_figures_are_rounded_as_the_tables_show_them() -> None:
     truth = truth_of(2)
     count = len(truth.sun)
     ones = np.ones(count)
@@ -49,16 +45,11 @@ def test_figures_are_rounded_as_the_tables_show_them(tmp_path: Path) -> None:
     assert stated["sun_elevation_median"] == 6.7
     assert stated["camera_elevation_median"] == round(camera["elevation"], 1) == 1.2
     assert stated["turbidity_median"] == 1.6
-    written = json.loads(write_figures(TINY, {"paper": stated}, tmp_path).read_text(encoding="utf-8"))
-    assert (tmp_path / "tiny-0.0.1.json").exists()
-    assert (written["name"], written["version"], written["accuracy"]) == ("tiny", "0.0.1", {"paper": stated})
 
 
-def test_a_protocol_without_suns_is_not_stated(tmp_path: Path) -> None:
+def test_a_protocol_without_suns_has_no_figures_of_suns() -> None:
     truth = truth_of(1, scored=False)
-    stated = stated_figures(truth, answers_from_sun(truth.sun, camera=truth.camera))
-    assert stated["sun_median"] is None
-    assert json.loads(write_figures(TINY, {"paper": stated}, tmp_path).read_text())["accuracy"] == {}
+    assert stated_figures(truth, answers_from_sun(truth.sun, camera=truth.camera))["sun_median"] is None
 
 
 def test_a_scene_counts_once_however_many_photos_it_has() -> None:
@@ -128,18 +119,3 @@ def test_a_protocol_counts_its_crops_and_names_every_method() -> None:
     assert sum(line.startswith("| ours |") for line in text.splitlines()) > 4
     assert "by the networks alone, without the straight lines" in text
     assert "32 crops of 4 panoramas" in in_view_report(truth, said, "| what metadata add |")
-
-
-def test_the_picture_goes_to_the_documents_and_is_linked_from_the_card(tmp_path: Path) -> None:
-    (tmp_path / "docs" / "images").mkdir(parents=True)
-    (tmp_path / "lighting" / "data").mkdir(parents=True)
-    picture = tmp_path / "reliability.png"
-    picture.write_bytes(b"curves")
-    link = _publish(picture, tmp_path / "docs" / "images", tmp_path / "lighting" / "data" / "MODEL_CARD.md")
-    assert link == "../../docs/images/reliability.png"
-    assert (tmp_path / "lighting" / "data" / link).read_bytes() == b"curves"
-
-
-def test_the_template_shows_the_diagram_before_the_figures() -> None:
-    text = TEMPLATE.read_text(encoding="utf-8")
-    assert text.index("{reliability}") < text.index("{report}")
