@@ -2,7 +2,6 @@
 
 import re
 import shutil
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
@@ -21,8 +20,14 @@ TEMPLATE = Path(__file__).with_name("card_template.md")
 RELIABILITY = Path("docs") / "images" / RELIABILITY_FILE
 PAGES = ("README.md", "docs/understand/trust.md")  # which cite figures between marks
 _MARKED = re.compile(r"(<!-- metrics: (\w+) -->\n?).*?(\n?<!-- /metrics -->)", re.DOTALL)
-_PROTOCOLS = {"paper": "level camera", "phone": "as phones are held"}
+_PROTOCOLS = {"paper": "ordinary view", "phone": "as phones take them"}
+_EARLIER = re.compile(r"outdoor \d+\.\d+\.\d+")  # networks of this project
 _WIDTH = 120  # columns of a paragraph
+_EVIDENCE = {  # rows of the table: where the report has them
+    "the same, each place counted alike": ("Protocol", "Each place counted alike", "{ours}", "median"),
+    "sun with time and place": ("Metadata, protocol", "", "pixels + time+place", "sun"),
+    "sun with time, place and a phone's compass": ("Metadata, protocol", "", "pixels + time+place + heading", "sun"),
+}
 _OTHERS = {  # rows of other methods, by how the name in the report begins
     "cvpr2017": "sun, network as in CVPR 2017",
     "constant direction": "sun, best constant",
@@ -87,6 +92,7 @@ def render_card(metrics: NetworkMetrics) -> str:
         "version": metrics.version,
         "date": metrics.date,
         **_texts(metrics),
+        "limits": fill(" ".join(_limits(metrics)), _WIDTH),
     }
     return TEMPLATE.read_text(encoding="utf-8").format(**values)
 
@@ -95,7 +101,7 @@ def fill_figures(page: str, metrics: NetworkMetrics) -> str:
     """A page with the figures between its marks `<!-- metrics: NAME -->` and `<!-- /metrics -->` as they are now.
 
     Args:
-        page: its text; NAME is `line`, `table` or `limits`.
+        page: its text; NAME is one of `_texts`.
         metrics: of the network.
 
     Raises:
@@ -112,52 +118,43 @@ def fill_figures(page: str, metrics: NetworkMetrics) -> str:
 
 
 def _texts(metrics: NetworkMetrics) -> dict[str, str]:
+    data, date = metrics.data, metrics.date
+    scope = f"on {data['val']} panoramas of {data['val_places']} places that training never saw"
+    median = metrics.accuracy["paper"]["sun_median"]
+    low = metrics.figure("Protocol `paper`", f"`{metrics.row}` by true", "sun 0 to 20°", "elevation bias")
     return {
-        "line": _accuracy_line(metrics),
+        "line": f"On {data['val']} panoramas from places new to it, half of the suns lie within {median}° ({date}).",
+        "scope": f"The network was scored {scope} (`python -m export evaluate`, {date}).",
         "table": _accuracy_table(metrics),
-        "limits": fill(" ".join(_limits(metrics)), _WIDTH),
+        "photos": " ".join(filter(None, _photo_sentences(metrics))),
+        "low_suns": _signed("Those under 20° are placed {} in the median.", low),
     }
-
-
-def _accuracy_line(metrics: NetworkMetrics) -> str:
-    """One sentence about how far the sun is off."""
-    phone = metrics.accuracy["phone"]
-    return (
-        f"On photos of {metrics.data['val_places']} places that it never saw, half of its suns are within "
-        f"{phone['sun_median']:.0f}°, and {phone['within_45']:.0f} % within 45°."
-    )
 
 
 def _accuracy_table(metrics: NetworkMetrics) -> str:
     """The table of the card and of the page about trust: medians in degrees and shares, by protocol."""
     accuracy = [metrics.accuracy[protocol] for protocol in _PROTOCOLS]
+    angles = ("camera_elevation_median", "camera_roll_median", "vertical_fov_median")
     rows = [
-        ["sun", *(f"{a['sun_median']:.1f}°" for a in accuracy)],
+        ["sun", *(_with_interval(metrics, protocol, metrics.row) for protocol in _PROTOCOLS)],
+        *_measured_rows(metrics, _EVIDENCE),
         ["sun within 22.5° / 45°", *(f"{a['within_22_5']:.0f} % / {a['within_45']:.0f} %" for a in accuracy)],
-        ["sun's azimuth / elevation", *_angles(accuracy, "sun_azimuth_median", "sun_elevation_median")],
-        *_evidence_rows(metrics),
         [
             "true sun in the 50 % / 90 % region",
             *(f"{a['in_50_region']:.0f} % / {a['in_90_region']:.0f} %" for a in accuracy),
         ],
-        ["camera's elevation / roll", *_angles(accuracy, "camera_elevation_median", "camera_roll_median")],
-        ["vertical field of view", *(f"{a['vertical_fov_median']:.1f}°" for a in accuracy)],
+        ["camera elevation, roll, field of view", *(", ".join(f"{a[name]:.1f}" for name in angles) for a in accuracy)],
         *_other_rows(metrics),
     ]
     return markdown_table(["", *_PROTOCOLS.values()], rows)
 
 
-def _angles(accuracy: Iterable[dict[str, float | None]], *names: str) -> list[str]:
-    return [" / ".join(f"{a[name]:.1f}°" for name in names) for a in accuracy]
-
-
-def _evidence_rows(metrics: NetworkMetrics) -> list[list[str]]:
-    """What metadata gain, where the report has it."""
-    known = {
-        "sun, with time and place": "pixels + time+place",
-        "sun, with heading, too": "pixels + time+place + heading",
-    }
-    return _measured_rows(metrics, {label: ("Metadata, protocol", "", row, "sun") for label, row in known.items()})
+def _with_interval(metrics: NetworkMetrics, protocol: str, row: str) -> str:
+    """Median error of the sun with its interval over panoramas, where the report has one."""
+    table = f"Protocol `{protocol}`", "Median sun error", row
+    interval = metrics.figure(*table, "over panoramas")
+    bounds = f" ({interval[0]:.1f} to {interval[1]:.1f})" if isinstance(interval, list) else ""
+    return f"{metrics.accuracy[protocol]['sun_median']:.1f}{bounds}"
 
 
 def _other_rows(metrics: NetworkMetrics) -> list[list[str]]:
@@ -165,7 +162,7 @@ def _other_rows(metrics: NetworkMetrics) -> list[list[str]]:
     paper = next(s for s in metrics.sections if s.title.startswith("Protocol `paper`"))
     names = [name for name in paper.tables[0].rows if name != metrics.row]
     labels = {name: next((t for start, t in _OTHERS.items() if name.startswith(start)), None) for name in names}
-    labels |= {name: f"sun, network {name.rpartition(' ')[2]}" for name in names if name.startswith(f"{metrics.name} ")}
+    labels |= {name: f"sun, network {name.rpartition(' ')[2]}" for name in names if _EARLIER.fullmatch(name)}
     return _measured_rows(
         metrics, {text: ("Protocol", "Sun [", name, "median") for name, text in labels.items() if text}
     )
@@ -175,26 +172,33 @@ def _measured_rows(metrics: NetworkMetrics, wanted: dict[str, tuple[str, str, st
     """Rows of angles by protocol, without those that the report lacks."""
     rows = []
     for label, (section, table, row, column) in wanted.items():
-        cells = [metrics.figure(f"{section} `{protocol}`", table, row, column) for protocol in _PROTOCOLS]
+        of = row.format(ours=metrics.row)
+        cells = [metrics.figure(f"{section} `{protocol}`", table, of, column) for protocol in _PROTOCOLS]
         if None not in cells:
-            rows.append([label, *(f"{cell:.1f}°" for cell in cells)])
+            rows.append([label, *(f"{cell:.1f}" for cell in cells)])
     return rows
 
 
+def _photo_sentences(metrics: NetworkMetrics) -> list[str]:
+    direct = metrics.figure("Real photos", "Direct sun", metrics.row, "sun")
+    everywhere = metrics.figure("Real photos", "All that have", metrics.row, "sun")
+    return [
+        _sentence("In ordinary photos in direct sun the median error is {:.0f}°.", direct),
+        _sentence("Over all ordinary photos, most of them in shade or under clouds, it is {:.0f}°.", everywhere),
+    ]
+
+
 def _limits(metrics: NetworkMetrics) -> list[str]:
-    """Sentences about low and high suns, seen suns and ordinary photos, as far as the report knows."""
+    """Sentences about low and high suns, suns in the photo and ordinary photos, as far as the report knows."""
     by_height = f"`{metrics.row}` by true sun elevation"
     low = metrics.figure("Protocol `paper`", by_height, "sun 0 to 20°", "elevation bias")
     high = metrics.figure("Protocol `paper`", by_height, "sun 45 to 90°", "elevation bias")
     seen = metrics.figure("Sun in the picture", "Cameras", metrics.row, "median")
-    direct = metrics.figure("Real photos", "Direct sun", metrics.row, "sun")
-    shade = metrics.figure("Real photos", "All that have", metrics.row, "sun")
     sentences = [
         _signed("Suns lower than 20° are placed {}.", low),
         _signed("Suns higher than 45° are placed {}.", high),
         _sentence("A sun that the photo shows is found to {:.1f}°.", seen),
-        _sentence("In ordinary photos in direct sun the median error is {:.0f}°.", direct),
-        _sentence("Over all ordinary photos, most of them in shade or under cloud, it is {:.0f}°.", shade),
+        *_photo_sentences(metrics),
     ]
     return [sentence for sentence in sentences if sentence]
 
@@ -204,6 +208,7 @@ def _sentence(text: str, value: Cell) -> str:
 
 
 def _signed(text: str, value: Cell) -> str:
+    """The sentence with an elevation's bias, which is positive for suns that are placed too high."""
     if not isinstance(value, float):
         return ""
-    return text.format(f"{abs(value):.1f}° too {'high' if value > 0 else 'low'}")
+    return text.format(f"{abs(value):.0f}° too {'high' if value > 0 else 'low'}")

@@ -24,7 +24,7 @@ def test_the_card_is_that_of_the_figures_and_short() -> None:
     assert text == model_card.render_card(metrics)
     assert len(text.split()) <= MOST_WORDS
     assert len(re.findall(r"^\| --- ", text, re.MULTILINE)) == 1
-    assert f"| sun | {metrics.accuracy['paper']['sun_median']}° |" in text
+    assert f"| sun | {metrics.accuracy['paper']['sun_median']} (" in text
     assert str(metrics.network["sha256"]) in text
     for heading in ("Model Details", "Uses", "Bias, Risks, and Limitations", "Training Details", "Evaluation"):
         assert f"\n## {heading}\n" in text
@@ -43,12 +43,12 @@ def test_a_page_says_which_figures_it_cites() -> None:
     metrics = read_metrics(FOLDER / METRICS)
     page = "<!-- metrics: line -->\nold\n<!-- /metrics -->\n\nNot this.\n\n<!-- metrics: table --><!-- /metrics -->\n"
     text = model_card.fill_figures(page, metrics)
-    assert f"within {metrics.accuracy['phone']['sun_median']:.0f}°" in text
+    assert f"within {metrics.accuracy['paper']['sun_median']}°" in text
     assert "old" not in text
     assert "Not this." in text
     assert text.count("| sun |") == 1
     assert model_card.fill_figures(text, metrics) == text
-    with pytest.raises(DataError, match="no figures 'all', only line, table, limits"):
+    with pytest.raises(DataError, match="no figures 'all', only line, scope, table"):
         model_card.fill_figures(page.replace("line", "all"), metrics)
 
 
