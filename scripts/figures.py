@@ -256,7 +256,7 @@ def _draw_probe_panels(exposures: Sequence[LinearPhoto], probe: Probe, scan: Sca
     """The exposures, the map, and a scan beside three models."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(12, 12), layout="constrained")
+    figure: Any = Figure(figsize=(12, 12), layout="constrained")
     top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 3.2, 2.0))
     for axes, photo, time in zip(top.subplots(1, len(exposures)), exposures, BRACKET_TIMES, strict=True):
         axes.imshow(tone_map(photo.pixels, 1.0))

@@ -29,17 +29,17 @@ ROOT = Path(__file__).parents[1]
 EXAMPLES = ROOT / "examples"
 GALLERY = (
     "brick_street",
-    "garden_windows",
-    "lake_clouds",
-    "beach_storm",
-    "shore_dusk",
     "rome/noon_steps",
-    "rome/afternoon_square",
-    "rome/golden_hour",
-    "rome/street_in_shade",
-    "wide_street",
-    "snow_field",
+    "meadow_edge",
+    "garden_windows",
     "park_evening",
+    "snow_field",
+    "lake_clouds",
+    "beach_evening",
+    "shore_dusk",
+    "beach_storm",
+    "rome/afternoon_square",
+    "rome/street_in_shade",
 )
 
 _MAP_ROWS = 512

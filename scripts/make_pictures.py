@@ -1,9 +1,9 @@
 """Make the pictures of README and docs/: `python -m scripts.make_pictures [NAME ...]`.
 
-They go to docs/images/. `page` and `scenes` need node, Chromium, and `npm ci` in `server/web` and `tests/node`;
-`blender`, and a part of `scenes`, a Python with the module bpy that BLENDER_PYTHON names. What this machine lacks is
-said and left out. Three pictures need the training data and come from `python -m export`: `reliability.png` from
-`evaluate --card`, and two of docs/lab.
+They go to docs/images/. `page` and `scenes` need node, Chromium, and `npm ci` in `server/web` and `tests/node`.
+`blender`, `monkey` and a part of `scenes` need a Python with the module bpy, which BLENDER_PYTHON names. The command
+names what this machine lacks, and leaves it out. Three pictures need the training data and come from `python -m
+export`: `reliability.png` from `evaluate --card`, and two of docs/lab.
 """
 
 import os
@@ -25,6 +25,7 @@ from PIL import Image
 
 from lighting import estimate
 from lighting.files.atomic import atomic_write
+from scripts.book import read_code_blocks
 from scripts.figures import draw_axes, draw_probe, draw_stereo_normals, draw_stereo_plan
 from scripts.gallery import EXAMPLES, GALLERY, ROOT, draw_gallery_row, draw_moving_picture
 
@@ -67,6 +68,19 @@ def draw_blender() -> Image.Image:
         return _load(out)
 
 
+def draw_monkey() -> Image.Image:
+    """Return what the tutorial for Blender renders."""
+    python = _blender_python()
+    page = (ROOT / "docs" / "learn" / "blender.md").read_text(encoding="utf-8")
+    (script,) = (block.text for block in read_code_blocks(page) if block.language == "python")
+    with tempfile.TemporaryDirectory() as folder:
+        estimate(EXAMPLES / "brick_street.jpg").scene("blender", folder)
+        _run(python, Path(folder) / "scene.py", "--save")
+        opened = f"import bpy; bpy.ops.wm.open_mainfile(filepath={str(Path(folder) / 'scene.blend')!r})\n"
+        _run(python, "-c", opened + script)
+        return _load(Path(folder) / "monkey.png")
+
+
 def draw_scenes() -> Image.Image:
     """Return one scene as each tool renders it."""
     blender = ["--blender", _blender_python()] if "BLENDER_PYTHON" in os.environ else []
@@ -82,6 +96,7 @@ PICTURES: dict[str, Callable[[], Pictures]] = {
     "preview": draw_preview,
     "page": draw_page,
     "blender": draw_blender,
+    "monkey": draw_monkey,
     "scenes": draw_scenes,
     "axes": draw_axes,
     "probe": draw_probe,
