@@ -19,6 +19,7 @@ from server.middleware import DrainBodyMiddleware
 from server.query_params import refuse_duplicates
 from server.responses import WARNINGS_HEADER
 from server.settings import Settings, read_settings
+from server.tracing import NO_TELEMETRY
 
 _EXPOSED_HEADERS = ("ETag", "Location", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
 
@@ -34,6 +35,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
 
     Raises:
         SettingsError: a variable of the environment is no setting, or the file of API keys is unusable.
+        MissingExtraError: traces are asked for, and OpenTelemetry is not installed.
     """
     service = Service(settings or read_settings(), estimator)
     app = FastAPI(
@@ -50,6 +52,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
         redirect_slashes=False,  # to whatever the client calls its Host
         lifespan=_lifespan,
         generate_unique_id_function=_operation_id,
+        telemetry=service.tracer.telemetry(middleware.is_unmeasured) if service.tracer else NO_TELEMETRY,
     )
     app.state.service = service
     problems.install_handlers(app)
@@ -114,6 +117,8 @@ async def _lifespan(app: FastAPI) -> AsyncIterator[None]:
     if service.jobs:
         service.jobs.store.close()
         service.jobs = None
+    if service.tracer:
+        await to_thread.run_sync(service.tracer.close)
 
 
 async def _warm_up(app: FastAPI, service: Service) -> None:

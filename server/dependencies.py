@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
@@ -36,6 +37,7 @@ from server.problems import ProblemError
 from server.request_body import JSON_TYPE, BodyLimits, RequestBody, Upload, announced_size, media_type, parse_record
 from server.scheduling import WorkLimiter
 from server.settings import Settings
+from server.tracing import RequestTracer, trace_step
 
 T = TypeVar("T")
 
@@ -105,6 +107,7 @@ class Service:
         possible = count_possible_connections(settings.workers)
         self.connections = ConnectionLimiter(min(settings.connections, possible), settings.connections_per_client)
         self.metrics = Metrics(self.limiter, self.uploads, self.pending, self.connections)
+        self.tracer = RequestTracer(settings.otlp_endpoint) if settings.otlp_endpoint else None
         self.jobs: JobRunner | None = None
         self.ready = False
         self.ending = False  # whether the process was told to end: answers are the last of their connections
@@ -189,13 +192,14 @@ class Service:
     def reread_photo(self, data: bytes, target: int, seconds: float | None = None) -> Photo:
         """The same without counting: the photo again, in more pixels for people to look at."""
         seconds = self.settings.decode_seconds if seconds is None else seconds
-        return read_photo_isolated(
-            data,
-            max_bytes=self.settings.max_bytes,
-            max_pixels=self.settings.max_pixels,
-            target=target,
-            seconds=seconds,
-        )
+        with trace_step("decode"):
+            return read_photo_isolated(
+                data,
+                max_bytes=self.settings.max_bytes,
+                max_pixels=self.settings.max_pixels,
+                target=target,
+                seconds=seconds,
+            )
 
     def estimate(
         self,
@@ -212,7 +216,7 @@ class Service:
             headings: deg clockwise from any common direction, one a photo; None if unknown.
             matcher: registers the photos; None leaves that out.
         """
-        with self.metrics.inference.time():
+        with self.metrics.inference.time(), trace_step("network"):
             estimates = self.estimator.estimate_views(photos, user_input, headings, register=matcher or False)
         return matcher.add_warnings(estimates) if matcher else estimates
 
@@ -239,7 +243,8 @@ class _Admission:
 
         def checked() -> T:
             from_thread.run_sync(self.service.pending.check, client)
-            return work(*arguments)
+            with self.service.tracer.trace_steps() if self.service.tracer else nullcontext():
+                return work(*arguments)
 
         with self.service.limiter.admission(client, _route(self.request), self.body.size) as job:
             return await self.service.limiter.run(job, self.request.receive, checked)

@@ -18,7 +18,7 @@ from server.limits import BusyError
 from server.problems import ProblemError, route_path
 from server.schemas import Status
 
-_UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics")
+_UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics", "/v2/health/live", "/v2/health/ready")
 _SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
 _UNMATCHED_ROUTE = "unmatched"  # label of requests that match no route
 _LABELED_METHODS = ("GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS", "TRACE")  # others are counted as one
@@ -118,6 +118,15 @@ class AccessLogMiddleware(_Middleware):
         self.service.metrics.latency.labels(route).observe(seconds)
         outcome = f"{status} {scope['problem']}" if scope.get("problem") else status
         access_log.info("%s %s %s %.0f ms id=%s", method, route, outcome, 1000 * seconds, scope["request_id"])
+
+
+def is_unmeasured(scope: Scope) -> bool:
+    """Whether a request is an operator's question, which is neither counted, logged nor traced.
+
+    Args:
+        scope: ASGI's scope of an HTTP request.
+    """
+    return route_path(scope) in _UNMEASURED_ROUTES
 
 
 def _route_template(scope: Scope) -> str:

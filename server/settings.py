@@ -23,6 +23,7 @@ _DAY_SECONDS = 86_400.0  # the longest time limit; timers do not accept infinity
 _UNSENDABLE = "holds a character outside ASCII or a control character, which no client could send"
 _ROOT_PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
 _HOST_NAME = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)*")
+_COLLECTOR = re.compile(r"https?://[^/?#\s]+(/[^?#\s]*)?")
 _ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s]+")  # as browsers send it
 
 
@@ -136,6 +137,11 @@ class Settings(BaseSettings):
     root_path: str = Field(
         "", description="path that a proxy takes away from its requests, for example `/light`; links name it"
     )
+    otlp_endpoint: str = Field(
+        "",
+        description="URL of an OpenTelemetry collector that gets traces by OTLP over HTTP, for example "
+        "`http://collector:4318`; needs the extra `all`",
+    )
     log_level: Level = Field("info", description="lowest level that is logged: debug, info, warning or error")
 
     @field_validator("rate_limit", "cpu_limit")
@@ -190,6 +196,13 @@ class Settings(BaseSettings):
         if not _ROOT_PATH.fullmatch(path):
             raise ValueError(f"{path} is not a path such as /light, without a slash at its end.")
         return path
+
+    @field_validator("otlp_endpoint")
+    @classmethod
+    def _check_otlp_endpoint(cls, url: str) -> str:
+        if url and not _COLLECTOR.fullmatch(url):
+            raise ValueError(f"{url} is not a URL such as http://collector:4318.")
+        return url
 
     @property
     def workers(self) -> int:

@@ -19,7 +19,7 @@ from lighting.ground import draw_ground_mask
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from lighting.photo.reader import TARGET, Photo
 from lighting.photo_estimate import Estimate
-from lighting.preview.picture import PHOTO_SIDE, preview_png
+from lighting.preview.picture import PHOTO_SIDE, PNG_LEVEL, draw_preview_pixels
 from lighting.records import Lighting
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
@@ -28,6 +28,7 @@ from server import query_params as queries
 from server.dependencies import PhotoAnswer, PhotoMatcher, Service
 from server.query_params import MapQuery, SceneQuery
 from server.request_body import Upload
+from server.tracing import trace_step
 
 Pixels = NDArray[np.uint8]
 FileWithWarnings = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it
@@ -71,9 +72,10 @@ def _answer_photo(photo: Photo, estimate: Estimate, query: queries.LightingQuery
     """An estimate with what else the client asks for."""
     check_cancelled()
     metadata = photo.metadata if query.photo_metadata else None
-    context = photo_context(estimate, photo.pixels)
-    probe = compute_light_probe(estimate.lighting, context)
-    gain = surroundings_gain(estimate.lighting, context) if context and query.surroundings else None
+    with trace_step("map"):
+        context = photo_context(estimate, photo.pixels)
+        probe = compute_light_probe(estimate.lighting, context)
+        gain = surroundings_gain(estimate.lighting, context) if context and query.surroundings else None
     return PhotoAnswer(estimate, probe, gain, photo.crop, metadata)
 
 
@@ -118,11 +120,13 @@ def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: Phot
         context: the photo's surroundings, which the map then shows; None renders the sky alone.
     """
     view: Any = {"sun": query.sun_in_map, "yaw": query.yaw, "sky": query.sky, "context": context}
-    image, rotated = render_view(lighting, query.height, **view)
-    check_cancelled()
-    probe = compute_light_probe(lighting, **view) if MAP_FORMATS[query.format].has_header else None
+    with trace_step("map"):
+        image, rotated = render_view(lighting, query.height, **view)
+        check_cancelled()
+        probe = compute_light_probe(lighting, **view) if MAP_FORMATS[query.format].has_header else None
     file: Any = {"compression": query.compression, "colours": query.colours, "probe": probe}
-    return encode_envmap(image, rotated, query.format, **file)
+    with trace_step("encode"):
+        return encode_envmap(image, rotated, query.format, **file)
 
 
 def encode_envmap_of_photo(service: Service, data: bytes, query: queries.EnvmapQuery) -> bytes:
@@ -167,7 +171,9 @@ def encode_upright_jpeg(service: Service, data: bytes) -> bytes:
         service: reads the photo.
         data: the bytes of a photo.
     """
-    return encode_jpeg(service.reread_photo(data, _UPRIGHT_SIDE).pixels, _UPRIGHT_QUALITY)
+    pixels = service.reread_photo(data, _UPRIGHT_SIDE).pixels
+    with trace_step("encode"):
+        return encode_jpeg(pixels, _UPRIGHT_QUALITY)
 
 
 def encode_probe_of_lighting(
@@ -180,8 +186,10 @@ def encode_probe_of_lighting(
         query: the engine, yaw and sky.
         context: the photo's surroundings, which the probe then holds; None: the sky alone.
     """
-    probe = compute_light_probe(lighting, context, sun=query.sun_in_map, yaw=query.yaw, sky=query.sky)
-    return encode_light_probe(probe, query.format).encode()
+    with trace_step("map"):
+        probe = compute_light_probe(lighting, context, sun=query.sun_in_map, yaw=query.yaw, sky=query.sky)
+    with trace_step("encode"):
+        return encode_light_probe(probe, query.format).encode()
 
 
 def encode_probe_of_photo(service: Service, data: bytes, query: queries.PhotoProbeQuery) -> bytes:
@@ -211,14 +219,17 @@ def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -
     _, estimate = _estimate_photo(service, data, query)
     pixels = service.reread_photo(data, PHOTO_SIDE).pixels
     lighting = adjust_lighting(estimate.lighting, query.adjustments())
-    return preview_png(
-        pixels,
-        estimate,
-        surroundings=query.surroundings,
-        detail=query.detail,
-        lighting=lighting,
-        sun=query.sun_in_map,
-    )
+    with trace_step("map"):
+        picture = draw_preview_pixels(
+            pixels,
+            estimate,
+            surroundings=query.surroundings,
+            detail=query.detail,
+            lighting=lighting,
+            sun=query.sun_in_map,
+        )
+    with trace_step("encode"):
+        return encode_png(picture, compress_level=PNG_LEVEL)
 
 
 def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> bytes:
@@ -230,8 +241,11 @@ def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> 
         query: what the client states, and whether the sun shines.
     """
     photo, estimate = _estimate_photo(service, data, query)
-    lit = ground_shadow_mask(photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
-    return encode_png(draw_ground_mask(shadow_receivers(lit, estimate.segments), estimate.segments))
+    with trace_step("map"):
+        lit = ground_shadow_mask(photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
+        mask = draw_ground_mask(shadow_receivers(lit, estimate.segments), estimate.segments)
+    with trace_step("encode"):
+        return encode_png(mask)
 
 
 def _zip_scene_of_plate(
@@ -241,11 +255,13 @@ def _zip_scene_of_plate(
     context: PhotoContext | None = None,
     segments: Segments | None = None,
 ) -> FileWithWarnings:
-    scene = make_scene(
-        plate, lighting, map_height=query.height, sun=query.sun_in_map, context=context, segments=segments
-    )
+    with trace_step("map"):
+        scene = make_scene(
+            plate, lighting, map_height=query.height, sun=query.sun_in_map, context=context, segments=segments
+        )
     check_cancelled()
-    return zip_scene(scene, query.tool, **query.options()), scene.warnings
+    with trace_step("encode"):
+        return zip_scene(scene, query.tool, **query.options()), scene.warnings
 
 
 def zip_scene_of_photo(service: Service, data: bytes, query: queries.PhotoSceneQuery) -> FileWithWarnings:

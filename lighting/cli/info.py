@@ -54,9 +54,15 @@ def _describe_record(file: str) -> "Json":
 
 
 def _describe_lighting(lighting: "Lighting") -> "Json":
+    return {"kind": "lighting record", "lighting": _record_with_probe(lighting)}
+
+
+def _record_with_probe(lighting: "Lighting") -> "Json":
+    """The record with the light probe of its sky and ground."""
+    from lighting.light_probe import compute_light_probe
     from lighting.records import record_with_coefficients
 
-    return {"kind": "lighting record", "lighting": record_with_coefficients(lighting)}
+    return record_with_coefficients(lighting, compute_light_probe(lighting))
 
 
 def _describe_network(file: str) -> "Json":
@@ -112,12 +118,17 @@ def _describe_metadata(metadata: "PhotoMetadata") -> "Json":
 
 
 def _describe_map(file: str, data: bytes) -> "Json":
-    from lighting.files.exr import read_exr
-    from lighting.records import record_with_coefficients
+    """What a map is, and its header's record; the light probe in it is that of the map, with the place."""
+    from lighting.files.exr import read_exr, read_exr_attributes
 
     with prefix_errors(file), silence_libraries():
         image, lighting = read_exr(BytesIO(data))
-    return {**_describe_image(image), "lighting": None if lighting is None else record_with_coefficients(lighting)}
+        header = read_exr_attributes(BytesIO(data))
+    if lighting is None:
+        return {**_describe_image(image), "lighting": None}
+    probe = json.loads(header["lighting.json"]).get("light_probe")
+    record = _record_with_probe(lighting)
+    return {**_describe_image(image), "lighting": record | ({"light_probe": probe} if probe else {})}
 
 
 def _describe_image(image: "NDArray[np.float32]") -> "Json":

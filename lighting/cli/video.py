@@ -18,7 +18,7 @@ from lighting.scene import animated_tools, opening_command
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
-    from lighting.records import Json
+    from lighting.records import Json, Lighting
     from lighting.video.output import VideoResult
     from lighting.video.shot import Shot
 
@@ -112,11 +112,15 @@ def _how_to_open(folder: str, options: "Json") -> str:
 
 def _result_record(clip: str, folder: Path, result: "VideoResult") -> "Json":
     """What became of a clip, for JSON: a light or the reason for each shot; lighting.jsonl has the frames."""
+    from lighting.light_probe import compute_light_probe
     from lighting.records import record_with_coefficients
     from lighting.video.shot import Shot, shot_lighting
 
+    def describe(light: "Lighting") -> "Json":
+        return record_with_coefficients(light, compute_light_probe(light))
+
     shots = [
-        {"lighting": record_with_coefficients(shot_lighting(shot)), "frames": len(shot.frames)}
+        {"lighting": describe(shot_lighting(shot)), "frames": len(shot.frames)}
         if isinstance(shot, Shot)
         else {"error": escape_undecodable(str(shot))}
         for shot in result.shots

@@ -330,14 +330,19 @@ def is_exr(file: Path) -> bool:
         return stream.read(len(EXR_MAGIC)) == EXR_MAGIC
 
 
-def read_exr_attributes(source: str | os.PathLike[str]) -> _Attributes:
+def read_exr_attributes(source: WriteTarget) -> _Attributes:
     """The header of an EXR file, without its pixels.
 
     Args:
-        source: path of an EXR file, else EnvironmentMapError.
+        source: path or binary stream of an EXR file, else EnvironmentMapError.
     """
     import OpenEXR
 
+    if not isinstance(source, str | os.PathLike):
+        try:
+            return dict(OpenEXR.File(io.BytesIO(_read(source)), header_only=True).header())
+        except (RuntimeError, ValueError, TypeError) as error:
+            raise EnvironmentMapError(_UNREADABLE) from error
     try:
         if not is_exr(Path(source)):
             raise EnvironmentMapError(f"{os.fspath(source)} is not an OpenEXR image.")

@@ -5,7 +5,9 @@ angular size has no place there. The map lights by EXT_lights_image_based [1], o
 several roughnesses, as RGBD, and the harmonics of the irradiance. Babylon.js alone reads it: it takes the pictures for
 those of its own left-handed frame and decodes them twice, so they are made for that. glTF knows neither backgrounds nor
 shadow catchers: the plate is an unlit picture behind the ground, and the ground a diffuse disc of its albedo around the
-object.
+object. What glTF has no word for is in `extras`. `Plate` has the image `litGround`: where on it the sun's shadows
+may fall, as `lit_ground.png` of other tools. `YourObject` has `inShade`, and `Sun` its `irradiance`, also where it is
+off.
 
 References:
     [1] Khronos, glTF 2.0 vendor extension EXT_lights_image_based.
@@ -27,7 +29,7 @@ from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
-from lighting.scene.writer import Folder, encode_plate
+from lighting.scene.writer import Folder, encode_lit_ground, encode_plate
 from lighting.spherical_harmonics import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 
 FILE = "scene.glb"
@@ -44,6 +46,7 @@ _MAX_FACE = 256  # pixels of the map's mirror images
 _GAMMA = 2.2  # of Babylon.js
 
 _PLACEHOLDER, _GROUND, _PLATE = range(3)  # materials
+_LIT_GROUND = 1  # of the images, after the plate
 
 _SEGMENTS = 64  # around the axis
 _RINGS = 32  # of the ball, from pole to pole
@@ -58,7 +61,7 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
         folder: where the files go.
     """
     binary = _Binary()
-    images = [binary.png(encode_plate(scene))]
+    images = [binary.png(encode_plate(scene)), binary.png(encode_lit_ground(scene))]
     image_light = _image_light(scene, images, binary)
     document = {
         "asset": {
@@ -87,15 +90,30 @@ def _nodes(scene: Scene) -> list[Json]:
     plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
     return [
         {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
-        {"name": "Plate", "mesh": 3, "matrix": _columns(plate)},  # not the camera's child, which Babylon.js mirrors
-        {"name": "Sun", "matrix": _columns(scene.sun_matrix), "extensions": {"KHR_lights_punctual": {"light": 0}}},
+        {  # not the camera's child, which Babylon.js mirrors
+            "name": "Plate",
+            "mesh": 3,
+            "matrix": _columns(plate),
+            "extras": {"litGround": {"image": _LIT_GROUND}},
+        },
+        {
+            "name": "Sun",
+            "matrix": _columns(scene.sun_matrix),
+            "extensions": {"KHR_lights_punctual": {"light": 0}},
+            "extras": {"irradiance": scene.sun_irradiance.tolist()},
+        },
         {
             "name": "Ground",
             "mesh": 2,
             "translation": scene.spot.tolist(),
             "extras": {"contact": {"center": placeholder.ball_center.tolist(), "radius": placeholder.ball_radius}},
         },
-        {"name": "YourObject", "translation": scene.spot.tolist(), "children": [5, 6]},
+        {
+            "name": "YourObject",
+            "translation": scene.spot.tolist(),
+            "children": [5, 6],
+            "extras": {"inShade": scene.spot_in_shade},
+        },
         {"name": "Ball", "mesh": 0, "translation": placeholder.ball_center.tolist()},
         {"name": "Stick", "mesh": 1, "translation": placeholder.stick_foot.tolist()},
     ]

@@ -39,14 +39,17 @@ def write_unity(scene: records.Scene, folder: Folder) -> None:
         folder: where it goes.
     """
     albedo, emission = encode_projected_ground(scene)
-    record = json.dumps(record_with_coefficients(scene.lighting), indent=2) + "\n"
+    record = json.dumps(record_with_coefficients(scene.lighting, scene.light_probe), indent=2) + "\n"
     members = {
         "Editor/LightFromPhoto.cs": (read_data_text("LightFromPhoto.cs").encode(), "MonoImporter:\n"),
         "Editor/LightFromPhoto.asmdef": (
             read_data_text("LightFromPhoto.asmdef").encode(),
             "AssemblyDefinitionImporter:\n",
         ),
-        ENVIRONMENT: (encode_envmap(scene.environment, scene.lighting), _texture_meta(cube=True)),
+        ENVIRONMENT: (
+            encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe),
+            _texture_meta(cube=True),
+        ),
         PLATE: (encode_plate(scene), _texture_meta()),
         "ground_albedo.png": (albedo, _texture_meta()),
         "ground_emission.png": (emission, _texture_meta()),

@@ -6,7 +6,8 @@ stage's unit, the meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ i
 
 USD has neither background plates nor shadow catchers of its own: the plate hangs before the camera as a guide, which
 renderers leave out, and the ground carries the primvars by which Omniverse RTX and Karma know one; to others it is a
-diffuse plane of the ground's albedo.
+diffuse plane of the ground's albedo. `customData` of the plate names `lit_ground.png`, where on it the sun's shadows
+may fall, and that of `YourObject` says whether it stands in the photo's shade.
 """
 
 import io
@@ -22,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.color import color_and_intensity
 from lighting.errors import ErrorCode, SceneError
 from lighting.geometry import Floats, to_z_up
-from lighting.scene import ENVIRONMENT, PLATE, records
-from lighting.scene.writer import Folder, encode_plate, fill_template, write_shared_files
+from lighting.scene import ENVIRONMENT, LIT_GROUND, PLATE, records
+from lighting.scene.writer import Folder, encode_lit_ground, encode_plate, fill_template, write_shared_files
 
 STAGE, SHOT_STAGE, PACKAGE = "scene.usda", "shot.usda", "scene.usdz"
 
@@ -52,7 +53,8 @@ def write_usd(scene: records.Scene, folder: Folder, *, up_axis: str = "Y") -> No
     write_shared_files(scene, folder)
     (folder / STAGE).write_text(fill_template("scene.usda", _values(scene, up_axis)), encoding="utf-8")
     geometry = _without_lights(fill_template("scene.usda", _values(scene, "Y")))
-    (folder / PACKAGE).write_bytes(_pack_usdz({STAGE: geometry.encode(), PLATE: encode_plate(scene)}))
+    pictures = {PLATE: encode_plate(scene), LIT_GROUND: encode_lit_ground(scene)}
+    (folder / PACKAGE).write_bytes(_pack_usdz({STAGE: geometry.encode(), **pictures}))
 
 
 def _without_lights(stage: str) -> str:
@@ -131,6 +133,7 @@ def _values(scene: records.Scene, up_axis: str) -> dict[str, object]:
         "up_axis": up_axis,
         "environment": ENVIRONMENT,
         "plate": PLATE,
+        "lit_ground": LIT_GROUND,
         **_camera_values(scene, to_stage),
         **_light_values(scene, to_stage),
         **_ground_values(scene, to_stage),
@@ -186,6 +189,7 @@ def _object_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
     return {
         "object_colour": _vector([records.PLACEHOLDER_ALBEDO] * 3),
         "spot": _vector(to_stage(scene.spot)),
+        "spot_in_shade": str(int(scene.spot_in_shade)),
         "ball_centre": _vector(to_stage(placeholder.ball_center)),
         "contact_center": _vector(to_stage(scene.spot + placeholder.ball_center)),
         "ball_radius": _number(placeholder.ball_radius),

@@ -181,16 +181,17 @@ def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: Text
     if isinstance(shot, VideoError):
         lines.write(json.dumps({"file": name, "shot": number, "error": escape_undecodable(str(shot))}) + "\n")
         return []
-    lights = list(frame_lights(shot, number, job.options.adjustments))
-    lines.writelines(light.to_line(name) + "\n" for light in lights)
     options = job.options
-    world = render_world_map(shot, options.height, options.sun, options.adjustments)
-    write_envmap(job.folder / _shot_map(number), *world)
-    if job.options.frames_exr:
+    lights = list(frame_lights(shot, number, options.adjustments, options.sun))
+    lines.writelines(light.to_line(name) + "\n" for light in lights)
+    picture, lighting, probe = render_world_map(shot, options.height, options.sun, options.adjustments)
+    write_envmap(job.folder / _shot_map(number), picture, lighting, probe=probe)
+    if options.frames_exr:
         (job.folder / FRAMES_FOLDER).mkdir(exist_ok=True)
         for light in lights:
-            picture = render(light.lighting, job.options.height, sun=job.options.sun)
-            write_envmap(job.folder / FRAMES_FOLDER / f"{light.frame:06d}.exr", picture, light.lighting)
+            picture = render(light.lighting, options.height, sun=options.sun)
+            path = job.folder / FRAMES_FOLDER / f"{light.frame:06d}.exr"
+            write_envmap(path, picture, light.lighting, probe=light.probe)
     return lights
 
 

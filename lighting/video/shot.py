@@ -21,9 +21,11 @@ from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
+from lighting.light_probe import LightProbe, compute_light_probe, main_light
 from lighting.model import Model
 from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.rotations import leveling_rotation
+from lighting.spherical_harmonics import rotate_harmonics
 from lighting.video.decode import Clip
 from lighting.video.intrinsics import (
     MAX_FOV_STDS,
@@ -197,6 +199,8 @@ class FrameLight:
     """Linear red, green and blue against the shot's first frame."""
     bridged: bool
     """Whether the camera's angles follow from its neighbours, because nothing could be followed."""
+    probe: LightProbe
+    """Of that light."""
 
     def to_line(self, name: str) -> str:
         """Return one line of JSON about the frame.
@@ -206,7 +210,7 @@ class FrameLight:
         """
         record = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
         record |= {"gain": list(self.gain), "bridged": self.bridged}
-        return json.dumps(record | {"lighting": record_with_coefficients(self.lighting)}, allow_nan=False)
+        return json.dumps(record | {"lighting": record_with_coefficients(self.lighting, self.probe)}, allow_nan=False)
 
 
 def shot_lighting(shot: Shot, adjustments: Adjustments | None = None) -> Lighting:
@@ -223,15 +227,19 @@ def shot_lighting(shot: Shot, adjustments: Adjustments | None = None) -> Lightin
     return light if adjustments is None else adjust_lighting(light, adjustments)
 
 
-def frame_lights(shot: Shot, number: int, adjustments: Adjustments | None = None) -> Iterator[FrameLight]:
+def frame_lights(
+    shot: Shot, number: int, adjustments: Adjustments | None = None, sun: bool | None = None
+) -> Iterator[FrameLight]:
     """Return one record a frame.
 
     Args:
         shot: a solved one.
         number: the shot's, counted from 1.
         adjustments: what is changed of the light by hand; None: nothing.
+        sun: whether the light probes have a sun; None where it likely shines.
     """
     base, path = shot_lighting(shot, adjustments), shot.path
+    coefficients = compute_light_probe(base, sun=sun).coefficients
     for i, frame in enumerate(shot.frames.tolist()):
         red, green, blue = (round(float(g), 5) for g in shot.gains[i])
         angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
@@ -240,7 +248,10 @@ def frame_lights(shot: Shot, number: int, adjustments: Adjustments | None = None
         if lighting.utc_time is not None:
             later = timedelta(seconds=float(path.time[i] - path.time[0]))
             lighting = replace(lighting, utc_time=lighting.utc_time + later)
-        yield FrameLight(number, frame, float(path.time[i]), lighting, (red, green, blue), bool(path.bridged[i]))
+        gain = shot.gains[i] if base.sky_irradiance is not None else float(luminance(shot.gains[i]))
+        seen = rotate_harmonics(coefficients, -float(path.heading[i])) * gain  # one sky, seen from a turned camera
+        probe = LightProbe(seen, main_light(lighting, sun=sun))
+        yield FrameLight(number, frame, float(path.time[i]), lighting, (red, green, blue), bool(path.bridged[i]), probe)
 
 
 def lighting_in_camera(
@@ -269,7 +280,7 @@ def lighting_in_camera(
 
 def render_world_map(
     shot: Shot, height: int, sun: bool | None = None, adjustments: Adjustments | None = None
-) -> tuple[Image, Lighting]:
+) -> tuple[Image, Lighting, LightProbe]:
     """Render a shot's map with true north at its centre, or else its first frame's heading.
 
     Args:
@@ -279,10 +290,11 @@ def render_world_map(
         adjustments: what is changed of the light by hand; None: nothing.
 
     Returns:
-        The map (H, 2H, 3), linear Rec.709, and the light that it shows.
+        The map (H, 2H, 3), linear Rec.709, the light that it shows, and that light's probe.
     """
     light = shot_lighting(shot, adjustments)
-    return render_view(light, height, sun=sun, yaw=light.camera_heading or 0.0)
+    yaw = light.camera_heading or 0.0
+    return *render_view(light, height, sun=sun, yaw=yaw), compute_light_probe(light, sun=sun, yaw=yaw)
 
 
 def _round_angle(degrees: Floats | float) -> float:

@@ -7,6 +7,7 @@ import xml.etree.ElementTree as ElementTree
 from base64 import b64decode
 from collections.abc import Callable
 from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +35,7 @@ class ExportedScene:
     camera_position: Floats  # (3,)
     vertical_fov: float  # deg
     spot: Floats  # (3,)
-    lit_ground: NDArray[np.bool_] | None  # (H, W) where shadows of the sun may fall; None: the tool takes no mask
+    lit_ground: NDArray[np.bool_]  # (H, W) where shadows of the sun may fall
     environment: Floats | None  # (H, 2H, 3); None: the tool has no map
     map_azimuth: float = 0.0  # deg, of the map's centre
 
@@ -47,8 +48,8 @@ class ExportedScene:
         return np.asarray((self.environment * weight[..., None]).sum(axis=(0, 1)))
 
 
-def _mask(path: Path) -> NDArray[np.bool_]:
-    return np.asarray(Image.open(path)) >= 128
+def _mask(file: Path | BytesIO) -> NDArray[np.bool_]:
+    return np.asarray(Image.open(file)) >= 128
 
 
 def _read_map(path: Path) -> Floats:
@@ -97,6 +98,8 @@ def _read_usd(folder: Path) -> ExportedScene:
     lens = UsdGeom.Camera(stage.GetPrimAtPath("/World/Camera"))
     linked = UsdLux.LightAPI(sun).GetLightLinkCollectionAPI()
     ratio = lens.GetVerticalApertureAttr().Get() / 2 / lens.GetFocalLengthAttr().Get()
+    plate, thing = (stage.GetPrimAtPath(f"/World/{name}") for name in ("Camera/Plate", "YourObject"))
+    assert thing.GetCustomDataByKey("inShade") is not bool(linked.GetIncludeRootAttr().Get())
     return ExportedScene(
         sun_direction=world("/World/Sun")[:3, 2],
         sun_irradiance=np.array(sun.GetColorAttr().Get()) * sun.GetIntensityAttr().Get(),
@@ -105,7 +108,7 @@ def _read_usd(folder: Path) -> ExportedScene:
         camera_position=world("/World/Camera")[:3, 3],
         vertical_fov=float(2 * np.degrees(np.arctan(ratio))),
         spot=world("/World/YourObject")[:3, 3],
-        lit_ground=None,
+        lit_ground=_mask(folder / plate.GetCustomDataByKey("litGround").path),
         environment=_read_map(folder / sky.GetTextureFileAttr().Get().path),
         map_azimuth=float(angles(world("/World/Sky")[:3, 2])[0]),  # OpenEXR's lat-long has +Z at the centre
     )
@@ -113,19 +116,25 @@ def _read_usd(folder: Path) -> ExportedScene:
 
 def _read_gltf(folder: Path) -> ExportedScene:
     data = (folder / "scene.glb").read_bytes()
-    document = json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+    (length,) = struct.unpack_from("<I", data, 12)
+    document = json.loads(data[20 : 20 + length])
     nodes = {node["name"]: node for node in document["nodes"]}
     camera, sun = (np.reshape(nodes[name]["matrix"], (4, 4)).T for name in ("Camera", "Sun"))
     light = document["extensions"]["KHR_lights_punctual"]["lights"][0]
+    irradiance, in_shade = np.array(nodes["Sun"]["extras"]["irradiance"]), nodes["YourObject"]["extras"]["inShade"]
+    assert np.allclose(np.array(light["color"]) * light["intensity"], irradiance * (not in_shade))
+    picture = document["images"][nodes["Plate"]["extras"]["litGround"]["image"]]
+    view = document["bufferViews"][picture["bufferView"]]
+    start = 20 + length + 8 + view["byteOffset"]
     return ExportedScene(
         sun_direction=sun[:3, 2],
-        sun_irradiance=np.array(light["color"]) * light["intensity"],
-        sun_reaches_object=light["intensity"] > 0,
+        sun_irradiance=irradiance,
+        sun_reaches_object=not in_shade,
         camera_axes=_camera(camera),
         camera_position=camera[:3, 3],
         vertical_fov=float(np.degrees(document["cameras"][0]["perspective"]["yfov"])),
         spot=np.array(nodes["YourObject"]["translation"]),
-        lit_ground=None,
+        lit_ground=_mask(BytesIO(data[start : start + view["byteLength"]])),
         environment=None,
     )
 

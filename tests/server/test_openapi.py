@@ -138,7 +138,7 @@ schemathesis.openapi.format("binary", PHOTOS)
 def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     """A service that draws small pictures, whatever the size asked for."""
     monkeypatch.setattr(tasks, "render_view", lambda lighting, _, **options: render_view(lighting, 16, **options))
-    monkeypatch.setattr(tasks, "preview_png", lambda *_, **__: encode(scene(16, 16), "PNG"))
+    monkeypatch.setattr(tasks, "draw_preview_pixels", lambda *_, **__: scene(16, 16))
     monkeypatch.setattr(tasks, "zip_scene", lambda *_, **__: b"PK")
     monkeypatch.setattr(tasks, "make_scene", lambda *_, **__: SimpleNamespace(warnings=("It was dark.",)))
     app = create_app(Settings(), estimator)

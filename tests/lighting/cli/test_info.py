@@ -8,7 +8,8 @@ import OpenEXR
 import pytest
 from PIL import Image, ImageOps
 
-from lighting.files.exr import read_exr
+from lighting.files.exr import read_exr, write_exr
+from lighting.light_probe import compute_light_probe
 from lighting.records import record_with_coefficients
 from tests.conftest import TINY
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
@@ -36,6 +37,18 @@ def test_info_of_a_map_can_be_rendered_again(record_path: Path, tmp_path: Path) 
     assert read_exr(tmp_path / "b.exr")[0] == pytest.approx(read_exr(tmp_path / "a.exr")[0], rel=1e-2)
 
 
+def test_info_of_a_map_tells_the_probe_of_its_header(tmp_path: Path) -> None:
+    probe = compute_light_probe(LIGHTING, sun=False, yaw=30.0)
+    write_exr(tmp_path / "a.exr", np.ones((16, 32, 3), np.float32), LIGHTING, probe=probe)
+    write_exr(tmp_path / "old.exr", np.ones((16, 32, 3), np.float32), LIGHTING)
+    told, computed = (
+        json.loads(invoke_command("info", tmp_path / name).stdout)["lighting"]["light_probe"]
+        for name in ("a.exr", "old.exr")
+    )
+    assert told == probe.to_dict()
+    assert computed == compute_light_probe(LIGHTING).to_dict()
+
+
 def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, tmp_path: Path) -> None:
     invoke_command("render", record_path, "-o", tmp_path / "a.exr", "--height", "16")
     photo, net, envmap = (
@@ -44,7 +57,7 @@ def test_info_of_each_kind(network: Path, photo_path: Path, record_path: Path, t
     assert photo.pop("metadata") == {**dict.fromkeys(METADATA), **KNOWN_METADATA}
     assert photo == {"file": str(photo_path), "kind": "photo", "format": "JPEG", "width": 320, "height": 240}
     assert net == {"file": str(network), "kind": "network", **json.loads(TINY.to_json())}
-    assert envmap.pop("lighting") == record_with_coefficients(LIGHTING)
+    assert envmap.pop("lighting") == record_with_coefficients(LIGHTING, compute_light_probe(LIGHTING))
     assert envmap == {"file": str(tmp_path / "a.exr"), "kind": "environment map", "width": 32, "height": 16}
 
 
@@ -71,7 +84,7 @@ def test_info_of_a_record(record_path: Path, tmp_path: Path) -> None:
     assert described == {
         "file": str(record_path),
         "kind": "lighting record",
-        "lighting": record_with_coefficients(LIGHTING),
+        "lighting": record_with_coefficients(LIGHTING, compute_light_probe(LIGHTING)),
     }
     (tmp_path / "bad.json").write_text("[1")
     error_of(invoke_command("info", tmp_path / "bad.json"))
@@ -95,11 +108,10 @@ def test_an_hdr_picture_is_known_by_its_first_bytes(record_path: Path, tmp_path:
 
 def test_info_reads_stdin(photo_path: Path) -> None:
     assert json.loads(invoke_command("info", "-", stdin=photo_path.read_bytes()).stdout)["width"] == 320
-    record = json.dumps(record_with_coefficients(LIGHTING)).encode()
+    record = record_with_coefficients(LIGHTING, compute_light_probe(LIGHTING))
     for mark in (b"", b"\xef\xbb\xbf"):
-        assert json.loads(invoke_command("info", "-", stdin=mark + record).stdout)[
-            "lighting"
-        ] == record_with_coefficients(LIGHTING)
+        described = invoke_command("info", "-", stdin=mark + json.dumps(record).encode())
+        assert json.loads(described.stdout)["lighting"] == record
 
 
 def test_a_damaged_map_is_named(tmp_path: Path) -> None:

@@ -62,7 +62,7 @@ def test_the_package_for_ar_holds_all_but_the_lights(tmp_path: Path, up_axis: st
     assert paths(package) <= paths(scene)
     data = (tmp_path / usd.PACKAGE).read_bytes()
     with zipfile.ZipFile(tmp_path / usd.PACKAGE) as archive:
-        assert archive.namelist() == ["scene.usda", "plate.png"]
+        assert archive.namelist() == ["scene.usda", "plate.png", "lit_ground.png"]
         for info in archive.infolist():
             name, extra = struct.unpack_from("<HH", data, info.header_offset + 26)
             assert (info.header_offset + 30 + name + extra) % 64 == 0

@@ -16,8 +16,9 @@ from PIL import Image
 
 from lighting.cli import cli
 from lighting.files import write_envmap
-from lighting.files.exr import read_exr
+from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import camera_axes
+from lighting.light_probe import compute_light_probe
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.video import output
@@ -52,6 +53,15 @@ def test_a_record_a_frame_and_a_map_a_shot(clip: Path, network: Path, tmp_path: 
     suns = np.unwrap([light.sun_azimuth for light in lights], period=360)
     np.testing.assert_allclose(turned + suns, turned[0] + suns[0], atol=1e-3)  # one sun in the world
     assert turned[-1] - turned[0] == pytest.approx(20.0, abs=1.5)
+    for line, seen in [*zip(lines, lights, strict=True)][::10]:
+        expected = compute_light_probe(seen).to_dict()
+        told = line["lighting"]["light_probe"]
+        assert told["main_light"] == expected["main_light"]
+        np.testing.assert_allclose(told["coefficients"], expected["coefficients"], rtol=0.01, atol=2e-3)
+    header = read_exr_attributes(out / "shot-1.exr")
+    assert np.reshape(header["light_probe.coefficients"], (9, 3))[0] == pytest.approx(
+        lines[0]["lighting"]["light_probe"]["coefficients"][0], rel=0.01
+    )
     image, light = read_exr(out / "shot-1.exr")
     assert image.shape == (32, 64, 3)
     assert light is not None
@@ -324,10 +334,10 @@ def test_what_was_done_before_an_interruption_stays(
     """The second shot's map cannot be written: the first one's records are there."""
     path = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
 
-    def fail(target: Path, *rest: Any) -> None:
+    def fail(target: Path, *rest: Any, **options: Any) -> None:
         if target.name == "shot-2.exr":
             raise KeyboardInterrupt
-        write_envmap(target, *rest)
+        write_envmap(target, *rest, **options)
 
     monkeypatch.setattr(output, "write_envmap", fail)
     with pytest.raises(KeyboardInterrupt):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from lighting.light_probe import LightProbe, main_light
 from lighting.preview.drawing import text_width
 from lighting.records import Lighting
 from lighting.video.overlay import _fit_layout, draw_overlay
@@ -18,8 +19,9 @@ BEHIND = Lighting(sun_azimuth=-149.9, sun_elevation=68.3, turbidity=3.0, exposur
 def words_of(width: int, height: int, balls: NDArray[np.float32]) -> Pixels:
     """Where (height, width) the words of a frame in a hurry differ from those of a slow one."""
     grey = np.full((height, width, 3), 110, np.uint8)
-    slow = FrameLight(1, 0, 0.4, replace(BEHIND, relative_heading=5.0), (1.0, 1.0, 1.0), bridged=False)
-    far = FrameLight(1, 0, 8888.8, replace(BEHIND, relative_heading=200.0), (1.0, 1.0, 1.0), bridged=True)
+    probe = LightProbe(np.zeros((9, 3)), main_light(BEHIND))
+    slow = FrameLight(1, 0, 0.4, replace(BEHIND, relative_heading=5.0), (1.0, 1.0, 1.0), False, probe)
+    far = FrameLight(1, 0, 8888.8, replace(BEHIND, relative_heading=200.0), (1.0, 1.0, 1.0), True, probe)
     return np.asarray(np.any(draw_overlay(grey, slow, balls) != draw_overlay(grey, far, balls), axis=-1))
 
 
