@@ -1,4 +1,4 @@
-# The service and the command line in one image; docs/docker.md says how to run it.
+# The service and the command line in one image; docs/do/run-the-service.md says how to run it.
 #
 # Bases: the tag is for people, the digest (of the multi-architecture index) is what is pulled. `docker buildx imagetools
 # inspect python:3.11-slim-bookworm` prints the newest.

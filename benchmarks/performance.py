@@ -1,4 +1,4 @@
-"""Print how cost grows with photos, map height and clients: the tables of docs/lab/growth.md.
+"""Print how cost grows with photos, map height and clients: tables of docs/lab/performance.md.
 
     python -m benchmarks.performance [photos] [heights] [clients] [--photos 100 1000 10000] [--seconds 4]
 

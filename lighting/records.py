@@ -279,7 +279,7 @@ class Lighting:
     utc_offset: float | None = None
     """Hours, -12 to 14, local minus universal time. None: unknown."""
     time_source: str | None = None
-    """Where the time comes from, such as "GPS". None: not used."""
+    """Where the time comes from: user, offset in the file, GPS, other photos, zone of the place. None: not used."""
     sky_model: str = SKY_MODEL
     """One of SKY_MODELS: what `turbidity` and `exposure` are of."""
     sun_irradiance: Color | None = None
@@ -380,6 +380,8 @@ class Lighting:
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
         """Read a record of `to_dict`; absent optional fields take defaults, derived values are ignored.
+
+        It must have sun.azimuth, sun.elevation, sky.turbidity and sky.exposure.
 
         Args:
             record: an object of JSON.

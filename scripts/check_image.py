@@ -157,7 +157,7 @@ def _sizes(folder: Path) -> dict[Path, int]:
 
 
 def check_photo(engine: Engine) -> None:
-    """Check that one photo becomes a map as docs/docker.md shows, with the engine's own `run`."""
+    """Check that one photo becomes a map as docs/do/run-the-service.md shows, with the engine's own `run`."""
     command = ["run", "--isolation", "chroot", CONTAINER, "--", "lighting", "envmap", "-", "-o", "-"]
     with PHOTO.open("rb") as photo:
         result = subprocess.run(engine.argv(*command), stdin=photo, capture_output=True, timeout=START)

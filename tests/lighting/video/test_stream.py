@@ -1,12 +1,8 @@
 """Streams: keyframes, chains, and the light of each frame."""
 
-import re
-import subprocess
-import sys
 from collections.abc import Sequence
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -382,12 +378,3 @@ def test_turning_alone_is_no_zoom(model: Model) -> None:
     tracker = Tracker(model, look_every=1.0)  # the network says 50 deg
     answers = [tracker(look(3.0 * i, 4.0 * np.sin(i / 5.0)), 0.1 * i) for i in range(60)]
     assert all(a is not None and a.linked for a in answers)
-
-
-@pytest.mark.slow
-def test_the_example_of_the_page_runs() -> None:
-    root = Path(__file__).parents[3]
-    (code,) = re.findall(r"```python\n(.*?)```", (root / "docs" / "streams.md").read_text(encoding="utf-8"), re.DOTALL)
-    lines = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True, check=True).stdout
-    assert len(lines.splitlines()) == 20
-    assert re.fullmatch(r"2[89]\.\d° from the first frame, sun at -?\d+°", lines.splitlines()[-1])
