@@ -7,10 +7,12 @@ FROM python:3.11.16-slim-bookworm@sha256:a36c24f9cbdf4fd0f52d67f0823eeac19c2028c
 WORKDIR /build
 ENV PIP_NO_CACHE_DIR=1 PIP_DISABLE_PIP_VERSION_CHECK=1 PIP_ROOT_USER_ACTION=ignore
 RUN python -m venv --without-pip /opt/venv
-COPY requirements.lock requirements-turns.lock ./
+COPY requirements.lock requirements-turns.lock requirements-traces.lock ./
 # `--build-arg TURNS=1` adds OpenCV, which matches several photos with each other and is 160 MB.
+# `--build-arg TRACES=1` adds OpenTelemetry, for LIGHTING_OTLP_ENDPOINT.
 ARG TURNS=
-RUN python -m pip --python /opt/venv/bin/python install --require-hashes --only-binary :all: --requirement requirements.lock ${TURNS:+--requirement requirements-turns.lock}
+ARG TRACES=
+RUN python -m pip --python /opt/venv/bin/python install --require-hashes --only-binary :all: --requirement requirements.lock ${TURNS:+--requirement requirements-turns.lock} ${TRACES:+--requirement requirements-traces.lock}
 COPY pyproject.toml CHANGELOG.md README.md SECURITY.md LICENSE NOTICE ./
 COPY docs/ docs/
 COPY lighting/ lighting/

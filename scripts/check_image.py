@@ -44,7 +44,7 @@ LIMIT = 350  # MB over the base
 START, STOP = 120, 30  # seconds
 COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
 SENT = {"CHANGELOG.md", "LICENSE", "NOTICE", "README.md", "SECURITY.md", "pyproject.toml"}
-SENT |= {"requirements.lock", "requirements-turns.lock"}
+SENT |= {"requirements.lock", "requirements-traces.lock", "requirements-turns.lock"}
 SENT_FOLDERS = {"docs", "lighting", "server"}
 NEVER_SENT = {"lab", "node_modules", "__pycache__", "src"}
 

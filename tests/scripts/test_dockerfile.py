@@ -13,7 +13,7 @@ from packaging.requirements import Requirement
 ROOT = Path(__file__).parents[2]
 STAGES = re.split(r"^(?=FROM )", (ROOT / "Dockerfile").read_text(encoding="utf-8"), flags=re.MULTILINE)[1:]
 LAST = re.findall(r"^([A-Z]+) ((?:.*\\\n)*.*)$", STAGES[-1], re.MULTILINE)  # word and value of every step
-LOCKS = ("requirements.lock", "requirements-turns.lock")
+LOCKS = ("requirements.lock", "requirements-turns.lock", "requirements-traces.lock")
 LOCK = "".join((ROOT / name).read_text(encoding="utf-8") for name in LOCKS)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 
@@ -50,7 +50,7 @@ def test_hadolint_finds_nothing() -> None:
     assert (result.returncode, result.stdout) == (0, "")
 
 
-@pytest.mark.parametrize("extra", ["", "turns"])
+@pytest.mark.parametrize("extra", ["", "turns", "traces"])
 def test_the_lock_file_holds_what_the_project_asks_for(extra: str) -> None:
     """Its first lines say how it is renewed."""
     locked = dict(re.findall(r"^([a-z0-9-]+)==(\S+) \\$", LOCK, re.MULTILINE))
