@@ -30,28 +30,34 @@ function loadSections() {
   return sections;
 }
 
-/** How well a section has all the words: headings count more than text; 0 if it lacks one. */
-function score([, page, heading, text], words) {
+const plain = (text) => text.toLowerCase().replace(/[-_]/g, " ");
+const wordsOf = (text) => plain(text).split(/\s+/).filter(Boolean);
+
+/** How well a section has all the words: headings count more than text, neighbors more; 0 if it lacks one. */
+function score([address, page, heading, text], words) {
+  const parts = [
+    [plain(heading), 12],
+    [plain(page), 6],
+    [plain(text), 1],
+  ];
   let sum = 0;
   for (const word of words) {
-    const points = [
-      [heading, 12],
-      [page, 6],
-      [text, 1],
-    ].reduce((best, [part, worth]) => {
-      const at = part.toLowerCase().indexOf(word);
-      if (at < 0) return best;
-      const whole = at === 0 || !/[\w-]/.test(part[at - 1]);
-      return best + worth * (whole ? 2 : 1);
-    }, 0);
+    let points = 0;
+    for (const [part, worth] of parts) {
+      const at = part.indexOf(word);
+      if (at >= 0) points += worth * (at === 0 || part[at - 1] === " " ? 2 : 1);
+    }
     if (points === 0) return 0;
     sum += points;
   }
-  return sum;
+  const phrase = words.join(" ");
+  for (const [part, worth] of parts) sum += part === phrase ? 8 * worth : part.includes(phrase) ? 2 * worth : 0;
+  return address.startsWith("more/changes") ? sum / 4 : sum;
 }
 
 function excerpt(text, words) {
-  const at = Math.max(0, text.toLowerCase().indexOf(words[0]) - AROUND);
+  const phrase = plain(text).indexOf(words.join(" "));
+  const at = Math.max(0, (phrase < 0 ? plain(text).indexOf(words[0]) : phrase) - AROUND);
   const part = (at > 0 ? "…" : "") + text.slice(at, at + 3 * AROUND);
   const small = document.createElement("small");
   const escaped = words.map((word) => word.replace(/[.*+?^${}()|[\]\\]/g, "\\$&"));
@@ -76,7 +82,7 @@ function show(entry, words) {
 }
 
 async function search() {
-  const words = input.value.toLowerCase().split(/\s+/).filter(Boolean);
+  const words = wordsOf(input.value);
   found.hidden = words.length === 0;
   if (found.hidden) return;
   try {
@@ -84,7 +90,7 @@ async function search() {
       .map((entry) => [score(entry, words), entry])
       .filter(([points]) => points > 0)
       .sort((a, b) => b[0] - a[0]);
-    if (input.value.toLowerCase().split(/\s+/).filter(Boolean).join(" ") !== words.join(" ")) return;
+    if (wordsOf(input.value).join(" ") !== words.join(" ")) return;
     list.replaceChildren(...scored.slice(0, MOST).map(([, entry]) => show(entry, words)));
     const sum = scored.length;
     count.textContent = sum === 0 ? "Nothing found." : sum > MOST ? `${sum} found; the best ${MOST}:` : `${sum} found`;
@@ -104,7 +110,6 @@ document.addEventListener("keydown", (event) => {
     input.focus();
     input.select();
   } else if (event.key === "Escape" && !found.hidden) {
-    found.hidden = true;
     input.focus();
     found.hidden = true;
   } else if (found.contains(event.target) || event.target === input) {
