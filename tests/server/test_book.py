@@ -102,7 +102,6 @@ def test_the_search_finds_every_section() -> None:
     assert any("--height" in text for _, _, heading, text in entries if heading == "lighting envmap")
 
 
-@pytest.mark.xfail(strict=False)  # until all pictures are in docs/images
 def test_a_wheel_has_what_a_clone_shows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Its files lie as `force-include` of pyproject.toml copies them."""
     for source, target in INCLUDED["force-include"].items():
