@@ -19,7 +19,7 @@ _CLONE = Path(__file__).parents[1]
 _PACKAGED = Path(__file__).with_name("book_pages")  # in a wheel, which has no docs/
 _INDEX = "docs/README.md"
 _CHAPTERS = {  # pages of docs/ in the order of the contents; a chapter's other pages follow
-    "Start": ("README.md",),
+    "Start": ("README.md", "start.md"),
     "Learn": ("learn/blender.md", "learn/web-page.md", "learn/python.md", "learn/train.md"),
     "Do": (
         "do/correct-the-sun.md",
@@ -43,14 +43,14 @@ _CHAPTERS = {  # pages of docs/ in the order of the contents; a chapter's other 
         "reference/problems.md",
         "reference/exceptions.md",
     ),
+    "More": ("more/model-card.md", "more/security.md", "more/changes.md"),
 }
-_MODEL_CARD = "lighting/data/MODEL_CARD.md"  # in a wheel, too
-_OTHERS = {  # pages from elsewhere in the repository, by their names in the book and in the wheel
-    _MODEL_CARD: "more/model-card.md",
-    "SECURITY.md": "more/security.md",
-    "CHANGELOG.md": "more/changes.md",
+_ELSEWHERE = {  # pages that lie elsewhere in the repository, by their names in the book and in the wheel
+    "start.md": "README.md",
+    "more/model-card.md": "lighting/data/MODEL_CARD.md",
+    "more/security.md": "SECURITY.md",
+    "more/changes.md": "CHANGELOG.md",
 }
-_ALIASES = {"README.md": _INDEX}  # the repository's own first page is not in the book
 _TEMPLATE = """<!doctype html>
 <html lang="en">
 <head>
@@ -230,7 +230,7 @@ class Book:
             return link
         source = posixpath.normpath(posixpath.join(posixpath.dirname(page.source), target))
         anchor = f"#{fragment}" if fragment else ""
-        if found := self._by_source.get(_ALIASES.get(source, source)):
+        if found := self._by_source.get(source):
             return _relative(page, found.address) + anchor
         name = source.removeprefix("docs/")
         if Path(name).suffix in PICTURES and source.startswith("docs/") and (self.docs / name).is_file():
@@ -239,18 +239,23 @@ class Book:
 
 
 def _find_pages(docs: Path, clone: Path | None) -> Iterator[BookPage]:
-    listed = [name for names in _CHAPTERS.values() for name in names]
     present = sorted(path.relative_to(docs).as_posix() for path in docs.glob("**/*.md"))
     for chapter, names in _CHAPTERS.items():
         folders = {posixpath.dirname(name) for name in names} - {""}
-        rest = [name for name in present if posixpath.dirname(name) in folders and name not in listed]
+        rest = [name for name in present if posixpath.dirname(name) in folders and name not in names]
         for name in (*names, *rest):
-            if name in present:
-                yield BookPage(f"docs/{name}", _to_address(name), chapter, docs / name)
-    for source, name in _OTHERS.items():
-        path = clone / source if clone else _CLONE / source if source == _MODEL_CARD else docs / name
-        if path.is_file():
-            yield BookPage(source, _to_address(name), "More", path)
+            source = _ELSEWHERE.get(name, f"docs/{name}")
+            path = _locate_page(name, docs, clone)
+            if path.is_file():
+                yield BookPage(source, _to_address(name), chapter, path)
+
+
+def _locate_page(name: str, docs: Path, clone: Path | None) -> Path:
+    """The file of a page; the model card is a part of the package."""
+    source = _ELSEWHERE.get(name)
+    if source and (clone or source.startswith("lighting/")):
+        return (clone or _CLONE) / source
+    return docs / name
 
 
 def _to_address(name: str) -> str:
