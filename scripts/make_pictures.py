@@ -64,7 +64,7 @@ def draw_blender() -> Image.Image:
         _run(sys.executable, "-m", "scripts.blender_extension", "-o", package)
         os.environ["BLENDER_USER_RESOURCES"] = folder
         command = Path(sys.executable).with_name("lighting")
-        _run(python, ROOT / "scripts" / "blender_picture.py", package, command, EXAMPLES / "lake_clouds.jpg", out)
+        _run(python, ROOT / "scripts" / "blender_picture.py", package, command, EXAMPLES / "garden_windows.jpg", out)
         return _load(out)
 
 
@@ -134,7 +134,8 @@ def _service() -> Iterator[str]:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     url = f"http://127.0.0.1:{port}/"
-    with subprocess.Popen([sys.executable, "-m", "lighting", "serve", "--port", str(port)], cwd=ROOT) as process:
+    command = [sys.executable, "-m", "lighting", "serve", "--port", str(port)]
+    with subprocess.Popen(command, cwd=ROOT, stderr=subprocess.DEVNULL) as process:
         try:
             _wait_until_ready(f"{url}readyz")
             yield url

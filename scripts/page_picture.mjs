@@ -9,10 +9,10 @@ const browser = await chromium.launch({
   executablePath,
   args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"],
 });
-const page = await browser.newPage({ viewport: { width: 1240, height: 1120 } });
+const page = await browser.newPage({ viewport: { width: 1240, height: 900 } });
 page.setDefaultTimeout(120_000);
 await page.goto(url);
-await page.locator("#examples button", { hasText: "Golden hour" }).click();
+await page.locator("#examples button").first().click();
 await page.locator("#shapes label", { hasText: "teapot" }).click();
 await page.locator("#finishes label", { hasText: "glossy" }).click();
 await page.waitForSelector("#stage:not([hidden])");
