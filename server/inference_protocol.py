@@ -12,17 +12,23 @@ from fastapi.responses import JSONResponse
 
 from lighting.errors import ErrorCode
 from lighting.records import Json, ModelSpec
+from lighting.version import __version__
 from server import problems, responses, tasks
 from server.dependencies import AdmissionDep, Service, ServiceDep
-from server.problems import ProblemError, invalid_field_error
+from server.problems import INFERENCE_PREFIX, ProblemError, invalid_field_error
 from server.query_params import LightingQuery, refuse_parameters
+from server.tracing import SERVICE_NAME
 
 _LENGTH_HEADER = "Inference-Header-Content-Length"
 _LENGTH_BYTES = 4  # before each element
 _INPUT, _OUTPUT = "photo", "lighting"
 
-health_router = APIRouter(prefix="/v2", include_in_schema=False)
-router = APIRouter(prefix="/v2/models", include_in_schema=False, dependencies=[Depends(refuse_parameters)])
+_VERSIONED = "/{name}/versions/{version}"
+
+health_router = APIRouter(prefix=INFERENCE_PREFIX, include_in_schema=False)
+router = APIRouter(
+    prefix=f"{INFERENCE_PREFIX}/models", include_in_schema=False, dependencies=[Depends(refuse_parameters)]
+)
 
 
 @health_router.get("/health/live")
@@ -37,17 +43,25 @@ async def answer_ready(service: ServiceDep) -> Response:
     return Response(status_code=200 if service.ready and not service.ending and not service.full else 503)
 
 
+@health_router.get("")
+async def describe_service() -> JSONResponse:
+    """The service's metadata."""
+    return JSONResponse({"name": SERVICE_NAME, "version": __version__, "extensions": ["binary_tensor_data"]})
+
+
 @router.get("/{name}/ready")
-async def answer_model_ready(name: str, service: ServiceDep) -> Response:
+@router.get(f"{_VERSIONED}/ready")
+async def answer_model_ready(service: ServiceDep, name: str, version: str | None = None) -> Response:
     """The same for the model, by its name."""
-    _check_model(name, service)
+    _check_model(service, name, version)
     return await answer_ready(service)
 
 
 @router.get("/{name}")
-async def describe_inference(name: str, service: ServiceDep) -> JSONResponse:
+@router.get(_VERSIONED)
+async def describe_inference(service: ServiceDep, name: str, version: str | None = None) -> JSONResponse:
     """The model's metadata: input and output."""
-    spec = _check_model(name, service)
+    spec = _check_model(service, name, version)
     tensors = ({"name": tensor, "datatype": "BYTES", "shape": [1]} for tensor in (_INPUT, _OUTPUT))
     inputs, outputs = ([tensor] for tensor in tensors)
     described: Json = {"name": spec.name, "versions": [spec.version], "platform": "onnx"}
@@ -55,9 +69,10 @@ async def describe_inference(name: str, service: ServiceDep) -> JSONResponse:
 
 
 @router.post("/{name}/infer")
-async def infer(name: str, request: Request, admission: AdmissionDep) -> JSONResponse:
+@router.post(f"{_VERSIONED}/infer")
+async def infer(request: Request, admission: AdmissionDep, name: str, version: str | None = None) -> JSONResponse:
     """The record of a photo."""
-    spec = _check_model(name, admission.service)
+    spec = _check_model(admission.service, name, version)
     header, photo = _parse_request(await admission.body.inference(), request.headers.get(_LENGTH_HEADER, ""))
     query = LightingQuery()
     answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
@@ -67,11 +82,13 @@ async def infer(name: str, request: Request, admission: AdmissionDep) -> JSONRes
     return JSONResponse({"model_name": spec.name, "model_version": spec.version, **named, "outputs": [output]})
 
 
-def _check_model(name: str, service: Service) -> ModelSpec:
-    """The network's spec; ProblemError for another name."""
+def _check_model(service: Service, name: str, version: str | None) -> ModelSpec:
+    """The network's spec; ProblemError for another name or version."""
     spec = service.estimator.model.spec
     if name != spec.name:
         raise ProblemError(problems.NOT_FOUND, f"There is no model of this name; the model is {spec.name}.")
+    if version not in (None, spec.version):
+        raise ProblemError(problems.NOT_FOUND, f"There is no such version; the model has {spec.version}.")
     return spec
 
 

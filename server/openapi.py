@@ -1,5 +1,7 @@
 """The OpenAPI document at /openapi.json, which /docs shows: its words, its schemas, its examples."""
 
+from threading import Lock
+
 from fastapi import APIRouter, FastAPI, Request, Response
 
 from lighting.records import Json
@@ -44,19 +46,26 @@ def complete_document(app: FastAPI, settings: Settings) -> None:
         app: the app with its routes.
         settings: the operator's.
     """
-    generate = app.openapi
+    generate, lock = app.openapi, Lock()
+    documents: list[Json] = []
 
     def openapi() -> Json:
-        if app.openapi_schema is None:
-            document = generate()
-            _add_schemas(document["components"]["schemas"])
-            document["components"]["examples"] = {
-                kind.name: {"summary": kind.title, "description": kind.meaning, "value": problems.problem_example(kind)}
-                for kind in problems.KINDS
-            }
-            form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
-            form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
-        return app.openapi_schema or {}
+        with lock:  # two threads that generate at a time disturb each other
+            if not documents:
+                document = generate()
+                _add_schemas(document["components"]["schemas"])
+                document["components"]["examples"] = {
+                    kind.name: {
+                        "summary": kind.title,
+                        "description": kind.meaning,
+                        "value": problems.problem_example(kind),
+                    }
+                    for kind in problems.KINDS
+                }
+                form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
+                form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
+                documents.append(document)
+        return documents[0]
 
     app.openapi = openapi  # type: ignore[method-assign]
 

@@ -20,6 +20,7 @@ from lighting.records import Json
 from lighting.validation import parameter_name
 from server.limits import BusyError, ShareTakenError, TooManyUploadsError
 
+INFERENCE_PREFIX = "/v2"  # of the routes of the Open Inference Protocol
 MEDIA_TYPE = "application/problem+json"
 RETRY_SECONDS = "1"
 MAX_ERRORS = 20  # that a response names: a body of 64 kB can have 30,000
@@ -305,6 +306,8 @@ def _response(request: Request, error: ProblemError) -> Response:
     """The response with a problem, whose name goes into the scope for the log."""
     request.scope["problem"] = error.kind.name
     body = _body(error.kind, error.detail, quote(request.scope["path"]), request.scope.get("request_id", ""))
+    if f"{route_path(request.scope)}/".startswith(f"{INFERENCE_PREFIX}/"):
+        body["error"] = error.detail  # where clients of the Open Inference Protocol look for it
     return Response(_json({**body, **error.more}), error.kind.status, error.headers, MEDIA_TYPE)
 
 

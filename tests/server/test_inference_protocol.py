@@ -1,9 +1,14 @@
 """The Open Inference Protocol, spoken by Triton's client."""
 
 import json
+from collections.abc import Iterator
+from threading import Thread
+from time import sleep
 
 import numpy as np
 import pytest
+import uvicorn
+from fastapi import FastAPI
 from fastapi.testclient import TestClient
 
 from tests.conftest import encode, scene
@@ -24,7 +29,15 @@ def test_health_and_metadata(client: TestClient, monkeypatch: pytest.MonkeyPatch
     described = client.get(f"/v2/models/{name}").json()
     assert described["inputs"] == [{"name": "photo", "datatype": "BYTES", "shape": [1]}]
     assert described["outputs"] == [{"name": "lighting", "datatype": "BYTES", "shape": [1]}]
-    assert client.get("/v2/models/other/ready").status_code == 404
+    (version,) = described["versions"]
+    assert client.get(f"/v2/models/{name}/versions/{version}").json() == described
+    assert client.get(f"/v2/models/{name}/versions/{version}/ready").status_code == 200
+    for unknown in ("other/ready", f"{name}/versions/0/ready"):
+        problem = client.get(f"/v2/models/{unknown}")
+        assert problem.status_code == 404
+        assert problem.json()["error"] == problem.json()["detail"]
+    assert client.get("/v2").json()["extensions"] == ["binary_tensor_data"]
+    assert "error" not in client.get("/v1/none").json()
 
 
 def test_tritons_client_gets_the_record(client: TestClient) -> None:
@@ -39,6 +52,41 @@ def test_tritons_client_gets_the_record(client: TestClient) -> None:
     result = http.InferResult.from_response_body(answer.content)
     record = json.loads(result.as_numpy("lighting")[0])
     assert record == client.post("/v1/lighting", content=PHOTO, headers={"Content-Type": "image/jpeg"}).json()
+
+
+@pytest.fixture
+def address(app: FastAPI) -> Iterator[str]:
+    """Of the service on a socket."""
+    server = uvicorn.Server(uvicorn.Config(app, port=0, log_level="error"))
+    thread = Thread(target=server.run)
+    thread.start()
+    while not server.started:
+        sleep(0.01)
+    app.state.service.warm_up()
+    yield "{}:{}".format(*server.servers[0].sockets[0].getsockname())
+    server.should_exit = True
+    thread.join()
+
+
+def test_tritons_client_asks_over_a_socket(address: str, app: FastAPI) -> None:
+    http = pytest.importorskip("tritonclient.http")
+    spec = app.state.service.estimator.model.spec
+    client = http.InferenceServerClient(address)
+    assert client.is_server_live()
+    assert client.is_server_ready()
+    assert client.is_model_ready(spec.name)
+    assert client.get_server_metadata()["name"] == "outdoor-lighting"
+    assert client.get_model_metadata(spec.name)["versions"] == [spec.version]
+    photo, other = (http.InferInput("photo", [1], "BYTES") for _ in range(2))
+    photo.set_data_from_numpy(np.array([PHOTO], dtype=object))
+    other.set_data_from_numpy(np.array([b"no photo"], dtype=object))
+    outputs = [http.InferRequestedOutput("lighting")]
+    result = client.infer(spec.name, [photo], spec.version, outputs=outputs, request_id="a")
+    assert result.get_response()["id"] == "a"
+    assert set(json.loads(result.as_numpy("lighting")[0])) >= {"sun", "sky", "camera", "light_probe"}
+    with pytest.raises(Exception, match=r"^\[400\] The file is not a JPEG, PNG"):
+        client.infer(spec.name, [other])
+    client.close()
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 from typing import Any
 
@@ -144,6 +145,13 @@ def quick_app(estimator: Estimator, monkeypatch: pytest.MonkeyPatch) -> FastAPI:
     app = create_app(Settings(), estimator)
     app.state.service.warm_up()
     return app
+
+
+def test_two_threads_that_ask_at_a_time_get_one_document(estimator: Estimator) -> None:
+    app = create_app(Settings(), estimator)
+    with ThreadPoolExecutor(2) as threads:
+        one, other = threads.map(lambda _: app.openapi(), range(2))
+    assert one is other
 
 
 @pytest.mark.slow
