@@ -3,32 +3,18 @@
 `python -m scripts.make_pictures` writes them; `stereo-plan` and `stereo-normals` also print their numbers.
 """
 
-import io
-from collections.abc import Sequence
 from datetime import date
-from typing import Any
 
 import click
 import numpy as np
 from numpy.typing import ArrayLike
 from PIL import Image
 
-from export.reports.probe import (
-    BRACKET_TIMES,
-    SKY_DAY,
-    SKY_PLACE,
-    BracketCamera,
-    clear_sky_at,
-    expose_bracket,
-    photograph_sky,
-    read_sky_scans,
-)
 from export.stereo.evaluate import SEASONS, Trial, normal_angles, photograph_subject, run_session
 from export.stereo.renders import Subject
 from export.stereo.surfaces import random_relief
-from lighting.color import luminance, srgb_encode, tone_map
+from lighting.color import srgb_encode
 from lighting.geometry import Floats, Pinhole, angles, camera_pixel, direction, latlong_pixel
-from lighting.photo.linear import LinearPhoto
 from lighting.preview.drawing import (
     BACKGROUND,
     MUTED,
@@ -47,14 +33,6 @@ from lighting.preview.drawing import (
     draw_text_inside,
     rounded_mask,
 )
-from lighting.probe.alignment import Scan, fit_orientation, yaw_rotation
-from lighting.probe.bracket import make_bracket
-from lighting.probe.develop import BracketSettings, Moment, Probe, make_probe
-from lighting.probe.fisheye import make_lens
-from lighting.records import GROUND_ALBEDO
-from lighting.sky.cie import general_luminance
-from lighting.sky.hosek_wilkie import sky_radiance
-from lighting.sky.perez import perez_luminance
 from lighting.stereo.network import Network
 from lighting.stereo.plan_figure import draw_plan, format_angle_error
 from lighting.stereo.plan_records import Plan, PlanRequest, format_clock
@@ -89,7 +67,7 @@ def draw_axes() -> Image.Image:
     for (x, y, width, height), caption, panel in (
         (
             CHART_MAP,
-            "Environment map: width = 2 x height, row 0 is the zenith, the camera looks at the centre",
+            "Environment map: width = 2 x height, row 0 is the zenith, the camera looks at the center",
             _chart_map(),
         ),
         (SKETCH, "Frame: right-handed, the camera at its origin", _chart_sketch()),
@@ -233,93 +211,6 @@ def _circle(centre: tuple[float, float], radius: float) -> Floats:
     """Corners of a dot."""
     turn = np.linspace(0, 2 * np.pi, 48)
     return np.stack([centre[0] + radius * np.cos(turn), centre[1] + radius * np.sin(turn)], axis=-1)
-
-
-# probe: a bracket of the project's own sky, merged, beside scans of the real sky.
-
-PROBE_SIDE = 600
-PROBE_YAW = 40.0  # deg, how the camera was turned
-SUNNY = "2013-05-27"
-
-
-def _probe_exposures() -> list[LinearPhoto]:
-    """Seven exposures of a clear June morning through a fisheye, the sun clipped in all."""
-    picture = photograph_sky(
-        clear_sky_at(Moment(SKY_DAY, *SKY_PLACE)),
-        make_lens("equidistant", PROBE_SIDE, PROBE_SIDE),
-        yaw_rotation(PROBE_YAW),
-    )
-    return expose_bracket(picture, BracketCamera(14, fill=8.0), np.random.default_rng(0), BRACKET_TIMES)
-
-
-def _draw_probe_panels(exposures: Sequence[LinearPhoto], probe: Probe, scan: Scan, offset: float) -> Image.Image:
-    """The exposures, the map, and a scan beside three models."""
-    from matplotlib.figure import Figure
-
-    figure: Any = Figure(figsize=(12, 12), layout="constrained")
-    top, middle, bottom = figure.subfigures(3, 1, height_ratios=(1.1, 3.2, 2.0))
-    for axes, photo, time in zip(top.subplots(1, len(exposures)), exposures, BRACKET_TIMES, strict=True):
-        axes.imshow(tone_map(photo.pixels, 1.0))
-        axes.set_title(_seconds(time), fontsize=10)
-        axes.axis("off")
-    _draw_map(middle.subplots(), probe)
-    skies = _skies(scan, offset)
-    domes = bottom.subplots(1, len(skies), subplot_kw={"projection": "polar"})
-    for axes, (name, values) in zip(domes, skies, strict=True):
-        _draw_sky(axes, name, values, scan, offset)
-    encoded = io.BytesIO()
-    figure.savefig(encoded, dpi=80)
-    return Image.open(encoded).convert("RGB")
-
-
-def _draw_map(axes: Any, probe: Probe) -> None:
-    exposure = 0.5 / float(np.median(luminance(probe.image[: len(probe.image) // 2])))
-    axes.imshow(tone_map(probe.image, exposure), extent=(-180, 180, -90, 90))
-    azimuth, elevation = probe.moment.sun
-    axes.plot(azimuth, elevation, "o", mfc="none", mec="black", ms=22)
-    axes.text(azimuth, elevation - 20, "sun by the ephemeris", ha="center", fontsize=10)
-    axes.set_xticks(range(-180, 181, 90), ["south", "west", "north", "east", "south"])
-    axes.set_yticks((-90, 0, 90), ["nadir", "horizon", "zenith"])
-    axes.set_title("merged and aligned; the sun, clipped in every exposure, is filled in by the model", fontsize=10)
-
-
-def _skies(scan: Scan, offset: float) -> list[tuple[str, Floats]]:
-    """The measured luminance and three models (N,), each with the measured median."""
-    towards, sun = scan.directions(-1, offset), direction(*scan.sun)
-    models = {
-        "Hosek-Wilkie, turbidity 6": luminance(sky_radiance(towards, sun, 6.0, GROUND_ALBEDO)),
-        "Perez, clearness 5.3": perez_luminance(towards, sun, 5.3, 0.15),
-        "CIE clear sky": general_luminance(towards, sun, 12),
-    }
-    scale = np.median(scan.luminance)
-    skies = [(name, values * (scale / np.median(values))) for name, values in models.items()]
-    return [("measured, 27 May 2013", scan.luminance), *skies]
-
-
-def _draw_sky(axes: Any, name: str, values: Floats, scan: Scan, offset: float) -> None:
-    """The sky as a map, north up and east on the right: 81 directions coloured by the logarithm of their luminance."""
-    azimuth = np.radians(-scan.azimuth + offset)
-    low, high = np.log(np.percentile(scan.luminance, (2, 98)))
-    axes.set_theta_zero_location("N")
-    axes.set_theta_direction(-1)
-    axes.scatter(azimuth, 90 - scan.elevation, c=np.log(values), s=55, vmin=low, vmax=high, cmap="viridis")
-    axes.plot(np.radians(scan.sun[0]), 90 - scan.sun[1], "o", mfc="none", mec="red", ms=13)
-    axes.set_ylim(0, 90)
-    axes.set_yticks([])
-    axes.set_xticks(np.radians((0, 90, 180, 270)), ["N", "E", "S", "W"])
-    axes.set_title(name, fontsize=10)
-
-
-def _seconds(time: float) -> str:
-    return f"{time:.2g} s" if time > 0.3 else f"1/{1 / time:.0f} s"
-
-
-def draw_probe() -> Image.Image:
-    """Return seven exposures, the map merged of them, and a scan of the real sky beside three models."""
-    exposures = _probe_exposures()
-    probe = make_probe(make_bracket(exposures), Moment(SKY_DAY, *SKY_PLACE), BracketSettings(fill=True))
-    day = read_sky_scans()[SUNNY]
-    return _draw_probe_panels(exposures, probe, day[4], fit_orientation(day).offset)
 
 
 # stereo-plan: a relief on a south wall in Bregenz, under skies that the project models.

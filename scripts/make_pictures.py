@@ -26,7 +26,7 @@ from PIL import Image
 from lighting import estimate
 from lighting.files.atomic import atomic_write
 from scripts.book import read_code_blocks
-from scripts.figures import draw_axes, draw_probe, draw_stereo_normals, draw_stereo_plan
+from scripts.figures import draw_axes, draw_stereo_normals, draw_stereo_plan
 from scripts.gallery import EXAMPLES, GALLERY, ROOT, draw_gallery_row, draw_moving_picture
 
 IMAGES = ROOT / "docs" / "images"
@@ -99,7 +99,6 @@ PICTURES: dict[str, Callable[[], Pictures]] = {
     "monkey": draw_monkey,
     "scenes": draw_scenes,
     "axes": draw_axes,
-    "probe": draw_probe,
     "stereo-plan": draw_stereo_plan,
     "stereo-normals": draw_stereo_normals,
 }
