@@ -42,6 +42,7 @@ _GROUND_IN_BALLS = 12.0  # the disc's radius / the ball's; it holds the shadow o
 _BEHIND = 1.2  # the plate's distance / that of the disc's far edge
 
 _IBL = "EXT_lights_image_based"
+_SPECULAR = "KHR_materials_specular"  # without which surfaces mirror 4 %
 _MAX_FACE = 256  # pixels of the map's mirror images
 _GAMMA = 2.2  # of Babylon.js
 
@@ -69,7 +70,7 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
             "generator": SOFTWARE,
             "extras": {"lighting": record_with_coefficients(scene.lighting, scene.light_probe)},
         },
-        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit", _IBL],
+        "extensionsUsed": ["KHR_lights_punctual", "KHR_materials_unlit", _SPECULAR, _IBL],
         "extensions": {"KHR_lights_punctual": {"lights": [_sun(scene)]}, _IBL: {"lights": [image_light]}},
         "scene": 0,
         "scenes": [{"nodes": [0, 1, 2, 3, 4], "extensions": {_IBL: {"light": 0}}}],
@@ -184,7 +185,7 @@ def _materials(scene: Scene) -> list[Json]:
 
 def _diffuse(name: str, albedo: list[float]) -> Json:
     surface = {"baseColorFactor": [*albedo, 1], "metallicFactor": 0, "roughnessFactor": 1}
-    return {"name": name, "pbrMetallicRoughness": surface}
+    return {"name": name, "pbrMetallicRoughness": surface, "extensions": {_SPECULAR: {"specularFactor": 0}}}
 
 
 def _meshes(scene: Scene, binary: "_Binary") -> list[Json]:

@@ -5,6 +5,7 @@ import shutil
 import struct
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -46,13 +47,28 @@ def test_packed_floats_end_at_their_largest_value() -> None:
     assert unpacked(np.frombuffer(data, "<u4", 6, len(data) - 24)) == pytest.approx(64512, rel=0.02)
 
 
-def test_ktx_2_is_read_by_another_program(tmp_path: Path) -> None:
+def read_by_node(script: str, package: str, file: Path) -> dict[str, Any]:
+    """What a script of tests/node prints about a file with the help of a package."""
     program = shutil.which("node")
-    if program is None or not (NODE / "node_modules" / "ktx-parse").is_dir():
-        pytest.skip("node or ktx-parse is not installed: npm ci --prefix tests/node")
+    if program is None or not (NODE / "node_modules" / package).is_dir():
+        pytest.skip(f"node or {package} is not installed: npm ci --prefix tests/node")
+    done = subprocess.run([program, NODE / script, file], capture_output=True, check=True)
+    return dict(json.loads(done.stdout))
+
+
+def test_filaments_own_loader_reads_ktx_1(tmp_path: Path) -> None:
+    file = tmp_path / "a.ktx"
+    file.write_bytes(encode_ktx1(LEVELS, {"sh": "1 2 3\n"}))
+    read = read_by_node("filament.cjs", "filament", file)
+    assert (read["format"], read["width"], read["cubemap"], read["sh"]) == (0x8C3A, 4, True, "1 2 3\n")
+    for faces, words in zip(LEVELS, read["levels"], strict=True):
+        assert unpacked(np.array(words, np.uint32)).reshape(faces.shape) == pytest.approx(faces, rel=0.017, abs=1e-6)
+
+
+def test_ktx_2_is_read_by_another_program(tmp_path: Path) -> None:
     file = tmp_path / "a.ktx2"
     file.write_bytes(encode_ktx2(LEVELS))
-    read = json.loads(subprocess.run([program, NODE / "ktx.mjs", file], capture_output=True, check=True).stdout)
+    read = read_by_node("ktx.mjs", "ktx-parse", file)
     assert (read["format"], read["width"], read["height"], read["faces"]) == (97, 4, 4, 6)
     assert read["descriptor"]["colorModel"] == read["descriptor"]["transferFunction"] == 1
     for faces, numbers in zip(LEVELS, read["levels"], strict=True):
