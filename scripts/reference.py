@@ -80,6 +80,7 @@ def _command_section(context: click.Context) -> Iterator[str]:
         kept = paragraph.removeprefix("\b\n")  # whose lines click does not wrap
         yield from ([escape_marks(paragraph)] if kept == paragraph else ["```text", kept, "```"])
         yield ""
+    command._help_option = None  # which click keeps by the names of the context that asked first
     records = [
         r for p in command.get_params(context) if isinstance(p, click.Option) and (r := p.get_help_record(context))
     ]
