@@ -34,6 +34,7 @@ RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "try": ".ci/run",
     "test": ".ci/run",
     "blender": "tests/test_tutorials.py, where there is Blender",
+    "train": "tests/export/test_training_tutorial.py",
 }
 PAGES_RUN_ELSEWHERE: dict[str, str] = {}  # pages, and the test that runs their blocks
 SKIP = "skip: "  # a mark that begins so gives a reason why nothing runs the block

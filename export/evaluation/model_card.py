@@ -19,18 +19,18 @@ ROOT = Path(__file__).parents[2]
 TEMPLATE = Path(__file__).with_name("card_template.md")
 RELIABILITY = Path("docs") / "images" / RELIABILITY_FILE
 PAGES = ("README.md", "docs/understand/trust.md")  # which cite figures between marks
-_MARKED = re.compile(r"(<!-- metrics: (\w+) -->\n?).*?(\n?<!-- /metrics -->)", re.DOTALL)
+_MARKED = re.compile(r"(<!--metrics:(\w+)-->\n?).*?(\n?<!--/metrics-->)", re.DOTALL)
 _PROTOCOLS = {"paper": "ordinary view", "phone": "as phones take them"}
 _EARLIER = re.compile(r"outdoor \d+\.\d+\.\d+")  # networks of this project
 _WIDTH = 120  # columns of a paragraph
 _EVIDENCE = {  # rows of the table: where the report has them
-    "the same, each place counted alike": ("Protocol", "Each place counted alike", "{ours}", "median"),
-    "sun with time and place": ("Metadata, protocol", "", "pixels + time+place", "sun"),
-    "sun with time, place and a phone's compass": ("Metadata, protocol", "", "pixels + time+place + heading", "sun"),
+    "each place counted alike": ("Protocol", "Each place counted alike", "{ours}", "median"),
+    "best constant answer": ("Protocol", "Sun [", "constant direction", "median"),
+    "with time and place": ("Metadata, protocol", "", "pixels + time+place", "sun"),
+    "with compass, too": ("Metadata, protocol", "", "pixels + time+place + heading", "sun"),
 }
 _OTHERS = {  # rows of other methods, by how the name in the report begins
     "cvpr2017": "sun, network as in CVPR 2017",
-    "constant direction": "sun, best constant",
 }
 
 
@@ -92,13 +92,14 @@ def render_card(metrics: NetworkMetrics) -> str:
         "version": metrics.version,
         "date": metrics.date,
         **_texts(metrics),
+        "table": _accuracy_table(metrics, others=True),
         "limits": fill(" ".join(_limits(metrics)), _WIDTH),
     }
     return TEMPLATE.read_text(encoding="utf-8").format(**values)
 
 
 def fill_figures(page: str, metrics: NetworkMetrics) -> str:
-    """A page with the figures between its marks `<!-- metrics: NAME -->` and `<!-- /metrics -->` as they are now.
+    """A page with the figures between its marks `<!--metrics:NAME-->` and `<!--/metrics-->` as they are now.
 
     Args:
         page: its text; NAME is one of `_texts`.
@@ -125,14 +126,14 @@ def _texts(metrics: NetworkMetrics) -> dict[str, str]:
     return {
         "line": f"On {data['val']} panoramas from places new to it, half of the suns lie within {median}° ({date}).",
         "scope": f"The network was scored {scope} (`python -m export evaluate`, {date}).",
-        "table": _accuracy_table(metrics),
+        "table": _accuracy_table(metrics, others=False),
         "photos": " ".join(filter(None, _photo_sentences(metrics))),
         "low_suns": _signed("Those under 20° are placed {} in the median.", low),
     }
 
 
-def _accuracy_table(metrics: NetworkMetrics) -> str:
-    """The table of the card and of the page about trust: medians in degrees and shares, by protocol."""
+def _accuracy_table(metrics: NetworkMetrics, *, others: bool) -> str:
+    """Medians in degrees and shares by protocol; of other networks only where asked for."""
     accuracy = [metrics.accuracy[protocol] for protocol in _PROTOCOLS]
     angles = ("camera_elevation_median", "camera_roll_median", "vertical_fov_median")
     rows = [
@@ -140,11 +141,11 @@ def _accuracy_table(metrics: NetworkMetrics) -> str:
         *_measured_rows(metrics, _EVIDENCE),
         ["sun within 22.5° / 45°", *(f"{a['within_22_5']:.0f} % / {a['within_45']:.0f} %" for a in accuracy)],
         [
-            "true sun in the 50 % / 90 % region",
+            "true sun in 50 % / 90 % region",
             *(f"{a['in_50_region']:.0f} % / {a['in_90_region']:.0f} %" for a in accuracy),
         ],
         ["camera elevation, roll, field of view", *(", ".join(f"{a[name]:.1f}" for name in angles) for a in accuracy)],
-        *_other_rows(metrics),
+        *(_other_rows(metrics) if others else ()),
     ]
     return markdown_table(["", *_PROTOCOLS.values()], rows)
 

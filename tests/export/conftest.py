@@ -1,8 +1,12 @@
 """Rendered panoramas, a network trained on them for a few steps, and an LLVM, shared by all tests of export."""
 
+import os
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 
 from export.data.labels import _label_panorama, write_labels
 from export.data.panoramas import DataError, read_index
@@ -13,13 +17,27 @@ from export.training.config import TrainConfig
 from export.training.loop import train_network
 
 
+def _make_once(factory: pytest.TempPathFactory, name: str, make: Callable[[Path], object]) -> Path:
+    """A folder that the first process of the test run fills, and that the others share."""
+    base = factory.getbasetemp()
+    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / name
+    with FileLock(folder.with_suffix(".lock")):
+        if not folder.exists():
+            part = folder.with_suffix(".part")
+            make(part)
+            part.rename(folder)
+    return folder
+
+
 @pytest.fixture(scope="session")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder of rendered panoramas and its labels."""
-    folder = tmp_path_factory.mktemp("data")
-    _write_dataset(folder, 12, height=64)
-    write_labels([_label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
-    return folder
+
+    def make(folder: Path) -> None:
+        _write_dataset(folder, 12, height=64)
+        write_labels([_label_panorama(p) for p in read_index(folder)], folder / "labels.csv")
+
+    return _make_once(tmp_path_factory, "panoramas", make)
 
 
 @pytest.fixture(scope="session")
@@ -29,16 +47,17 @@ def config(data: Path, tmp_path_factory: pytest.TempPathFactory) -> TrainConfig:
 
 
 @pytest.fixture(scope="session")
-def trained(config: TrainConfig) -> Path:
-    train_network(config)
-    return Path(config.out)
+def trained(config: TrainConfig, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return _make_once(tmp_path_factory, "trained", lambda folder: train_network(replace(config, out=str(folder))))
 
 
 @pytest.fixture(scope="session")
-def trained_network(trained: Path) -> Path:
-    target = trained / "outdoor.onnx"
-    write_onnx([trained], target, temperature=1.3)
-    return target
+def trained_network(trained: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    def make(folder: Path) -> None:
+        folder.mkdir()
+        write_onnx([trained], folder / "outdoor.onnx", temperature=1.3)
+
+    return _make_once(tmp_path_factory, "trained-network", make) / "outdoor.onnx"
 
 
 @pytest.fixture(scope="session")

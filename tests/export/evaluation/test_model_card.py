@@ -41,7 +41,7 @@ def test_the_pages_cite_the_figures_as_they_are() -> None:
 
 def test_a_page_says_which_figures_it_cites() -> None:
     metrics = read_metrics(FOLDER / METRICS)
-    page = "<!-- metrics: line -->\nold\n<!-- /metrics -->\n\nNot this.\n\n<!-- metrics: table --><!-- /metrics -->\n"
+    page = "<!--metrics:line-->\nold\n<!--/metrics-->\n\nNot this.\n\n<!--metrics:table--><!--/metrics-->\n"
     text = model_card.fill_figures(page, metrics)
     assert f"within {metrics.accuracy['paper']['sun_median']}°" in text
     assert "old" not in text
