@@ -1,4 +1,4 @@
-"""Public names that have changed: the old ones work, with a warning, until a release that is named here."""
+"""Names that have changed: the old ones work until a release that is named here; those of Python warn."""
 
 import warnings
 from dataclasses import dataclass
@@ -26,6 +26,10 @@ RENAMED = {  # by the old name; that of an attribute of a class calls `warn_of_o
     "lighting.video.Tracker": _RenamedName("lighting.video.stream", "Tracker", "0.3.0"),
     "lighting.video.stream.Tracker.given": _RenamedName("lighting.video.stream", "Tracker.user_input", "0.3.0"),
 }
+
+# What people type, without dashes, in commands, URLs and forms alike. The old names go in 0.3.0, the short ones stay.
+OLD_NAMES = {"exif": "metadata", "tool": "for"}
+SHORT_FORMS = {"lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}
 
 
 def replacement(package: str, name: str) -> object:

@@ -28,6 +28,9 @@ _MAX_FOOT_ROW = 0.97  # of the picture's height, where a foot may stand
 _MIN_VISIBLE = 0.02  # share of a picture that shows ground to speak of
 _STAGE = "objects stand on a stage of their own beside it."
 
+_SURE_GROUND = 160  # of 255, from which a cell of a mask counts as firm, and as in the sun
+_ROOM = 2  # cells beside a lit spot that are to be so, too
+
 _ROWS = 72  # of the picture in which the spot is sought
 _MIN_GROUND = 0.5  # probability from which a cell counts as ground
 _MIN_SUPPORT = 0.5  # probability of ground under a ball
@@ -57,6 +60,30 @@ def draw_ground_mask(lit: NDArray[np.float32], segments: Segments | None) -> NDA
     else:
         ground, things = (pixel_share(segments, width, height, *kinds) for kinds in ((SurfaceClass.GROUND,), THINGS))
     return np.round(255 * np.stack([ground, lit, things], axis=-1).clip(0, 1)).astype(np.uint8)
+
+
+def find_lit_spot(mask: NDArray[np.uint8], near: tuple[float, float]) -> tuple[float, float] | None:
+    """Return the nearest point where firm ground lies in the sun, with room beside it; None where there is none.
+
+    Args:
+        mask: (H, W, 3) of a picture, by `draw_ground_mask`.
+        near: (x, y) of the point from which it is sought, in shares of the picture's width and height.
+
+    Returns:
+        (x, y) in the same shares.
+    """
+    rows, columns, _ = mask.shape
+    sure = (mask[..., :2] >= _SURE_GROUND).all(axis=-1)
+    steps = range(-_ROOM, _ROOM + 1, _ROOM)
+    padded = np.pad(sure, _ROOM)
+    fits = np.logical_and.reduce(
+        [padded[_ROOM + y : _ROOM + y + rows, _ROOM + x : _ROOM + x + columns] for y in steps for x in steps]
+    )
+    if not fits.any():
+        return None
+    y, x = np.nonzero(fits)
+    best = np.argmin((x + 0.5 - near[0] * columns) ** 2 + (y + 0.5 - near[1] * rows) ** 2)
+    return float((x[best] + 0.5) / columns), float((y[best] + 0.5) / rows)
 
 
 @dataclass(frozen=True)

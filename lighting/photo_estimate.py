@@ -273,10 +273,9 @@ class Estimate(EstimatedLight):
 
     def _repr_png_(self) -> bytes:
         """The preview, which notebooks show."""
-        from lighting.files.atomic import encode_png
-        from lighting.preview.picture import PNG_LEVEL
+        from lighting.preview.picture import encode_preview_png
 
-        return encode_png(np.asarray(self.preview()), compress_level=PNG_LEVEL)
+        return encode_preview_png(np.asarray(self.preview()))
 
     def _map_context(self, height: int, surroundings: bool | None, detail: bool) -> "PhotoContext | None":
         """The photo, read finer for a high map, and its surroundings."""

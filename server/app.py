@@ -81,7 +81,7 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     app.include_router(inference_protocol.health_router)
     app.include_router(middleware.router)
     app.include_router(openapi.router)
-    app.include_router(static_page.make_page_router(photo=service.settings.photo))
+    app.include_router(static_page.make_page_router(photo=service.settings.opened_photo))
     app.include_router(static_page.make_book_router())
 
 

@@ -17,10 +17,11 @@ from datetime import datetime
 from pathlib import Path, PurePosixPath
 from typing import Any, BinaryIO, TypeVar
 
+from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError, VideoError
 from lighting.fusion.user_input import UserInput
 from lighting.records import Json
-from lighting.runtime import claim_stdout, ignore_signals, limit_address_space
+from lighting.runtime import claim_stdout, confine_to_folder, ignore_signals, limit_address_space
 
 T = TypeVar("T")
 Report = Callable[[float], None]  # takes the part that is done, 0 to 1
@@ -49,6 +50,7 @@ class JobKind:
     upload: str  # what it takes, for people
     options: frozenset[str]  # fields of JobQuery that count, of UserInput by their names there
     work: Callable[[Json, Report], Sequence[str]]  # takes the request; returns warnings
+    processes: bool = False  # whether it starts some, which decode its photos
 
 
 def run_worker() -> None:
@@ -58,6 +60,8 @@ def run_worker() -> None:
     ignore_signals()
     os.chdir(request["folder"])
     _limit_process(request["max_bytes"])
+    network = [Path(request["model"])] if request["model"] else []
+    confine_to_folder(Path(request["folder"]), network, processes=JOB_KINDS[request["kind"]].processes)
 
     def report(part: float) -> None:
         _answer(answers, {"progress": round(min(max(part, 0.0), 1.0), 3)})
@@ -107,6 +111,11 @@ def _user_input(request: Json) -> UserInput:
     return UserInput(**{**stated, "time": datetime.fromisoformat(time) if time else None})
 
 
+def _adjustments(options: Json) -> Adjustments | None:
+    stated = options["adjustments"]
+    return stated and Adjustments(**{**stated, "sun": stated["sun"] and tuple(stated["sun"])})
+
+
 def _process_clip(request: Json, report: Report) -> Sequence[str]:
     """`lighting video`."""
     from lighting.model import Model
@@ -115,7 +124,8 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 
     limit_address_space(_MEMORY)
     options = request["options"]
-    outputs = OutputOptions(options["height"], tool=options["tool"], film=options["preview"])
+    view: Any = {"sun": options["sun"], "adjustments": _adjustments(options)}
+    outputs = OutputOptions(options["height"], tool=options["tool"], film=options["preview"], **view)
     job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs)
     with Clip(job.source) as clip:
         duration = max(clip.info.duration, 1e-3)
@@ -141,7 +151,8 @@ def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
     _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     source, names = find_photos(str(_PHOTOS))
     options = request["options"]
-    maps = MapOptions(options["height"]) if options["envmap"] else None
+    view: Any = {"sun": options["sun"], "adjustments": _adjustments(options)}
+    maps = MapOptions(options["height"], **view) if options["envmap"] else None
     job = BatchJob(source, str(_OUT), request["model"], maps, user_input=_user_input(request))
     with open_batch(job) as journal:
         for done, _ in enumerate(run_pool(job, names, journal, workers=1), 1):
@@ -221,16 +232,18 @@ def _create_file(name: str) -> BinaryIO:
 
 
 _USER_INPUT = frozenset({"metadata", "time", "utc_offset", "latitude", "longitude", "heading", "vertical_fov"})
+MAP_OPTIONS = frozenset({"height", "sun", "exposure", "haze", "overcast"})
 JOB_KINDS = {
     "video": JobKind(
         "a clip",
-        _USER_INPUT | {"camera_height", "keep_location", "every", "for", "preview", "height"},
+        _USER_INPUT | MAP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
         _process_clip,
     ),
     "photos": JobKind(
         "a ZIP of photos, each by itself",
-        _USER_INPUT - {"time", "heading"} | {"camera_height", "keep_location", "envmap", "height"},
+        _USER_INPUT - {"time", "heading"} | MAP_OPTIONS | {"camera_height", "keep_location", "envmap"},
         _estimate_photos,
+        processes=True,
     ),
     "normals": JobKind(
         "a ZIP of photos of one day, from a camera that stood still",

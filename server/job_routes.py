@@ -2,7 +2,7 @@
 
 import errno
 import re
-from dataclasses import fields
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import PurePath
 from typing import Annotated, Any, Self
@@ -11,6 +11,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import FileResponse, JSONResponse
 from pydantic import Field, model_validator
 
+from lighting.envmap.relighting import Adjustments
 from lighting.fusion.user_input import UserInput
 from lighting.records import Json
 from lighting.scene import animated_tools
@@ -19,12 +20,12 @@ from server import problems
 from server.dependencies import ServiceDep
 from server.field_types import InRange, NotNull, RegistryName, field_error
 from server.identity import client_of_request
-from server.job_kinds import JOB_KINDS, RESULT_FILE, UPLOAD_STEM
+from server.job_kinds import JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
 from server.job_store import JobState, StoredJob
 from server.jobs import JobRunner
 from server.limits import BusyError
 from server.problems import ProblemError, problem_responses
-from server.query_params import UserInputQuery, refuse_parameters
+from server.query_params import AdjustQuery, UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
 from server.responses import ZIP_TYPE
 from server.schemas import JobLinks, JobRecord
@@ -52,7 +53,7 @@ _OFF = "This service takes no jobs; its operator may name a folder for them, LIG
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=FormRoute)
 
 
-class JobQuery(UserInputQuery):
+class JobQuery(UserInputQuery, AdjustQuery):
     """What a job does, and what is known of its photos."""
 
     kind: Annotated[str, RegistryName(JOB_KINDS)] = Field(
@@ -76,6 +77,8 @@ class JobQuery(UserInputQuery):
         if others := sorted(name for name in names.values() if name not in allowed):
             kinds = [name for name, kind in JOB_KINDS.items() if others[0] in kind.options]
             raise field_error(others[0], f"goes with kind={' or '.join(kinds)}")
+        if self.kind == "photos" and not self.envmap and (idle := sorted(MAP_OPTIONS.intersection(names))):
+            raise field_error(idle[0], "goes with envmap=true")
         return self
 
     def to_request(self, upload: str, model: str | None) -> Json:
@@ -83,12 +86,14 @@ class JobQuery(UserInputQuery):
         known = self.user_input()
         stated = {field.name: getattr(known, field.name) for field in fields(UserInput)}
         names = ("every", "tool", "preview", "envmap", "height", "camera_elevation", "camera_roll")
+        adjustments = self.adjustments()
         return {
             "kind": self.kind,
             "upload": upload,
             "model": model,
             "user_input": {**stated, "time": known.time.isoformat() if known.time else None},
-            "options": {name: getattr(self, name) for name in names},
+            "options": {name: getattr(self, name) for name in names}
+            | {"sun": self.sun_in_map, "adjustments": None if adjustments == Adjustments() else asdict(adjustments)},
         }
 
 

@@ -22,6 +22,7 @@ curl -F photo=@photo.jpg -F height=256 -F format=hdr http://127.0.0.1:8000/v1/en
   and photos inside JSON are not taken.
 - **Parameters** stand in the URL or in the form, each once.
 - **Angles** are degrees. Azimuth 0 is where the camera points, positive to the right. Colours are linear Rec.709.
+- **`ETag`** is in every answer: the same one, the same answer. `If-None-Match` goes with `GET` alone.
 - **Errors** are `application/problem+json`. Programs read `type`, and of each of the `errors` its `field` and `code`.
 - **Photos are not kept.** They stay in memory while they are worked on.
 """
@@ -30,6 +31,8 @@ TAGS = [
     {"name": "jobs", "description": "Long work: clips, many photos, normals. Off unless the operator names a folder."},
     {"name": "operations", "description": "For operators."},
 ]
+
+_ETAG = {"description": "Of the answer's bytes, or of what they follow from", "schema": {"type": "string"}}
 
 router = APIRouter(include_in_schema=False)
 
@@ -62,12 +65,21 @@ def complete_document(app: FastAPI, settings: Settings) -> None:
                     }
                     for kind in problems.KINDS
                 }
+                _add_tags(document["paths"])
                 form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
                 form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
                 documents.append(document)
         return documents[0]
 
     app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _add_tags(paths: Json) -> None:
+    """Say that the answers under /v1 have tags, other than those of jobs."""
+    for path, operations in paths.items():
+        if path.startswith("/v1/") and not path.startswith("/v1/jobs"):
+            for operation in operations.values():
+                operation["responses"]["200"].setdefault("headers", {})["ETag"] = _ETAG
 
 
 def _add_schemas(schemas: Json) -> None:

@@ -3,13 +3,14 @@
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 from fastapi import Request
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from lighting.color import COLOR_SPACES
+from lighting.deprecation import OLD_NAMES, SHORT_FORMS
 from lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import MAP_FORMATS
@@ -27,25 +28,26 @@ from server.problems import InvalidField, invalid_field_error, invalid_fields_er
 
 SUN_BY_DEFAULT = "by default where the light states its power, or where it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
+# Fields of a record whose names mean something else beside a photo: an adjustment, and what is known of its lens.
+_EDIT_NAMES = {"exposure": "sky_exposure", "vertical_fov": "camera_vertical_fov"}
 
 
 class Query(BaseModel):
-    """Parameters of a URL; unknown names are refused, and old ones are read until 0.3.0."""
+    """Parameters of a URL; unknown names are refused, short ones are read, and old ones are until 0.3.0."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
-    old_names: ClassVar[Mapping[str, str]] = {}  # what parameters are called now, by what they were called
 
     @model_validator(mode="before")
     @classmethod
     def _rename(cls, values: Any) -> Any:
         if not isinstance(values, Mapping):
             return values
-        renamed = dict(values)
-        for old, new in cls.old_names.items():
-            if old in renamed:
-                if new in renamed:
-                    raise field_error(old, f"is now {new}, which is stated, too", ErrorCode.DUPLICATE)
-                renamed[new] = renamed.pop(old)
+        renamed, names = dict(values), {field.alias or name for name, field in cls.model_fields.items()}
+        for other, name in (OLD_NAMES | SHORT_FORMS).items():
+            if other in renamed and name in names:
+                if name in renamed:
+                    raise field_error(other, f"is {name}, which is stated, too", ErrorCode.DUPLICATE)
+                renamed[name] = renamed.pop(other)
         return renamed
 
     def explicit_fields(self) -> set[str]:
@@ -56,13 +58,6 @@ class Query(BaseModel):
 
 class UserInputQuery(Query):
     """What the client states about a photo; it overrides the photo's metadata."""
-
-    old_names: ClassVar[Mapping[str, str]] = {
-        "exif": "metadata",
-        "lat": "latitude",
-        "lon": "longitude",
-        "fov": "vertical_fov",
-    }
 
     metadata: types.Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
     time: types.Time = Field(None, description="when the photo was taken, ISO 8601, with the offset from UTC if known")
@@ -180,7 +175,7 @@ class _IrradianceQuery(Query):
         return cover
 
 
-class _AdjustQuery(Query):
+class AdjustQuery(Query):
     """What a client changes of a light by hand, under the names of the command line and of Python."""
 
     sun: types.SunOrFlag = Field(
@@ -217,10 +212,9 @@ class _EditQuery(_IrradianceQuery):
         if not isinstance(values, Mapping):
             return values
         renamed = dict(values)
-        old = {"exposure": "sky_exposure", "vertical_fov": "camera_vertical_fov"} if "photo_exposure" in values else {}
-        old |= {"vertical_fov": "camera_vertical_fov"} if "fov" in values else {}
-        for name, new in old.items():
-            if name in renamed and new not in renamed:
+        for name, new in _EDIT_NAMES.items():
+            was_edit = "photo_exposure" in values or (name == "vertical_fov" and "fov" in values)
+            if was_edit and name in renamed and new not in renamed:
                 renamed[new] = renamed.pop(name)
         return renamed
 
@@ -242,9 +236,8 @@ class _EditQuery(_IrradianceQuery):
     def changes(self) -> dict[str, float | Color]:
         """The fields of Lighting that the client replaces, by name."""
         values = self.model_dump(include=set(_EditQuery.model_fields) - {"photo_exposure"}, exclude_none=True)
-        return {
-            {"sky_exposure": "exposure", "camera_vertical_fov": "vertical_fov"}.get(n, n): v for n, v in values.items()
-        }
+        fields_of = {new: name for name, new in _EDIT_NAMES.items()}
+        return {fields_of.get(name, name): value for name, value in values.items()}
 
 
 class _SurroundingsQuery(Query):
@@ -274,7 +267,7 @@ class ProbeQuery(Query):
         return self.sun
 
 
-class PhotoProbeQuery(_AdjustQuery, ProbeQuery, UserInputQuery, _EditQuery):
+class PhotoProbeQuery(AdjustQuery, ProbeQuery, UserInputQuery, _EditQuery):
     """The light probe of a photo."""
 
     surroundings: types.FlagOrAuto = Field(
@@ -282,7 +275,7 @@ class PhotoProbeQuery(_AdjustQuery, ProbeQuery, UserInputQuery, _EditQuery):
     )
 
 
-class PreviewQuery(UserInputQuery, _SurroundingsQuery, _AdjustQuery):
+class PreviewQuery(UserInputQuery, _SurroundingsQuery, AdjustQuery):
     """The preview of a photo."""
 
 
@@ -292,7 +285,14 @@ class GroundQuery(UserInputQuery):
     sun: types.FlagOrAuto = Field(None, description=f"whether the ground may lie in direct sunlight; {SUN_BY_DEFAULT}")
 
 
-class EnvmapQuery(_AdjustQuery, MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
+class LitSpotQuery(GroundQuery):
+    """The point of a photo from which ground in the sun is sought."""
+
+    x: Annotated[float, InRange(0, 1, description="share of the photo's width, from the left", examples=[0.5])]
+    y: Annotated[float, InRange(0, 1, description="share of the photo's height, from the top", examples=[0.8])]
+
+
+class EnvmapQuery(AdjustQuery, MapQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
     """The map of a photo."""
 
 
@@ -323,8 +323,6 @@ class SkyProbeQuery(ProbeQuery, _SkyParameters):
 
 
 class _ToolQuery(Query):
-    old_names: ClassVar[Mapping[str, str]] = {"tool": "for"}
-
     tool: Annotated[str, RegistryName(EXPORTERS)] = Field(alias="for", description="the tool that opens it")
 
 
@@ -367,10 +365,8 @@ class SceneQuery(_ToolOptionsQuery):
         return self.model_dump(include=set(EXPORTERS[self.tool].options))
 
 
-class PhotoSceneQuery(_AdjustQuery, SceneQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
+class PhotoSceneQuery(AdjustQuery, SceneQuery, UserInputQuery, _EditQuery, _SurroundingsQuery):
     """The scene of a photo."""
-
-    old_names: ClassVar[Mapping[str, str]] = {**SceneQuery.old_names, **UserInputQuery.old_names}
 
 
 class SkySceneQuery(SceneQuery, _SkyParameters):

@@ -152,12 +152,26 @@ def tagged_json_response(request: Request, content: Json) -> Response:
         content: what it holds.
     """
     response = JSONResponse(content)
-    etag = f'"{sha256(response.body).hexdigest()[:32]}"'
+    etag = _tag_bytes(response.body)
     headers = {"ETag": etag, "Cache-Control": "no-cache"}
     if _is_fresh(request, etag):
         return Response(status_code=304, headers=headers)
     response.headers.update(headers)
     return response
+
+
+def tag_response(response: Response) -> None:
+    """Give a whole answer to a photo the tag of its bytes: a client sees by it whether the answer is another.
+
+    Args:
+        response: changed in place, if it succeeded and has no tag.
+    """
+    if response.status_code == 200 and isinstance(response.body, bytes):
+        response.headers.setdefault("ETag", _tag_bytes(response.body))
+
+
+def _tag_bytes(data: bytes | memoryview) -> str:
+    return f'"{sha256(data).hexdigest()[:32]}"'
 
 
 def _is_fresh(request: Request, etag: str) -> bool:

@@ -1,7 +1,8 @@
 """The API, version 1: each route reads its parameters, has the work done and makes the response."""
 
+from collections.abc import Callable, Coroutine
 from functools import partial
-from typing import Annotated
+from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
@@ -21,6 +22,7 @@ from server.query_params import (
     GroundQuery,
     LightingQuery,
     LightingsQuery,
+    LitSpotQuery,
     PhotoProbeQuery,
     PhotoSceneQuery,
     PreviewQuery,
@@ -29,7 +31,7 @@ from server.query_params import (
     SkySceneQuery,
 )
 from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, FormRoute
-from server.schemas import LightingEstimate, LightingEstimates, ModelCard
+from server.schemas import LightingEstimate, LightingEstimates, LitSpot, ModelCard
 
 _BINARY_SCHEMA = {"type": "string", "format": "binary"}
 _PARAMETERS_SCHEMA = {"type": "string", "description": "any parameter of the URL, in the form instead"}
@@ -63,7 +65,22 @@ _NOT_MODIFIED_RESPONSE: Json = {"description": "The client's copy is still good"
 _SKY_ANSWERS = {304: _NOT_MODIFIED_RESPONSE, **problem_responses(422, 500, 503)}
 _PHOTO_PROBLEMS = problem_responses(400, 408, 413, 415, 422, 429, 500, 503)
 
-router = APIRouter(prefix="/v1", tags=["lighting"], route_class=FormRoute)
+
+class _TaggedRoute(FormRoute):
+    """A route that takes a form, and whose answers have a tag."""
+
+    def get_route_handler(self) -> Callable[[Request], Coroutine[Any, Any, Response]]:
+        handle = super().get_route_handler()
+
+        async def tag_answer(request: Request) -> Response:
+            response = await handle(request)
+            responses.tag_response(response)
+            return response
+
+        return tag_answer
+
+
+router = APIRouter(prefix="/v1", tags=["lighting"], route_class=_TaggedRoute)
 
 
 def _body(content: Json) -> Json:
@@ -202,6 +219,21 @@ async def draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotated
     what stands before it. Blue is the probability of that: plants, vehicles, people and other things.
     """
     return Response(await admission.run(tasks.encode_ground, admission.service, photo, query), media_type="image/png")
+
+
+@router.post(
+    "/ground/lit-spot",
+    summary="The nearest ground in the sun",
+    response_model=LitSpot,
+    response_description="The spot",
+    responses=_PHOTO_PROBLEMS,
+    openapi_extra=_body(_PHOTO_BODY),
+)
+async def locate_lit_spot(
+    admission: AdmissionDep, photo: PhotoDep, query: Annotated[LitSpotQuery, Query()]
+) -> JSONResponse:
+    """The nearest point to (`x`, `y`) where firm ground lies in the sun, with room for an object."""
+    return JSONResponse({"spot": await admission.run(tasks.find_lit_spot_in_photo, admission.service, photo, query)})
 
 
 @_get_file("/scene", summary="A scene for another tool, of a sky", responses={200: _SCENE_RESPONSE, **_SKY_ANSWERS})

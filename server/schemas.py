@@ -262,6 +262,15 @@ class LightingEstimates(BaseModel):
     lightings: list[LightingEstimate] = Field(min_length=1)
 
 
+class LitSpot(BaseModel):
+    """Where an object would stand in the sun."""
+
+    spot: tuple[float, float] | None = Field(
+        description="in shares of the photo's width, from the left, and height, from the top; null where there is none",
+        examples=[[0.53, 0.81]],
+    )
+
+
 class Accuracy(BaseModel):
     """Errors over test crops, in degrees; those of the sun over crops whose sun is known."""
 

@@ -71,7 +71,10 @@ class Settings(BaseSettings):
     port: int = Field(8000, ge=0, le=65535, description="port to listen on; 0 picks a free one")
     model: Path | None = Field(None, description="path of another network (.onnx) than the one in the package")
     photo: FilePath | None = Field(
-        None, description="photo that the page shows at `/#opened/NAME`, as `lighting open` asks"
+        None, description="photo that the page shows at `/#opened/SECRET/NAME`, as `lighting open` asks"
+    )
+    photo_secret: SecretStr | None = Field(
+        None, description="the SECRET in that address; without it nobody is given the photo"
     )
     concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
     threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
@@ -203,6 +206,12 @@ class Settings(BaseSettings):
         if url and not _COLLECTOR.fullmatch(url):
             raise ValueError(f"{url} is not a URL such as http://collector:4318.")
         return url
+
+    @property
+    def opened_photo(self) -> tuple[Path, str] | None:
+        """The photo that the page shows, and the secret for which it is given; None where one of them is missing."""
+        secret = self.photo_secret.get_secret_value() if self.photo_secret else ""
+        return (self.photo, secret) if self.photo and secret else None
 
     @property
     def workers(self) -> int:

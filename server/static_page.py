@@ -3,6 +3,7 @@
 import gzip
 from functools import lru_cache
 from hashlib import sha256
+from hmac import compare_digest
 from mimetypes import guess_type
 from pathlib import Path
 
@@ -22,12 +23,12 @@ _CACHE_A_DAY = "public, max-age=86400"
 _CACHE_FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
 
-def make_page_router(bundle: Path = BUNDLE, photo: Path | None = None) -> APIRouter:
+def make_page_router(bundle: Path = BUNDLE, photo: tuple[Path, str] | None = None) -> APIRouter:
     """The routes of the page.
 
     Args:
         bundle: the folder that vite writes.
-        photo: the file that the page shows at `/#opened/NAME`; None offers none.
+        photo: the file that the page shows at `/#opened/SECRET/NAME`, and the secret; None offers none.
     """
     router = APIRouter(include_in_schema=False)
     icon = _FAVICON.read_bytes()
@@ -43,11 +44,13 @@ def make_page_router(bundle: Path = BUNDLE, photo: Path | None = None) -> APIRou
         """The reference of the API, drawn from /openapi.json."""
         return await _serve_file(root, "docs.html", request, "no-cache")
 
-    @router.get("/opened")
-    async def opened() -> Response:
-        if photo is None or not photo.is_file():
+    @router.get("/opened/{secret}")
+    async def opened(secret: str) -> Response:
+        """For who knows the secret: any program of this machine reaches the address."""
+        file, expected = photo or (None, "")
+        if file is None or not compare_digest(secret.encode(), expected.encode()) or not file.is_file():
             raise HTTPException(404)
-        return FileResponse(photo, filename=photo.name, headers={"Cache-Control": "no-store"})
+        return FileResponse(file, filename=file.name, headers={"Cache-Control": "no-store"})
 
     @router.get("/favicon.ico")
     async def favicon() -> Response:

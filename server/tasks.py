@@ -15,11 +15,11 @@ from lighting.envmap.surroundings import PhotoContext, photo_context, render_vie
 from lighting.errors import PhotoError
 from lighting.files import MAP_FORMATS, encode_envmap
 from lighting.files.atomic import encode_jpeg, encode_png
-from lighting.ground import draw_ground_mask
+from lighting.ground import draw_ground_mask, find_lit_spot
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from lighting.photo.reader import TARGET, Photo
 from lighting.photo_estimate import Estimate
-from lighting.preview.picture import PHOTO_SIDE, PNG_LEVEL, draw_preview_pixels
+from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, encode_preview_png
 from lighting.records import Lighting
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
@@ -229,7 +229,7 @@ def encode_preview(service: Service, data: bytes, query: queries.PreviewQuery) -
             sun=query.sun_in_map,
         )
     with trace_step("encode"):
-        return encode_png(picture, compress_level=PNG_LEVEL)
+        return encode_preview_png(picture)
 
 
 def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> bytes:
@@ -240,12 +240,27 @@ def encode_ground(service: Service, data: bytes, query: queries.GroundQuery) -> 
         data: the bytes of a photo.
         query: what the client states, and whether the sun shines.
     """
+    mask = _draw_ground(service, data, query)
+    with trace_step("encode"):
+        return encode_png(mask)
+
+
+def find_lit_spot_in_photo(service: Service, data: bytes, query: queries.LitSpotQuery) -> tuple[float, float] | None:
+    """Estimate the light of a photo and find the nearest ground in the sun.
+
+    Args:
+        service: reads the photo and estimates.
+        data: the bytes of a photo.
+        query: what the client states, and the point from which the spot is sought.
+    """
+    return find_lit_spot(_draw_ground(service, data, query), (query.x, query.y))
+
+
+def _draw_ground(service: Service, data: bytes, query: queries.GroundQuery) -> Pixels:
     photo, estimate = _estimate_photo(service, data, query)
     with trace_step("map"):
         lit = ground_shadow_mask(photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
-        mask = draw_ground_mask(shadow_receivers(lit, estimate.segments), estimate.segments)
-    with trace_step("encode"):
-        return encode_png(mask)
+        return draw_ground_mask(shadow_receivers(lit, estimate.segments), estimate.segments)
 
 
 def _zip_scene_of_plate(

@@ -8,6 +8,7 @@ import bpy
 from bpy_extras.object_utils import world_to_camera_view
 
 from . import scene as script
+from .skies import SLIDERS
 
 COLLECTION = "Light from Photo"
 _MADE = {"Camera": "camera", "Sun": "sun", "Ground": "ground", "Your object here": "spot"}  # and the settings' names
@@ -101,10 +102,10 @@ def _remember(settings: Any, record: dict[str, Any], numbers: dict[str, Any], wo
     settings.shines = numbers["sun"]["irradiance"] > 0
     settings.record = json.dumps(record)
     settings.environment = environment_node(world).image
-    estimate = (record["sun"]["azimuth"], record["sun"]["elevation"], record["sky"]["turbidity"])
-    settings.estimate = (*estimate, record["sky"]["exposure"])
-    settings.sun_azimuth, settings.sun_elevation, settings.turbidity = estimate
-    settings.exposure = record["sky"]["exposure"]
+    settings.estimate = (record["sun"]["azimuth"], record["sun"]["elevation"], record["sky"]["turbidity"], 0.0)
+    settings.overcast = False
+    for name, value in zip(SLIDERS, settings.estimate, strict=True):
+        setattr(settings, name, value)
     settings.world = world
 
 

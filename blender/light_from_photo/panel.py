@@ -6,6 +6,7 @@ import bpy
 
 from .operators import LIGHTFROMPHOTO_OT_estimate as Estimate
 from .operators import LIGHTFROMPHOTO_OT_reset as Reset
+from .skies import SLIDERS
 
 
 class _Panel:
@@ -25,8 +26,9 @@ class _Panel:
         settings = context.scene.light_from_photo
         column = layout.column(align=True)
         column.active = settings.world is not None
-        for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
-            column.prop(settings, name, slider=name != "exposure")
+        for name in SLIDERS:
+            column.prop(settings, name, slider=True)
+        column.prop(settings, "overcast")
         layout.operator(Reset.bl_idname, icon="LOOP_BACK")
 
 

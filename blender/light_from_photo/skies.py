@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .lighting.color import color_and_intensity, luminance
-from .lighting.envmap.relighting import edit_lighting
+from .lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments, adjust_lighting
 from .lighting.envmap.render import render, sky_irradiance
 from .lighting.envmap.sun_disc import sun_irradiance
 from .lighting.geometry import to_z_up
@@ -15,15 +15,23 @@ from .lighting.records import Lighting
 from .lighting.validation import RANGES
 
 HEIGHT = 512  # rows of the map, as in the scenes
+SLIDERS = {  # by the names of the command line, of HTTP and of Python; `exposure` in EV against the estimate
+    "sun_azimuth": RANGES["sun_azimuth"],
+    "sun_elevation": RANGES["sun_elevation"],
+    "haze": RANGES["turbidity"],
+    "exposure": EXPOSURE_RANGE,
+}
 
 
-def light_of_sliders(record: str, sliders: Mapping[str, float]) -> Lighting:
-    """The light of a record (JSON) with sun, turbidity and exposure as the sliders say; its power follows them.
+def light_of_sliders(record: str, sliders: Mapping[str, float], overcast: bool = False) -> Lighting:
+    """The light of a record (JSON), adjusted as the sliders say; its power follows them.
 
     Blender keeps numbers in single precision, which may lie just outside their range.
     """
-    inside = {name: min(max(value, RANGES[name][0]), RANGES[name][1]) for name, value in sliders.items()}
-    return edit_lighting(Lighting.from_dict(json.loads(record)), inside)
+    inside = {name: min(max(value, SLIDERS[name][0]), SLIDERS[name][1]) for name, value in sliders.items()}
+    sun = inside["sun_azimuth"], inside["sun_elevation"]
+    changes = Adjustments(sun, inside["exposure"], inside["haze"], overcast)
+    return adjust_lighting(Lighting.from_dict(json.loads(record)), changes)
 
 
 def pixels(light: Lighting, shines: bool) -> Any:

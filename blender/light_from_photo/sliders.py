@@ -1,4 +1,4 @@
-"""The sliders: sun, turbidity and exposure after the estimate, without the network.
+"""The sliders: sun, haze, exposure and clouds after the estimate, without the network.
 
 Where all of them stand as estimated, the world shows the photo's own map; elsewhere one that is painted here.
 """
@@ -11,10 +11,8 @@ from . import scene as script
 from . import skies
 from .furnish import environment_node, sky_node
 from .lighting.records import Lighting
-from .lighting.validation import RANGES
 
 IMAGE = "Sky of the sliders"
-_NAMES = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
 
 
 def _changed(settings: Any, _context: Any) -> None:
@@ -22,7 +20,7 @@ def _changed(settings: Any, _context: Any) -> None:
 
 
 def _slider(name: str, label: str, description: str, **more: Any) -> Any:
-    low, high = RANGES[name]
+    low, high = skies.SLIDERS[name]
     return bpy.props.FloatProperty(
         name=label, description=description, min=low, max=high, update=_changed, options=set(), **more
     )
@@ -31,11 +29,17 @@ def _slider(name: str, label: str, description: str, **more: Any) -> Any:
 class LightFromPhotoSettings(bpy.types.PropertyGroup):
     """The light of a scene: what the sliders say, what was estimated, and where it shows."""
 
-    sun_azimuth: _slider("sun_azimuth", "Azimuth", "Degrees to the right of where the camera points")  # type: ignore
-    sun_elevation: _slider("sun_elevation", "Elevation", "Degrees above the horizon")  # type: ignore
-    turbidity: _slider("turbidity", "Haze", "Turbidity: 2 is very clear, 10 is hazy", default=3.0)  # type: ignore
+    sun_azimuth: _slider("sun_azimuth", "Sun Azimuth", "Degrees to the right of where the camera points")  # type: ignore
+    sun_elevation: _slider("sun_elevation", "Sun Elevation", "Degrees above the horizon")  # type: ignore
+    haze: _slider("haze", "Haze", "Turbidity: 2 is very clear, 10 is hazy", default=3.0)  # type: ignore
     exposure: _slider(  # type: ignore
-        "exposure", "Exposure", "Factor of sun and sky", default=1.0, soft_min=0.01, soft_max=100.0, precision=3
+        "exposure", "Exposure (EV)", "EV against the estimate: +1 is twice as bright", soft_min=-5.0, soft_max=5.0
+    )
+    overcast: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Overcast",
+        description="Cover the sky with clouds: no sun, soft gray light",
+        update=_changed,
+        options=set(),
     )
     estimate: bpy.props.FloatVectorProperty(size=4)  # type: ignore[valid-type]
     record: bpy.props.StringProperty()  # type: ignore[valid-type]
@@ -53,11 +57,12 @@ def shine(settings: Any) -> None:
     """Let sun and world show what the sliders say; nothing where no photo was picked or its sun was deleted."""
     if settings.world is None or settings.sun is None:
         return
-    values = [getattr(settings, name) for name in _NAMES]
-    light = skies.light_of_sliders(settings.record, dict(zip(_NAMES, values, strict=True)))
+    values = {name: getattr(settings, name) for name in skies.SLIDERS}
+    light = skies.light_of_sliders(settings.record, values, settings.overcast)
     script.aim_sun(settings.sun, skies.sun(light, settings.shines))
     node = environment_node(settings.world)
-    node.image = settings.environment if values == list(settings.estimate) else _painted(settings, light)
+    is_estimate = list(values.values()) == list(settings.estimate) and not settings.overcast
+    node.image = settings.environment if is_estimate else _painted(settings, light)
     script.aim_native_sky(sky_node(settings.world), skies.native_sky(light))
 
 
@@ -75,7 +80,8 @@ def _painted(settings: Any, light: Lighting) -> Any:
 
 def reset(settings: Any) -> None:
     """All sliders back to the estimate."""
-    for name, value in zip(_NAMES, settings.estimate, strict=True):
+    settings.overcast = False
+    for name, value in zip(skies.SLIDERS, settings.estimate, strict=True):
         setattr(settings, name, value)
 
 

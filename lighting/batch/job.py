@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from lighting.envmap.relighting import Adjustments
     from lighting.envmap.surroundings import PhotoContext
     from lighting.estimator import Estimator
     from lighting.files.exr import WriteTarget
@@ -48,6 +49,8 @@ class MapOptions:
     """Whether they have detail all around the photo, where they show it."""
     colours: str = "rec709"
     """Of EXR files, one of COLOR_SPACES."""
+    adjustments: "Adjustments | None" = None
+    """Of the light by hand, in maps alone; None: none."""
 
 
 @dataclass(frozen=True)
@@ -133,9 +136,15 @@ def job_settings(job: BatchJob) -> dict[str, object]:
         "source": job.source if "://" in job.source else os.path.realpath(job.source),
         "network": network.name,
         "sha256": network_sha256(network),
-        "maps": asdict(job.maps) if job.maps else None,
+        "maps": _plain_settings(job.maps) if job.maps else None,
         "metadata": job.user_input.explicit_fields() or None,
     }
+
+
+def _plain_settings(maps: MapOptions) -> Any:
+    """Options of maps as JSON reads them again; without adjustments where there are none, as in older batches."""
+    settings = json.loads(json.dumps(asdict(maps)))
+    return {name: value for name, value in settings.items() if name != "adjustments" or value is not None}
 
 
 def check_settings(existing: bytes | None, settings: dict[str, object], has_results: bool, out: str) -> None:
@@ -183,13 +192,15 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions)
     Raises:
         EnvironmentMapError: it cannot be written.
     """
+    from lighting.envmap.relighting import adjust_lighting
     from lighting.envmap.surroundings import render_view
     from lighting.files.exr import write_exr
     from lighting.light_probe import compute_light_probe
 
+    light = adjust_lighting(answer.lighting, maps.adjustments) if maps.adjustments else answer.lighting
     view: Any = {"sun": maps.sun, "yaw": maps.yaw, "sky": maps.sky, "context": answer.context}
-    image, lighting = render_view(answer.lighting, maps.height, **view)
-    probe = compute_light_probe(answer.lighting, **view)
+    image, lighting = render_view(light, maps.height, **view)
+    probe = compute_light_probe(light, **view)
     write_exr(target, image, lighting, compression=maps.compression, probe=probe, colours=maps.colours)
 
 

@@ -15,12 +15,16 @@ from click.core import ParameterSource
 from lighting.cli import cli, outputs
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.photos import UNSUITABLE_STATUS
+from lighting.cli.photos import UNSUITABLE_STATUS, choose_sun
 from lighting.formatting import escape_undecodable
 
 if TYPE_CHECKING:
     from lighting.batch.job import BatchJob, Summary
+    from lighting.envmap.relighting import Adjustments
     from lighting.fusion.user_input import UserInput
+
+_ADJUSTMENTS = frozenset(["sun_direction", "exposure", "haze", "overcast"])
+_OF_MAPS = _ADJUSTMENTS | {"height", "sun", "yaw", "sky", "compression", "colours", "surroundings", "detail"}
 
 
 @dataclass(frozen=True)
@@ -31,6 +35,7 @@ class _Options:
     out: str
     envmap: bool
     height: int
+    adjustments: "Adjustments | None"
     sun: bool | None
     yaw: float
     sky: str | None
@@ -56,8 +61,9 @@ class _Options:
         maps = None
         if self.envmap:
             compression = self.compression or "zip"
-            view = self.height, self.sun, self.yaw, self.sky
-            maps = MapOptions(*view, compression, self.surroundings, self.detail, self.colours or "rec709")
+            view = self.height, choose_sun(self.sun, self.adjustments), self.yaw, self.sky
+            place = self.surroundings, self.detail
+            maps = MapOptions(*view, compression, *place, self.colours or "rec709", self.adjustments)
         return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
 
     @property
@@ -78,8 +84,8 @@ class _Options:
 @click.option("-o", "--output", metavar="OUT", callback=outputs.check_folder_name, help="The same as OUT.")
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @common.map_options
+@common.adjustment_options
 @common.no_sun_option
-@common.moved_sun_option
 @common.surroundings_option
 @common.detail_option
 @click.option("--parquet", is_flag=True, help="Also write the results as lighting.parquet.")
@@ -102,7 +108,7 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
     that "estimate --json" prints; --engine ray writes lighting.parquet instead. For a photo that cannot be read the
     results hold the reason, and the exit status is 1. Run the same command again to resume an interrupted batch and to
     retry failed photos (with --engine ray, failed photos are retried only with --overwrite). Time, place and lens are
-    taken from each photo's metadata.
+    taken from each photo's metadata. --sun, --exposure, --haze and --overcast change maps, not the lines.
     """
     out = _choose_out(options["input"], options.pop("out"), options.pop("output"))
     chosen = _Options(**options, out=out)
@@ -147,10 +153,9 @@ def _holds_unsuitable(results: Path) -> bool:
 def _refuse_idle_options(ctx: click.Context) -> None:
     """Raise UsageError for an option that would do nothing."""
     explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
-    of_maps = {"height", "sun", "yaw", "sky", "compression", "colours", "surroundings", "detail"}
-    if not ctx.params["envmap"] and explicit & of_maps:
-        names = "--height, --sun, --yaw, --sky, --compression, --colours, --surroundings and --detail"
-        raise click.UsageError(f"{names} need --envmap.")
+    options = {param.name: param.opts[0] for param in ctx.command.params}
+    if not ctx.params["envmap"] and (idle := [options[name] for name in options if name in explicit & _OF_MAPS]):
+        raise click.UsageError(f"{outputs.join_words(idle, 'and')} {'needs' if len(idle) == 1 else 'need'} --envmap.")
     if ctx.params["engine"] == "pool" and "address" in explicit:
         raise click.UsageError("--address needs --engine ray.")
     if ctx.params["engine"] == "ray" and "parquet" in explicit:

@@ -10,8 +10,9 @@ from typing import Any
 import click
 
 from lighting.cli.console import escape_control_chars
+from lighting.deprecation import OLD_NAMES
 
-_RENAMED = {"--no-exif": "--no-metadata"}  # options of many commands by the old names, which go in 0.3.0
+_OLD_OPTIONS = {f"--{no}{old}": f"--{no}{new}" for old, new in OLD_NAMES.items() for no in ("", "no-")}
 _NEAR = 0.6  # share of the letters that a suggestion has in common with what was typed
 _CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp"])
 
@@ -31,7 +32,7 @@ class Command(click.Command):
             kwargs: of click.
         """
         super().__init__(*args, **kwargs)
-        self.examples, self.renamed = tuple(examples), {**_RENAMED, **(renamed or {})}
+        self.examples, self.renamed = tuple(examples), {**_OLD_OPTIONS, **(renamed or {})}
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """Write the examples.

@@ -161,19 +161,6 @@ no_sun_option = click.option(
 )
 
 
-def _refuse_moved_sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> None:
-    if text is not None:
-        sentence = (
-            "it moves the sun of one photo. In a batch the sun is painted where it shines; --no-sun leaves it out."
-        )
-        raise click.BadParameter(sentence)
-
-
-moved_sun_option = click.option(
-    "--sun", "moved_sun", hidden=True, expose_value=False, callback=_refuse_moved_sun, help="Of one photo."
-)
-
-
 def map_options(command: Command) -> Command:
     """Add the options that say how a map is rendered; a command receives them together as `view`.
 

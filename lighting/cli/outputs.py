@@ -17,6 +17,7 @@ import click
 from lighting.cli.console import escape_control_chars, escape_path
 from lighting.files import MAP_FORMATS
 
+_MAPS_OF_PROGRAMS = (".exr", ".hdr")  # which systems have no program for
 _EMPTY_NAME = "the name of the file is empty."
 _HINT = "'-o' / '--output'"  # how click names the option in an error
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -202,13 +203,14 @@ def _file_error(name: str, suffixes: Sequence[str]) -> str | None:
     return None if os.access(folder, os.W_OK) else f"The folder {folder} cannot be written to."
 
 
-def join_words(words: Sequence[str]) -> str:
-    """Return words as a choice: a, b or c.
+def join_words(words: Sequence[str], link: str = "or") -> str:
+    """Return words as a choice or a list: a, b or c.
 
     Args:
         words: one or more.
+        link: before the last one.
     """
-    return " or ".join(filter(None, (", ".join(words[:-1]), words[-1])))
+    return f" {link} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def is_folder(name: str) -> bool:
@@ -291,7 +293,7 @@ def open_command(name: str) -> str:
     Args:
         name: of the file.
     """
-    if name.lower().endswith((".exr", ".hdr")):
+    if name.lower().endswith(_MAPS_OF_PROGRAMS):
         return "as Blender's World texture, or in any program that reads HDR pictures"
     program = {"darwin": "open", "win32": "start"}.get(sys.platform, "xdg-open")
     return f"{program} {shlex.quote(name)}"
@@ -304,11 +306,11 @@ def report_written(
     quiet: bool = False,
     err: bool = False,
 ) -> None:
-    """Print the last line: what was written, and how to open it.
+    """Print the last line: what was written, and how to open it; of several files, the first that people look at.
 
     Args:
         names: of files or folders; "-" is stdout, about which nothing is printed.
-        how_to_open: of the first file.
+        how_to_open: of one of them.
         quiet: print nothing.
         err: print on stderr, where a command's words go there.
     """
@@ -316,4 +318,6 @@ def report_written(
         return
     first, *others = (escape_path(name) + "/" * (is_folder(name) and not name.endswith("/")) for name in names)
     shown = f"{first} and {len(others)} more" if len(others) > 1 else " and ".join([first, *others])
-    click.echo(f"Wrote {shown}. Open it: {escape_control_chars(how_to_open(names[0]))}", err=err)
+    chosen = next((name for name in names if not name.lower().endswith(_MAPS_OF_PROGRAMS)), names[0])
+    it = escape_path(Path(chosen).name) if others else "it"
+    click.echo(f"Wrote {shown}. Open {it}: {escape_control_chars(how_to_open(chosen))}", err=err)

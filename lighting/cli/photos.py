@@ -204,14 +204,14 @@ def write_preview(output: str, photo: bytes, estimate: "Estimate", lighting: "Li
         chosen: says whether sun, place and detail are in its map.
     """
     from lighting.photo.reader import read_photo
-    from lighting.preview.picture import PHOTO_SIDE, preview_png
+    from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, encode_preview_png
 
     pixels = read_photo(photo, target=PHOTO_SIDE).pixels
     sun = choose_sun(chosen.sun, chosen.adjustments)
-    png = preview_png(
+    picture = draw_preview_pixels(
         pixels, estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
     )
-    console.write_png(output, png)
+    console.write_png(output, encode_preview_png(picture))
 
 
 def process_photos(

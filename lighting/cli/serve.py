@@ -1,7 +1,9 @@
 """The commands that start the service, as a process of its own: `open` with a browser, `serve` without."""
 
 import http.client
+import json
 import os
+import secrets
 import signal
 import socket
 import subprocess
@@ -16,9 +18,12 @@ from urllib.parse import quote
 import click
 
 from lighting.cli import cli
+from lighting.cli import options as common
 from lighting.cli.console import escape_path
+from lighting.formatting import escape_undecodable
 
-_LOOPBACK = "127.0.0.1"
+_LOOPBACK, _PORT = "127.0.0.1", 8000  # where the service listens, if nothing else is said
+_ALL_ADDRESSES = {"0.0.0.0": _LOOPBACK, "::": "::1"}  # where this machine finds a service that listens on all
 _START_SECONDS = 60.0  # until the service listens, on a slow machine
 _POLL_SECONDS = 0.1
 _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
@@ -33,21 +38,30 @@ _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
     ),
 )
 @click.argument("photo", required=False, type=click.Path(exists=True, dir_okay=False, path_type=Path))
-def _open(photo: Path | None) -> None:
+@common.json_option
+@common.silent_option
+def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
     """Open the web page in your browser, with PHOTO in it.
 
-    The page and its service run on this machine alone, on a free port. Its other programs can read PHOTO there
-    meanwhile. Ctrl-C ends them.
+    The page and its service run on this machine alone, on a free port. PHOTO is given to nobody who does not know the
+    secret in the address. Ctrl-C ends them.
     """
-    port = _find_free_port()
+    port, secret = _find_free_port(), secrets.token_urlsafe()
     url = f"http://{_LOOPBACK}:{port}/"
-    settings = {"LIGHTING_HOST": _LOOPBACK, "LIGHTING_PORT": str(port)}
-    settings |= {} if photo is None else {"LIGHTING_PHOTO": str(photo.resolve())}
-    settings |= {} if os.environ.get("LIGHTING_LOG_LEVEL") else {"LIGHTING_LOG_LEVEL": "warning"}
+    settings = {"LIGHTING_HOST": _LOOPBACK, "LIGHTING_PORT": str(port), **_log_level("error" if quiet else "warning")}
+    if photo is not None:
+        settings |= {"LIGHTING_PHOTO": str(photo.resolve()), "LIGHTING_PHOTO_SECRET": secret}
+        url += f"#opened/{secret}/{quote(photo.name, safe='')}"
 
     def show(process: "subprocess.Popen[bytes]") -> None:
-        if _wait_until_listening(process, port):
-            _show_page(url if photo is None else f"{url}#opened/{quote(photo.name, safe='')}", photo)
+        if not _wait_until_listening(process, _LOOPBACK, port):
+            return
+        opened = _open_browser(url)
+        if as_json:
+            name = None if photo is None else escape_undecodable(str(photo))
+            click.echo(json.dumps({"url": url, "file": name, "opened": opened}))
+        elif not (quiet and opened):
+            _report_page(url, photo, opened)
 
     raise SystemExit(_run_service(settings, show))
 
@@ -62,13 +76,35 @@ def _open(photo: Path | None) -> None:
 )
 @click.option("--host", help="Address to listen on; 0.0.0.0 listens on all. [default: 127.0.0.1]")
 @click.option("--port", type=click.IntRange(0, 65535), help="Port to listen on; 0 picks a free one. [default: 8000]")
-def _serve(host: str | None, port: int | None) -> None:
+@common.json_option
+@common.silent_option
+def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> None:
     """Serve the HTTP API and the web page until Ctrl-C.
 
-    The other settings are environment variables, which `lighting-server --help` lists.
+    --json prints the address once the service listens. The other settings are environment variables, which
+    `lighting-server --help` lists.
     """
-    given = {"LIGHTING_HOST": host, "LIGHTING_PORT": port}
-    raise SystemExit(_run_service({name: str(value) for name, value in given.items() if value is not None}))
+    stated = {"LIGHTING_HOST": host, "LIGHTING_PORT": None if port is None else str(port)}
+    settings = {name: value for name, value in stated.items() if value is not None}
+    settings |= _log_level("error") if quiet else {}
+    if not as_json:
+        raise SystemExit(_run_service(settings))
+    text = settings.get("LIGHTING_PORT") or os.environ.get("LIGHTING_PORT") or str(_PORT)
+    if text == "0":
+        text = settings["LIGHTING_PORT"] = str(_find_free_port())
+    where = host or os.environ.get("LIGHTING_HOST") or _LOOPBACK
+    where = _ALL_ADDRESSES.get(where, where)
+
+    def report(process: "subprocess.Popen[bytes]") -> None:
+        if text.isdecimal() and _wait_until_listening(process, where, int(text)):  # else the service says what is wrong
+            click.echo(json.dumps({"url": f"http://{f'[{where}]' if ':' in where else where}:{text}/"}))
+
+    raise SystemExit(_run_service(settings, report))
+
+
+def _log_level(level: str) -> dict[str, str]:
+    """The service's log level, unless the environment states one."""
+    return {} if os.environ.get("LIGHTING_LOG_LEVEL") else {"LIGHTING_LOG_LEVEL": level}
 
 
 def _find_free_port() -> int:
@@ -77,21 +113,25 @@ def _find_free_port() -> int:
         return int(probe.getsockname()[1])
 
 
-def _show_page(url: str, photo: Path | None) -> None:
-    """Open a browser, or say what to open where there is none."""
-    shown = "" if photo is None else f" with {escape_path(photo.name)}"
+def _open_browser(url: str) -> bool:
+    """Open a browser; whether there is one."""
     with suppress(webbrowser.Error):
-        if webbrowser.open(url):
-            click.echo(f"Opened {url}{shown} in your browser. Ctrl-C ends the service.")
-            return
-    click.echo(f"Open {url}{shown} in a browser. Ctrl-C ends the service.")
+        return webbrowser.open(url)
+    return False
 
 
-def _wait_until_listening(process: "subprocess.Popen[bytes]", port: int) -> bool:
+def _report_page(url: str, photo: Path | None, opened: bool) -> None:
+    """Say what a browser shows, or what to open where there is none."""
+    shown = "" if photo is None else f" with {escape_path(photo.name)}"
+    sentence = f"Opened {url}{shown} in your browser." if opened else f"Open {url}{shown} in a browser."
+    click.echo(f"{sentence} Ctrl-C ends the service.")
+
+
+def _wait_until_listening(process: "subprocess.Popen[bytes]", host: str, port: int) -> bool:
     """Whether the service answers; False when it has ended or takes too long."""
     deadline = time.monotonic() + _START_SECONDS
     while process.poll() is None and time.monotonic() < deadline:
-        connection = http.client.HTTPConnection(_LOOPBACK, port, timeout=_START_SECONDS)
+        connection = http.client.HTTPConnection(host, port, timeout=_START_SECONDS)
         with suppress(OSError, http.client.HTTPException), closing(connection):
             connection.request("GET", "/livez")
             return connection.getresponse().status == 200

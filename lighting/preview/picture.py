@@ -24,13 +24,22 @@ from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, check_estim
 MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
 
-PNG_LEVEL = 2  # a third of the work of 6, for a ninth more bytes
+_PNG_LEVEL = 2  # a third of the work of 6, for a ninth more bytes
 _MAX_RADIUS = 90.0  # deg: where a tenth of the probability lies farther off, the sun may as well be opposite
 _MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence is not certain
 _WARNING_LETTERS = 160  # of a line of warnings
 
 
-def preview_png(
+def encode_preview_png(picture: NDArray[np.uint8]) -> bytes:
+    """A preview as PNG, packed quickly.
+
+    Args:
+        picture: (H, W, 3) sRGB.
+    """
+    return encode_png(picture, compress_level=_PNG_LEVEL)
+
+
+def draw_preview_pixels(
     photo: NDArray[np.uint8],
     estimate: EstimatedLight,
     *,
@@ -38,8 +47,8 @@ def preview_png(
     detail: bool = True,
     lighting: Lighting | None = None,
     sun: bool | None = None,
-) -> bytes:
-    """The picture of a photo and its light, as PNG.
+) -> NDArray[np.uint8]:
+    """The picture of a photo and its light, as sRGB pixels (H, 1600, 3).
 
     Args:
         photo: (H, W, 3) sRGB, upright.
@@ -52,29 +61,6 @@ def preview_png(
     Raises:
         ParameterError: `estimate` is no EstimatedLight.
         PhotoError: `photo` is no photo's pixels.
-    """
-    picture = draw_preview_pixels(photo, estimate, surroundings=surroundings, detail=detail, lighting=lighting, sun=sun)
-    return encode_png(picture, compress_level=PNG_LEVEL)
-
-
-def draw_preview_pixels(
-    photo: NDArray[np.uint8],
-    estimate: EstimatedLight,
-    *,
-    surroundings: bool | None = None,
-    detail: bool = True,
-    lighting: Lighting | None = None,
-    sun: bool | None = None,
-) -> NDArray[np.uint8]:
-    """The picture of a photo and its light, as sRGB pixels (H, 1600, 3); raises as `preview_png`.
-
-    Args:
-        photo: as in `preview_png`.
-        estimate: as in `preview_png`.
-        surroundings: as in `preview_png`.
-        detail: as in `preview_png`.
-        lighting: as in `preview_png`.
-        sun: as in `preview_png`.
     """
     check_estimate(estimate)
     shown = estimate if lighting is None else replace(estimate, lighting=lighting)
@@ -95,7 +81,7 @@ def _draw_preview(
     """The same as sRGB pixels (H, 1600, 3).
 
     `envmap` (H, 2H, 3) is the light's own map in the photo's linear values, with or without the sun's disc; by default
-    it is rendered here. The errors are those of `preview_png`, and EnvironmentMapError for what is no map.
+    it is rendered here. The errors are those of `draw_preview_pixels`, and EnvironmentMapError for what is no map.
     """
     check_estimate(estimate)
     photo = check_pixels(photo)

@@ -33,7 +33,7 @@ def main() -> None:
     found["first"], found["record"] = state(scene), json.loads(settings.record)
     found["seen"] = [seen(scene, 0.0), seen(scene, 1.0)]
     settings.sun_azimuth, settings.sun_elevation = -90.0, 40.0
-    settings.turbidity, settings.exposure = 2.0, 2 * settings.exposure
+    settings.haze, settings.exposure = 2.0, 1.0
     found["moved"] = state(scene)
     if picture:
         render(scene, picture[0])
@@ -117,7 +117,7 @@ def state(scene: Any) -> dict[str, Any]:
     node.image.pixels.foreach_get(pixels)
     sun = settings.sun
     return {
-        "sliders": [settings.sun_azimuth, settings.sun_elevation, settings.turbidity, settings.exposure],
+        "sliders": [settings.sun_azimuth, settings.sun_elevation, settings.haze, settings.exposure],
         "image": node.image.name,
         "size": [width, height],
         "zenith": pixels[-4 * (width // 2) :][:3],

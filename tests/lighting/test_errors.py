@@ -37,7 +37,7 @@ from lighting.files.exr import write_exr
 from lighting.model import Model
 from lighting.photo.clock import parse_time, parse_utc_offset
 from lighting.photo.reader import check_photo, photo_from_array
-from lighting.preview.picture import _draw_preview, preview_png
+from lighting.preview.picture import _draw_preview, draw_preview_pixels
 from lighting.records import Lighting
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
@@ -75,8 +75,8 @@ TAKERS: dict[str, Callable[[Any], object]] = {
     "turn: light": lambda thing: rotate_lighting(thing, 10.0),
     "turn: yaw": lambda thing: rotate_lighting(LIGHT, thing),
     "change: light": lambda thing: edit_lighting(thing, {"sun_azimuth": 3.0}),
-    "preview_png: photo": lambda thing: preview_png(thing, ESTIMATE),
-    "preview_png: estimate": lambda thing: preview_png(PIXELS, thing),
+    "draw_preview_pixels: photo": lambda thing: draw_preview_pixels(thing, ESTIMATE),
+    "draw_preview_pixels: estimate": lambda thing: draw_preview_pixels(PIXELS, thing),
     "_draw_preview: photo": lambda thing: _draw_preview(thing, ESTIMATE, MAP),
     "_draw_preview: map": lambda thing: _draw_preview(PIXELS, ESTIMATE, thing),
     "read_time: text": parse_time,

@@ -12,6 +12,7 @@ from lighting.ground import (
     describe_ground,
     draw_ground_mask,
     find_ground_spot,
+    find_lit_spot,
     max_object_meters,
     object_radius,
     spot_warnings,
@@ -21,6 +22,15 @@ from lighting.photo.reader import photo_from_array
 from lighting.records import EstimatedLight, Lighting
 from lighting.segmentation import Segments, SurfaceClass
 from tests.helpers.scenes import distribution
+
+
+def test_the_nearest_ground_in_the_sun_has_room_beside_it() -> None:
+    mask = np.full((10, 10, 3), 200, dtype=np.uint8)
+    mask[:, :5, 1] = 0
+    assert find_lit_spot(mask, (0.1, 0.55)) == (0.75, 0.55)
+    assert find_lit_spot(mask, (2.0, -1.0)) == (0.75, 0.25)
+    assert find_lit_spot(mask * np.array([1, 0, 1], dtype=np.uint8), (0.1, 0.5)) is None
+
 
 CAMERA = Pinhole(1600, 1200, 50.0, elevation=-10.0)
 LIGHT = Lighting(30.0, 40.0, 3.0, 5.0, camera_elevation=-10.0)

@@ -1,5 +1,6 @@
 """The number of CPUs."""
 
+import ctypes
 import os
 import socket
 import subprocess
@@ -83,6 +84,57 @@ def test_what_a_confined_process_cannot_do(tmp_path: Path, drop: bool, without: 
     allowed |= set() if drop or os.getuid() else {"raised"}  # a superuser's own limits
     allowed |= {"process"} if without == "filter" else set()
     assert works <= allowed
+
+
+CONFINED_TO_FOLDER = """
+import os, socket, sys
+from pathlib import Path
+import lighting.runtime as runtime
+folder = Path({folder!r})
+runtime.confine_to_folder(folder / "job", [folder / "model"], processes={processes})
+def attempt(act):
+    try:
+        act()
+        return "works"
+    except OSError:
+        return "denied"
+def change():
+    (folder / "job" / "new").mkdir()
+    (folder / "job" / "new" / "a").write_text("x")
+    (folder / "job" / "new" / "a").replace(folder / "job" / "new" / "b")
+    (folder / "job" / "new" / "b").unlink()
+    (folder / "job" / "new").rmdir()
+probes = {{
+    "change": change,
+    "model": lambda: (folder / "model").read_bytes(),
+    "module": lambda: __import__("lighting.stereo.network"),
+    "write model": lambda: (folder / "model").write_bytes(b"y"),
+    "read beside": lambda: (folder / "secret").read_bytes(),
+    "write beside": lambda: (folder / "other").write_bytes(b"y"),
+    "passwords": lambda: Path("/etc/passwd").read_bytes(),
+    "secrets": lambda: Path(f"/proc/{{os.getppid()}}/environ").read_bytes(),
+    "network": socket.socket,
+    "signal": lambda: os.kill(os.getppid(), 0),
+    "program": lambda: os.waitpid(os.posix_spawn(sys.executable, [sys.executable, "-c", ""], {{}}), 0),
+}}
+for name, act in probes.items():
+    print(attempt(act), name)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="Landlock's")
+@pytest.mark.parametrize("processes", [False, True])
+def test_what_a_process_confined_to_a_folder_can_do(tmp_path: Path, processes: bool) -> None:
+    if ctypes.CDLL(None).syscall(444, None, ctypes.c_size_t(0), 1) < 1:
+        pytest.skip("this kernel's Landlock is switched off")
+    (tmp_path / "job").mkdir()
+    for name in ("model", "secret"):
+        (tmp_path / name).write_text("x")
+    code = CONFINED_TO_FOLDER.format(folder=str(tmp_path), processes=processes)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
+    works = {line.removeprefix("works ") for line in done.stdout.splitlines() if line.startswith("works ")}
+    assert works == {"change", "model", "module"} | ({"program"} if processes else set()), done
+    assert len(done.stdout.splitlines()) == 11
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")

@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 from lighting.batch.photo_files import PHOTO_SUFFIXES
-from lighting.envmap.relighting import edit_lighting
+from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.estimator import Estimator
@@ -121,13 +121,13 @@ def test_the_lights_power_follows_the_sliders(unpacked: str) -> None:
     irradiance: dict[str, Any] = {"sun_irradiance": (1.9, 1.5, 0.9), "sky_irradiance": (0.4, 0.5, 0.8)}
     stated = Lighting(-40.0, 35.0, 3.0, 2.0, sky_cover=0.3, ground_color=(0.2, 0.1, 0.1), **irradiance)
     record = json.dumps(stated.to_dict())
-    as_estimated = skies.light_of_sliders(record, {"sun_azimuth": stated.sun_azimuth, "exposure": stated.exposure})
+    sliders = {"sun_azimuth": -40.0, "sun_elevation": 35.0, "haze": 3.0, "exposure": 0.0}
+    as_estimated = skies.light_of_sliders(record, sliders)
     assert as_estimated.sky_irradiance == pytest.approx(stated.sky_irradiance)
-    low = skies.light_of_sliders(
-        record, {"sun_elevation": 5.0, "turbidity": float(np.float32(10.0000001)), "exposure": 9.9e-7}
-    )
-    ours = edit_lighting(stated, {"sun_elevation": 5.0, "turbidity": 10.0, "exposure": 1e-6})
-    assert Lighting.from_dict(low.to_dict()) == ours
+    moved = sliders | {"sun_elevation": 5.0, "haze": float(np.float32(10.0000001)), "exposure": 1.0}
+    for overcast in (False, True):
+        ours = adjust_lighting(stated, Adjustments((-40.0, 5.0), 1.0, 10.0, overcast))
+        assert Lighting.from_dict(skies.light_of_sliders(record, moved, overcast).to_dict()) == ours
 
 
 # The command
@@ -351,10 +351,10 @@ def check_report(printed: str) -> dict[str, Any]:
     assert first["lit by the sun"] == ["Ground"]
     assert report["lit"] == ["Lit by the Sun"]
     assert moved["sun"] == pytest.approx([-np.cos(np.radians(40)), 0, np.sin(np.radians(40))], abs=1e-5)
-    names = ("sun_azimuth", "sun_elevation", "turbidity", "exposure")
     stated = Lighting.from_dict(report["record"])
     assert stated.sky_irradiance is not None
-    light = edit_lighting(stated, dict(zip(names, moved["sliders"], strict=True)))
+    azimuth, elevation, haze, exposure = moved["sliders"]
+    light = adjust_lighting(stated, Adjustments((azimuth, elevation), exposure, haze))
     assert moved["energy"] == pytest.approx(float(sun_irradiance(light).max()), rel=1e-4)
     assert moved["zenith"] == pytest.approx(render(light, 512, sun=True, disc=False)[0, 512].tolist(), rel=1e-3)
     assert reset.pop("sun") == pytest.approx(first.pop("sun"), abs=1e-6)

@@ -37,6 +37,7 @@ OPERATIONS = {
     "show_photo": ("post", "/v1/photo"),
     "draw_preview": ("post", "/v1/preview"),
     "draw_ground": ("post", "/v1/ground"),
+    "locate_lit_spot": ("post", "/v1/ground/lit-spot"),
     "render_scene": ("get", "/v1/scene"),
     "estimate_scene": ("post", "/v1/scene"),
     "describe_model": ("get", "/v1/model"),

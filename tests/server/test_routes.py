@@ -13,6 +13,7 @@ from lighting.decoding import lighting_from_prediction
 from lighting.envmap.render import render
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
+from lighting.ground import find_lit_spot
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.features import has_opencv
@@ -104,6 +105,17 @@ def test_a_cache_may_keep_a_map_and_ask_again(client: TestClient) -> None:
         again = client.get("/v1/envmap", params=query, headers={"If-None-Match": known})
         assert (again.status_code, again.content, again.headers["etag"]) == (304, b"", etag)
     assert client.get("/v1/envmap", params=query, headers={"If-None-Match": '"other"'}).status_code == 200
+
+
+def test_answers_to_photos_have_the_tag_of_their_bytes(client: TestClient) -> None:
+    def tag(path: str) -> str:
+        return str(client.post(path, content=encode(scene(64, 48)), headers=JPEG).headers["etag"])
+
+    paths = ("/v1/lighting", "/v1/envmap?height=16", "/v1/envmap?height=32", "/v1/scene?for=gltf&height=16")
+    tags = [tag(path) for path in paths]
+    assert len(set(tags)) == 4
+    assert [tag(path) for path in paths] == tags
+    assert "etag" not in client.post("/v1/lighting", content=b"no photo", headers=JPEG).headers
 
 
 def test_equal_skies_share_a_tag_and_others_do_not(client: TestClient) -> None:
@@ -233,3 +245,11 @@ def test_the_mask_of_the_ground_is_a_png(client: TestClient, jpeg: bytes) -> Non
     assert 0.0 <= record["ground"]["visible"] <= 1.0
     assert "spot" in record["ground"]
     assert client.post("/v1/ground?camera_height=0", **form(jpeg)).status_code == 422
+
+
+def test_the_nearest_ground_in_the_sun(client: TestClient, jpeg: bytes) -> None:
+    mask = np.asarray(Image.open(BytesIO(client.post("/v1/ground", **form(jpeg)).content)))
+    for point in ((0.5, 0.8), (0.0, 1.0)):
+        answer = client.post("/v1/ground/lit-spot?x={}&y={}".format(*point), **form(jpeg))
+        assert answer.json() == {"spot": (spot := find_lit_spot(mask, point)) and list(spot)}
+    assert client.post("/v1/ground/lit-spot?x=1.1&y=0", **form(jpeg)).status_code == 422

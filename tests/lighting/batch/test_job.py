@@ -18,12 +18,15 @@ from lighting.batch.job import (
     write_photo_map,
 )
 from lighting.batch.photo_files import format_counts
+from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.errors import BatchError, ModelError
 from lighting.files.exr import read_exr
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.light_probe import compute_light_probe
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, scene
+from tests.helpers.scenes import outdoors
 
 
 def test_settings_name_all_that_decides_about_the_results(network: Path, tmp_path: Path) -> None:
@@ -80,6 +83,24 @@ def test_a_photo_has_its_light_or_a_reason(network: Path, tmp_path: Path) -> Non
     assert answer.lighting.vertical_fov == 40.0
     assert answer.context is None
     assert str(estimate_or_error(estimator, b"no photo", job)).startswith("The file is not a JPEG")
+
+
+def test_a_map_has_the_light_as_it_is_adjusted(tmp_path: Path) -> None:
+    light, changes = outdoors(10.0, 30.0), Adjustments(sun=(40.0, 25.0), exposure=1.0)
+    maps = MapOptions(16, adjustments=changes)
+    write_photo_map(tmp_path / "map.exr", PhotoLight(light, compute_light_probe(light), None), maps)
+    expected, _ = render_view(adjust_lighting(light, changes), 16)
+    found, stored = read_exr(tmp_path / "map.exr")
+    assert found == pytest.approx(expected, rel=1e-3, abs=1e-6)
+    assert stored
+    assert (stored.sun_azimuth, stored.sun_elevation) == (40.0, 25.0)
+
+
+def test_the_same_adjustments_go_on_with_a_batch(network: Path, tmp_path: Path) -> None:
+    job = BatchJob(str(tmp_path), "out", str(network), MapOptions(16, adjustments=Adjustments(sun=(40, 25))))
+    settings = job_settings(job)
+    check_settings(json.dumps(settings).encode(), settings, True, "out")
+    assert settings["maps"]["adjustments"]["sun"] == [40, 25]  # type: ignore[index]
 
 
 @pytest.mark.parametrize("wanted", [None, True, False])

@@ -152,7 +152,10 @@ def test_preview_draws_a_png(network: Path, photo_path: Path, tmp_path: Path) ->
     assert result.stderr.splitlines() == [f"Warning: {photo_path}: {STAGE}"]
     assert result.stdout.splitlines()[-1].startswith(f"Wrote {alone}. Open it: ")
     options = ["--height", "64", "--yaw", "45", "--preview", str(beside)]
-    assert invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--model", network, *options).exit_code == 0
+    both = invoke_command("envmap", photo_path, "-o", tmp_path / "a.exr", "--model", network, *options)
+    last = both.stdout.splitlines()[-1]
+    assert last.startswith(f"Wrote {tmp_path / 'a.exr'} and {beside}. Open beside.png: ")
+    assert last.count("Open") == both.stdout.count("Open") == 1
     with Image.open(alone) as first, Image.open(beside) as second:
         assert first.format == "PNG"
         assert min(first.size) > 500

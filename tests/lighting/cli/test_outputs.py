@@ -64,7 +64,7 @@ def test_several_photos_go_to_a_folder(network: Path, photo_path: Path, other_pa
     assert {path.name for path in maps.iterdir()} == {"photo.exr", "other.exr"}
     first, second, last = result.stdout.splitlines()
     assert (first.startswith(f"{photo_path}: sun "), second.startswith(f"{other_path}: sun ")) == (True, True)
-    assert last.startswith(f"Wrote {maps / 'photo.exr'} and {maps / 'other.exr'}. Open it: ")
+    assert last.startswith(f"Wrote {maps / 'photo.exr'} and {maps / 'other.exr'}. Open photo.exr: ")
 
 
 def test_one_photo_goes_to_a_folder_too(network: Path, photo_path: Path, tmp_path: Path) -> None:
@@ -188,14 +188,16 @@ def test_a_photo_and_its_scene_are_adjusted_alike(
 
 
 @pytest.mark.parametrize("arguments", [["--sun"], ["--sun", "a.jpg"], ["--sun", "--no-sun"], ["--sun", "40"]])
-def test_sun_without_a_direction_says_what_it_is_now(arguments: list[str]) -> None:
-    sentence = error_of(invoke_command("envmap", "a.jpg", *arguments), 2)
+@pytest.mark.parametrize("command", [["envmap", "a.jpg"], ["batch", "in", "out", "--envmap"]])
+def test_sun_without_a_direction_says_what_it_is_now(command: list[str], arguments: list[str]) -> None:
+    sentence = error_of(invoke_command(*command, *arguments), 2)
     assert "it moves the sun, and needs AZIMUTH,ELEVATION in degrees: --sun 40,25." in sentence
     assert "--no-sun leaves it out." in sentence
 
 
-def test_a_batch_moves_no_sun() -> None:
-    assert "it moves the sun of one photo." in error_of(invoke_command("batch", "in", "out", "--envmap", "--sun"), 2)
+@pytest.mark.parametrize("option", [["--sun", "40,25"], ["--exposure", "1"], ["--haze", "3"], ["--overcast"]])
+def test_adjustments_of_a_batch_are_of_its_maps(option: list[str]) -> None:
+    assert f"{option[0]} needs --envmap." in error_of(invoke_command("batch", "in", "out", *option), 2)
 
 
 @pytest.mark.parametrize(

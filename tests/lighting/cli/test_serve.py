@@ -1,6 +1,7 @@
 """`lighting open` and `lighting serve`: the service as a process of its own."""
 
 import http.client
+import json
 import os
 import re
 import signal
@@ -45,8 +46,8 @@ def start(tmp_path: Path, network: Path) -> Iterator[Start]:
 
     yield begin
     for process in processes:
-        process.kill()
-        process.communicate()
+        process.terminate()  # which it hands to its service; killed, it would leave that behind
+        process.communicate(timeout=60)
 
 
 def wait_for(found: Callable[[], object]) -> None:
@@ -71,10 +72,11 @@ def test_open_shows_the_photo_in_the_browser(start: Start, tmp_path: Path, photo
     said = process.stdout.readline()
     wait_for((tmp_path / "url").is_file)
     url = (tmp_path / "url").read_text().strip()
-    assert re.fullmatch(r"http://127\.0\.0\.1:\d+/#opened/my%20photo\.jpg", url)
+    assert (found := re.fullmatch(r"http://127\.0\.0\.1:\d+/#(opened/[\w-]{43})/my%20photo\.jpg", url))
     assert said == f"Opened {url} with my photo.jpg in your browser. Ctrl-C ends the service.\n"
     base = url.partition("#")[0]
-    assert get(f"{base}opened") == (200, photo.read_bytes())
+    assert get(base + found[1]) == (200, photo.read_bytes())
+    assert [get(f"{base}{path}")[0] for path in ("opened", "opened/", f"opened/{'a' * 43}")] == [404, 404, 404]
     assert b"<script" in get(base)[1]
     process.send_signal(signal.SIGINT)
     assert process.wait(60) == 128 + signal.SIGINT
@@ -84,13 +86,14 @@ def test_open_shows_the_photo_in_the_browser(start: Start, tmp_path: Path, photo
 
 @pytest.mark.slow
 def test_serve_takes_host_and_port_and_ends_by_sigterm(start: Start) -> None:
-    process = start("serve", "--host", "127.0.0.1", "--port", "0")
-    assert process.stderr
-    found = next(filter(None, (re.search(r"running on (http://127\.0\.0\.1:\d+)", line) for line in process.stderr)))
-    assert get(f"{found[1]}/livez") == (200, b'{"status":"ok"}')
-    assert get(f"{found[1]}/opened")[0] == 404
+    process = start("serve", "--host", "127.0.0.1", "--port", "0", "--json", "--quiet")
+    assert process.stdout
+    url = json.loads(process.stdout.readline())["url"]
+    assert get(f"{url}livez") == (200, b'{"status":"ok"}')
+    assert get(f"{url}opened/")[0] == 404
     process.send_signal(signal.SIGTERM)
     assert process.wait(60) == 128 + signal.SIGTERM
+    assert process.communicate() == ("", "")
 
 
 @pytest.mark.slow

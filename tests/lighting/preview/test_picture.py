@@ -18,7 +18,8 @@ from lighting.preview.picture import (
     _draw_preview,
     _format_numbers,
     _warning_lines,
-    preview_png,
+    draw_preview_pixels,
+    encode_preview_png,
 )
 from lighting.records import EvidenceKind, Lighting
 from lighting.sun_grid import soft_label
@@ -71,7 +72,7 @@ def test_warnings_move_the_panels_down_and_change_nothing_else(width: int, heigh
 def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
     answer = estimate(outdoors(100.0, 30.0))
     expected = _draw_preview(photo(320, 240), answer, render(answer.lighting, MAP_HEIGHT))
-    with Image.open(BytesIO(preview_png(photo(320, 240), answer))) as picture:
+    with Image.open(BytesIO(encode_preview_png(draw_preview_pixels(photo(320, 240), answer)))) as picture:
         assert picture.format == "PNG"
         assert np.array_equal(np.asarray(picture), expected)
 

@@ -42,8 +42,8 @@ export function listenForUploads(
   });
   listenForDrops((data) => receive(data, "dropped"));
   byId("examples").append(...EXAMPLES.map((one) => createElement("li", {}, exampleButton(one, takePhotos))));
-  const opened = /^#opened\/(.+)$/.exec(location.hash)?.[1]; // by `lighting open PHOTO`
-  if (opened) takePhotos([sourceFromExample(decodeURIComponent(opened), "opened")]);
+  const [, secret, name] = /^#opened\/([\w-]+)\/(.+)$/.exec(location.hash) ?? []; // by `lighting open PHOTO`
+  if (secret && name) takePhotos([sourceFromExample(decodeURIComponent(name), `opened/${secret}`)]);
 }
 
 /** What the service does with several photos. */
