@@ -160,7 +160,7 @@ class Estimate(EstimatedLight):
         with ONE_BLAS_THREAD:
             image, lighting = render_view(self.lighting, height, **view)
             probe = compute_light_probe(self.lighting, **view) if has_header else None
-        write_envmap(path, image, lighting, compression=compression, probe=probe, colours=colours)
+        write_envmap(path, image, lighting, compression=compression, probe=probe, colours=colours, overwrite=True)
 
     def light_probe(
         self,

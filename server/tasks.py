@@ -124,7 +124,7 @@ def encode_envmap_of_lighting(lighting: Lighting, query: MapQuery, context: Phot
         image, rotated = render_view(lighting, query.height, **view)
         check_cancelled()
         probe = compute_light_probe(lighting, **view) if MAP_FORMATS[query.format].has_header else None
-    file: Any = {"compression": query.compression, "colours": query.colours, "probe": probe}
+    file: Any = {"compression": query.compression, "colours": query.colours, "probe": probe, "overwrite": True}
     with trace_step("encode"):
         return encode_envmap(image, rotated, query.format, **file)
 

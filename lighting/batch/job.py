@@ -201,7 +201,7 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions)
     view: Any = {"sun": maps.sun, "yaw": maps.yaw, "sky": maps.sky, "context": answer.context}
     image, lighting = render_view(light, maps.height, **view)
     probe = compute_light_probe(light, **view)
-    write_exr(target, image, lighting, compression=maps.compression, probe=probe, colours=maps.colours)
+    write_exr(target, image, lighting, compression=maps.compression, probe=probe, colours=maps.colours, overwrite=True)
 
 
 def estimate_or_error(

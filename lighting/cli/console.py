@@ -517,7 +517,7 @@ def write_output_map(
     if output == "-" or MAP_FORMATS[check_map_name(output)].has_header:
         probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
     image, lighting = render_view(lighting, **view_options)
-    file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe}
+    file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe, "overwrite": True}
     if output == "-":
         _write_stdout(encode_envmap(image, lighting, "exr", **file))
     else:

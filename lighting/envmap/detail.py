@@ -7,6 +7,7 @@ smooth, and no part of the sky becomes much brighter than its brightest was: the
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -25,8 +26,16 @@ from lighting.envmap.detail_library import (
     detail_picture,
     feature_weights,
 )
-from lighting.envmap.latlong import Image, interpolate_cells, multiply_cells, shrink_envmap
-from lighting.envmap.projection import CLIPPED, ContinuedPhoto, sample_photo
+from lighting.envmap.latlong import (
+    Image,
+    column_blocks,
+    fits_block,
+    interpolate_cells,
+    multiply_cells,
+    shrink_blocks,
+    shrink_envmap,
+)
+from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, sample_photo
 from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.segmentation import Segments
@@ -131,76 +140,152 @@ def _saturation(colors: Image) -> float:
     return round(min(spread / _COLORFUL, 1.0), 2)
 
 
+class LibraryDetail:
+    """A panorama of the library over what is coarse in it, to the power _CONTRAST."""
+
+    def __init__(self, source: DetailSource, height: int) -> None:
+        self.height = height
+        self._picture = detail_picture(source.choice, height, source.saturation)
+        self._kept = self._picture.columns(slice(0, 2 * height)) if fits_block(height) else None
+        reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in column_blocks(height)], axis=1)
+        self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
+        coarse = _blur_cells(shrink_envmap(self._log_offset.take(reduced), _CELL_ROWS), _COARSE_DEG)
+        self._gains = np.exp(-coarse * _contrast(_CELL_ROWS)[:, None, None])
+        self.whole = self.block(slice(0, 2 * height)) if fits_block(height) else None
+        """(H, 2H, 3) of a map that is worked on at once; else None."""
+
+    def _pixels(self, columns: slice) -> NDArray[np.uint8]:
+        return self._picture.columns(columns) if self._kept is None else self._kept
+
+    def block(self, columns: slice) -> Image:
+        """Some columns (H, C, 3) of the detail.
+
+        Args:
+            columns: of a map of as many rows.
+        """
+        picture, contrast = self._pixels(columns), _contrast(self.height)
+        detail = np.empty(picture.shape, np.float32)
+        first = 0
+        for last in [*(np.flatnonzero(np.diff(contrast)) + 1), self.height]:  # rows of one contrast
+            table = np.exp(self._log_offset * contrast[first]).astype(np.float32)
+            detail[first:last] = table.take(picture[first:last])
+            first = last
+        multiply_cells(detail, self._gains, columns)
+        return detail
+
+
+class _PhotoDetail:
+    """The library's detail with the photo's own, calm around the sun, in blocks of columns."""
+
+    def __init__(
+        self, library: LibraryDetail, photo: PhotoProjection | None, coarse: Image, sun: Floats | None
+    ) -> None:
+        self._library, self._photo, self._coarse, self._sun = library, photo, coarse, sun
+        self._ceiling: Image | None = None
+        self._whole = None if library.whole is None else self._finish(library.whole, slice(0, 2 * library.height))
+
+    def blocks(self) -> Iterator[tuple[slice, Image]]:
+        """Columns of the map, and the detail (H, C, 3) in them."""
+        for columns in column_blocks(self._library.height):
+            yield columns, self._finish(self._library.block(columns), columns) if self._whole is None else self._whole
+
+    def limit(self, ceiling: Image) -> bool:
+        """Bring the sky's detail under cells (R, 2R, 3), which are the sky over its mirror image; False if it is."""
+        rows = np.flatnonzero((ceiling[: len(ceiling) // 2] < _DETAIL_RANGE[1]).any(axis=(1, 2)))
+        if rows.size:
+            self._ceiling = ceiling
+            if self._whole is not None:
+                self._darken(self._whole, slice(0, 2 * self._library.height))
+        return bool(rows.size)
+
+    def _finish(self, detail: Image, columns: slice) -> Image:
+        block = None if self._photo is None else self._photo.block(columns)
+        if block is not None:
+            _blend_continuation(detail, columns, block, self._coarse)
+        if self._sun is not None:
+            _calm_sun(detail, columns, self._sun)
+        np.clip(detail, *_DETAIL_RANGE, out=detail)
+        if self._ceiling is not None:
+            self._darken(detail, columns)
+        return detail
+
+    def _darken(self, detail: Image, columns: slice) -> None:
+        assert self._ceiling is not None
+        sky = detail[: len(detail) // 2]
+        rows = np.flatnonzero((self._ceiling[: len(self._ceiling) // 2] < _DETAIL_RANGE[1]).any(axis=(1, 2)))
+        part = _rows_between(rows, len(sky), len(self._ceiling) // 2)
+        np.minimum(sky[part], interpolate_cells(self._ceiling, len(detail), part, columns), out=sky[part])
+
+
 def add_detail(
     image: Image,
-    detail: Image,
+    library: LibraryDetail,
     lighting: Lighting,
     photo: NDArray[np.uint8],
-    continued: ContinuedPhoto | None,
+    continued: PhotoProjection | None,
     gain: float = 1.0,
 ) -> None:
     """Give a coarse map detail; its light stays where the photo will not be laid over it.
 
     Args:
         image: (H, 2H, 3) linear, MIN_ROWS rows at least, without photo and disc, changed in place.
-        detail: (H, 2H, 3) of `library_detail`, changed in place.
+        library: the detail of a panorama, of as many rows; it cannot be used again.
         lighting: of the map; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
         continued: the photo in the map with its continuation; None: it is too narrow to be seen.
         gain: over 0, by which the photo's linear values are multiplied.
     """
-    height = len(image)
     edge, rim, covered = (np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, count), np.float32) for count in (3, 1, 1))
+    coarse = np.ones_like(edge)
     if continued is not None:
         log, shown = _photo_cells(photo, lighting)
-        _blend_continuation(detail, continued, _spread(log, shown, _COARSE_DEG)[0])
-        hidden = np.zeros((height, 2 * height, 1), np.float32)
-        hidden[continued.rows, continued.columns, 0] = continued.weight
-        covered = shrink_envmap(hidden, _CELL_ROWS)
+        coarse = np.exp(-_spread(log, shown, _COARSE_DEG)[0])
+        covered = _covered_share(continued)
         rim[:] = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
         edge[:] = log + np.float32(math.log(max(gain, _MIN_GAIN)))
     sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
-    if sun is not None:
-        _calm_sun(detail, sun)
+    detail = _PhotoDetail(library, continued, coarse, sun)
     level = np.cos(np.radians(latlong_angles(_CELL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - covered) * level
     before = shrink_envmap(image, _CELL_ROWS)
     log = np.log(np.maximum(before, np.float32(1e-9)))
     blurred = np.exp(_blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
-    np.clip(detail, *_DETAIL_RANGE, out=detail)
-    cells = before * shrink_envmap(detail, _CELL_ROWS)
+    cells = before * _mean_detail(detail, len(image))
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
     gains *= _hand_over(lit, edge, rim)
-    if _limit_sky(detail[: height // 2], before * gains, _sky_limit(before, open_share, sun)):
-        cells = before * shrink_envmap(detail, _CELL_ROWS)
+    if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun))):
+        cells = before * _mean_detail(detail, len(image))
     for _ in range(_ROUNDS):
         gains *= _hand_over(cells * gains, edge, rim)
         _keep_moments(gains, before, cells, open_share)
-    image *= detail
+    for columns, block in detail.blocks():
+        image[:, columns] *= block
     for half, cells in zip(np.split(image, 2), np.split(gains, 2), strict=True):
         multiply_cells(half, cells)
 
 
-def library_detail(source: DetailSource, height: int) -> Image:
-    """A panorama (H, 2H, 3) of the library over what is coarse in it, to the power _CONTRAST.
+def _mean_detail(detail: _PhotoDetail, height: int) -> Image:
+    """The detail's means (R, 2R, 3) in the cells of a map of so many rows."""
+    return shrink_blocks((block for _, block in detail.blocks()), height, _CELL_ROWS)
 
-    Args:
-        source: that suits the photo.
-        height: rows of the map.
-    """
-    picture = detail_picture(source.choice, height, source.saturation)
-    log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
-    coarse = _blur_cells(shrink_envmap(log_offset.take(_reduce(picture)), _CELL_ROWS), _COARSE_DEG)
-    detail = np.empty(picture.shape, np.float32)
-    contrast = _contrast(height)
-    first = 0
-    for last in [*(np.flatnonzero(np.diff(contrast)) + 1), height]:  # rows of one contrast
-        table = np.exp(log_offset * contrast[first]).astype(np.float32)
-        detail[first:last] = table.take(picture[first:last])
-        first = last
-    multiply_cells(detail, np.exp(-coarse * _contrast(_CELL_ROWS)[:, None, None]))
-    return detail
+
+def _covered_share(photo: PhotoProjection) -> Image:
+    """How much (R, 2R, 1) of each cell a photo covers."""
+
+    def weights() -> Iterator[Image]:
+        for columns in column_blocks(photo.height):
+            weight = np.zeros((photo.height, columns.stop - columns.start, 1), np.float32)
+            if (block := photo.block(columns)) is not None:
+                weight[block.rows, _shifted(block.columns, columns), 0] = block.weight
+            yield weight
+
+    return shrink_blocks(weights(), photo.height, _CELL_ROWS)
+
+
+def _shifted(columns: slice, block: slice) -> slice:
+    """Columns of a map as those of a block of its columns."""
+    return slice(columns.start - block.start, columns.stop - block.start)
 
 
 def _contrast(height: int) -> Image:
@@ -210,24 +295,27 @@ def _contrast(height: int) -> Image:
     return np.asarray(np.round(contrast, 2), dtype=np.float32)
 
 
-def _reduce(picture: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """A picture (H, 2H, 3) at a quarter of its pixels or so, for its cells."""
-    step = max(1, len(picture) // (4 * _CELL_ROWS))
-    rest = (len(picture) // step) * step
-    return picture[step // 2 : rest : step, step // 2 : 2 * rest : step]
+def _reduce(pixels: NDArray[np.uint8], height: int, columns: slice) -> NDArray[np.uint8]:
+    """Some columns (H, C, 3) of a picture (H, 2H, 3) at a quarter of its pixels or so, for its cells."""
+    step = max(1, height // (4 * _CELL_ROWS))
+    rest = (height // step) * step
+    first = columns.start + (step // 2 - columns.start) % step  # of the columns that count
+    last = min(columns.stop, 2 * rest)
+    return pixels[step // 2 : rest : step, first - columns.start : max(last - columns.start, 0) : step]
 
 
-def _blend_continuation(detail: Image, continued: ContinuedPhoto, coarse: Image) -> None:
+def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto, coarse: Image) -> None:
     """Lay the photo's own detail over the library's, along a seam that prefers the darker of both.
 
     Args:
-        detail: (H, 2H, 3) of the library, changed in place.
-        continued: the photo.
-        coarse: (R, 2R, 3) logarithm of what is coarse in the photo.
+        detail: (H, C, 3) of the library, changed in place.
+        columns: of the map, that it has.
+        continued: the photo in them.
+        coarse: (R, 2R, 3) factors that take what is coarse from the photo.
     """
-    window = detail[continued.rows, continued.columns]
+    window = detail[continued.rows, _shifted(continued.columns, columns)]
     own = continued.linear + LOG_OFFSET
-    own *= interpolate_cells(np.exp(-coarse), len(detail), continued.rows, continued.columns)
+    own *= interpolate_cells(coarse, len(detail), continued.rows, continued.columns)
     green, own_green = window[..., 1], own[..., 1]
     contrast = (green - own_green) / (green + own_green)
     place = 2 * continued.share - 1 + np.float32(2 * _SEAM) * contrast
@@ -255,8 +343,8 @@ def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:
     return np.asarray(_blur_cells(values * shown, deg) / np.maximum(share, np.float32(1e-6))), share
 
 
-def _calm_sun(detail: Image, sun: Floats) -> None:
-    """Fade detail (H, 2H, 3) out around the sun."""
+def _calm_sun(detail: Image, columns: slice, sun: Floats) -> None:
+    """Fade some columns (H, C, 3) of the detail out around the sun."""
     cells = angle_between(latlong_directions(_CELL_ROWS), sun)
     share = np.clip((cells - _SUN_DEG[0]) / (_SUN_DEG[1] - _SUN_DEG[0]), 0, 1)
     share = np.asarray(share * share * (3 - 2 * share), dtype=np.float32)[..., None].repeat(3, axis=2)
@@ -266,7 +354,7 @@ def _calm_sun(detail: Image, sun: Floats) -> None:
     window = _rows_between(rows, len(detail), _CELL_ROWS)
     part = detail[window]
     part -= 1
-    part *= interpolate_cells(share, len(detail), window, slice(None))
+    part *= interpolate_cells(share, len(detail), window, columns)
     part += 1
 
 
@@ -304,22 +392,15 @@ def _hand_over(lit: Image, log: Image, rim: Image) -> Image:
     return np.asarray(np.exp(spread * np.clip(share / np.median(share[rim > 0]), 0, 1)), dtype=np.float32)
 
 
-def _limit_sky(detail: Image, cells: Image, limit: Floats) -> bool:
-    """Darken what would be too bright in the sky; False where nothing can be.
+def _detail_ceiling(cells: Image, limit: Floats) -> Image:
+    """The largest detail (R, 2R, 3) of each cell of the sky, and below it their mirror image.
 
     Args:
-        detail: (H / 2, 2H, 3), changed in place.
         cells: (R, 2R, 3) what it will be multiplied with.
         limit: (R / 2, 2R) luminance that no part of the sky may exceed.
     """
     ceiling = np.maximum(limit / np.maximum(luminance(cells[: len(limit)]), 1e-9), 1).astype(np.float32)
-    rows = np.flatnonzero((ceiling < _DETAIL_RANGE[1]).any(axis=1))
-    if not rows.size:
-        return False
-    both = np.concatenate([ceiling, ceiling[::-1]])[..., None].repeat(3, axis=2)
-    part = _rows_between(rows, len(detail), len(limit))
-    np.minimum(detail[part], interpolate_cells(both, 2 * len(detail), part, slice(None)), out=detail[part])
-    return True
+    return np.concatenate([ceiling, ceiling[::-1]])[..., None].repeat(3, axis=2)
 
 
 def _rows_between(cells: NDArray[np.intp], height: int, rows: int) -> slice:

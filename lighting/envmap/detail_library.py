@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image as Pictures
+from PIL import ImageEnhance
 
 from lighting.envmap.latlong import Image
 from lighting.geometry import Floats, wrap_azimuth
@@ -191,20 +193,36 @@ def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) 
     return np.asarray(np.where(known[:, None], _SUN_WEIGHT * (1 - np.cos(off)), _SUN_WEIGHT))
 
 
+@dataclass(frozen=True, eq=False)
+class DetailPicture:
+    """A panorama of the library as it lies around the camera, as wide as a map but not as high."""
+
+    pixels: NDArray[np.uint8]
+    """(R, 2H, 3) sRGB."""
+    height: int
+    """Rows of the map, H."""
+
+    def columns(self, columns: slice) -> NDArray[np.uint8]:
+        """Some columns (H, C, 3) of the map.
+
+        Args:
+            columns: of the map.
+        """
+        part = Pictures.fromarray(np.ascontiguousarray(self.pixels[:, columns]))
+        return np.asarray(part.resize((part.width, self.height), _kernel(part.height, self.height)))
+
+
 def detail_picture(
     choice: DetailChoice, height: int, saturation: float = 1.0, library: DetailLibrary | None = None
-) -> NDArray[np.uint8]:
-    """The chosen panorama (H, 2H, 3), sRGB, as it is to lie around the camera.
+) -> DetailPicture:
+    """The chosen panorama.
 
     Args:
         choice: of the library.
-        height: rows.
+        height: rows of the map.
         saturation: 0 for grey to 1 for its own colors.
         library: None is the one in this package.
     """
-    from PIL import Image as Pictures
-    from PIL import ImageEnhance
-
     library = load_detail_library() if library is None else library
     with Pictures.open(io.BytesIO(library.pictures[choice.index]), formats=["WEBP"]) as file:
         picture = file.convert("RGB")
@@ -212,6 +230,10 @@ def detail_picture(
         picture = ImageEnhance.Color(picture).enhance(saturation)
     if choice.flipped:
         picture = picture.transpose(Pictures.Transpose.FLIP_LEFT_RIGHT)
-    kernel = Pictures.Resampling.BICUBIC if height > picture.height else Pictures.Resampling.BOX
-    pixels = np.asarray(picture if height == picture.height else picture.resize((2 * height, height), kernel))
-    return np.roll(pixels, round(choice.yaw / 360.0 * 2 * height), axis=1)
+    wide = np.asarray(picture.resize((2 * height, picture.height), _kernel(picture.height, height)))
+    return DetailPicture(np.roll(wide, round(choice.yaw / 360.0 * 2 * height), axis=1), height)
+
+
+def _kernel(rows: int, height: int) -> Pictures.Resampling:
+    """By what a picture of so many rows gets the height of a map."""
+    return Pictures.Resampling.BICUBIC if height > rows else Pictures.Resampling.BOX

@@ -1,7 +1,7 @@
 """Operations on lat-long images: row weights, irradiance, resize, blur, remove sun."""
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 
 import numpy as np
@@ -15,6 +15,8 @@ Image = NDArray[np.float32]
 MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
 _CAP_STEPS, _CAP_TOLERANCE = 50, 1e-3  # attempts to keep an irradiance, and the share of it that may be missing
 _BAND_ROWS = 32  # that are multiplied at once
+_BLOCK_PIXELS = 1 << 20  # of a map that are worked on at once, where much is computed of each
+_BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of matrices keep their bits
 
 EPSILON_IRRADIANCE = 1e-12  # irradiance, radiance or exposure that stands for none in a divisor
 
@@ -29,6 +31,27 @@ def row_irradiance(height: int) -> Floats:
     return np.abs(np.diff(edges)) * math.pi
 
 
+def fits_block(height: int) -> bool:
+    """Whether all of a map is worked on at once.
+
+    Args:
+        height: rows of the map.
+    """
+    return 2 * height**2 <= _BLOCK_PIXELS
+
+
+def column_blocks(height: int) -> Iterator[slice]:
+    """The columns of a map in blocks, so that what is computed of each takes little memory.
+
+    Args:
+        height: rows of the map.
+    """
+    width = 2 * height
+    step = width if fits_block(height) else max(_BLOCK_PIXELS // height // _BLOCK_STEP, 1) * _BLOCK_STEP
+    for start in range(0, width, step):
+        yield slice(start, min(start + step, width))
+
+
 def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
     """Irradiance (3,) of level ground by some rows of a map.
 
@@ -36,9 +59,19 @@ def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
         levels: (R,) the `row_irradiance` of these rows.
         rows: (R, W, 3) linear radiance.
     """
+    return np.asarray(irradiance_by_columns(levels, rows).mean(axis=0, dtype=np.float64))
+
+
+def irradiance_by_columns(levels: Floats, rows: Image) -> Image:
+    """Irradiance (W, 3) of level ground by some rows of a map, were all its columns as one.
+
+    Args:
+        levels: (R,) the `row_irradiance` of these rows.
+        rows: (R, W, 3) linear radiance.
+    """
     count, width = rows.shape[:2]
     columns = np.einsum("r,rx->x", np.asarray(levels, dtype=np.float32), rows.reshape(count, 3 * width))
-    return np.asarray(columns.reshape(width, 3).mean(axis=0, dtype=np.float64))
+    return np.asarray(columns.reshape(width, 3))
 
 
 def cap_radiance(levels: Floats, rows: Image) -> None:
@@ -115,9 +148,19 @@ def shrink_envmap(image: Image, rows: int) -> Image:
         image: (H, 2H, C).
         rows: of the result.
     """
-    if rows >= (height := len(image)):
-        return image
-    wide = np.tensordot(_area_shares(rows, height), image, 1)  # (rows, 2H, C)
+    return image if rows >= len(image) else shrink_blocks([image], len(image), rows)
+
+
+def shrink_blocks(blocks: Iterable[Image], height: int, rows: int) -> Image:
+    """`shrink_envmap` of a map that comes in blocks of columns.
+
+    Args:
+        blocks: (H, W, C) each, from left to right.
+        height: rows of the map, H.
+        rows: of the result, up to those of the map.
+    """
+    shares = _area_shares(rows, height)
+    wide = np.concatenate([np.tensordot(shares, block, 1) for block in blocks], axis=1)  # (rows, 2H, C)
     return np.asarray(np.einsum("xw,ywc->yxc", _area_shares(2 * rows, 2 * height), wide, optimize=True))
 
 
@@ -175,8 +218,19 @@ def scale_colors(image: Image, gain: Floats) -> None:
         image: (R, W, 3), contiguous in memory.
         gain: (3,).
     """
-    rows = image.reshape(len(image), -1)
-    rows *= np.tile(np.asarray(gain, dtype=np.float32), image.shape[1])
+    scale_columns(image, slice(0, image.shape[1]), gain)
+
+
+def scale_columns(image: Image, columns: slice, gain: Floats) -> None:
+    """Multiply some columns of an image by a color in place.
+
+    Args:
+        image: (R, W, 3), contiguous in memory.
+        columns: of the image.
+        gain: (3,).
+    """
+    rows = image.reshape(len(image), -1)[:, 3 * columns.start : 3 * columns.stop]
+    rows *= np.tile(np.asarray(gain, dtype=np.float32), rows.shape[1] // 3)
 
 
 def max_channel(image: Image) -> Image:
@@ -188,7 +242,7 @@ def max_channel(image: Image) -> Image:
     return np.asarray(np.maximum(np.maximum(image[..., 0], image[..., 1]), image[..., 2]))
 
 
-def multiply_cells(image: Image, cells: Image) -> None:
+def multiply_cells(image: Image, cells: Image, columns: slice | None = None) -> None:
     """Multiply rows of a map (H, W, 3), contiguous in memory, by cells (R, C, 3), linear between their centres.
 
     Columns wrap and rows end. A few rows at once lie between few rows of cells, and only those count for them.
@@ -196,9 +250,11 @@ def multiply_cells(image: Image, cells: Image) -> None:
     Args:
         image: changed in place.
         cells: factors on a grid of the same directions.
+        columns: of a map of H rows, that the image has; None: the image has all of the grid's directions.
     """
-    height, width = image.shape[:2]
-    wide = (_interpolation_weights(width, cells.shape[1], True) @ cells).reshape(len(cells), -1)  # (R, 3 W)
+    height, width = image.shape[:2] if columns is None else (len(image), 2 * len(image))
+    across = _interpolation_weights(width, cells.shape[1], True)[slice(None) if columns is None else columns]
+    wide = (across @ cells).reshape(len(cells), -1)  # (R, 3 W)
     down = _interpolation_weights(height, len(cells), False)
     flat = image.reshape(height, -1)
     for band, near, shares in _row_bands(down):

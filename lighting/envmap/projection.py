@@ -1,14 +1,15 @@
 """Where a photo lies in a map, and its pixels there."""
 
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR
-from lighting.envmap.latlong import Image, max_channel
+from lighting.envmap.latlong import Image, column_blocks, fits_block, max_channel
 from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
 from lighting.segmentation import Segments, SurfaceClass, class_share
@@ -29,16 +30,18 @@ _MAX_SIDE = 2048  # pixels of the photo's longer side
 
 @dataclass(frozen=True, eq=False)
 class ProjectedPhoto:
-    """A photo in a window of a map."""
+    """A photo in some rows and columns of a map."""
 
     rows: slice
-    """Of the map, from 0, that the photo reaches."""
+    """Of the map, from 0, that this reaches."""
     columns: slice
-    """Of the map, from 0, that the photo reaches."""
+    """Of the map, from 0, that this reaches."""
     linear: Image
     """Linear, (R, C, 3)."""
     weight: NDArray[np.float32]
     """(R, C) 1 inside the photo, 0 outside it."""
+    share: NDArray[np.float32]
+    """(R, C) 1 inside the photo, 0 where its mirror image no longer goes on."""
 
     def over(self, image: Image, gain: float) -> "ProjectedPhoto":
         """The same times a gain. Where the photo is clipped and the map brighter, the map's value counts.
@@ -50,27 +53,92 @@ class ProjectedPhoto:
         clipped = max_channel(self.linear) > CLIPPED
         linear = self.linear * np.float32(gain)
         np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
-        return ProjectedPhoto(self.rows, self.columns, linear, self.weight)
+        return replace(self, linear=linear)
 
-    def within(self, rows: slice) -> "ProjectedPhoto | None":
-        """The part of it in some rows of the map; None where it has none.
+
+@dataclass(frozen=True, eq=False)
+class PhotoProjection:
+    """Where a photo lies in a map. Its pixels there are found for a block of columns at a time."""
+
+    rows: slice
+    """Of the map, from 0, that the photo reaches."""
+    columns: slice
+    """Of the map, from 0, that the photo reaches."""
+    height: int
+    """Rows of the map."""
+    picture: NDArray[np.uint8]
+    """(h, w, 3) sRGB, at about the map's resolution."""
+    camera: Pinhole
+    """Of the picture."""
+    continued: bool
+    """Whether it goes on beyond its edges as its own mirror image."""
+    segments: Segments | None
+    """What the photo shows; None: unknown."""
+
+    def reaches(self, rows: slice) -> bool:
+        """Whether it lies in some rows of the map.
 
         Args:
             rows: of the map.
         """
+        return max(self.rows.start, rows.start) < min(self.rows.stop, rows.stop)
+
+    def blocks(self, rows: slice) -> Iterator[ProjectedPhoto]:
+        """Its pixels in some rows of the map, in each block of columns.
+
+        Args:
+            rows: of the map, some of which it reaches.
+        """
+        for columns in column_blocks(self.height):
+            block = self.block(columns, rows)
+            if block is not None:
+                yield block
+
+    def block(self, columns: slice, rows: slice | None = None) -> ProjectedPhoto | None:
+        """Its pixels in some columns of the map; None where it has none. Those of a small map are found once.
+
+        Args:
+            columns: of the map, one of `column_blocks`.
+            rows: of the map, some of which it reaches; None: all that it reaches.
+        """
+        rows = self.rows if rows is None else rows
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
-        if top >= bottom:
-            return None
-        part = slice(top - self.rows.start, bottom - self.rows.start)
-        return ProjectedPhoto(slice(top, bottom), self.columns, self.linear[part], self.weight[part])
+        if fits_block(self.height):
+            part = slice(top - self.rows.start, bottom - self.rows.start)
+            found = (array[part] for array in (self.whole.linear, self.whole.weight, self.whole.share))
+            return ProjectedPhoto(slice(top, bottom), self.columns, *found)
+        left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
+        return self._pixels(slice(top, bottom), slice(left, right)) if left < right else None
 
+    @cached_property
+    def whole(self) -> ProjectedPhoto:
+        """All its pixels at once."""
+        return self._pixels(self.rows, self.columns)
 
-@dataclass(frozen=True, eq=False)
-class ContinuedPhoto(ProjectedPhoto):
-    """A photo in a window of a map that goes on beyond its edges as its own mirror image."""
+    def _pixels(self, rows: slice, columns: slice) -> ProjectedPhoto:
+        x, y = _map_to_picture(self.camera, self.height, rows, columns)
+        weight = _inner_weight(x, y)
+        share = self._continue(x, y) if self.continued else np.asarray(weight > 0, dtype=np.float32)
+        return ProjectedPhoto(rows, columns, _pixels_at(self.picture, x, y), weight, share)
 
-    share: NDArray[np.float32]
-    """(R, C) 1 inside the photo, 0 where it no longer goes on."""
+    def _continue(self, x: Image, y: Image) -> NDArray[np.float32]:
+        """How far the photo goes on at positions in it; those beyond its edges become those of its mirror image."""
+        above = y > 1
+        vertical = np.where(above, np.float32(_CONTINUED_TOP), np.float32(_CONTINUED_BOTTOM))
+        beyond = np.maximum((np.abs(x) - 1) / np.float32(_CONTINUED_SIDES), (np.abs(y) - 1) / vertical)
+        share = 1 - np.clip(beyond, 0, 1)
+        for position in (x, y):
+            outside = np.abs(position) > 1
+            position[outside] = (2 * np.sign(position) - position)[outside]
+        if self.segments is None:
+            share[above] = 0
+            return np.asarray(share)
+        rows, columns = self.segments.shape[:2]
+        cell = _pixel_index(y, rows, -1) * columns + _pixel_index(x, columns, 1)
+        once = class_share(self.segments, SurfaceClass.PERSON, SurfaceClass.VEHICLE) > _MAX_ONCE
+        upward = class_share(self.segments, SurfaceClass.PLANTS, SurfaceClass.SKY) > _MIN_UPWARD
+        share[(beyond > 0) & (once.reshape(-1)[cell] | above & ~upward.reshape(-1)[cell])] = 0
+        return np.asarray(share)
 
 
 def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
@@ -84,7 +152,7 @@ def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
-def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> ProjectedPhoto | None:
+def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> PhotoProjection | None:
     """A photo in the pixels of a map; None where it is under a few degrees wide.
 
     Args:
@@ -92,18 +160,12 @@ def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> 
         photo: (h, w, 3) sRGB.
         height: rows of the map.
     """
-    picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
-    camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
-    window = _find_window(camera, height)
-    if window is None:
-        return None
-    x, y = _map_to_picture(camera, height, *window)
-    return ProjectedPhoto(*window, _pixels_at(picture, x, y), _inner_weight(x, y))
+    return _find_photo(lighting, photo, height, 0.0, None)
 
 
 def continue_photo(
     lighting: Lighting, photo: NDArray[np.uint8], height: int, segments: Segments | None = None
-) -> ContinuedPhoto | None:
+) -> PhotoProjection | None:
     """`project_photo`, with the photo's mirror image beyond its edges, fading out.
 
     People and vehicles are not seen twice. Upwards only plants and sky go on.
@@ -114,29 +176,18 @@ def continue_photo(
         height: rows of the map.
         segments: what the photo shows; None: unknown, and nothing goes on upwards.
     """
+    reach = max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM)
+    return _find_photo(lighting, photo, height, reach, segments)
+
+
+def _find_photo(
+    lighting: Lighting, photo: NDArray[np.uint8], height: int, reach: float, segments: Segments | None
+) -> PhotoProjection | None:
+    """Where a photo, and a share of its half sides beyond it, lies in a map."""
     picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
     camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
-    window = _find_window(camera, height, max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM))
-    if window is None:
-        return None
-    x, y = _map_to_picture(camera, height, *window)
-    weight = _inner_weight(x, y)
-    above = y > 1
-    vertical = np.where(above, np.float32(_CONTINUED_TOP), np.float32(_CONTINUED_BOTTOM))
-    beyond = np.maximum((np.abs(x) - 1) / np.float32(_CONTINUED_SIDES), (np.abs(y) - 1) / vertical)
-    share = 1 - np.clip(beyond, 0, 1)
-    for position in (x, y):
-        outside = np.abs(position) > 1
-        position[outside] = (2 * np.sign(position) - position)[outside]
-    if segments is None:
-        share[above] = 0
-    else:
-        rows, columns = segments.shape[:2]
-        cell = _pixel_index(y, rows, -1) * columns + _pixel_index(x, columns, 1)
-        once = class_share(segments, SurfaceClass.PERSON, SurfaceClass.VEHICLE) > _MAX_ONCE
-        upward = class_share(segments, SurfaceClass.PLANTS, SurfaceClass.SKY) > _MIN_UPWARD
-        share[(beyond > 0) & (once.reshape(-1)[cell] | above & ~upward.reshape(-1)[cell])] = 0
-    return ContinuedPhoto(*window, _pixels_at(picture, x, y), weight, share)
+    window = _find_window(camera, height, reach)
+    return None if window is None else PhotoProjection(*window, height, picture, camera, reach > 0, segments)
 
 
 def _inner_weight(x: Image, y: Image) -> Image:

@@ -28,7 +28,7 @@ from lighting.envmap.latlong import (
 )
 from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats, latlong_angles, latlong_directions, latlong_solid_angle
+from lighting.geometry import Floats, direction, latlong_angles, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL, sky_gradation, sky_lobe, sky_parameters
@@ -189,7 +189,9 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> N
     scale_colors(upper, (1 - cover) * irradiance / np.maximum(level, EPSILON_IRRADIANCE))
     if cover > 0:
         flat, color = upper.reshape(len(upper), -1), np.asarray(cover * irradiance, dtype=np.float32)
-        flat += _overcast_rows(len(upper))[:, 0] * np.tile(color, upper.shape[1])  # whole rows, as in `scale_colors`
+        added = np.tile(color, upper.shape[1])  # to whole rows, as in `scale_colors`
+        for row, radiance in zip(flat, _overcast_rows(len(upper))[:, 0], strict=True):
+            row += radiance * added
 
 
 def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
@@ -223,8 +225,12 @@ def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
     if (by_angles := SKY_MODELS[lighting.map_sky].by_angles) is not None:
         _render_by_angles(upper, lighting, by_angles)
         return
-    directions = latlong_directions(2 * len(upper))[: len(upper)]
-    upper[:] = sky_shape(lighting.map_sky, directions, lighting.sun_direction, _weather(lighting))
+    azimuth, elevation = latlong_angles(2 * len(upper))
+    rows, weather = max(1, _CHUNK_PIXELS // upper.shape[1]), _weather(lighting)
+    for start in range(0, len(upper), rows):
+        part = slice(start, min(start + rows, len(upper)))
+        directions = direction(azimuth, elevation[part, None])
+        upper[part] = sky_shape(lighting.map_sky, directions, lighting.sun_direction, weather)
 
 
 def _weather(lighting: Lighting) -> Weather:

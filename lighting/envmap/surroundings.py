@@ -18,11 +18,19 @@ from numpy.typing import NDArray
 import lighting.envmap.detail as map_detail
 import lighting.envmap.latlong as latlong
 from lighting.color import check_pixels, luminance
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, multiply_cells, scale_colors
+from lighting.envmap.latlong import (
+    EPSILON_IRRADIANCE,
+    Image,
+    column_blocks,
+    irradiance_by_columns,
+    irradiance_from_rows,
+    multiply_cells,
+    scale_colors,
+    scale_columns,
+)
 from lighting.envmap.projection import (
     CLIPPED,
-    ContinuedPhoto,
-    ProjectedPhoto,
+    PhotoProjection,
     continue_photo,
     project_photo,
     sample_photo,
@@ -202,7 +210,7 @@ def render_with_surroundings(
         factors, photo = _context_factors(image, lighting, context), projection.result()
         gain, targets = context.gain(lighting), _half_irradiances(image)
         upper, lower = (
-            partial(_lay_surroundings, image, rows, target, cells, photo.within(rows) if photo else None, gain)
+            partial(_lay_surroundings, image, rows, target, cells, photo, gain)
             for rows, target, cells in zip(_halves(height), targets, np.split(factors, 2), strict=True)
         )
         upper_done = pool.submit(upper, not detailed)
@@ -210,10 +218,9 @@ def render_with_surroundings(
         upper_done.result()
         detail = None if found is None else found.result()
     if detail is not None:
-        continued = photo if isinstance(photo, ContinuedPhoto) else None
-        map_detail.add_detail(image, detail, lighting, context.photo, continued, gain)
+        map_detail.add_detail(image, detail, lighting, context.photo, photo, gain)
         for rows, target in zip(_halves(height), targets, strict=True):
-            _lay_photo(image, rows, target, photo.within(rows) if photo else None, gain)
+            _lay_photo(image, rows, target, photo, gain)
     cap_map(image, lighting)
     if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
@@ -234,16 +241,20 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
     return _surroundings_factors(_pool_cells(bare), lighting, context)
 
 
-def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_on: bool) -> ProjectedPhoto | None:
+def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_on: bool) -> PhotoProjection | None:
     """The photo in the pixels of a map, with its continuation for detail."""
     if goes_on:
-        return continue_photo(lighting, context.photo, height, context.segments)
-    return project_photo(lighting, context.photo, height)
+        photo = continue_photo(lighting, context.photo, height, context.segments)
+    else:
+        photo = project_photo(lighting, context.photo, height)
+    if photo is not None and latlong.fits_block(height):
+        _ = photo.whole  # found here, beside other work
+    return photo
 
 
-def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> Image:
-    """The detail (H, 2H, 3) of the library that suits a photo."""
-    return map_detail.library_detail(map_detail.choose_source(describe_place(lighting, context)), height)
+def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> map_detail.LibraryDetail:
+    """The detail of the library that suits a photo."""
+    return map_detail.LibraryDetail(map_detail.choose_source(describe_place(lighting, context)), height)
 
 
 def describe_place(lighting: Lighting, context: PhotoContext) -> map_detail.PhotoFeatures:
@@ -395,41 +406,49 @@ def _half_irradiances(image: Image) -> tuple[Floats, Floats]:
 
 
 def _lay_surroundings(
-    image: Image, half: slice, target: Floats, cells: Image, photo: ProjectedPhoto | None, gain: float, lay: bool
+    image: Image, half: slice, target: Floats, cells: Image, photo: PhotoProjection | None, gain: float, lay: bool
 ) -> None:
     """Give one half of the bare map its cells' factors, and the photo times a gain. Its irradiance stays.
 
     `lay` False leaves the photo out, but the rest is as bright as with it.
     """
     multiply_cells(image[half], cells)
-    if lay or photo is None:
+    if lay or photo is None or not photo.reaches(half):
         _lay_photo(image, half, target, photo, gain)
     else:
-        scale_colors(image[half], _rest_scale(image, half, target, photo.over(image, gain))[0])
+        scale_colors(image[half], _rest_scale(image, half, target, photo, gain)[0])
 
 
-def _lay_photo(image: Image, half: slice, target: Floats, photo: ProjectedPhoto | None, gain: float) -> None:
+def _lay_photo(image: Image, half: slice, target: Floats, photo: PhotoProjection | None, gain: float) -> None:
     """Lay the photo times a gain over one half of a map, which gets the irradiance (3,) of the target."""
-    if photo is None:
+    if photo is None or not photo.reaches(half):
         total = irradiance_from_rows(latlong.row_irradiance(len(image))[half], image[half])
         scale_colors(image[half], target / np.maximum(total, EPSILON_IRRADIANCE))
         return
-    photo = photo.over(image, gain)
-    window, weight = image[photo.rows, photo.columns], photo.weight[..., None].repeat(3, axis=2)
-    rest, reached = _rest_scale(image, half, target, photo)
-    scale_colors(image[half], rest)
-    window += weight * (photo.linear - window)
+    rest, reached = _rest_scale(image, half, target, photo, gain)
+    for columns in column_blocks(len(image)):
+        block = photo.block(columns, half)
+        shown = None if block is None else block.over(image, gain)
+        scale_columns(image[half], columns, rest)
+        if shown is not None:
+            window = image[shown.rows, shown.columns]
+            window += shown.weight[..., None].repeat(3, axis=2) * (shown.linear - window)
     if np.any(np.abs(reached - target) > _IRRADIANCE_TOLERANCE * target):
         scale_colors(image[half], target / np.maximum(reached, EPSILON_IRRADIANCE))
 
 
-def _rest_scale(image: Image, half: slice, target: Floats, photo: ProjectedPhoto) -> tuple[Floats, Floats]:
+def _rest_scale(
+    image: Image, half: slice, target: Floats, photo: PhotoProjection, gain: float
+) -> tuple[Floats, Floats]:
     """The gain (3,) of what the photo leaves open in one half of a map, and the irradiance (3,) that it then has."""
     levels = latlong.row_irradiance(len(image))
-    window, weight = image[photo.rows, photo.columns], photo.weight[..., None].repeat(3, axis=2)
-    share = window.shape[1] / image.shape[1]  # of the columns
     total = irradiance_from_rows(levels[half], image[half])
-    from_photo = irradiance_from_rows(levels[photo.rows], weight * photo.linear) * share
-    hidden = irradiance_from_rows(levels[photo.rows], weight * window) * share
+    shown, behind = [], []
+    for block in photo.blocks(half):
+        weight = block.weight[..., None].repeat(3, axis=2)
+        shown.append(irradiance_by_columns(levels[block.rows], weight * block.over(image, gain).linear))
+        behind.append(irradiance_by_columns(levels[block.rows], weight * image[block.rows, block.columns]))
+    share = (photo.columns.stop - photo.columns.start) / image.shape[1]
+    from_photo, hidden = (np.concatenate(part).mean(axis=0, dtype=np.float64) * share for part in (shown, behind))
     rest = np.clip((target - from_photo) / np.maximum(total - hidden, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
     return rest, rest * (total - hidden) + from_photo

@@ -26,13 +26,13 @@ class MapFormat:
     """How environment maps are written in one format."""
 
     write: Callable[..., None]
-    """(target, image, lighting); `compression`, `probe` and `colours` where it takes them."""
+    """(target, image, lighting); `compression`, `overwrite`, `probe` and `colours` where it takes them."""
     media_type: str
     """By which HTTP names it."""
     read: Callable[[bytes], "Image"] | None = None
     """The linear pixels (H, W, 3); None where a file holds none."""
     takes_compression: bool = False
-    """Whether a file may be packed in several ways."""
+    """Whether a file may be packed in several ways, and the packing may use the image's memory."""
     has_header: bool = False
     """Whether files hold lighting and probe, and say in which colours they are."""
 
@@ -63,12 +63,14 @@ def _read_hdr(data: bytes) -> "Image":
 
 def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | None") -> None:
     """The map as the photo's exposure shows it, clipped at white."""
+    import numpy as np
     from PIL import Image
 
     from lighting.color import tone_map
-    from lighting.files.exr import check_envmap, open_target
+    from lighting.files.exr import check_envmap, open_target, row_bands
 
-    picture = Image.fromarray(tone_map(check_envmap(image)))
+    rows = [tone_map(band) for band in row_bands(check_envmap(image))]
+    picture = Image.fromarray(np.concatenate(rows))
     with open_target(target) as stream:
         picture.save(stream, format="png")
 
@@ -88,6 +90,7 @@ def write_envmap(
     compression: str = "zip",
     probe: "LightProbe | None" = None,
     colours: str = "rec709",
+    overwrite: bool = False,
 ) -> None:
     """Write a map to a path in the format of its suffix. The path appears only when the file is whole.
 
@@ -100,8 +103,9 @@ def write_envmap(
         compression: of an EXR, one of COMPRESSIONS; the others have none.
         probe: the map's, for the header of an EXR; None: without.
         colours: of an EXR, one of `color.COLOR_SPACES`; the others are Rec.709's.
+        overwrite: whether an EXR may use the image's memory; the image is then worthless.
     """
-    _writer_of(check_map_name(target), compression, probe, colours)(target, image, lighting)
+    _writer_of(check_map_name(target), compression, probe, colours, overwrite)(target, image, lighting)
 
 
 def encode_envmap(
@@ -112,6 +116,7 @@ def encode_envmap(
     compression: str = "zip",
     probe: "LightProbe | None" = None,
     colours: str = "rec709",
+    overwrite: bool = False,
 ) -> bytes:
     """The bytes of a file that holds a map; raises as `write_envmap`.
 
@@ -122,9 +127,10 @@ def encode_envmap(
         compression: of an EXR, one of COMPRESSIONS; the others have none.
         probe: the map's, for the header of an EXR; None: without.
         colours: of an EXR, one of `color.COLOR_SPACES`; the others are Rec.709's.
+        overwrite: whether an EXR may use the image's memory; the image is then worthless.
     """
     buffer = io.BytesIO()
-    _writer_of(format, compression, probe, colours)(buffer, image, lighting)
+    _writer_of(format, compression, probe, colours, overwrite)(buffer, image, lighting)
     return buffer.getvalue()
 
 
@@ -149,7 +155,9 @@ def check_map_name(path: str | os.PathLike[str]) -> str:
     return suffix
 
 
-def _writer_of(name: str, compression: str, probe: "LightProbe | None", colours: str) -> Callable[..., None]:
+def _writer_of(
+    name: str, compression: str, probe: "LightProbe | None", colours: str, overwrite: bool
+) -> Callable[..., None]:
     if name not in MAP_FORMATS:
         raise EnvironmentMapError(
             f"The format {name!r} is not known; an environment map is {_join_with_or(list(MAP_FORMATS))}."
@@ -157,7 +165,7 @@ def _writer_of(name: str, compression: str, probe: "LightProbe | None", colours:
     entry = MAP_FORMATS[name]
     if colours != "rec709" and not entry.has_header:
         raise EnvironmentMapError(f"The colours {colours} go with .exr alone.", "colours", ErrorCode.CONTRADICTION)
-    options = {"compression": compression} if entry.takes_compression else {}
+    options = {"compression": compression, "overwrite": overwrite} if entry.takes_compression else {}
     return partial(entry.write, **options, **({"probe": probe, "colours": colours} if entry.has_header else {}))
 
 

@@ -82,18 +82,27 @@ def check_exr_compression(compression: str) -> None:
         raise EnvironmentMapError(f"The compression {compression!r} is not known; it must be one of {names}.")
 
 
-def prepare_compression(image: NDArray[np.float32], compression: str) -> tuple[Any, NDArray[np.floating[Any]]]:
+def prepare_compression(
+    image: NDArray[np.float32], compression: str, *, overwrite: bool = False
+) -> tuple[Any, NDArray[np.floating[Any]]]:
     """OpenEXR's constant of the compression, and the pixels as it is to pack them: rounded by `zip`.
 
     Args:
-        image: (H, W, 3).
+        image: (H, W, 3), contiguous in memory.
         compression: one of COMPRESSIONS, else EnvironmentMapError.
+        overwrite: whether the result may lie in the image's memory.
     """
     check_exr_compression(compression)
     packing = getattr(_library(), COMPRESSIONS[compression])
     if compression != "zip":
         return packing, image
-    return packing, _round_to_half(image) if _fits_half(image) else _round_to_float(image)
+    if not _fits_half(image):
+        return packing, _round_to_float(image, image if overwrite else np.empty_like(image))
+    if overwrite:  # half as long rows end before those that are still to be read
+        halves = image.reshape(-1).view(np.float16)[: image.size].reshape(image.shape)
+    else:
+        halves = np.empty(image.shape, np.float16)
+    return packing, _round_to_half(image, halves)
 
 
 def _fits_half(image: NDArray[np.float32]) -> bool:
@@ -104,16 +113,17 @@ def _fits_half(image: NDArray[np.float32]) -> bool:
     return bool(((means == 0) | (means >= _MIN_ROW_MEAN)).all())
 
 
-def _round_to_half(image: NDArray[np.float32]) -> NDArray[np.float16]:
-    """Half floats (H, W, 3) of an image that fits; where a large one is textured, they have fewer bits.
+def _round_to_half(image: NDArray[np.float32], rounded: NDArray[np.float16]) -> NDArray[np.float16]:
+    """Half floats (H, W, 3) of an image that fits, into `rounded`; where a large one is textured, they have fewer bits.
 
     The zeros that this leaves at the end of most numbers are what ZIP packs fast and small. The light that rounding
     takes from some rows is added to the next.
     """
     if len(image) < _TEXTURE_ROWS:
-        return image.astype(np.float16)
-    rounded, missing = np.empty(image.shape, np.float16), np.zeros(3, np.float32)
-    for rows, out in zip(_bands(image), _bands(rounded), strict=True):
+        rounded[:] = image.astype(np.float16)
+        return rounded
+    missing = np.zeros(3, np.float32)
+    for rows, out in zip(row_bands(image), row_bands(rounded), strict=True):
         total = np.maximum(rows.sum(axis=0).sum(axis=0), np.float32(1e-9))
         moved = np.clip(missing / total, -_MOVED_SHARE, _MOVED_SHARE)
         wanted = rows.reshape(len(rows), -1) * np.tile(1 + moved, rows.shape[1])  # whole rows, which is fastest
@@ -149,10 +159,9 @@ def _round_texture(bits: NDArray[np.uint16]) -> NDArray[np.bool_]:
     return np.asarray(mask > 0)
 
 
-def _round_to_float(image: NDArray[np.float32]) -> NDArray[np.float32]:
-    """32-bit floats (H, W, 3) of an image with 13 bits of mantissa; what would become infinite stays as it is."""
-    rounded = np.empty_like(image)
-    for rows, out in zip(_bands(image), _bands(rounded), strict=True):
+def _round_to_float(image: NDArray[np.float32], rounded: NDArray[np.float32]) -> NDArray[np.float32]:
+    """32-bit floats (H, W, 3) of an image with 13 bits of mantissa, into `rounded`; what would be infinite stays."""
+    for rows, out in zip(row_bands(image), row_bands(rounded), strict=True):
         bits = rows.view(np.uint32) + _HALF
         bits &= _MASK
         values = bits.view(np.float32)
@@ -161,8 +170,12 @@ def _round_to_float(image: NDArray[np.float32]) -> NDArray[np.float32]:
     return rounded
 
 
-def _bands(image: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Views of a few rows each, so that what is computed of one stays in the processor's cache."""
+def row_bands(image: NDArray[Any]) -> Iterator[NDArray[Any]]:
+    """Views of a few rows each, so that what is computed of one stays in the processor's cache.
+
+    Args:
+        image: (H, ...).
+    """
     for start in range(0, len(image), _ROWS):
         yield image[start : start + _ROWS]
 
@@ -213,6 +226,7 @@ def write_exr(
     compression: str = "zip",
     probe: "LightProbe | None" = None,
     colours: str = "rec709",
+    overwrite: bool = False,
 ) -> None:
     """Write a map to a path or a binary stream.
 
@@ -228,6 +242,7 @@ def write_exr(
             light by less than 1e-3; `pxr24` changes a value by 1.6e-5, `none` by nothing.
         probe: the map's light probe, for the header; None: without.
         colours: primaries of the file: rec709, acescg or linear-p3. Lighting and probe stay in Rec.709.
+        overwrite: whether the image's memory may be used; large maps then need less, and the image is worthless.
 
     Raises:
         EnvironmentMapError: the map has another shape, OpenEXR does not know an attribute, or the target cannot be
@@ -242,7 +257,9 @@ def write_exr(
             code=ErrorCode.WRONG_TYPE,
         )
     chromaticities, interop_id = _color_space(colours)
-    packing, pixels = prepare_compression(convert_colors(check_envmap(image), colours), compression)
+    packing, pixels = prepare_compression(
+        convert_colors(check_envmap(image), colours), compression, overwrite=overwrite
+    )
     header = {
         "compression": packing,
         "type": OpenEXR.scanlineimage,

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import EnvironmentMapError
-from lighting.files.exr import SOFTWARE, WriteTarget, check_envmap, check_read_size, open_target
+from lighting.files.exr import SOFTWARE, WriteTarget, check_envmap, check_read_size, open_target, row_bands
 from lighting.geometry import Floats
 from lighting.records import Lighting
 
@@ -50,12 +50,12 @@ def encode_hdr_face(face: NDArray[np.float32]) -> bytes:
 
 def _encode_rows(image: NDArray[np.float32]) -> Iterator[bytes]:
     """The header, and one row after the other."""
-    pixels = _encode_rgbe(image)
-    height, width = pixels.shape[:2]
+    height, width = image.shape[:2]
     yield f"#?RADIANCE\nSOFTWARE={SOFTWARE}\nFORMAT=32-bit_rle_rgbe\n\n-Y {height} +X {width}\n".encode()
     start = _row_start(width)
-    for row in pixels:
-        yield start + b"".join(_encode_runs(row[:, channel].tobytes()) for channel in range(4))
+    for band in row_bands(image):
+        for row in _encode_rgbe(band):
+            yield start + b"".join(_encode_runs(row[:, channel].tobytes()) for channel in range(4))
 
 
 def _encode_rgbe(image: NDArray[np.float32]) -> NDArray[np.uint8]:

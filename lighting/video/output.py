@@ -191,7 +191,7 @@ def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: Text
         for light in lights:
             picture = render(light.lighting, options.height, sun=options.sun)
             path = job.folder / FRAMES_FOLDER / f"{light.frame:06d}.exr"
-            write_envmap(path, picture, light.lighting, probe=light.probe)
+            write_envmap(path, picture, light.lighting, probe=light.probe, overwrite=True)
     return lights
 
 

@@ -16,7 +16,7 @@ from lighting.envmap.detail_library import (
     load_detail_library,
 )
 from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
-from lighting.envmap.projection import continue_photo, project_photo
+from lighting.envmap.projection import ProjectedPhoto, continue_photo, project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import angle_between, latlong_angles, latlong_directions
@@ -90,7 +90,7 @@ def test_the_photo_stays_where_it_lies() -> None:
     plain, detailed = maps()
     shown = project_photo(LIGHT, photo(), HEIGHT)
     assert shown is not None
-    inside = shown.weight > 0.999
+    inside = shown.whole.weight > 0.999
     window = np.s_[shown.rows, shown.columns]
     np.testing.assert_allclose(detailed[window][inside], plain[window][inside], rtol=0.02)
 
@@ -155,17 +155,21 @@ def test_no_second_sun() -> None:
     assert after < 1.4 * before
 
 
+def continued_pixels(pixels: np.ndarray, segments: np.ndarray) -> ProjectedPhoto:
+    projection = continue_photo(LIGHT, pixels, 256, segments)
+    assert projection is not None
+    return projection.whole
+
+
 def test_people_are_not_repeated() -> None:
     """A red patch at the photo's edge goes on beside it, unless a mask says that it must not."""
     pixels = photo()
     pixels[70:100, -12:] = (250, 0, 0)
     segments = np.zeros((12, 16, len(SurfaceClass)), np.float32)
     segments[..., SurfaceClass.GROUND] = 1
-    everything = continue_photo(LIGHT, pixels, 256, segments)
+    everything = continued_pixels(pixels, segments)
     segments[6:11, -2:] = np.eye(len(SurfaceClass))[SurfaceClass.PERSON]
-    masked = continue_photo(LIGHT, pixels, 256, segments)
-    assert everything is not None
-    assert masked is not None
+    masked = continued_pixels(pixels, segments)
     azimuth, _ = latlong_angles(256)
     beyond = (azimuth[masked.columns] > 33) & np.ones((masked.share.shape[0], 1), bool)
     red = (masked.linear[..., 0] > 0.8) & (masked.linear[..., 1] < 0.1) & beyond & (masked.weight == 0)
@@ -178,8 +182,7 @@ def test_only_sky_and_plants_go_on_upwards() -> None:
     segments = np.zeros((12, 16, len(SurfaceClass)), np.float32)
     segments[..., SurfaceClass.BUILDING] = 1
     segments[:, :8] = np.eye(len(SurfaceClass))[SurfaceClass.SKY]
-    continued = continue_photo(LIGHT, photo(), 256, segments)
-    assert continued is not None
+    continued = continued_pixels(photo(), segments)
     azimuth, elevation = latlong_angles(256)
     above = (elevation[continued.rows] > 26)[:, None] & (continued.weight == 0) & (continued.share > 0)
     left, right = (above & (sign * azimuth[continued.columns] > 3) for sign in (-1, 1))
@@ -213,10 +216,29 @@ def test_a_sun_is_put_where_it_stands() -> None:
 
 
 def test_pictures_are_rotated_and_flipped() -> None:
-    plain = detail_picture(DetailChoice(5, False, 0.0), 64).astype(int)
-    turned = detail_picture(DetailChoice(5, False, 90.0), 64)
-    flipped = detail_picture(DetailChoice(5, True, 0.0), 64)
+    everything = slice(0, 128)
+    plain, turned, flipped = (
+        detail_picture(choice, 64).columns(everything).astype(int)
+        for choice in (DetailChoice(5, False, 0.0), DetailChoice(5, False, 90.0), DetailChoice(5, True, 0.0))
+    )
     np.testing.assert_array_equal(np.roll(plain, 32, axis=1), turned)
     assert np.abs(plain[:, ::-1] - flipped).mean() < 1.0
-    grey = detail_picture(DetailChoice(5, False, 0.0), 64, saturation=0.0)
+    grey = detail_picture(DetailChoice(5, False, 0.0), 64, saturation=0.0).columns(everything)
     assert (grey[..., 0] == grey[..., 1]).all()
+
+
+@pytest.mark.parametrize("height", [96, 600])
+def test_columns_of_a_picture_are_those_of_the_whole(height: int) -> None:
+    picture = detail_picture(DetailChoice(5, False, 100.0), height)
+    whole = picture.columns(slice(0, 2 * height))
+    assert whole.shape == (height, 2 * height, 3)
+    for columns in (slice(0, 64), slice(64, 128), slice(128, 2 * height)):
+        np.testing.assert_array_equal(picture.columns(columns), whole[:, columns])
+
+
+@pytest.mark.parametrize("detail", [True, False])
+def test_a_map_in_blocks_is_that_in_one(monkeypatch: pytest.MonkeyPatch, detail: bool) -> None:
+    context = PhotoContext(photo(), detail=detail)
+    whole = render_with_surroundings(LIGHT, context, HEIGHT)
+    monkeypatch.setattr("lighting.envmap.latlong._BLOCK_PIXELS", HEIGHT * 64)
+    np.testing.assert_allclose(render_with_surroundings(LIGHT, context, HEIGHT), whole, rtol=2e-6)

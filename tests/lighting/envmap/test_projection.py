@@ -26,7 +26,7 @@ def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> 
     seen = project_photo(light, halves(), HEIGHT)
     assert seen is not None
     weight = np.zeros((HEIGHT, 2 * HEIGHT))
-    weight[seen.rows, seen.columns] = seen.weight
+    weight[seen.rows, seen.columns] = seen.whole.weight
     x, y = np.moveaxis(
         camera_pixel(latlong_directions(HEIGHT), Pinhole(80, 60, 50.0, elevation=elevation, roll=roll)), -1, 0
     )
@@ -35,7 +35,7 @@ def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> 
     assert weight[inside].min() > 0.99
     assert weight[outside].max() == 0
     picture = np.zeros((HEIGHT, 2 * HEIGHT, 3))
-    picture[seen.rows, seen.columns] = seen.linear
+    picture[seen.rows, seen.columns] = seen.whole.linear
     assert (picture[inside & (x < 36)][:, 0] > 0.4).all()
     assert (picture[inside & (x > 44)][:, 2] > 0.4).all()
 
@@ -43,16 +43,16 @@ def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> 
 def test_clipped_pixels_leave_the_brighter_map() -> None:
     seen = project_photo(stated_light(), np.full((60, 80, 3), 255, np.uint8), HEIGHT)
     assert seen is not None
-    inside = seen.weight > 0.5
-    assert seen.over(DARK + 5, 1.0).linear[inside] == pytest.approx(5.01)
-    assert seen.over(DARK, 1.0).linear[inside] == pytest.approx(1.0)
-    assert seen.over(DARK, 0.5).linear[inside] == pytest.approx(0.5)
+    whole = seen.whole
+    inside = whole.weight > 0.5
+    assert whole.over(DARK + 5, 1.0).linear[inside] == pytest.approx(5.01)
+    assert whole.over(DARK, 1.0).linear[inside] == pytest.approx(1.0)
+    assert whole.over(DARK, 0.5).linear[inside] == pytest.approx(0.5)
 
 
 def test_a_half_of_it_may_hold_none() -> None:
     seen = project_photo(replace(stated_light(), camera_elevation=60.0), halves(), HEIGHT)
     assert seen is not None
-    assert seen.within(slice(HEIGHT // 2 + 8, HEIGHT)) is None
-    upper = seen.within(slice(0, HEIGHT // 2))
-    assert upper is not None
+    assert not seen.reaches(slice(HEIGHT // 2 + 8, HEIGHT))
+    (upper,) = seen.blocks(slice(0, HEIGHT // 2))
     assert upper.linear.shape[0] == upper.weight.shape[0] == upper.rows.stop - upper.rows.start

@@ -607,3 +607,12 @@ def test_maps_in_other_colours_are_what_other_programs_convert(colours: str, tmp
     assert read_exr(tmp_path / "a.exr")[0] == pytest.approx(image, rel=1e-4, abs=1e-4)
     with pytest.raises(EnvironmentMapError, match="must be one of rec709, acescg, linear-p3"):
         write_exr(tmp_path / "a.exr", image, colours="srgb")
+
+
+@pytest.mark.parametrize("gain", [1.0, 1e6])
+def test_packing_in_the_image_s_memory_changes_nothing(gain: float) -> None:
+    """Half floats, and 32-bit ones where the light does not fit them."""
+    image = (np.random.default_rng(3).random((256, 512, 3)) * gain).astype(np.float32)
+    write_exr(kept := io.BytesIO(), image)
+    write_exr(packed := io.BytesIO(), image, overwrite=True)
+    assert packed.getvalue() == kept.getvalue()
