@@ -60,6 +60,15 @@ def test_links_lead_somewhere(page: Path) -> None:
         assert not fragment or file.suffix != ".md" or fragment in anchors(file), link
 
 
+def test_every_experiment_has_a_dated_line_in_the_index_of_the_laboratory() -> None:
+    lab = ROOT / "docs" / "lab"
+    sections = re.findall(r"^## (.*)$", text(lab / "experiments.md"), re.MULTILINE)
+    indexed = re.findall(
+        r"^- \d{4}-\d\d-\d\d, \[(.*)\]\(experiments\.md#\S+\): ", text(lab / "README.md"), re.MULTILINE
+    )
+    assert indexed == sections
+
+
 @pytest.mark.parametrize("page", EVERY_PAGE, ids=named)
 def test_files_that_a_page_names_are_there(page: Path) -> None:
     rooms = "|".join(path.name for path in ROOT.iterdir() if path.is_dir())
