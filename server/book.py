@@ -71,7 +71,7 @@ _TEMPLATE = """<!doctype html>
 <input type="search" id="search" placeholder="Search ( / )" autocomplete="off" spellcheck="false" aria-controls="found">
 <div id="found" hidden><p id="count" role="status"></p><ul></ul></div>
 </search>
-<nav aria-label="Service"><a href="{root}../">Try a photo</a> <a href="{root}../docs">API explorer</a></nav>
+<nav aria-label="Service"><a href="{root}../">Try a photo</a> <a href="{root}../docs">API</a></nav>
 </header>
 <div class="columns">
 <details class="contents"><summary>Contents</summary><nav aria-label="Contents">{contents}</nav></details>

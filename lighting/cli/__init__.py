@@ -83,14 +83,14 @@ class _Program(Group):
 def cli(debug: bool) -> None:
     """Light from one outdoor photo: sun, sky, camera, and an HDR environment map.
 
-    Azimuths are degrees from where the camera points, positive to the right. A photo, a record, a map or a preview
-    named "-" is stdin or stdout.
+    Begin with `lighting envmap photo.jpg`, or with `lighting open`, which shows a page. The book is at
+    /book/ of `lighting serve`.
 
-    Results lie beside the input, unless -o names a file or a folder. They appear when they are complete, and replace
-    no file without --overwrite.
+    Azimuths are degrees from where the camera points, positive to the right. "-" is stdin or stdout.
 
-    The exit status is 0 when all went well, 1 when something failed, 2 for wrong usage, and 3 with --strict where a
-    photo is probably not of outdoors by daylight. An error is one sentence on stderr.
+    Results go beside the input, or where -o says. No file is replaced without --overwrite.
+
+    Exit status: 0 all went well, 1 something failed, 2 wrong usage, 3 probably no outdoor daylight photo (--strict).
 
     \b
     Completion, once for each shell:

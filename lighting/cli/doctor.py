@@ -76,7 +76,7 @@ def _findings() -> Iterator[_Finding]:
     yield _Finding("lighting", True, f"{__version__}, Python {platform.python_version()}, {system}", needed=True)
     yield _check("network", _describe_network)
     yield _check("answer", _estimate_gray)
-    yield _find_page()
+    yield from _find_pages()
     for module, name, use, extra in _EXTRAS:
         found = find_spec(module) is not None
         yield _Finding(name, found, f"for {use}" if found else f"for {use}: {install_command(extra)}")
@@ -112,15 +112,19 @@ def _estimate_gray() -> str:
     return f"a gray picture took {monotonic() - began:.1f} s, the network's loading in it"
 
 
-def _find_page() -> _Finding:
-    """The built page, whose place is known without an import of the service."""
+def _find_pages() -> Iterator[_Finding]:
+    """The built page and the book, whose places are known without an import of the service."""
     spec = find_spec("server")
     if spec is None or not spec.submodule_search_locations:
-        return _Finding("page", False, "the service is not installed")
-    page = Path(next(iter(spec.submodule_search_locations)), "web", "dist", "index.html")
-    if not page.is_file():
-        return _Finding("page", False, "it is not built: run npm ci && npm run build in server/web")
-    return _Finding("page", True, "built; `lighting open` shows it")
+        yield _Finding("page", False, "the service is not installed")
+        return
+    server = Path(next(iter(spec.submodule_search_locations)))
+    is_built = (server / "web" / "dist" / "index.html").is_file()
+    missing = "it is not built: run npm ci && npm run build in server/web"
+    yield _Finding("page", is_built, "built; `lighting open` shows it" if is_built else missing)
+    books = (server.parent / "docs" / "README.md", server / "book_pages" / "README.md")  # of a clone, of a wheel
+    is_there = any(book.is_file() for book in books)
+    yield _Finding("book", is_there, "at /book/ of `lighting serve`" if is_there else "its pages are missing")
 
 
 def _find_blender() -> _Finding:
