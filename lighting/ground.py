@@ -26,7 +26,7 @@ _MAX_WIDTH_SHARE = 0.95  # of a narrow picture's width, which three balls fill a
 _MAX_FOOT_ROW = 0.97  # of the picture's height, where a foot may stand
 
 _MIN_VISIBLE = 0.02  # share of a picture that shows ground to speak of
-_STAGE = "objects stand on a stage of their own beside it."
+_STAGE = "objects get their own stage."
 
 _SURE_GROUND = 160  # of 255, from which a cell of a mask counts as firm, and as in the sun
 _ROOM = 2  # cells beside a lit spot that are to be so, too
@@ -129,7 +129,7 @@ def spot_warnings(lighting: Lighting) -> tuple[str, ...]:
         return ()
     if lighting.ground_visible < _MIN_VISIBLE:
         return (f"The photo shows no firm, level ground near by: {_STAGE}",)
-    return (f"The ground that the photo shows has no room for an object, or is too far below the camera: {_STAGE}",)
+    return (f"The photo's ground is too small or too far: {_STAGE}",)
 
 
 def visible_ground(segments: Segments) -> float:

@@ -41,8 +41,8 @@ from server.tracing import RequestTracer, trace_step
 
 T = TypeVar("T")
 
-NO_OPENCV = "The photos were not matched with each other, because the service has no OpenCV."
-ROTATION_INFERRED = "How they are turned is inferred from their compasses, if all have one, or from their light alone."
+NO_OPENCV = "The service lacks OpenCV to match photos."
+ROTATION_INFERRED = "Compasses or light say where each points."
 
 log = logging.getLogger(__name__)
 

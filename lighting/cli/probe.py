@@ -319,7 +319,7 @@ def _read_map(sky: str, quiet: bool) -> "NDArray[np.float32]":
     if quiet:
         return image
     clipped = 100 * float((image >= photo.white).any(axis=-1).mean())
-    curve = "their curve is taken to be sRGB's, and " if photo.srgb_decoded else ""
-    sentence = f"The values have an upper end: {curve}{clipped:.1f} % are clipped. Turbidity and exposure are rough."
+    curve = "The values count as sRGB, and " if photo.srgb_decoded else "Of the values "
+    sentence = f"{curve}{clipped:.1f} % are clipped: turbidity and exposure are rough."
     click.echo(f"Warning: {escape_path(sky)}: {sentence}", err=True)
     return image

@@ -54,19 +54,19 @@ def consistency_warnings(
     """
     if len(candidates) and _elevation_p_value(prediction, candidates[:, 0]) < MIN_ELEVATION_P_VALUE:
         yield CodedWarning(
-            f"The sun's elevation at this time and place, {_format_range(candidates[:, 0])}, is very unlikely by the "
-            "pixels: check the clock, the zone and the place.",
+            f"The {subject} contradicts the sun's elevation by time and place, {_format_range(candidates[:, 0])}: "
+            "check both.",
             WarningCode.ELEVATION_CONTRADICTED,
         )
     if len(candidates) and compass is not None and _heading_p_value(likelihood, *compass) < MIN_HEADING_P_VALUE:
-        sentence = f"The compass heading of {compass[0]:.0f}° is very unlikely by the pixels."
+        sentence = f"The {subject} contradicts the heading of {compass[0]:.0f}°: check the compass."
         yield CodedWarning(sentence, WarningCode.HEADING_CONTRADICTED)
     if vertical_fov is not None and lens_ratio(prediction.vertical_fov, vertical_fov) > MAX_LENS_RATIO:
         wider = vertical_fov > prediction.vertical_fov  # which a crop makes it
-        cause = f"the {subject} may be cropped" if wider else "check the focal length, unless the lens is a long one"
+        cause = "it may be cropped" if wider else "check the focal length"
         yield CodedWarning(
-            f"The vertical field of view is {vertical_fov:.0f}° by what is known of the lens, "
-            f"{prediction.vertical_fov:.0f}° by the pixels: {cause}.",
+            f"The lens sees {vertical_fov:.0f}° vertically, the {subject} "
+            f"shows {prediction.vertical_fov:.0f}°: {cause}.",
             WarningCode.LENS_CONTRADICTED,
         )
 
@@ -87,10 +87,9 @@ def choose_lens(metadata: PhotoMetadata, pixel_fov: float) -> tuple[PhotoMetadat
     best = min(range(len(fovs)), key=errors.__getitem__)
     limit = _MAX_LONGER_RATIO if metadata.is_lens_consistent else MAX_LENS_RATIO
     if not -math.log(_MAX_WIDER_RATIO) <= longer[best] <= math.log(limit):
-        cause = "check the focal length" if longer[best] > 0 else "the photo may be cropped"
+        cause = "check the focal length" if longer[best] > 0 else "it may be cropped"
         sentence = (
-            f"The vertical field of view is {fovs[best]:.0f}° by the focal length in the file, {pixel_fov:.0f}° by the "
-            f"pixels, which was used: {cause}."
+            f"The photo shows {pixel_fov:.0f}°, not the file's {fovs[best]:.0f}° vertical field of view: {cause}."
         )
         chosen = replace(metadata, vertical_fov=None, other_vertical_fovs=())
         return chosen, (CodedWarning(sentence, WarningCode.LENS_CONTRADICTED),)
@@ -98,9 +97,7 @@ def choose_lens(metadata: PhotoMetadata, pixel_fov: float) -> tuple[PhotoMetadat
     if len(fovs) == 1 or (best == 0 and min(errors[1:]) - errors[0] > _UNDECIDED):
         return chosen, ()
     values = " or ".join(f"{fov:.0f}°" for fov in fovs)
-    sentence = (
-        f"The vertical field of view is {values} by the file, which leaves the crop open; {fovs[best]:.0f}° was used."
-    )
+    sentence = f"The file allows vertical fields of view of {values}; used: {fovs[best]:.0f}°."
     return chosen, (CodedWarning(sentence, WarningCode.LENS_OPEN),)
 
 

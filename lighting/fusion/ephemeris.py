@@ -29,7 +29,7 @@ def _utc_times(instants: Sequence[Instant]) -> "np.ndarray[tuple[int], np.dtype[
 
 
 def format_below_horizon(instants: Sequence[Instant], location: Location | None, elevation: float) -> str:
-    """The beginning of a sentence about a sun below the horizon.
+    """Write the beginning of an error about a sun below the horizon.
 
     Args:
         instants: at which the photo may have been taken.
@@ -38,9 +38,17 @@ def format_below_horizon(instants: Sequence[Instant], location: Location | None,
     """
     phase = _phase(elevation, _is_polar_night(instants, location))
     return (
-        f"At that time and place the sun is {-elevation:.1f}° below the horizon ({phase}; civil "
-        "twilight ends at 6°, nautical at 12°, astronomical at 18°): "
+        f"At that time and place the sun is {-elevation:.1f}° below the horizon ({phase}; civil twilight ends at 6°): "
     )
+
+
+def format_low_sun(elevation: float) -> str:
+    """Write the beginning of a warning about a sun below the horizon.
+
+    Args:
+        elevation: deg, of the sun, negative.
+    """
+    return f"The sun is {-elevation:.1f}° below the horizon ({_phase(elevation, polar=False)})"
 
 
 def _phase(elevation: float, polar: bool) -> str:

@@ -28,11 +28,8 @@ from lighting.photo.reader import Photo
 from lighting.records import MIN_SUITABLE, CodedWarning, EstimatedLight, EvidenceKind, Lighting, Prediction, WarningCode
 from lighting.validation import clip_to_range, round_significant
 
-_UNSUITABLE = (
-    "This does not look like an ordinary {} of outdoors by daylight, upright and with an ordinary lens: "
-    "the answer may mean nothing."
-)
-_PANORAMA = "By its file the picture is a panorama of several views, which is no ordinary photo."
+_UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
+_PANORAMA = "The file says that this is a panorama: do not trust this result."
 _MAX_SUITABLE_IN_TWILIGHT = 0.1  # where time and place have the sun below the horizon
 _EVEN_ODDS_EXPOSURE = 8.0  # EV at ISO 100 that is as often lamplight as daylight: about 30 cd/m2
 _ODDS_EXPONENT = 2.5  # doublings of the odds of daylight for each EV: scenes and meters vary by a stop
@@ -215,8 +212,5 @@ def _unsuitable_warnings(observations: Observations) -> tuple[str, ...]:
     unsuitable = _UNSUITABLE.format(subject)
     if exposure_value is None or _daylight_probability(exposure_value) >= 0.5:
         return (unsuitable,)
-    dark = (
-        f"The {subject} was exposed for a dark scene (EV {exposure_value:.1f} at ISO 100): night, indoors, or a dark "
-        "filter on the lens."
-    )
+    dark = f"The {subject} was exposed for the dark (EV {exposure_value:.1f}): probably night or indoors."
     return (dark, unsuitable)

@@ -58,10 +58,6 @@ class ClockConflict:
 
     sentence: str
     """How, without a full stop."""
-    gps_usable: bool = True
-    """Whether the instant by GPS may be right."""
-    clock_usable: bool = True
-    """Whether the instant by the clock may be right."""
     agreed: str | None = None
     """Of instants, the `clock` by which the two do not contradict each other."""
 
@@ -74,9 +70,7 @@ class ClockConflict:
         if used.clock == self.agreed:
             return None
         chosen = "the GPS time" if used.clock == GPS else "the camera's clock"
-        likelier = "; of the two, " if self.gps_usable and self.clock_usable else ": "
-        was_used = " is likelier and was used." if self.gps_usable and self.clock_usable else " was used."
-        return CodedWarning(f"{self.sentence}{likelier}{chosen}{was_used}", WarningCode.CLOCK_CONTRADICTED)
+        return CodedWarning(f"{self.sentence}: {chosen} was used.", WarningCode.CLOCK_CONTRADICTED)
 
 
 @dataclass(frozen=True)
@@ -121,7 +115,7 @@ def resolve_instants(
         return _instants_of_stated_offset(metadata, user_input.utc_offset)
     clock = _instants_of_clock(metadata, shared_offset)
     if metadata.local_time is not None and metadata.gps_time is None and _is_reset(metadata.local_time):
-        sentence = f"The camera's clock of {_format(metadata.local_time)} is that of a reset: time was not used."
+        sentence = f"The camera's clock, {_format(metadata.local_time)}, was reset: time was not used."
         return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
     if metadata.gps_time is None:
         return PhotoInstants(clock)
@@ -146,7 +140,7 @@ def _instants_of_stated_offset(metadata: PhotoMetadata, utc_offset: float) -> Ph
     if in_file is None or abs(in_file[0] - utc_offset) * timedelta(hours=1) <= MAX_CLOCK_DIFFERENCE:
         return PhotoInstants((instant,))
     stated, replaced = format_utc_offset(utc_offset), format_utc_offset(in_file[0])
-    sentence = f"The offset from UTC that was stated, {stated}, replaced that of the photo, {replaced} ({in_file[1]})."
+    sentence = f"Your offset from UTC, {stated}, replaced that of the photo, {replaced} ({in_file[1]})."
     return PhotoInstants((instant,), warnings=(CodedWarning(sentence, WarningCode.OFFSET_REPLACED),))
 
 
@@ -176,7 +170,7 @@ def _instants_in_zones(metadata: PhotoMetadata) -> tuple[Instant, ...]:
 def _instants_of_gps(metadata: PhotoMetadata, gps_time: datetime) -> PhotoInstants:
     """The instant of GPS alone."""
     if _is_epoch(gps_time):
-        sentence = f"The GPS time of {_format(gps_time)} is that of a receiver without a fix: it was not used."
+        sentence = "The GPS time is of a receiver without a fix: it was not used."
         return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
     return PhotoInstants((_gps_instant(metadata, gps_time),))
 
@@ -197,10 +191,10 @@ def _reconcile(
         return _believed_together(metadata, agreeing, gps_time)
     for shift, name in _date_errors(gps_time, local_time):
         shifted = gps_time + shift
-        sentence = f"The GPS date, {_format(gps_time)}, is off by {name} from the camera's clock"
+        sentence = f"The GPS date is off by {name}"
         free = metadata.utc_offset is None and abs(shift) >= _ROLLOVER
         if agreeing := _agreeing(clock, shifted) or (_clock_by_gps(local_time, shifted) if free else ()):
-            return PhotoInstants(agreeing, ClockConflict(sentence, gps_usable=False))
+            return PhotoInstants(agreeing, ClockConflict(sentence))
     return _without_impossible(metadata, clock, gps_time, local_time) or _weigh(metadata, clock, gps_time, local_time)
 
 
@@ -209,29 +203,25 @@ def _without_impossible(
 ) -> PhotoInstants | None:
     """The instants of the one of two clocks that can be right; None where both can be."""
     by_clock = clock[0].utc_time if clock else local_time.replace(tzinfo=UTC)
-    difference, gps = _format_difference(by_clock - gps_time), (_gps_instant(metadata, gps_time),)
-    beside_gps, beside_clock = (
-        f"contradicts {other} by {difference}" for other in (f"GPS, {_format(gps_time)},", "the clock")
-    )
-    no_fix = f"The GPS time, {_format(gps_time)}, is that of a receiver without a fix and {beside_clock}"
+    gps, no_fix = (_gps_instant(metadata, gps_time),), "The GPS time is of a receiver without a fix"
     is_reset = _is_reset(local_time) or local_time.year <= _LAST_YEAR_WITHOUT_GPS
     if _is_epoch(gps_time) and is_reset:
-        warning = CodedWarning(f"{no_fix}, which was reset, too: no time was used.", WarningCode.CLOCK_CONTRADICTED)
-        return PhotoInstants(warnings=(warning,))
+        sentence = "The camera's clock was reset and GPS had no fix: no time was used."
+        return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
     if _is_epoch(gps_time):
-        return PhotoInstants(clock, ClockConflict(no_fix, gps_usable=False))
+        return PhotoInstants(clock, ClockConflict(no_fix))
     if is_reset:
-        sentence = f"The camera's clock, {_format(local_time)}, was reset and {beside_gps}"
+        sentence = f"The camera's clock, {_format(local_time)}, was reset"
     elif by_clock > datetime.now(UTC) + _NEAR >= gps_time:
-        sentence = f"The camera's clock, {_format(local_time)}, is of the future and {beside_gps}"
+        sentence = f"The camera's clock, {_format(local_time)}, is of the future"
     elif gps_time > datetime.now(UTC) + _NEAR >= by_clock:
-        sentence = f"The GPS time, {_format(gps_time)}, is of the future and {beside_clock}"
-        return PhotoInstants(clock, ClockConflict(sentence, gps_usable=False)) if clock else None
+        sentence = f"The GPS time, {_format(gps_time)}, is of the future"
+        return PhotoInstants(clock, ClockConflict(sentence)) if clock else None
     elif not clock:
-        sentence = f"The camera's clock, {_format(local_time)}, {beside_gps} which is no zone's offset"
+        sentence = _format_conflict(by_clock - gps_time)
     else:
         return None
-    return PhotoInstants(gps, ClockConflict(sentence, clock_usable=False))
+    return PhotoInstants(gps, ClockConflict(sentence))
 
 
 def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], gps_time: datetime) -> PhotoInstants:
@@ -245,10 +235,7 @@ def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], g
         )  # of one time of day, on the place's side of the date line
     share = _AGREED if agreeing[0].utc_offset else _EVEN  # some programs write the local time in place of GPS's
     instants = (replace(agreeing[0], weight=share), *(replace(z, weight=z.weight * (1.0 - share)) for z in zones))
-    difference = _format_difference(zones[0].utc_time - gps_time)
-    sentence = (
-        f"The GPS time, {_format(gps_time)}, contradicts the camera's clock in the zone of the place by {difference}"
-    )
+    sentence = _format_conflict(zones[0].utc_time - gps_time)
     return PhotoInstants(instants, ClockConflict(sentence, agreed=agreeing[0].clock))
 
 
@@ -273,7 +260,7 @@ def _date_errors(gps_time: datetime, local_time: datetime) -> Iterable[tuple[tim
     ahead = local_time - gps_time.replace(tzinfo=None)
     for rollovers in (1, 2, -1):
         if abs(ahead - rollovers * _ROLLOVER) < _NEAR:
-            yield rollovers * _ROLLOVER, f"{abs(rollovers) * 1024} weeks (a rollover of the receiver)"
+            yield rollovers * _ROLLOVER, f"{abs(rollovers) * 1024} weeks, a rollover"
     for days in (1, -1):
         yield timedelta(days=days), "a day"
 
@@ -296,12 +283,7 @@ def _weigh(
     by_clock = max(clock, key=lambda instant: instant.weight)
     share = _gps_weight(metadata, by_clock, gps_time, local_time)
     instants = (*(replace(m, weight=m.weight * (1.0 - share)) for m in clock), _gps_instant(metadata, gps_time, share))
-    difference = _format_difference(by_clock.utc_time - gps_time)
-    sentence = (
-        f"The camera's clock, {_format(by_clock.utc_time)}, and GPS, {_format(gps_time)}, contradict each other "
-        f"by {difference}"
-    )
-    return PhotoInstants(instants, ClockConflict(sentence))
+    return PhotoInstants(instants, ClockConflict(_format_conflict(by_clock.utc_time - gps_time)))
 
 
 def _gps_weight(metadata: PhotoMetadata, by_clock: Instant, gps_time: datetime, local_time: datetime) -> float:
@@ -323,6 +305,10 @@ def _gps_weight(metadata: PhotoMetadata, by_clock: Instant, gps_time: datetime, 
 
 def _format(time: datetime) -> str:
     return f"{time:%Y-%m-%d %H:%M}" + (" UTC" if time.tzinfo else "")
+
+
+def _format_conflict(difference: timedelta) -> str:
+    return f"Clock and GPS differ by {_format_difference(difference)}"
 
 
 def _format_difference(difference: timedelta) -> str:

@@ -9,7 +9,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fusion.ephemeris import format_below_horizon, sun_candidates
+from lighting.fusion.ephemeris import format_below_horizon, format_low_sun, sun_candidates
 from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
 from lighting.fusion.user_input import UserInput
@@ -27,10 +27,10 @@ DECLINATION_STD = 17.0  # deg, root mean square of the magnetic declination over
 
 _EARTH_RADIUS_KM = 6371.0
 _MAX_DISTANCE_KM = 100.0  # within which the sun has the same direction to a degree
-_NIGHT_IN_ALL_ZONES = "Whatever the zone of their clocks, one of the photos taken together was taken at night"
-_TWILIGHT_ANSWER = "the answer is the sky of such a sun, without direct sunlight."
+_NIGHT_IN_ALL_ZONES = "One photo is of the night in every zone"
+_TWILIGHT_ANSWER = "the answer has no direct sunlight."
 _MIN_SUN_ELEVATION = RANGES["sun_elevation"][0]
-_LATE_ANSWER = f"the answer is the sky of a sun {-_MIN_SUN_ELEVATION:g}° below it, brighter, without direct sunlight."
+_LATE_ANSWER = "the answer is too bright."
 
 _DECLINATION_EPOCHS = (2010, 2015, 2020, 2025)  # each model holds for five years
 _MAX_AERIAL_ELEVATION = -10.0  # deg, of a camera on a gimbal that looks down from above
@@ -140,7 +140,7 @@ def observations_single(metadata: PhotoMetadata, user_input: UserInput) -> Metad
     prior = observations_from_metadata(metadata, user_input)
     if user_input.heading is None or prior.observations.candidates or prior.is_night:
         return prior
-    warning = "The heading was not used, because time and place of the photo are not both known."
+    warning = "The heading was not used: time and place are not both known."
     return replace(prior, warnings=(*prior.warnings, warning))
 
 
@@ -164,7 +164,7 @@ def observations_multi(metadata: Sequence[PhotoMetadata], user_input: UserInput)
             for p, m, used in zip(priors, metadata, located, strict=True)
         ]
     if any(p.is_night for p in priors):
-        warning = "Another photo taken with it says that it was night: time and place were not used."
+        warning = "Another photo was taken at night: time and place were not used."
         return _without_time(priors, warning)
     candidates = [p.observations.candidates for p in priors if p.observations.candidates]
     if not candidates or daylight_candidates(candidates):
@@ -200,8 +200,7 @@ def _prior(
         consequence = "time and place were not used."
         if highest >= CIVIL_TWILIGHT:
             consequence = _TWILIGHT_ANSWER if highest >= _MIN_SUN_ELEVATION else _LATE_ANSWER
-        sentence = format_below_horizon(instants.instants, merged.location, highest)
-        warnings = (*warnings, sentence + consequence)
+        warnings = (*warnings, f"{format_low_sun(highest)}: {consequence}")
     raised = _raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else ()
     camera = _camera_observations(merged)
     compass, exposure_value = _compass(merged, instants, user_input), merged.exposure_value
@@ -255,7 +254,7 @@ def _location_warnings(metadata: PhotoMetadata, used: PhotoMetadata) -> tuple[st
     distance = _EARTH_RADIUS_KM * math.radians(float(angle_between(*points)))
     if distance < _MAX_DISTANCE_KM:
         return ()
-    return (f"Its own place lies {distance:.0f} km from that of the first photo that has one, which was used for all.",)
+    return (f"Its place lies {distance:.0f} km from the first photo's, which was used for all.",)
 
 
 def _unused_input_warnings(merged: PhotoMetadata, user_input: UserInput, subject: str) -> tuple[str, ...]:

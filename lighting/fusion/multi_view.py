@@ -45,12 +45,11 @@ _SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is
 _MIN_HEADING_STD = 0.5  # deg, of a heading over whole degrees
 
 _SEPARATE_GROUP = CodedWarning(
-    "Nothing in the photos that overlap with it was found in the first photo: how it is turned against that one is "
-    "inferred from their light alone.",
+    "It does not overlap the first photo: light alone says where it points.",
     WarningCode.TURN_INFERRED,
 )
 _SEPARATE_PHOTO = CodedWarning(
-    "Nothing in it was found in the other photos: how it is turned is inferred from its light alone.",
+    "It overlaps no other photo: light alone says where it points.",
     WarningCode.TURN_INFERRED,
 )
 
@@ -193,10 +192,7 @@ def _up_warnings(prediction: Prediction, view: "RegisteredView") -> tuple[str, .
     difference = float(angle_between(*(up_in_camera(*tilt) for tilt in tilts)))
     if difference < _MAX_UP_DISAGREEMENT:
         return ()
-    return (
-        f"Alone it has up {difference:.0f}° from where the photos have it together: one of them may lie on its side, "
-        "and the turns may be wrong.",
-    )
+    return (f"Its up is {difference:.0f}° off that of the others: one may lie on its side.",)
 
 
 # What the photos share: one sky, one time zone.

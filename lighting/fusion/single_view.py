@@ -218,13 +218,12 @@ def _contradiction(prediction: Prediction, gravity: Gravity, subject: str = "pho
     elevation, roll = _tilt_difference(prediction, gravity)
     if math.hypot(elevation, roll * math.cos(math.radians(gravity.elevation))) <= MAX_TILT_DISAGREEMENT:
         return None
-    by_metadata = _format_tilt(gravity.elevation, gravity.roll)
-    by_pixels = _format_tilt(prediction.camera_elevation, None if gravity.roll is None else prediction.camera_roll)
-    return CodedWarning(
-        f"By its metadata the camera {by_metadata}, by the pixels it {by_pixels}: "
-        f"the {subject} may be cropped, turned or edited. What the metadata say of it was not used.",
-        WarningCode.GRAVITY_CONTRADICTED,
-    )
+    if gravity.roll is None or abs(elevation) >= abs(roll):
+        stated, shown = f"elevation, {format_tilt(gravity.elevation)},", format_tilt(prediction.camera_elevation)
+    else:
+        stated, shown = f"roll, {gravity.roll + 0.0:.0f}°,", f"{prediction.camera_roll + 0.0:.0f}°"
+    sentence = f"The file's camera {stated} was not used: the {subject} shows {shown}."
+    return CodedWarning(sentence, WarningCode.GRAVITY_CONTRADICTED)
 
 
 def _fused_tilt(prediction: Prediction, gravity: Gravity) -> tuple[float, float]:
@@ -249,11 +248,6 @@ def _tilt_difference(prediction: Prediction, gravity: Gravity) -> tuple[float, f
 def _network_weight(metadata_std: float, network_std: float) -> float:
     """The weight (0 to 1) of the network's value beside that of the metadata."""
     return metadata_std**2 / (metadata_std**2 + network_std**2)
-
-
-def _format_tilt(elevation: float, roll: float | None) -> str:
-    looks = f"looks {format_tilt(elevation)}"
-    return looks if roll is None else f"{looks} with a roll of {roll + 0.0:.0f}°"
 
 
 # The sun by time, place and compass.

@@ -162,11 +162,11 @@ def _linearize(samples: NDArray[Any], coded: bool) -> Pixels:
 
 def _curve_warnings(header: Image.Image, assumed: bool, doubtful: bool) -> tuple[str, ...]:
     if header.format in ("JPEG", "MPO"):  # the latter has more pictures behind it
-        return ("A JPEG holds the camera's own curve, which is linear in no known way; its values are rough.",)
+        return ("A JPEG's curve is unknown: its values are rough.",)
     if assumed:
         return ("8-bit pixels are taken for sRGB; say the curve if they are linear.",)
     if doubtful:
-        return ("16-bit pixels are taken for linear, but the file says that a curve coded them; say the curve.",)
+        return ("16-bit pixels are taken for linear, against what the file says: say the curve.",)
     return ()
 
 

@@ -49,10 +49,9 @@ _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of mo
 _UNREADABLE_TIFF = (
     "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
 )
-_PART = "the answer is that of {width} x {height} pixels, from column {left} and row {top} on."
-_BORDER = f"The photo lies inside a border, such as bars, a frame or a screenshot: {_PART}"
-_STEREO_PAIR = f"The picture is a stereo pair: {_PART}"
-_COLLAGE = "The picture looks like a collage of several photos, each with a light of its own."
+_BORDER = "Only the photo inside a border was used: {width} x {height} pixels."
+_STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixels."
+_COLLAGE = "Probably a collage of several photos: do not trust this result."
 _WARNING_FILTERS = threading.Lock()
 _CHUNK_BYTES = 1 << 22  # read at once, so that small files need no buffer of the limit's size
 _FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")
@@ -284,7 +283,7 @@ def _without_border(photo: Photo) -> Photo:
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
         return photo
     what = _STEREO_PAIR if layout.is_stereo_pair else _BORDER
-    warning = CodedWarning(what.format(width=width, height=height, left=left, top=top), WarningCode.BORDER)
+    warning = CodedWarning(what.format(width=width, height=height), WarningCode.BORDER)
     x, y, x_end, y_end = layout.photo.pixels(photo.pixels.shape[1], photo.pixels.shape[0])
     pixels = np.ascontiguousarray(photo.pixels[y:y_end, x:x_end])
     crop = PhotoCrop(left, top, width, height, photo.width, photo.height)

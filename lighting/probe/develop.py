@@ -298,26 +298,18 @@ def _probe_warnings(probe: Probe) -> Iterator[str]:
     if probe.spot is None:
         yield "No sun is seen in this probe."
     elif probe.estimated:
-        yield "The sun is clipped in every exposure; its light is estimated by the model of the sky around it."
+        yield "The sun is clipped in every exposure: the sky around it tells its light."
     elif probe.spot.clipped:
-        yield "The sun is clipped in every exposure: it is brighter than the map says by an unknown factor."
+        yield "The sun is clipped in every exposure: it is brighter than the map says."
     if (brightest := float(probe.image.max())) > MAX_RADIANCE:
-        yield (
-            f"The brightest value is {brightest:.3g}; programs that read maps as half floats, which end at 65504, lose "
-            f"what is over that. The file keeps it."
-        )
+        yield f"The brightest value is {brightest:.3g}: programs that read half floats lose what exceeds 65504."
     if (share := _clipped_sky_share(probe)) > _MAX_CLIPPED_SKY:
         yield f"Beside the sun {100 * share:.1f} % of the sky is clipped in every exposure."
     if probe.sun_error is not None and probe.sun_error > MAX_SUN_ERROR:
-        yield (
-            f"The sun in the map is {probe.sun_error:.1f} deg off the ephemeris: the lens's field of view, its centre "
-            f"or the camera's tilt is not as told; several probes of a day find them with --series."
-        )
+        yield f"The sun is {probe.sun_error:.1f} deg off the ephemeris: check the lens and the camera's tilt."
     if probe.alignment is not None and probe.alignment.tilt > MAX_TILT:
-        yield (
-            f"The camera stood {probe.alignment.tilt:.0f} deg from how it is told, or the times are wrong: a clock or "
-            f"an offset from UTC that is an hour off looks like a tilt."
-        )
+        tilt = probe.alignment.tilt
+        yield f"The camera stood {tilt:.0f} deg from how it is told: check times and UTC offset."
 
 
 def _clipped_sky_share(probe: Probe) -> float:

@@ -482,7 +482,7 @@ def _exclude_clipped(inside: NDArray[np.bool_], photos: list[_DayPhoto]) -> tupl
 
 def _photo_warnings(photos: list[_DayPhoto], lost: float) -> Iterator[str]:
     if any(photo.coded for photo in photos):
-        yield "JPEG and 8-bit photos are decoded as sRGB; the camera's own curve differs and bends normals."
+        yield "JPEG and 8-bit photos count as sRGB: the camera's own curve bends normals."
     if any(photo.exposure.seconds is None for photo in photos):
         yield "Not every photo says its exposure; it is taken to be the same in all."
     if lost:
@@ -491,7 +491,8 @@ def _photo_warnings(photos: list[_DayPhoto], lost: float) -> Iterator[str]:
 
 def _move_warnings(moved: Sequence[str]) -> Iterator[str]:
     if moved:
-        yield f"The camera moved by a pixel or more before {', '.join(moved)}; edges get wrong normals."
+        others = f" and {len(moved) - 1} more" if len(moved) > 1 else ""
+        yield f"The camera moved before {moved[0]}{others}: edges get wrong normals."
 
 
 def _day_warnings(folder: Path, names: Sequence[str], images: Pixels, mask: NDArray[np.bool_]) -> Iterator[str]:
@@ -499,7 +500,4 @@ def _day_warnings(folder: Path, names: Sequence[str], images: Pixels, mask: NDAr
         if name not in names:
             yield f"{TIMES_FILE} lists {name}, which is not there."
     if not _light_varies(images, mask):
-        yield (
-            "All that the photos show brightens and darkens alike, as under an overcast sky or within half an hour: "
-            "unless the thing is flat, its normals are worthless."
-        )
+        yield "All brightens and darkens alike: unless the thing is flat, its normals are worthless."

@@ -337,15 +337,12 @@ def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple
     misfit = normals.median_misfit
     if misfit < _MAX_MISFIT:
         return normals, ()
-    warnings = [
-        f"The modelled light misses the photos by {100 * misfit:.1f} % of the brightest pixel beyond their noise: "
-        "check heading, times and place, exposure, the sky, and light between parts of the thing."
-    ]
+    warnings = [f"The modelled light misses the photos by {100 * misfit:.1f} %: check heading, times and place."]
     other = find_other_heading(session)
     if other.noise_ratio < _MAX_HEADING_RATIO:
         warnings.append(
-            f"A heading of about {other.heading:.0f}° explains the photos better than the told "
-            f"{session.pose.heading % 360:.0f}°; normals would differ by {other.angle:.0f}°."
+            f"A heading of {other.heading:.0f}° explains the photos better than {session.pose.heading % 360:.0f}°: "
+            f"normals differ by {other.angle:.0f}°."
         )
         normals = raise_error(normals, other.angle)
     return normals, tuple(warnings)

@@ -50,21 +50,10 @@ from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import ClipMetadata, FrameRotation, ShotObservations, chain_gains
 
 MIN_AGREEMENT = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
-_NIGHT_FALLS = (
-    "By time and place it is night at {:.1f} s, too dark for these skies: such frames do not tell of the sun."
-)
-_ZOOM_LOST = (
-    "The lens is zoomed, and in {:.0f} % of the frames their points do not tell by how much: headings and fields of "
-    "view may be off."
-)
-_FEW_AGREE = (
-    "In most frames only {:.0f} % of the points agree with one turn, or fewer, as where things move before the camera: "
-    "headings and the sun may be off."
-)
-_ODD_LENS = (
-    "The points tell a field of view of {:.0f}°, the pictures or metadata one of {:.0f}°: they may be those of moving "
-    "things, and headings and the sun off."
-)
+_NIGHT_FALLS = "By time and place it is night at {:.1f} s: such frames do not count."
+_ZOOM_LOST = "The zoom is unknown in {:.0f} % of the frames: headings may be off."
+_FEW_AGREE = "Only {:.0f} % of the points agree in most frames: headings may be off."
+_ODD_LENS = "The points show a field of view of {:.0f}°, not {:.0f}°: headings may be off."
 
 
 @dataclass(frozen=True, eq=False)

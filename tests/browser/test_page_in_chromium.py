@@ -599,7 +599,7 @@ class TestSeveral:
     def test_a_photo_without_anything_in_common_has_a_sentence_that_says_so(self, seen: Seen) -> None:
         stranger = seen["rotated"][2]
         assert re.match(r"Photo 3, perhaps (\d+° (left|right) of|as) photo 1, sun ", stranger["button"])
-        assert stranger["sentence"].startswith("Nothing in it was found in the other photos")
+        assert stranger["sentence"].startswith("It overlaps no other photo")
 
     @pytest.mark.skipif(not has_opencv(), reason="OpenCV is not installed")
     def test_files_hold_the_camera_that_is_shown(self, seen: Seen, folder: Path) -> None:
@@ -660,7 +660,7 @@ class TestMobile:
     def test_where_the_picture_contradicts_it_a_warning_names_both(self, seen: Seen) -> None:
         _, (refused, warnings, _) = seen["tilt"]
         assert refused == "not used, see the warning"
-        assert any("looks 80° up with a roll of 3°" in text for text in warnings)
+        assert any("elevation, 80° up, was not used" in text for text in warnings)
 
     def test_it_is_visible_on_a_phone(self, seen: Seen) -> None:
         """Within the 360 pixels of the screen, and nothing runs over them."""

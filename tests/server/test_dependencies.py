@@ -29,7 +29,7 @@ from tests.server.conftest import Client, client_of, together, until
 
 pytest.importorskip("cv2")
 FOV = 50.0
-ALONE = "Nothing in it was found in the other photos"
+ALONE = "It overlaps no other photo"
 
 
 def view(azimuth: float, seed: int = 0) -> bytes:

@@ -141,7 +141,7 @@ def test_yaw_turns_the_map_and_the_record_in_it(record_path: Path, tmp_path: Pat
     assert lighting.sun_azimuth == pytest.approx(138.8)
 
 
-STAGE = "The photo shows no firm, level ground near by: objects stand on a stage of their own beside it."
+STAGE = "The photo shows no firm, level ground near by: objects get their own stage."
 
 
 @pytest.mark.slow

@@ -88,7 +88,7 @@ def test_a_camera_that_contradicts_the_picture_is_a_warning(network: Path, tmp_p
     result = invoke_command("estimate", "--model", network, on_its_side)
     assert result.exit_code == 0
     assert "with a roll of 90°" in result.stderr
-    assert "the photo may be cropped, turned or edited" in result.stderr
+    assert "was not used: the photo shows" in result.stderr
     assert "gravity" not in result.stdout
 
 
@@ -127,7 +127,7 @@ def test_what_a_stated_offset_replaces_is_told(phone: Path, network: Path) -> No
     (there,) = records(stated)
     assert there["time"] == {"utc": "2024-06-01T10:10:00Z", "utc_offset": -1.0, "source": "user"}
     assert there["warnings"][0] == (
-        "The offset from UTC that was stated, -01:00, replaced that of the photo, +02:00 (offset in the file)."
+        "Your offset from UTC, -01:00, replaced that of the photo, +02:00 (offset in the file)."
     )
 
 

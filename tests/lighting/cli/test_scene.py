@@ -69,7 +69,7 @@ def test_an_object_that_the_picture_does_not_show_has_a_warning(photo_path: Path
     result = invoke_command(
         "scene", photo_path, "--for", "usd", "--lighting", tmp_path / "l.json", "-o", tmp_path / "a"
     )
-    assert result.stderr.startswith(f"Warning: {photo_path}: The picture shows no ground where an object could stand")
+    assert result.stderr.startswith(f"Warning: {photo_path}: The object would stand")
 
 
 @pytest.mark.parametrize(

@@ -49,7 +49,7 @@ def test_photos_of_different_places_are_said_to_share_nothing(tmp_path: Path, ne
     strangers = [write(tmp_path, "a.jpg", AHEAD), write(tmp_path, "b.jpg", AHEAD, seed=1)]
     result = invoke_command("estimate", "--together", "--no-exif", "--model", network, *strangers)
     assert result.exit_code == 0
-    assert result.stderr.count("Nothing in it was found in the other photos") == 2
+    assert result.stderr.count("It overlaps no other photo") == 2
 
 
 def test_without_opencv_a_warning_says_what_is_missing(

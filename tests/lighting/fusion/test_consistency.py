@@ -56,17 +56,17 @@ def test_every_part_of_the_evidence_has_its_own_sentence() -> None:
         )
     )
     assert [w.split(" ")[0] for w in warnings] == ["The", "The", "The"]
-    assert "elevation at this time and place, 5°" in warnings[0]
+    assert "elevation by time and place, 5°" in warnings[0]
     assert "heading of 280°" in warnings[1]
     assert "12°" in warnings[2]
-    assert warnings[2].endswith("by the pixels: check the focal length, unless the lens is a long one.")
+    assert warnings[2].endswith("°: check the focal length.")
 
 
 def test_only_a_lens_that_sees_more_than_the_picture_makes_it_a_crop() -> None:
     (warning,) = consistency_warnings(
         lobe_prediction(0.0, 60.0, 150.0), np.empty((0, 2)), np.empty((0, 360)), None, 120.0, "clip"
     )
-    assert warning.endswith("by the pixels: the clip may be cropped.")
+    assert warning.endswith("°: it may be cropped.")
     assert warning.code == "lens-contradicted"
 
 
@@ -84,9 +84,7 @@ def test_a_sun_of_twilight_is_not_said_to_stand_on_the_horizon() -> None:
     predicted = lobe_prediction(0.0, 60.0, 150.0)
     suns = np.array([[0.0, 100.0]])
     (warning,) = consistency_warnings(predicted, suns, likelihood_by_heading(predicted, suns), None, None)
-    assert warning.startswith(
-        "The sun's elevation at this time and place, at most 0°, is very unlikely by the pixels: "
-    )
+    assert warning == "The photo contradicts the sun's elevation by time and place, at most 0°: check both."
 
 
 @pytest.mark.parametrize("seen", [0.0, 3.0, 8.0, 15.0])

@@ -119,11 +119,11 @@ def test_a_photo_that_no_match_connects_says_so() -> None:
 
 def test_photos_that_overlap_and_not_with_the_first_say_that_their_turn_from_it_is_inferred() -> None:
     alone, *others = fuse_views(views(60.0, TURNS), [TOGETHER_NOTHING] * 3, None, together_placed((0, 1, 1)))
-    assert "other photos: how it is turned is inferred" in alone.warnings[0]
+    assert "no other photo: light alone" in alone.warnings[0]
     for answer in others:
         assert "turns" in answer.used
         (warning,) = answer.warnings
-        assert "found in the first photo: how it is turned against that one is inferred" in warning
+        assert "does not overlap the first photo: light alone" in warning
 
 
 def test_a_photo_that_lies_on_its_side_says_so() -> None:
@@ -132,7 +132,7 @@ def test_a_photo_that_lies_on_its_side_says_so() -> None:
     askew = [where[0], replace(where[1], camera_roll=89.0), replace(where[2], camera_roll=12.0)]
     answers = fuse_views(views(60.0, TURNS), [TOGETHER_NOTHING] * 3, None, askew)
     assert [len(a.warnings) for a in answers] == [0, 1, 0]
-    assert "up 89° from where the photos have it together" in answers[1].warnings[0]
+    assert "up is 89° off that of the others" in answers[1].warnings[0]
 
 
 def together_placed(groups: tuple[int, ...]) -> list[RegisteredView]:

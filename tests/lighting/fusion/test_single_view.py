@@ -209,17 +209,16 @@ def test_what_chance_does_not_explain_is_told_and_not_used(above: float, aside: 
     assert stood.observations == Observations()
     fused = fuse(camera_prediction(), Observations(gravity=gravity))
     assert fused.used == ("pixels",)
-    assert "cropped, turned or edited" in fused.warnings[0]
+    assert "was not used: the photo shows" in fused.warnings[0]
     assert warning_code(fused.warnings[0]) == "gravity-contradicted"
     assert fused.prediction.camera_elevation == 4.0
 
 
 def test_the_sentence_names_both() -> None:
-    assert (apart(-40.0, 3.0) or "").startswith(
-        "By its metadata the camera looks 36° down with a roll of 2°, by the pixels it looks 4° up with a roll of -1°:"
-    )
+    assert apart(-40.0, 3.0) == "The file's camera elevation, 36° down, was not used: the photo shows 4° up."
+    assert apart(3.0, -40.0) == "The file's camera roll, -41°, was not used: the photo shows -1°."
     said_alone = _contradiction(camera_prediction(), Gravity(-36.0, None, 1.0)) or ""
-    assert "looks 36° down, by the pixels it looks 4° up:" in said_alone
+    assert "36° down, was not used: the photo shows 4° up." in said_alone
 
 
 def test_facts_become_evidence_and_the_record_says_so() -> None:

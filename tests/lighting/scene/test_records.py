@@ -105,7 +105,7 @@ def test_a_spot_that_the_picture_does_not_show_has_a_warning(elevation: float, f
     scene = plain_scene(camera_elevation=elevation, vertical_fov=fov, warnings=("It was night.",))
     night, hidden = scene.warnings
     assert night == "It was night."
-    assert hidden.endswith("it would stand 32 m ahead, below the picture's edge.")
+    assert hidden.endswith("would stand 32 m ahead, below the picture's edge.")
 
 
 def test_the_object_stands_on_the_records_spot_at_the_cameras_height() -> None:
@@ -122,7 +122,7 @@ def test_without_a_spot_the_object_stands_on_a_stage_of_its_own() -> None:
     """A warning says so, and no shadow of the sun falls on the photo."""
     scene = plain_scene(ground_visible=0.0)
     (warning,) = scene.warnings
-    assert "a stage of their own" in warning
+    assert "their own stage" in warning
     assert scene.shadow_receivers.max() == 0.0
     assert plain_scene().shadow_receivers.max() == 1.0
 
@@ -200,7 +200,7 @@ def test_the_spot_is_in_shade_where_the_plates_ground_around_it_is() -> None:
 def test_a_spot_in_shade_has_a_warning() -> None:
     assert sunlit_scene().warnings == ()
     (shaded,) = shaded_spot_scene().warnings
-    assert shaded.startswith("The object would stand in the photo's shade, so the scene takes the sun from it")
+    assert shaded.startswith("The object stands in the photo's shade")
 
 
 def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
@@ -208,8 +208,8 @@ def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
     scene = plain_scene(camera_elevation=1.0, vertical_fov=7.0)
     scene = replace(scene, lit_ground=np.zeros_like(scene.lit_ground))
     hidden, shaded = scene.warnings
-    assert hidden.startswith("The picture shows no ground")
-    assert shaded.startswith("The object would stand in the photo's shade")
+    assert hidden.startswith("The object would stand")
+    assert shaded.startswith("The object stands in the photo's shade")
 
 
 @pytest.mark.parametrize("stops", [-3.0, 3.0])

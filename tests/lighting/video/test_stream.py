@@ -289,7 +289,7 @@ def test_frames_of_one_row_are_no_crash(model: Model) -> None:
 def test_warnings_speak_of_the_stream(model: Model) -> None:
     told = Tracker(model, UserInput(vertical_fov=150.0, metadata=False))(look(0.0), 0.0)
     assert told is not None
-    assert any("the stream may be cropped" in warning for warning in told.lighting.warnings)
+    assert any("it may be cropped" in warning for warning in told.lighting.warnings)
     assert not any("photo" in warning for warning in told.lighting.warnings)
 
 
