@@ -1,14 +1,14 @@
-"""One scene, five tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
+"""One scene, seven tools, one answer: does the light that `lighting scene` writes fall the same way everywhere?
 
     python -m benchmarks.scenes [--sun -125 33] [--only TOOL ...] [--blender PROGRAM] [--samples 64]
                                 [--picture docs/scenes.png] [--keep FOLDER]
 
-The "photo" is rendered here from a known light, which the scenes are compared with. Blender reads and renders the USD;
-glTF is left out, since it holds no map, and Unreal
-and Unity, which do not run here. Godot runs in the chroot of scripts/engines.sh that LIGHTING_ENGINES names. Prints a
-table and draws all renders into one picture; a tool that this machine lacks is named and left out. The sun stands on
-the left, so that the shadow of the preview's diffuse ball lies free. PROGRAM is Blender or a Python that has its module
-bpy.
+The "photo" is rendered here from a known light, which the scenes are compared with. Blender reads and renders the USD,
+Babylon.js the glTF, and Filament that and its KTX; both draw the ground as a disc, since glTF knows no shadow catcher.
+A cubemap has no renderer of its own, and Unreal and Unity do not run here. Godot runs in the chroot of
+scripts/engines.sh that LIGHTING_ENGINES names. Prints a table and draws all renders into one picture; a tool that this
+machine lacks is named and left out. The sun stands on the left, so that the shadow of the preview's diffuse ball lies
+free. PROGRAM is Blender or a Python that has its module bpy.
 """
 
 import argparse
@@ -33,7 +33,9 @@ from benchmarks.scene_measures import (
 )
 from benchmarks.scene_renders import (
     MissingToolError,
+    render_babylon,
     render_blender,
+    render_filament,
     render_godot,
     render_import,
     render_mitsuba,
@@ -64,7 +66,7 @@ LIGHT = Lighting(*SUN, turbidity=3.0, exposure=1.0, camera_elevation=-7.0, camer
 GROUND = 0.22  # the photo's linear value of open ground, which the exposure is chosen for
 SIZE = (640, 480)  # pixels
 CAPTION = 26  # pixels
-DRAWN = ("blender", "usd", "threejs", "godot", "mitsuba")  # Unreal and Unity do not run here
+DRAWN = ("blender", "usd", "gltf", "filament", "threejs", "godot", "mitsuba")  # Unreal and Unity do not run here
 OURS, ALONE = "our preview", "its ball alone"
 
 
@@ -83,7 +85,7 @@ def main() -> None:
 
 
 def _arguments() -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description="One scene, five tools, one answer.")
+    parser = argparse.ArgumentParser(description="One scene, seven tools, one answer.")
     parser.add_argument("--sun", nargs=2, type=float, default=SUN, help="azimuth, below 0, and elevation in degrees")
     parser.add_argument("--only", nargs="+", choices=DRAWN, default=DRAWN, help="the tools to render with")
     parser.add_argument("--blender", help="Blender, or a Python that has its module bpy")
@@ -111,6 +113,8 @@ def renders(
     draws: dict[str, Callable[[Path], NDArray[np.uint8]]] = {
         "blender": lambda made: render_blender(made, samples, blender),
         "usd": lambda made: render_import(made, "scene.usda", SIZE, samples, blender),
+        "gltf": lambda made: render_babylon(made, SIZE),
+        "filament": lambda made: render_filament(made, scene),
         "threejs": lambda made: render_threejs(made, SIZE),
         "godot": render_godot,
         "mitsuba": lambda made: render_mitsuba(made, samples),
@@ -220,6 +224,8 @@ def contact_sheet(renders_by_tool: dict[str, Any]) -> Image.Image:
 TITLES = {
     "blender": "Blender, Cycles",
     "usd": "USD, read by Blender",
+    "gltf": "glTF in Babylon.js",
+    "filament": "Filament, with KTX",
     "threejs": "three.js in Chromium",
     "godot": "Godot 4",
     "mitsuba": "Mitsuba 3",

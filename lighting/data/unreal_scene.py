@@ -1,4 +1,4 @@
-"""Put a photo's light into the open level of Unreal Engine 5; run it by File > Execute Python Script.
+"""Put a photo's light into the open level of Unreal Engine 5; run it by Tools > Execute Python Script.
 
 The folder's pictures become assets under /Game/LightFromPhoto, and the actors lie in a folder of that name in the
 Outliner. Running it again replaces both. Units are centimeters; +Z is up, the photo's camera looks along +X.

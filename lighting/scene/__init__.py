@@ -70,7 +70,7 @@ EXPORTERS: dict[str, Exporter] = {
         files=("scene.usda", "scene.usdz", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
         animate=import_function("lighting.scene.usd", "animate_usd"),
-        opened_by="usdview {file}, or import it into any program that reads USD",
+        opened_by="usdview {file}, or import it into any program that reads USD; scene.usdz is for AR, without lights",
     ),
     "gltf": Exporter(
         import_function("lighting.scene.gltf", "write_gltf"),
@@ -80,7 +80,7 @@ EXPORTERS: dict[str, Exporter] = {
     "filament": Exporter(
         import_function("lighting.scene.filament", "write_filament"),
         files=("scene.glb", "environment_ibl.ktx", "environment_skybox.ktx", "sh.txt", "light.json", RECORD),
-        opened_by="open {file} with environment_ibl.ktx beside it as its indirect light",
+        opened_by="open {file} at exposure 1, with environment_ibl.ktx beside it as an indirect light of intensity 1",
     ),
     "cubemap": Exporter(
         import_function("lighting.scene.cubemap", "write_cubemap"),
@@ -106,12 +106,14 @@ EXPORTERS: dict[str, Exporter] = {
             *("unreal_scene.py", "unreal_scene.json", "environment.hdr", "ground_albedo.png", "ground_emission.png"),
             *SHARED_FILES,
         ),
-        opened_by="in Unreal, Tools > Execute Python Script: {file}",
+        opened_by="in a level of Unreal without lights, Tools > Execute Python Script: {file} "
+        "(not run in the engine yet)",
     ),
     "unity": Exporter(
         import_function("lighting.scene.unity", "write_unity"),
         files=("scene.unitypackage",),
-        opened_by="in Unity, Assets > Import Package: {file}",
+        opened_by="in Unity, Assets > Import Package > Custom Package: {file}, then Tools > Light from a Photo "
+        "(not run in the engine yet)",
     ),
     "mitsuba": Exporter(
         import_function("lighting.scene.mitsuba", "write_mitsuba"),

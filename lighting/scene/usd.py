@@ -2,7 +2,8 @@
 
 Lights follow UsdLux: radiance 1 of the map is 1 nit, and a DistantLight with `normalize` gives an irradiance of
 intensity x colour on a surface that faces it, whatever its angle. Focal length and apertures are in tenths of the
-stage's unit, the meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ is for AR, which takes no lights.
+stage's unit, the meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ is for AR, which takes no
+lights: of both files, the rules of ARKit in OpenUSD's ComplianceChecker pass this one alone.
 
 USD has neither background plates nor shadow catchers of its own: the plate hangs before the camera as a guide, which
 renderers leave out, and the ground carries the primvars by which Omniverse RTX and Karma know one; to others it is a
