@@ -229,23 +229,25 @@ def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **setti
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.evaluation.evaluate import Options
     from export.evaluation.evaluate import evaluate_networks as run
-    from export.evaluation.model_card import publish_evaluation
+    from export.evaluation.model_card import check_labels, publish_evaluation
     from lighting.model import packaged_model
 
-    options = Options(**settings, models=(model or packaged_model(), *compare))
-    evaluation = run(options)
-    click.echo(evaluation.report)
+    ours = model or packaged_model()
+    if card and ours.resolve() != packaged_model().resolve():
+        raise click.UsageError("--card is for the network in the package; leave out --model.")
+    options = Options(**settings, models=(ours, *compare))
+    click.echo(run(options).report)
     if card:
-        publish_evaluation(evaluation, options)
+        publish_evaluation(options.out, check_labels(options.data, options.labels))
 
 
 @export_cli.command("card")
-@_option("--folder", "Folder with metrics.json and the network. [default: the package's]")
-def _card(folder: Path | None) -> None:
-    """Write the model card and the figures of README and docs again, from metrics.json."""
-    from export.evaluation.model_card import write_card
+@_option("--evaluation", "Folder of `evaluate` to take over first, such as runs/evaluation.")
+def _card(evaluation: Path | None) -> None:
+    """Write the model card and the figures of README and docs again, from metrics.json beside the network."""
+    from export.evaluation.model_card import publish_evaluation, write_card
 
-    click.echo(write_card(folder))
+    click.echo(publish_evaluation(evaluation) if evaluation else write_card())
 
 
 @export_cli.command("explain")

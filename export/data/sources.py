@@ -88,8 +88,9 @@ def _photo_rows(data: Path, name: str) -> Iterator[_SourceRow]:
     """The rows of one table of photos; none if the folder lacks it."""
     if not (data / name).is_file():
         return
-    for row in read_table(data / name, ("file", "licence", "source")):
-        address, path, version = _split_source(row["source"])
+    for row in read_table(data / name, ("file",)):
+        licence = row.get("licence", "")
+        address, path, version = _split_source(row.get("source", ""))
         yield _SourceRow(
             table=name,
             file=row["file"],
@@ -102,8 +103,8 @@ def _photo_rows(data: Path, name: str) -> Iterator[_SourceRow]:
             sun_uncertainty=row.get("expected_azimuth_error", ""),
             direct=row.get("direct", ""),
             label=row.get("label_source") or row.get("kind", ""),
-            licence=row["licence"] or "unknown",
-            permissive="yes" if is_permissive(row["licence"]) else "no",
+            licence=licence or "unknown",
+            permissive="yes" if is_permissive(licence) else "no",
             address=address,
             path=path,
             version=version,

@@ -2,18 +2,18 @@
 
 import re
 import shutil
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
 
 from export.data.labels import check_rendered, read_labels, sun_agreement
 from export.data.panoramas import DataError, read_index
-from export.evaluation.evaluate import Evaluation, Options
 from export.evaluation.failures import RELIABILITY_FILE
 from export.evaluation.metrics import markdown_table
 from export.evaluation.metrics_file import Cell, NetworkMetrics, read_metrics, write_metrics
 from lighting.files.atomic import atomic_write
-from lighting.model import METRICS, MODEL_CARD, packaged_model
+from lighting.model import METRICS, MODEL_CARD, network_sha256, packaged_model
 
 ROOT = Path(__file__).parents[2]
 TEMPLATE = Path(__file__).with_name("card_template.md")
@@ -34,49 +34,58 @@ _OTHERS = {  # rows of other methods, by how the name in the report begins
 }
 
 
-def publish_evaluation(evaluation: Evaluation, options: Options) -> Path:
-    """Write metrics.json and the card beside our network, the reliability diagram and the pages' figures into docs.
+def publish_evaluation(evaluation: Path, labels: Sequence[str] = ()) -> Path:
+    """Take an evaluation of the package's network over: metrics.json, the card, and the pages' figures and diagram.
 
     Returns the card's path.
 
     Args:
-        evaluation: its report and figures.
-        options: of that evaluation; its first network is ours.
+        evaluation: folder that `evaluate` wrote.
+        labels: sentences about how well labels agree with what is known; none keeps those of the evaluation.
+
+    Raises:
+        DataError: it is of another network, or has no metrics.json.
     """
-    panoramas = read_index(options.data)
-    labels = (
-        f"Given suns: {sun_agreement(panoramas, read_labels(options.labels))}",
+    metrics = read_metrics(evaluation / METRICS)
+    model = packaged_model()
+    if metrics.network["sha256"] != network_sha256(model):
+        raise DataError(f"{evaluation / METRICS} is of {metrics.network['file']}, not of {model}.")
+    write_metrics(replace(metrics, labels=tuple(labels) or metrics.labels), model.parent)
+    diagram = evaluation / RELIABILITY_FILE
+    if diagram.is_file():
+        with atomic_write(ROOT / RELIABILITY) as path:
+            shutil.copyfile(diagram, path)
+    return write_card()
+
+
+def check_labels(data: Path, labels: Path) -> tuple[str, ...]:
+    """Sentences about how well suns and skies that are found agree with known ones.
+
+    Args:
+        data: folder of panoramas.
+        labels: CSV file of `label`.
+    """
+    return (
+        f"Given suns: {sun_agreement(read_index(data), read_labels(labels))}",
         f"Skies that the project renders: {check_rendered()}",
     )
-    folder = options.models[0].parent
-    write_metrics(replace(evaluation.metrics, labels=labels), folder)
-    with atomic_write(ROOT / RELIABILITY) as path:
-        shutil.copyfile(options.out / RELIABILITY_FILE, path)
-    return write_card(folder)
 
 
-def write_card(folder: Path | None = None) -> Path:
-    """Write the card from metrics.json; if that is of the network in the package, the pages' figures, too.
-
-    Returns the card's path.
-
-    Args:
-        folder: of the network and metrics.json; None for the package's.
+def write_card() -> Path:
+    """Write the card of the package's network, and the pages' figures, from its metrics.json; returns the card's path.
 
     Raises:
         DataError: there is no metrics.json, or a page asks for figures that are none.
     """
-    packaged = packaged_model().parent
-    metrics = read_metrics((folder or packaged) / METRICS)
-    target = (folder or packaged) / MODEL_CARD
-    with atomic_write(target) as path:
-        path.write_text(render_card(metrics), encoding="utf-8")
-    if target.parent.resolve() == packaged.resolve():
-        for page in (ROOT / name for name in PAGES if (ROOT / name).is_file()):
-            text = fill_figures(page.read_text(encoding="utf-8"), metrics)
-            with atomic_write(page) as path:
-                path.write_text(text, encoding="utf-8")
-    return target
+    folder = packaged_model().parent
+    metrics = read_metrics(folder / METRICS)
+    texts = {folder / MODEL_CARD: render_card(metrics)}
+    for page in (ROOT / name for name in PAGES if (ROOT / name).is_file()):
+        texts[page] = fill_figures(page.read_text(encoding="utf-8"), metrics)
+    for target, text in texts.items():
+        with atomic_write(target) as path:
+            path.write_text(text, encoding="utf-8")
+    return folder / MODEL_CARD
 
 
 def render_card(metrics: NetworkMetrics) -> str:

@@ -29,14 +29,15 @@ def folder(tmp_path: Path) -> Path:
         (tmp_path / name).write_bytes(name.encode())
     (tmp_path / "panoramas.csv").write_text(INDEX, encoding="utf-8")
     (tmp_path / "photos_train.csv").write_text(PHOTOS, encoding="utf-8")
+    (tmp_path / "photos.csv").write_text("file,group\na.webp,walk\n", encoding="utf-8")
     return tmp_path
 
 
 def test_each_picture_of_the_folder_is_a_row_with_its_address_licence_and_checksum(folder: Path) -> None:
     out = folder / "list.csv"
     result = CliRunner().invoke(export_cli, ["data", "list", "--data", str(folder), "--out", str(out)])
-    assert "2 panoramas and 1 photos, 2 of them to learn from; 1 state a permissive licence." in result.output
-    a, b, p = read_table(out)
+    assert "2 panoramas and 2 photos, 2 of them to learn from; 1 state a permissive licence." in result.output
+    a, b, p, bare = read_table(out)
     assert (a["address"], a["path"], a["stitched"], a["permissive"]) == (
         "https://github.com/me/tour",
         "pano/a.jpg",
@@ -47,6 +48,7 @@ def test_each_picture_of_the_folder_is_a_row_with_its_address_licence_and_checks
     assert a["sha256"] == hashlib.sha256(b"a.webp").hexdigest()
     assert (b["split"], b["stitched"], b["path"]) == ("val", "yes", "tiles/2-lane")
     assert (p["table"], p["split"], p["path"], p["version"]) == ("photos_train.csv", "train", "img/p.jpg", "0123abcdef")
+    assert (bare["split"], bare["sun"], bare["licence"], bare["address"]) == ("val", "unknown", "unknown", "")
     assert (p["sun"], p["sun_elevation"], p["label"], p["licence"]) == ("known", "12", "exif_compass", "unknown")
 
 

@@ -1,7 +1,6 @@
 """The model card and the pages' figures are those of metrics.json."""
 
 import re
-import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -11,9 +10,8 @@ from click.testing import CliRunner
 import export.evaluation.model_card as model_card
 from export.__main__ import export_cli
 from export.data.panoramas import DataError
-from export.evaluation.evaluate import Evaluation, Options
-from export.evaluation.metrics_file import read_metrics
-from lighting.model import METRICS, MODEL_CARD, packaged_model
+from export.evaluation.metrics_file import read_metrics, write_metrics
+from lighting.model import METRICS, MODEL_CARD, packaged_model, weights_path
 
 FOLDER = packaged_model().parent
 MOST_WORDS = 600
@@ -61,25 +59,42 @@ def test_a_report_without_metadata_photos_and_other_networks_makes_a_card() -> N
     assert "ordinary photos the" not in text
 
 
-def test_one_command_writes_the_figures_beside_a_network(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    metrics = read_metrics(FOLDER / METRICS)
-    (tmp_path / "docs" / "images").mkdir(parents=True)
+@pytest.fixture
+def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A repository of its own, with a copy of the network's graph; returns the network's folder."""
+    folder = tmp_path / "package" / "lighting" / "data"
+    folder.mkdir(parents=True)
+    (tmp_path / "package" / "docs" / "images").mkdir(parents=True)
+    for path in (packaged_model(), weights_path(packaged_model())):
+        (folder / path.name).symlink_to(path)
+    monkeypatch.setattr(model_card, "ROOT", tmp_path / "package")
+    monkeypatch.setattr(model_card, "packaged_model", lambda: folder / packaged_model().name)
+    return folder
+
+
+def test_one_command_takes_an_evaluation_over(package: Path, tmp_path: Path) -> None:
+    metrics = replace(read_metrics(FOLDER / METRICS), date="2030-01-02")
+    write_metrics(metrics, tmp_path)
     (tmp_path / "reliability.png").write_bytes(b"curves")
-    monkeypatch.setattr(model_card, "ROOT", tmp_path)
-    monkeypatch.setattr(model_card, "check_rendered", lambda: "all")
-    options = Options(data, data / "labels.csv", (tmp_path / "outdoor.onnx",), tmp_path)
-    card = model_card.publish_evaluation(Evaluation("", replace(metrics, version="9.9.9")), options)
-    written = read_metrics(tmp_path / METRICS)
-    assert (written.version, written.sections) == ("9.9.9", metrics.sections)
-    assert written.labels[1] == "Skies that the project renders: all"
-    assert "# outdoor 9.9.9\n" in card.read_text(encoding="utf-8")
-    assert (tmp_path / "docs" / "images" / "reliability.png").read_bytes() == b"curves"
-
-
-def test_the_card_is_written_again_from_the_figures(tmp_path: Path) -> None:
-    shutil.copy(FOLDER / METRICS, tmp_path)
-    result = CliRunner().invoke(export_cli, ["card", "--folder", str(tmp_path)])
+    (model_card.ROOT / "README.md").write_text("<!--metrics:line-->\nold\n<!--/metrics-->\n", encoding="utf-8")
+    result = CliRunner().invoke(export_cli, ["card", "--evaluation", str(tmp_path)])
     assert result.exit_code == 0, result.output
-    assert (tmp_path / MODEL_CARD).read_bytes() == (FOLDER / MODEL_CARD).read_bytes()
+    assert read_metrics(package / METRICS) == metrics
+    assert "2030-01-02" in (package / MODEL_CARD).read_text(encoding="utf-8")
+    assert "(2030-01-02)" in (model_card.ROOT / "README.md").read_text(encoding="utf-8")
+    assert (model_card.ROOT / model_card.RELIABILITY).read_bytes() == b"curves"
+    model_card.publish_evaluation(tmp_path, ["Given suns: all"])
+    assert read_metrics(package / METRICS).labels == ("Given suns: all",)
+
+
+def test_the_evaluation_of_another_network_is_refused(package: Path, tmp_path: Path) -> None:
+    metrics = read_metrics(FOLDER / METRICS)
+    write_metrics(replace(metrics, network={**metrics.network, "sha256": "0", "file": "mine.onnx"}), tmp_path)
+    with pytest.raises(DataError, match=r"is of mine\.onnx, not of"):
+        model_card.publish_evaluation(tmp_path)
+    assert not (package / METRICS).exists()
+    result = CliRunner().invoke(
+        export_cli, ["evaluate", "--data", str(tmp_path), "--model", str(tmp_path / "mine.onnx"), "--card"]
+    )
+    assert result.exit_code == 2
+    assert "--card is for the network in the package" in result.output
