@@ -220,9 +220,9 @@ class SunEstimate:
     elevation: float
     """Deg above the horizon, -4.2 to 90."""
     radius_50: float
-    """Deg, 0 to 180: the cone around the direction that holds 50 % of the probability."""
+    """Deg, 0 to 180: the cone around the direction that holds half of the probability."""
     radius_90: float
-    """Deg, 0 to 180: the cone that holds 90 %."""
+    """Deg, 0 to 180: the cone that holds nine tenths."""
 
 
 @describe_fields
@@ -243,9 +243,9 @@ class Lighting:
     sun_visibility: float = 1.0
     """Probability, 0 to 1, that direct sunlight reaches the scene."""
     radius_50: float = 0.0
-    """Deg, 0 to 180: the cone around the sun's direction that holds 50 % of the probability. 0: stated by hand."""
+    """Deg, 0 to 180: the cone around the sun's direction with half of the probability. 0: stated by hand."""
     radius_90: float = 0.0
-    """Deg, 0 to 180: the cone around the sun's direction that holds 90 % of the probability. 0: stated by hand."""
+    """Deg, 0 to 180: the cone around the sun's direction with nine tenths of the probability. 0: stated by hand."""
     camera_elevation: float = 0.0
     """Deg, -90 to 90: positive looks up."""
     camera_roll: float = 0.0
@@ -263,9 +263,9 @@ class Lighting:
     camera_heading: float | None = None
     """Deg, 0 to 360, clockwise from true north: where the camera points. None: unknown."""
     camera_heading_radius_50: float | None = None
-    """Deg, 0 to 180, to either side of the heading that hold 50 % of its probability. None: unknown."""
+    """Deg, 0 to 180, to either side of the heading that hold half of its probability. None: unknown."""
     camera_heading_radius_90: float | None = None
-    """Deg, 0 to 180, to either side of the heading that hold 90 % of its probability. None: unknown."""
+    """Deg, 0 to 180, to either side of the heading that hold nine tenths of its probability. None: unknown."""
     camera_heading_probability: tuple[float, ...] = ()
     """Probability, 0 to 1, of each of 360 whole degrees; empty where the heading is unknown."""
     relative_heading: float | None = None

@@ -70,7 +70,8 @@ class Passage:
     @property
     def sentences(self) -> list[str]:
         """Its sentences; code is a part of them."""
-        text = "".join(piece.text.replace(".", "·") if piece.is_code else piece.text for piece in self.pieces)
+        pieces = (f"`{piece.text.replace('.', '·')}`" if piece.is_code else piece.text for piece in self.pieces)
+        text = "".join(pieces)
         return [sentence for sentence in _SENTENCE_END.split(" ".join(text.split())) if count_words(sentence)]
 
     @property

@@ -23,7 +23,7 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop
 from lighting.records import SunDistribution, WarningCode
 from lighting.scene.records import Scene
-from scripts.markdown import WRITTEN, escape_marks, write_table
+from scripts.markdown import WRITTEN, escape_marks, link_terms, write_table
 from scripts.reference_http import write_http
 from scripts.reference_python import write_python
 from server import problems
@@ -121,8 +121,8 @@ def write_settings() -> str:
     )
     head = f"""# Settings of the service
 
-Settings are environment variables. A value that makes no sense stops the service at its start with one sentence, and so
-does a variable `{PREFIX}...` that is not in this list.
+Settings are environment variables. A wrong value stops the service at its start with one sentence. So does a variable
+`{PREFIX}...` that is not in this list.
 {WRITTEN}
 """
     return "\n".join([head, *write_table(("variable", "default", "range", "meaning"), rows)])
@@ -143,8 +143,8 @@ def write_problems() -> str:
     """Return the page of the service's problems, by status."""
     head = f"""# Problems
 
-What an error of the service says, as `application/problem+json` (RFC 9457). The name ends its `type`, and does not
-change.
+Errors of the service are `application/problem+json` (RFC 9457). Read the end of `type`: it is one of these names, which
+do not change.
 {WRITTEN}
 """
     kinds = sorted(problems.KINDS, key=lambda kind: kind.status)
@@ -163,8 +163,8 @@ def write_exceptions() -> str:
     """Return the page of the package's exceptions, and of the codes of errors and warnings."""
     head = f"""# Exceptions
 
-What the Python package raises on purpose, all in `lighting.errors`. `str(error)` is one sentence for people.
-`error.code` and `error.field` are for programs: what is wrong, and with which parameter.
+What the Python package raises on purpose. All are in `lighting.errors`. Show `str(error)` to people: it is one
+sentence. In programs read `error.code` and `error.field`: what is wrong, and with which parameter.
 {WRITTEN}
 """
     rows = (
@@ -205,7 +205,7 @@ def write_fields() -> str:
     """Return the page of records: a table of fields for each record of the public face."""
     head = f"""# Fields
 
-What the records of the Python package hold: type, unit, range and meaning, as `help` prints them.
+What the records of the Python package hold, as `help` prints it.
 {WRITTEN}
 """
     return "\n".join([head, *(line for record in _RECORDS for line in _record_section(record))])
@@ -214,7 +214,7 @@ What the records of the Python package hold: type, unit, range and meaning, as `
 def _record_section(record: Any) -> list[str]:
     told = field_docstrings(record)
     types = {field.name: field.type for field in fields(record)}
-    rows = ((f"`{name}`", f"`{_type(types[name])}`", text) for name, text in told.items())
+    rows = ((f"`{name}`", f"`{_type(types[name])}`", escape_marks(text)) for name, text in told.items())
     return [f"## {record.__name__}", "", *write_table(("field", "type", "meaning"), rows)]
 
 
@@ -222,6 +222,15 @@ def _type(content: Any) -> str:
     """A field's type as a reader writes it."""
     text = content.__name__ if isinstance(content, type) and "[" not in str(content) else str(content).strip("\"'")
     return _ARRAY.sub(r"NDArray[\1]", text)
+
+
+def write_page(name: str) -> str:
+    """Return a page of reference as it is stored, with links to the glossary.
+
+    Args:
+        name: one of PAGES.
+    """
+    return link_terms(PAGES[name](), "../words.md")
 
 
 PAGES: dict[str, Callable[[], str]] = {
@@ -236,5 +245,5 @@ PAGES: dict[str, Callable[[], str]] = {
 
 
 if __name__ == "__main__":
-    for name, write in PAGES.items():
-        (FOLDER / name).write_text(write(), encoding="utf-8")
+    for name in PAGES:
+        (FOLDER / name).write_text(write_page(name), encoding="utf-8")

@@ -76,8 +76,8 @@ def _scene(
 ) -> None:
     """Write a photo and its light as a scene for another tool.
 
-    The folder holds the camera with PHOTO behind it, the sun, the environment map without the sun's disc, a ground that
-    catches shadows, and a placeholder where your own object goes.
+    The folder holds a camera with PHOTO behind it, a sun, and the environment map without the sun. A ground catches
+    shadows, and a placeholder stands where your own object goes.
     """
     stated = {name: value for name, value in of_tool.items() if value is not None}
     options = _SceneOptions(tool, record, stated)

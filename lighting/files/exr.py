@@ -238,8 +238,8 @@ def write_exr(
         image: (H, 2H, 3) linear Rec.709.
         lighting: for the header; None: without.
         attributes: more for the header: texts, numbers and what else OpenEXR knows; None: no others.
-        compression: zip, pxr24 or none. `zip` changes a value by up to 5e-4 of itself, amid texture by 0.02, and the
-            light by less than 1e-3; `pxr24` changes a value by 1.6e-5, `none` by nothing.
+        compression: zip, pxr24 or none. `zip` changes a value by up to 5e-4 of itself, amid texture by 0.02. It changes
+            the light by less than 1e-3. `pxr24` changes a value by 1.6e-5, `none` by nothing.
         probe: the map's light probe, for the header; None: without.
         colours: primaries of the file: rec709, acescg or linear-p3. Lighting and probe stay in Rec.709.
         overwrite: whether the image's memory may be used; large maps then need less, and the image is worthless.
