@@ -109,6 +109,7 @@ def _synthesize(out: Path, count: int, val: float, height: int, samples: Path | 
 @_share("--stretched", 0.0, "Share of the crops that show a stretched world, its sun and shadows with it.")
 @_flag("--surroundings", "Also learn the light all around the camera and its power.")
 @_share("--photos-share", 0.0, "Share of the crops that show the photos of photos_train.csv.")
+@_flag("--mirrored", "Also learn from every crop's mirror image; needs --teacher or --only-camera.")
 @_flag("--only-seen", "Train only the head that says where in the picture the sun is seen.")
 @_flag("--only-camera", "Train for the camera's elevation, roll and field of view alone.")
 @_share("--tune-share", 0.08, "Share of the places that are held out for the log.")
@@ -129,6 +130,8 @@ def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, .
         raise click.UsageError("Choose one of --only-seen and --only-camera.")
     if teacher and one_head:
         raise click.UsageError("--teacher answers for all heads; leave out --only-seen and --only-camera.")
+    if settings["mirrored"] and not (teacher or settings["only_camera"]):
+        raise click.UsageError("--mirrored needs --teacher or --only-camera: crops say nothing of a mirrored sun.")
     settings |= {"out": out or Path("runs") / network, "teachers": tuple(map(str, teacher))}
     settings |= {name: str(settings[name] or "") for name in ("data", "labels", "out", "start", "synthetic")}
     run(TrainConfig(**settings, network=network, target_width=TARGET_WIDTH[network], pretrained=not scratch))

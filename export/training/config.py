@@ -35,7 +35,8 @@ class TrainConfig:
     only_seen: bool = False  # train only the head that says where in the picture the sun is seen
     only_camera: bool = False  # train for the camera's angles alone, all layers
     teachers: tuple[str, ...] = ()  # folders of finished runs, whose mean answer is a second target of every crop
-    blended: float = 0.4  # of the crops that teachers answer, blended with another
+    blended: float = 0.4  # of the crops that teachers answer, blended with another; of mirror images twice as many
+    mirrored: bool = False  # learn from every crop's mirror image, too: of it the camera is known, the sun by teachers
     start: str = ""  # folder of an earlier run: start from its averaged weights, with other crops
     synthetic: str = ""  # folder of `python -m export synthesize`, mixed in
     synthetic_share: float = 0.3  # of the crops, if there is such a folder

@@ -23,6 +23,8 @@ from export.training.dataset import Batch
 from lighting.records import ModelSpec
 
 _MIN_SHARE = 0.5  # of a blended crop in its picture
+_TEMPERATURE = 0.9  # divides the teachers' logits of the sun; their mean is broader than each of them
+_ROLL = 3  # column of Batch.parameters
 
 
 class TeacherEnsemble:
@@ -65,7 +67,7 @@ class TeacherEnsemble:
         light = _mean([one.light for one in predicted]) if self.surroundings else photo[:, 0, 0, :0]
         return Batch(
             photo=photo,
-            sun=_mean([one.sun.softmax(dim=1) for one in predicted]),
+            sun=_mean([(one.sun / _TEMPERATURE).softmax(dim=1) for one in predicted]),
             parameters=decode_parameters(raw),
             sun_in_view=_mean([one.sun_in_view.softmax(dim=1) for one in predicted]),
             surroundings=_mean([one.surroundings for one in predicted]) if self.surroundings else light,
@@ -78,18 +80,48 @@ def _mean(values: Sequence[Tensor]) -> Tensor:
     return torch.stack(list(values)).mean(dim=0)
 
 
-def mixup(batch: Batch, share: float) -> Batch:
-    """The batch with a share of its pictures blended with their neighbors, which then have no targets.
+def with_mirror_images(batch: Batch) -> Batch:
+    """The batch, and after it its mirror images, of which the parameters alone are known: the roll changes its sign.
 
     Args:
         batch: of B crops.
-        share: of the crops, 0 to 1.
     """
-    count = len(batch.photo)
-    chosen = torch.rand(count, device=batch.photo.device) < share
+    signs = torch.ones_like(batch.parameters)
+    signs[:, _ROLL] = -1
+    mirrored = _without_targets(batch, torch.ones(len(batch.photo), dtype=torch.bool, device=batch.photo.device))
+    mirrored = mirrored._replace(photo=batch.photo.flip(3), parameters=signs * batch.parameters)
+    return Batch(*(torch.cat([one, other]) for one, other in zip(batch, mirrored, strict=True)))
+
+
+def blended_shares(count: int, share: float, *, mirrored: bool) -> Tensor:
+    """Chances (count,) that a picture is blended: of mirror images, the second half, twice those of crops.
+
+    Args:
+        count: pictures in the batch.
+        share: of the crops, 0 to 1.
+        mirrored: whether mirror images follow the crops.
+    """
+    shares = torch.full((count,), share)
+    if mirrored:
+        shares[count // 2 :] = min(1.0, 2 * share)
+    return shares
+
+
+def mixup(batch: Batch, shares: Tensor) -> Batch:
+    """The batch with some of its pictures blended with their neighbors, which then have no targets.
+
+    Args:
+        batch: of B pictures.
+        shares: (B,) chances of each to be blended, 0 to 1.
+    """
+    chosen = torch.rand(len(batch.photo), device=batch.photo.device) < shares.to(batch.photo.device)
     weight = torch.where(chosen, _MIN_SHARE + (1 - _MIN_SHARE) * torch.rand_like(chosen, dtype=torch.float32), 1.0)
     weight = weight[:, None, None, None].to(batch.photo)
     photo = weight * batch.photo + (1 - weight) * batch.photo.roll(1, dims=0)
+    return _without_targets(batch, chosen)._replace(photo=photo.contiguous(memory_format=torch.channels_last))
+
+
+def _without_targets(batch: Batch, chosen: Tensor) -> Batch:
     unknown = {"sun": 0.0, "parameters": math.nan, "sun_in_view": 0.0, "surroundings": math.nan, "light": math.nan}
     hidden = {name: torch.where(chosen[:, None], value, getattr(batch, name)) for name, value in unknown.items()}
-    return batch._replace(photo=photo.contiguous(memory_format=torch.channels_last), **hidden)
+    return batch._replace(**hidden)

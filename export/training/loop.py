@@ -24,12 +24,13 @@ from export.networks.outdoor import build_network, load_weights, network_specs
 from export.networks.weights import CHECKPOINT, RECORD, averaged_weights, read_checkpoint, read_record, training_history
 from export.training.config import MAY_CHANGE, PATH_SETTINGS, TrainConfig
 from export.training.dataset import Batch, TrainingCrops, synthetic_sources, training_panoramas, training_photos
-from export.training.distillation import TeacherEnsemble, mixup
+from export.training.distillation import TeacherEnsemble, blended_shares, mixup, with_mirror_images
 from export.training.losses import training_losses
 from lighting.files.atomic import atomic_write, stale_temporaries
 from lighting.records import Json
 
 _MAX_GRADIENT = 5.0  # norm
+_KNOWN_SUN = 0.5  # weight of the sun's own target beside what teachers answer
 _CAMERA_LOSSES = ("parameters", "camera")  # losses that the camera's angles enter
 
 
@@ -104,12 +105,14 @@ class _Run:
         With teachers, a share of the crops is blended, and what the teachers answer is a second target of all.
         """
         if teachers:
-            batch = mixup(batch, self.config.blended)
+            shares = blended_shares(len(batch.photo), self.config.blended, mirrored=self.config.mirrored)
+            batch = mixup(batch, shares)
         with torch.autocast(self.device.type, torch.bfloat16, enabled=self.bfloat16):
             answers = teachers.targets(batch.photo) if teachers else None
             predicted = network(batch.photo)
         parts = training_losses(predicted, batch)
         if answers is not None:
+            parts["sun"] = _KNOWN_SUN * parts["sun"]
             parts |= {f"taught {name}": loss for name, loss in training_losses(predicted, answers).items()}
         return parts
 
@@ -118,6 +121,8 @@ class _Run:
         torch.manual_seed(self.step)
         for group in self.optimizer.param_groups:
             group["lr"] = self.config.learning_rate * _learning_rate(self.step, self.steps, self.config.warmup)
+        if self.config.mirrored:
+            batch = with_mirror_images(batch)
         parts = self._choose_losses(self.losses(self.network, batch, self.teachers))
         torch.autograd.backward(torch.stack(list(parts.values())).sum())
         nn.utils.clip_grad_norm_(self.network.parameters(), _MAX_GRADIENT)

@@ -32,6 +32,9 @@ def test_a_run_learns_one_thing_alone(data: Path, tmp_path: Path) -> None:
     result = CliRunner().invoke(export_cli, [*arguments[:-1], "--teacher", str(tmp_path)])
     assert result.exit_code == 2
     assert "--teacher answers for all heads" in result.output
+    result = CliRunner().invoke(export_cli, [*arguments[:-2], "--mirrored"])
+    assert result.exit_code == 2
+    assert "--mirrored needs --teacher or --only-camera" in result.output
 
 
 def test_commands_say_what_is_missing_in_one_sentence(data: Path, tmp_path: Path) -> None:

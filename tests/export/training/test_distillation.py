@@ -14,7 +14,7 @@ from export.networks.outdoor import decode_parameters, mean_of_camera_bins
 from export.networks.weights import read_network, read_record, training_history
 from export.training.config import TrainConfig
 from export.training.dataset import Batch, TrainingCrops
-from export.training.distillation import TeacherEnsemble, mixup
+from export.training.distillation import TeacherEnsemble, blended_shares, mixup, with_mirror_images
 from export.training.loop import _Run, train_network
 from export.training.losses import training_losses
 from lighting.errors import LightingError
@@ -33,7 +33,7 @@ def test_the_target_is_the_mean_of_the_teachers_answers(trained: Path, batch: Ba
     alone = TeacherEnsemble([trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
     with torch.inference_mode():
         predicted = network(batch.photo)
-    torch.testing.assert_close(alone.sun, predicted.sun.softmax(dim=1))
+    torch.testing.assert_close(alone.sun, (predicted.sun / 0.9).softmax(dim=1))
     torch.testing.assert_close(alone.parameters[:, 2:5], _camera(predicted))
     assert alone.surroundings.shape == alone.light.shape == (len(batch.photo), 0)
     twice = TeacherEnsemble([trained, trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
@@ -48,7 +48,7 @@ def _camera(predicted: NetworkOutput) -> torch.Tensor:
 
 def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch) -> None:
     torch.manual_seed(0)
-    mixed = mixup(batch, 0.5)
+    mixed = mixup(batch, blended_shares(len(batch.photo), 0.5, mirrored=False))
     same = (mixed.photo == batch.photo).flatten(1).all(dim=1)
     assert 0 < int(same.sum()) < len(same)
     for name in ("sun", "parameters", "sun_in_view", "surroundings", "light"):
@@ -57,7 +57,22 @@ def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch
     assert (mixed.sun_in_view[~same] == 0).all()
     assert mixed.parameters[~same].isnan().all()
     assert mixed.light[~same].isnan().all()
-    torch.testing.assert_close(mixup(batch, 0.0).photo, batch.photo)
+    torch.testing.assert_close(mixup(batch, torch.zeros(len(batch.photo))).photo, batch.photo)
+
+
+def test_of_a_mirror_image_the_camera_is_known_and_the_sun_is_not(batch: Batch) -> None:
+    count = len(batch.photo)
+    both = with_mirror_images(batch)
+    for one, doubled in zip(batch, both, strict=True):
+        torch.testing.assert_close(doubled[:count], one, equal_nan=True)
+    torch.testing.assert_close(both.photo[count:], batch.photo.flip(3))
+    signs = torch.tensor([1.0, 1, 1, -1, 1, 1])  # the roll alone turns round
+    torch.testing.assert_close(both.parameters[count:], signs * batch.parameters, equal_nan=True)
+    assert not both.sun[count:].any()
+    assert not both.sun_in_view[count:].any()
+    assert both.surroundings[count:].isnan().all()
+    assert both.light[count:].isnan().all()
+    torch.testing.assert_close(blended_shares(4, 0.4, mirrored=True), torch.tensor([0.4, 0.4, 0.8, 0.8]))
 
 
 def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trained: Path, batch: Batch) -> None:
@@ -65,7 +80,8 @@ def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trai
     taught = TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, surroundings=False)
     answers = taught.targets(batch.photo)
     predicted = network(batch.photo)
-    loss = training_losses(predicted, answers)["sun"]
+    cooled = predicted._replace(sun=predicted.sun / 0.9)
+    loss = training_losses(cooled, answers)["sun"]
     entropy = -(answers.sun * answers.sun.log()).sum(dim=1).mean()
     assert loss.item() == pytest.approx(entropy.item(), rel=1e-3)
     (slope,) = torch.autograd.grad(loss, predicted.sun)
@@ -73,7 +89,9 @@ def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trai
 
 
 def test_a_run_is_taught_and_says_by_whom(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
-    taught_config = replace(config, out=str(tmp_path), teachers=(str(trained),), crops=8, batch=4, tune_share=0.0)
+    taught_config = replace(
+        config, out=str(tmp_path), teachers=(str(trained),), crops=8, batch=4, tune_share=0.0, mirrored=True
+    )
     train_network(taught_config)
     logged = json.loads((tmp_path / "log.jsonl").read_text())
     assert logged["taught sun"] > 0
