@@ -268,7 +268,10 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLig
     lights = [estimate.lighting for estimate in estimates]
     if len(photos) == 1:
         lights = [_with_ground_light(photos[0], estimates[0])]
-    balances = [sky_white_balance(photo.pixels, light) for photo, light in zip(photos, lights, strict=True)]
+    balances = [
+        sky_white_balance(photo.pixels, light, one.segments)
+        for photo, light, one in zip(photos, lights, estimates, strict=True)
+    ]
     if tints := [tint for tint in balances if tint is not None]:
         tint = np.exp(np.mean(np.log(tints), axis=0))
         skies = (clip_color(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)

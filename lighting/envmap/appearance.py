@@ -17,7 +17,12 @@ _MIN_SIN_ELEVATION = 0.05  # sine of the angle above the horizon from which a pi
 _MAX_STEP = 0.1  # of brightness, 0 to 1, from a pixel of sky to its neighbours
 _MIN_SKY_LUMINANCE = 0.6  # share of the map's luminance that a pixel of sky has at least
 _SUNSET_SUN = (20.0, 30.0)  # deg, of suns under which an orange sky is that of a sunset, and above which it is none
-_SUNSET_STOPS = (0.5, 1.8)  # of red over blue in a photo's sky: from none to an orange that counts in full
+_SUNSET_SHARES = (  # stops of red over blue in a photo's sky, and how far all the sky takes its color; chosen by eye
+    (-0.1, 0.3, 1.0),
+    (0.0, 0.6, 0.9),
+)
+_MIN_SKY_PROBABILITY = 0.5  # of the sky at a pixel of a sunset
+_MIN_ORANGE_STOPS = 0.5  # of red over blue in a pixel of a sunset
 _MIN_SUNSET_LUMINANCE = 0.15  # share of the map's luminance that its pixels have at least: the map's glow is brighter
 _MIN_SKY_SHARE = 0.02  # share of the picture that must show sky
 _MAX_SAMPLES = 500  # pixels, of which the mean is exact enough
@@ -44,7 +49,7 @@ _NETWORK_SHARE = 0.6  # how far the brightness goes, under a clear sky, to that 
 _NETWORK_BIAS_STOPS = 0.2  # by which the panorama's ground is too dark
 
 
-def sky_white_balance(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
+def sky_white_balance(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None) -> Floats | None:
     """Factors (3,) that bring the sky's irradiance nearer to the color of the sky in a photo; luminance stays.
 
     A cloudy sky has one color, so the photo counts for much. A clear one differs from place to place, and the sky low
@@ -54,21 +59,26 @@ def sky_white_balance(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats |
     Args:
         pixels: (h, w, 3) sRGB.
         lighting: estimated for the photo.
+        segments: of the photo, so that no orange wall counts as the sky of a sunset; None: unknown.
     """
     colors = _sky_colors(pixels, lighting)
     if colors is None:
         return None
     irradiance = np.array(lighting.sky_irradiance) + EPSILON_IRRADIANCE
     exponent = _TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2
-    tint = _color_ratio(*colors) ** max(exponent, _sunset_exponent(colors[0], lighting.sun_elevation))
+    tint = _color_ratio(*colors) ** exponent
+    seen = colors if segments is None else _sky_colors(pixels, lighting, segments)
+    if seen is not None:
+        warm = _color_ratio(seen[0], irradiance) ** _sunset_exponent(seen[0], lighting.sun_elevation)
+        tint = warm if warm[0] / warm[2] > max(tint[0] / tint[2], 1.0) else tint
     return np.asarray(tint * float(luminance(irradiance) / luminance(irradiance * tint)))
 
 
 def _sunset_exponent(sky: Floats, sun_elevation: float) -> float:
-    """How far the color (3,) of a photo's sky counts by itself, 0 to 1: fully if it is orange and the sun low [deg]."""
+    """How far all the sky takes the color (3,) of a photo's: the more the warmer it is and the lower the sun [deg]."""
     red, _, blue = np.maximum(sky, EPSILON_IRRADIANCE)
     low = float(np.interp(sun_elevation, _SUNSET_SUN, (1.0, 0.0)))
-    return low * float(np.interp(np.log2(red / blue), _SUNSET_STOPS, (0.0, 1.0)))
+    return low * float(np.interp(np.log2(red / blue), *_SUNSET_SHARES))
 
 
 def sky_color_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
@@ -90,12 +100,16 @@ def _color_ratio(colors: Floats, map_colors: Floats) -> Floats:
     return np.asarray(np.clip(ratio / max(ratio[1], EPSILON_IRRADIANCE), 1 / _MAX_COLOR_RATIO, _MAX_COLOR_RATIO))
 
 
-def _sky_colors(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Floats, Floats] | None:
+def _sky_colors(
+    pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None
+) -> tuple[Floats, Floats] | None:
     """The mean colors (3,) of the sky in a photo and of the bare map there; None as in `sky_white_balance`."""
     if lighting.sky_irradiance is None:
         return None
     photo, directions = sample_photo(pixels, lighting)
     smooth = _brightness_steps(np.sqrt(luminance(photo))) < _MAX_STEP
+    if segments is not None:
+        smooth &= pixel_share(segments, smooth.shape[1], smooth.shape[0], SurfaceClass.SKY) > _MIN_SKY_PROBABILITY
     candidates = np.nonzero(smooth & (directions[..., 1] > _MIN_SIN_ELEVATION) & (max_channel(photo) < CLIPPED))
     needed = _MIN_SKY_SHARE * smooth.size
     if len(candidates[0]) < needed:
@@ -105,7 +119,7 @@ def _sky_colors(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Floats, 
     map_colors = sample_latlong(render(lighting, _MAP_ROWS, sun=False), directions[chosen])
     least = np.full(len(colors), _MIN_SKY_LUMINANCE)
     if lighting.sun_elevation < _SUNSET_SUN[0]:
-        least[colors[:, 0] > 2 ** _SUNSET_STOPS[0] * colors[:, 2]] = _MIN_SUNSET_LUMINANCE
+        least[colors[:, 0] > 2**_MIN_ORANGE_STOPS * colors[:, 2]] = _MIN_SUNSET_LUMINANCE
     sky = luminance(colors) > least * luminance(map_colors)
     if sky.mean() * len(candidates[0]) < needed:
         return None

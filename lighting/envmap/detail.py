@@ -149,7 +149,7 @@ class LibraryDetail:
         self._kept = self._picture.columns(slice(0, 2 * height)) if fits_block(height) else None
         reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in column_blocks(height)], axis=1)
         self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
-        coarse = _blur_cells(shrink_envmap(self._log_offset.take(reduced), _CELL_ROWS), _COARSE_DEG)
+        coarse = _coarse_colors(reduced, self._log_offset)
         self._gains = np.exp(-coarse * _contrast(_CELL_ROWS)[:, None, None])
         self.whole = self.block(slice(0, 2 * height)) if fits_block(height) else None
         """(H, 2H, 3) of a map that is worked on at once; else None."""
@@ -172,6 +172,19 @@ class LibraryDetail:
             first = last
         multiply_cells(detail, self._gains, columns)
         return detail
+
+
+def _coarse_colors(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
+    """What is coarse in a picture (H, 2H, 3): logarithms (R, 2R, 3), as bright as its mean logarithm.
+
+    Their color is that of the mean light. So what is bright in the picture, as the sky between leaves, gets the color
+    of the map, and what is dark keeps its own.
+    """
+    brightness = _blur_cells(shrink_envmap(log_offset.take(picture), _CELL_ROWS), _COARSE_DEG)
+    linear = shrink_envmap(SRGB_LINEAR.take(picture), _CELL_ROWS)
+    color = np.log(_blur_cells(linear, _COARSE_DEG) + LOG_OFFSET)
+    color += brightness.mean(axis=2, keepdims=True) - color.mean(axis=2, keepdims=True)
+    return np.asarray(color, dtype=np.float32)
 
 
 class _PhotoDetail:

@@ -25,6 +25,7 @@ from lighting.segmentation import Segments
 _FINE = 2  # rays per pixel and side on the balls and in their shadows
 _COARSE = 2  # pixels per ray and side on the ground where light changes slowly
 _FAR = 40.0  # radii from the balls to which they change the ground
+_CONTACT_END = 1.5  # radii from a ball's foot; within one, a ball shades whatever the picture shows there
 
 
 def insert_balls(
@@ -47,14 +48,28 @@ def insert_balls(
     lit = ground_shadow_mask(np.asarray(picture), lighting, segments=segments)
     in_shade = is_in_shade(lit, camera, centers - [0.0, 1.0, 0.0], radius)
     standing = dim_sun(moved, 0.0) if in_shade else moved
-    left = _remaining_light(lit, camera, replace(moved, exchange=standing.exchange), casts_shadow=not in_shade)
-    return Image.fromarray(srgb_bytes(_composite_balls(linear * _on_ground(left, segments), camera, standing, centers)))
+    points, near = _coarse_ground_points(camera, moved)
+    exchanging = replace(moved, exchange=standing.exchange)
+    left = _remaining_light(lit, camera, exchanging, points, near, casts_shadow=not in_shade)
+    left = _on_ground(left, segments, _enlarge(_contact_share(points, near, moved)[..., None], camera))
+    return Image.fromarray(srgb_bytes(_composite_balls(linear * left, camera, standing, centers)))
 
 
-def _on_ground(left: NDArray[np.float32], segments: Segments | None) -> NDArray[np.float32]:
-    """The share (h, w, 3) of light that balls leave, 1 on what stands before the ground."""
+def _on_ground(
+    left: NDArray[np.float32], segments: Segments | None, contact: NDArray[np.float32]
+) -> NDArray[np.float32]:
+    """The share (h, w, 3) of light that balls leave; 1 on what stands before the ground, but at `contact` (h, w, 1)."""
     free = shadow_receivers(np.ones(left.shape[:2], dtype=np.float32), segments)
-    return 1 + free[..., None] * (left - 1)
+    return 1 + np.maximum(free[..., None], contact) * (left - 1)
+
+
+def _contact_share(points: Floats, near: NDArray[np.bool_], scene: SphereScene) -> NDArray[np.float32]:
+    """1 (H, W) beside the balls' feet, where they stand before all that the picture shows, to 0 at _CONTACT_END."""
+    feet = scene.centers - [0.0, 1.0, 0.0]
+    distance = np.min([np.linalg.norm(points - foot, axis=-1) for foot in feet], axis=0)
+    share = np.zeros(near.shape, dtype=np.float32)
+    share[near] = np.clip((_CONTACT_END - distance) / (_CONTACT_END - 1), 0, 1)
+    return share
 
 
 def _ball_centers(camera: Pinhole, spot: Floats, camera_height: float) -> tuple[Floats, float]:
@@ -69,15 +84,20 @@ def _ball_centers(camera: Pinhole, spot: Floats, camera_height: float) -> tuple[
 
 
 def _remaining_light(
-    lit: NDArray[np.float32], camera: Pinhole, scene: SphereScene, *, casts_shadow: bool
+    lit: NDArray[np.float32],
+    camera: Pinhole,
+    scene: SphereScene,
+    points: Floats,
+    near: NDArray[np.bool_],
+    *,
+    casts_shadow: bool,
 ) -> NDArray[np.float32]:
     """The share (h, w, 3) of each pixel's light that the balls leave or add; 1 above the ground.
 
-    `lit` (H, W) says how far the picture's ground lies in sunlight.
+    `lit` (H, W) says how far the picture's ground lies in sunlight; `points`, `near` are its `_coarse_ground_points`.
     """
     sun = _enlarge(lit[..., None], camera) * (scene.ground - scene.ground_sky).astype(np.float32)
     open_ground = scene.ground_sky.astype(np.float32) + np.float32(1e-6)
-    points, near = _coarse_ground_points(camera, scene)
     added = np.zeros((*near.shape, 3), dtype=np.float32)  # by the balls and all but the sun, less than 0 under them
     added[near] = ground_radiance(points, replace(scene, ground=scene.ground_sky)) - scene.ground_sky
     dark = _shadow_cells(points, near, scene) if casts_shadow else np.zeros_like(near)

@@ -159,14 +159,34 @@ def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust
 ORANGE = np.array([0.42, 0.2, 0.08])
 
 
-@pytest.mark.parametrize(("elevation", "trust"), [(3.0, 1.0), (20.0, 1.0), (25.0, 0.5)])
+@pytest.mark.parametrize(("elevation", "trust"), [(3.0, 0.9), (20.0, 0.9), (25.0, 0.45)])
 def test_an_orange_sky_of_a_low_sun_makes_the_sky_orange(elevation: float, trust: float) -> None:
     light = replace(stated_light(sky_cover=0.0), sun_elevation=elevation, sun_azimuth=150.0)
-    off = sky_color_ratio(photo_of_sky(ORANGE), light)
-    assert off is not None
     found = balanced_sky(photo_of_sky(ORANGE), light)
+    off = (relative_to_green(ORANGE) / relative_to_green(SKY)).clip(0.5, 2.0)
     assert relative_to_green(found) == pytest.approx(relative_to_green(SKY) * off**trust, rel=0.02)
     assert luminance(found) == pytest.approx(luminance(SKY), rel=1e-6)
+
+
+def test_a_mild_sunset_warms_the_sky() -> None:
+    """A sky that is hardly orange, as most of a photo at dusk is, counts for more than half."""
+    light = replace(stated_light(sky_cover=0.0), sun_elevation=5.0, sun_azimuth=0.0)
+    found = balanced_sky(photo_of_sky([0.34, 0.3, 0.27]), light)
+    assert 1.4 * SKY[0] / SKY[2] < found[0] / found[2] < 0.34 / 0.27
+
+
+def test_an_orange_wall_is_no_sunset() -> None:
+    """What is orange below a blue sky tints it only where nothing says that it is a wall."""
+    light = replace(stated_light(sky_cover=0.0, camera_elevation=20.0), sun_elevation=5.0)
+    picture = photo_of_sky(SKY / np.pi)
+    picture[8:] = photo_of_sky(ORANGE)[20]
+    segments = np.zeros((15, 20, len(SurfaceClass)), np.float32)
+    segments[:2, :, SurfaceClass.SKY] = 1
+    segments[2:, :, SurfaceClass.BUILDING] = 1
+    with_wall, without = (sky_white_balance(picture, light, known) for known in (segments, None))
+    assert with_wall is not None
+    assert without is not None
+    assert with_wall[0] / with_wall[2] < 0.8 * without[0] / without[2]
 
 
 def test_an_orange_sky_counts_beside_the_glow_of_the_map() -> None:

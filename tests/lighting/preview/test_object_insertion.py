@@ -90,6 +90,19 @@ def test_what_stands_before_the_ground_takes_no_shadow() -> None:
     assert with_people.max() <= 1
 
 
+def test_balls_touch_whatever_the_picture_shows_at_their_feet() -> None:
+    """Leaves, which else take no shadow, are darker beside a ball's foot, also where no sun shines."""
+    leaves = np.zeros((18, 24, 10), dtype=np.float32)
+    leaves[..., SurfaceClass.PLANTS] = 1.0
+    picture = Image.fromarray(tone_map(np.broadcast_to(SUNLIT, (HEIGHT, WIDTH, 3))))
+    shown = np.asarray(insert_balls(picture, replace(LIGHT, sun_visibility=0.05), stage(), leaves)).astype(int)
+    darker = np.asarray(picture).astype(int) - shown
+    foot = camera_pixel(np.array(LIGHT.spot_direction), CAMERA).astype(int)
+    below = darker[foot[1] + 1 : foot[1] + int(RADIUS / 2), foot[0]]
+    assert below.max() > 20
+    assert np.abs(darker[-2:]).max() <= 1
+
+
 @pytest.mark.parametrize("size", [(32, 256), (256, 32)])
 def test_a_narrow_picture_shows_the_balls(size: tuple[int, int]) -> None:
     picture = Image.new("RGB", size, (90, 120, 160))
