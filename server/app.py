@@ -98,7 +98,7 @@ def _add_middleware(app: FastAPI, service: Service) -> None:
             expose_headers=_EXPOSED_HEADERS,
         )
     app.add_middleware(BrowserGuardMiddleware, settings=service.settings)
-    app.add_middleware(SecurityHeadersMiddleware)
+    app.add_middleware(SecurityHeadersMiddleware, frame_origins=service.settings.frame_origins)
     app.add_middleware(middleware.AccessLogMiddleware, service=service)
     app.add_middleware(DrainBodyMiddleware)
     app.add_middleware(middleware.SliceMiddleware)

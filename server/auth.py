@@ -3,7 +3,7 @@
 import hmac
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from hashlib import sha256
 from ipaddress import ip_address
 from math import ceil
@@ -23,10 +23,11 @@ from server.identity import GROUP_SHARES, Client, client_of_request
 from server.problems import ProblemError
 from server.settings import Settings
 
+_NO_FRAMES = "frame-ancestors 'none'"
 _CONTENT_SECURITY_POLICY = (
     "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' blob: data:; "
     "connect-src 'self' blob: data:; worker-src 'self' blob:; font-src 'self'; manifest-src 'self'; "
-    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    f"base-uri 'none'; form-action 'none'; {_NO_FRAMES}"
 )
 SECURITY_HEADERS = {
     "Content-Security-Policy": _CONTENT_SECURITY_POLICY,
@@ -38,15 +39,25 @@ SECURITY_HEADERS = {
 
 
 class SecurityHeadersMiddleware:
-    """Adds SECURITY_HEADERS to every response."""
+    """Adds SECURITY_HEADERS to every response.
 
-    def __init__(self, app: ASGIApp) -> None:
+    Args:
+        app: the ASGI app inside.
+        frame_origins: whose pages may show a response in a frame; empty: nobody's.
+    """
+
+    def __init__(self, app: ASGIApp, frame_origins: Sequence[str] = ()) -> None:
         self.app = app
+        self._headers = dict(SECURITY_HEADERS)
+        if frame_origins:
+            del self._headers["X-Frame-Options"]  # which can name no origin
+            policy = _CONTENT_SECURITY_POLICY.replace(_NO_FRAMES, f"frame-ancestors {' '.join(frame_origins)}")
+            self._headers["Content-Security-Policy"] = policy
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         async def with_headers(message: Message) -> None:
             if message["type"] == "http.response.start":
-                MutableHeaders(scope=message).update(SECURITY_HEADERS)
+                MutableHeaders(scope=message).update(self._headers)
             await send(message)
 
         await self.app(scope, receive, with_headers)

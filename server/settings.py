@@ -24,7 +24,7 @@ _UNSENDABLE = "holds a character outside ASCII or a control character, which no 
 _ROOT_PATH = re.compile(r"(/[\w.~-]+)*", re.ASCII)
 _HOST_NAME = re.compile(r"[a-z0-9_-]+(\.[a-z0-9_-]+)*")
 _COLLECTOR = re.compile(r"https?://[^/?#\s]+(/[^?#\s]*)?")
-_ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s]+")  # as browsers send it
+_ORIGIN = re.compile(r"[a-z][a-z0-9+.-]*://[^/?#\s;'\"]+")  # as browsers send it
 
 
 class SettingsError(LightingError):
@@ -134,6 +134,11 @@ class Settings(BaseSettings):
         (), description="names of the service, separated by commas or spaces; requests for another name are refused"
     )
     cors_origins: Origins = Field((), description="origins whose web pages may call, separated by commas or spaces")
+    frame_origins: Origins = Field(
+        (),
+        description="origins whose pages may show the page in a frame, separated by commas or spaces, for example "
+        "`https://huggingface.co`",
+    )
     trusted_proxies: str = Field(
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
@@ -167,9 +172,9 @@ class Settings(BaseSettings):
                 raise ValueError(f"Key {number} {_UNSENDABLE}.")
         return keys
 
-    @field_validator("cors_origins")
+    @field_validator("cors_origins", "frame_origins")
     @classmethod
-    def _check_cors_origins(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
+    def _check_origins(cls, origins: tuple[str, ...]) -> tuple[str, ...]:
         for origin in origins:
             if origin != "*" and not _ORIGIN.fullmatch(origin):
                 raise ValueError(f"{origin} is not an origin such as https://example.org, without a slash at its end.")

@@ -14,11 +14,22 @@ import pytest
 FOLDER = Path(__file__).parents[2] / "examples" / "comfyui"
 
 
+OPTIONS = {  # of inputs and outputs, in ComfyUI's comfy_api/latest/_io.py
+    "Image": {"display_name", "optional", "tooltip"},
+    "Int": {"display_name", "optional", "tooltip", "default", "min", "max", "step"},
+    "Boolean": {"display_name", "optional", "tooltip", "default", "label_on", "label_off"},
+}
+OUTPUTS = ("Image", "Mask", "Float", "String")
+
+
 class _Port:
     """An input or output: its name and options."""
 
+    options: frozenset[str] = frozenset({"display_name", "tooltip", "is_output_list"})
+
     def __init__(self, id: str, **options: Any) -> None:
-        self.id, self.options = id, options
+        assert set(options) <= self.options, options
+        self.id = id
 
 
 class _Node:
@@ -37,8 +48,8 @@ class _Output(tuple):  # type: ignore[type-arg]
 @pytest.fixture
 def module(monkeypatch: pytest.MonkeyPatch) -> Any:
     pytest.importorskip("torch")
-    kinds = {kind: SimpleNamespace(Input=_Port, Output=_Port) for kind in ("Image", "Mask", "Int", "Float", "Boolean")}
-    kinds["String"] = SimpleNamespace(Input=_Port, Output=_Port)
+    inputs = {kind: type("Input", (_Port,), {"options": frozenset(names)}) for kind, names in OPTIONS.items()}
+    kinds = {kind: SimpleNamespace(Input=inputs.get(kind), Output=_Port) for kind in {*OPTIONS, *OUTPUTS}}
     latest: Any = ModuleType("comfy_api.latest")
     latest.io = SimpleNamespace(ComfyNode=_Node, Schema=SimpleNamespace, NodeOutput=_Output, **kinds)
     latest.ComfyExtension = _Extension
@@ -62,7 +73,9 @@ def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
     (node,) = asyncio.run(asyncio.run(module.comfy_entrypoint()).get_node_list())
     schema = node.define_schema()
     assert [port.id for port in schema.inputs] == ["photo", "map_height", "sun"]
-    values = node.execute(torch.from_numpy(photo)[None], 64, True)
+    ids = [port.id for port in (*schema.inputs, *schema.outputs)]
+    assert len(set(ids)) == len(ids)  # as Schema.validate demands
+    values = node.execute(photo=torch.from_numpy(photo)[None], map_height=64, sun=True)  # by name, as ComfyUI
     assert len(values) == len(schema.outputs) == 5
     envmap, azimuth, elevation, lit, record = values
     assert (tuple(envmap.shape), envmap.dtype) == ((1, 64, 128, 3), torch.float32)
@@ -70,5 +83,5 @@ def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
     assert tuple(lit.shape[:1]) == (1,)
     assert 0 <= lit.min() <= lit.max() <= 1
     assert (azimuth, elevation) == tuple(json.loads(record)["sun"][name] for name in ("azimuth", "elevation"))
-    without = node.execute(torch.from_numpy(photo)[None], 64, False)[0]
+    without = node.execute(photo=torch.from_numpy(photo)[None], map_height=64, sun=False)[0]
     assert without.max() < envmap.max()

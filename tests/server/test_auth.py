@@ -208,6 +208,13 @@ def test_security_headers_are_on_every_answer(client: TestClient, path: str) -> 
     assert {name: headers[name] for name in SECURITY_HEADERS} == SECURITY_HEADERS
 
 
+def test_the_page_may_be_shown_in_frames_of_origins_that_are_set(estimator: Estimator) -> None:
+    headers = client_of(estimator, frame_origins="https://huggingface.co https://example.org").get("/v1/model").headers
+    own = SECURITY_HEADERS["Content-Security-Policy"].removesuffix("'none'")
+    assert headers["Content-Security-Policy"] == f"{own}https://huggingface.co https://example.org"
+    assert "X-Frame-Options" not in headers
+
+
 def test_the_policy_names_no_other_host() -> None:
     policy = SECURITY_HEADERS["Content-Security-Policy"]
     assert policy.startswith("default-src 'none'")
