@@ -2,9 +2,9 @@
 
 Up is a vector in the picture: to its right, to its upper edge, and into it. All of it is hostile input.
 
-Apple's maker note holds CoreMotion's acceleration, -1 g along y for an iPhone that stands upright and along z for one
-that lies on its back: the direction of gravity by axes to the screen's right, to its upper edge and out of it. The back
-camera looks along -z, and the rows of its sensor run from the phone's top to its foot.
+Apple's maker note holds CoreMotion's acceleration: the direction of gravity by axes to the screen's right, to its upper
+edge and out of it. It is -1 g along y for an iPhone that stands upright, along z for one that lies on its back. The
+back camera looks along -z, and the rows of its sensor run from the phone's top to its foot.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Photo, read_photo, photo_from_array, size and memory limits.
 
 What is read: JPEG, PNG, WebP, TIFF, AVIF where Pillow has it, HEIC, and the preview in a RAW file. Everything ends as
-8-bit sRGB: 16-bit samples are scaled, colours are converted from the encoding that the file states, transparent parts
-become mid-grey, and of an animation or a series the first picture counts, of a TIFF that begins with a thumbnail the
+8-bit sRGB. Samples of 16 bits are scaled, and colours are converted from the encoding that the file states. Transparent
+parts become mid-grey. Of an animation or a series the first picture counts; of a TIFF that begins with a thumbnail, the
 picture behind it. A damaged EXIF block or colour profile never rejects a photo.
 """
 

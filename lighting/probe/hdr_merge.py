@@ -104,8 +104,8 @@ def measure_ratios(bracket: Bracket) -> ExposureRatios:
     if None in ratios:
         first, second = bracket.names[ratios.index(None) :][:2]
         raise ProbeError(
-            f"The exposures {first} and {second} share too few pixels that are neither clipped nor dark to measure "
-            f"their ratio, and have no exposure times in EXIF."
+            f"The exposures {first} and {second} share too few pixels that are neither clipped nor dark. State their "
+            f"exposure times in EXIF."
         )
     relative = np.array(np.cumprod([1.0, *(ratio.value for ratio in ratios if ratio is not None)]), dtype=np.float64)
     return ExposureRatios(relative / relative[-1], ratios, False, ())

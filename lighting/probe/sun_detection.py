@@ -96,8 +96,8 @@ def find_sun(linear: NDArray[np.float32]) -> DetectedSun | None:
     """Find the sun in a panorama.
 
     In an unclipped (HDR) picture it is the centroid of the radiance around the peak. In a clipped one it is the
-    centroid of the largest blown-out region, where a pixel counts by its solid angle and by its excess over the median
-    of its row: bright haze along the horizon then counts for little.
+    centroid of the largest blown-out region. There a pixel counts by its solid angle and its excess over the median
+    of its row, so bright haze along the horizon counts for little.
 
     Args:
         linear: (H, 2H, 3) linear Rec.709.

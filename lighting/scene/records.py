@@ -5,8 +5,8 @@ camera stands over its origin at its height. Light is in the map's units, `expos
 are the photo's linear values: a white diffuse surface under irradiance pi shows as 1.
 
 No light counts twice. The sun's disc is left out of the map and is a light of its own. Below the horizon the map holds
-the ground under sky and sun; a renderer that traces rays sees the ground plane there instead, which has the same albedo
-and so the same radiance, and one that shades by the map alone takes its bounced light from there.
+the ground under sky and sun. A renderer that traces rays sees the ground plane there instead, which has the same
+radiance. One that shades by the map alone takes its bounced light from there.
 """
 
 from dataclasses import dataclass

@@ -5,9 +5,9 @@ intensity x colour on a surface that faces it, whatever its angle. Focal length 
 stage's unit, the meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ is for AR, which takes no
 lights: of both files, the rules of ARKit in OpenUSD's ComplianceChecker pass this one alone.
 
-USD has neither background plates nor shadow catchers of its own: the plate hangs before the camera as a guide, which
-renderers leave out, and the ground carries the primvars by which Omniverse RTX and Karma know one; to others it is a
-diffuse plane of the ground's albedo. `customData` of the plate names `lit_ground.png`, where on it the sun's shadows
+USD has no background plates: the plate hangs before the camera as a guide, which renderers leave out. It has no shadow
+catchers: the ground carries the primvars by which Omniverse RTX and Karma know one. To other renderers the ground is a
+diffuse plane of its albedo. `customData` of the plate names `lit_ground.png`, where on it the sun's shadows
 may fall, and that of `YourObject` says whether it stands in the photo's shade.
 """
 

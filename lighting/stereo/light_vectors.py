@@ -1,9 +1,9 @@
 """Mean light vectors of measured and modelled skies.
 
-A patch of unit normal n and albedo rho under radiance L has the brightness b = rho / pi x the integral of
-L(w) <w, n> over the hemisphere above the patch = <l, x> with x = rho n and the mean light vector
-l(n) = 1 / pi x the integral of L(w) w over that hemisphere (Hold-Geoffroy et al., What Is a Good Day for Outdoor
-Photometric Stereo?, ICCP 2015). l depends on n, for patches of other orientation see other light. Brightnesses at
+A patch of unit normal n and albedo rho is under radiance L. Its brightness is b = rho / pi x the integral of
+L(w) <w, n> over the hemisphere above the patch. So b = <l, x>, with x = rho n and the mean light vector l(n) = 1 / pi x
+the integral of L(w) w over that hemisphere (Hold-Geoffroy et al., What Is a Good Day for Outdoor Photometric Stereo?,
+ICCP 2015). l depends on n, for patches of other orientation see other light. Brightnesses at
 several times stack to b = M x, M the illumination matrix with one mean light vector a row.
 
 Directions are in the world axes of a map: +Y up, true north at -Z (the centre column of a lat-long map), east at +X.

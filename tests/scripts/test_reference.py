@@ -1,12 +1,16 @@
 """The pages of reference are what the code says."""
 
+import re
+
 import click
 import pytest
 
+import lighting
 from lighting.cli.commands import Command
 from lighting.errors import ErrorCode
 from lighting.records import WarningCode
 from lighting.scene import EXPORTERS
+from scripts.markdown import link_terms
 from scripts.reference import (
     FOLDER,
     PAGES,
@@ -16,6 +20,9 @@ from scripts.reference import (
     write_problems,
     write_settings,
 )
+from scripts.reference_http import write_http
+from scripts.reference_python import write_python
+from server.app import create_app
 from server.problems import KINDS
 from server.settings import PREFIX, Settings
 from tests.helpers.processes import list_commands
@@ -71,3 +78,36 @@ def test_every_code_has_its_meaning() -> None:
         "| `PhotoTooLargeError` | `PhotoError` | `too-large` | The photo exceeds the limit on bytes or pixels. |"
         in page
     )
+
+
+def test_every_route_has_its_parameters_and_an_example_that_it_takes() -> None:
+    document, sections = create_app(Settings()).openapi(), write_http().split("\n## ")[1:]
+    told = dict(section.split("\n", 1) for section in sections)
+    routes = {f"{method.upper()} {path}": route for path, m in document["paths"].items() for method, route in m.items()}
+    assert list(told) == list(routes)
+    for name, route in routes.items():
+        parameters = {parameter["name"]: parameter for parameter in route.get("parameters", [])}
+        assert all(f"\n| `{parameter}` | " in told[name] for parameter in parameters)
+        (example,) = re.findall(r"^curl .*$", told[name], re.MULTILINE)
+        assert f"http://127.0.0.1:8000{name.split()[1].split('{')[0]}" in example
+        given = {*re.findall(r"-F (\w+)=", example), *re.findall(r"[?&](\w+)=", example)}
+        assert given - {"photo", "file"} <= set(parameters)
+        needed = {n for n, parameter in parameters.items() if parameter["required"] and parameter["in"] == "query"}
+        assert needed <= given
+    assert "| `height` | `512` | 16 to 2048 | rows of the map, even; columns are twice that |" in told["GET /v1/envmap"]
+
+
+def test_every_public_name_has_its_parameters_and_errors() -> None:
+    page = write_python()
+    for name in set(lighting.__all__) - {"__version__"}:
+        assert f"\n## lighting.{name}\n" in page
+    replace = page.partition("### Estimate.replace")[2].partition("### ")[0]
+    assert "| `exposure` | `0.0` | `float` | EV, -20 to 20, of map and photo: +1 is twice as bright. |" in replace
+    assert "| `ParameterError` | a value is out of range. |" in replace
+    assert "estimator(photo, user_input=UserInput())" in page
+
+
+def test_a_generated_page_links_the_first_use_of_a_term() -> None:
+    page = "# Roll\n\n`roll` of a camera; [its roll](x.md).\n\n```sh\nroll\n```\nThe roll, and a roll.\n"
+    assert link_terms(page, "words.md") == page.replace("`roll`", "[`roll`](words.md#roll)")
+    assert "\nThe [roll](words.md#roll), and a roll." in link_terms(page.replace("`roll`", "That"), "words.md")
