@@ -11,7 +11,7 @@ import export.evaluation.model_card as model_card
 from export.__main__ import export_cli
 from export.data.panoramas import DataError
 from export.evaluation.metrics_file import read_metrics, write_metrics
-from lighting.model import METRICS, MODEL_CARD, packaged_model, weights_path
+from lighting.model import METRICS, MODEL_CARD, network_sha256, packaged_model, weights_path
 
 FOLDER = packaged_model().parent
 MOST_WORDS = 600
@@ -26,6 +26,10 @@ def test_the_card_is_that_of_the_figures_and_short() -> None:
     assert str(metrics.network["sha256"]) in text
     for heading in ("Model Details", "Uses", "Bias, Risks, and Limitations", "Training Details", "Evaluation"):
         assert f"\n## {heading}\n" in text
+
+
+def test_the_figures_are_of_the_network_that_ships() -> None:
+    assert read_metrics(FOLDER / METRICS).network["sha256"] == network_sha256(packaged_model())
 
 
 def test_the_pages_cite_the_figures_as_they_are() -> None:
@@ -73,7 +77,9 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_one_command_takes_an_evaluation_over(package: Path, tmp_path: Path) -> None:
-    metrics = replace(read_metrics(FOLDER / METRICS), date="2030-01-02")
+    metrics = read_metrics(FOLDER / METRICS)
+    facts = {**metrics.network, "sha256": network_sha256(packaged_model())}
+    metrics = replace(metrics, date="2030-01-02", network=facts)
     write_metrics(metrics, tmp_path)
     (tmp_path / "reliability.png").write_bytes(b"curves")
     (model_card.ROOT / "README.md").write_text("<!--metrics:line-->\nold\n<!--/metrics-->\n", encoding="utf-8")
