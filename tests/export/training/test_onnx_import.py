@@ -10,10 +10,12 @@ from onnx import helper, numpy_helper
 from PIL import Image
 from torch import nn
 
+import export.networks.backbone as backbone
 from export.data.panoramas import DataError
+from export.networks.backbone import Backbone
 from export.networks.onnx_export import write_onnx
-from export.networks.outdoor import Outdoor, network_specs
-from export.networks.weights import CHECKPOINT, RECORD, read_network, read_record, training_history, write_run
+from export.networks.outdoor import Outdoor, build_network, network_specs
+from export.networks.weights import CHECKPOINT, read_network, read_record, training_history, write_run
 from export.training.config import TrainConfig
 from export.training.onnx_import import _make_record, _read_onnx_network, _recalibrate_batch_norm, unpack_network
 from lighting.model import packaged_model
@@ -21,22 +23,24 @@ from lighting.model import packaged_model
 ROUNDED = 0.1  # of the largest value: the file's weights are bytes, and these networks have hardly learnt to tell apart
 
 
-def test_shared_first_layers_are_found_under_the_other_networks_names(trained: Path, tmp_path: Path) -> None:
-    """A network beside a camera's network whose first layers are the same."""
-    file = tmp_path / "outdoor.onnx"
-    checkpoint = torch.load(trained / CHECKPOINT, weights_only=True)
+def test_shared_first_layers_are_found_under_the_other_networks_names(
+    trained: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A network beside a camera's network whose first layers are the same; both with one block a stage."""
+    monkeypatch.setattr(backbone, "_STAGES", [(*stage[:-1], 1) for stage in backbone._STAGES])
+    monkeypatch.setattr(Backbone, "MIDDLE_BLOCKS", 5)
+    file, run, camera = (tmp_path / name for name in ("outdoor.onnx", "run", "camera"))
+    torch.manual_seed(7)
+    weights = build_network(network_specs("1.0.0")["outdoor"]).state_dict()
     kept = (".stem.", ".blocks.0.", ".blocks.1.", ".blocks.2.")
-    weights = checkpoint["average"].items()
-    changed = {name: value if any(part in name for part in kept) else value * 1.125 for name, value in weights}
-    camera = tmp_path / "camera"
-    camera.mkdir()
-    (camera / RECORD).write_text((trained / RECORD).read_text())
-    torch.save({"average": changed}, camera / CHECKPOINT)
-    write_onnx([trained], file, cameras=[camera])
+    changed = {name: value if any(part in name for part in kept) else value * 1.125 for name, value in weights.items()}
+    write_run(run, read_record(trained), weights)
+    write_run(camera, read_record(trained), changed)
+    write_onnx([run], file, cameras=[camera])
     network, _ = _read_onnx_network(file, 0)
     photo = torch.randn(1, 3, 224, 224)
     with torch.inference_mode():
-        expected, answer = read_network(trained)(photo), network.eval()(photo)
+        expected, answer = read_network(run)(photo), network.eval()(photo)
     assert (answer.sun - expected.sun).abs().max() < ROUNDED * expected.sun.abs().max()
 
 
