@@ -12,6 +12,7 @@ holder sees it, so that the horizon in the picture turns counter-clockwise. Fiel
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -78,14 +79,17 @@ def _unit(vector: ArrayLike) -> Floats:
     return np.asarray(v / np.linalg.norm(v, axis=-1, keepdims=True))
 
 
+@lru_cache(maxsize=16)
 def latlong_angles(height: int) -> tuple[Floats, Floats]:
-    """Return azimuth of the columns (2H,) and elevation of the rows (H,) [deg], at pixel centers.
+    """Return azimuth of the columns (2H,) and elevation of the rows (H,) [deg], at pixel centers, to be read alone.
 
     Args:
         height: rows of the lat-long image.
     """
     azimuth = ((np.arange(2 * height) + 0.5) / (2 * height) - 0.5) * 360.0
     elevation = (0.5 - (np.arange(height) + 0.5) / height) * 180.0
+    for angles_of_pixels in (azimuth, elevation):
+        angles_of_pixels.setflags(write=False)
     return azimuth, elevation
 
 

@@ -286,7 +286,7 @@ def _godot(probe: LightProbe) -> Json:
 
 def _rounded(values: Floats) -> list[float]:
     """All numbers of an array, one after the other, as records hold them."""
-    return [round_significant(float(value)) + 0.0 for value in np.ravel(values)]
+    return list(map(round_significant, (np.ravel(values) + 0.0).tolist()))  # without -0.0
 
 
 LIGHT_PROBE_FORMATS: dict[str, Callable[[LightProbe], Json]] = {

@@ -21,14 +21,17 @@ _BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of m
 EPSILON_IRRADIANCE = 1e-12  # irradiance, radiance or exposure that stands for none in a divisor
 
 
+@lru_cache(maxsize=16)
 def row_irradiance(height: int) -> Floats:
-    """Irradiance (H,) of level ground, facing up or down, by radiance 1 in each row of a map.
+    """Irradiance (H,) of level ground, facing up or down, by radiance 1 in each row of a map, to be read alone.
 
     Args:
         height: rows of the map.
     """
     edges = np.sin(np.linspace(-math.pi / 2, math.pi / 2, height + 1)) ** 2
-    return np.abs(np.diff(edges)) * math.pi
+    irradiance = np.abs(np.diff(edges)) * math.pi
+    irradiance.setflags(write=False)
+    return irradiance
 
 
 def fits_block(height: int) -> bool:

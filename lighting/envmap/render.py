@@ -318,9 +318,9 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
     """Factor and offset (3, H / 2) of the rows above the horizon, exposure and mean radiance in the factor."""
     up = np.sin(np.radians(latlong_angles(height)[1][: height // 2]))
     coefficients, radiance = sky_parameters(lighting.sun_elevation, lighting.turbidity, lighting.ground_albedo)
-    terms = [sky_gradation(row, up) for row in coefficients]
-    factor = np.stack([factor for factor, _ in terms]) * radiance[:, None] * lighting.exposure
-    return np.asarray(factor, dtype=np.float32), np.asarray(np.stack([offset for _, offset in terms]), dtype=np.float32)
+    factors, offsets = zip(*map(sky_gradation, coefficients, (up, up, up)), strict=True)
+    factor = np.stack(factors) * radiance[:, None] * lighting.exposure
+    return np.asarray(factor, dtype=np.float32), np.asarray(np.stack(offsets), dtype=np.float32)
 
 
 def clear_irradiance(lighting: Lighting) -> Floats:

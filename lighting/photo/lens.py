@@ -147,7 +147,7 @@ def _sensor_diagonal(camera: Tags, xmp: Mapping[str, str]) -> float | None:
 
 def _positive(camera: Tags, xmp: Mapping[str, str], tag: int, name: str) -> float | None:
     """A number over 0 by EXIF, or else by XMP."""
-    number = try_read(lambda tags: read_number(_first(tags[tag])), camera)
+    number = try_read(lambda tags: read_number(_first(tags[tag])), camera) if tag in camera else None
     if number is None and (text := xmp.get(f"{EXIF_NAMESPACE} {name}")) is not None:
         number = try_read(lambda _: read_xmp_number(text), {})
     return number if number is not None and number > 0 else None
