@@ -183,6 +183,7 @@ def _serve() -> None:
         app,
         host=settings.host,
         port=settings.port,
+        loop="asyncio",  # uvloop, where it is installed, would read without the bounds of BoundedProtocol
         workers=1,  # whatever WEB_CONCURRENCY says, which many hosts set: one process works on several photos
         log_config=_logging_config(settings.log_level.upper()),
         access_log=False,

@@ -63,6 +63,16 @@ def test_100_megabytes_are_413_and_the_connection_survives(server: Server) -> No
 
 
 @pytest.mark.slow
+def test_headers_that_come_at_once_are_bounded_whatever_loop_is_installed(server: Server) -> None:
+    """uvloop gave protocols all that a socket held."""
+    with server.connect() as connection:
+        connection.sendall(
+            b"GET /livez HTTP/1.1\r\nHost: x\r\nX-A: " + bytes(30_000).replace(b"\0", b"a") + b"\r\n\r\n"
+        )
+        assert connection.recv(12) == b"HTTP/1.1 431"
+
+
+@pytest.mark.slow
 @linux
 @pytest.mark.parametrize("line", [b"X-A: " + bytes(1000).replace(b"\0", b"a"), b"X-A: a"], ids=["long", "many"])
 def test_megabytes_of_headers_are_refused_and_take_no_memory(server: Server, line: bytes) -> None:
