@@ -15,6 +15,7 @@ export async function visit(browser, url, seen, { dated, photo }) {
 async function correct(page, seen) {
   await page.click("#correct summary");
   seen.time = await page.inputValue("#input-time");
+  await choosePlace(page, seen);
   await page.fill("#input-latitude", "41.91");
   await page.fill("#input-longitude", "12.48");
   await page.fill("#input-utc_offset", "+02:00");
@@ -33,6 +34,21 @@ async function correct(page, seen) {
   expectFailures(seen, /status of 422/);
   await relit(page, () => page.click("#forget"));
   seen.evidence.push(await page.textContent("#evidence"));
+}
+
+/** A place by the small map: clicked, then moved by keys. */
+async function choosePlace(page, seen) {
+  const place = async () => [await page.inputValue("#input-latitude"), await page.inputValue("#input-longitude")];
+  const map = page.locator("#world");
+  const { width, height } = await map.boundingBox();
+  seen.marked = [await page.isVisible("#world-mark")];
+  await map.click({ position: { x: 0.534 * width, y: 0.267 * height } });
+  seen.marked.push(await page.isVisible("#world-mark"));
+  seen.places = [await place()];
+  await map.press("ArrowUp");
+  await map.press("Shift+ArrowLeft");
+  seen.places.push(await place());
+  seen.placeSaid = await map.getAttribute("aria-valuetext");
 }
 
 /** Records of newer networks, and of an answer that is none. */

@@ -81,6 +81,7 @@ async function movePlacement(page, seen, folder) {
   await page.mouse.click(x + 0.85 * width, y + 0.85 * height);
   seen.shade = [await page.isVisible("#shade"), (await foot(page))[0]];
   await press(page.locator("#put-in-sun"));
+  await page.waitForFunction(() => !document.getElementById("put-in-sun").disabled); // until the service has answered
   seen.shade.push(await page.isVisible("#shade"), (await foot(page))[0]);
   await page.focus("#stage");
   for (let i = 0; i < 11; i++) await page.keyboard.press("Control+z");

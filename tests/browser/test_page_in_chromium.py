@@ -334,6 +334,11 @@ class TestMetadata:
         assert "time and place" in corrected
         assert "time and place" not in before == after
         assert seen["time"] == "2024-08-10T14:28:12"
+        assert seen["marked"] == [False, True]
+        clicked, keyed = (list(map(float, place)) for place in seen["places"])
+        assert clicked == pytest.approx([41.9, 12.2], abs=1.5)  # of a map on which a pixel is a degree
+        assert keyed == pytest.approx([clicked[0] + 0.5, clicked[1] - 10])
+        assert seen["placeSaid"] == f"{keyed[0]:.1f}° N, {keyed[1]:.1f}° E"
         assert "dark" in seen["night"]
         assert seen["nightInSight"]
 

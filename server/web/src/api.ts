@@ -1,6 +1,6 @@
 /** The service as the page uses it. Paths are relative, so that it also works behind a proxy's prefix. */
 
-import type { Camera } from "./geometry/camera";
+import type { Camera, Point } from "./geometry/camera";
 import type { Triple } from "./geometry/color";
 import type { Distribution } from "./geometry/distribution";
 import { type UserInput, userInputQuery } from "./text/metadata";
@@ -148,6 +148,14 @@ export const fetchUprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Bl
 /** What a photo shows of its ground, as PNG: green is where the sun's shadow of an object may fall. */
 export const fetchGroundMask = (photo: Blob, userInput: UserInput, signal: AbortSignal): Promise<Blob> =>
   post(`v1/ground?${userInputQuery(userInput, 1)}`, buildForm([photo]), signal);
+
+/** The nearest ground in the sun to a point of a photo, both in shares of its width and height; null where there is none. */
+export async function fetchLitSpot(photo: Blob, userInput: UserInput, [x, y]: Point): Promise<Point | null> {
+  const query = userInputQuery(userInput, 1);
+  for (const [name, share] of Object.entries({ x, y })) query.set(name, formatNumber(Math.min(Math.max(share, 0), 1)));
+  const answer = await request(`v1/ground/lit-spot?${query}`, { method: "POST", body: buildForm([photo]) });
+  return ((await answer.json()) as { spot: Point | null }).spot;
+}
 
 /** An example's file. */
 export const fetchExample = async (url: string, signal: AbortSignal): Promise<Blob> =>

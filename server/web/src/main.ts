@@ -48,6 +48,7 @@ import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
 import { SunHandle } from "./views/sunHandle";
 import { listenForUploads, showMatching, showPhotos } from "./views/upload";
+import { listenForWorldMap } from "./views/worldMap";
 
 interface EstimateRequest {
   sources: PhotoSource[];
@@ -131,6 +132,7 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
 listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
 listenForGestures();
 listenForCities();
+listenForWorldMap();
 showMovingExample();
 watchViewer();
 byId("unfold").addEventListener("click", () => foldResult(false));
@@ -194,7 +196,7 @@ async function runEstimate({ sources, userInput }: EstimateRequest, signal: Abor
   const photos = await Promise.all((await Promise.all(upright)).map((photo, i) => cropPhoto(photo, answers[i]?.crop)));
   if (signal.aborted) return;
   for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
-  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number]));
+  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number], userInput));
   session = { views, index: 0, userInput };
   clearErrors();
   document.body.toggleAttribute("data-answered", true);

@@ -19,7 +19,7 @@ import { type GroundMask, groundMaskFromPixels, SUNLIT } from "./scene/groundMas
 import { coverOf, type SkyRequest } from "./sky/lighting";
 import type { ExportedLight } from "./sky/worker";
 import { isSunny } from "./text/format";
-import type { UserInput } from "./text/metadata";
+import { NO_USER_INPUT, type UserInput } from "./text/metadata";
 import { History } from "./ui/history";
 
 /** What can be changed, and undone. */
@@ -34,6 +34,7 @@ export interface EditState {
 /** One photo with its answer. */
 export interface PhotoView {
   photo: Photo;
+  userInput: UserInput; // of its estimate
   estimate: Estimate;
   history: History<EditState>;
   irradiances: Irradiances; // of the light on show
@@ -55,7 +56,7 @@ export interface Session {
   userInput: UserInput;
 }
 
-export function createView(photo: Photo, estimate: Estimate): PhotoView {
+export function createView(photo: Photo, estimate: Estimate, userInput: UserInput = NO_USER_INPUT): PhotoView {
   const { camera, ground } = estimate;
   const placement = initialPlacement(camera, aspectRatio(photo), ground?.spot?.direction ?? null);
   const initial: EditState = {
@@ -68,6 +69,7 @@ export function createView(photo: Photo, estimate: Estimate): PhotoView {
   return {
     ...{ photo, estimate, history: new History(initial), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
     groundMask: SUNLIT,
+    userInput,
   };
 }
 

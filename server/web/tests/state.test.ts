@@ -15,7 +15,7 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../src/geometry/placement";
-import { groundMaskFromPixels, nearestSunlit, sunlitAround } from "../src/scene/groundMask";
+import { groundMaskFromPixels, sunlitAround } from "../src/scene/groundMask";
 import { buildRecord, cameraOverrides, imagePart, parametersFromRecord, statedOverrides } from "../src/state";
 import {
   describeBorrowed,
@@ -29,6 +29,7 @@ import {
 import { type SnippetInput, writeCurl, writePython } from "../src/text/snippets";
 import { History } from "../src/ui/history";
 import { findCities, parseCities } from "../src/views/cities";
+import { formatPlace, movePlace, placeOfPoint, pointOfPlace } from "../src/views/worldMap";
 
 const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
 const METADATA: PhotoMetadata = {
@@ -341,11 +342,20 @@ describe("the ground", () => {
     const read = (x: number, reach: number): number => sunlitAround(mask, [x, 0.55], [reach, reach]);
     expect([read(0.25, 0.01), read(0.85, 0.01), read(1.2, 0.01), read(0.45, 0.1)]).toEqual([0, 1, 1, 1 / 3]);
   });
+});
 
-  it("has a nearest spot in the sun with room around it", () => {
-    expect(nearestSunlit(mask, [0.1, 0.55])).toEqual([0.75, 0.55]);
-    const dark = { ...mask, lit: new Uint8Array(100) };
-    expect(nearestSunlit(dark, [0.1, 0.5])).toBeNull();
+describe("the small map", () => {
+  it("gives the place of a point, and the point of a place", () => {
+    expect(placeOfPoint(0.5, 0.5)).toEqual({ latitude: 0, longitude: 0 });
+    expect(placeOfPoint(0.53222, 0.2325)).toEqual({ latitude: 48.15, longitude: 11.6 });
+    expect(pointOfPlace({ latitude: -90, longitude: 180 })).toEqual([1, 1]);
+    expect(placeOfPoint(1.2, -1)).toEqual({ latitude: 90, longitude: 180 });
+  });
+
+  it("goes on around the earth, and ends at its poles", () => {
+    expect(movePlace({ latitude: 89.8, longitude: 179.8 }, 0.5, 0.5)).toEqual({ latitude: 90, longitude: -179.7 });
+    expect(movePlace({ latitude: 0, longitude: -175 }, -10, -10)).toEqual({ latitude: -10, longitude: 175 });
+    expect(formatPlace({ latitude: -33.9, longitude: -70.66 })).toBe("33.9° S, 70.7° W");
   });
 });
 

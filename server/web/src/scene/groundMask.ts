@@ -41,31 +41,3 @@ export function sunlitAround({ width, height, lit }: GroundMask, [x, y]: Point, 
   }
   return count ? sum / count / 255 : 1;
 }
-
-const SURE = 160; // of 255, from which a cell counts as firm and as lit
-const ROOM = 2; // cells beside one that are to be so, too
-
-/** The point nearest to another one where firm ground lies in the sun; null where none does. */
-export function nearestSunlit(mask: GroundMask, [x, y]: Point): Point | null {
-  const { width, height } = mask;
-  let best: Point | null = null;
-  let least = Number.POSITIVE_INFINITY;
-  for (let row = ROOM; row < height - ROOM; row++) {
-    for (let column = ROOM; column < width - ROOM; column++) {
-      const point: Point = [(column + 0.5) / width, (row + 0.5) / height];
-      const distance = ((point[0] - x) * width) ** 2 + ((point[1] - y) * height) ** 2;
-      if (distance < least && hasRoom(mask, column, row)) [best, least] = [point, distance];
-    }
-  }
-  return best;
-}
-
-function hasRoom({ width, firm, lit }: GroundMask, column: number, row: number): boolean {
-  for (const down of [-ROOM, 0, ROOM]) {
-    for (const right of [-ROOM, 0, ROOM]) {
-      const i = (row + down) * width + column + right;
-      if ((firm[i] as number) < SURE || (lit[i] as number) < SURE) return false;
-    }
-  }
-  return true;
-}

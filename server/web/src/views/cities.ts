@@ -2,6 +2,7 @@
 
 import citiesUrl from "../cities.tsv?url";
 import { byId, createElement } from "../dom";
+import { takePlace } from "./worldMap";
 
 interface City {
   label: string; // as "Munich, Germany"
@@ -65,8 +66,7 @@ export function listenForCities(): void {
 
 function takeCity({ label, lat, lon }: City): void {
   byId<HTMLInputElement>("input-city").value = label;
-  byId<HTMLInputElement>("input-latitude").value = lat;
-  byId<HTMLInputElement>("input-longitude").value = lon;
+  takePlace({ latitude: Number(lat), longitude: Number(lon) });
   byId("city-note").textContent = `${label}: ${lat}, ${lon}.`;
 }
 

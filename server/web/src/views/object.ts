@@ -1,5 +1,6 @@
 /** The stage with its controls; three.js is fetched when the first photo has its answer. */
 
+import { fetchLitSpot } from "../api";
 import { addRadioButtons, byId, findRadio, isTouchDevice } from "../dom";
 import type { Point } from "../geometry/camera";
 import {
@@ -14,7 +15,7 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../geometry/placement";
-import { nearestSunlit, SUNLIT, sunlitAround } from "../scene/groundMask";
+import { SUNLIT, sunlitAround } from "../scene/groundMask";
 import type { Stage } from "../scene/stage";
 import type { SceneLight } from "../sky/lighting";
 import { aspectRatio, currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
@@ -111,13 +112,23 @@ export class ObjectView {
   }
 
   /** Moves the object to the nearest ground in the sun, or lights it where it stands if the photo shows none. */
-  private putInSun(): void {
-    if (!this.view) return;
-    const { placement } = currentState(this.view);
-    const foot = this.foot(placement);
-    const spot = foot && nearestSunlit(this.view.groundMask, foot);
-    const moved = spot && movePlacement(placement, this.view.estimate.camera, this.aspect, spot);
-    this.change(moved ? { placement: moved } : { inSun: true }, "put in the sun");
+  private async putInSun(): Promise<void> {
+    const view = this.view;
+    const foot = view && this.foot(currentState(view).placement);
+    if (!view || !foot) return;
+    const button = byId<HTMLButtonElement>("put-in-sun");
+    button.disabled = true;
+    try {
+      const spot = await fetchLitSpot(view.photo.file, view.userInput, foot);
+      if (view !== this.view) return; // another photo came meanwhile
+      const { placement } = currentState(view);
+      const moved = spot && movePlacement(placement, view.estimate.camera, this.aspect, spot);
+      this.change(moved ? { placement: moved } : { inSun: true }, "put in the sun");
+    } catch (error) {
+      this.onError(error);
+    } finally {
+      button.disabled = false;
+    }
   }
 
   light(light: SceneLight, view: PhotoView): void {

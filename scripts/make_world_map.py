@@ -1,0 +1,76 @@
+"""Make the small map on which the page takes a location without asking anybody.
+
+    npm pack world-atlas@2.0.2 && tar xzf world-atlas-2.0.2.tgz
+    python -m scripts.make_world_map package/land-110m.json
+
+Writes `server/web/src/world.svg`: all land in a plate carrée, a unit a tenth of a degree. The outlines are those of
+Natural Earth (https://www.naturalearthdata.com), which are in the public domain.
+"""
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from itertools import accumulate
+from pathlib import Path
+from typing import Any
+
+TARGET = Path(__file__).parents[1] / "server" / "web" / "src" / "world.svg"
+UNITS = 10  # a degree
+_GRAY = "#8a929c"  # seen on light and on dark pages
+
+Point = tuple[int, int]  # units to the right of Greenwich, and down from the equator
+
+
+def decode_arcs(topology: dict[str, Any]) -> list[list[Point]]:
+    """Return the arcs of a TopoJSON, whose points are differences of scaled integers.
+
+    Args:
+        topology: as JSON holds it.
+    """
+    (scale_x, scale_y), (left, bottom) = topology["transform"]["scale"], topology["transform"]["translate"]
+
+    def place(column: int, row: int) -> Point:
+        return round(UNITS * (left + scale_x * column)), round(-UNITS * (bottom + scale_y * row))
+
+    return [
+        [place(*point) for point in accumulate(map(tuple, arc), lambda a, b: (a[0] + b[0], a[1] + b[1]))]
+        for arc in topology["arcs"]
+    ]
+
+
+def rings(topology: dict[str, Any]) -> Iterator[list[Point]]:
+    """Yield the outlines of all polygons.
+
+    Args:
+        topology: of land alone.
+    """
+    arcs = decode_arcs(topology)
+    for geometry in topology["objects"]["land"]["geometries"]:
+        for polygon in geometry["arcs"]:
+            for ring in polygon:
+                yield [point for arc in ring for point in (arcs[arc] if arc >= 0 else arcs[~arc][::-1])]
+
+
+def path_of(ring: Sequence[Point]) -> str:
+    """Return an outline as a path of SVG, in steps from point to point.
+
+    Args:
+        ring: its points, the first one again at the end.
+    """
+    points = [point for point, before in zip(ring, [None, *ring], strict=False) if point != before]
+    steps = (f"{x - a} {y - b}" for (a, b), (x, y) in zip(points, points[1:-1], strict=False))
+    return f"M{points[0][0]} {points[0][1]}l{' '.join(steps)}z".replace(" -", "-")
+
+
+def main() -> None:
+    topology = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
+    land = "".join(path_of(ring) for ring in rings(topology) if len(set(ring)) > 2)
+    view = f"{-180 * UNITS} {-90 * UNITS} {360 * UNITS} {180 * UNITS}"
+    TARGET.write_text(
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}"><title>Land</title><path fill="{_GRAY}" d="{land}"/></svg>\n',
+        encoding="utf-8",
+    )
+
+
+if __name__ == "__main__":
+    main()
