@@ -95,7 +95,7 @@ def cli(debug: bool) -> None:
     \b
     Completion, once for each shell:
       bash  eval "$(_LIGHTING_COMPLETE=bash_source lighting)"     in ~/.bashrc
-      zsh   eval "$(_LIGHTING_COMPLETE=zsh_source lighting)"      in ~/.zshrc
+      zsh   eval "$(_LIGHTING_COMPLETE=zsh_source lighting)"      in ~/.zshrc, after compinit
       fish  _LIGHTING_COMPLETE=fish_source lighting | source      in ~/.config/fish/config.fish
     """
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from datetime import datetime
+from difflib import get_close_matches
 from functools import wraps
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -103,6 +104,22 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
     @property
     def choices(self) -> tuple[str, ...]:  # type: ignore[override]
         return tuple(self.names())
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Read a name; BadParameter for another one, with a similar one if there is any.
+
+        Args:
+            value: as the user typed it.
+            param: of click.
+            ctx: of click.
+        """
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            near = get_close_matches(str(value).lower(), self.choices, n=1)
+            if not near:
+                raise
+            self.fail(f"{error.message} Did you mean {near[0]}?", param, ctx)
 
 
 class _Compression(RegistryChoice):

@@ -101,6 +101,7 @@ def test_a_folder_that_must_not_be_written_is_one_sentence(
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
+        (["--for", "Blendr"], "Did you mean blender?"),
         (["--for", "maya"], f"'maya' is not one of {', '.join(map(repr, EXPORTERS))}."),
         (["--for", "gltf", "--up-axis", "Y"], "--up-axis goes with --for usd."),
         (["--for", "usd", "--sun", "40,25", "--no-sun"], "choose one."),
