@@ -10,7 +10,7 @@ Natural Earth (https://www.naturalearthdata.com), which are in the public domain
 import json
 import sys
 from collections.abc import Iterator, Sequence
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +58,7 @@ def path_of(ring: Sequence[Point]) -> str:
         ring: its points, the first one again at the end.
     """
     points = [point for point, before in zip(ring, [None, *ring], strict=False) if point != before]
-    steps = (f"{x - a} {y - b}" for (a, b), (x, y) in zip(points, points[1:-1], strict=False))
+    steps = (f"{x - a} {y - b}" for (a, b), (x, y) in pairwise(points[:-1]))
     return f"M{points[0][0]} {points[0][1]}l{' '.join(steps)}z".replace(" -", "-")
 
 
@@ -66,10 +66,9 @@ def main() -> None:
     topology = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
     land = "".join(path_of(ring) for ring in rings(topology) if len(set(ring)) > 2)
     view = f"{-180 * UNITS} {-90 * UNITS} {360 * UNITS} {180 * UNITS}"
-    TARGET.write_text(
-        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}"><title>Land</title><path fill="{_GRAY}" d="{land}"/></svg>\n',
-        encoding="utf-8",
-    )
+    picture = f'<title>Land</title><path fill="{_GRAY}" d="{land}"/>'
+    svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}">{picture}</svg>\n'
+    TARGET.write_text(svg, encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -15,6 +15,7 @@ from PIL import Image
 from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
+from lighting.files.exr import read_exr
 from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.output import _write_png16
@@ -79,7 +80,7 @@ def wait(client: TestClient, address: str) -> dict[str, Any]:
 @pytest.mark.slow
 def test_photos_become_a_zip_that_is_kept_until_it_is_deleted(client: TestClient, folder: Path) -> None:
     upload = pack(**{"day/a.jpg": encode(scene(64, 48)), "day/b.jpg": encode(scene(48, 64)), "day/c.jpg": b"no photo"})
-    answer = submit(client, upload, kind="photos", envmap="true", height=16)
+    answer = submit(client, upload, kind="photos", envmap="true", height=16, sun="40,25")
     assert answer.status_code == 202, answer.text
     address = answer.headers["location"]
     assert answer.json()["links"] == {"self": address}
@@ -92,6 +93,9 @@ def test_photos_become_a_zip_that_is_kept_until_it_is_deleted(client: TestClient
     with zipfile.ZipFile(io.BytesIO(result.content)) as archive:
         assert {"lighting.jsonl", "day/a.jpg.exr", "day/b.jpg.exr"} <= set(archive.namelist())
         lines = [json.loads(line) for line in archive.read("lighting.jsonl").splitlines()]
+        _, light = read_exr(archive.extract("day/a.jpg.exr", folder.parent))
+    assert light
+    assert (light.sun_azimuth, light.sun_elevation) == (40.0, 25.0)
     assert sorted(line["file"] for line in lines) == ["day/a.jpg", "day/b.jpg", "day/c.jpg"]
     assert sum("lighting" in line for line in lines) == 2
     assert [path.name for path in (folder / record["id"]).iterdir()] == [RESULT_FILE]  # the upload is gone
@@ -177,6 +181,8 @@ def test_what_a_request_may_ask_is_checked_before_it_is_a_job(client: TestClient
         ({"kind": "photos", "every": "1"}, "every", "goes with kind=video"),
         ({"kind": "normals", "time": "2024-06-01T12:00Z"}, "time", "goes with kind=video"),
         ({"kind": "photos", "height": "15"}, "height", "16"),
+        ({"kind": "photos", "exposure": "1"}, "exposure", "goes with envmap=true"),
+        ({"kind": "normals", "sun": "40,25"}, "sun", "goes with kind=video or photos"),
     ):
         (error,) = problem(submit(client, upload, **fields), 422, "invalid")["errors"]
         assert error["field"] == field
