@@ -29,7 +29,7 @@ from lighting.geometry import (
 from lighting.records import record_with_coefficients
 from lighting.scene import gltf, threejs
 from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene, make_placeholder
-from tests.helpers.browser import drawings
+from tests.helpers.drawings import drawings
 from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 Pictures = dict[str, NDArray[Any]]
