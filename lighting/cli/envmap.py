@@ -144,7 +144,12 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     lighting = photos.adjust_light(stored or console.read_lighting(record), adjustments)
     context = None if photo is None else photos.context_of_record(photo, options["height"], **place)
     console.write_output_map(name, lighting, context=context, **options)
-    console.print_estimate(record, lighting, (), {"output": name}, as_json=as_json, quiet=quiet)
+    probe = None
+    if as_json:
+        from lighting.light_probe import compute_light_probe
+
+        probe = compute_light_probe(lighting, context, sun=options["sun"])
+    console.print_estimate(record, lighting, (), {"output": name}, probe=probe, as_json=as_json, quiet=quiet)
     if photo is None and place["surroundings"] is None and not quiet:
         click.echo("Sky only: the place needs the photo (--photo PHOTO).", err=True)
     outputs.report_written([name], quiet=quiet or as_json)

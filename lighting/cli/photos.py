@@ -73,8 +73,12 @@ class PhotoOptions:
             warnings: of the answer and of what was made of it.
             files: that were written, by what they are.
         """
+        probe = None
+        if self.as_json:
+            sun = choose_sun(self.sun, self.adjustments)
+            probe = answer.replace(lighting=lighting).light_probe(sun=sun, surroundings=self.surroundings)
         crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
-        console.print_estimate(photo, lighting, warnings, files, crop=crop, as_json=as_json, quiet=quiet)
+        console.print_estimate(photo, lighting, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
 
 
 def adjust_light(lighting: "Lighting", adjustments: "Adjustments | None") -> "Lighting":

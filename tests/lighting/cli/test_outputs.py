@@ -9,7 +9,7 @@ import pytest
 from lighting.cli.outputs import MAPS, choose_folder, open_command
 from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.render import render
-from lighting.files.exr import read_exr
+from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.records import Lighting
 from lighting.scene import EXPORTERS, opening_command
 from tests.helpers.processes import LIGHTING, error_of, invoke_command
@@ -91,6 +91,8 @@ def test_a_bad_photo_does_not_stop_the_maps_of_others(network: Path, photo_path:
     first, second = map(json.loads, result.stdout.splitlines())
     assert set(first) == {"file", "error"}
     assert set(second) == {"file", "output", "lighting"}
+    header = read_exr_attributes(tmp_path / "maps" / "photo.exr")["light_probe.coefficients"]
+    assert np.ravel(second["lighting"]["light_probe"]["coefficients"]) == pytest.approx(header, rel=1e-3, abs=1e-6)
     assert second["output"] == str(tmp_path / "maps" / "photo.exr")
     sentence, count = result.stderr.splitlines()
     assert sentence.startswith(f"Error: {bad}: The file is not a JPEG")
