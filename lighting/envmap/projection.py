@@ -81,7 +81,7 @@ class PhotoProjection:
         Args:
             rows: of the map.
         """
-        return max(self.rows.start, rows.start) < min(self.rows.stop, rows.stop)
+        return bool(max(self.rows.start, rows.start) < min(self.rows.stop, rows.stop))
 
     def blocks(self, rows: slice) -> Iterator[ProjectedPhoto]:
         """Its pixels in some rows of the map, in each block of columns.

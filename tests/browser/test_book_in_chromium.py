@@ -5,8 +5,8 @@ from fastapi import FastAPI
 
 from server.auth import SecurityHeadersMiddleware
 from server.static_page import make_book_router, make_page_router
-from tests.helpers.browser import Seen, missing, visit_feature
 from tests.helpers.processes import serve_app
+from tests.helpers.visits import Seen, missing, visit_feature
 
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(bool(missing()), reason=missing() or "all is there")]
 

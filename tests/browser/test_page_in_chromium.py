@@ -37,9 +37,9 @@ from lighting.scene import EXPORTERS
 from server.app import create_app
 from server.settings import Settings
 from server.static_page import BUNDLE
-from tests.helpers.browser import Seen, missing, visit_feature
 from tests.helpers.cameras import picture, texture
 from tests.helpers.photos import phone
+from tests.helpers.visits import Seen, missing, visit_feature
 
 ROOT = Path(__file__).parents[2]
 PHOTO = ROOT / "examples" / "railway_field.jpg"

@@ -1,42 +1,71 @@
-"""Chromium for tests."""
+"""A headless Chromium for pages of three.js; tests that need it are skipped where there is none."""
 
-import json
+import base64
+import re
 import shutil
 import subprocess
+import tempfile
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
-from server.static_page import BUNDLE
-from tests.helpers.pages import ROOT
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
 
-PATIENCE = 900.0  # seconds
-
-Seen = dict[str, Any]  # what a visitor saw
-
-
-def chromium() -> str | None:
-    """The browser's program."""
-    return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+_PROGRAMS = ("chromium", "chromium-browser", "google-chrome", "chrome")
+ATTEMPTS = 3
+_END = 'data-script="ended"'
+_PICTURE = re.compile(r'<img class="drawn" alt="(\w+)" src="data:image/png;base64,([^"]+)"')
 
 
-def missing() -> str:
-    """What a visit lacks here, as a sentence; empty if nothing."""
-    if not shutil.which("node"):
-        return "node is not installed"
-    if not chromium():
-        return "chromium is not installed"
-    if not (BUNDLE / "index.html").is_file():
-        return "the page is not built: run npm ci && npm run build in server/web"
-    if not (BUNDLE.parent / "node_modules" / "playwright-core").is_dir():
-        return "playwright-core is not installed: run npm ci in server/web"
-    return ""
+def drawings(page: Path, script: str, width: int, height: int) -> dict[str, NDArray[Any]]:
+    """What `script` drew in an HTML file: it calls `drawn(name)`, after `lightingScene` has drawn, for each picture."""
+    program = next(filter(None, map(shutil.which, _PROGRAMS)), None)
+    if program is None:
+        pytest.skip("Chromium is not installed")
+    waiting = _WAITING.replace("SCRIPT", script).replace("SIZE", str([width, height]))
+    page.write_text(page.read_text(encoding="utf-8").replace("</html>", waiting))
+    found = next(filter(None, (_finished(program, page, width, height) for _ in range(ATTEMPTS))), None)
+    assert found is not None, "The page's script did not come to its end."
+    return {
+        name: np.asarray(Image.open(BytesIO(base64.b64decode(data))).convert("RGB")) for name, data in found.items()
+    }
 
 
-def visit_feature(url: str, feature: str, files: dict[str, Any]) -> Seen:
-    """What a visitor of tests/browser/FEATURE.mjs sees, who brings files along."""
-    run = Path(ROOT, "tests", "browser", "run.mjs")
-    command = ["node", str(run), url, str(chromium()), feature, json.dumps(files)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
-    assert done.returncode == 0, done.stderr
-    seen: Seen = json.loads(done.stdout)
-    return seen
+def _finished(program: str, page: Path, width: int, height: int) -> dict[str, str] | None:
+    """The pictures by name, as PNG in base64; None if the browser's own clock ran out before the script did.
+
+    That clock stands still for downloads but not for what other threads decode, which a busy machine does late.
+    """
+    with tempfile.TemporaryDirectory() as profile:
+        command = [
+            program, "--headless", "--no-sandbox", "--no-first-run", "--disable-background-networking",
+            "--disable-component-update", "--disable-sync", "--host-resolver-rules=MAP * ~NOTFOUND",
+            "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--force-device-scale-factor=1",
+            f"--user-data-dir={profile}", f"--window-size={width},{height}", "--virtual-time-budget=60000",
+            "--dump-dom", page.as_uri(),
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, timeout=300, check=True)
+    return dict(_PICTURE.findall(done.stdout)) if _END in done.stdout else None
+
+
+_WAITING = """
+<script>
+function drawn(name) {
+  const picture = document.createElement("img");
+  Object.assign(picture, { className: "drawn", alt: name, src: lightingScene.renderer.domElement.toDataURL() });
+  document.body.append(picture);
+}
+const waiting = setInterval(async () => {
+  if (!window.lightingScene) return;
+  clearInterval(waiting);
+  [innerWidth, innerHeight] = SIZE; // the window's own frame takes some of it
+  lightingScene.draw();
+  SCRIPT
+  document.body.dataset.script = "ended";
+}, 100);
+</script>
+</html>
+"""

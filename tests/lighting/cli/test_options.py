@@ -87,7 +87,7 @@ def test_a_camera_that_contradicts_the_picture_is_a_warning(network: Path, tmp_p
     on_its_side = held(tmp_path, "turned.jpg", "JPEG", exif=phone_held(0.0, -1.0, 0.0, 1).tobytes())
     result = invoke_command("estimate", "--model", network, on_its_side)
     assert result.exit_code == 0
-    assert "with a roll of 90°" in result.stderr
+    assert "camera roll, 90°, was not used" in result.stderr
     assert "was not used: the photo shows" in result.stderr
     assert "gravity" not in result.stdout
 
@@ -298,7 +298,7 @@ def test_night_in_the_metadata_is_a_warning(tmp_path: Path, network: Path) -> No
     result = invoke_command("estimate", "--model", network, night)
     assert result.exit_code == 0
     (warning,) = result.stderr.splitlines()
-    assert warning.startswith(f"Warning: {night}: At that time and place the sun is ")
+    assert warning.startswith(f"Warning: {night}: The sun is 17.3° below the horizon (")
     assert invoke_command("estimate", "--quiet", "--model", network, night).stderr == ""
     assert "sun is" in invoke_command("preview", "--model", network, night, "-o", tmp_path / "a.png").stderr
     assert invoke_command("preview", "--quiet", "--model", network, night, "-o", tmp_path / "b.png").stderr == ""

@@ -130,7 +130,7 @@ def before_moving_things(speeds: Sequence[tuple[float, float]], top: int) -> lis
 
 def test_points_that_obey_no_one_turn_are_told(model: Model) -> None:
     (shot,) = shots(before_moving_things([(2.0, 1.0), (-1.0, 1.5), (1.0, -2.0), (-2.0, -1.0)], 20), model)
-    assert any("agree with one turn" in warning for warning in shot.prior.warnings)
+    assert any("of the points agree" in warning for warning in shot.prior.warnings)
 
 
 def test_points_of_a_thing_that_passes_are_told_by_the_lens_they_would_need(model: Model) -> None:
