@@ -176,7 +176,7 @@ def check_location(latitude: float | None, longitude: float | None) -> None:
     """
     if (latitude is None) != (longitude is None):
         missing = "latitude" if latitude is None else "longitude"
-        raise ParameterError("A latitude needs a longitude and the other way round.", missing, ErrorCode.MISSING)
+        raise ParameterError(f"Latitude and longitude go together; {missing} is missing.", missing, ErrorCode.MISSING)
 
 
 def round_significant(value: float) -> float:

@@ -140,7 +140,7 @@ class RequestBody:
         if body_type in PHOTO_TYPES:
             return [Upload(await self._within_limits(lambda: self._read_all(self.limits.max_bytes)))]
         listed = ", ".join((FORM_TYPE, *PHOTO_TYPES, *also))
-        raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
+        raise _unsupported_type(listed, PHOTO_FIELD)
 
     async def save(self, path: Path) -> str:
         """Write the file of a form, or the whole body, to a new file; the name that the client gave it, or nothing.
@@ -157,8 +157,7 @@ class RequestBody:
             return await self._within_limits(lambda: self._save_form(path))
         if body_type in FILE_TYPES or body_type.startswith("video/"):
             return await self._within_limits(lambda: self._save_all(path))
-        listed = ", ".join((FORM_TYPE, *FILE_TYPES, "video/*"))
-        raise ProblemError(problems.UNSUPPORTED_TYPE, f"The body must be one of: {listed}.", {"Accept": listed})
+        raise _unsupported_type(", ".join((FORM_TYPE, *FILE_TYPES, "video/*")), UPLOAD_FIELD)
 
     async def _save_all(self, path: Path) -> str:
         async with await open_file(path, "xb") as file:
@@ -338,3 +337,9 @@ def parse_record(data: bytes) -> Lighting:
     except ParameterError as error:
         renamed = error.renamed(record_path)
         raise problems.invalid_field_error(renamed.field or "body", str(renamed), "body", renamed.code) from error
+
+
+def _unsupported_type(listed: str, field: str) -> ProblemError:
+    """The error for a body of another type than those that are listed, and how a form is sent."""
+    detail = f"The body must be one of: {listed}. `curl -F {field}=@FILE` sends a form."
+    return ProblemError(problems.UNSUPPORTED_TYPE, detail, {"Accept": listed})
