@@ -29,7 +29,8 @@ def main() -> None:
     scene.render.resolution_percentage = round(100 * WIDTH / scene.render.resolution_x)
     scene.cycles.samples = SAMPLES
     first = rendered(scene)
-    scene.light_from_photo.sun_azimuth -= 120.0
+    light = scene.light_from_photo
+    light.sun_azimuth += 120.0 if light.sun_azimuth < 0 else -120.0
     pictures = np.concatenate([first, rendered(scene)], axis=1)
     save(pictures, out)
 
