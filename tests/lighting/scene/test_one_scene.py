@@ -169,14 +169,26 @@ def test_blender_renders_each_photos_shadow(scene: Scene) -> None:
     check_shadow(scene, srgb_decode(picture / 255.0) / np.maximum(srgb_decode(scene.plate / 255.0), 1e-3))
 
 
+def most_visible(scene: Scene, points: Floats) -> Floats:
+    """That one of points (N, 3) which the camera sees farthest from the ball."""
+    sights = points - scene.camera_position
+    center = scene.spot + make_placeholder(scene).ball_center - scene.camera_position
+    gap = np.linalg.norm(np.cross(sights / np.linalg.norm(sights, axis=1, keepdims=True), center), axis=1)
+    return np.asarray(points[np.argmax(gap)])
+
+
 def check_shadow(scene: Scene, share: Floats) -> None:
     """Check the ball's shadow in a picture / open ground: the sky's share, or none where the spot is in shade."""
     away = -scene.sun_direction * [1, 0, 1] / np.hypot(*scene.sun_direction[[0, 2]])
     aside = np.array([-away[2], 0.0, away[0]]) * np.sign(away[2])  # to the left, where no stick's shadow falls
-    ball = make_placeholder(scene).ball_radius
-    middle = scene.spot + away * ball / np.tan(np.arcsin(scene.sun_direction[1]))
+    ball, height = make_placeholder(scene).ball_radius, scene.sun_direction[1]
+    middle = scene.spot + away * ball / np.tan(np.arcsin(height))
+    turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)[:, None]
+    rim = ball * (np.cos(turn) * away / height + np.sin(turn) * aside)  # of the ball's shadow, from its middle
+    beside = rim[np.sin(turn[:, 0]) > 0.5]  # on the side where no stick's shadow falls
     camera = photo_camera(scene.lighting, scene.width, scene.height)
-    points = np.array([middle, middle + 1.3 * ball * aside]) - scene.camera_position
+    points = np.array([most_visible(scene, middle + share * part) for share, part in ((0.7, rim), (1.3, beside))])
+    points -= scene.camera_position
     patches = [share[y - 1 : y + 2, x - 1 : x + 2] for x, y in camera_pixel(points, camera).astype(int)]
     shaded, beside = (np.median(patch.reshape(-1, 3), axis=0) for patch in patches)
     if scene.spot_in_shade:
