@@ -193,9 +193,11 @@ def _setting_cost(target: Image, weight: Image, library: DetailLibrary) -> Float
     cost = np.zeros(len(library.names))
     for kind, (factor, margin) in _SETTING.items():
         feature = len(FEATURES) - len(FEATURE_CLASSES) + FEATURE_CLASSES.index(kind)
-        seen = weight[feature, _NEAR_HORIZON] > 0
-        if seen.sum() >= _MIN_SETTING_CELLS:
-            shown = float(target[feature, _NEAR_HORIZON][seen].mean())
+        seen = weight[feature] > 0
+        near = seen[_NEAR_HORIZON].sum() >= _MIN_SETTING_CELLS
+        rows = _NEAR_HORIZON if near else slice(_NEAR_HORIZON.start, None)  # of a view from above the ground
+        if seen[rows].sum() >= _MIN_SETTING_CELLS:
+            shown = float(target[feature, rows][seen[rows]].mean())
             around = library.features[:, feature, _NEAR_HORIZON].mean(axis=(1, 2))
             cost += factor * np.maximum(around - shown - margin, 0) ** 2
     return cost
