@@ -26,6 +26,7 @@ _TARGET_STD = 4.0  # deg, of the lobes about true suns that networks are trained
 _MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
 _VISIBILITY_EXPONENT = 5.0  # of the fall below it, by panoramas of `train` that the networks asked never saw
 _DAPPLED_VISIBILITY = (0.25, 0.8)  # in which the network doubts that the sun shines
+_LEAST_DAPPLED = 0.5  # visibility of a sun that reaches a part of the ground, as 25 of 29 photos of `train` show it
 _MIN_DAPPLED_ELEVATION = 5.0  # deg, of a sun whose patches on the ground say how strong it is
 _MIN_DAPPLED_SUN = 0.05  # irradiance of level ground by such a sun as the network sees it, over that by the sky
 _MAX_SUN_OVER_SKY = 8.0  # irradiance of a surface that faces a clear sun, over that of level ground by the sky
@@ -181,7 +182,8 @@ def _visibility_attenuation(visibility: float) -> float:
 def with_dappled_sun(lighting: Lighting, share: float, step: float) -> Lighting:
     """The lighting with as much sun as its ground has in patches, where the network doubts that the sun shines.
 
-    Elsewhere it stays: where the network is sure of sun or shade, or where it sees next to no sun.
+    Its visibility is then 0.5 at least. Elsewhere the lighting stays: where the network is sure of sun or shade, or
+    where it sees next to no sun.
 
     Args:
         lighting: with irradiances, else it stays as well.
@@ -199,9 +201,10 @@ def with_dappled_sun(lighting: Lighting, share: float, step: float) -> Lighting:
     if own / _visibility_attenuation(lighting.sun_visibility) * height < _MIN_DAPPLED_SUN * sky:
         return lighting
     strength = share * min((2.0**step - 1) * sky / height, _MAX_SUN_OVER_SKY * sky)
+    reached = replace(lighting, sun_visibility=max(lighting.sun_visibility, _LEAST_DAPPLED))
     if strength <= own:
-        return lighting
-    return replace(lighting, sun_irradiance=clip_color(sun * strength / own, "sun_irradiance"))
+        return reached
+    return replace(reached, sun_irradiance=clip_color(sun * strength / own, "sun_irradiance"))
 
 
 def with_ground_color(lighting: Lighting, reflectance: Floats | None) -> Lighting:

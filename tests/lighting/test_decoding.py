@@ -249,4 +249,11 @@ def test_a_sure_or_a_missing_sun_stays(light: Lighting) -> None:
 
 
 def test_patches_take_nothing_from_a_sun() -> None:
-    assert with_dappled_sun(doubtful(0.75), 0.16, 2.0).sun_irradiance == doubtful(0.75).sun_irradiance
+    assert with_dappled_sun(doubtful(0.75), 0.16, 2.0) == doubtful(0.75)
+
+
+@pytest.mark.parametrize(("before", "after"), [(0.3, 0.5), (0.5, 0.5), (0.7, 0.7)])
+def test_a_sun_in_patches_is_no_shade(before: float, after: float) -> None:
+    light = with_dappled_sun(doubtful(before), 0.5, 3.0)
+    assert light.sun_visibility == after
+    assert light.sun_shines
