@@ -315,7 +315,7 @@ def test_a_panorama_of_whole_numbers_is_fitted_with_a_warning(tmp_path: Path, bi
         write_png16(target, np.round(65535 * linear).astype(np.uint16))
     result = run("fit", target, "--json", "--sun", "30,35")
     assert result.exit_code == 0, result.output
-    assert "clipped. Turbidity and exposure are rough." in result.stderr
+    assert "clipped: turbidity and exposure are rough." in result.stderr
     assert ("sRGB" in result.stderr) == (bits == 8)
     told = json.loads(result.stdout)
     assert told["turbidity"] == pytest.approx(3.0, abs=0.5)
