@@ -14,6 +14,7 @@ from server.settings import Settings
 from tests.helpers.pages import DOCS, README, ROOT, anchors, blocks, links, text
 from tests.helpers.processes import list_commands
 
+MOST_CHANGES = 400  # words of a release in CHANGELOG.md
 EVERY_PAGE = sorted(p for p in ROOT.glob("**/*.md") if not {".venv", "node_modules", "runs"} & set(p.parts))
 COMMANDS = sorted(
     (f"{name} {part}".strip(), leaf)
@@ -100,6 +101,8 @@ def test_the_public_face_is_small_and_there() -> None:
         _ = lighting.nothing  # type: ignore[attr-defined]
 
 
-def test_the_changes_name_the_version_of_the_package() -> None:
-    (newest, *_) = re.findall(r"^## Package (\S+)", text(ROOT / "CHANGELOG.md"), re.MULTILINE)
-    assert newest == lighting.__version__
+def test_the_changes_name_the_version_of_the_package_and_are_short() -> None:
+    _, *releases = re.split(r"^## ", text(ROOT / "CHANGELOG.md"), flags=re.MULTILINE)
+    dated = [release for release in releases if not release.startswith("Unreleased")]
+    assert dated[0].startswith(f"{lighting.__version__} (20")
+    assert all(len(release.split()) <= MOST_CHANGES for release in releases)
