@@ -16,6 +16,7 @@ from typing import Any
 
 TARGET = Path(__file__).parents[1] / "server" / "web" / "src" / "world.svg"
 UNITS = 10  # a degree
+_AROUND, _POLE = 360 * UNITS, 90 * UNITS
 _GRAY = "#8a929c"  # seen on light and on dark pages
 
 Point = tuple[int, int]  # units to the right of Greenwich, and down from the equator
@@ -51,6 +52,32 @@ def rings(topology: dict[str, Any]) -> Iterator[list[Point]]:
                 yield [point for arc in ring for point in (arcs[arc] if arc >= 0 else arcs[~arc][::-1])]
 
 
+def unwrap(ring: Sequence[Point]) -> list[Point]:
+    """Return an outline whose points go on beyond the edge of the map; one around the pole is closed below it.
+
+    Args:
+        ring: its points, the first one again at the end.
+    """
+    points, turns = [ring[0]], 0
+    for (before, _), (x, y) in pairwise(ring):
+        turns += (before - x > _AROUND // 2) - (x - before > _AROUND // 2)
+        points.append((x + turns * _AROUND, y))
+    first, last = points[0][0], points[-1][0]
+    return points if first == last else [*points, (last, _POLE), (first, _POLE), points[0]]
+
+
+def copies(ring: Sequence[Point]) -> Iterator[list[Point]]:
+    """Yield an outline as often as the map shows a part of it: one across its edge is at both.
+
+    Args:
+        ring: unwrapped.
+    """
+    columns = [x for x, _ in ring]
+    for shift in (-_AROUND, 0, _AROUND):
+        if min(columns) + shift < _AROUND // 2 and max(columns) + shift > -_AROUND // 2:
+            yield [(x + shift, y) for x, y in ring]
+
+
 def path_of(ring: Sequence[Point]) -> str:
     """Return an outline as a path of SVG, in steps from point to point.
 
@@ -64,8 +91,9 @@ def path_of(ring: Sequence[Point]) -> str:
 
 def main() -> None:
     topology = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"))
-    land = "".join(path_of(ring) for ring in rings(topology) if len(set(ring)) > 2)
-    view = f"{-180 * UNITS} {-90 * UNITS} {360 * UNITS} {180 * UNITS}"
+    outlines = (copy for ring in rings(topology) if len(set(ring)) > 2 for copy in copies(unwrap(ring)))
+    land = "".join(map(path_of, outlines))
+    view = f"{-_AROUND // 2} {-_POLE} {_AROUND} {2 * _POLE}"
     picture = f'<title>Land</title><path fill="{_GRAY}" d="{land}"/>'
     svg = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}">{picture}</svg>\n'
     TARGET.write_text(svg, encoding="utf-8")
