@@ -43,7 +43,7 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
         for warning in record.get("warnings", []):
             self.report({"WARNING"}, str(warning))
         if not spot_is_in_view(context.scene):
-            self.report({"WARNING"}, "The picture shows no ground where an object could stand: its spot lies below it.")
+            self.report({"WARNING"}, "Your object would stand below the picture's edge.")
         if spot_is_in_shade(context.scene):
             self.report({"WARNING"}, "Your object would stand in the photo's shade: the sun lights the ground alone.")
         if others := other_lights(context.scene):

@@ -201,7 +201,7 @@ def test_pictures_of_several_views_are_no_photos_whatever_the_network_says(lit_n
     estimator, plain = Estimator(Model.load(lit_network)), photo_from_array(scene(320, 240))
     collage = replace(plain, is_collage=True, warnings=("A collage.",))
     panorama = replace(plain, metadata=PhotoMetadata(is_panorama=True))
-    for photo, told in ((collage, "A collage."), (panorama, "By its file the picture is a panorama")):
+    for photo, told in ((collage, "A collage."), (panorama, "The file says that this is a panorama")):
         estimate = estimator(photo)
         assert estimate.lighting.suitable == 0.01
         assert estimate.warnings[0].startswith(told)
