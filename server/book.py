@@ -51,6 +51,7 @@ _ELSEWHERE = {  # pages that lie elsewhere in the repository, by their names in 
     "more/security.md": "SECURITY.md",
     "more/changes.md": "CHANGELOG.md",
 }
+_TITLES = {"more/model-card": "Model card"}  # by address; its heading is the network's name
 _TEMPLATE = """<!doctype html>
 <html lang="en">
 <head>
@@ -110,9 +111,9 @@ class BookPage:
 
     @cached_property
     def title(self) -> str:
-        """Its first heading."""
+        """Its first heading, or what the contents call it in its place."""
         found = re.search(r"^# (.+)$", self.markdown, re.MULTILINE)
-        return found[1].replace("`", "") if found else self.address
+        return _TITLES.get(self.address) or (found[1].replace("`", "") if found else self.address)
 
 
 class Book:
