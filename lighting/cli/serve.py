@@ -71,7 +71,7 @@ def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
     examples=(
         "lighting serve                                      # http://127.0.0.1:8000",
         "lighting serve --port 9000",
-        "lighting serve --host 0.0.0.0 --port 80             # for other machines: read SECURITY.md first",
+        "lighting serve --host 0.0.0.0                       # also for your phone: read SECURITY.md first",
     ),
 )
 @click.option("--host", help="Address to listen on; 0.0.0.0 listens on all. [default: 127.0.0.1]")
@@ -87,19 +87,32 @@ def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> No
     stated = {"LIGHTING_HOST": host, "LIGHTING_PORT": None if port is None else str(port)}
     settings = {name: value for name, value in stated.items() if value is not None}
     settings |= _log_level("error") if quiet else {}
-    if not as_json:
-        raise SystemExit(_run_service(settings))
     text = settings.get("LIGHTING_PORT") or os.environ.get("LIGHTING_PORT") or str(_PORT)
+    name = host or os.environ.get("LIGHTING_HOST") or _LOOPBACK
+    is_open = name in _ALL_ADDRESSES
+    if not as_json and (quiet or not is_open):
+        raise SystemExit(_run_service(settings))
     if text == "0":
         text = settings["LIGHTING_PORT"] = str(_find_free_port())
-    where = host or os.environ.get("LIGHTING_HOST") or _LOOPBACK
-    where = _ALL_ADDRESSES.get(where, where)
+    address = _ALL_ADDRESSES.get(name, name)
 
     def report(process: "subprocess.Popen[bytes]") -> None:
-        if text.isdecimal() and _wait_until_listening(process, where, int(text)):  # else the service says what is wrong
-            click.echo(json.dumps({"url": f"http://{f'[{where}]' if ':' in where else where}:{text}/"}))
+        if not text.isdecimal() or not _wait_until_listening(process, address, int(text)):
+            return  # the service says what is wrong
+        if as_json:
+            click.echo(json.dumps({"url": f"http://{f'[{address}]' if ':' in address else address}:{text}/"}))
+        elif network := _find_network_address():
+            click.echo(f"Phones and other devices in your network open http://{network}:{text}/")
 
     raise SystemExit(_run_service(settings, report))
+
+
+def _find_network_address() -> str | None:
+    """The address of this machine in its network; None without one. Nothing is sent."""
+    with suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.connect(("192.0.2.1", 9))  # an address of documentation: the system says by which of its own it would go
+        return str(probe.getsockname()[0])
+    return None
 
 
 def _log_level(level: str) -> dict[str, str]:

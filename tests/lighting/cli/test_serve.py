@@ -15,6 +15,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
+from lighting.cli.serve import _find_network_address
 from tests.helpers.pages import ROOT
 from tests.helpers.service import environment
 
@@ -94,6 +95,16 @@ def test_serve_takes_host_and_port_and_ends_by_sigterm(start: Start) -> None:
     process.send_signal(signal.SIGTERM)
     assert process.wait(60) == 128 + signal.SIGTERM
     assert process.communicate() == ("", "")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(_find_network_address() is None, reason="this machine is in no network")
+def test_a_service_for_a_network_says_what_phones_open(start: Start) -> None:
+    process = start("serve", "--host", "0.0.0.0", "--port", "0", LIGHTING_LOG_LEVEL="error")
+    assert process.stdout
+    found = re.search(r" network open (http://[\d.]+:\d+/)$", process.stdout.readline())
+    assert found
+    assert get(f"{found[1]}livez") == (200, b'{"status":"ok"}')
 
 
 @pytest.mark.slow
