@@ -86,7 +86,7 @@ def draw_scenes() -> Image.Image:
     blender = ["--blender", _blender_python()] if "BLENDER_PYTHON" in os.environ else []
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "scenes.png"
-        _run(sys.executable, "-m", "benchmarks.scenes", "--picture", out, *blender)
+        _run(sys.executable, "-m", "benchmarks.scenes", "--samples", "32", "--picture", out, *blender)
         return _load(out)
 
 
@@ -178,15 +178,25 @@ def _shrink(picture: Image.Image) -> Image.Image:
 @click.argument("names", nargs=-1, type=click.Choice(sorted(PICTURES)))
 def main(names: tuple[str, ...]) -> None:
     """Make the pictures of README and docs/, or those of NAMES."""
-    for name in names or PICTURES:
-        try:
-            drawn = PICTURES[name]()
-        except MissingToolError as missing:
-            click.echo(f"{name} is left out: this machine lacks {missing}.")
-            continue
-        file = IMAGES / f"{name}.webp"
-        write_picture(drawn, file)
-        click.echo(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB")
+    failed = [name for name in names or PICTURES if not _make_picture(name)]
+    if failed:
+        raise click.ClickException(f"Not made: {', '.join(failed)}.")
+
+
+def _make_picture(name: str) -> bool:
+    """Whether a picture is made, or known to be out of this machine's reach."""
+    try:
+        drawn = PICTURES[name]()
+    except MissingToolError as missing:
+        click.echo(f"{name} is left out: this machine lacks {missing}.")
+        return True
+    except subprocess.CalledProcessError as error:
+        click.echo(f"{name}: {error}", err=True)
+        return False
+    file = IMAGES / f"{name}.webp"
+    write_picture(drawn, file)
+    click.echo(f"{file.relative_to(ROOT)}: {file.stat().st_size / 1000:.0f} kB")
+    return True
 
 
 if __name__ == "__main__":
