@@ -109,7 +109,9 @@ def wait_until_ended(pid: int) -> None:
 @contextmanager
 def serve_app(app: ASGIApp, http: Any) -> Iterator[int]:
     """The port on which uvicorn serves an application by a protocol, as its setting `http` has it."""
-    server = uvicorn.Server(uvicorn.Config(app, port=0, http=http, loop="asyncio", log_level="error", lifespan="off"))
+    server = uvicorn.Server(
+        uvicorn.Config(app, port=0, http=http, loop="asyncio", ws="none", log_level="error", lifespan="off")
+    )
     thread = threading.Thread(target=server.run, daemon=True)
     thread.start()
     while not server.started:
