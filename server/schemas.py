@@ -265,7 +265,7 @@ class LightingEstimates(BaseModel):
 class LitSpot(BaseModel):
     """Where an object would stand in the sun."""
 
-    spot: tuple[float, float] | None = Field(
+    spot: Annotated[list[float], Field(min_length=2, max_length=2)] | None = Field(
         description="in shares of the photo's width, from the left, and height, from the top; null where there is none",
         examples=[[0.53, 0.81]],
     )

@@ -123,12 +123,15 @@ WITH_CONDITIONS = (
     "estimate_scene",
     "show_photo",
     "draw_ground",
+    "locate_lit_spot",
     "compute_probe",
     "estimate_probe",
 )
 TOGETHER = {  # values that are each right may not fit each other, such as a time of night; a file may be empty (400)
     "positive_data_acceptance": {"expected-statuses": ["2xx", "400", "401", "403", "404", "422"]}
 }
+
+SERIES = 30  # of requests, each with what the one before answered
 
 PHOTOS = st.sampled_from([encode(scene(64, 48)), encode(scene(40, 90), quality=20)])
 for media in PHOTO_TYPES:
@@ -162,6 +165,7 @@ def test_the_document_holds_under_fuzzing(quick_app: FastAPI) -> None:
         {
             "seed": 1,
             "generation": {"deterministic": True, "max-examples": 30},
+            "phases": {"stateful": {"generation": {"max-examples": SERIES}, "checks": TOGETHER}},
             "operations": [{"include-operation-id": name, "checks": TOGETHER} for name in WITH_CONDITIONS],
         }
     )
