@@ -35,12 +35,6 @@ _LEAST_CONTRAST = 0.02
 _SEEN_WEIGHTS = (1.0, 2.0, 1.0, 1.0)  # of the first four features, where the photo shows them
 _BROAD_WEIGHT = 1.0  # of the fifth, everywhere
 _CLASS_WEIGHT = 3.0  # of each of the last, where the photo shows them
-_NEAR_HORIZON = slice(9, 14)  # rows of cells in which plants and buildings stand
-_MIN_SETTING_CELLS = 12  # that a photo shows of them, from which it says what kind of place it is
-_SETTING = {
-    SurfaceClass.PLANTS: (10.0, 0.1),
-    SurfaceClass.BUILDING: (60.0, 0.02),
-}  # cost of more of them, from where on
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
 
@@ -185,22 +179,7 @@ def choice_costs(
         for cost, features in zip(costs, flips, strict=True):
             values = features[:, kind, rows].reshape(len(features), -1)
             cost += values**2 @ turns[0] - 2 * values @ turns[1]
-    return np.stack(costs) + _setting_cost(target, weight, library)[:, None]
-
-
-def _setting_cost(target: Image, weight: Image, library: DetailLibrary) -> Floats:
-    """What panoramas cost (N,) that show more plants or buildings all around than a photo: open land gets no town."""
-    cost = np.zeros(len(library.names))
-    for kind, (factor, margin) in _SETTING.items():
-        feature = len(FEATURES) - len(FEATURE_CLASSES) + FEATURE_CLASSES.index(kind)
-        seen = weight[feature] > 0
-        near = seen[_NEAR_HORIZON].sum() >= _MIN_SETTING_CELLS
-        rows = _NEAR_HORIZON if near else slice(_NEAR_HORIZON.start, None)  # of a view from above the ground
-        if seen[rows].sum() >= _MIN_SETTING_CELLS:
-            shown = float(target[feature, rows][seen[rows]].mean())
-            around = library.features[:, feature, _NEAR_HORIZON].mean(axis=(1, 2))
-            cost += factor * np.maximum(around - shown - margin, 0) ** 2
-    return cost
+    return np.stack(costs)
 
 
 def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:

@@ -204,20 +204,6 @@ def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
         assert (flipped.index, flipped.flipped) == (index, True)
 
 
-def test_open_land_gets_no_town_and_no_forest() -> None:
-    """A town whose visible part looks like open land costs more than open land that looks a little otherwise."""
-    library = load_detail_library()
-    azimuth, elevation = latlong_angles(FEATURE_ROWS)
-    seen = np.where((np.abs(elevation) < 30)[:, None] & (np.abs(azimuth) < 40), 1.0, 0.0)
-    weight = feature_weights(seen, np.ones(seen.shape))
-    plants, buildings = (library.features[:, row, 9:14].mean(axis=(1, 2)) for row in (5, 6))
-    for crowded in (buildings, plants):
-        target = library.features[int(np.argmax(crowded))].copy()
-        target[5:7] = 0.0
-        chosen = choose_detail(target, weight, None).index
-        assert crowded[chosen] < 0.5 * crowded.max()
-
-
 def test_a_sun_is_put_where_it_stands() -> None:
     library = load_detail_library()
     cells = np.zeros((len(library.features[0]), FEATURE_ROWS, 2 * FEATURE_ROWS), np.float32)
