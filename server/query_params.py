@@ -26,7 +26,7 @@ from server import field_types as types
 from server.field_types import InRange, NotNull, RegistryName, field_error, parameter_range
 from server.problems import InvalidField, invalid_field_error, invalid_fields_error
 
-SUN_BY_DEFAULT = "by default where the light states its power, or where it likely shines"
+SUN_BY_DEFAULT = "by default if its power is known or it likely shines"
 DAYLIGHT_EXPOSURE = 4.0  # white ground shows as white under a clear sky's sun of 30 to 35 deg, as in the examples
 # Fields of a record whose names mean something else beside a photo: an adjustment, and what is known of its lens.
 _EDIT_NAMES = {"exposure": "sky_exposure", "vertical_fov": "camera_vertical_fov"}
@@ -244,9 +244,9 @@ class _SurroundingsQuery(Query):
     """Whether a photo's map shows its surroundings."""
 
     surroundings: types.FlagOrAuto = Field(
-        None, description="show the place, not the sky alone; by default where the network predicts it"
+        None, description="show the surroundings, not only sky and ground; by default if the network predicts them"
     )
-    detail: types.Flag = Field(True, description="give a map that shows the place detail all around the photo")
+    detail: types.Flag = Field(True, description="add fine detail to a map with surroundings, all around the photo")
 
 
 class ProbeQuery(Query):

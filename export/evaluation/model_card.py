@@ -133,7 +133,8 @@ def _texts(metrics: NetworkMetrics) -> dict[str, str]:
     median = metrics.accuracy["paper"]["sun_median"]
     low = metrics.figure("Protocol `paper`", f"`{metrics.row}` by true", "sun 0 to 20°", "elevation bias")
     return {
-        "line": f"On {data['val']} panoramas from places new to it, half of the suns lie within {median}° ({date}).",
+        "line": f"On {data['val']} panoramas from new places, half of the answers lie within {median}° "
+        f"of the true sun ({date}).",
         "scope": f"The network was scored {scope} (`python -m export evaluate`, {date}).",
         "table": _accuracy_table(metrics, others=False),
         "photos": " ".join(filter(None, _photo_sentences(metrics))),
@@ -193,8 +194,8 @@ def _photo_sentences(metrics: NetworkMetrics) -> list[str]:
     direct = metrics.figure("Real photos", "Direct sun", metrics.row, "sun")
     everywhere = metrics.figure("Real photos", "All that have", metrics.row, "sun")
     return [
-        _sentence("In ordinary photos in direct sun the median error is {:.0f}°.", direct),
-        _sentence("Over all ordinary photos, most of them in shade or under clouds, it is {:.0f}°.", everywhere),
+        _sentence("In single photos, not cut from panoramas, the median error in direct sun is {:.0f}°.", direct),
+        _sentence("Over all single photos, most of them in shade or under clouds, it is {:.0f}°.", everywhere),
     ]
 
 
@@ -207,7 +208,7 @@ def _limits(metrics: NetworkMetrics) -> list[str]:
     sentences = [
         _signed("Suns lower than 20° are placed {}.", low),
         _signed("Suns higher than 45° are placed {}.", high),
-        _sentence("A sun that the photo shows is found to {:.1f}°.", seen),
+        _sentence("A sun inside the photo is found with a median error of {:.1f}°.", seen),
         *_photo_sentences(metrics),
     ]
     return [sentence for sentence in sentences if sentence]

@@ -68,7 +68,7 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str | No
     "preview",
     examples=(
         "lighting preview photo.jpg                          # photo-preview.png beside it",
-        "lighting preview photo.jpg --overcast -o grey.png   # under clouds",
+        "lighting preview photo.jpg --overcast -o gray.png   # under clouds",
         "lighting preview *.jpg -o previews/                 # one of each photo",
     ),
 )

@@ -174,7 +174,7 @@ no_sun_option = click.option(
     "sun",
     flag_value=False,
     default=None,
-    help="Leave direct sunlight out.  [default: in where its power is known or it likely shines]",
+    help="Leave direct sunlight out.  [default: painted if its power is known or it likely shines]",
 )
 
 
@@ -198,7 +198,7 @@ def map_options(command: Command) -> Command:
             metavar="DEG",
             type=Number("90"),
             callback=_check_finite,
-            help="Turn the map to the right, sun and all.",
+            help="Turn the map, with its sun, to the right.",
         ),
         click.option(
             "--compression",
@@ -221,23 +221,23 @@ def map_options(command: Command) -> Command:
 surroundings_option = click.option(
     "--surroundings/--no-surroundings",
     default=None,
-    help="Show the place, not the sky alone.  [default: where the network predicts it]",
+    help="Show the surroundings, not only sky and ground.  [default: if the network predicts them]",
 )
 detail_option = click.option(
     "--detail/--no-detail",
     default=True,
-    help="Give a map that shows the place detail all around the photo.  [default: detail]",
+    help="Add fine detail to a map with surroundings, all around the photo.  [default: detail]",
 )
 model_option = click.option(
     "--model",
     metavar="FILE.onnx",
     type=FileName(),
     callback=check_file_name,
-    help="Another network than the one in this package.",
+    help="Use your own network, not the package's.",
 )
 json_option = click.option("--json", "as_json", is_flag=True, help="JSON on stdout instead of words.")
 strict_option = click.option(
-    "--strict", is_flag=True, help="Exit status 3 where a photo is probably not of outdoors by daylight."
+    "--strict", is_flag=True, help="Exit with status 3 if a photo is probably not an outdoor daylight photo."
 )
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="No progress and no summary.")
 silent_option = click.option("-q", "--quiet", is_flag=True, help="No progress, no summary and no warnings.")
@@ -349,7 +349,7 @@ _ADJUSTMENTS: tuple[Decorator, ...] = (
     ),
     click.option("--haze", type=Number("3"), metavar="TURBIDITY", help="How hazy, 1 to 10: 2 is clear, 10 hazy."),
     click.option(
-        "--overcast", is_flag=True, help="Cover the sky with clouds: no sun, five sixths of a clear sky's light, grey."
+        "--overcast", is_flag=True, help="Cover the sky with clouds: no sun, five sixths of a clear sky's light, gray."
     ),
 )
 
@@ -358,10 +358,16 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
         "--no-metadata", "metadata", flag_value=False, default=True, help="Ignore EXIF and the like: pixels alone."
     ),
     "time": click.option(
-        "--time", metavar="TIME", callback=parse_time_option, help="When: 2024-06-01T14:30, +02:00 behind it if known."
+        "--time",
+        metavar="TIME",
+        callback=parse_time_option,
+        help="When: 2024-06-01T14:30, or with its offset, 2024-06-01T14:30+02:00.",
     ),
     "utc_offset": click.option(
-        "--utc-offset", metavar="HOURS", callback=parse_utc_offset_option, help="Zone of a local time: +02:00 or 2."
+        "--utc-offset",
+        metavar="HOURS",
+        callback=parse_utc_offset_option,
+        help="Offset of local time from UTC: +02:00 or 2.",
     ),
     "latitude": click.option("--latitude", "--lat", type=Number("48.14"), metavar="DEG", help="Where: positive north."),
     "longitude": click.option(
@@ -383,12 +389,12 @@ _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
     "camera_height": click.option(
         "--camera-height",
         type=Number("1.6"),
-        metavar="METRES",
-        help="Of the camera above the ground.  [default: 1.6]",
+        metavar="METERS",
+        help="How high the camera is above the ground.  [default: 1.6]",
     ),
     "keep_location": click.option("--keep-location", is_flag=True, help="Put latitude and longitude into the output."),
 }
-together_option = click.option("--together", is_flag=True, help="The photos are of one place and light.")
+together_option = click.option("--together", is_flag=True, help="Combine photos of one place, taken in the same light.")
 headings_option = click.option(
     "--headings",
     metavar="DEG,DEG,...",

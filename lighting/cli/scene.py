@@ -59,14 +59,16 @@ def _tool_options() -> list[click.Option]:
 @click.option(
     "--for", "tool", required=True, type=common.RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
 )
-@outputs.folder_output("PHOTO-TOOL", "New or empty unless --overwrite; of several photos it holds a folder each.")
+@outputs.folder_output(
+    "PHOTO-TOOL", "Must be new or empty without --overwrite. Several photos get a folder each in it."
+)
 @click.option(
     "--lighting",
     "record",
     metavar="LIGHTING.json",
     type=common.FileName(),
     callback=outputs.check_file_name,
-    help="Take the light from this record; of PHOTO is the place.",
+    help="Take the light from this record. PHOTO gives the background and the ground.",
 )
 @common.height_option
 @photos.photo_options

@@ -43,8 +43,8 @@ _FORWARDED_SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
 def _open(photo: Path | None, as_json: bool, quiet: bool) -> None:
     """Open the web page in your browser, with PHOTO in it.
 
-    The page and its service run on this machine alone, on a free port. PHOTO is given to nobody who does not know the
-    secret in the address. Ctrl-C ends them.
+    The page and its service run on this machine alone, on a free port. PHOTO is shown only to
+    those who know the secret in the address. Ctrl-C ends them.
     """
     port, secret = _find_free_port(), secrets.token_urlsafe()
     url = f"http://{_LOOPBACK}:{port}/"

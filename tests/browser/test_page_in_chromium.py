@@ -581,7 +581,7 @@ class TestSeveral:
 
     def test_that_photos_are_matched_is_promised_where_the_service_does_it(self, seen: Seen) -> None:
         with_opencv, without = seen["promises"]
-        assert "answered together, and turned by what they show in common." in with_opencv
+        assert "estimated together, and turned by what they show in common." in with_opencv
         assert "in common" not in without
         assert "this service does not compare their pixels." in without
 

@@ -60,7 +60,7 @@ def test_a_report_without_metadata_photos_and_other_networks_makes_a_card() -> N
     text = model_card.render_card(few)
     assert "too high" in text
     assert "time and place |" not in text
-    assert "ordinary photos the" not in text
+    assert "single photos" not in text
 
 
 @pytest.fixture
