@@ -97,7 +97,7 @@ def test_what_is_not_run_is_right_usage(line: str, tmp_path: Path, monkeypatch: 
         Path(word).mkdir(exist_ok=True) if word.endswith("/") else Path(word).touch()
     program: click.Command = cli if words[0] == "lighting" else export_cli
     arguments = [word.replace("*", "1") for word in words[1 if program is cli else 3 :]]
-    context = click.Context(program, info_name="program")
+    context = click.Context(program, info_name="program", **program.context_settings)
     while isinstance(program, click.Group):
         found = program.get_command(context, arguments.pop(0))
         assert found, line
@@ -183,7 +183,7 @@ class Reader:
             done = subprocess.run(["sh", "-euc", line], capture_output=True, text=True, timeout=300, check=False)
             assert done.returncode == 0, (line, done.stdout, done.stderr)
         elif words[1] in ("serve", "open"):  # which go on until they are stopped: usage alone
-            with click.Context(cli, info_name="lighting") as parent:
+            with click.Context(cli, info_name="lighting", **cli.context_settings) as parent:
                 list_commands()[words[1]].make_context(words[1], words[2:], parent=parent)
         else:
             _run_command(line, words[1:])
