@@ -44,6 +44,11 @@ if TYPE_CHECKING:
 @click.option("--for", "tool", type=RegistryChoice(animated_tools), help="Also a scene, its camera with key frames.")
 @click.option("--frames-exr", is_flag=True, help="Also a map a frame, as frames/NUMBER.exr.")
 @click.option("--preview", "film", is_flag=True, help="Also the clip with horizon, sun and balls drawn in.")
+@click.option(
+    "--detail/--no-detail",
+    default=True,
+    help="Show the place in the maps, detail all around it, else sky and ground alone.  [default: detail]",
+)
 @common.height_option
 @common.adjustment_options
 @common.no_sun_option
@@ -68,9 +73,10 @@ def _video(
     """Estimate the light and camera of a clip.
 
     FOLDER gets lighting.jsonl, a record a frame, and shot-1.exr, the light in the world's axes: true north at its
-    centre if it is known, else the first frame's heading. A cut starts another shot. What --time and --heading say is
-    of the first frame. Time, place and lens are taken from the clip's metadata and from DJI's subtitles beside it,
-    unless stated here. The exit status is 1 where part of the clip has no answer.
+    centre if it is known, else the first frame's heading. All maps of a shot show its sharpest suitable frame. A cut
+    starts another shot. What --time and --heading say is of the first frame. Time, place and lens are taken from the
+    clip's metadata and from DJI's subtitles beside it, unless stated here. The exit status is 1 where part of the clip
+    has no answer.
     """
     from lighting.errors import VideoError
     from lighting.model import Model

@@ -146,9 +146,17 @@ def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = No
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
     prediction = model.predict(preprocess(photo, model.spec))[0]
     estimate = _apply_colors(screen_prediction(prediction, pixels), pixels)
+    estimate = replace(estimate, sharpness=_measure_sharpness(pixels))
     if vertical_fov is None:
         return estimate
-    return replace(estimate, by_lens=_apply_colors(screen_prediction(prediction, pixels, vertical_fov), pixels))
+    by_lens = _apply_colors(screen_prediction(prediction, pixels, vertical_fov), pixels)
+    return replace(estimate, by_lens=replace(by_lens, sharpness=estimate.sharpness))
+
+
+def _measure_sharpness(pixels: Pixels) -> float:
+    """The mean difference of neighboring greens of a frame (h, w, 3) sRGB, levels."""
+    green = pixels[..., 1].astype(np.float32)
+    return float(np.abs(np.diff(green, axis=0)).mean() + np.abs(np.diff(green, axis=1)).mean())
 
 
 def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:

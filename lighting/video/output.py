@@ -19,7 +19,7 @@ from typing import Any, TextIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.envmap.relighting import Adjustments
+from lighting.envmap.relighting import Adjustments, rotate_envmap
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
 from lighting.files import write_envmap
@@ -35,6 +35,7 @@ from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
 from lighting.video.decode import Clip
+from lighting.video.maps import ShotMap, ViewReader
 from lighting.video.observation import NETWORK_INTERVAL
 from lighting.video.shot import (
     FrameLight,
@@ -42,7 +43,6 @@ from lighting.video.shot import (
     analyze_shots,
     frame_lights,
     metadata_of_clip,
-    render_world_map,
     shot_lighting,
 )
 
@@ -67,6 +67,8 @@ class OutputOptions:
     """Whether the clip is drawn with its light."""
     adjustments: Adjustments | None = None
     """Of the light by hand, as the shot's first camera sees it; None: none."""
+    detail: bool = True
+    """Whether the maps show the place, with detail all around; else sky and ground alone."""
 
 
 @dataclass
@@ -155,13 +157,13 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
         OSError: a file cannot be read or written.
     """
     result, lights = VideoResult(), list[FrameLight]()
-    with Clip(job.source) as clip:
+    with Clip(job.source) as clip, ViewReader(job.source) as views:
         metadata_of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
             for shot in analyze_shots(clip, model, job.user_input, job.every, progress):
                 result.shots.append(shot)
-                lights += _write_shot(job, shot, len(result.shots), lines)
+                lights += _write_shot(job, shot, len(result.shots), lines, views)
                 lines.flush()
         result.damage, rate = clip.damage, clip.info.frame_rate
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
@@ -175,7 +177,9 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
     return result
 
 
-def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO) -> list[FrameLight]:
+def _write_shot(
+    job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO, views: ViewReader
+) -> list[FrameLight]:
     """The lines and maps of one shot."""
     name = escape_undecodable(str(job.source))
     if isinstance(shot, VideoError):
@@ -184,15 +188,30 @@ def _write_shot(job: VideoJob, shot: Shot | VideoError, number: int, lines: Text
     options = job.options
     lights = list(frame_lights(shot, number, options.adjustments, options.sun))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
-    picture, lighting, probe = render_world_map(shot, options.height, options.sun, options.adjustments)
+    shot_map = _map_of_shot(shot, options, views)
+    picture, lighting, probe = shot_map.render_world(options.height)
     write_envmap(job.folder / _shot_map(number), picture, lighting, probe=probe)
     if options.frames_exr:
-        (job.folder / FRAMES_FOLDER).mkdir(exist_ok=True)
-        for light in lights:
-            picture = render(light.lighting, options.height, sun=options.sun)
-            path = job.folder / FRAMES_FOLDER / f"{light.frame:06d}.exr"
-            write_envmap(path, picture, light.lighting, probe=light.probe, overwrite=True)
+        _write_frame_maps(job, shot_map, lights)
     return lights
+
+
+def _map_of_shot(shot: Shot, options: OutputOptions, views: ViewReader) -> ShotMap:
+    context = views.read(shot) if options.detail else None
+    return ShotMap(shot, context, options.adjustments, options.sun)
+
+
+def _write_frame_maps(job: VideoJob, shot_map: ShotMap, lights: Sequence[FrameLight]) -> None:
+    """Write a map a frame; all show the same place."""
+    height, folder = job.options.height, job.folder / FRAMES_FOLDER
+    folder.mkdir(exist_ok=True)
+    sky = None if shot_map.context is None else shot_map.render_sky(height)
+    for light in lights:
+        if sky is None:
+            picture = render(light.lighting, height, sun=job.options.sun)
+        else:
+            picture = shot_map.turn_to_frame(sky, light)
+        write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe, overwrite=True)
 
 
 def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> None:
@@ -221,16 +240,17 @@ def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float
     assert job.options.tool is not None
     warnings = dict[int, tuple[str, ...]]()
     first = {int(shot.frames[0]): (n, shot) for n, shot in enumerate(shots, 1) if isinstance(shot, Shot)}
-    with Clip(job.source, MAX_PLATE_SIDE) as clip:
+    with Clip(job.source, MAX_PLATE_SIDE) as clip, ViewReader(job.source) as views:
         for frame in clip.frames(first):
             number, shot = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.options.tool}"
-            warnings[number] = _write_scene(shot, frame.pixels, job.options, folder, str(job.source), rate)
+            shot_map = _map_of_shot(shot, job.options, views)
+            warnings[number] = _write_scene(shot_map, frame.pixels, job.options, folder, str(job.source), rate)
     return warnings
 
 
 def _write_scene(
-    shot: Shot, plate: NDArray[np.uint8], options: OutputOptions, folder: Path, clip: str, frame_rate: float
+    shot_map: ShotMap, plate: NDArray[np.uint8], options: OutputOptions, folder: Path, clip: str, frame_rate: float
 ) -> tuple[str, ...]:
     """Write a shot's scene to a folder, replacing a scene that is there; the scene's warnings.
 
@@ -242,9 +262,12 @@ def _write_scene(
     if tool is None or animate is None:
         raise SceneError(f"There is no scene with a moving camera for {tool!r}.", "tool", ErrorCode.UNKNOWN)
     height, width = plate.shape[:2]
-    lighting = shot_lighting(shot, options.adjustments)
+    shot, lighting = shot_map.shot, shot_lighting(shot_map.shot, options.adjustments)
     scene = make_scene(Photo(plate, width, height, "PNG"), lighting, map_height=options.height, sun=options.sun)
     scene = replace(scene, lit_ground=np.ones_like(scene.lit_ground))  # the first frame's would not move with the rest
+    if shot_map.context is not None:
+        sky = rotate_envmap(shot_map.render_sky(options.height), shot_map.heading)
+        scene = replace(scene, environment=sky)
     write_scene(scene, tool, folder, overwrite=True)
     rate = frame_rate or 30.0
     matrices, focal_lengths = _camera_matrices(shot, scene), scene.focal_length * shot.zoom

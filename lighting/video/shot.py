@@ -1,7 +1,7 @@
 """From a clip to its shots: the lens, the camera's path, the one sun of each, and a record of each frame."""
 
 import json
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Any
@@ -12,9 +12,7 @@ from numpy.typing import NDArray
 from lighting.circular import circular_mean
 from lighting.color import luminance
 from lighting.decoding import with_ground_color
-from lighting.envmap.latlong import Image
 from lighting.envmap.relighting import Adjustments, adjust_lighting, scale_exposure
-from lighting.envmap.surroundings import render_view
 from lighting.errors import VideoError
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
@@ -47,13 +45,24 @@ from lighting.video.keyframes import (
 from lighting.video.light import FrameObservation, ShotLight
 from lighting.video.observation import NETWORK_INTERVAL, observe_shots
 from lighting.video.telemetry import Gimbal
-from lighting.video.tracking import ClipMetadata, FrameRotation, ShotObservations, chain_gains
+from lighting.video.tracking import ClipMetadata, FrameEstimate, FrameRotation, ShotObservations, chain_gains
 
 MIN_AGREEMENT = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
+_SUITABLE_TOLERANCE = 0.1  # below the most suitable frame's probability, within which the sharpest frame is chosen
 _NIGHT_FALLS = "By time and place it is night at {:.1f} s: such frames do not count."
 _ZOOM_LOST = "The zoom is unknown in {:.0f} % of the frames: headings may be off."
 _FEW_AGREE = "Only {:.0f} % of the points agree in most frames: headings may be off."
 _ODD_LENS = "The points show a field of view of {:.0f}°, not {:.0f}°: headings may be off."
+
+
+@dataclass(frozen=True, eq=False)
+class ShotView:
+    """The frame of a shot that its maps show."""
+
+    index: int
+    """In the shot's arrays."""
+    coarse_panorama: NDArray[np.float32]
+    """Of what lies around that frame, as `EstimatedLight.surroundings` has it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +89,8 @@ class Shot:
     """What the metadata say."""
     north: float | None
     """Deg clockwise from true north, where azimuth 0 points; None unknown."""
+    view: ShotView | None = None
+    """The frame that maps show; None where the network predicts no surroundings."""
 
 
 def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
@@ -146,7 +157,20 @@ def _light_shot(
     posterior = light.answer(first.observations)
     posterior = replace(posterior, prediction=replace(posterior.prediction, vertical_fov=fov))
     frames, north = np.array([step.frame for step in tracked.steps]), estimate_north(posterior, first)
-    return Shot(frames, path, gains, fov, fov_std, unzoomed.zoom, posterior, light.ground, first, north)
+    view = _choose_view({position[frame]: tracked.estimates[frame] for frame in sorted(by_day)}, path)
+    return Shot(frames, path, gains, fov, fov_std, unzoomed.zoom, posterior, light.ground, first, north, view)
+
+
+def _choose_view(estimates: Mapping[int, FrameEstimate], path: CameraPath) -> ShotView | None:
+    """The sharpest of the most suitable frames, the first of equals; estimates are by their index in the shot."""
+    lights = {i: light for i, seen in estimates.items() if (light := seen.prediction.light) is not None}
+    panoramas = {i: light.surroundings for i, light in lights.items() if light.surroundings is not None}
+    followed = [i for i in panoramas if not path.bridged[i]] or list(panoramas)
+    if not followed:
+        return None
+    least = max(lights[i].suitable for i in followed) - _SUITABLE_TOLERANCE
+    index = max((i for i in followed if lights[i].suitable >= least), key=lambda i: estimates[i].sharpness)
+    return ShotView(index, panoramas[index])
 
 
 def _compass_heading(path: CameraPath, gimbal: Gimbal) -> float | None:
@@ -231,9 +255,7 @@ def frame_lights(
     coefficients = compute_light_probe(base, sun=sun).coefficients
     for i, frame in enumerate(shot.frames.tolist()):
         red, green, blue = (round(float(g), 5) for g in shot.gains[i])
-        angles = float(path.heading[i]), float(path.elevation[i]), float(path.roll[i])
-        fov = zoomed_fov(base.vertical_fov, float(shot.zoom[i]))
-        lighting = lighting_in_camera(scale_exposure(base, shot.gains[i]), angles, fov, shot.north)
+        lighting = lighting_in_frame(shot, i, scale_exposure(base, shot.gains[i]))
         if lighting.utc_time is not None:
             later = timedelta(seconds=float(path.time[i] - path.time[0]))
             lighting = replace(lighting, utc_time=lighting.utc_time + later)
@@ -241,6 +263,19 @@ def frame_lights(
         seen = rotate_harmonics(coefficients, -float(path.heading[i])) * gain  # one sky, seen from a turned camera
         probe = LightProbe(seen, main_light(lighting, sun=sun))
         yield FrameLight(number, frame, float(path.time[i]), lighting, (red, green, blue), bool(path.bridged[i]), probe)
+
+
+def lighting_in_frame(shot: Shot, index: int, light: Lighting) -> Lighting:
+    """Return a shot's light as the camera of one of its frames sees it.
+
+    Args:
+        shot: a solved one.
+        index: of the frame in the shot's arrays.
+        light: as the shot's first camera sees it.
+    """
+    path = shot.path
+    angles = float(path.heading[index]), float(path.elevation[index]), float(path.roll[index])
+    return lighting_in_camera(light, angles, zoomed_fov(light.vertical_fov, float(shot.zoom[index])), shot.north)
 
 
 def lighting_in_camera(
@@ -265,25 +300,6 @@ def lighting_in_camera(
         camera_heading_probability=(),
         relative_heading=_round_heading(heading),
     )
-
-
-def render_world_map(
-    shot: Shot, height: int, sun: bool | None = None, adjustments: Adjustments | None = None
-) -> tuple[Image, Lighting, LightProbe]:
-    """Render a shot's map with true north at its centre, or else its first frame's heading.
-
-    Args:
-        shot: a solved one.
-        height: H, rows of the map.
-        sun: whether the disc is painted; None where the sun likely shines.
-        adjustments: what is changed of the light by hand; None: nothing.
-
-    Returns:
-        The map (H, 2H, 3), linear Rec.709, the light that it shows, and that light's probe.
-    """
-    light = shot_lighting(shot, adjustments)
-    yaw = light.camera_heading or 0.0
-    return *render_view(light, height, sun=sun, yaw=yaw), compute_light_probe(light, sun=sun, yaw=yaw)
 
 
 def _round_angle(degrees: Floats | float) -> float:

@@ -324,6 +324,8 @@ class FrameEstimate:
     """(3,) reflectance, where the frame shows enough of it."""
     by_lens: "FrameEstimate | None" = None
     """The same by a camera with the clip's known lens, where it has one."""
+    sharpness: float = 0.0
+    """Mean difference of neighboring pixels, gray levels."""
 
 
 @dataclass(frozen=True, eq=False)
