@@ -10,13 +10,14 @@ from lighting.runtime import available_cpus
 _ERRORS_ONLY = 3  # onnxruntime's scale of log severities
 
 
-def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> Any:
+def create_session(file: Path, threads: int, *, for_one_run: bool = False, arena: bool = True) -> Any:
     """Open an ONNX file in a session of onnxruntime on the CPU.
 
     Args:
         file: the network.
         threads: that work on one run; 0 is one for each CPU that this process may use.
         for_one_run: skip the rewriting of the graph, which takes longer than it saves in one run.
+        arena: whether a session for many runs keeps the memory of a run for the next one; else malloc does.
 
     Raises:
         ModelError: the file is missing or no network.
@@ -28,9 +29,9 @@ def create_session(file: Path, threads: int, *, for_one_run: bool = False) -> An
     options.log_severity_level = _ERRORS_ONLY
     if for_one_run:
         options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL
-        options.enable_cpu_mem_arena = options.enable_mem_pattern = False  # memory planned for runs that never come
     else:
         options.add_session_config_entry("session.disable_quant_qdq", "1")  # weights are widened once, not in each run
+    options.enable_cpu_mem_arena = options.enable_mem_pattern = arena and not for_one_run  # planned for further runs
     options.add_session_config_entry("session.intra_op.allow_spinning", "0")  # idle threads leave the CPU to others
     if not file.is_file():
         raise ModelError(f"There is no network at {file}.")

@@ -406,7 +406,8 @@ def estimate_photo(
     """Decode a photo and estimate its light.
 
     The network is loaded in a thread while the photo is decoded. While it answers, what comes after it is imported, and
-    `meanwhile` is called. Ctrl-C ends the process at once, for nothing is written yet.
+    `meanwhile` is called. One network at a time is in memory: the second is loaded after the first is gone. Ctrl-C
+    ends the process at once, for nothing is written yet.
 
     Args:
         name: of the photo's file, beside which sidecars may lie; "-" is stdin.
@@ -415,6 +416,16 @@ def estimate_photo(
         model: a network's file; None is the one in this package.
         meanwhile: what to do while the network runs.
     """
+    picture, predicted = _read_and_predict(name, data, user_input, model, meanwhile)
+    from lighting.estimator import estimate_from_prediction  # imported while the network ran
+
+    return picture, estimate_from_prediction(picture, predicted, user_input)
+
+
+def _read_and_predict(
+    name: str, data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object]
+) -> "tuple[Photo, PhotoPrediction]":
+    """The photo, and the network's prediction for it; on return the network is gone."""
     from concurrent.futures import ThreadPoolExecutor
 
     with exit_on_interrupt(), ThreadPoolExecutor(1) as pool:
@@ -423,12 +434,10 @@ def estimate_photo(
 
         picture = read_photo(data, path=path_of(name))
         predicted = pool.submit(lambda: _predict(network.result(), picture, user_input))
-        from lighting.estimator import estimate_from_prediction
-        from lighting.segmentation import packaged_segmenter
+        import lighting.estimator  # noqa: F401 - of what comes after it
 
-        packaged_segmenter()  # loads it
         meanwhile()
-    return picture, estimate_from_prediction(picture, predicted.result(), user_input)
+    return picture, predicted.result()
 
 
 def _load_for_one_photo(model: str | None) -> "Model":

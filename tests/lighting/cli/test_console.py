@@ -4,19 +4,26 @@ import json
 import os
 import subprocess
 import sys
+import weakref
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pydantic_core import from_json
 
+from lighting import estimator
+from lighting.cli import console
 from lighting.cli.console import _CONTROLS, escape_control_chars, escape_path, format_summary
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, write_exr
+from lighting.fusion.user_input import UserInput
+from lighting.model import Model
 from lighting.records import Lighting
 from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
+from tests.helpers.pages import ROOT
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command, run_in_terminal
 
 
@@ -287,3 +294,23 @@ def test_the_line_of_an_answer_says_when_the_photo_was_taken() -> None:
     assert format_summary("x.jpg", told).endswith("; taken 2024-06-01 16:49 +00:00")
     told = replace(told, utc_offset=5.75, time_source="zone of the place")
     assert format_summary("x.jpg", told).endswith("; taken 2024-06-01 22:34 +05:45 (zone of the place)")
+
+
+def test_the_network_is_gone_before_the_next_one_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    networks: list[weakref.ref[Model]] = []
+    answer = estimator.estimate_from_prediction
+
+    def load(_: object) -> Model:
+        model = Model.load(for_one_photo=True)
+        networks.append(weakref.ref(model))
+        return model
+
+    def estimate(*given: Any) -> Any:
+        assert [network() for network in networks] == [None]
+        return answer(*given)
+
+    monkeypatch.setattr(console, "_load_for_one_photo", load)
+    monkeypatch.setattr(estimator, "estimate_from_prediction", estimate)
+    data = (ROOT / "examples" / "wide_street.jpg").read_bytes()
+    assert console.estimate_photo("-", data, UserInput(), None)[1].segments is not None
+    assert len(networks) == 1
