@@ -116,6 +116,11 @@ def _adjustments(options: Json) -> Adjustments | None:
     return stated and Adjustments(**{**stated, "sun": stated["sun"] and tuple(stated["sun"])})
 
 
+def _map_options(options: Json) -> Any:
+    detail = options.get("detail", True)  # requests of earlier versions, which wait on disk, have none
+    return {"sun": options["sun"], "detail": detail, "adjustments": _adjustments(options)}
+
+
 def _process_clip(request: Json, report: Report) -> Sequence[str]:
     """`lighting video`."""
     from lighting.model import Model
@@ -124,7 +129,7 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 
     limit_address_space(_MEMORY)
     options = request["options"]
-    view: Any = {"sun": options["sun"], "adjustments": _adjustments(options)}
+    view = _map_options(options)
     outputs = OutputOptions(options["height"], tool=options["tool"], film=options["preview"], **view)
     job = VideoJob(Path(request["upload"]), _OUT, _user_input(request), options["every"], outputs)
     with Clip(job.source) as clip:
@@ -151,8 +156,7 @@ def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
     _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     source, names = find_photos(str(_PHOTOS))
     options = request["options"]
-    view: Any = {"sun": options["sun"], "adjustments": _adjustments(options)}
-    maps = MapOptions(options["height"], **view) if options["envmap"] else None
+    maps = MapOptions(options["height"], **_map_options(options)) if options["envmap"] else None
     job = BatchJob(source, str(_OUT), request["model"], maps, user_input=_user_input(request))
     with open_batch(job) as journal:
         for done, _ in enumerate(run_pool(job, names, journal, workers=1), 1):
@@ -232,7 +236,7 @@ def _create_file(name: str) -> BinaryIO:
 
 
 _USER_INPUT = frozenset({"metadata", "time", "utc_offset", "latitude", "longitude", "heading", "vertical_fov"})
-MAP_OPTIONS = frozenset({"height", "sun", "exposure", "haze", "overcast"})
+MAP_OPTIONS = frozenset({"height", "detail", "sun", "exposure", "haze", "overcast"})
 JOB_KINDS = {
     "video": JobKind(
         "a clip",

@@ -65,6 +65,9 @@ class JobQuery(UserInputQuery, AdjustQuery):
     )
     preview: types.Flag = Field(False, description="of a clip: also the clip with horizon, sun and balls drawn in")
     envmap: types.Flag = Field(False, description="of photos: also the environment map of each")
+    detail: types.Flag = Field(
+        True, description="add fine detail to maps, all around; without it those of a clip show sky and ground alone"
+    )
     height: types.Height = 512
     camera_elevation: types.CameraElevation = 0.0
     camera_roll: types.CameraRoll = 0.0
@@ -85,7 +88,7 @@ class JobQuery(UserInputQuery, AdjustQuery):
         """The request of a job's process."""
         known = self.user_input()
         stated = {field.name: getattr(known, field.name) for field in fields(UserInput)}
-        names = ("every", "tool", "preview", "envmap", "height", "camera_elevation", "camera_roll")
+        names = ("every", "tool", "preview", "envmap", "detail", "height", "camera_elevation", "camera_roll")
         adjustments = self.adjustments()
         return {
             "kind": self.kind,
