@@ -186,6 +186,7 @@ def _write_shot(
         lines.write(json.dumps({"file": name, "shot": number, "error": escape_undecodable(str(shot))}) + "\n")
         return []
     options = job.options
+    shot = shot if options.detail else replace(shot, view=None)
     lights = list(frame_lights(shot, number, options.adjustments, options.sun))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
     shot_map = _map_of_shot(shot, options, views)

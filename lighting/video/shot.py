@@ -214,6 +214,8 @@ class FrameLight:
     """Whether the camera's angles follow from its neighbours, because nothing could be followed."""
     probe: LightProbe
     """Of that light."""
+    in_map: bool = False
+    """Whether the shot's maps show this frame."""
 
     def to_line(self, name: str) -> str:
         """Return one line of JSON about the frame.
@@ -222,7 +224,7 @@ class FrameLight:
             name: of the clip.
         """
         record = {"file": name, "shot": self.shot, "frame": self.frame, "time": round(self.time, 6)}
-        record |= {"gain": list(self.gain), "bridged": self.bridged}
+        record |= {"gain": list(self.gain), "bridged": self.bridged, "in_map": self.in_map}
         return json.dumps(record | {"lighting": record_with_coefficients(self.lighting, self.probe)}, allow_nan=False)
 
 
@@ -262,7 +264,9 @@ def frame_lights(
         gain = shot.gains[i] if base.sky_irradiance is not None else float(luminance(shot.gains[i]))
         seen = rotate_harmonics(coefficients, -float(path.heading[i])) * gain  # one sky, seen from a turned camera
         probe = LightProbe(seen, main_light(lighting, sun=sun))
-        yield FrameLight(number, frame, float(path.time[i]), lighting, (red, green, blue), bool(path.bridged[i]), probe)
+        in_map = shot.view is not None and i == shot.view.index
+        bridged, time = bool(path.bridged[i]), float(path.time[i])
+        yield FrameLight(number, frame, time, lighting, (red, green, blue), bridged, probe, in_map)
 
 
 def lighting_in_frame(shot: Shot, index: int, light: Lighting) -> Lighting:

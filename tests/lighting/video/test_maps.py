@@ -32,6 +32,8 @@ def results(lit_network: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
 
 def test_the_map_shows_the_sharpest_frame_where_its_camera_saw_it(results: Path) -> None:
     lines = (results / "detail" / "lighting.jsonl").read_text().splitlines()
+    assert [json.loads(line)["in_map"] for line in lines] == [False, True, False, False, False, False]
+    assert '"in_map": true' not in (results / "plain" / "lighting.jsonl").read_text()
     camera = json.loads(lines[1])["lighting"]["camera"]
     pose = camera["vertical_fov"], camera["relative_heading"], camera["elevation"], camera["roll"]
     pixel = latlong_pixel(camera_directions(Pinhole(*SIZE, *pose)), 128)
