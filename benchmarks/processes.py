@@ -52,6 +52,7 @@ def run_process(site: Path, arguments: Sequence[str], folder: Path) -> ProcessCo
     """Run a `lighting` command of an installed wheel in `folder`; this process has to be smaller than that one."""
     command = [sys.executable, "-m", "lighting", *arguments]
     environment = {**os.environ, "PYTHONPATH": str(site)}
+    (folder / "sky.exr").unlink(missing_ok=True)  # no file is replaced unasked
     started = time.perf_counter()
     process = subprocess.Popen(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL)
     _, status, usage = os.wait4(process.pid, 0)

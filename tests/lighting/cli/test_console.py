@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 from pydantic_core import from_json
 
-from lighting import estimator
-from lighting.cli import console
+import lighting.cli.console as console
+import lighting.estimator as estimator
 from lighting.cli.console import _CONTROLS, escape_control_chars, escape_path, format_summary
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, write_exr
