@@ -111,7 +111,7 @@ def _synthesize(out: Path, count: int, val: float, height: int, samples: Path | 
 @_share("--photos-share", 0.0, "Share of the crops that show the photos of photos_train.csv.")
 @_flag("--mirrored", "Also learn from every crop's mirror image; needs --teacher or --only-camera.")
 @_flag("--only-seen", "Train only the head that says where in the picture the sun is seen.")
-@_flag("--only-camera", "Train for the camera's elevation, roll and field of view alone.")
+@_flag("--only-camera", "Train only for the camera's elevation, roll and field of view.")
 @_share("--tune-share", 0.08, "Share of the places that are held out for the log.")
 @_option("--workers", "Processes that cut crops.", click.IntRange(0), 2)
 def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ...], **settings: Any) -> None:
@@ -227,7 +227,7 @@ def _onnx(
 @_flag("--with-metadata", "Also score answers with simulated time, place, compass and lens, and with several views.")
 @_flag("--relight", "Also relight objects with the estimated environment maps, and judge their light by weather.")
 @_flag("--failures", "Also write the worst crops; they show pictures of the data, so do not publish them.")
-@_flag("--card", "Also write the model card and metrics.json beside the network, and the pages' figures and diagram.")
+@_flag("--card", "Also write the model card, metrics.json, and the pages' figures and diagram.")
 def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **settings: Any) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
     from export.evaluation.evaluate import Options

@@ -22,11 +22,11 @@ class ErrorCode(StrEnum):
     MALFORMED = "malformed"
     """A text does not read as what it should."""
     UNKNOWN = "unknown"
-    """A name is none of the known ones."""
+    """A name is unknown."""
     DUPLICATE = "duplicate"
-    """A value is stated twice."""
+    """A value is given twice."""
     CONTRADICTION = "contradiction"
-    """A value is right by itself, and not beside the others."""
+    """A value does not fit the others."""
     NIGHT = "night"
     """The sun is below the horizon."""
     INSUFFICIENT = "insufficient"
@@ -42,7 +42,7 @@ class ErrorCode(StrEnum):
     MISSING_EXTRA = "missing-extra"
     """An optional package is not installed."""
     FAILED = "failed"
-    """It failed for another reason, which the sentence states."""
+    """It failed for another reason, which the sentence tells."""
 
 
 class LightingError(Exception):

@@ -225,7 +225,7 @@ def _as_photo(source: Any) -> Photo:
     if hasattr(source, "__array__") or hasattr(source, "__array_interface__"):
         return photo_from_array(source)
     kind = type(source).__name__
-    sentence = f"A photo is a path, bytes, a binary stream, an array of pixels or a Photo, not {kind}."
+    sentence = f"A photo must be a path, bytes, a binary stream, an array of pixels or a Photo, not {kind}."
     raise PhotoError(sentence, code=ErrorCode.WRONG_TYPE)
 
 

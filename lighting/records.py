@@ -326,7 +326,7 @@ class Lighting:
             sentence = "sun.irradiance and sky.irradiance go together; the record has only one of them."
             raise ParameterError(sentence, missing, ErrorCode.MISSING)
         if self.sky_cover is not None and self.sky_irradiance is None:
-            predicate = "needs sky.irradiance and sun.irradiance beside it."
+            predicate = "needs sky.irradiance and sun.irradiance too."
             raise ParameterError.about("sky_cover", predicate, ErrorCode.CONTRADICTION)
         self._check_spot()
 
@@ -636,12 +636,12 @@ def reject_duplicate_keys(pairs: list[tuple[str, Any]]) -> Json:
         pairs: keys and values.
 
     Raises:
-        ParameterError: a key stands twice.
+        ParameterError: a key is given twice.
     """
     content = dict(pairs)
     if len(content) < len(pairs):
         often = Counter(key for key, _ in pairs).most_common(1)[0][0]
-        raise ParameterError(f"The key {often!r} stands twice.", often, ErrorCode.DUPLICATE)
+        raise ParameterError(f"The key {often!r} is given twice.", often, ErrorCode.DUPLICATE)
     return content
 
 

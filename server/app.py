@@ -40,7 +40,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
     service = Service(settings or read_settings(), estimator)
     app = FastAPI(
         title="Outdoor lighting",
-        summary="Where the sun is, what the sky is like and how the camera stood, from one outdoor photo.",
+        summary="Where the sun is, what the sky is like and how the camera is tilted, from one outdoor photo.",
         description=openapi.DESCRIPTION,
         version=__version__,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},

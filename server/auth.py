@@ -86,9 +86,9 @@ class BrowserGuardMiddleware:
     def _find_error(self, scope: Scope, headers: Headers) -> ProblemError | None:
         host = _host_name(headers.get("host", ""))
         if not self._is_own_name(scope, headers, host):
-            return ProblemError(problems.WRONG_HOST, "The service is not called so; LIGHTING_HOSTS may name it.")
+            return ProblemError(problems.WRONG_HOST, problems.WRONG_HOST.example)
         if "*" not in self.settings.cors_origins and self._is_foreign(scope, headers, host):
-            detail = "A web page of another origin may not ask this; LIGHTING_CORS_ORIGINS may name its origin."
+            detail = "Web pages of other origins are refused; the operator can add this one to LIGHTING_CORS_ORIGINS."
             return ProblemError(problems.FOREIGN_ORIGIN, detail)
         return None
 
@@ -291,7 +291,9 @@ async def require_api_key(request: Request, credentials: Credentials) -> None:
         detail = "Send one of the service's API keys: Authorization: Bearer KEY."
         raise ProblemError(problems.UNAUTHORIZED, detail, challenge)
     if request.app.state.service.keys.find(credentials.credentials) is None:
-        raise ProblemError(problems.FORBIDDEN, "The API key that was sent is none of the service's.", challenge)
+        raise ProblemError(
+            problems.FORBIDDEN, "The service does not know this API key; ask its operator for one.", challenge
+        )
 
 
 async def enforce_rate_limit(request: Request) -> None:

@@ -95,7 +95,7 @@ def _check_model(service: Service, name: str, version: str | None) -> ModelSpec:
 def _parse_request(body: bytes, length: str) -> tuple[Json, bytes]:
     """The JSON header of a request, and the photo behind it; ProblemError for another body."""
     if not length.isdecimal() or int(length) > len(body):
-        detail = f"The photo must be binary data behind the JSON, whose length {_LENGTH_HEADER} states."
+        detail = f"Send the photo as binary data after the JSON, and the JSON's length as {_LENGTH_HEADER}."
         raise ProblemError(problems.UNREADABLE_BODY, detail)
     try:
         header = json.loads(body[: int(length)])

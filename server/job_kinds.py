@@ -250,7 +250,7 @@ JOB_KINDS = {
         processes=True,
     ),
     "normals": JobKind(
-        "a ZIP of photos of one day, from a camera that stood still",
+        "a ZIP of photos of one day, from a camera that did not move",
         frozenset({"latitude", "longitude", "heading", "utc_offset", "camera_elevation", "camera_roll"}),
         _estimate_normals,
     ),

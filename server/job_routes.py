@@ -48,7 +48,7 @@ _UPLOAD_BODY = {
         "content": {FORM_TYPE: {"schema": _FORM}, **{kind: {"schema": _BINARY} for kind in FILE_TYPES}},
     }
 }
-_OFF = "This service takes no jobs; its operator may name a folder for them, LIGHTING_JOBS_FOLDER."
+_OFF = "This service takes no jobs; its operator can turn them on by LIGHTING_JOBS_FOLDER."
 
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=FormRoute)
 
@@ -66,7 +66,7 @@ class JobQuery(UserInputQuery, AdjustQuery):
     preview: types.Flag = Field(False, description="of a clip: also the clip with horizon, sun and balls drawn in")
     envmap: types.Flag = Field(False, description="of photos: also the environment map of each")
     detail: types.Flag = Field(
-        True, description="add fine detail to maps, all around; without it those of a clip show sky and ground alone"
+        True, description="add fine detail to maps, all around; without it, a clip's maps show sky and ground"
     )
     height: types.Height = 512
     camera_elevation: types.CameraElevation = 0.0

@@ -18,12 +18,12 @@ curl -F photo=@photo.jpg http://127.0.0.1:8000/v1/lighting
 curl -F photo=@photo.jpg -F height=256 -F format=hdr http://127.0.0.1:8000/v1/envmap -o sky.hdr
 ```
 
-- **A photo** is the file `photo` of a form, or the whole body: JPEG, PNG, WebP, TIFF, AVIF or HEIC. Addresses of photos
-  and photos inside JSON are not taken.
-- **Parameters** stand in the URL or in the form, each once.
+- **A photo** is the file `photo` of a form, or the whole body: JPEG, PNG, WebP, TIFF, AVIF or HEIC. URLs of photos and
+  photos inside JSON are refused.
+- **Parameters** go into the URL or the form, each once.
 - **Angles** are degrees. Azimuth 0 is where the camera points, positive to the right. Colours are linear Rec.709.
-- **`ETag`** is in every answer: the same one, the same answer. `If-None-Match` goes with `GET` alone.
-- **Errors** are `application/problem+json`. Programs read `type`, and of each of the `errors` its `field` and `code`.
+- **`ETag`** is in every answer: the same one, the same answer. `If-None-Match` works only with `GET`.
+- **Errors** are `application/problem+json`. Programs read `type`, and each error's `field` and `code`.
 - **Photos are not kept.** They stay in memory while they are worked on.
 """
 TAGS = [

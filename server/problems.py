@@ -79,16 +79,16 @@ FORBIDDEN = ProblemKind(
     "forbidden",
     403,
     "The API key is wrong",
-    "The API key that was sent is none of the service's.",
-    "The API key is none of the service's.",
+    "The service does not know this API key; ask its operator for one.",
+    "The service does not know the API key.",
 )
 FOREIGN_ORIGIN = ProblemKind(
     "foreign-origin",
     403,
-    "A web page of another origin asks",
-    "A web page of another origin may not ask this; LIGHTING_CORS_ORIGINS may name its origin.",
+    "A web page of another origin is refused",
+    "Web pages of other origins are refused; the operator can add this one to LIGHTING_CORS_ORIGINS.",
     "A web page of an origin outside `LIGHTING_CORS_ORIGINS` sends a form, "
-    "or has this machine's service draw something.",
+    "or asks this machine's service for a picture.",
 )
 NOT_FOUND = ProblemKind(
     "not-found",
@@ -123,8 +123,8 @@ TOO_SLOW = ProblemKind(
     408,
     "The request did not arrive in time",
     "The body must arrive within 60 s and at 10000 bytes per second.",
-    "The body took longer than `LIGHTING_UPLOAD_SECONDS` or came slower than `LIGHTING_UPLOAD_RATE`, "
-    "or the headers took longer than `LIGHTING_HEADER_SECONDS`.",
+    "The body exceeded `LIGHTING_UPLOAD_SECONDS` or came slower than `LIGHTING_UPLOAD_RATE`. "
+    "Or the headers exceeded `LIGHTING_HEADER_SECONDS`.",
 )
 REMOVED = ProblemKind(
     "removed",
@@ -151,8 +151,8 @@ WRONG_HOST = ProblemKind(
     "wrong-host",
     421,
     "The service has another name",
-    "The service is not called so; LIGHTING_HOSTS may name it.",
-    "The request names a host that `LIGHTING_HOSTS` does not. "
+    "This is not the service's name; its operator can add it to LIGHTING_HOSTS.",
+    "The request names a host that is not in `LIGHTING_HOSTS`. "
     "Without that setting, on a loopback address, any name with a dot is one.",
 )
 INVALID = ProblemKind(
@@ -160,8 +160,8 @@ INVALID = ProblemKind(
     422,
     "A parameter is missing, unknown or out of range",
     "height: must be a number from 16 to 2048",
-    "`errors` names each field (of very many the first 20), its `place` (`query`, `form` or `body`), its range and a "
-    "`code`, which stays while sentences may change. A parameter or a key of JSON given twice is invalid, too.",
+    "`errors` lists up to 20 fields, each with its `place` (`query`, `form` or `body`), range and `code`. "
+    "Codes stay; sentences may change. A parameter or a key of JSON given twice is invalid, too.",
 )
 TOO_MANY_REQUESTS = ProblemKind(
     "too-many-requests",
@@ -197,7 +197,7 @@ INTERNAL = ProblemKind(
     500,
     "The service failed",
     "An unexpected error occurred in the service.",
-    "The log holds the details under the `request_id`.",
+    "The details are in the log, under the `request_id`.",
 )
 NOT_READY = ProblemKind(
     "not-ready",
@@ -211,8 +211,8 @@ BUSY = ProblemKind(
     503,
     "The service is busy",
     "All workers are busy and the queue is full.",
-    "The queue is full of other clients' requests, `LIGHTING_UPLOADS` bodies are arriving and this one came most "
-    "slowly, or the service shuts down. Try again after `Retry-After` seconds.",
+    "The queue is full, this upload was the slowest of `LIGHTING_UPLOADS`, or the service shuts down. "
+    "Try again after `Retry-After` seconds.",
 )
 
 KINDS = (

@@ -46,7 +46,7 @@ class Query(BaseModel):
         for other, name in (OLD_NAMES | SHORT_FORMS).items():
             if other in renamed and name in names:
                 if name in renamed:
-                    raise field_error(other, f"is {name}, which is stated, too", ErrorCode.DUPLICATE)
+                    raise field_error(other, f"is the same as {name}; give one of them", ErrorCode.DUPLICATE)
                 renamed[name] = renamed.pop(other)
         return renamed
 
@@ -59,7 +59,7 @@ class Query(BaseModel):
 class UserInputQuery(Query):
     """What the client states about a photo; it overrides the photo's metadata."""
 
-    metadata: types.Flag = Field(True, description="use the photo's metadata; false uses the pixels alone")
+    metadata: types.Flag = Field(True, description="use the photo's metadata; false uses only the pixels")
     time: types.Time = Field(None, description="when the photo was taken, ISO 8601, with the offset from UTC if known")
     utc_offset: types.Offset = Field(None, description="offset of a local time from UTC in hours, -12 to 14")
     latitude: Annotated[float | None, parameter_range("latitude", "deg, positive north; needs `longitude`", 48.14)] = (
@@ -96,7 +96,7 @@ class LightingQuery(UserInputQuery):
     probability: types.Flag = Field(False, description="add the sun's probability on its grid")
     surroundings: types.Flag = Field(False, description="add what the place makes of the bare map, cell by cell")
     photo_metadata: types.Flag = Field(
-        False, description="add what the file says of itself, its location included, for a form that corrects it"
+        False, description="add the file's own metadata with its location, to fill in a form"
     )
 
 
@@ -108,7 +108,7 @@ class LightingsQuery(LightingQuery):
     )
     together: types.Flag = Field(True, description="several photos are of one place and light; false: each by itself")
     match: types.Flag = Field(
-        True, description="find by what several photos show in common how they are turned, unless `headings` say it"
+        True, description="compare several photos' pixels to find how they are turned, unless `headings` tell"
     )
 
     def heading_values(self) -> list[float] | None:
@@ -164,14 +164,14 @@ class _IrradianceQuery(Query):
     @classmethod
     def _check_pair(cls, sky: Any, others: ValidationInfo) -> Any:
         if "sun_irradiance" in others.data and (others.data["sun_irradiance"] is None) != (sky is None):
-            raise PydanticCustomError("pair", "sun_irradiance and sky_irradiance go together; one is missing")
+            raise PydanticCustomError("pair", "sun_irradiance and sky_irradiance go together; give both")
         return sky
 
     @field_validator("sky_cover")
     @classmethod
     def _check_irradiances(cls, cover: float | None, others: ValidationInfo) -> float | None:
         if cover is not None and others.data.get("sky_irradiance", True) is None:
-            raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance beside it")
+            raise PydanticCustomError("pair", "needs sky_irradiance and sun_irradiance too")
         return cover
 
 
@@ -271,7 +271,7 @@ class PhotoProbeQuery(AdjustQuery, ProbeQuery, UserInputQuery, _EditQuery):
     """The light probe of a photo."""
 
     surroundings: types.FlagOrAuto = Field(
-        None, description="include the place, not the sky alone; by default where the network predicts it"
+        None, description="include the place, not only the sky; by default if the network predicts it"
     )
 
 

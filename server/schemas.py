@@ -312,7 +312,7 @@ class ModelCard(BaseModel):
 
 class FieldError(BaseModel):
     field: str
-    place: Literal["query", "form", "body"] = Field(description="where the field stands: in the URL or in the body")
+    place: Literal["query", "form", "body"] = Field(description="where the field is: in the URL, the form or the body")
     detail: str
     code: str = Field(
         description="what is wrong, for programs: stable, unlike the sentence",

@@ -74,13 +74,11 @@ class Settings(BaseSettings):
         None, description="photo that the page shows at `/#opened/SECRET/NAME`, as `lighting open` asks"
     )
     photo_secret: SecretStr | None = Field(
-        None, description="the SECRET in that address; without it nobody is given the photo"
+        None, description="the SECRET in that address; without it, nobody gets the photo"
     )
     concurrency: int = Field(0, ge=0, le=1024, description="requests processed at the same time; 0 means one per CPU")
     threads: int = Field(1, ge=1, le=1024, description="onnxruntime threads per photo")
-    queue: int = Field(
-        32, ge=0, description="requests that may wait in addition; of further ones each client's only one"
-    )
+    queue: int = Field(32, ge=0, description="requests that may wait; beyond these, one of each client")
     max_bytes: int = Field(MAX_BYTES, ge=1, description="maximum size of a request body in bytes")
     max_pixels: int = Field(
         MAX_PIXELS,
@@ -143,7 +141,7 @@ class Settings(BaseSettings):
         "", description="addresses whose `X-Forwarded-For` header is trusted, separated by commas; without any, none is"
     )
     root_path: str = Field(
-        "", description="path that a proxy takes away from its requests, for example `/light`; links name it"
+        "", description="path that a proxy removes from requests, for example `/light`; links include it"
     )
     otlp_endpoint: str = Field(
         "",

@@ -45,7 +45,7 @@ class LIGHTFROMPHOTO_OT_estimate(bpy.types.Operator, ImportHelper):
         if not spot_is_in_view(context.scene):
             self.report({"WARNING"}, "Your object would stand below the picture's edge.")
         if spot_is_in_shade(context.scene):
-            self.report({"WARNING"}, "Your object would stand in the photo's shade: the sun lights the ground alone.")
+            self.report({"WARNING"}, "Your object is in the photo's shade: the sun lights only the ground.")
         if others := other_lights(context.scene):
             self.report({"WARNING"}, f"The scene has light that the photo has not; delete it: {', '.join(others)}.")
         return {"FINISHED"}

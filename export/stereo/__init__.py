@@ -64,7 +64,7 @@ def _evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, 
     from lighting.stereo.network import Network
 
     if unknown := set(tables).difference(TABLES):
-        raise click.BadParameter(f"{min(unknown)} is none of {', '.join(TABLES)}.", param_hint="--table")
+        raise click.BadParameter(f"{min(unknown)} is no table; give one of {', '.join(TABLES)}.", param_hint="--table")
     run(data, Network.load(network), click.echo, quick=quick, tables=tables or TABLES)
 
 

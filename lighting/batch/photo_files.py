@@ -158,7 +158,7 @@ def _matches(pattern: str, source: Path) -> Iterator[str]:
     """
     parts = Path(pattern).parts[len(source.parts) :]
     if any("**" in part and part != "**" for part in parts):
-        raise BatchError(f"{pattern} is no pattern: ** stands for folders, between slashes alone.")
+        raise BatchError(f"{pattern} is no pattern: ** means folders; write it between slashes, as in photos/**/*.jpg.")
     if parts[-1:] == ("**",):
         parts = (*parts, "*")
     hidden = any(part.startswith(".") for part in parts)

@@ -130,7 +130,7 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
 def _choose_out(source: str, out: str | None, output: str | None) -> str:
     """The folder of the results, by default one beside the photos' folder."""
     if out is not None and output is not None:
-        raise click.UsageError("OUT and -o are the same; state one.")
+        raise click.UsageError("OUT and -o are the same; give one.")
     stated = out if output is None else output
     if stated is None and ("://" in source or not Path(source).is_dir()):
         raise click.UsageError("Say where the results go: lighting batch INPUT OUT.")

@@ -54,7 +54,7 @@ class Command(click.Command):
         extra = super().parse_args(ctx, self._with_new_names(args))
         if extra and not ctx.resilient_parsing:
             takes = " and ".join(p.make_metavar(ctx) for p in self.params if isinstance(p, click.Argument))
-            needs = f"takes {takes} alone" if takes else "takes no file"
+            needs = f"takes only {takes}" if takes else "takes no file"
             raise click.UsageError(f"`{ctx.command_path}` {needs}; {extra[0]!r} is too much.", ctx)
         return extra
 

@@ -500,10 +500,10 @@ def check_exr_options(output: str, compression: str | None, colours: str | None)
 
     suffixes = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
     if compression is not None and output != "-" and not output.lower().endswith(tuple(suffixes)):
-        raise click.UsageError(f"--compression goes with {' and '.join(suffixes)} alone.")
+        raise click.UsageError(f"--compression needs an output in {' or '.join(suffixes)}.")
     headed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.has_header]
     if colours is not None and output != "-" and not output.lower().endswith(tuple(headed)):
-        raise click.UsageError(f"--colours goes with {' and '.join(headed)} alone.")
+        raise click.UsageError(f"--colours needs an output in {' or '.join(headed)}.")
 
 
 def write_output_map(

@@ -112,7 +112,7 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
     metavar="PHOTO",
     type=common.FileName(),
     callback=outputs.check_file_name,
-    help="The photo that the record is of: the map shows the place. Without it, the sky alone.",
+    help="The record's photo: the map then shows the place. Without it, sky and ground.",
 )
 @common.map_options
 @common.adjustment_options

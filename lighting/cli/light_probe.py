@@ -75,5 +75,5 @@ def _probe_of_record(
     from lighting.light_probe import compute_light_probe
 
     if model is not None or surroundings is not None or user_input != NO_USER_INPUT:
-        raise click.UsageError("A record states the light; what is stated of a photo does not go with it.")
+        raise click.UsageError("A record holds the light already; leave out the options about a photo.")
     return compute_light_probe(console.read_lighting(source), sun=sun)

@@ -355,7 +355,11 @@ _ADJUSTMENTS: tuple[Decorator, ...] = (
 
 _OPTIONS: dict[str, Decorator] = {  # by the fields of UserInput that they fill
     "metadata": click.option(
-        "--no-metadata", "metadata", flag_value=False, default=True, help="Ignore EXIF and the like: pixels alone."
+        "--no-metadata",
+        "metadata",
+        flag_value=False,
+        default=True,
+        help="Ignore EXIF and the like; use only the pixels.",
     ),
     "time": click.option(
         "--time",

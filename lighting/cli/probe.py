@@ -84,7 +84,9 @@ def _pair(text: str, what: str) -> tuple[float, float]:
 @click.option(
     "--yaw", type=Number("134"), metavar="DEG", help="Heading of the camera; a fisheye's lower edge has it. [the sun's]"
 )
-@click.option("--series", is_flag=True, help="Many brackets of a camera that stood still: tilt and lens are found too.")
+@click.option(
+    "--series", is_flag=True, help="Many brackets of a camera that did not move: tilt and lens are found too."
+)
 @click.option("--fill-sun", "fill", is_flag=True, help="A clipped sun gets the model's power.")
 @common.height_option
 @click.option(

@@ -133,7 +133,7 @@ def _check(chosen: PhotoOptions, options: _SceneOptions) -> None:
     for name, tool in unsupported_options(options.of_tool, options.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
     if options.record and len(chosen.photos) > 1:
-        raise click.UsageError("--lighting states the light of one photo.")
+        raise click.UsageError("--lighting holds the light of one photo; give one photo.")
 
 
 def _check_inputs(folder: str, chosen: PhotoOptions, options: _SceneOptions) -> None:

@@ -94,8 +94,8 @@ def _plan(
 ) -> None:
     """When to photograph a thing so that its normals come out best.
 
-    Compares windows of 1, 2, 3 and 6 hours of a day, or of the best day of a range, and says how far the normals will
-    be off.
+    Compares windows of 1, 2, 3 and 6 hours of a day, or of the best day of a range. It prints how far the normals
+    will be off.
     """
     from lighting.stereo.plan_records import PlanRequest
     from lighting.stereo.planner import plan_photos, plan_record
@@ -223,7 +223,7 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 def _normals(
     day: Path, output: str | None, overwrite: bool, network: bool, as_json: bool, quiet: bool, **options: Any
 ) -> None:
-    """Find the normals of a thing from photos of one DAY, taken by a camera that stood still.
+    """Find the normals of a thing from photos of one DAY, taken by a camera that did not move.
 
     DAY holds RAW, 16-bit PNG or TIFF, EXR or JPEG photos. Times and place come from EXIF, times else from times.csv,
     the mask from mask.png. FOLDER receives normals, albedo, uncertainty and a mesh.

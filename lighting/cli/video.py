@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 @click.option(
     "--detail/--no-detail",
     default=True,
-    help="Show the place in the maps, detail all around it, else sky and ground alone.  [default: detail]",
+    help="Show the place in the maps, with detail all around; else sky and ground.  [default: detail]",
 )
 @common.height_option
 @common.adjustment_options
@@ -72,10 +72,10 @@ def _video(
 ) -> None:
     """Estimate the light and camera of a clip.
 
-    FOLDER gets lighting.jsonl, a record a frame, and shot-1.exr, the light in the world's axes: true north at its
-    centre if it is known, else the first frame's heading. All maps of a shot show its sharpest suitable frame. A cut
+    FOLDER gets lighting.jsonl, a record a frame, and shot-1.exr, the light in the world's axes. Its centre is true
+    north if it is known, else the first frame's heading. All maps of a shot show its sharpest suitable frame. A cut
     starts another shot. What --time and --heading say is of the first frame. Time, place and lens are taken from the
-    clip's metadata and from DJI's subtitles beside it, unless stated here. The exit status is 1 where part of the clip
+    clip's metadata and from DJI's subtitles beside it, unless given here. The exit status is 1 where part of the clip
     has no answer.
     """
     from lighting.errors import VideoError
@@ -154,7 +154,7 @@ def _report(clip: str, result: "VideoResult", quiet: bool) -> None:
     """A line a shot, and what went wrong."""
     name = escape_path(clip)
     if len(result.shots) > 1:
-        click.echo(f"{name}: {len(result.shots)} shots, for there are cuts or dissolves.", err=True)
+        click.echo(f"{name}: {len(result.shots)} shots; the clip has cuts or dissolves.", err=True)
     for number, shot in enumerate(result.shots, 1):
         if isinstance(shot, Exception):
             click.echo(f"Error: {name}: {shot}", err=True)

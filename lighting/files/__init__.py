@@ -164,7 +164,7 @@ def _writer_of(
         )
     entry = MAP_FORMATS[name]
     if colours != "rec709" and not entry.has_header:
-        raise EnvironmentMapError(f"The colours {colours} go with .exr alone.", "colours", ErrorCode.CONTRADICTION)
+        raise EnvironmentMapError(f"The colours {colours} need an .exr file.", "colours", ErrorCode.CONTRADICTION)
     options = {"compression": compression, "overwrite": overwrite} if entry.takes_compression else {}
     return partial(entry.write, **options, **({"probe": probe, "colours": colours} if entry.has_header else {}))
 

@@ -466,7 +466,7 @@ def _read(source: WriteTarget) -> bytes:
             )
         if not isinstance(data := read(), bytes):
             raise EnvironmentMapError(
-                "The file is open as text; an EXR is read from one that is open in binary mode.",
+                "The file is open as text; open it in binary mode: open(path, 'rb').",
                 code=ErrorCode.WRONG_TYPE,
             )
         return data

@@ -13,8 +13,8 @@ from lighting.records import CodedWarning, WarningCode
 
 _MAX_OFFSET_ERROR = 0.01  # h
 _ANY_TIME = datetime(2024, 7, 1, 12)  # for a place whose zone's name alone counts
-_CHOSEN = "The file states no hemisphere: the place on land in the clock's zone was used."
-_DROPPED = "The file states no hemisphere: its place was not used."
+_CHOSEN = "The file names no hemisphere: the place on land in the clock's zone was used."
+_DROPPED = "The file names no hemisphere: its place was not used."
 
 
 def resolve_hemisphere(metadata: PhotoMetadata) -> tuple[PhotoMetadata, tuple[CodedWarning, ...]]:

@@ -45,11 +45,11 @@ _SUN_MOTION_SCALE = 30.0  # deg of the sun's motion after which the same view is
 _MIN_HEADING_STD = 0.5  # deg, of a heading over whole degrees
 
 _SEPARATE_GROUP = CodedWarning(
-    "It does not overlap the first photo: light alone says where it points.",
+    "It does not overlap the first photo: only light says where it points.",
     WarningCode.TURN_INFERRED,
 )
 _SEPARATE_PHOTO = CodedWarning(
-    "It overlaps no other photo: light alone says where it points.",
+    "It overlaps no other photo: only light says where it points.",
     WarningCode.TURN_INFERRED,
 )
 

@@ -141,7 +141,7 @@ class UserInput:
 def _stated_once(name: str, value: float | None, short: float | None) -> float | None:
     """The value of a field that has a short form."""
     if value is not None and short is not None:
-        raise ParameterError.about(name, "is stated twice, once in its short form.", ErrorCode.DUPLICATE)
+        raise ParameterError.about(name, "is given twice, once in its short form; give it once.", ErrorCode.DUPLICATE)
     return short if value is None else value
 
 

@@ -426,7 +426,7 @@ def embedded_preview(data: bytes) -> bytes:
         largest = max(largest, (width * height, position))
     if largest[0] <= 0:
         raise PhotoError(
-            "The RAW photo holds no preview that can be read; convert it to JPEG or TIFF first, as darktable-cli does."
+            "The RAW photo has no readable preview; convert it to JPEG or TIFF, for example with darktable-cli."
         )
     return data[largest[1] :]
 

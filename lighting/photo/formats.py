@@ -81,11 +81,11 @@ def unreadable_sentence(data: bytes) -> str:
     if kind := heif_kind(data):
         return f"The {'HEIC' if kind == 'HEIF' else kind} is damaged or cut short."
     if name := _raw_name(data):
-        return f"This is {name}, a RAW photo that is not read; convert it to JPEG or TIFF first, as darktable-cli does."
+        return f"This is {name}, an unsupported RAW photo; convert it to JPEG or TIFF, for example with darktable-cli."
     if name := _clip_name(data):
         return f"This is {name}, not a photo; the command `lighting video` reads clips."
     if name := _picture_name(data):
-        return f"This is {name}, not a photo that is read; convert it to {_READ}."
+        return f"This is {name}, not a supported photo; convert it to {_READ}."
     if name := _other_name(data):
         return f"This is {name}, not a photo."
     return UNREADABLE
@@ -176,7 +176,7 @@ def _other_name(data: bytes) -> str | None:
     if data[:4] == b"RIFF" and data[8:12] == b"WAVE":
         return "a WAV"
     if data.count(0) == len(data):
-        return "a file of zeros alone, as a copy that broke off leaves it"
+        return "a file of zeros, as a broken copy leaves it"
     if _MARKUP.match(data):
         return "a page of the web (HTML)" if _is_html(data) else "an XML file"
     if _JSON.match(data):

@@ -46,9 +46,7 @@ MIN_SIDE = 32  # pixels
 MAX_ASPECT = 8  # longer side / shorter side
 
 _TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # how files begin, those of more than 4 GB too
-_UNREADABLE_TIFF = (
-    "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
-)
+_UNREADABLE_TIFF = "The TIFF is damaged or not supported, such as 32 bits per colour; convert it to 8 or 16 bits."
 _BORDER = "Only the photo inside a border was used: {width} x {height} pixels."
 _STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixels."
 _COLLAGE = "Probably a collage of several photos: do not trust this result."
@@ -344,7 +342,7 @@ def read_bytes(source: Source, max_bytes: int = MAX_BYTES) -> bytes:
 def _read_stream(stream: BinaryIO, limit: int) -> bytes:
     if isinstance(stream, TextIOBase):
         raise PhotoError(
-            "The file is open as text; a photo is read from one that is open in binary mode.", code=ErrorCode.WRONG_TYPE
+            "The file is open as text; open it in binary mode: open(path, 'rb').", code=ErrorCode.WRONG_TYPE
         )
     if isinstance(stream, Photo):
         raise PhotoError(

@@ -42,7 +42,7 @@ PLACEHOLDER_ALBEDO = DIFFUSE_REFLECTANCE  # of ball and stick: that of the previ
 PLATE_SIDE = 3840  # pixels, least length of the plate's longer side if the photo has as many
 
 _MIN_DESCENT = 0.05  # slope of the line from camera to a stage, for cameras that are level or look up
-_SHADED_SPOT = "The object stands in the photo's shade: the scene keeps the sun off it."
+_SHADED_SPOT = "The object is in the photo's shade: the scene keeps the sun off it."
 _HIDDEN_SPOT = "The object would stand {:.0f} m ahead, below the picture's edge."
 
 

@@ -288,7 +288,7 @@ def check_sun_moves(skies: Skies) -> None:
     """
     suns = skies.sun_direction
     if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _MIN_SUN_MOTION:
-        raise PhotoError("The sun stands in the same place in all photos; take them over hours.")
+        raise PhotoError("The sun is in the same place in all photos; take them over hours.")
 
 
 TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy

@@ -335,6 +335,6 @@ def _check_size(width: int, height: int) -> None:
     _check_pixel_count(width, height)
     if min(width, height) < MIN_SIDE or max(width, height) > MAX_ASPECT * min(width, height):
         raise VideoError(
-            f"The clip is {width} x {height} pixels; each side must have at least {MIN_SIDE}, "
-            f"and one may be at most {MAX_ASPECT} times the other."
+            f"The clip is {width} x {height} pixels; each side needs at least {MIN_SIDE}, "
+            f"and the longer at most {MAX_ASPECT} times the shorter."
         )

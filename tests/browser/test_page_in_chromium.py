@@ -290,7 +290,7 @@ class TestUpload:
         assert busy.startswith("The service answered 503.")
 
     def test_text_that_is_dropped_or_pasted_is_refused_with_a_sentence(self, seen: Seen) -> None:
-        rest = "is no file. Save the photo, then choose its file or drop it here."
+        rest = "is no file. Save the photo, then choose or drop the file."
         assert seen["noFile"] == [f"That did not work. What you {did} {rest}" for did in ("dropped", "pasted")]
         assert seen["textInField"] == [True, False]
 
@@ -471,7 +471,7 @@ class TestDownloads:
     def test_a_photo_is_answered(self, seen: Seen, folder: Path) -> None:
         assert seen["title"].startswith("Sun ")
         assert {"Sun azimuth", "Turbidity", "Vertical field of view"} <= set(seen["numbers"])
-        assert "of this photo alone" in seen["note"]
+        assert "are for this photo" in seen["note"]
         record = json.loads((folder / "estimate.json").read_text())
         assert len(record.pop("light_probe")["coefficients"]) == 9
         assert record_with_coefficients(Lighting.from_dict(record)) == record
@@ -536,7 +536,7 @@ class TestDownloads:
         assert not np.allclose(maps[0], maps[2], rtol=1e-3)
 
     def test_without_the_table_of_the_sky_no_file_states_darkness(self, seen: Seen) -> None:
-        assert "The table of the sky could not be loaded" in seen["errorWithoutTable"]
+        assert "The sky's table could not be loaded" in seen["errorWithoutTable"]
         assert min(seen["irradianceAfterAll"]) > 0
         assert not seen["errorAfterAll"]
 
@@ -581,7 +581,7 @@ class TestSeveral:
 
     def test_that_photos_are_matched_is_promised_where_the_service_does_it(self, seen: Seen) -> None:
         with_opencv, without = seen["promises"]
-        assert "estimated together, and turned by what they show in common." in with_opencv
+        assert "estimated together, and what they show in common tells how they are turned." in with_opencv
         assert "in common" not in without
         assert "this service does not compare their pixels." in without
 
@@ -626,7 +626,7 @@ class TestWebglLoss:
         return visits("webgl_loss")
 
     def test_a_stage_that_is_not_loaded_is_no_lack_of_webgl(self, seen: Seen) -> None:
-        assert seen["sceneNote"].startswith("What draws the object could not be loaded")
+        assert seen["sceneNote"].startswith("The object could not be loaded")
 
     def test_the_object_comes_back_with_the_memory_of_its_canvas(self, seen: Seen, folder: Path) -> None:
         assert seen["complaints"] == []

@@ -367,7 +367,7 @@ def check_report(printed: str) -> dict[str, Any]:
     assert report["undone"] == [4, 0, 4, 0]
     assert report["sun lamps"] == 1
     assert report["seen"] == [True, False]
-    assert "Warning: Your object would stand in the photo's shade: the sun lights the ground alone." in printed
+    assert "Warning: Your object is in the photo's shade: the sun lights only the ground." in printed
     assert "Warning: The scene has light that the photo has not; delete it: Light.\n" in printed
     assert "World" in report["worlds"]  # the artist's own
     assert report["reopened"]["sliders"][0] == 12.0

@@ -50,7 +50,7 @@ def test_nothing_else_does_and_a_wrong_key_is_told_from_none(
         guarded.post("/v1/lighting", content=b"no photo", headers=headers),
     ):
         body = problem(answer, status, {401: "unauthorised", 403: "forbidden"}[status])
-        assert ("none of the service's" in body["detail"]) == (status == 403)
+        assert ("does not know this API key" in body["detail"]) == (status == 403)
         assert answer.headers["www-authenticate"] == "Bearer"
 
 

@@ -187,7 +187,7 @@ def test_old_names_are_read_until_the_next_release(old: dict[str, str], new: dic
 
 
 def test_a_parameter_by_its_old_and_its_new_name_is_refused() -> None:
-    with pytest.raises(ValidationError, match="is latitude, which is stated, too"):
+    with pytest.raises(ValidationError, match="is the same as latitude; give one of them"):
         UserInputQuery.model_validate({"lat": "48", "latitude": "48", "longitude": "11"})
 
 

@@ -65,7 +65,7 @@ def test_wrong_fields_are_named_below_the_body(record: Any) -> None:
     ],
 )
 def test_a_key_that_is_given_twice_is_refused_and_named(text: str, field: str) -> None:
-    with pytest.raises(ProblemError, match=f"^{field}: The key '{field}' stands twice.$") as caught:
+    with pytest.raises(ProblemError, match=f"^{field}: The key '{field}' is given twice.$") as caught:
         parse_record(text.encode())
     (error,) = caught.value.more["errors"]
     assert (error["field"], error["place"]) == (field, "body")

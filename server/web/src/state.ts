@@ -202,7 +202,7 @@ async function readIntoMemory(file: File): Promise<File> {
   try {
     return new File([await file.arrayBuffer()], file.name, { type: file.type });
   } catch {
-    throw new Error(`${file.name} cannot be read: it is a folder, or was changed or moved. Choose it once more.`);
+    throw new Error(`${file.name} cannot be read: it is a folder, or was changed. Choose it again.`);
   }
 }
 

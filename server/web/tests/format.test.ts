@@ -73,7 +73,7 @@ describe("words", () => {
 
   it("explain why this photo's radius and the usual error differ", () => {
     const text = explainAccuracy(RECORD, { sun_azimuth_median: 24.8 });
-    expect(text).toContain("The 9.5° are of this photo alone");
+    expect(text).toContain("The 9.5° are for this photo");
     expect(text).toContain("surer than most");
     expect(
       explainAccuracy({ ...RECORD, sun: { ...RECORD.sun, radius_50: 40 } }, { sun_azimuth_median: 24.8 }),
@@ -113,9 +113,7 @@ describe("the headline", () => {
     expect(titleFor({ visibility: 0.2 })).toBe("No direct sun");
     expect(titleFor({ visibility: 0.4 })).toBe("Probably no direct sun");
     const { text } = buildHeadline({ ...RECORD, sun: { ...RECORD.sun, visibility: 0.2 } });
-    expect(text).toContain(
-      "is 80\u00a0% likely. If the sun shone, it would stand ahead, to the right, at half height.",
-    );
+    expect(text).toContain("is 80\u00a0% likely. If the sun shone, it would be ahead, to the right, at half height.");
   });
 
   it("says when the photo is none of outdoor daylight, where the service tells", () => {

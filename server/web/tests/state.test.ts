@@ -100,7 +100,7 @@ describe("what a photo says", () => {
 
   it("was used, in words", () => {
     expect(formatEvidence(["pixels", "time+place", "heading"])).toBe(
-      "Used: the picture itself, time and place (where the sun stood then), the compass heading.",
+      "Used: the picture itself, time and place (where the sun was then), the compass heading.",
     );
     expect(formatEvidence(["pixels", "gravity"])).toBe("Used: the picture itself, how the camera was held.");
     expect(formatEvidence(["something new"])).toBe("Used: something new.");

@@ -116,7 +116,7 @@ def test_the_group_lists_its_commands() -> None:
 def test_tables_are_checked_and_listed() -> None:
     result = CliRunner().invoke(stereo_group, ["evaluate", "--data", "shapes", "--table", "seasonal"])
     assert result.exit_code == 2
-    assert "seasonal is none of seasons, wrong" in result.stderr
+    assert "seasonal is no table; give one of seasons, wrong" in result.stderr
     listed = CliRunner().invoke(stereo_group, ["evaluate", "--help"]).stdout
     assert all(table in listed for table in TABLES)
 

@@ -101,7 +101,7 @@ def test_render_takes_a_record_or_a_line_of_estimate(record_path: Path, tmp_path
             "stdin: sun.elevation is -5",
         ),
         ('{"sun": {"azimuth": 1' + "0" * 5000 + "}}", "stdin does not hold one JSON record: Exceeds the limit"),
-        ('{"sun": {"azimuth": 3, "azimuth": 4}}', "stdin: The key 'azimuth' stands twice."),
+        ('{"sun": {"azimuth": 3, "azimuth": 4}}', "stdin: The key 'azimuth' is given twice."),
         (" " * 1_000_001, "stdin is larger than a lighting record, which has at most 1 MB."),
     ],
     ids=range(16),

@@ -119,11 +119,11 @@ def test_a_photo_that_no_match_connects_says_so() -> None:
 
 def test_photos_that_overlap_and_not_with_the_first_say_that_their_turn_from_it_is_inferred() -> None:
     alone, *others = fuse_views(views(60.0, TURNS), [TOGETHER_NOTHING] * 3, None, together_placed((0, 1, 1)))
-    assert "no other photo: light alone" in alone.warnings[0]
+    assert "no other photo: only light" in alone.warnings[0]
     for answer in others:
         assert "turns" in answer.used
         (warning,) = answer.warnings
-        assert "does not overlap the first photo: light alone" in warning
+        assert "does not overlap the first photo: only light" in warning
 
 
 def test_a_photo_that_lies_on_its_side_says_so() -> None:

@@ -89,7 +89,7 @@ def test_short_forms_and_texts_are_those_of_the_command_line() -> None:
 @pytest.mark.parametrize("name", ["lat", "lon", "fov"])
 def test_a_value_is_stated_once(name: str) -> None:
     long = {"lat": "latitude", "lon": "longitude", "fov": "vertical_fov"}[name]
-    with pytest.raises(ParameterError, match=f"^{long} is stated twice") as caught:
+    with pytest.raises(ParameterError, match=f"^{long} is given twice") as caught:
         UserInput(**{name: 1.0, long: 1.0})  # type: ignore[arg-type]
     assert caught.value.field == long
     with pytest.raises(TypeError, match="latitud"):

@@ -371,7 +371,7 @@ def test_the_raw_file_says_what_the_preview_does_not() -> None:
 
 def test_a_lossless_jpeg_is_the_sensor_s_and_no_preview() -> None:
     lossless = JPEG.replace(b"\xff\xc0", b"\xff\xc3")
-    with pytest.raises(PhotoError, match="holds no preview that can be read; convert it to JPEG or TIFF"):
+    with pytest.raises(PhotoError, match="has no readable preview; convert it to JPEG or TIFF"):
         embedded_preview(dng(lossless))
 
 

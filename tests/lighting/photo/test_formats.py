@@ -111,7 +111,7 @@ def test_damaged_photos_are_called_so(data: bytes, name: str) -> None:
 
 @pytest.mark.parametrize("data", [b"no photo", b"{}", b"\x00\x01\x02\x03" * 9, b"BMP is a word", b"P", b"\0\0\x02\0"])
 def test_what_has_no_name_gets_none(data: bytes) -> None:
-    assert unreadable_sentence(data) in (UNREADABLE, "This is a cursor (CUR), not a photo that is read; " + CONVERT)
+    assert unreadable_sentence(data) in (UNREADABLE, "This is a cursor (CUR), not a supported photo; " + CONVERT)
 
 
 @pytest.mark.parametrize(

@@ -505,7 +505,7 @@ def test_a_tiff_of_floats_in_colour_is_called_a_tiff() -> None:
     data = encode(SCENE, "TIFF")
     assert data.count(eight) == 1
     assert refusal(data.replace(eight, floats)) == (
-        "The TIFF is damaged, or of a kind that is not read, such as 32 bits per colour; convert it to 8 or 16 bits."
+        "The TIFF is damaged or not supported, such as 32 bits per colour; convert it to 8 or 16 bits."
     )
 
 

@@ -200,7 +200,7 @@ def test_the_spot_is_in_shade_where_the_plates_ground_around_it_is() -> None:
 def test_a_spot_in_shade_has_a_warning() -> None:
     assert sunlit_scene().warnings == ()
     (shaded,) = shaded_spot_scene().warnings
-    assert shaded.startswith("The object stands in the photo's shade")
+    assert shaded.startswith("The object is in the photo's shade")
 
 
 def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
@@ -209,7 +209,7 @@ def test_a_spot_in_shade_just_below_the_picture_has_both_warnings() -> None:
     scene = replace(scene, lit_ground=np.zeros_like(scene.lit_ground))
     hidden, shaded = scene.warnings
     assert hidden.startswith("The object would stand")
-    assert shaded.startswith("The object stands in the photo's shade")
+    assert shaded.startswith("The object is in the photo's shade")
 
 
 @pytest.mark.parametrize("stops", [-3.0, 3.0])

@@ -209,7 +209,7 @@ def test_a_cut_is_told(network: Path, tmp_path: Path) -> None:
     path = write_clip(tmp_path / "cut.mp4", [*pan(25, 10.0), *pan(25, 10.0, seed=5)])
     done = run(path, "-o", tmp_path / "out", "--model", network, "--height", 32)
     assert done.exit_code == 0
-    assert "2 shots, for there are cuts" in done.output
+    assert "2 shots; the clip has cuts" in done.output
     assert {line["shot"] for line in records(tmp_path / "out")} == {1, 2}
     assert (tmp_path / "out" / "shot-2.exr").is_file()
 

@@ -3,7 +3,7 @@
 import type { SkyRequest } from "./lighting";
 import type { ExportedLight, SkyAnswer, SkyMessage } from "./worker";
 
-const NOT_LOADED = "What renders the sky could not be loaded, so the light cannot be shown. Load the page again.";
+const NOT_LOADED = "The sky could not be loaded, so no light is shown. Load the page again.";
 
 export class SkyClient {
   private worker: Worker | undefined;

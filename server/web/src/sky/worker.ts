@@ -83,7 +83,6 @@ async function loadTables(): Promise<SkyTables> {
 
 async function loadTable(url: string): Promise<ArrayBuffer> {
   const response = await fetch(url).catch(() => undefined);
-  if (!response?.ok)
-    throw new Error("The table of the sky could not be loaded, so the light cannot be shown. Try again.");
+  if (!response?.ok) throw new Error("The sky's table could not be loaded, so no light is shown. Try again.");
   return response.arrayBuffer();
 }

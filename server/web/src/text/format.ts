@@ -78,8 +78,8 @@ export function explainAccuracy({ sun }: Lighting, medianErrors: Record<string, 
   if (usual === undefined) return "";
   const surer = sun.radius_50 < usual ? "surer than most" : "no surer than most";
   return (
-    `± is the median error over all test photos, easy and hard. The ${formatShort(sun.radius_50)}° are of this photo alone: ` +
-    `half of the sun's probability lies within them, so the network is ${surer} here. Half of such suns lie outside.`
+    `± is the median error over all test photos. The ${formatShort(sun.radius_50)}° are for this photo. ` +
+    `The sun is within them as often as not, so the network is ${surer} here.`
   );
 }
 
@@ -99,16 +99,16 @@ export function buildHeadline(lighting: Lighting): Headline {
   const { azimuth, elevation, radius_50, radius_90 } = lighting.sun;
   const position = `${formatAzimuth(azimuth)}, ${elevation.toFixed(0)}° high`;
   if (!isSuitable(lighting)) {
-    const text = "The answer below is what an outdoor photo with these pixels would mean; do not rely on it.";
+    const text = "Do not trust the answer below. Choose an outdoor photo, taken by day.";
     return { title: "This does not look like an outdoor daylight photo", text, kind: "unsuitable" };
   }
   if (elevation < 0) {
-    const text = `Twilight: the sun stands ${formatSide(azimuth)}, ${(-elevation).toFixed(0)}° below the horizon.`;
+    const text = `Twilight: the sun is ${formatSide(azimuth)}, ${(-elevation).toFixed(0)}° below the horizon.`;
     return { title: "No direct sun", text, kind: "grey" };
   }
   if (!isSunny(lighting)) {
     const text = `An overcast or shaded scene is ${formatPercent(1 - lighting.sun.visibility)} likely. If the sun shone, it would ${
-      radius_50 > LOST_RADIUS ? "be anywhere" : `stand ${formatSide(azimuth)}, ${formatHeight(elevation)}`
+      radius_50 > LOST_RADIUS ? "be anywhere" : `be ${formatSide(azimuth)}, ${formatHeight(elevation)}`
     }.`;
     const title = lighting.sun.visibility < MAX_NO_SUN ? "No direct sun" : "Probably no direct sun";
     return { title, text, kind: "grey" };
@@ -137,8 +137,8 @@ function formatHeight(elevation: number): string {
 /** What a service does with several photos beside answering them together, by whether it matches them. */
 export const formatMatching = (matching: boolean): string =>
   matching
-    ? ", and turned by what they show in common"
-    : ". How they are turned is inferred from compasses or light: this service does not compare their pixels";
+    ? ", and what they show in common tells how they are turned"
+    : ". Compasses or light tell how they are turned: this service does not compare their pixels";
 
 /** The service's warnings that a photo's rotation is a guess; empty where it is none. */
 const rotationWarning = ({ warnings, warning_codes = [] }: Lighting): string =>
@@ -158,7 +158,7 @@ export function formatRotation(lighting: Lighting, index: number, digits = 0): s
 export function describeRotation(lighting: Lighting, index: number): string {
   if (!hasMatches(lighting)) return rotationWarning(lighting);
   const text = formatRotation(lighting, index, 1);
-  return `How the photos are turned was found in what they show in common${text && `: this one ${text}`}.`;
+  return `How the photos are turned follows from what they show in common${text && `: this one ${text}`}.`;
 }
 
 const hasMatches = (lighting: Lighting): boolean => lighting.evidence.includes("turns") && !rotationWarning(lighting);

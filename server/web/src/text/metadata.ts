@@ -117,7 +117,7 @@ function formatHeading({ heading, heading_reference: north }: PhotoMetadata): st
 /** What each part of `evidence` means. */
 const EVIDENCE_TEXTS: Record<string, string> = {
   pixels: "the picture itself",
-  "time+place": "time and place (where the sun stood then)",
+  "time+place": "time and place (where the sun was then)",
   heading: "the compass heading",
   "focal length": "the lens's focal length",
   gravity: "how the camera was held",

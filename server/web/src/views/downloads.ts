@@ -31,8 +31,8 @@ const TOOL_LABELS: Record<string, string> = {
   ...{ usd: "USD", gltf: "glTF", filament: "Filament", cubemap: "Cubemap", threejs: "three.js", mitsuba: "Mitsuba" },
 };
 const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps the latest one
-const TONED_NOTE = "The preview knows no color or softness of the sun but the estimate's. Reset brings these back.";
-const TOGETHER_NOTE = "The preview shows the estimate from one photo alone; these photos were estimated together.";
+const TONED_NOTE = "The preview cannot show your sun's color or softness. Press Reset first.";
+const TOGETHER_NOTE = "No preview: these photos were estimated together, and it shows one photo's estimate.";
 
 /** The buttons that save files; `settle` gives what is on show when one is pressed. */
 export class Downloads {

@@ -107,6 +107,6 @@ export class ExportedMaps {
     this.failed = this.pending;
     this.pending = "";
     const reason = error instanceof Error ? error.message : String(error);
-    this.note(`The service did not render this map, so the sky alone is shown. ${reason}`, false);
+    this.note(`The service did not render this map, so only the sky is shown. ${reason}`, false);
   }
 }

@@ -26,11 +26,9 @@ const usageText = (where: string): string =>
   isTouchDevice()
     ? `Tap the ${where} to move it, drag to turn it.`
     : `Click the ${where} to move it, drag to turn it. ${KEYS}`;
-const NO_GROUND =
-  "The photo shows no firm, level ground with room for it, so the object floats before it until you click the ground.";
-const NO_WEBGL = "This browser offers no WebGL, so the object cannot be drawn; everything else works.";
-const STAGE_NOT_LOADED =
-  "What draws the object could not be loaded; everything else works. Load the page again to see it.";
+const NO_GROUND = "No firm, level ground was found, so the object floats. Click the ground to place it.";
+const NO_WEBGL = "This browser has no WebGL, so no object is shown. Everything else works.";
+const STAGE_NOT_LOADED = "The object could not be loaded. Load the page again to see it.";
 const MIN_SUNLIT = 0.5; // share of the sun at the object's foot, below which it stands in the shade
 const CLICK = 5; // pixels that a click may wander
 

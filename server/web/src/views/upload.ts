@@ -35,7 +35,7 @@ export function listenForUploads(
     const dragged = EXAMPLES.find(({ thumb }) => new URL(thumb, location.href).href === data?.getData("text/uri-list"));
     if (data?.files.length) accept(data.files);
     else if (dragged) takePhotos([sourceFromExample(dragged.name, dragged.url)]);
-    else onError(new Error(`What you ${how} is no file. Save the photo, then choose its file or drop it here.`));
+    else onError(new Error(`What you ${how} is no file. Save the photo, then choose or drop the file.`));
   };
   document.addEventListener("paste", (event) => {
     if (!isTextDrop(event, event.clipboardData)) receive(event.clipboardData, "pasted");
