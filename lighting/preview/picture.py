@@ -134,14 +134,14 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     size = _fit_text_size(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
     draw_text(canvas, (MARGIN, MARGIN - 6), title, TextStyle(size, TEXT if doubtful or not visible else SUN))
     if visible and not lighting.radius_90:
-        accuracy = "stated by hand"
+        accuracy = "set by hand"
     elif visible:
         half, most = _format_short(lighting.radius_50), _format_short(lighting.radius_90)
         accuracy = f"half of the probability lies within {half}°, 90 % within {most}°"
     elif lighting.sun_elevation < 0:
-        accuracy = f"twilight: the sun stands {where}"
+        accuracy = f"twilight: the sun is {where}"
     else:
-        accuracy = f"an overcast or shaded scene; if the sun shone, it would {hedge}stand {where}"
+        accuracy = f"an overcast or shaded scene; if the sun shone, it would {hedge}be {where}"
     draw_text(canvas, (MARGIN, MARGIN + 40), accuracy, TextStyle(20, MUTED))
     model = f"{lighting.model_name} {lighting.model_version}"
     draw_text(canvas, (WIDTH - MARGIN, MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))

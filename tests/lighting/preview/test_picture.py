@@ -106,7 +106,7 @@ def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, 
     [
         (30.0, 0.9, "Sun 150° right (behind), 40° high"),
         (120.0, 0.9, "Sun perhaps 150° right (behind), 40° high"),
-        (30.0, 0.1, "an overcast or shaded scene; if the sun shone, it would stand 150° right (behind), 40° high"),
+        (30.0, 0.1, "an overcast or shaded scene; if the sun shone, it would be 150° right (behind), 40° high"),
         (
             120.0,
             0.1,
