@@ -176,7 +176,7 @@ def _other_name(data: bytes) -> str | None:
     if data[:4] == b"RIFF" and data[8:12] == b"WAVE":
         return "a WAV"
     if data.count(0) == len(data):
-        return "a file of zeros, as a broken copy leaves it"
+        return "a file of zeros alone, as a broken copy leaves it"
     if _MARKUP.match(data):
         return "a page of the web (HTML)" if _is_html(data) else "an XML file"
     if _JSON.match(data):

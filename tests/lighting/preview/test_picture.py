@@ -110,7 +110,7 @@ def test_headline_is_in_the_suns_colour_only_with_direct_sun(visibility: float, 
         (
             120.0,
             0.1,
-            "an overcast or shaded scene; if the sun shone, it would perhaps stand 150° right (behind), 40° high",
+            "an overcast or shaded scene; if the sun shone, it would perhaps be 150° right (behind), 40° high",
         ),
         (20.0, 0.1, "No direct sun"),
         (20.0, 0.4, "Probably no direct sun"),
