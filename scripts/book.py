@@ -23,6 +23,7 @@ BUDGETS = {  # words of a page, as `wc -w` counts them
     "docs/learn/train.md": 500,
     "docs/do/correct-the-sun.md": 350,
     "docs/do/engines.md": 600,
+    "docs/do/other-programs.md": 350,
     "docs/do/blender-extension.md": 250,
     "docs/do/many-photos.md": 250,
     "docs/do/several-photos.md": 350,

@@ -24,6 +24,7 @@ _CHAPTERS = {  # pages of docs/ in the order of the contents; a chapter's other 
     "Do": (
         "do/correct-the-sun.md",
         "do/engines.md",
+        "do/other-programs.md",
         "do/blender-extension.md",
         "do/many-photos.md",
         "do/several-photos.md",
