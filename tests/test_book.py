@@ -2,15 +2,19 @@
 
 import contextlib
 import io
+import json
 import os
 import re
 import shlex
+import shutil
+import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+import urllib.request
 from collections.abc import Callable, Iterator
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +29,7 @@ from lighting.estimator import Estimator
 from scripts.book import BUDGETS, MOST_WORDS, ROOT, CodeBlock, count_page_words, find_broken_rules, read_code_blocks
 from server.app import create_app
 from server.settings import Settings
-from tests.helpers.processes import list_commands
+from tests.helpers.materials import MATERIALS
 
 REFERENCES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs" / "reference").glob("*.md"))
 RUN_ELSEWHERE = {  # marks of blocks, and what runs them
@@ -35,18 +39,23 @@ RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "train": "tests/export/test_training_tutorial.py",
 }
 SKIP = "skip: "  # a mark that begins so gives a reason why nothing runs the block
-MOST_SKIPPED = 9  # blocks of the whole book
+MOST_SKIPPED = 2  # blocks of the whole book
 NOT_RUN = {"text", "json", "html", "js", "csv"}  # languages of no program
+HTTP_REFERENCE = "docs/reference/http.md"  # whose commands are run, too
 SERVICE = "http://127.0.0.1:8000"
+EXAMPLE_JOB = re.compile(r"/ID\b|/4d1c0a6f5e2b7398\b")  # as the pages name a job
+PATIENCE = 120.0  # seconds
 BEGINNINGS = {  # of files, by suffix
     ".exr": b"\x76\x2f\x31\x01",
     ".hdr": b"#?RADIANCE",
+    ".jpg": b"\xff\xd8",
     ".png": b"\x89PNG",
     ".zip": b"PK",
     ".glb": b"glTF",
 }
-_PROGRAM = re.compile(r"lighting |python -m export |curl ")
-_SYNTAX = re.compile(r"[|;&$`()<]|\b(?:for|if|while|cd|export)\b")  # of lines that only a shell understands
+_PROGRAM = re.compile(r"lighting |python -m export ")
+_GOES_ON = re.compile(r"\blighting (?:serve|open)\b|-m http\.server\b")  # until it is stopped
+_SYNTAX = re.compile(r"[|;&$`()<]|^\s*(?:for|if|while|cd|export)\b")  # of lines that only a shell understands
 
 
 def read_page(name: str) -> str:
@@ -89,9 +98,6 @@ def skipped_lines() -> list[str]:
 def test_what_is_not_run_is_right_usage(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     words = shlex.split(line, comments=True)
-    if words[0] == "curl":
-        check_request(words)
-        return
     for word in (word.replace("*", "1") for word in words[1:] if "." in word or word.endswith("/")):
         Path(word).parent.mkdir(parents=True, exist_ok=True)
         Path(word).mkdir(exist_ok=True) if word.endswith("/") else Path(word).touch()
@@ -105,15 +111,6 @@ def test_what_is_not_run_is_right_usage(line: str, tmp_path: Path, monkeypatch: 
     assert program.make_context(program.name, arguments, parent=context.parent)
 
 
-def check_request(words: list[str]) -> None:
-    """Assert that a curl command asks a route for what it has."""
-    address = next(word for word in words if word.startswith(SERVICE)).removeprefix(SERVICE).partition("?")[0]
-    method = "post" if "-F" in words else "get"
-    route = create_app(Settings()).openapi()["paths"][address.replace("/ID", "/{id}")][method]
-    fields = {after.partition("=")[0] for word, after in pairwise(words) if word == "-F"}
-    assert fields - {"photo", "file"} <= {parameter["name"] for parameter in route.get("parameters", [])}
-
-
 @pytest.fixture(scope="module")
 def estimator() -> Estimator:
     """The packaged network, loaded once."""
@@ -121,13 +118,14 @@ def estimator() -> Estimator:
 
 
 @pytest.fixture(scope="module")
-def service(estimator: Estimator) -> Iterator[Callable[[], str]]:
+def service(estimator: Estimator, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[], str]]:
     """The address of the service, which the first call starts."""
     started: list[tuple[uvicorn.Server, threading.Thread]] = []
 
     def address() -> str:
         if not started:
-            config = uvicorn.Config(create_app(Settings(), estimator), port=0, log_level="error", ws="none")
+            app = create_app(Settings(jobs_folder=tmp_path_factory.mktemp("jobs")), estimator)
+            config = uvicorn.Config(app, port=0, log_level="error", ws="none")
             server = uvicorn.Server(config)
             started.append((server, threading.Thread(target=server.run, daemon=True)))
             started[0][1].start()
@@ -162,6 +160,7 @@ class Reader:
 
     def __init__(self, service: Callable[[], str]) -> None:
         self._service = service
+        self._job = ""  # that was started last
         self._names: dict[str, Any] = {"__name__": "__main__"}
 
     def run(self, block: CodeBlock) -> None:
@@ -179,14 +178,68 @@ class Reader:
         words = shlex.split(line, comments=True)
         if words[:2] == ["pip", "install"]:  # .ci/run installs
             return
-        if words[0] != "lighting" or _needs_shell(line):
-            done = subprocess.run(["sh", "-euc", line], capture_output=True, text=True, timeout=300, check=False)
-            assert done.returncode == 0, (line, done.stdout, done.stderr)
-        elif words[1] in ("serve", "open"):  # which go on until they are stopped: usage alone
-            with click.Context(cli, info_name="lighting", **cli.context_settings) as parent:
-                list_commands()[words[1]].make_context(words[1], words[2:], parent=parent)
-        else:
+        if words[:2] == ["npm", "install"]:  # .ci/run installs, and tests/test_tutorials.py uses it
+            package, _, version = words[2].rpartition("@")
+            assert json.loads(read_page("server/web/package.json"))["dependencies"][package].startswith(f"{version}.")
+        elif goes_on := _GOES_ON.search(line):
+            _check_server(words, goes_on[0])
+        elif words[0] == "lighting" and not _needs_shell(line):
             _run_command(line, words[1:])
+        else:
+            self._run_in_shell(line)
+
+    def _run_in_shell(self, line: str) -> None:
+        line = EXAMPLE_JOB.sub(f"/{self._job}", line)
+        done = subprocess.run(["sh", "-euc", line], capture_output=True, text=True, timeout=300, check=False)
+        assert done.returncode == 0, (line, done.stdout, done.stderr)
+        if line.endswith("/v1/jobs"):
+            self._job = json.loads(done.stdout)["id"]
+            wait_for_job(f"{self._service()}/v1/jobs/{self._job}")
+
+
+def wait_for_job(address: str) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while (job := json.loads(ask(address)))["state"] != "finished":
+        assert job["state"] in ("queued", "running"), job
+        assert time.monotonic() < deadline, job
+        time.sleep(0.1)
+
+
+def ask(address: str) -> bytes:
+    """What a service of this machine answers; OSError if nothing does."""
+    with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(address, timeout=PATIENCE) as answer:
+        body: bytes = answer.read()
+    return body
+
+
+def _check_server(words: list[str], program: str) -> None:
+    """Assert that a command which goes on until it is stopped answers, on a free port, and ends when it is told to."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    own = {"LIGHTING_PORT": port, "BROWSER": shutil.which("true") or "true"}
+    own |= dict(word.split("=", 1) for word in words if re.match(r"[A-Z_]+=", word))
+    command = [port if word in ("8000", "9000") else word for word in words if not re.match(r"[A-Z_]+=", word)]
+    with subprocess.Popen(command, env={**os.environ, **own}, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            address = f"http://127.0.0.1:{port}/"
+            if program == "lighting open":
+                assert process.stdout
+                address = process.stdout.readline().split()[1].partition("#")[0]
+            wait_for_answer(process, address if "http.server" in program else f"{address}livez")
+        finally:
+            process.terminate()
+        assert process.wait(PATIENCE) in (0, -signal.SIGTERM, 128 + signal.SIGTERM)
+
+
+def wait_for_answer(process: "subprocess.Popen[str]", address: str) -> None:
+    deadline = time.monotonic() + PATIENCE
+    while process.poll() is None and time.monotonic() < deadline:
+        with contextlib.suppress(OSError):
+            ask(address)
+            return
+        time.sleep(0.1)
+    raise AssertionError(f"{address} does not answer")
 
 
 def _needs_shell(line: str) -> bool:
@@ -206,10 +259,12 @@ def _run_command(line: str, words: list[str]) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", BUDGETS)
-def test_the_blocks_of_a_page_run(name: str, reader: Reader) -> None:
-    """One after the other, in one folder."""
-    for block in read_code_blocks(read_page(name)):
+@pytest.mark.parametrize("name", [*BUDGETS, HTTP_REFERENCE])
+def test_the_blocks_of_a_page_run(name: str, reader: Reader, tmp_path: Path) -> None:
+    """One after the other, in one folder with what the page's reader brings; what deletes comes last."""
+    if name in MATERIALS:
+        MATERIALS[name](tmp_path)
+    for block in sorted(read_code_blocks(read_page(name)), key=lambda block: "-X DELETE" in block.text):
         if block.mark not in RUN_ELSEWHERE and not block.mark.startswith(SKIP):
             reader.run(block)
     for file in Path().iterdir():

@@ -1,6 +1,7 @@
 """compose.yaml: images by digest, the proxy's limits those of the service, and memory for what its limits admit."""
 
 import re
+import shlex
 from typing import Any
 
 import pytest
@@ -10,6 +11,7 @@ from lighting.photo.reader import memory_budget
 from lighting.registration import photo_set
 from lighting.registration.features import MAX_SIDE
 from lighting.scene.records import PLATE_SIDE
+from scripts.book import read_code_blocks
 from server.h11_protocol import MAX_HEADER_BYTES
 from server.limits import PLACE_BYTES
 from server.settings import PREFIX, Settings
@@ -84,3 +86,27 @@ def test_its_memory_holds_what_its_limits_admit(services: Any) -> None:
     connections = s.connections * (PLACE_BYTES + CONNECTION)
     limit = services["lighting"]["deploy"]["resources"]["limits"]["memory"]
     assert IDLE + workers + bodies + answers + connections < int(limit.removesuffix("g")) * 2**30
+
+
+def test_the_page_s_commands_name_what_the_files_have(services: Any) -> None:
+    """The image, its port, the profile and the variable of the host name."""
+    page = (ROOT / "docs" / "do" / "run-the-service.md").read_text(encoding="utf-8")
+    dockerfile, compose = (ROOT / "Dockerfile").read_text(), (ROOT / "compose.yaml").read_text()
+    (block,) = (block for block in read_code_blocks(page) if "docker build" in block.text)
+    build, run, up, proxied = (shlex.split(line, comments=True) for line in block.text.splitlines())
+    name = services["lighting"]["image"]
+    assert build == ["docker", "build", "-t", name, "."]
+    outside, inside = run[run.index("-p") + 1].split(":")
+    assert f"\nEXPOSE {inside}\n" in dockerfile
+    assert services["lighting"]["ports"] == [f"127.0.0.1:{outside}:{inside}"]
+    assert (run[-1], run[run.index("--cap-drop") + 1]) == (name, services["lighting"]["cap_drop"][0])
+    assert "--read-only" in run
+    assert services["lighting"]["read_only"]
+    assert up == ["docker", "compose", "up", "--build"]
+    variable = proxied[0].partition("=")[0]
+    assert f"${{{variable}:-" in compose
+    assert [proxied[proxied.index("--profile") + 1]] == services["proxy"]["profiles"]
+    for argument in re.findall(r"--build-arg (\w+)=", page):
+        assert f"\nARG {argument}=" in dockerfile
+    for user in re.findall(r"as user (\d+)", page):
+        assert f"\nUSER {user}:" in dockerfile

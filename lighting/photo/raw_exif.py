@@ -1,4 +1,5 @@
-"""The EXIF block of RAW files that Pillow does not open: Canon's CR3, Fujifilm's RAF, Olympus' ORF, Panasonic's RW2.
+"""The EXIF block of RAW files that Pillow does not open: Canon's CR3, Fujifilm's RAF, Olympus' ORF, Panasonic's RW2,
+and DNG without a preview.
 
 ORF and RW2 are TIFF files under another number; a RAF begins with a whole JPEG; a CR3 is an ISO media file with a
 directory of tags in a box each.
@@ -14,7 +15,10 @@ from PIL import ExifTags, Image
 from lighting.errors import PhotoError
 from lighting.photo.containers import embedded_preview
 
-_TIFF_LIKE = {b"IIRO": b"II*\0", b"IIRS": b"II*\0", b"MMOR": b"MM\0*", b"IIU\0": b"II*\0"}  # and how TIFF files begin
+_TIFF_LIKE = {  # first bytes, and how TIFF files begin
+    **{b"IIRO": b"II*\0", b"IIRS": b"II*\0", b"MMOR": b"MM\0*", b"IIU\0": b"II*\0"},
+    **{b"II*\0": b"II*\0", b"MM\0*": b"MM\0*"},  # of DNG whose first picture is the mosaic, as phones write it
+}
 _RAF_START, _RAF_JPEG = b"FUJIFILMCCD-RAW", 84  # where a RAF says the beginning and the length of its JPEG
 _CR3_BOXES = {b"CMT1": None, b"CMT2": ExifTags.IFD.Exif, b"CMT4": ExifTags.IFD.GPSInfo}  # None: of the picture itself
 _HEAD = 1 << 22  # bytes that hold all directories

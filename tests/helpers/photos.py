@@ -123,8 +123,8 @@ def taken(seconds: float, time: str = "2024:06:01 11:00:00", offset: str = "+02:
     return {base.ExposureTime: seconds, base.DateTimeOriginal: time, base.OffsetTimeOriginal: offset}
 
 
-def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
-    """A DNG of one strip, whose colours are Rec.709 already: header, directory, what does not fit it, pixels."""
+def plain_dng(mosaic: NDArray[np.floating[Any]], white: int, camera: dict[int, Any] | None = None) -> bytes:
+    """A DNG of one strip in Rec.709, perhaps with EXIF tags: header, directory, what does not fit it, pixels, EXIF."""
     height, width = mosaic.shape
     to_rec709 = (3.2406, -1.5372, -0.4986, -0.9689, 1.8758, 0.0415, 0.0557, -0.2040, 1.0570)  # of XYZ
     matrix = np.array([[round(value * 10000), 10000] for value in to_rec709], "<i4").tobytes()
@@ -134,7 +134,9 @@ def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
         *((256, long, _int(width)), (257, long, _int(height)), (258, short, _int(16, 2)), (259, short, _int(1, 2))),
         *((262, short, _int(32803, 2)), (271, text, name), (272, text, name), (273, long, b"")),
         *((277, short, _int(1, 2)), (278, long, _int(height)), (279, long, _int(2 * height * width))),
-        *((33421, short, _int(2, 2) * 2), (33422, byte, bytes([0, 1, 1, 2])), (50706, byte, bytes([1, 4, 0, 0]))),
+        *((33421, short, _int(2, 2) * 2), (33422, byte, bytes([0, 1, 1, 2]))),
+        *([(34665, long, b"")] if camera else []),
+        (50706, byte, bytes([1, 4, 0, 0])),
         *((50708, text, name), (50714, short, _int(0, 2)), (50717, long, _int(white)), (50721, signed, matrix)),
         *((50728, ratio, (_int(1) * 2) * 3), (50778, short, _int(21, 2))),
     ]
@@ -142,7 +144,7 @@ def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
     data_at = start + sum(-(-len(data) // 2) * 2 for _, _, data in tags if len(data) > 4)
     directory, beside = _int(len(tags), 2), b""
     for tag, (kind, size), data in tags:
-        value = data or _int(data_at)
+        value = data or _int(data_at if tag == 273 else data_at + 2 * height * width)
         directory += _int(tag, 2) + _int(kind, 2) + _int(len(value) // size)
         if len(value) > 4:
             directory += _int(start + len(beside))
@@ -150,7 +152,20 @@ def plain_dng(mosaic: NDArray[np.floating[Any]], white: int) -> bytes:
         else:
             directory += value.ljust(4, b"\0")
     pixels: bytes = np.rint(mosaic).astype("<u2").tobytes()
-    return b"II*\0" + _int(8) + directory + bytes(4) + beside + pixels
+    camera_at = data_at + len(pixels)
+    return b"II*\0" + _int(8) + directory + bytes(4) + beside + pixels + _camera_directory(camera or {}, camera_at)
+
+
+def _camera_directory(camera: dict[int, Any], start: int) -> bytes:
+    """EXIF tags of a DNG: texts, and numbers as millionths."""
+    directory, beside = _int(len(camera), 2), b""
+    for tag, value in sorted(camera.items()):
+        is_text = isinstance(value, str)
+        data = f"{value}\0".encode() if is_text else _int(round(1e6 * value)) + _int(1_000_000)
+        at = start + 2 + 12 * len(camera) + 4 + len(beside)
+        directory += _int(tag, 2) + _int(2 if is_text else 5, 2) + _int(len(data) if is_text else 1) + _int(at)
+        beside += data + bytes(len(data) % 2)
+    return directory + bytes(4) + beside if camera else b""
 
 
 def _int(value: int, size: int = 4) -> bytes:

@@ -15,6 +15,7 @@ from lighting.photo.raw_exif import open_raw_header
 from lighting.photo.reader import read_photo
 from lighting.stereo.capture import _check_same_exposure, _read_day_photo
 from tests.conftest import encode, exif, scene
+from tests.helpers.photos import plain_dng, taken
 
 BASE = ExifTags.Base
 SCENE = scene(96, 64)
@@ -73,6 +74,14 @@ def test_time_and_exposure_are_read(suffix: str, tmp_path: Path) -> None:
     (tmp_path / f"a.{suffix}").write_bytes(KINDS[suffix](camera(1 / 125)))
     metadata, exposure = read_metadata_and_exposure(tmp_path / f"a.{suffix}")
     assert exposure == pytest.approx(200 / 100 / 125 / 64)
+    assert (metadata.utc_offset, str(metadata.local_time)) == (2.0, "2024-06-01 11:00:00")
+
+
+def test_a_dng_without_a_preview_tells_time_and_exposure(tmp_path: Path) -> None:
+    """Its first picture is the mosaic, which Pillow does not open."""
+    (tmp_path / "a.dng").write_bytes(plain_dng(np.full((8, 12), 9000.0), 16383, taken(1 / 125)))
+    metadata, exposure = read_metadata_and_exposure(tmp_path / "a.dng")
+    assert exposure == pytest.approx(1 / 125)
     assert (metadata.utc_offset, str(metadata.local_time)) == (2.0, "2024-06-01 11:00:00")
 
 

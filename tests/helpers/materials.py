@@ -1,0 +1,100 @@
+"""What readers of the book's pages bring along, made small under the names that the pages use."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from PIL import Image
+
+from export.reports.probe import SKY_DAY, BracketCamera, clear_sky_at, expose_bracket, photograph_sky
+from lighting.probe.alignment import yaw_rotation
+from lighting.probe.develop import Moment
+from lighting.probe.fisheye import make_lens
+from lighting.stereo.grid_search import Pose
+from lighting.stereo.light_vectors import clear_skies, sun_directions
+from tests.helpers.clips import write_clip
+from tests.helpers.photos import plain_dng, taken, write_png16
+from tests.helpers.skies import ball, photos
+
+PHOTO = Path("examples/wide_street.jpg")  # in the reader's folder
+PLACE = (47.0, 8.0)  # deg, of the page on skies
+RELIEF_PLACE = (47.5, 9.75)  # deg, of the page on normals
+EXPOSURES = (1 / 8000, 1 / 90, 1.0)  # s
+RATE = 15  # frames a second
+
+
+def write_shot(path: Path) -> None:
+    """Write two seconds of a camera that pans over a photo."""
+    picture = np.asarray(Image.open(PHOTO).convert("RGB").resize((480, 360)))
+    frames = [np.ascontiguousarray(picture[40:220, 4 * i : 4 * i + 320]) for i in range(2 * RATE)]
+    write_clip(path, frames, times=[i / RATE for i in range(len(frames))])
+
+
+def write_clips(folder: Path) -> None:
+    write_shot(folder / "shot.mp4")
+    (folder / "drone.mp4").write_bytes((folder / "shot.mp4").read_bytes())
+
+
+def write_uploads(folder: Path) -> None:
+    write_shot(folder / "clip.mp4")
+    (folder / "other.jpg").write_bytes(PHOTO.read_bytes())
+
+
+def expose_sky(kind: Literal["equidistant", "ball"], time: datetime) -> list[np.ndarray]:
+    """Exposures (H, W, 3) of a clear sky from 0 to 1, the shortest first."""
+    sky = clear_sky_at(Moment(time, *PLACE))
+    picture = photograph_sky(sky, make_lens(kind, 160, 160), yaw_rotation(40.0))
+    return [photo.pixels for photo in expose_bracket(picture, BracketCamera(14), np.random.default_rng(0), EXPOSURES)]
+
+
+def write_skies(folder: Path) -> None:
+    """Write a bracket of a fisheye as DNG, one of a ball, and three brackets of a day."""
+    for i, pixels in enumerate(expose_sky("equidistant", SKY_DAY)):
+        write_raw(folder / f"exposure_{i}.dng", pixels, EXPOSURES[i])
+    for i, pixels in enumerate(expose_sky("ball", SKY_DAY)):
+        write_exposure(folder / f"ball_{i}.png", pixels, EXPOSURES[i], SKY_DAY)
+    for hours in (0, 3, 6):
+        time = SKY_DAY + timedelta(hours=hours)
+        bracket = folder / "day" / f"{hours}"
+        bracket.mkdir(parents=True)
+        for i, pixels in enumerate(expose_sky("equidistant", time)):
+            write_exposure(bracket / f"{i}.png", pixels, EXPOSURES[i], time)
+
+
+def write_exposure(path: Path, pixels: np.ndarray, seconds: float, time: datetime) -> None:
+    """Write a picture from 0 to 1 as 16-bit PNG with EXIF of its exposure and time (UTC)."""
+    write_png16(path, np.rint(65535 * pixels).astype(np.uint16), taken(seconds, format_local(time)))
+
+
+def format_local(time: datetime) -> str:
+    """A time (UTC) as EXIF has it, by summer time."""
+    return f"{time + timedelta(hours=2):%Y:%m:%d %H:%M:%S}"
+
+
+def write_raw(path: Path, pixels: np.ndarray, seconds: float) -> None:
+    """Write a picture as a mosaic of red, green, green and blue, with EXIF of its exposure."""
+    mosaic = pixels[..., 1].copy()
+    mosaic[::2, ::2], mosaic[1::2, 1::2] = pixels[::2, ::2, 0], pixels[1::2, 1::2, 2]
+    path.write_bytes(plain_dng(65535 * mosaic, 65535, taken(seconds, format_local(SKY_DAY))))
+
+
+def write_day(folder: Path) -> None:
+    """Write photos of a ball every ninety minutes, and a mask."""
+    (day := folder / "day").mkdir()
+    times = np.datetime64("2024-06-21T06:00:00") + np.arange(8) * np.timedelta64(90, "m")
+    normals, mask, _ = ball()
+    images = photos(normals, mask, clear_skies(sun_directions(times, *RELIEF_PLACE)), Pose(heading=10.0))
+    for i, (image, time) in enumerate(zip(images, times.tolist(), strict=True)):
+        write_exposure(day / f"{i}.png", np.clip(image, 0, 1), 0.01, time)
+    Image.fromarray((255 * mask).astype(np.uint8)).save(day / "mask.png")
+
+
+MATERIALS: dict[str, Callable[[Path], None]] = {  # by page
+    "docs/do/clips.md": write_clips,
+    "docs/do/measure-a-sky.md": write_skies,
+    "docs/do/photometric-stereo.md": write_day,
+    "docs/do/run-the-service.md": write_uploads,
+    "docs/reference/http.md": write_uploads,
+}
