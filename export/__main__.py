@@ -279,9 +279,9 @@ def _explain(photos: tuple[Path, ...], out: Path, model: Path | None) -> None:
 def _fit(name: str, data: Path, labels: Path, model: Path | None, seen: Path | None) -> None:
     """Fit constants of the light; print them and what they gain.
 
-    ground: how far the network tells the ground's brightness better than the photo does. sky-color: how far the color
-    of the sky in a photo may be trusted for the whole sky. sun-color: how far the sun's color goes to that of a clear
-    sky's sun. sun-power: by how much the network understates a sun that shines.
+    For ground: how far the network tells the ground's brightness better than the photo does. For sky-color: how far
+    the color of the sky in a photo may be trusted for the whole sky. For sun-color: how far the sun's color goes to
+    that of a clear sky's sun. For sun-power: by how much the network understates a sun that shines.
     """
     from export.evaluation import fit_constants
     from lighting.model import Model

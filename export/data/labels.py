@@ -145,8 +145,8 @@ class _Agreement:
     def __str__(self) -> str:
         return (
             f"sun found in {self.detected} of {self.visible}, off by {self.error_50:.2f} deg in the median "
-            f"(quartiles {self.error_25:.2f} and {self.error_75:.2f}), {self.outlier_rate:.1%} by more than 20 deg; "
-            f"no sun found in {self.rejected} of {self.overcast} without one"
+            f"(quartiles {self.error_25:.2f} and {self.error_75:.2f}), {self.outlier_rate:.1%} by more than 20 deg. "
+            f"No sun found in {self.rejected} of {self.overcast} without one"
         )
 
 

@@ -233,8 +233,8 @@ def _with_dial(picture: Image.Image, f: _Failure) -> Image.Image:
 # Whether the estimated turbidity beats the best constant.
 
 MEANING = fill(
-    "Median absolute error against the skies fitted to the panoramas, of the network and of a constant, the median of "
-    "the training skies; 95 % intervals of the network's error minus the constant's. LDR skies count only if their fit "
+    "Median absolute error against the skies fitted to the panoramas. The constant is the median of training skies. "
+    "The intervals (95 %) are of the network's error minus the constant's. LDR skies count only if their fit "
     "is trusted.",
     120,
 )

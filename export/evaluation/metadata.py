@@ -142,18 +142,18 @@ SUBSETS: tuple[tuple[str, ...], ...] = (
 )
 
 SIMULATION = fill(
-    "Simulated: places and times at which the ephemeris puts the sun as high as it is in the panorama; compasses with "
-    f"a median error of {COMPASS_MEDIAN:g}°, {100 * OUTLIER_RATE:.0f} % of them pointing anywhere; the true focal "
-    "length. A heading without time and place says nothing about the sun. A time without its zone is of that of "
+    "Simulated places and times: the ephemeris puts the sun as high as it is in the panorama. Simulated compasses: a "
+    f"median error of {COMPASS_MEDIAN:g}°, {100 * OUTLIER_RATE:.0f} % of them pointing anywhere. The focal length is "
+    "the true one. A heading without time and place says nothing about the sun. A time without its zone is of that of "
     "the place, on land.",
     120,
 )
 WARNED = fill(
     "Share of photos [%] with a warning of a contradiction, for true records (compass noise, no gross errors) and for "
-    f"false ones. A warning is given if the pixels leave the record's sun elevation a tail probability under "
-    f"{MIN_ELEVATION_P_VALUE:.1%}, or its heading one under {MIN_HEADING_P_VALUE:.1%}, or if focal lengths differ by a "
-    f"factor over {MAX_LENS_RATIO:g}, or if gravity lies more than {MAX_TILT_DISAGREEMENT:g}° from where the "
-    "network has it.",
+    f"false ones. The pixels contradict an elevation of tail probability under "
+    f"{MIN_ELEVATION_P_VALUE:.1%}, and a heading of one under {MIN_HEADING_P_VALUE:.1%}. They contradict a focal "
+    f"length that differs by a factor over {MAX_LENS_RATIO:g}, and gravity more than {MAX_TILT_DISAGREEMENT:g}° from "
+    "where the network has it.",
     120,
 )
 ByLens = tuple[Prediction, Prediction]  # of a photo that does not state its lens, and of the same one if it does

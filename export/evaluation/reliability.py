@@ -28,9 +28,10 @@ LEVELS = tuple(range(5, 100, 5))  # %, drawn
 QUOTED = (10, 25, 50, 75, 90, 95)  # %, in the table
 DENSEST, CONE = "all", "all, cone around the answer"
 RELIABILITY_MEANING = fill(
-    "Share [%] of true suns inside the region that holds p of the probability: the cells of highest density, and in "
-    "the last row the cone around the answer, whose radii are `radius_50` and `radius_90`. A calibrated distribution "
-    "has p in the column p. `largest gap` is the largest difference over p = 5 to 95 %, in percentage points.",
+    "Share [%] of true suns inside the region that holds p of the probability. The region is the cells of highest "
+    "density; in the last row it is the cone around the answer, of `radius_50` or `radius_90`. A calibrated "
+    "distribution has p in the column p. `largest gap` is the largest difference over p = 5 to 95 %, in "
+    "percentage points.",
     120,
 )
 
@@ -136,9 +137,9 @@ def _draw_panel(panel: Any, curves: dict[str, Floats]) -> None:
 TEMPERATURES = [round(0.5 * 1.02**i, 3) for i in range(90)]  # 0.5 to 3
 COLUMNS = {"NLL": "NLL", "in 50 %": "in 50 % region", "in 90 %": "in 90 % region", "median": "median"}
 TEMPERATURE_MEANING = fill(
-    "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own: fitted by NLL on one half of "
-    "the places and tested on the other (`all`: fitted and tested on all). Regions are cones around the answer. The "
-    "network ships with the right temperature if T is near 1 in both halves and changes little.",
+    "Temperature T of the sun's probabilities, p^(1/T), in addition to the network's own. It is fitted by NLL on one "
+    "half of the places and tested on the other (`all`: fitted and tested on all). Regions are cones around the "
+    "answer. The network ships with the right temperature if T is near 1 in both halves and changes little.",
     120,
 )
 

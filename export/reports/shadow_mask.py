@@ -35,7 +35,7 @@ WHOLE_SHARE = 0.03  # share of the ground up to which a picture counts as all li
 TRUE_VISIBILITY = 0.8  # visibility of the sun where the light is the true one
 MIN_LUMINANCE_SHADE = 1e-6
 SHADE_NOTE = (
-    "Shade on level ground [%], and how far the shadow of a thing that is put there is off [hundredths of a stop], by "
+    "Shade on level ground [%]. Then the error of the shadow of a thing that is put there [hundredths of a stop], by "
     "the true light and by the network's. Photos by what their ground shows: sunlight, shade or both."
 )
 

@@ -23,8 +23,8 @@ from lighting.sky.prague import prague_radiance
 BANDS = ((0.0, 10.0), (10.0, 25.0), (25.0, 90.0))  # of the sun's elevation, deg
 TURBIDITIES = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 SKY_NOTE = (
-    "Median differences from the sky of HDR panoramas [stops]: of luminance after one exposure, of red and blue over "
-    "green after white balance, and of the light on four upright faces. Medians over pictures."
+    "Median differences from the sky of HDR panoramas [stops]. They are of luminance after one exposure, of red and "
+    "blue over green after white balance, and of the light on four upright faces. Medians over pictures."
 )
 
 _ROWS = 64  # of the maps that are compared

@@ -19,7 +19,7 @@ async function parseGlb(file: File): Promise<Object3D> {
   try {
     return (await new GLTFLoader().parseAsync(await file.arrayBuffer(), "")).scene;
   } catch {
-    throw new Error(`${file.name} cannot be read. It must be one binary glTF file (.glb), without Draco or KTX2.`);
+    throw new Error(`${file.name} cannot be read. Use one binary glTF file (.glb) without Draco or KTX2.`);
   }
 }
 

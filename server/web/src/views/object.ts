@@ -26,7 +26,7 @@ const usageText = (where: string): string =>
   isTouchDevice()
     ? `Tap the ${where} to move it, drag to turn it.`
     : `Click the ${where} to move it, drag to turn it. ${KEYS}`;
-const NO_GROUND = "No firm, level ground was found, so the object floats. Click the ground to place it.";
+const NO_GROUND = "No firm, level ground was found. Click the ground to place the object.";
 const NO_WEBGL = "This browser has no WebGL, so no object is shown. Everything else works.";
 const STAGE_NOT_LOADED = "The object could not be loaded. Load the page again to see it.";
 const MIN_SUNLIT = 0.5; // share of the sun at the object's foot, below which it stands in the shade
