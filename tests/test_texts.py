@@ -118,7 +118,8 @@ def page_literals(path: Path) -> Iterator[str]:
 @cache
 def found() -> tuple[list[str], list[str]]:
     """The warnings and the long texts of all modules."""
-    warned, long = [], []
+    warned: list[str] = []
+    long: list[str] = []
     for module in modules("lighting", "server", "export"):
         tree = ast.parse((ROOT / module).read_bytes())
         warned += warnings(tree, module) if not module.startswith("export") else ()
