@@ -94,21 +94,37 @@ def skipped_lines() -> list[str]:
     return [line for block in blocks for line in block.text.splitlines() if _PROGRAM.match(line)]
 
 
-@pytest.mark.parametrize("line", skipped_lines())
-def test_what_is_not_run_is_right_usage(line: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_not_run_is_right_usage_and_reads_what_is_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each line reads what the reader has, the package holds, or a line before it wrote."""
     monkeypatch.chdir(tmp_path)
+    Path("lighting").symlink_to(ROOT / "lighting")
+    Path("photo.jpg").touch()
+    Path("DIR").mkdir()
+    for line in skipped_lines():
+        context = parse_line(line)
+        for parameter in context.command.params:
+            value = context.params.get(parameter.name or "")
+            values = value if isinstance(value, tuple) else [value] if value is not None else []
+            for path in map(Path, values if isinstance(parameter.type, click.Path) else []):
+                if parameter.name == "out":
+                    path.parent.mkdir(parents=True, exist_ok=True)
+                    path.touch()
+                assert path.exists(), (line, path)
+
+
+def parse_line(line: str) -> click.Context:
+    """The command that a line calls, with its values; UsageError if there are none such."""
     words = shlex.split(line, comments=True)
-    for word in (word.replace("*", "1") for word in words[1:] if "." in word or word.endswith("/")):
-        Path(word).parent.mkdir(parents=True, exist_ok=True)
-        Path(word).mkdir(exist_ok=True) if word.endswith("/") else Path(word).touch()
     program: click.Command = cli if words[0] == "lighting" else export_cli
-    arguments = [word.replace("*", "1") for word in words[1 if program is cli else 3 :]]
+    arguments = words[1 if program is cli else 3 :]
     context = click.Context(program, info_name="program", **program.context_settings)
     while isinstance(program, click.Group):
         found = program.get_command(context, arguments.pop(0))
         assert found, line
         program, context = found, click.Context(found, info_name=found.name, parent=context)
-    assert program.make_context(program.name, arguments, parent=context.parent)
+    return program.make_context(program.name, arguments, parent=context.parent)
 
 
 @pytest.fixture(scope="module")
