@@ -593,7 +593,7 @@ class TestSeveral:
         first, second, _ = seen["rotated"]
         assert first["button"].startswith("Photo 1, sun ")
         assert second["button"].startswith("Photo 2, 25° right of photo 1, sun ")
-        assert first["sentence"] == "How the photos are turned was found in what they show in common."
+        assert first["sentence"] == "How the photos are turned follows from what they show in common."
         assert re.search(r"in common: this one (24\.[5-9]|25\.[0-5])° right of photo 1\.$", second["sentence"])
         for shown in (first, second):
             assert 49 <= float(shown["numbers"]["Vertical field of view"].rstrip("°")) <= 51
