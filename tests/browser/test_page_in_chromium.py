@@ -654,7 +654,7 @@ class TestMobile:
     def test_what_takes_a_mouse_or_keys_is_not_offered(self, seen: Seen) -> None:
         title, scene, dome = seen["touch"]
         assert title == "Choose a photo"
-        assert "no firm, level ground" in scene  # a drawing
+        assert "No firm, level ground" in scene  # a drawing
         assert scene.endswith(" Tap the photo to move it, drag to turn it.")
         assert dome == "Rings hold 50 and 90 % of the probability. Drag the sun."
 
