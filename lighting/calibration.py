@@ -146,8 +146,8 @@ class _Edges:
 def _in_picture(direction: Floats, tan_half_fov: Floats | float) -> Floats:
     """A direction (3, ...) in the camera, its last part over the focal length in picture heights.
 
-    At a point (x, y) of the picture, in heights from its center, lines of the world with that direction run along
-    (d[0] - x * d[2], d[1] - y * d[2]).
+    Take a point (x, y) of the picture, in heights from its center. Lines of the world with that direction run there
+    along (d[0] - x * d[2], d[1] - y * d[2]).
     """
     return np.stack([direction[0], direction[1], 2 * tan_half_fov * direction[2]])
 

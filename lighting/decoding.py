@@ -243,9 +243,10 @@ def light_from_vector(vector: Floats) -> Light:
 def correct_sun_color(irradiance: Color, predicted_elevation: float, known_elevation: float) -> Color:
     """The sun's irradiance, as bright as before, in the color of its known elevation.
 
-    The network learned most suns' colors from 8-bit panoramas, in whose blue skies there is too little red, and gives
-    them to the sun: the color is drawn to that of a clear sun at the predicted elevation. It also puts low suns too
-    high, and their light is too white. A sun that is higher than predicted, or above 12 deg, keeps its color otherwise.
+    The network learned most suns' colors from 8-bit panoramas. Their blue skies have too little red, and the network
+    gives it to the sun. So the color is drawn to that of a clear sun at the predicted elevation. The network also puts
+    low suns too high, and their light is too white. A sun that is higher than predicted, or above 12 deg, keeps its
+    color otherwise.
 
     Args:
         irradiance: linear Rec.709, of the network.

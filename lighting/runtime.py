@@ -1,7 +1,7 @@
 """CPU count, malloc tuning, helper processes for work that may have to be stopped: nothing interrupts C code.
 
-A process is confined by system calls of Linux: Landlock, whose numbers are the same on every processor [1], and a
-filter of system calls, for processors whose numbers are listed here [2].
+System calls of Linux confine a process: Landlock and a filter of system calls. Landlock's numbers are the same on every
+processor [1]. The filter is for processors whose numbers are listed here [2].
 
 References:
     [1] landlock(7), landlock_create_ruleset(2), landlock_restrict_self(2).

@@ -1,6 +1,6 @@
 """Real spherical harmonics of order 2 around a scene: radiance from all directions as nine colors.
 
-The nine functions of a unit vector (x, y, z) are, in this order, 1, y, z, x, xy, yz, 3z² - 1, xz and x² - y², each with
+The nine functions of a unit vector (x, y, z) are, in this order, 1, y, z, x, xy, yz, 3z² - 1, xz and x² - y². Each has
 the factor that makes the integral of its square 1, and no sign of Condon and Shortley. WebXR and three.js have them so.
 
 References:

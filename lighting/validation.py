@@ -1,7 +1,7 @@
 """The ranges and units of what describes a light, checks of values against them, and values clipped to them.
 
-Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables;
-JSON groups them (RECORD_PATHS), and some have other names where people type them (SHORT_NAMES).
+Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables. JSON groups them
+(RECORD_PATHS). Some have other names where people type them (SHORT_NAMES).
 """
 
 import math

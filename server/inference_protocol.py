@@ -1,8 +1,8 @@
 """The Open Inference Protocol, version 2, by which Triton, KServe and their clients ask: one photo in, its record out.
 
-The photo is the input `photo`, one element of BYTES in the protocol's binary form: a JSON header, whose length is in
-the header Inference-Header-Content-Length, and behind it the element's length in four bytes and the element. The output
-`lighting` is one element of BYTES, the JSON record of POST /v1/lighting.
+The photo is the input `photo`, one element of BYTES in the protocol's binary form. A JSON header comes first; the
+header Inference-Header-Content-Length says how long it is. Behind it come the element's length in four bytes and the
+element. The output `lighting` is one element of BYTES, the JSON record of POST /v1/lighting.
 """
 
 import json

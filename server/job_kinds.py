@@ -1,7 +1,8 @@
 """The kinds of long jobs: what each takes, and its work, in a process of its own (`run_worker`).
 
-The process gets a request as JSON on stdin and writes lines of JSON to stdout: `{"progress": 0.5}` now and then, at the
-end `{"warnings": [...]}` or `{"error": ..., "code": ...}`. It works in the job's folder, where the upload lies.
+The process gets a request as JSON on stdin and writes lines of JSON to stdout. Now and then a line is
+`{"progress": 0.5}`. The last one is `{"warnings": [...]}` or `{"error": ..., "code": ...}`. It works in the job's
+folder, where the upload lies.
 """
 
 import json

@@ -169,7 +169,7 @@ class OpenConnection(Protocol):
 class ConnectionLimiter:
     """Limits the open connections, in all and of each client.
 
-    When there are too many in all, a client that has over twice its part of them gets no further one: greedy clients
+    When there are too many in all, a client that has over twice its part of them gets no further one. Greedy clients
     would drive out one another's connections, which takes much time. For others the one on which nothing has been asked
     for longest gives way: of those that never asked anything first. A connection asks something when a request and
     PLACE_BYTES of its body, or all, have come.

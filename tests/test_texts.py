@@ -1,9 +1,10 @@
-"""What people read outside the book is short: warnings, errors, help, problems, settings and the page."""
+"""What people read outside the book is short: warnings, errors, help, docstrings, problems, settings and the page."""
 
 import ast
 import re
 from collections.abc import Iterator
 from functools import cache
+from inspect import cleandoc
 from pathlib import Path
 
 import click
@@ -18,6 +19,7 @@ SENTENCE_END = re.compile(r"(?<=[.!?])[\"'”)\]]*\s+(?=[\"'“(\[`]*[A-Z0-9`_*-
 LITERAL = re.compile(r'"((?:[^"\\\n]|\\.)*)"|`((?:[^`\\]|\\.)*)`')
 COMMENT = re.compile(r"/\*.*?\*/|^\s*//[^\n]*", re.DOTALL | re.MULTILINE)
 PLACEHOLDER = re.compile(r"\$\{[^{}]*(?:\{[^{}]*\}[^{}]*)*\}")
+ENTRY = re.compile(r"\n(?= {4,}(?:\*{0,2}\w+(?: \([^)\n]*\))?:|\w+ = |\[\d\])|\d\. )")  # of lists, formulas, references
 MANY_FIGURES = 8
 CODE = re.compile(r"[{}<>]|;.*;")  # of which templates of files consist
 OTHERS = {  # functions that give warnings by another name, and the constants that they fill in
@@ -93,6 +95,17 @@ def strings(tree: ast.AST) -> Iterator[str]:
             nodes += ast.iter_child_nodes(node)
 
 
+def docstrings(module: ast.Module) -> Iterator[str]:
+    """The docstrings of a module and of its classes, functions and members; each entry of a list stands by itself."""
+    bodies = [module.body]
+    while bodies:
+        for statement in bodies.pop():
+            if isinstance(statement, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef | ast.If):
+                bodies.append(statement.body)
+            elif isinstance(statement, ast.Expr) and isinstance(statement.value, ast.Constant):
+                yield ENTRY.sub("\n\n", cleandoc(str(statement.value.value)))
+
+
 def is_prose(text: str) -> bool:
     """Whether a text is long enough for a long sentence, and neither a template of a file nor a row of figures."""
     return len(text) > 100 and not CODE.search(text) and text.count("0") < MANY_FIGURES
@@ -116,19 +129,21 @@ def page_literals(path: Path) -> Iterator[str]:
 
 
 @cache
-def found() -> tuple[list[str], list[str]]:
-    """The warnings and the long texts of all modules."""
+def found() -> tuple[list[str], list[str], list[str]]:
+    """The warnings, the long texts and the docstrings of all modules."""
     warned: list[str] = []
     long: list[str] = []
+    documented: list[str] = []
     for module in modules("lighting", "server", "export"):
         tree = ast.parse((ROOT / module).read_bytes())
         warned += warnings(tree, module) if not module.startswith("export") else ()
         long += [text for text in strings(tree) if is_prose(text)]
-    return warned, long
+        documented += docstrings(tree)
+    return warned, long, documented
 
 
 def test_a_warning_is_one_short_sentence() -> None:
-    warned, _ = found()
+    warned, _, _ = found()
     assert len(warned) > 25
     for beginning in ("Probably not an outdoor", "The sun is clipped", "The zoom is unknown", "The camera's clock was"):
         assert any(text.startswith(beginning) for text in warned), beginning
@@ -136,9 +151,15 @@ def test_a_warning_is_one_short_sentence() -> None:
 
 
 def test_errors_problems_and_settings_have_no_long_sentence() -> None:
-    _, long = found()
+    _, long, _ = found()
     assert len(long) > 30
     assert [sentence for text in long for sentence in long_sentences(text)] == []
+
+
+def test_docstrings_have_no_long_sentence() -> None:
+    _, _, documented = found()
+    assert len(documented) > 1500
+    assert [sentence for text in documented for sentence in long_sentences(text)] == []
 
 
 def test_help_has_no_long_sentence() -> None:

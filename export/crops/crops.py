@@ -5,7 +5,7 @@ A crop depends on its panorama's name, its index and its protocol alone: adding 
 A stretch of the world upwards or along the ground is linear. It keeps straight lines, upright things and what lies on
 the ground, and it tilts the sun's rays as it tilts the shadows that they cast. Seen from the camera, where it is
 centered, it moves directions by themselves, whatever their depth. So a panorama tells exactly what its stretched world
-looks like: a place whose sun stands at 30 degrees shows it at 22 or 39, with the shadows of such suns.
+looks like. A place whose sun stands at 30 degrees shows it at 22 or 39, with the shadows of such suns.
 """
 
 import hashlib

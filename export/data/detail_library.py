@@ -2,7 +2,7 @@
 
     python -m export.data.detail_library --data DIR
 
-Each is exposed like a photo, the sun and its glare are taken out, since a map has a sun of its own, and it is kept as a
+Each is exposed like a photo. The sun and its glare are taken out, since a map has a sun of its own. It is kept as a
 small WebP picture beside the features by which it is chosen. `balance_library` then says what those cost that would be
 chosen too often.
 """

@@ -162,9 +162,9 @@ def _format_field(panorama: Panorama, column: str, root: Path) -> str:
 def is_permissive(licence: str) -> bool:
     """Whether the licence field states a permissive licence: CC0, CC-BY, MIT, Apache, BSD or public domain.
 
-    A licence inferred from the file's name counts as stated. Refused: one that is absent, unknown or only likely, one
-    that is the repository's and not the picture's ("as repo"), and any that forbids commercial use or changes or asks
-    for the same licence (NC, ND, SA).
+    A licence inferred from the file's name counts as stated. Refused is a licence that is absent, unknown or only
+    likely, or that is the repository's and not the picture's ("as repo"). So is any that forbids commercial use or
+    changes or asks for the same licence (NC, ND, SA).
 
     Args:
         licence: the field of a row.

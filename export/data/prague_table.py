@@ -3,11 +3,11 @@
     pip download --no-deps pyhelios3d==0.1.38
     python -m export.data.prague_table pyhelios3d-0.1.38-*.whl
 
-The set gives the radiance of each of its skies (visibility, sun, wavelength) as a sum of products of functions of the
-angle from the sun and of that from the zenith. The table has the skies in RGB: log2 radiance at the nodes of
-lighting/sky/prague.py, as a product of two matrices. Between its suns the set is read at pairs of angles that no
-direction has under either sun. Some of these hold noise, which shows as coloured arcs. There the table continues what
-can be seen.
+The set gives the radiance of each of its skies (visibility, sun, wavelength) as a sum of products. Their factors are
+functions of the angle from the sun and of that from the zenith. The table has the skies in RGB: log2 radiance at the
+nodes of lighting/sky/prague.py, as a product of two matrices. Between its suns the set is read at pairs of angles that
+no direction has under either sun. Some of these hold noise, which shows as coloured arcs. There the table continues
+what can be seen.
 
 References:
     [1] Wilkie et al., A Fitted Radiance and Attenuation Model for Realistic Atmospheres, SIGGRAPH 2021.

@@ -1,7 +1,7 @@
 """How near the estimated light comes to that of HDR panoramas, as numbers and on objects, by weather.
 
 Beside each network stand answers without one: the mean map of the training panoramas, the photo mirrored around, and
-oracles, which are our own answer with parts of the truth put in.
+oracles. Oracles are our own answer with parts of the truth put in.
 """
 
 from collections.abc import Callable, Sequence

@@ -1,7 +1,8 @@
 """Errors, AUC, intervals, tables, Truth and Answers.
 
-AUC of errors as in GeoCalib (Veicht et al., ECCV 2024); the horizon's error and its AUC as in HLW (Workman et al.,
-BMVC 2016): the largest distance between the true and the estimated horizon inside the picture, over its height.
+AUC of errors is as in GeoCalib (Veicht et al., ECCV 2024). The horizon's error and its AUC are as in HLW (Workman et
+al., BMVC 2016). That error is the largest distance between the true and the estimated horizon inside the picture, over
+its height.
 """
 
 import math

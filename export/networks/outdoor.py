@@ -8,9 +8,9 @@ All networks take the normalised canvas (B, 3, H, W) of `lighting.photo` and ret
 are the names of weights in checkpoints and ONNX files: they stay.
 
 Photographs are level far more often than training crops, half of which are rolled by up to 10 deg: people hold
-cameras level, and straighten what is not. [1] draws a third of their photos level and the
-others from a Cauchy distribution of 0.1 rad; of the ordinary photos that training sees, the networks tell that nearly
-all are within 4 deg. Here a fifth is level, so that a camera which is rolled on purpose is not made level.
+cameras level, and straighten what is not. [1] draws a third of their photos level and the others from a Cauchy
+distribution of 0.1 rad. Of the ordinary photos that training sees, the networks tell that nearly all are within 4 deg.
+Here a fifth is level, so that a camera which is rolled on purpose is not made level.
 
 References: [1] Hold-Geoffroy et al., A perceptual measure for deep single image camera calibration, CVPR 2018.
 """

@@ -1,9 +1,9 @@
 """How exactly brackets of known skies are merged and aligned, and scans of the real sky.
 
-`sky_scans.csv` beside this file holds 20 scans of the sky over Cornell University in 81 directions, of 27 May (clear)
-and 24 September 2013, as linear Rec.709 of the CIE 1931 observer. They come from the spectral measurements of the
-project spectralskylight (repository sky-measurements-2014, Apache License 2.0; Kider, Knowlton, Newlin, Li and
-Greenberg, SIGGRAPH Asia 2014); `python -m export.probe.scans` of commit 6df25d7 reduced them.
+`sky_scans.csv` beside this file holds 20 scans of the sky over Cornell University in 81 directions. They are of 27 May
+(clear) and 24 September 2013, as linear Rec.709 of the CIE 1931 observer. They come from the spectral measurements of
+the project spectralskylight (repository sky-measurements-2014, Apache License 2.0). Their authors are Kider, Knowlton,
+Newlin, Li and Greenberg (SIGGRAPH Asia 2014). `python -m export.probe.scans` of commit 6df25d7 reduced them.
 """
 
 import csv
@@ -87,7 +87,7 @@ def clear_sky_at(moment: Moment) -> Lighting:
 def photograph_sky(lighting: Lighting, lens: Lens, rotation: Floats) -> NDArray[np.float32]:
     """Mean radiance (h, w, 3) that each pixel of a lens sees of the sky and the sun; 0 outside its circle.
 
-    The sky is sampled in the middle of each pixel; the sun's disc is summed point by point into the pixels that it
+    The sky is sampled in the middle of each pixel. The sun's disc is summed point by point into the pixels that it
     falls on, so that its power is exact.
 
     Args:

@@ -1,7 +1,7 @@
 """How well the shadow mask of a photo's ground is found, in rendered places, where it is known for each pixel.
 
-Sky and sun are traced separately. So it is also known how dark each pixel of the ground would be in the shadow of a
-thing that is put into the scene: that is what the mask is for.
+Sky and sun are traced separately. So it is also known how dark each pixel of the ground would be in shadow. The mask
+is for that: the shadow of a thing that is put into the scene.
 """
 
 import itertools

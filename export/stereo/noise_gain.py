@@ -112,8 +112,8 @@ def _study(case: _Case, *, coarse: bool = False) -> _PlannedCase:
 
 
 def _simulated(light: Floats, normals: Floats, draws: int) -> float:
-    """Error [deg] of normals (N, 3) from noisy pixels, by least squares with their mean light vectors (N, K, T, 3):
-    the median over normals and draws of the clouds of the root mean square."""
+    """Error [deg] of normals (N, 3) from noisy pixels, by least squares with their mean light vectors (N, K, T, 3). It
+    is the median over normals and draws of the clouds of the root mean square."""
     bright = np.einsum("nctk,nk->nct", light, normals)
     noisy = bright + NOISE_STD * np.random.default_rng(7).standard_normal((draws, *bright.shape))
     estimate = _solve(light, noisy) + 1e-30  # where nothing is resolved a direction like any other

@@ -2,9 +2,9 @@
 
 A run's folder holds config.json, log.csv and checkpoint.pt; a run that was stopped goes on where it was.
 
-One encoder looks at each image alone; the largest and the mean of what it finds over the images go on, so that their
-number and order are free (as in PS-FCN, Chen et al., ECCV 2018). A U-Net (Ronneberger et al., MICCAI 2015) weighs the
-search's candidates by what is around a pixel and adds a correction. Before any training it repeats the search.
+One encoder looks at each image alone. The largest and the mean of what it finds over the images go on. So their number
+and order are free (as in PS-FCN, Chen et al., ECCV 2018). A U-Net (Ronneberger et al., MICCAI 2015) weighs the search's
+candidates by what is around a pixel and adds a correction. Before any training it repeats the search.
 """
 
 import csv

@@ -227,8 +227,8 @@ def train_network(config: TrainConfig) -> Path:
         config: of the run; its `out` is the folder.
 
     Raises:
-        DataError: if the folder holds a run with other settings or no run that can go on, if there is nothing to train
-            on, or if no step would be trained; the folder is then as before.
+        DataError: if the folder holds a run with other settings or no run that can go on. It is raised too if there is
+            nothing to train on, or if no step would be trained. The folder is then as before.
     """
     if config.crops < config.batch:
         raise DataError(f"{config.crops} crops do not fill one step of {config.batch}, so nothing would be trained.")

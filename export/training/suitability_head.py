@@ -1,8 +1,9 @@
 """The suitability head: a linear classifier on the pooled features of the networks that answer together.
 
-What it separates: crops of panoramas and ordinary photos, shade and cloud included, from indoors, night, screens,
-drawings, pictures on their side or upside down, whole panoramas, black and blown-out frames. The bias is set so that a
-probability of one half raises a false alarm for _FALSE_ALARMS of the photos of held-out training places.
+It separates crops of panoramas and ordinary photos, shade and cloud included, from other pictures. Those are indoors,
+night, screens, drawings, pictures on their side or upside down, whole panoramas, black and blown-out frames. The bias
+is set so that a probability of one half raises a false alarm for _FALSE_ALARMS of the photos of held-out training
+places.
 """
 
 from collections.abc import Iterable, Iterator, Sequence

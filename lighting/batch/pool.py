@@ -1,8 +1,8 @@
 """A batch on one machine, in a process per CPU.
 
-The output folder holds `batch.json`, the settings; `lighting.jsonl`, one line per photo in the order in which they were
-finished; and, if maps are asked for, `NAME.exr` under each photo's own relative name. The same batch started again
-resumes an interrupted one and retries the photos that failed.
+The output folder holds the settings in `batch.json`. `lighting.jsonl` has one line per photo, in the order in which
+they were finished. If maps are asked for, each is `NAME.exr` under its photo's own relative name. The same batch
+started again resumes an interrupted one and retries the photos that failed.
 """
 
 import errno

@@ -16,7 +16,7 @@ def exit_on_interrupt() -> Iterator[None]:
     """Ctrl-C ends the process within the block, which has nothing to put in order and waits for a thread.
 
     Python would raise an exception. Where both threads import, that may come while an object is taken apart, which
-    loses it, and leave the lock of imports held, for which the other thread then waits for ever.
+    loses it. It may also leave the lock of imports held; the other thread then waits for ever.
     """
     ours = threading.current_thread() is threading.main_thread()
     if not ours or signal.getsignal(signal.SIGINT) is not signal.default_int_handler:

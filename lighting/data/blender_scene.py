@@ -5,9 +5,9 @@
 
 `python scene.py --save` does the same where the module bpy is installed. The light's units are those of the photo's
 linear values; +Z is up and the camera looks along +Y. The value "Native sky" in the world's nodes blends from the
-environment map (0) to Blender's own sky with the same sun and turbidity (1): Multiple Scattering from Blender 5.0, else
-that of Hosek and Wilkie. A new scene has the collections of GROUPS. Where the spot lies in the photo's shade, the sun
-lights the collection "Lit by the Sun" alone, which holds the ground.
+environment map (0) to Blender's own sky (1), with the same sun and turbidity. That sky is Multiple Scattering from
+Blender 5.0, else that of Hosek and Wilkie. A new scene has the collections of GROUPS. Where the spot lies in the
+photo's shade, the sun lights the collection "Lit by the Sun" alone, which holds the ground.
 """
 
 import json

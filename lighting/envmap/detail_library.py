@@ -1,8 +1,8 @@
 """The library of detail: small CC0 panoramas of real places, and which of them suits a photo.
 
-A map takes from one of them what is finer than the network's cells. It is chosen by what the photo shows in each cell
-(brightness, contrast, colors; plants, buildings, water), by what the network predicts around it, and by its sun, so
-that shadows agree.
+A map takes from one of them what is finer than the network's cells. What the photo shows in each cell decides which:
+brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it. Its sun counts too,
+so that shadows agree.
 `python -m export.data.detail_library` made the file.
 """
 

@@ -256,8 +256,8 @@ def _find_window(camera: Pinhole, height: int, reach: float = 0.0) -> tuple[slic
 def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:
     """Where the map's pixels lie in the picture, each way -1 to 1 inside it; 2 behind the camera.
 
-    A direction's part along a camera axis is the product of a term of its row and one of its column, plus one of the
-    row, so that no pixel needs an angle.
+    A direction's part along a camera axis is a product plus a term of its row. The product is that of a term of its row
+    and one of its column. So no pixel needs an angle.
     """
     azimuth, elevation = (np.radians(angle) for angle in geometry.latlong_angles(height))
     azimuth, elevation = azimuth[columns], elevation[rows]

@@ -296,8 +296,8 @@ def _render_by_angles(image: Image, lighting: Lighting, by_angles: Callable[...,
 def _sun_shares(image: Image, lighting: Lighting) -> Iterator[tuple[slice, Image]]:
     """Some rows at a time of the upper half (H / 2, 2H, 3) of a map, and their pixels' angles from the sun.
 
-    The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2), of which
-    the row gives all but the last factor and the column that one; this keeps its precision next to the sun. It is told
+    The angle g between two directions follows from sin^2(g / 2) = sin^2(de / 2) + cos e cos e' sin^2(da / 2). The row
+    gives all but the last factor, and the column that one. This keeps its precision next to the sun. The angle is told
     by sin(g / 2) / (sin(g / 2) + cos(g / 2)), 0 to 1, which is as fine at both ends and needs no arcsine.
     """
     azimuth, elevation = latlong_angles(2 * len(image))

@@ -1,7 +1,7 @@
 """Whether pixels and metadata contradict each other more than chance explains.
 
 Each test is a p-value of what the metadata says under the network's own distribution. The network is not perfectly
-calibrated, so the thresholds are those that one true record in a hundred passes on unseen panoramas:
+calibrated. So the thresholds are those that one true record in a hundred passes on unseen panoramas.
 `python -m export evaluate --with-metadata` prints how often each fires on true and on false records.
 """
 

@@ -1,6 +1,6 @@
 """From pixels to Prediction, and from Posterior to EstimatedLight.
 
-At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9; streets and shop
+At ISO 100 sunlight takes EV 15, open shade and a heavy sky 12, a landscape just after sunset 9. Streets and shop
 windows in bright lamplight take 8, rooms 5 to 7 [1]. Exposures tell indoors from outdoors better than pixels do [2].
 
 References:

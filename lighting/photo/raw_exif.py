@@ -1,7 +1,7 @@
 """The EXIF block of RAW files that Pillow does not open: Canon's CR3, Fujifilm's RAF, Olympus' ORF, Panasonic's RW2,
 and DNG without a preview.
 
-ORF and RW2 are TIFF files under another number; a RAF begins with a whole JPEG; a CR3 is an ISO media file with a
+ORF and RW2 are TIFF files under another number. A RAF begins with a whole JPEG. A CR3 is an ISO media file with a
 directory of tags in a box each.
 """
 

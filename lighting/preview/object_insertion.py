@@ -1,8 +1,8 @@
 """Three balls composited into the photo: on its ground, in its light, with their shadows and bounced light.
 
 They stand on the spot that the photo's record states. A ball replaces the photo's pixels. The ground keeps them, times
-the share of its light that the balls leave: where the picture's ground already lies in shade, only the sky's light is
-left to take, so no shadow darkens it twice. Balls that stand on such ground are in shade, too. What stands before the
+the share of its light that the balls leave. Where the picture's ground already lies in shade, only the sky's light is
+left to take. So no shadow darkens it twice. Balls that stand on such ground are in shade, too. What stands before the
 ground, as people and plants do, keeps its light.
 """
 

@@ -1,7 +1,7 @@
 """The orientation of a camera from suns, and of an instrument's scans from clear skies.
 
 One sun leaves the mirror image of a picture as likely as the picture, and a wrong lens shows in the elevation alone.
-Suns of several hours are points on the sphere that the camera and the ephemeris both name; the rotation between them is
+Suns of several hours are points on the sphere that the camera and the ephemeris both name. The rotation between them is
 the one of least squares (Kabsch 1976), for each of the lenses tried.
 
 A clear sky is brightest beside the sun, and the ephemeris says where that is. One moment leaves two answers, clockwise

@@ -3,8 +3,8 @@
 A camera that looks straight up has the top of its picture towards the south when its right is east, as one has who
 leans back while facing north. Angles are in the camera's frame of geometry.py until alignment rotates them.
 
-The sun may be smaller than a pixel: pictures finer than the map are averaged before, and each pixel of the map is the
-mean of several samples, so that the sum of radiance x solid angle survives.
+The sun may be smaller than a pixel. So pictures finer than the map are averaged before, and each pixel of the map is
+the mean of several samples. The sum of radiance x solid angle survives.
 """
 
 from dataclasses import dataclass, replace

@@ -5,16 +5,17 @@ by the ratio, plus what black and rounding leave. A straight line through them, 
 ratio as its slope; the errors are nearly all in the short one, so that one is the dependent variable. Where the values
 differ hardly more than noise makes them, a line would be too flat, and the ratio is that of the means.
 
-Merging. Each value is weighted by the inverse of its variance, as Hasinoff, Durand and Freeman have it (CVPR 2010), for
-a camera of common size, since a file does not say how many electrons fill its full scale. A clipped value weighs
-nothing, so a pixel that is clipped in every exposure is known to be brighter than the shortest one says, and is marked.
+Merging. Each value is weighted by the inverse of its variance, as Hasinoff, Durand and Freeman have it (CVPR 2010). The
+variance is that of a camera of common size: a file does not say how many electrons fill its full scale. A clipped value
+weighs nothing, so a pixel that is clipped in every exposure is known to be brighter than the shortest one says, and is
+marked.
 
 Rounding. A sky a few of a camera's steps above black is recorded as terraces. Where the noise is so much smaller than a
-step that neighbours round alike, no mean over them tells what lies between two steps; but the true value is within half
-a step of the recorded one, and a sky has no terraces. So such values are smoothed and put back into that interval, over
-and over (projections onto convex sets). The smoothing is a recursive filter along rows and columns that stops where
-neighbours differ by more than a step (Gastal and Oliveira, SIGGRAPH 2011), applied as 2 S - S S, which leaves slopes
-and curves as they are.
+step, neighbours round alike. No mean over them then tells what lies between two steps. But the true value is within
+half a step of the recorded one, and a sky has no terraces. So such values are smoothed and put back into that interval,
+over and over (projections onto convex sets). The smoothing is a recursive filter along rows and columns (Gastal and
+Oliveira, SIGGRAPH 2011). It stops where neighbours differ by more than a step. It is applied as 2 S - S S, which leaves
+slopes and curves as they are.
 """
 
 from collections.abc import Sequence

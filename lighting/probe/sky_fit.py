@@ -1,7 +1,7 @@
 """Turbidity, exposure and cloud cover of a map's sky, by the Hosek-Wilkie model fitted to it.
 
-The procedure is the one of "Deep Outdoor Illumination Estimation" (CVPR 2017): hold the sun fixed with a ground albedo
-of 0.3, and fit turbidity and exposure to the sky's pixels by robust non-linear least squares.
+The procedure is the one of "Deep Outdoor Illumination Estimation" (CVPR 2017). It holds the sun fixed with a ground
+albedo of 0.3. Turbidity and exposure are fitted to the sky's pixels by robust non-linear least squares.
 """
 
 from dataclasses import dataclass

@@ -2,7 +2,7 @@
 
 One lens serves all photos, but for those that show things larger than others do from the same point: zoomed ones.
 
-The vertical is the median of each camera's own, by its elevation and roll, carried into one frame; a photo whose
+The vertical is the median of each camera's own, by its elevation and roll, carried into one frame. A photo whose
 metadata have its tilt counts for more than one of which only the network tells it.
 
 Features and matches take seconds and hundreds of megabytes, of some photos far more, and nothing in Python interrupts

@@ -195,8 +195,8 @@ def leveling_rotation(up: Floats) -> Floats:
 def heading_elevation_roll(orientations: Floats, leveled: Floats) -> tuple[Floats, Floats, Floats]:
     """Headings, elevations and rolls (N,) of cameras in a level frame, in deg.
 
-    Within 5 deg of straight up and down the view axis has no steady heading: it is then that of a camera of roll 0
-    whose picture's upper edge lies as this one's does, and the roll is 0.
+    Within 5 deg of straight up and down the view axis has no steady heading. The heading is then that of a camera of
+    roll 0 whose picture's upper edge lies as this one's does. The roll is then 0.
 
     Args:
         orientations: (N, 3, 3) of the cameras.

@@ -4,7 +4,7 @@ Far things obey the homography at infinity K R K^-1: a rotation and a focal leng
 and refined. Where the lens was zoomed, each photo gets a focal length of its own; where the camera moved between
 near things the essential matrix takes over.
 
-Five matches decide an essential matrix where the focal length is known [2]; its rotation, direction of motion and the
+Five matches decide an essential matrix where the focal length is known [2]. Its rotation, direction of motion and the
 focal length are then refined together on the Sampson distances of all matches [3].
 
 Two photos from one point obey the homography K2 R K1^-1 wherever things are, which decides both focal lengths. Its
@@ -359,8 +359,8 @@ def _estimate_zoom(
 ) -> _ZoomedPair:
     """The best rotation with two focal lengths, for matches of which nearly all are right.
 
-    `focal` are guesses [half diagonals], of which only the ratio to the mean of both photos is kept: `zooms` are the
-    factors on it to try, `mean_prior` is the inverse variance of its logarithm.
+    `focal` are guesses [half diagonals]; only the ratio of each to the mean of both photos is kept. `zooms` are the
+    factors on it to try. `mean_prior` is the inverse variance of its logarithm.
     """
     half = 0.5 * (_log_growth(matches) - float(np.log(focal[1] / focal[0])))
     scaled = (focal[0] * float(np.exp(-half)), focal[1] * float(np.exp(half)))

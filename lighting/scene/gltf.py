@@ -3,11 +3,11 @@
 The sun is a directional light of KHR_lights_punctual, in lux on the scale where radiance 1 of the map is 1 nit; its
 angular size has no place there. The map lights by EXT_lights_image_based [1], on the same scale: mirror images at
 several roughnesses, as RGBD, and the harmonics of the irradiance. Babylon.js alone reads it. It takes the pictures for
-those of its own left-handed frame and decodes them twice, so they are made for that. glTF has no backgrounds: the plate
-is an unlit picture behind the ground. It has no shadow catchers: the ground is a diffuse disc of its albedo around the
-object. What glTF has no word for is in `extras`. `Plate` has the image `litGround`: where on it the sun's shadows
-may fall, as `lit_ground.png` of other tools. `YourObject` has `inShade`, and `Sun` its `irradiance`, also where it is
-off.
+those of its own left-handed frame and decodes them twice, so they are made for that. The format has no backgrounds: the
+plate is an unlit picture behind the ground. It has no shadow catchers: the ground is a diffuse disc of its albedo
+around the object. What glTF has no word for is in `extras`. `Plate` has the image `litGround`: where on it the sun's
+shadows may fall, as `lit_ground.png` of other tools. `YourObject` has `inShade`, and `Sun` its `irradiance`, also where
+it is off.
 
 References:
     [1] Khronos, glTF 2.0 vendor extension EXT_lights_image_based.

@@ -1,8 +1,8 @@
 """A photo's scene: its camera, sun, map and ground, and a placeholder for the user's object.
 
-The frame is that of geometry.py in metres: +Y up, the camera looks along -Z at azimuth 0, the ground is y = 0 and the
-camera stands over its origin at its height. Light is in the map's units, `exposure` x the sky model's radiance, which
-are the photo's linear values: a white diffuse surface under irradiance pi shows as 1.
+The frame is that of geometry.py in metres: +Y up, and the camera looks along -Z at azimuth 0. The ground is y = 0, and
+the camera stands over its origin at its height. Light is in the map's units, `exposure` x the sky model's radiance,
+which are the photo's linear values: a white diffuse surface under irradiance pi shows as 1.
 
 No light counts twice. The sun's disc is left out of the map and is a light of its own. Below the horizon the map holds
 the ground under sky and sun. A renderer that traces rays sees the ground plane there instead, which has the same

@@ -1,9 +1,9 @@
 """A scene as USD: `scene.usda` with the plate, the map and the record beside it.
 
-Lights follow UsdLux: radiance 1 of the map is 1 nit, and a DistantLight with `normalize` gives an irradiance of
-intensity x colour on a surface that faces it, whatever its angle. Focal length and apertures are in tenths of the
-stage's unit, the meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ is for AR, which takes no
-lights: of both files, the rules of ARKit in OpenUSD's ComplianceChecker pass this one alone.
+Lights follow UsdLux: radiance 1 of the map is 1 nit. A DistantLight with `normalize` gives an irradiance of intensity x
+colour on a surface that faces it, whatever its angle. Focal length and apertures are in tenths of the stage's unit, the
+meter, as UsdGeomCamera has them: 22.8 mm is 0.228. The USDZ is for AR, which takes no lights: of both files, the rules
+of ARKit in OpenUSD's ComplianceChecker pass this one alone.
 
 USD has no background plates: the plate hangs before the camera as a guide, which renderers leave out. It has no shadow
 catchers: the ground carries the primvars by which Omniverse RTX and Karma know one. To other renderers the ground is a

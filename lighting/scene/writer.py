@@ -58,8 +58,8 @@ def write_scene(
         options: go to the tool's `write`.
 
     Raises:
-        SceneError: the tool or the scene is none, the folder cannot be written, or it holds a scene for another tool in
-        other light, which would be left with this one's map.
+        SceneError: the tool or the scene is none, or the folder cannot be written. It is raised too if the folder holds
+            a scene for another tool in other light. That scene would be left with this one's map.
     """
     target = check_scene_target(tool, folder, overwrite=overwrite)
     try:

@@ -57,9 +57,12 @@ def sky_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: floa
 def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tuple[Floats, Floats]:
     """Coefficients (3, 9) and mean radiance (3,) of a sky, rows r, g, b. ParameterError out of range.
 
-    With theta the angle from the zenith and gamma that from the sun [rad], a channel's radiance is the product of
-    its mean radiance, 1 + c0 exp(c1 / (cos theta + 0.01)) and c2 + c3 exp(c4 gamma) + c5 cos^2 gamma + c6 chi +
-    c7 sqrt(cos theta) with chi = (1 + cos^2 gamma) / (1 + c8^2 - 2 c8 cos gamma)^1.5.
+    Let theta be the angle from the zenith and gamma that from the sun [rad]. A channel's radiance is the product of
+    its mean radiance, f and g:
+
+        f = 1 + c0 exp(c1 / (cos theta + 0.01))
+        g = c2 + c3 exp(c4 gamma) + c5 cos^2 gamma + c6 chi + c7 sqrt(cos theta)
+        chi = (1 + cos^2 gamma) / (1 + c8^2 - 2 c8 cos gamma)^1.5
 
     Args:
         sun_elevation: deg above the horizon, 0 to 90.

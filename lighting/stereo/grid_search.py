@@ -1,11 +1,11 @@
 """Normals by exhaustive search over a grid, with shadows, in the camera's frame.
 
 A patch of normal n and albedo rho shows b = rho e(n), with e(n) the brightness of a white patch. For each normal of a
-grid the best albedo follows in closed form, and the squared residual is |b|^2 - <b, e / |e|>^2, so that all residuals
-are one matrix product. With Gaussian noise and the prior that a picture of a shape without a preferred side holds
-normals in proportion to their foreshortening, n_z, they give each pixel a distribution over the grid. Its peak is the
-start of one damped step of least squares, within the hemisphere of that normal: there brightness is linear in rho n,
-with the mean light vectors (light_vectors.py) as its derivative. Iterating such steps from a single start diverges
+grid the best albedo follows in closed form. The squared residual is |b|^2 - <b, e / |e|>^2, so all residuals are one
+matrix product. With Gaussian noise and a prior they give each pixel a distribution over the grid. The prior: a picture
+of a shape without a preferred side holds normals in proportion to their foreshortening, n_z. The distribution's peak is
+the start of one damped step of least squares, within the hemisphere of that normal. There brightness is linear in rho
+n, with the mean light vectors (light_vectors.py) as its derivative. Iterating such steps from a single start diverges
 where the hemisphere of the start is another than that of the solution.
 
 A cast shadow leaves a pixel with the sky's light alone, which no normal under the open sun explains. Where the search
@@ -238,8 +238,8 @@ def _other_normal(likelihood: Image, chords: Image, normals: Image) -> tuple[Ima
 def _refine_normals(images: Image, table: Candidates, best: NDArray[Any], noise: float) -> tuple[Image, Image, Image]:
     """Normal (P, 3), albedo (P, C) and what they leave of the images (P, T, C), by one step from candidates (P,).
 
-    The step is of least squares, damped by the grid's spacing, so that noise along an axis that the light does not tell
-    apart moves the normal no farther than to the edge of its cell.
+    The step is of least squares, damped by the grid's spacing. Along an axis that the light does not tell apart, noise
+    then moves the normal no farther than to the edge of its cell.
     """
     start, light = table.normals[best], table.light[best]
     albedo = _fit_albedo(images, _shade(light, start))

@@ -1,10 +1,10 @@
 """Mean light vectors of measured and modelled skies.
 
-A patch of unit normal n and albedo rho is under radiance L. Its brightness is b = rho / pi x the integral of
-L(w) <w, n> over the hemisphere above the patch. So b = <l, x>, with x = rho n and the mean light vector l(n) = 1 / pi x
-the integral of L(w) w over that hemisphere (Hold-Geoffroy et al., What Is a Good Day for Outdoor Photometric Stereo?,
-ICCP 2015). l depends on n, for patches of other orientation see other light. Brightnesses at
-several times stack to b = M x, M the illumination matrix with one mean light vector a row.
+A patch of unit normal n and albedo rho is under radiance L. Its brightness is b = rho / pi x the integral of L(w)
+<w, n> over the hemisphere above the patch. So b = <l, x>, with x = rho n and the mean light vector l(n). The term is of
+Hold-Geoffroy et al., What Is a Good Day for Outdoor Photometric Stereo?, ICCP 2015. This l(n) is 1 / pi x the integral
+of L(w) w over that hemisphere. It depends on n: patches of other orientation see other light. Brightnesses at several
+times stack to b = M x, M the illumination matrix with one mean light vector a row.
 
 Directions are in the world axes of a map: +Y up, true north at -Z (the centre column of a lat-long map), east at +X.
 Brightness is in the units of the maps: a white patch (rho = 1) under a uniform sky of radiance 1 that fills its
@@ -93,8 +93,8 @@ def illumination_matrices(skies: Skies, normals: ArrayLike) -> Floats:
     """Return the illumination matrices of patches, their rows mean light vectors.
 
     A patch's brightness at each moment is `illumination_matrices(...)[..., t, :, c] @ (albedo * normal)`, in the unit
-    of the skies' radiance. It is the brightness's derivative by x = albedo x normal too, for what the hemisphere's
-    edge lets in or out adds nothing: covariances of estimates follow from it at any normal.
+    of the skies' radiance. It is the brightness's derivative by x = albedo x normal too, for what the hemisphere's edge
+    lets in or out adds nothing. Covariances of estimates follow from it at any normal.
 
     Args:
         skies: of T moments and C channels.
@@ -139,8 +139,8 @@ def sky_light_vectors(radiance: NDArray[np.floating[Any]], normals: Floats) -> F
 def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Floats) -> Floats:
     """Return the mean light vectors (N, T, 3, C) of suns' discs alone.
 
-    The integral over a uniform disc of SUN_RADIUS of which the patch's plane cuts off a segment: the share of
-    the disc above the plane times the disc's direction, and the segment's first moment along the normal.
+    The integral is over a uniform disc of SUN_RADIUS, of which the patch's plane cuts off a segment. It has two parts:
+    the share of the disc above the plane times the disc's direction, and the segment's first moment along the normal.
 
     Args:
         sun_direction: (T, 3) unit vectors.

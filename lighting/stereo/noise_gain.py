@@ -1,11 +1,11 @@
 """Noise gain and expected angular error of normals, and the orientations that a plan is judged by.
 
-With brightnesses b = M x of a patch, x = albedo x normal, and noise of standard deviation sigma in each, least squares
+A patch has brightnesses b = M x, with x = albedo x normal, and noise of standard deviation sigma in each. Least squares
 gives x with covariance sigma^2 (M^T M)^-1. The noise gain of axis k is lambda_k = sqrt of the k-th diagonal of
 (M^T M)^-1. The 95 % interval of the normal's component is +- 1.96 sigma lambda_k / albedo (Hold-Geoffroy et al., What
 Is a Good Day for Outdoor Photometric Stereo?, ICCP 2015). The diagonal depends on the axes chosen; 1 / sigma_min, with
-the least singular value of M, does not and is at least as large. Both fall as 1 / sqrt(photos) and grow as
-1 / exposure: compare only what shares both. What no light resolves has an infinite gain.
+the least singular value of M, does not and is at least as large. Both fall as 1 / sqrt(photos) and grow as 1 /
+exposure: compare only what shares both. What no light resolves has an infinite gain.
 """
 
 import numpy as np

@@ -1,7 +1,7 @@
 """Normals of a thing from photos of one day: a folder in, pictures, a mesh and a record out.
 
-Normals are stored as (n + 1) / 2 of 16 bits in PNG, red x, green y, blue z, and as they are in EXR; outside the mask
-all is 0. Uncertainty is in degrees in EXR and in hundredths of a degree in the 16-bit PNG.
+Normals are stored as (n + 1) / 2 of 16 bits in PNG: red x, green y, blue z. In EXR they are as they are. Outside the
+mask all is 0. Uncertainty is in degrees in EXR and in hundredths of a degree in the 16-bit PNG.
 
 Depth: between two neighbouring pixels it changes by the mean of their slopes. Each such pair is one equation, weighted
 by how much both face the camera, since slopes at grazing normals are large and uncertain. The sparse system is solved

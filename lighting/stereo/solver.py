@@ -262,9 +262,9 @@ def _fill_mask(mask: NDArray[np.bool_], values: Image) -> Image:
 def apply_network(normals: NormalMap, network: Network, features: NormalFeatures) -> NormalMap:
     """Take the network's normals where it expects to err clearly less than the search.
 
-    It is at times too sure of itself. _MAX_ERROR_RATIO is the largest of 0.4, 0.5 ... 1 at which the median rose by
-    more than 0.2 deg on fewer than 5 % of 159 scenes like those that it was trained on (on 10 % with 1, on 4 % with
-    0.7).
+    It is at times too sure of itself. _MAX_ERROR_RATIO is one of 0.4, 0.5 and so on to 1, tried on 159 scenes like
+    those that it was trained on. It is the largest at which the median rose by more than 0.2 deg on fewer than 5 % of
+    them. With 1 it rose so on 10 %, with 0.7 on 4 %.
 
     Args:
         normals: of the search.

@@ -2,10 +2,10 @@
 
 The field of view is the user's, or what rotations, metadata and the network agree upon.
 
-Whether a lens is zoomed at all is judged between keyframes, where a rotation with a focal length for each must explain
-nearly all points, and a rotation or a walk fewer (registration/two_view.py). If so, each frame's focal length by its
-keyframe's is followed together with its rotation. Points of a picture that is divided by its zoom obey all that points
-of one lens do.
+Keyframes tell whether a lens is zoomed at all. A rotation with a focal length for each must explain nearly all points,
+and a rotation or a walk fewer (registration/two_view.py). If so, each frame's focal length by its keyframe's is
+followed together with its rotation. Points of a picture that is divided by its zoom obey all that points of one lens
+do.
 """
 
 import math

@@ -1,8 +1,8 @@
 """Where shots begin: cuts, and dissolves, in which one picture fades into another one.
 
 About ten times a second a frame is compared with one before and one after it, both moved onto it by dense flow. Where
-things move, each part of the frame is explained by one of the two; in a dissolve only a mixture of both explains it,
-with the same share everywhere, and the two have little in common.
+things move, each part of the frame is explained by one of the two. In a dissolve only a mixture of both explains it,
+with the same share everywhere. There the two have little in common.
 """
 
 from collections import deque

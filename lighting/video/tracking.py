@@ -1,9 +1,9 @@
 """Points tracked from a keyframe (KLT), the rotation and the gain of each frame, and the records of both.
 
-Corners of a keyframe are followed by the pyramidal method of Lucas and Kanade (as OpenCV has it), then compared with
-the keyframe itself, so that errors do not add up from frame to frame. A frame that shares too little with its keyframe
-becomes the next one. Where nothing can be followed, a new stretch begins; whether it belongs to the same shot is
-decided by the caller.
+Corners of a keyframe are followed by the pyramidal method of Lucas and Kanade (as OpenCV has it). Then they are
+compared with the keyframe itself, so that errors do not add up from frame to frame. A frame that shares too little with
+its keyframe becomes the next one. Where nothing can be followed, a new stretch begins; whether it belongs to the same
+shot is decided by the caller.
 
 Where the camera walks, near things obey no rotation; then that of the essential matrix takes over
 (registration/two_view.py).
