@@ -19,6 +19,7 @@ mi: Any = mitsuba
 
 FOLDER = Path(__file__).resolve().parent
 FALLBACK = "scalar_rgb"  # the variant that runs everywhere
+TRY_SECONDS = 60  # after which a variant counts as one that hangs: a search for LLVM in vain can
 
 
 def _main(samples: str = "64", variant: str = FALLBACK) -> None:
@@ -36,13 +37,19 @@ def _main(samples: str = "64", variant: str = FALLBACK) -> None:
 
 
 def _try(variant: str) -> None:
-    """Exit with a sentence where a variant cannot render here: a wrong LLVM aborts the whole process."""
+    """Exit with a sentence where a variant cannot render here: a wrong LLVM aborts the whole process, or hangs it."""
     scene = {"type": "scene", "integrator": {"type": "path"}, "sensor": {"type": "perspective"}}
     render = f"mi.TensorXf(mi.render(mi.load_dict({scene}), spp=1)).numpy()"
     code = f"import mitsuba as mi; mi.set_variant({variant!r}); {render}"
-    result = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
-    if result.returncode:
-        reason = (result.stderr.strip().splitlines() or ["it aborted"])[-1]
+    reason = ""
+    try:
+        command = [sys.executable, "-c", code]
+        result = subprocess.run(command, capture_output=True, text=True, check=False, timeout=TRY_SECONDS)
+        if result.returncode:
+            reason = (result.stderr.strip().splitlines() or ["it aborted"])[-1]
+    except subprocess.TimeoutExpired:
+        reason = f"it hung for {TRY_SECONDS} s."
+    if reason:
         sys.exit(f"Mitsuba's variant {variant} does not run here: {reason} Use {FALLBACK}, which needs no LLVM.")
 
 

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
@@ -154,3 +155,19 @@ def test_a_variant_that_does_not_run_names_the_one_that_does(folder: Path) -> No
     assert "Traceback" not in done.stderr
     assert "Mitsuba's variant llvm_ad_rgb does not run here: " in done.stderr
     assert done.stderr.endswith(" Use scalar_rgb, which needs no LLVM.\n")
+
+
+def test_a_variant_that_hangs_is_given_up(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The library may wait for itself while it looks for LLVM in vain."""
+    spec = spec_from_file_location("composite", folder / "composite.py")
+    assert spec is not None
+    assert spec.loader is not None
+    composite = module_from_spec(spec)
+    spec.loader.exec_module(composite)
+
+    def hang(command: list[str], *, timeout: float, **_: Any) -> None:
+        raise subprocess.TimeoutExpired(command, timeout)
+
+    monkeypatch.setattr(subprocess, "run", hang)
+    with pytest.raises(SystemExit, match=r"llvm_ad_rgb does not run here: it hung for 60 s\. Use scalar_rgb"):
+        composite._try("llvm_ad_rgb")
