@@ -97,7 +97,7 @@ def test_what_is_no_command_is_told_what_to_type(words: list[str], sentence: str
 
 def test_one_argument_too_many_is_named(tmp_path: Path) -> None:
     sentence = error_of(invoke_command("render", "a.json", "b.json", "-o", tmp_path / "a.exr"), 2)
-    assert sentence == "`lighting render` takes LIGHTING.json alone; 'b.json' is too much."
+    assert sentence == "`lighting render` takes only LIGHTING.json; 'b.json' is too much."
 
 
 @pytest.mark.parametrize(
