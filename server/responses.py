@@ -141,7 +141,7 @@ def check_cache(request: Request, service: Service, query: Query) -> tuple[dict[
         query: determines the response.
     """
     headers = _cache_headers(query, service.settings.cache_seconds, public=not service.keys)
-    return headers, Response(status_code=304, headers=headers) if _is_fresh(request, headers["ETag"]) else None
+    return headers, Response(status_code=304, headers=headers) if is_fresh(request, headers["ETag"]) else None
 
 
 def tagged_json_response(request: Request, content: Json) -> Response:
@@ -152,9 +152,9 @@ def tagged_json_response(request: Request, content: Json) -> Response:
         content: what it holds.
     """
     response = JSONResponse(content)
-    etag = _tag_bytes(response.body)
+    etag = tag_bytes(response.body)
     headers = {"ETag": etag, "Cache-Control": "no-cache"}
-    if _is_fresh(request, etag):
+    if is_fresh(request, etag):
         return Response(status_code=304, headers=headers)
     response.headers.update(headers)
     return response
@@ -167,15 +167,25 @@ def tag_response(response: Response) -> None:
         response: changed in place, if it succeeded and has no tag.
     """
     if response.status_code == 200 and isinstance(response.body, bytes):
-        response.headers.setdefault("ETag", _tag_bytes(response.body))
+        response.headers.setdefault("ETag", tag_bytes(response.body))
 
 
-def _tag_bytes(data: bytes | memoryview) -> str:
+def tag_bytes(data: bytes | memoryview) -> str:
+    """The tag of an answer of these bytes.
+
+    Args:
+        data: the body, as it is sent.
+    """
     return f'"{sha256(data).hexdigest()[:32]}"'
 
 
-def _is_fresh(request: Request, etag: str) -> bool:
-    """Whether the client's copy has this tag."""
+def is_fresh(request: Request, etag: str) -> bool:
+    """Whether the client's copy has a tag.
+
+    Args:
+        request: may have If-None-Match.
+        etag: of the answer.
+    """
     if_none_match = request.headers.get("if-none-match", "")
     tags = {tag.strip().removeprefix("W/") for tag in if_none_match.split(",")}
     return if_none_match.strip() == "*" or etag.removeprefix("W/") in tags

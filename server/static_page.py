@@ -2,7 +2,6 @@
 
 import gzip
 from functools import lru_cache
-from hashlib import sha256
 from hmac import compare_digest
 from mimetypes import guess_type
 from pathlib import Path
@@ -14,6 +13,7 @@ from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.staticfiles import NotModifiedResponse, StaticFiles
 
 from server.book import FILES, PICTURES, Book
+from server.responses import is_fresh, tag_bytes
 
 _FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"
@@ -95,12 +95,13 @@ def make_book_router(book: Book | None = None) -> APIRouter:
 
 async def _serve_text(data: bytes, kind: str, request: Request) -> Response:
     """A text that is in memory, gzipped if the client accepts that."""
-    headers = {"Cache-Control": "no-cache", "Vary": "Accept-Encoding", "ETag": f'"{sha256(data).hexdigest()[:32]}"'}
+    headers = {"Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     if _accepts_gzip(request):
         data = await to_thread.run_sync(_gzip_text, data)
-        headers |= {"Content-Encoding": "gzip", "ETag": f'"{sha256(data).hexdigest()[:32]}"'}
+        headers["Content-Encoding"] = "gzip"
+    headers["ETag"] = tag_bytes(data)
     response = Response(data, media_type=kind, headers=headers)
-    if f"{headers['ETag']}" in request.headers.get("if-none-match", ""):
+    if is_fresh(request, headers["ETag"]):
         return NotModifiedResponse(response.headers)
     return response
 
@@ -130,8 +131,8 @@ async def _gzip_response(files: StaticFiles, path: str, request: Request) -> Res
     """The gzipped copy of a file that exists, with a tag of its own."""
     full_path, stat = files.lookup_path(path)
     data = await to_thread.run_sync(_gzip_file, full_path, stat.st_mtime_ns if stat else 0)
-    headers = {"ETag": f'"{sha256(data).hexdigest()[:32]}"'}
-    response = Response(data, media_type=guess_type(path)[0], headers={**headers, "Content-Encoding": "gzip"})
+    headers = {"ETag": tag_bytes(data), "Content-Encoding": "gzip"}
+    response = Response(data, media_type=guess_type(path)[0], headers=headers)
     if files.is_not_modified(response.headers, request.headers):
         return NotModifiedResponse(response.headers)
     return response

@@ -21,7 +21,7 @@ from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
-from server.responses import _envmap_link, _is_fresh, _sun_probability, estimate_to_json, read_accuracy
+from server.responses import _envmap_link, _sun_probability, estimate_to_json, is_fresh, read_accuracy
 from server.schemas import Accuracy, CropRecord, LightingEstimate
 from tests.conftest import TINY
 
@@ -128,8 +128,8 @@ def test_the_probability_comes_with_the_angles_of_its_cells() -> None:
 @pytest.mark.parametrize(
     ("copy", "fresh"), [('W/"a"', True), ('"a"', True), ('"b", W/"a"', True), ("*", True), ('"b"', False), ("", False)]
 )
-def test_a_clients_copy_is_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> None:
-    assert _is_fresh(request(copy), 'W/"a"') is fresh
+def test_a_clients_copyis_fresh_if_it_has_the_tag(copy: str, fresh: bool) -> None:
+    assert is_fresh(request(copy), 'W/"a"') is fresh
 
 
 def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path, network: Path) -> None:
