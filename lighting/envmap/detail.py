@@ -195,6 +195,7 @@ class _PhotoDetail:
     ) -> None:
         self._library, self._photo, self._coarse, self._sun = library, photo, coarse, sun
         self._ceiling: Image | None = None
+        self._limited = slice(0)  # rows of the map where the ceiling is low
         self._whole = None if library.whole is None else self._finish(library.whole, slice(0, 2 * library.height))
 
     def blocks(self) -> Iterator[tuple[slice, Image]]:
@@ -206,9 +207,10 @@ class _PhotoDetail:
         """Bring the sky's detail under cells (R, 2R, 3), which are the sky over its mirror image; False if it is."""
         rows = np.flatnonzero((ceiling[: len(ceiling) // 2] < _DETAIL_RANGE[1]).any(axis=(1, 2)))
         if rows.size:
-            self._ceiling = ceiling
+            height = self._library.height
+            self._ceiling, self._limited = ceiling, _rows_between(rows, height // 2, len(ceiling) // 2)
             if self._whole is not None:
-                self._darken(self._whole, slice(0, 2 * self._library.height))
+                self._darken(self._whole, slice(0, 2 * height))
         return bool(rows.size)
 
     def _finish(self, detail: Image, columns: slice) -> Image:
@@ -223,11 +225,10 @@ class _PhotoDetail:
         return detail
 
     def _darken(self, detail: Image, columns: slice) -> None:
+        """Bring some columns (H, C, 3) under the ceiling, where it is low."""
         assert self._ceiling is not None
-        sky = detail[: len(detail) // 2]
-        rows = np.flatnonzero((self._ceiling[: len(self._ceiling) // 2] < _DETAIL_RANGE[1]).any(axis=(1, 2)))
-        part = _rows_between(rows, len(sky), len(self._ceiling) // 2)
-        np.minimum(sky[part], interpolate_cells(self._ceiling, len(detail), part, columns), out=sky[part])
+        sky = detail[self._limited]
+        np.minimum(sky, interpolate_cells(self._ceiling, len(detail), self._limited, columns), out=sky)
 
 
 def add_detail(

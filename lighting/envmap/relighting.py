@@ -84,6 +84,16 @@ def scale_exposure(lighting: Lighting, gain: Floats) -> Lighting:
     return replace(lighting, exposure=round_significant(exposure), sun_irradiance=sun, sky_irradiance=sky)
 
 
+def radiance_gain(lighting: Lighting, gain: Floats) -> Floats | float:
+    """By what `scale_exposure` multiplies the radiance of a map: (3,) where irradiances tell its color, else a number.
+
+    Args:
+        lighting: of the picture, before or after.
+        gain: (3,) over 0, of linear red, green and blue.
+    """
+    return gain if lighting.sky_irradiance is not None else float(luminance(gain))
+
+
 def _check_yaw(yaw: float) -> None:
     try:
         fits = math.isfinite(yaw)

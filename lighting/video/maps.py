@@ -12,9 +12,8 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import luminance
 from lighting.envmap.latlong import Image
-from lighting.envmap.relighting import Adjustments, rotate_envmap, rotate_lighting, scale_exposure
+from lighting.envmap.relighting import Adjustments, radiance_gain, rotate_envmap, rotate_lighting, scale_exposure
 from lighting.envmap.render import add_sun, cap_map
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.light_probe import LightProbe, compute_light_probe
@@ -131,9 +130,8 @@ class ShotMap:
             frame: its light.
         """
         light = frame.lighting
-        colored = light.sky_irradiance is not None
-        gain = np.array(frame.gain) if colored else luminance(np.array(frame.gain))
-        image = rotate_envmap(sky, self.heading - (light.relative_heading or 0.0)) * gain.astype(np.float32)
+        gain = np.asarray(radiance_gain(light, np.array(frame.gain)), dtype=np.float32)
+        image = rotate_envmap(sky, self.heading - (light.relative_heading or 0.0)) * gain
         cap_map(image, light)
         if light.sun_painted if self.sun is None else self.sun:
             add_sun(image, light)

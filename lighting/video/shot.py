@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from lighting.circular import circular_mean
 from lighting.color import luminance
 from lighting.decoding import with_ground_color
-from lighting.envmap.relighting import Adjustments, adjust_lighting, scale_exposure
+from lighting.envmap.relighting import Adjustments, adjust_lighting, radiance_gain, scale_exposure
 from lighting.errors import VideoError
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
@@ -261,7 +261,7 @@ def frame_lights(
         if lighting.utc_time is not None:
             later = timedelta(seconds=float(path.time[i] - path.time[0]))
             lighting = replace(lighting, utc_time=lighting.utc_time + later)
-        gain = shot.gains[i] if base.sky_irradiance is not None else float(luminance(shot.gains[i]))
+        gain = radiance_gain(base, shot.gains[i])
         seen = rotate_harmonics(coefficients, -float(path.heading[i])) * gain  # one sky, seen from a turned camera
         probe = LightProbe(seen, main_light(lighting, sun=sun))
         in_map = shot.view is not None and i == shot.view.index
