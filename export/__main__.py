@@ -65,11 +65,12 @@ def _data_group() -> None:
 @_data_group.command("list")
 @_data
 @_option("--out", "CSV file to write.", FILE, "export/data/sources.csv")
-def _list(data: Path, out: Path) -> None:
-    """List every panorama and photo: address, licence, label and checksum."""
+@_option("--taught", "Version of a network and the folder it learned from; repeatable.", (str, PATH), multiple=True)
+def _list(data: Path, out: Path, taught: tuple[tuple[str, Path], ...]) -> None:
+    """List every panorama and photo: address, licence, label, checksum, and which networks learnt from it."""
     from export.data.sources import list_sources
 
-    click.echo(list_sources(data, out))
+    click.echo(list_sources(data, out, taught))
 
 
 @export_cli.command("synthesize")

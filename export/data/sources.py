@@ -5,8 +5,8 @@ A list of facts and addresses. No picture is in it.
 
 import hashlib
 import re
-from collections.abc import Iterator
-from dataclasses import astuple, dataclass, fields
+from collections.abc import Iterator, Sequence
+from dataclasses import astuple, dataclass, fields, replace
 from pathlib import Path
 
 from export.data.panoramas import INDEX, DataError, Panorama, is_permissive, read_index, read_table, write_table
@@ -24,6 +24,7 @@ class _SourceRow:
     table: str  # file of the folder that lists the picture
     file: str
     split: str
+    networks: str  # versions of those that learnt from it, by spaces; of `taught` alone
     place: str  # of a panorama
     stitched: str  # "yes" for a panorama made of tiles or cube faces; "no" for one published as it is
     sun: str  # of a panorama as in its index; of a photo "known" or "unknown"
@@ -40,25 +41,39 @@ class _SourceRow:
     sha256: str  # of our file
 
 
-def list_sources(data: Path, out: Path) -> str:
+def list_sources(data: Path, out: Path, taught: Sequence[tuple[str, Path]] = ()) -> str:
     """Write one row per panorama and photo of a folder; returns a sentence that counts them.
 
     Args:
         data: the folder, with `panoramas.csv`.
         out: the CSV file to write.
+        taught: versions of networks, each with the folder whose tables list what it learnt from.
 
     Raises:
         DataError: for a table or picture that is missing or cannot be read.
     """
     panoramas = [_panorama_row(panorama, data.resolve()) for panorama in read_index(data)]
     photos = [row for name in _PHOTO_TABLES for row in _photo_rows(data, name)]
-    rows = [*panoramas, *photos]
+    learnt = [(version, _read_taught_files(folder)) for version, folder in taught]
+    rows = [
+        replace(
+            row, networks=" ".join(version for version, files in learnt if row.split == "train" and row.file in files)
+        )
+        for row in (*panoramas, *photos)
+    ]
     write_table(out, [field.name for field in fields(_SourceRow)], map(astuple, rows))
-    learnt = sum(row.split == "train" for row in rows)
     return (
-        f"{out}: {len(panoramas)} panoramas and {len(photos)} photos, {learnt} of them to learn from; "
+        f"{out}: {len(panoramas)} panoramas and {len(photos)} photos, "
+        f"{sum(row.split == 'train' for row in rows)} of them to learn from; "
         f"{sum(row.permissive == 'yes' for row in rows)} state a permissive licence."
     )
+
+
+def _read_taught_files(folder: Path) -> set[str]:
+    """The pictures to learn from that a folder's tables list."""
+    photos = [name for name, split in _PHOTO_TABLES.items() if split == "train" and (folder / name).is_file()]
+    listed = {row["file"] for name in photos for row in read_table(folder / name, ("file",))}
+    return listed | {row["file"] for row in read_table(folder / INDEX, ("file", "split")) if row["split"] == "train"}
 
 
 def _panorama_row(panorama: Panorama, root: Path) -> _SourceRow:
@@ -67,6 +82,7 @@ def _panorama_row(panorama: Panorama, root: Path) -> _SourceRow:
         table=INDEX,
         file=panorama.path.relative_to(root).as_posix(),
         split=panorama.split,
+        networks="",
         place=panorama.place,
         stitched="yes" if _is_stitched(path, panorama.notes) else "no",
         sun=panorama.sun,
@@ -95,6 +111,7 @@ def _photo_rows(data: Path, name: str) -> Iterator[_SourceRow]:
             table=name,
             file=row["file"],
             split=_PHOTO_TABLES[name],
+            networks="",
             place="",
             stitched="",
             sun="known" if row.get("sun_elevation") else "unknown",

@@ -3,6 +3,7 @@
 import csv
 import hashlib
 import re
+from collections import Counter
 from pathlib import Path
 
 import pytest
@@ -35,7 +36,10 @@ def folder(tmp_path: Path) -> Path:
 
 def test_each_picture_of_the_folder_is_a_row_with_its_address_licence_and_checksum(folder: Path) -> None:
     out = folder / "list.csv"
-    result = CliRunner().invoke(export_cli, ["data", "list", "--data", str(folder), "--out", str(out)])
+    (part := folder / "part").mkdir()
+    (part / "panoramas.csv").write_text(INDEX, encoding="utf-8")
+    taught = ["--taught", "1.0.0", str(part), "--taught", "2.0.0", str(folder)]
+    result = CliRunner().invoke(export_cli, ["data", "list", "--data", str(folder), "--out", str(out), *taught])
     assert "2 panoramas and 2 photos, 2 of them to learn from; 1 state a permissive licence." in result.output
     a, b, p, bare = read_table(out)
     assert (a["address"], a["path"], a["stitched"], a["permissive"]) == (
@@ -44,6 +48,7 @@ def test_each_picture_of_the_folder_is_a_row_with_its_address_licence_and_checks
         "no",
         "yes",
     )
+    assert [row["networks"] for row in (a, b, p, bare)] == ["1.0.0 2.0.0", "", "2.0.0", ""]
     assert (a["split"], a["sun"], a["sun_azimuth"], a["sun_elevation"]) == ("train", "visible", "10", "30")
     assert a["sha256"] == hashlib.sha256(b"a.webp").hexdigest()
     assert (b["split"], b["stitched"], b["path"]) == ("val", "yes", "tiles/2-lane")
@@ -91,6 +96,9 @@ def test_the_list_in_the_repository_holds_all_that_is_learnt_from() -> None:
     train, val = ({row["place"] for row in panoramas if row["split"] == split} for split in ("train", "val"))
     assert not train & val
     assert {row["stitched"] for row in panoramas} == {"yes", "no"}
+    newest = [row["table"] for row in rows if "3.0.0" in row["networks"].split()]
+    assert Counter(newest) == {"panoramas.csv": 875, "photos_train.csv": 466, "unsuitable.csv": 48}
+    assert {row["split"] for row in rows if row["networks"]} == {"train"}
     assert all(row["address"].startswith("https://") and row["path"] for row in panoramas)
     for row in rows:
         if row["sun_elevation"]:
