@@ -13,18 +13,19 @@ from export.data.panoramas import INDEX, DataError, Panorama, is_permissive, rea
 
 _PHOTO_TABLES = {"photos_train.csv": "train", "photos.csv": "val", "unsuitable.csv": "train"}  # with their splits
 _PICTURE = re.compile(r"\.(jpe?g|png|webp|tiff?|heic|hdr|exr)$", re.IGNORECASE)
+_COMMITS = Path(__file__).with_name("source_commits.csv")  # found after the pictures were
 _CUBE_FACE = re.compile(r"(?:^|[/_])(?:[bdflru]|[pn][xyz]|(?:pos|neg)[xyz])\.\w+$", re.IGNORECASE)
 _STITCHED = re.compile(r"\bstitched\b|\bcube (?:tiles|faces|to equirect)")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class _SourceRow:
     """One picture; empty where nothing is known. Angles in deg, as in export/README.md."""
 
     table: str  # file of the folder that lists the picture
     file: str
     split: str
-    networks: str  # versions of those that learnt from it, by spaces; of `taught` alone
+    networks: str = ""  # versions of those that learnt from it, by spaces
     place: str  # of a panorama
     stitched: str  # "yes" for a panorama made of tiles or cube faces; "no" for one published as it is
     sun: str  # of a panorama as in its index; of a photo "known" or "unknown"
@@ -36,6 +37,7 @@ class _SourceRow:
     licence: str  # as it was found
     permissive: str  # "yes" if `train --licensed-only` uses it
     address: str
+    commit: str = ""  # of the address, which holds some of its pictures that are listed
     path: str  # at that address; of a stitched panorama the tiles' folder, first name or one face
     version: str  # first digits of the published file's hash
     sha256: str  # of our file
@@ -54,10 +56,13 @@ def list_sources(data: Path, out: Path, taught: Sequence[tuple[str, Path]] = ())
     """
     panoramas = [_panorama_row(panorama, data.resolve()) for panorama in read_index(data)]
     photos = [row for name in _PHOTO_TABLES for row in _photo_rows(data, name)]
+    commits = {row["address"]: row["commit"] for row in read_table(_COMMITS, ("address", "commit"))}
     learnt = [(version, _read_taught_files(folder)) for version, folder in taught]
     rows = [
         replace(
-            row, networks=" ".join(version for version, files in learnt if row.split == "train" and row.file in files)
+            row,
+            commit=commits.get(row.address, ""),
+            networks=" ".join(version for version, files in learnt if row.split == "train" and row.file in files),
         )
         for row in (*panoramas, *photos)
     ]
@@ -82,7 +87,6 @@ def _panorama_row(panorama: Panorama, root: Path) -> _SourceRow:
         table=INDEX,
         file=panorama.path.relative_to(root).as_posix(),
         split=panorama.split,
-        networks="",
         place=panorama.place,
         stitched="yes" if _is_stitched(path, panorama.notes) else "no",
         sun=panorama.sun,
@@ -111,7 +115,6 @@ def _photo_rows(data: Path, name: str) -> Iterator[_SourceRow]:
             table=name,
             file=row["file"],
             split=_PHOTO_TABLES[name],
-            networks="",
             place="",
             stitched="",
             sun="known" if row.get("sun_elevation") else "unknown",
