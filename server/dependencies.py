@@ -26,6 +26,7 @@ from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
 from lighting.records import CodedWarning, EstimatedLight, Lighting, WarningCode
 from lighting.registration import features, photo_set
+from lighting.tracing import trace_step
 from server import problems
 from server.auth import ApiKeys, CpuLimiter, RateLimiter
 from server.identity import Client, client_of_address, client_of_key, client_of_request
@@ -37,7 +38,7 @@ from server.problems import ProblemError
 from server.request_body import JSON_TYPE, BodyLimits, RequestBody, Upload, announced_size, media_type, parse_record
 from server.scheduling import WorkLimiter
 from server.settings import Settings
-from server.tracing import RequestTracer, trace_step
+from server.tracing import RequestTracer
 
 T = TypeVar("T")
 
@@ -124,7 +125,7 @@ class Service:
         if self.settings.jobs_folder and self.jobs is None:
             store = JobStore(self.settings.jobs_folder, self.settings.jobs)
             limits = self.settings.job_bytes, self.settings.job_seconds
-            self.jobs = JobRunner(store, *limits, self.limiter.usage.load, self._charge_job)
+            self.jobs = JobRunner(store, *limits, self.limiter.usage.load, self._charge_job, self.tracer)
         if self.loaded_estimator is None:
             self.loaded_estimator = Estimator(Model.load(self.settings.model, self.settings.threads))
             start_decoder_pool(self.settings.workers)

@@ -1,8 +1,8 @@
 """The kinds of long jobs: what each takes, and its work, in a process of its own (`run_worker`).
 
 The process gets a request as JSON on stdin and writes lines of JSON to stdout. Now and then a line is
-`{"progress": 0.5}`. The last one is `{"warnings": [...]}` or `{"error": ..., "code": ...}`. It works in the job's
-folder, where the upload lies.
+`{"progress": 0.5}`, and for a traced job `{"step": [...]}`, the fields of a Step. The last one is `{"warnings": [...]}`
+or `{"error": ..., "code": ...}`. It works in the job's folder, where the upload lies.
 """
 
 import json
@@ -13,6 +13,7 @@ import traceback
 import zipfile
 import zlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path, PurePosixPath
@@ -23,6 +24,7 @@ from lighting.errors import ErrorCode, LightingError, VideoError
 from lighting.fusion.user_input import UserInput
 from lighting.records import Json
 from lighting.runtime import claim_stdout, confine_to_folder, ignore_signals, limit_address_space
+from lighting.tracing import listen_to_steps, trace_step
 
 T = TypeVar("T")
 Report = Callable[[float], None]  # takes the part that is done, 0 to 1
@@ -67,9 +69,11 @@ def run_worker() -> None:
     def report(part: float) -> None:
         _answer(answers, {"progress": round(min(max(part, 0.0), 1.0), 3)})
 
+    traced = bool(request.get("traced"))
     try:
-        warnings = JOB_KINDS[request["kind"]].work(request, lambda part: report(_WORK_SHARE * part))
-        _pack(_OUT)
+        with listen_to_steps(lambda step: _answer(answers, {"step": step})) if traced else nullcontext():
+            warnings = JOB_KINDS[request["kind"]].work(request, lambda part: report(_WORK_SHARE * part))
+            _pack(_OUT)
         _answer(answers, {"warnings": [text[:_MAX_WARNING] for text in warnings[:_MAX_WARNINGS]]})
     except LightingError as error:
         _answer(answers, {"error": str(error), "code": error.code.value})
@@ -100,10 +104,11 @@ def _limit_process(max_bytes: int) -> None:
 
 def _pack(folder: Path) -> None:
     """Put a folder into RESULT_FILE, which appears when it is whole."""
-    with zipfile.ZipFile(_PART, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
-        for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-            archive.write(path, path.relative_to(folder))
-    _PART.replace(RESULT_FILE)
+    with trace_step("encode"):
+        with zipfile.ZipFile(_PART, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+            for path in sorted(path for path in folder.rglob("*") if path.is_file()):
+                archive.write(path, path.relative_to(folder))
+        _PART.replace(RESULT_FILE)
 
 
 def _user_input(request: Json) -> UserInput:

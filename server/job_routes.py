@@ -156,10 +156,10 @@ async def submit_job(
     """
     number, path = upload
     model = service.settings.model
-    job = StoredJob(
-        number, client_of_request(request), query.to_request(path.name, str(model.resolve()) if model else None)
-    )
-    jobs.submit(job)
+    wanted = query.to_request(path.name, str(model.resolve()) if model else None)
+    if service.tracer:
+        wanted["trace"] = service.tracer.current_context()
+    jobs.submit(StoredJob(number, client_of_request(request), wanted))
     return _answer_job(request, jobs, number, 202)
 
 

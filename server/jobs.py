@@ -17,6 +17,7 @@ from lighting.runtime import process_seconds, start_python
 from server.identity import Client
 from server.job_kinds import RESULT_FILE
 from server.job_store import JobState, JobStore, StoredJob
+from server.tracing import JobSpan, RequestTracer
 
 _WORKER = "from server.job_kinds import run_worker; run_worker()"
 _POLL_SECONDS = 0.25  # between two looks at the process at work
@@ -34,6 +35,7 @@ class _Worker:
     """A process at work, and what it has said so far."""
 
     process: "Popen[bytes]"
+    span: JobSpan | None  # None: the job is not traced
     progress: float = 0.0
     outcome: Json = field(default_factory=dict)
     listener: threading.Thread = field(init=False)
@@ -62,10 +64,16 @@ class _Worker:
                 content = json.loads(line)
                 if "progress" in content:
                     self.progress = float(content["progress"])
+                elif "step" in content:
+                    self._trace(content["step"])
                 else:
                     self.outcome = dict(content)
             except (ValueError, TypeError):  # of a process that somebody has taken over
                 continue
+
+    def _trace(self, step: object) -> None:
+        if self.span is not None:
+            self.span.add_step(step)
 
 
 class JobRunner:
@@ -77,6 +85,7 @@ class JobRunner:
         seconds: that a job may take.
         load: how much processor time a client used lately; the one with the least comes next.
         charge: is told the processor time [s] that a client's job took.
+        tracer: traces jobs; None: none is traced.
     """
 
     def __init__(
@@ -86,12 +95,14 @@ class JobRunner:
         seconds: float,
         load: Callable[[Client], float],
         charge: Callable[[Client, float], None],
+        tracer: RequestTracer | None = None,
     ) -> None:
         self.store = store
         self.max_bytes = max_bytes
         self.seconds = seconds
         self._load = load
         self._charge = charge
+        self._tracer = tracer
         self._current: tuple[str, _Worker] | None = None
         self._news = Event()
 
@@ -128,11 +139,24 @@ class JobRunner:
         return min(jobs, key=lambda job: self._load(job.client), default=None)
 
     async def _carry_out(self, job: StoredJob) -> None:
+        if self._tracer is None:
+            await self._run_worker(job)
+            return
+        waited = max(time.time() - job.created, 0.0)
+        span = self._tracer.begin_job(job.request["kind"], waited, job.request.get("trace", {}))
+        try:
+            await self._run_worker(job, span)
+        finally:
+            now = self.store.find(job.id)
+            span.end(now.state.value if now else "deleted", now.code if now else "")
+
+    async def _run_worker(self, job: StoredJob, span: JobSpan | None = None) -> None:
         self.store.begin(job)
-        worker = _Worker(start_python(_WORKER))
+        worker = _Worker(start_python(_WORKER), span)
         self._current = job.id, worker
         folder = self.store.path(job.id).resolve()
-        worker.begin({**job.request, "folder": str(folder), "max_bytes": self.max_bytes})
+        settings = {"folder": str(folder), "max_bytes": self.max_bytes, "traced": span is not None}
+        worker.begin({**job.request, **settings})
         try:
             error = await self._watch(job.client, worker.process, folder)
         except get_cancelled_exc_class():  # the service shuts down

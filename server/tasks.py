@@ -24,11 +24,11 @@ from lighting.records import Lighting
 from lighting.scene.records import PLATE_SIDE, make_scene
 from lighting.scene.writer import zip_scene
 from lighting.segmentation import Segments
+from lighting.tracing import trace_step
 from server import query_params as queries
 from server.dependencies import PhotoAnswer, PhotoMatcher, Service
 from server.query_params import MapQuery, SceneQuery
 from server.request_body import Upload
-from server.tracing import trace_step
 
 Pixels = NDArray[np.uint8]
 FileWithWarnings = tuple[bytes, tuple[str, ...]]  # a file, and sentences about it

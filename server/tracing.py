@@ -1,27 +1,32 @@
-"""Traces of requests by OpenTelemetry: off, and none of its SDK imported, unless a setting names a collector.
+"""Traces of requests and jobs by OpenTelemetry: off, and none of its SDK imported, unless a setting names a collector.
 
 FastAPI gives each request a span, which continues the trace of the header `traceparent`. The steps of its work have
-spans in it. No span holds a query, a path, a file's name or an error's sentence. OpenTelemetry's own variables,
-OTEL_..., set sampling, limits and the exporter's headers.
+spans in it. A job at work has a span within the request that submitted it, though that is over. No span holds a query,
+a path, a file's name or an error's sentence. OpenTelemetry's own variables, OTEL_..., set sampling, limits and the
+exporter's headers.
 
 References:
     W3C Trace Context. OpenTelemetry, semantic conventions for HTTP spans.
 """
 
-from collections.abc import Callable, Iterator, MutableMapping
-from contextlib import contextmanager
-from contextvars import ContextVar
+import time
+from collections import Counter
+from collections.abc import Callable, Mapping, MutableMapping
+from contextlib import AbstractContextManager
 from threading import Thread
 from typing import TYPE_CHECKING, Any
 
 from fastapi.telemetry import TelemetryConfig
 
 from lighting.errors import require_extra
+from lighting.tracing import STEP_NAMES, Step, listen_to_steps
 from lighting.version import __version__
 
 if TYPE_CHECKING:
+    from opentelemetry.context import Context
     from opentelemetry.sdk.trace import Span, SpanProcessor
     from opentelemetry.trace import Tracer
+    from opentelemetry.util.types import AnyValue
 
 SERVICE_NAME = "outdoor-lighting"  # unless OTEL_SERVICE_NAME or OTEL_RESOURCE_ATTRIBUTES name another
 NO_TELEMETRY: TelemetryConfig = {"tracing": False, "metrics": False, "logs": False, "auto_configure": False}
@@ -31,7 +36,8 @@ _TRACES_PATH = "/v1/traces"  # of a collector
 _CLOSE_SECONDS = 2.0  # for the last spans, where the collector does not answer
 _PRIVATE = ("url.path", "url.query", "http.request.method_original")  # attributes; `http.route` has the path's template
 
-_TRACER: ContextVar["Tracer | None"] = ContextVar("tracer", default=None)  # of the work of a request
+_MAX_SPANS = 100  # of a job's steps of one name; its own span counts all
+_MAX_ERROR = 64  # letters of the name of an error's class
 
 
 class RequestTracer:
@@ -67,14 +73,27 @@ class RequestTracer:
         tracing: TelemetryConfig = {"tracing": True, "tracer_provider": self._provider, "operation_spans": False}
         return {**NO_TELEMETRY, **tracing, "exclude": exclude}
 
-    @contextmanager
-    def trace_steps(self) -> Iterator[None]:
-        """Have `trace_step` trace, until the end of the block, within the request's span."""
-        token = _TRACER.set(self._tracer)
-        try:
-            yield
-        finally:
-            _TRACER.reset(token)
+    def trace_steps(self) -> AbstractContextManager[None]:
+        """Have the steps of the block traced within the request's span."""
+        return listen_to_steps(lambda step: _send_step(self._tracer, step))
+
+    def current_context(self) -> dict[str, str]:
+        """Return the request's place in its trace, as the headers `traceparent` and `tracestate`."""
+        from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator
+
+        headers: dict[str, str] = {}
+        TraceContextTextMapPropagator().inject(headers)
+        return headers
+
+    def begin_job(self, kind: str, waited: float, submitter: Mapping[str, str]) -> "JobSpan":
+        """Begin the span of a job.
+
+        Args:
+            kind: one of JOB_KINDS.
+            waited: s, for its turn.
+            submitter: `current_context` of the request that submitted it; empty: it begins a trace.
+        """
+        return JobSpan(self._tracer, kind, waited, submitter)
 
     def close(self) -> None:
         """Send what is left, if the collector answers, and end the thread."""
@@ -85,27 +104,78 @@ class RequestTracer:
         closing.join(_CLOSE_SECONDS)
 
 
-@contextmanager
-def trace_step(name: str) -> Iterator[None]:
-    """Trace what is done until the end of the block as a step of a request's work, where requests are traced.
-
-    Of an error the span says the class alone.
+class JobSpan:
+    """The span of a job at work. It has spans of the first steps of each name, and the count and time of all.
 
     Args:
-        name: `decode`, `network`, `map` or `encode`.
+        tracer: makes the spans.
+        kind: one of JOB_KINDS.
+        waited: s, for its turn.
+        submitter: the headers of the request that submitted it.
     """
-    if (tracer := _TRACER.get()) is None:
-        yield
-        return
+
+    def __init__(self, tracer: "Tracer", kind: str, waited: float, submitter: Mapping[str, str]) -> None:
+        from opentelemetry.trace import SpanKind, set_span_in_context
+        from opentelemetry.trace.propagation.tracecontext import TraceContextTextMapPropagator
+
+        self._tracer, self._began = tracer, time.time_ns()
+        self._counts = Counter[str]()
+        self._seconds = dict.fromkeys(STEP_NAMES, 0.0)
+        parent = TraceContextTextMapPropagator().extract(submitter)
+        attributes: dict[str, AnyValue] = {"job.kind": kind, "job.waited": waited}
+        self._span = tracer.start_span(f"job {kind}", parent, SpanKind.CONSUMER, attributes, start_time=self._began)
+        self._context: Context = set_span_in_context(self._span)
+
+    def add_step(self, told: object) -> None:
+        """Trace a step within the job.
+
+        Args:
+            told: the fields of a Step, as the job's process says them; what is none is left out.
+        """
+        if (step := self._check_step(told)) is None:
+            return
+        self._counts[step.name] += 1
+        self._seconds[step.name] += (step.end - step.start) / 1e9
+        if self._counts[step.name] <= _MAX_SPANS:
+            _send_step(self._tracer, step, self._context)
+
+    def end(self, state: str, error: str = "") -> None:
+        """End the span.
+
+        Args:
+            state: that the job is in now.
+            error: the code of the error that it failed with; empty if it did not.
+        """
+        from opentelemetry.trace import StatusCode
+
+        self._span.set_attribute("job.state", state)
+        for name, count in self._counts.items():
+            self._span.set_attributes({f"job.{name}.count": count, f"job.{name}.seconds": self._seconds[name]})
+        if error:
+            self._span.set_attribute("error.type", error)
+            self._span.set_status(StatusCode.ERROR)
+        self._span.end()
+
+    def _check_step(self, told: object) -> Step | None:
+        """The step that a process tells of, within the job's time; None for another thing."""
+        match told:
+            case [str(name), int(start), int(end), str(error)] if name in STEP_NAMES:
+                now = time.time_ns()
+                start, end = (min(max(moment, self._began), now) for moment in (start, end))
+                is_class = error.isidentifier() and len(error) <= _MAX_ERROR
+                return Step(name, start, max(start, end), error if is_class else "")
+        return None
+
+
+def _send_step(tracer: "Tracer", step: Step, context: "Context | None" = None) -> None:
+    """Make the span of a step, within the current one or that of a context. Of an error it says the class alone."""
     from opentelemetry.trace import StatusCode
 
-    with tracer.start_as_current_span(name, record_exception=False, set_status_on_exception=False) as span:
-        try:
-            yield
-        except BaseException as error:
-            span.set_attribute("error.type", type(error).__name__)
-            span.set_status(StatusCode.ERROR)
-            raise
+    span = tracer.start_span(step.name, context, start_time=step.start)
+    if step.error:
+        span.set_attribute("error.type", step.error)
+        span.set_status(StatusCode.ERROR)
+    span.end(step.end)
 
 
 def _make_redactor() -> "SpanProcessor":

@@ -12,6 +12,7 @@ from lighting.batch.photo_files import format_counts
 from lighting.batch.results import SETTINGS
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.tracing import trace_step
 
 if TYPE_CHECKING:
     import numpy as np
@@ -199,9 +200,12 @@ def write_photo_map(target: "WriteTarget", answer: PhotoLight, maps: MapOptions)
 
     light = adjust_lighting(answer.lighting, maps.adjustments) if maps.adjustments else answer.lighting
     view: Any = {"sun": maps.sun, "yaw": maps.yaw, "sky": maps.sky, "context": answer.context}
-    image, lighting = render_view(light, maps.height, **view)
-    probe = compute_light_probe(light, **view)
-    write_exr(target, image, lighting, compression=maps.compression, probe=probe, colours=maps.colours, overwrite=True)
+    with trace_step("map"):
+        image, lighting = render_view(light, maps.height, **view)
+        probe = compute_light_probe(light, **view)
+    file: Any = {"compression": maps.compression, "colours": maps.colours, "overwrite": True}
+    with trace_step("encode"):
+        write_exr(target, image, lighting, probe=probe, **file)
 
 
 def estimate_or_error(
@@ -220,11 +224,15 @@ def estimate_or_error(
     from lighting.photo.sandbox import read_photo_isolated
 
     try:
-        photo = read_photo_isolated(source, seconds=DECODE_SECONDS, sidecar=sidecar)
-        estimate = estimator(photo, job.user_input)
-        context = _map_context(source, photo, estimate, job.maps) if job.maps else None
+        with trace_step("decode"):
+            photo = read_photo_isolated(source, seconds=DECODE_SECONDS, sidecar=sidecar)
+        with trace_step("network"):
+            estimate = estimator(photo, job.user_input)
+        with trace_step("map"):
+            context = _map_context(source, photo, estimate, job.maps) if job.maps else None
+            probe = estimate.light_probe()
         crop = asdict(photo.crop) if photo.crop else None
-        return PhotoLight(estimate.lighting, estimate.light_probe(), context, crop)
+        return PhotoLight(estimate.lighting, probe, context, crop)
     except (PhotoError, ParameterError, ModelError, OSError) as error:
         return describe_error(error)
 
@@ -234,7 +242,8 @@ def _map_context(source: Path | bytes, photo: "Photo", estimate: "Estimate", map
     from lighting.photo.sandbox import read_photo_isolated
 
     def finer(side: int) -> "NDArray[np.uint8]":
-        return read_photo_isolated(source, target=side, seconds=DECODE_SECONDS).pixels
+        with trace_step("decode"):
+            return read_photo_isolated(source, target=side, seconds=DECODE_SECONDS).pixels
 
     return photo_context_for_height(
         estimate, photo.pixels, maps.height, finer, surroundings=maps.surroundings, detail=maps.detail

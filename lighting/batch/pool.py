@@ -29,6 +29,7 @@ from lighting.errors import BatchError, EnvironmentMapError
 from lighting.files.atomic import atomic_write, stale_temporaries
 from lighting.records import json_line
 from lighting.runtime import ONE_THREAD
+from lighting.tracing import Step, listen_to_steps, report_step
 
 Result = TypeVar("Result")
 Work = Callable[[str], Result]
@@ -99,7 +100,9 @@ def run_pool(job: jobs.BatchJob, names: Sequence[str], journal: Journal, workers
     missing = [name for name in names if name not in journal.names]
     _remove_temporaries(job, missing)
     for name, result in _map_in_processes(missing, partial(_prepare, job), min(workers, len(missing))):
-        line, failed = result or (json_line(name, WORKER_DIED), True)
+        line, failed, steps = result or (json_line(name, WORKER_DIED), True, [])
+        for step in steps:
+            report_step(step)
         journal.append(name, line, failed=failed)
         yield name
 
@@ -114,8 +117,8 @@ def _remove_temporaries(job: jobs.BatchJob, names: Sequence[str]) -> None:
         path.unlink(missing_ok=True)
 
 
-def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool]]:
-    """Load the network; returns a function from a photo's name to its line of JSON and whether the photo failed."""
+def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool, list[Step]]]:
+    """Load the network; returns a function from a photo's name to its line of JSON, whether it failed, and steps."""
     estimator = jobs.load_worker_estimator(job)
 
     def work(name: str) -> tuple[str, bool]:
@@ -126,7 +129,12 @@ def _prepare(job: jobs.BatchJob) -> Callable[[str], tuple[str, bool]]:
             return json_line(name, sentence), True
         return json_line(name, answer.lighting, answer.probe, crop=answer.crop), False
 
-    return work
+    def timed(name: str) -> tuple[str, bool, list[Step]]:
+        steps: list[Step] = []
+        with listen_to_steps(steps.append):
+            return *work(name), steps
+
+    return timed
 
 
 def _write_map(path: Path, answer: jobs.PhotoLight, maps: jobs.MapOptions) -> str | None:

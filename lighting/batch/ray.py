@@ -103,7 +103,7 @@ class _PhotoActor:
             return table_row(name, answer)
         if self.job.maps:
             _write_map(self.job, name, answer)
-        row = table_row(name, answer.lighting, answer.crop)
+        row = table_row(name, answer.lighting, answer.crop, answer.probe.to_dict())
         if row["utc_time"] is not None:
             row["utc_time"] = row["utc_time"].isoformat()  # Ray would pickle it; the schema makes a time of it
         return row

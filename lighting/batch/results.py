@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, fields
 from datetime import datetime
@@ -154,18 +154,22 @@ def _lock(file: BinaryIO, path: Path) -> None:
         raise BatchError(f"Another batch is running in {path.parent}.") from error
 
 
-def table_row(name: str, light: Lighting | str, crop: Mapping[str, int] | None = None) -> Json:
+def table_row(
+    name: str, light: Lighting | str, crop: Mapping[str, int] | None = None, probe: Mapping[str, Any] | None = None
+) -> Json:
     """Make the row of a photo.
 
     Args:
         name: of the photo.
         light: its light, or the reason why it has none.
         crop: the fields of its PhotoCrop; None where the whole picture is the photo.
+        probe: the record's `light_probe`; None where it has none.
     """
     file = name.encode(errors="backslashreplace").decode()  # file names need not be Unicode, Parquet's text must be
+    beside = {"crop": crop, "light_probe": probe}
     if isinstance(light, str):
-        return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting)), "crop": None}
-    return {"file": file, "error": None, **asdict(light), "crop": crop}
+        return {"file": file, "error": light, **dict.fromkeys(field.name for field in fields(Lighting)), **beside}
+    return {"file": file, "error": None, **asdict(light), **beside}
 
 
 def require_parquet(out: Path) -> None:
@@ -205,9 +209,35 @@ def write_parquet(out: Path) -> None:
 
     # absolute, since a name such as `s3:...` would be an address
     with atomic_write(out / TABLE) as path, ParquetWriter(path.absolute(), table_schema()) as writer:
-        rows = _rows(out / JOURNAL)
+        rows, done = _rows(out / JOURNAL), 0
         while part := list(islice(rows, ROW_GROUP_SIZE)):
-            writer.write_table(pyarrow.Table.from_pylist(part, table_schema()))
+            try:
+                writer.write_table(pyarrow.Table.from_pylist(part, table_schema()))
+            except _arrow_errors(pyarrow) as error:
+                raise _misfit_error(out / JOURNAL, part, done) from error
+            done += len(part)
+
+
+def _arrow_errors(pyarrow: Any) -> tuple[type[Exception], ...]:
+    """What pyarrow raises for values that are none of a schema's."""
+    return pyarrow.ArrowException, TypeError, ValueError, OverflowError, AttributeError
+
+
+def _misfit_error(journal: Path, rows: Sequence[Json], done: int) -> BatchError:
+    """The error that names the line of the first row whose `crop` or `light_probe` is none; `done` lines went before.
+
+    All else of a line is checked as its record is read.
+    """
+    import pyarrow
+
+    schema = table_schema()
+    for number, row in enumerate(rows, start=done + 1):
+        for name in ("crop", "light_probe"):
+            try:
+                pyarrow.array([row[name]], schema.field(name).type)
+            except _arrow_errors(pyarrow):
+                return BatchError(f"{journal}, line {number}: {name} is not what a batch writes.")
+    return BatchError(f"{journal} holds what is not what a batch writes.")
 
 
 def read_suitable(results: Path) -> Iterator[float | None]:
@@ -231,7 +261,11 @@ def table_schema() -> Any:
     pyarrow = require_extra("pyarrow", "Parquet needs pyarrow", "all")
     kinds = {field.name: _kind(pyarrow, field.type) for field in fields(Lighting)}
     crop = pyarrow.struct({field.name: pyarrow.int64() for field in fields(PhotoCrop)})
-    return pyarrow.schema({"file": pyarrow.string(), "error": pyarrow.string(), **kinds, "crop": crop})
+    number, numbers = pyarrow.float64(), pyarrow.list_(pyarrow.float64())
+    main_light = pyarrow.struct({"direction": numbers, "irradiance": numbers, "lux": number, "kelvin": number})
+    probe = pyarrow.struct({"coefficients": pyarrow.list_(numbers), "main_light": main_light})
+    names = {"file": pyarrow.string(), "error": pyarrow.string()}
+    return pyarrow.schema({**names, **kinds, "crop": crop, "light_probe": probe})
 
 
 def _kind(pyarrow: Any, hint: Any) -> Any:
@@ -247,8 +281,9 @@ def _kind(pyarrow: Any, hint: Any) -> Any:
 
 def _rows(journal: Path) -> Iterator[Json]:
     for number, record in enumerate(_read_records(journal), start=1):
+        stored = record.get("lighting", {})
         try:
-            light = record["error"] if "error" in record else Lighting.from_dict(record.get("lighting", {}))
+            light = record["error"] if "error" in record else Lighting.from_dict(stored)
         except ParameterError as error:
             raise BatchError(f"{journal}, line {number}: {error}") from error
-        yield table_row(record["file"], light, record.get("crop"))
+        yield table_row(record["file"], light, record.get("crop"), stored.get("light_probe"))

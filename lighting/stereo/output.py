@@ -43,6 +43,7 @@ from lighting.stereo.solver import (
     raise_error,
     solve_normals,
 )
+from lighting.tracing import trace_step
 from lighting.validation import check_location
 
 Image = NDArray[np.float32]
@@ -316,20 +317,26 @@ def estimate_normals(
     """
     folder, progress = Path(folder), progress or NormalsProgress()
     stated = UserInput(utc_offset=options.utc_offset, latitude=options.latitude, longitude=options.longitude)
-    photos = read_day_photos(
-        folder, mask=options.mask, user_input=stated, curve=options.curve, size=options.size, progress=progress.photos
-    )
+    with trace_step("decode"):
+        photos = _read_photos(folder, options, stated, progress)
     pose = Pose(_heading(photos, options), options.pitch, options.roll)
-    skies, turbidity = _skies(photos, options, pose)
+    with trace_step("map"):
+        skies, turbidity = _skies(photos, options, pose)
     check_sun_moves(skies)
     session = Session(photos.images, photos.mask, skies, pose)
-    normals, doubts = _doubt_model(session, solve_normals(session, options.noise, network, progress.pixels))
+    with trace_step("network"):
+        normals, doubts = _doubt_model(session, solve_normals(session, options.noise, network, progress.pixels))
     diagonal = float(np.hypot(*photos.mask.shape))  # pixels
     focal = None if photos.focal_length is None else photos.focal_length / FULL_FRAME_DIAGONAL * diagonal
     record = _make_record(normals, photos.names) | {"times_utc": [str(time) for time in photos.times]}
     record |= {"sun_direction": skies.sun_direction.tolist(), **asdict(pose)}
     record |= {"sky": str(options.probes or "clear"), "turbidity": turbidity}
     return NormalsResult(normals, pose, focal, record, (*photos.warnings, *doubts))
+
+
+def _read_photos(folder: Path, options: NormalsOptions, user_input: UserInput, progress: NormalsProgress) -> DayPhotos:
+    size, mask, curve = options.size, options.mask, options.curve
+    return read_day_photos(folder, mask=mask, user_input=user_input, curve=curve, size=size, progress=progress.photos)
 
 
 def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple[str, ...]]:
@@ -355,7 +362,12 @@ def write_normals(folder: str | os.PathLike[str], result: NormalsResult) -> None
         folder: made where its parent is.
         result: of `estimate_normals`.
     """
-    folder, vertices = Path(folder), _surface_points(result)
+    with trace_step("encode"):
+        _write_results(Path(folder), result)
+
+
+def _write_results(folder: Path, result: NormalsResult) -> None:
+    vertices = _surface_points(result)
     folder.mkdir(exist_ok=True)
     for name, plane, codes in _encode_pictures(result.map, result.pose):
         _write_png16(folder / f"{name}.png", np.where(result.map.mask[..., None], codes, 0))

@@ -30,6 +30,7 @@ from lighting.errors import VideoError, require_extra
 from lighting.geometry import shrink_size
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
+from lighting.tracing import trace_step
 from lighting.video.telemetry import Gimbal, container_metadata, merge_metadata, read_subtitles, subtitle_metadata
 
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
@@ -207,7 +208,9 @@ class Clip:
                 continue
             last, end = time, time + _picture_duration(picture)
             if only is None or index in only:
-                yield Frame(index, time, _upright_pixels(picture, self.side, self._aspect))
+                with trace_step("decode"):
+                    pixels = _upright_pixels(picture, self.side, self._aspect)
+                yield Frame(index, time, pixels)
         self._note_damage(end, lost)
 
     def _note_damage(self, end: float, lost: int) -> None:
@@ -223,7 +226,7 @@ class Clip:
         return 1.0 / self.info.frame_rate if self.info.frame_rate else 1.0 / 30.0
 
     def _decoded_first(self) -> Any:
-        first = next(self._pictures, None)
+        first = self._next_picture()
         if first is None:
             raise VideoError("The clip has no frame that can be read: it is damaged, cut short or empty.")
         _check_size(first.width, first.height)
@@ -231,7 +234,13 @@ class Clip:
 
     def _decoded(self) -> Iterator[Any]:
         yield self._first
-        yield from self._pictures
+        while (picture := self._next_picture()) is not None:
+            yield picture
+
+    def _next_picture(self) -> Any:
+        """The next picture, or None at the end."""
+        with trace_step("decode"):
+            return next(self._pictures, None)
 
     def _decode(self) -> Iterator[Any]:
         """Pictures as the file has them; packets that cannot be decoded are counted and left out."""

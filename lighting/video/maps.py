@@ -19,6 +19,7 @@ from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.light_probe import LightProbe, compute_light_probe
 from lighting.records import Lighting
 from lighting.segmentation import packaged_segmenter
+from lighting.tracing import trace_step
 from lighting.video.decode import Clip
 from lighting.video.shot import FrameLight, Shot, lighting_in_frame, shot_lighting
 
@@ -72,7 +73,8 @@ def _view_context(shot: Shot, pixels: NDArray[np.uint8]) -> PhotoContext | None:
         return None
     index = shot.view.index
     light = lighting_in_frame(shot, index, scale_exposure(shot_lighting(shot), shot.gains[index]))
-    segments = packaged_segmenter()(pixels)
+    with trace_step("network"):
+        segments = packaged_segmenter()(pixels)
     return PhotoContext(pixels, shot.view.coarse_panorama, light.exposure, light, segments, detail=True)
 
 

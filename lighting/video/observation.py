@@ -16,6 +16,7 @@ from lighting.model import Model
 from lighting.photo.preprocess import is_blank, preprocess
 from lighting.photo.reader import Photo
 from lighting.records import Prediction
+from lighting.tracing import trace_step
 from lighting.video.decode import Frame
 from lighting.video.shot_detection import Dissolve, DissolveDetector, split_at_dissolve, split_shots
 from lighting.video.tracking import FrameEstimate, Keyframe, PointTracker, ShotObservations, TrackedFrame
@@ -144,7 +145,8 @@ def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = No
         vertical_fov: deg, of the lens, for a second estimate by that lens; None is unknown.
     """
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
-    prediction = model.predict(preprocess(photo, model.spec))[0]
+    with trace_step("network"):
+        prediction = model.predict(preprocess(photo, model.spec))[0]
     estimate = _apply_colors(screen_prediction(prediction, pixels), pixels)
     estimate = replace(estimate, sharpness=_measure_sharpness(pixels))
     if vertical_fov is None:

@@ -34,6 +34,7 @@ from lighting.records import Lighting
 from lighting.scene import EXPORTERS
 from lighting.scene.records import CameraMotion, Scene, make_scene
 from lighting.scene.writer import write_scene
+from lighting.tracing import trace_step
 from lighting.video.decode import Clip
 from lighting.video.maps import ShotMap, ViewReader
 from lighting.video.observation import NETWORK_INTERVAL
@@ -190,8 +191,10 @@ def _write_shot(
     lights = list(frame_lights(shot, number, options.adjustments, options.sun))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
     shot_map = _map_of_shot(shot, options, views)
-    picture, lighting, probe = shot_map.render_world(options.height)
-    write_envmap(job.folder / _shot_map(number), picture, lighting, probe=probe)
+    with trace_step("map"):
+        picture, lighting, probe = shot_map.render_world(options.height)
+    with trace_step("encode"):
+        write_envmap(job.folder / _shot_map(number), picture, lighting, probe=probe)
     if options.frames_exr:
         _write_frame_maps(job, shot_map, lights)
     return lights
@@ -208,11 +211,13 @@ def _write_frame_maps(job: VideoJob, shot_map: ShotMap, lights: Sequence[FrameLi
     folder.mkdir(exist_ok=True)
     sky = None if shot_map.context is None else shot_map.render_sky(height)
     for light in lights:
-        if sky is None:
-            picture = render(light.lighting, height, sun=job.options.sun)
-        else:
-            picture = shot_map.turn_to_frame(sky, light)
-        write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe, overwrite=True)
+        with trace_step("map"):
+            if sky is None:
+                picture = render(light.lighting, height, sun=job.options.sun)
+            else:
+                picture = shot_map.turn_to_frame(sky, light)
+        with trace_step("encode"):
+            write_envmap(folder / f"{light.frame:06d}.exr", picture, light.lighting, probe=light.probe, overwrite=True)
 
 
 def _remove_old_maps(job: VideoJob, result: VideoResult, frames: set[int]) -> None:
@@ -246,7 +251,8 @@ def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float
             number, shot = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.options.tool}"
             shot_map = _map_of_shot(shot, job.options, views)
-            warnings[number] = _write_scene(shot_map, frame.pixels, job.options, folder, str(job.source), rate)
+            with trace_step("encode"):
+                warnings[number] = _write_scene(shot_map, frame.pixels, job.options, folder, str(job.source), rate)
     return warnings
 
 

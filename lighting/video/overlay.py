@@ -27,6 +27,7 @@ from lighting.preview.drawing import (
     text_width,
 )
 from lighting.preview.spheres import render_spheres
+from lighting.tracing import trace_step
 from lighting.video.decode import Clip, local_address
 from lighting.video.shot import FrameLight
 
@@ -170,5 +171,6 @@ def _encode(pictures: Iterator[tuple[float, NDArray[np.uint8]]], rate: float, ta
                 stream.codec_context.time_base = Fraction(1, _TIME_BASE)
             frame = av.VideoFrame.from_ndarray(picture, format="rgb24")
             frame.pts, frame.time_base = round(time * _TIME_BASE), Fraction(1, _TIME_BASE)
-            film.mux(stream.encode(frame))
+            with trace_step("encode"):
+                film.mux(stream.encode(frame))
         film.mux(stream.encode())

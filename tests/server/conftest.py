@@ -1,7 +1,10 @@
 """The service with the tiny network, in this process."""
 
+import io
 import os
 import re
+import time
+import zipfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -136,3 +139,27 @@ async def until(condition: Callable[[], Any]) -> None:
     with anyio.fail_after(30):
         while not condition():
             await anyio.sleep(0.002)
+
+
+def pack(**files: bytes) -> bytes:
+    """A ZIP of files by name."""
+    stream = io.BytesIO()
+    with zipfile.ZipFile(stream, "w") as archive:
+        for name, data in files.items():
+            archive.writestr(name, data)
+    return stream.getvalue()
+
+
+def wait(client: TestClient, address: str) -> dict[str, Any]:
+    """The record of a job that has ended."""
+    deadline = time.monotonic() + 300
+    while True:
+        answer = client.get(address)
+        record: dict[str, Any] = answer.json()
+        if record["state"] in ("finished", "failed"):
+            assert "retry-after" not in answer.headers
+            return record
+        assert answer.headers["retry-after"] == "2"
+        assert 0 <= record["progress"] <= 1
+        assert time.monotonic() < deadline
+        time.sleep(0.1)

@@ -30,18 +30,9 @@ from server.settings import Settings, SettingsError
 from tests.conftest import encode, scene
 from tests.helpers.clips import pan, write_clip
 from tests.helpers.skies import JUNE, ball, june_suns, photos
-from tests.server.conftest import problem
+from tests.server.conftest import pack, problem, wait
 
 HOST = client_of_address("192.0.2.1")
-
-
-def pack(**files: bytes) -> bytes:
-    """A ZIP of files by name."""
-    stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w") as archive:
-        for name, data in files.items():
-            archive.writestr(name, data)
-    return stream.getvalue()
 
 
 @pytest.fixture
@@ -60,21 +51,6 @@ def client(estimator: Estimator, network: Path, folder: Path) -> Iterator[TestCl
 
 def submit(client: TestClient, upload: bytes, name: str = "p.zip", **fields: Any) -> Any:
     return client.post("/v1/jobs", data=fields, files={"file": (name, upload)})
-
-
-def wait(client: TestClient, address: str) -> dict[str, Any]:
-    """The record of a job that has ended."""
-    deadline = time.monotonic() + 300
-    while True:
-        answer = client.get(address)
-        record: dict[str, Any] = answer.json()
-        if record["state"] in ("finished", "failed"):
-            assert "retry-after" not in answer.headers
-            return record
-        assert answer.headers["retry-after"] == "2"
-        assert 0 <= record["progress"] <= 1
-        assert time.monotonic() < deadline
-        time.sleep(0.1)
 
 
 @pytest.mark.slow

@@ -2,8 +2,11 @@
 
 import subprocess
 import sys
+import time
+from collections import Counter
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 from threading import Thread
 from typing import Any
 
@@ -15,7 +18,8 @@ from lighting.errors import MissingExtraError
 from lighting.estimator import Estimator
 from server.app import create_app
 from server.settings import Settings
-from tests.server.conftest import SKY, client_of
+from server.tracing import RequestTracer
+from tests.server.conftest import SKY, client_of, pack, wait
 
 trace_service = pytest.importorskip("opentelemetry.proto.collector.trace.v1.trace_service_pb2")
 pytest.importorskip("opentelemetry.exporter.otlp.proto.http")
@@ -131,6 +135,68 @@ def test_problems_are_named_without_files_and_sentences(estimator: Estimator, co
     assert attributes(unmatched)["http.response.status_code"] == 404
     told = b"".join(span.SerializeToString() for span in collector.spans)
     assert not any(word in told for word in (b"secret", b"latitude", b"JPEG", b"/none"))
+
+
+@pytest.mark.slow
+def test_a_job_has_its_steps_in_the_trace_of_who_submitted_it(
+    estimator: Estimator, network: Path, collector: Collector, tmp_path: Path, jpeg: bytes
+) -> None:
+    settings = {"otlp_endpoint": collector.url, "jobs_folder": tmp_path, "model": network}
+    headers = {"traceparent": f"00-{TRACE}-{PARENT}-01", "tracestate": "vendor=1"}
+    upload = {"file": ("p.zip", pack(**{"secret.jpg": jpeg, "b.jpg": b"no photo"}))}
+    with client_of(estimator, **settings) as client:
+        answer = client.post("/v1/jobs?kind=photos&envmap=true&height=16", files=upload, headers=headers)
+        assert wait(client, answer.headers["location"])["state"] == "finished"
+    (request,), (job,) = collector.find("POST /v1/jobs"), collector.find("job photos")
+    assert (request.trace_id.hex(), request.parent_span_id.hex()) == (TRACE, PARENT)
+    assert (job.trace_id, job.parent_span_id, job.kind) == (request.trace_id, request.span_id, 5)
+    assert job.trace_state == "vendor=1"
+    told = attributes(job)
+    assert (told["job.kind"], told["job.state"], told["job.decode.count"]) == ("photos", "finished", 2)
+    assert 0 <= told["job.waited"] < 60
+    steps = [span for span in collector.spans if span.parent_span_id == job.span_id]
+    assert Counter(span.name for span in steps) == {"decode": 2, "network": 1, "map": 2, "encode": 2}
+    assert [attributes(span) for span in steps if span.status.code] == [{"error.type": "PhotoError"}]
+    for span in steps:
+        assert job.start_time_unix_nano <= span.start_time_unix_nano <= span.end_time_unix_nano
+        assert span.end_time_unix_nano <= job.end_time_unix_nano
+        assert span.trace_id == request.trace_id
+    told_bytes = b"".join(span.SerializeToString() for span in collector.spans)
+    assert not any(word in told_bytes for word in (b"secret", answer.json()["id"].encode()))
+
+
+def test_a_job_that_fails_says_the_code(estimator: Estimator, collector: Collector, tmp_path: Path) -> None:
+    with client_of(estimator, otlp_endpoint=collector.url, jobs_folder=tmp_path) as client:
+        answer = client.post("/v1/jobs?kind=photos", files={"file": ("p.zip", b"no ZIP")})
+        assert wait(client, answer.headers["location"])["state"] == "failed"
+    (job,) = collector.find("job photos")
+    assert (job.status.code, attributes(job)["error.type"], attributes(job)["job.state"]) == (2, "unreadable", "failed")
+
+
+@pytest.mark.parametrize(
+    "told", [None, [], ["decode"], ["rm", 1, 2, ""], ["map", "1", 2, ""], ["map", 1.5, 2, ""], {"name": "map"}]
+)
+def test_what_is_no_step_is_left_out(collector: Collector, told: object) -> None:
+    tracer = RequestTracer(collector.url)
+    span = tracer.begin_job("video", 0.0, {"traceparent": "nonsense"})
+    span.add_step(told)
+    span.add_step(["map", -5, 1 << 70, "no class!"])
+    span.end("finished")
+    tracer.close()
+    step, job = collector.spans
+    assert (step.name, step.parent_span_id, len(step.attributes)) == ("map", job.span_id, 0)
+    assert job.start_time_unix_nano <= step.start_time_unix_nano <= step.end_time_unix_nano <= job.end_time_unix_nano
+
+
+def test_spans_of_a_long_jobs_steps_are_bounded(collector: Collector) -> None:
+    tracer = RequestTracer(collector.url)
+    span = tracer.begin_job("video", 0.0, {})
+    for _ in range(1000):
+        span.add_step(["decode", time.time_ns(), time.time_ns(), ""])
+    span.end("finished")
+    tracer.close()
+    assert len(collector.find("decode")) == 100
+    assert attributes(collector.find("job video")[0])["job.decode.count"] == 1000
 
 
 def test_another_name_of_the_service_is_the_operators(

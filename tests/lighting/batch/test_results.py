@@ -142,6 +142,7 @@ def test_parquet_holds_the_same_numbers(photos: Path, tmp_path: Path, network: P
         row = rows.pop(record["file"])
         assert row["error"] == record.get("error")
         assert row["sun_azimuth"] == (record["lighting"]["sun"]["azimuth"] if "lighting" in record else None)
+        assert row["light_probe"] == (record["lighting"]["light_probe"] if "lighting" in record else None)
     assert rows == {}
 
 
@@ -191,6 +192,11 @@ def test_parquet_says_what_it_needs(photos: Path, tmp_path: Path, monkeypatch: p
             "sky.turbidity is 11; it must lie in",
         ),
         ({}, "The lighting record needs an object 'sun'."),
+        (
+            {"lighting": {**LIGHT.to_dict(), "light_probe": {"coefficients": "none"}}},
+            "light_probe is not what a",
+        ),
+        ({"lighting": LIGHT.to_dict(), "crop": [1, 2]}, "crop is not what a batch writes"),
     ],
 )
 def test_a_line_that_cannot_be_is_named(tmp_path: Path, content: dict[str, Any], said: str) -> None:
@@ -266,3 +272,4 @@ def test_an_actor_of_ray_reads_sidecars_and_makes_rows_of_texts(tmp_path: Path, 
     assert row["error"] is None
     assert row["utc_time"].startswith("2024-06-01T14:50:00")
     assert list(row) == table_schema().names
+    assert len(row["light_probe"]["coefficients"]) == 9
