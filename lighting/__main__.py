@@ -14,7 +14,7 @@ def run_command() -> None:
     prepare_process(sys.argv[1:])
     start_network(sys.argv[1:])
     from lighting.cli import cli
-    from lighting.cli.process import exit_now
+    from lighting.start import exit_now
 
     try:
         cli(prog_name="lighting")

@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.circular import MODE_SMOOTHING, MODE_WIDTH, circular_mode
 from lighting.color import luminance
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
 from lighting.sky import PAINTED_SKY
 from lighting.sky.hosek_wilkie import sun_radiance
-from lighting.sun_grid import credible_radii, grid_directions
+from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions
 from lighting.validation import clip_color, clip_to_range, round_significant
 
 _CANDIDATE_CELLS = 64  # the likeliest; only they may be the answer, so that it never lies between two modes

@@ -3,6 +3,12 @@
 The probe is the radiance from all directions but the sun, as nine coefficients of `spherical_harmonics` a channel. The
 main light is the sun. Both are in the frame of geometry.py and in the photo's linear units, in which a white diffuse
 surface under irradiance pi shows as 1. Each engine has its own order, signs and scale: LIGHT_PROBE_FORMATS.
+
+The nine functions of a unit vector (x, y, z) are, in this order, 1, y, z, x, xy, yz, 3z² - 1, xz and x² - y². Each has
+the factor that makes the integral of its square 1, and no sign of Condon and Shortley. WebXR and three.js have them so.
+
+References:
+    [1] Ramamoorthi and Hanrahan, An Efficient Representation for Irradiance Environment Maps, SIGGRAPH 2001.
 """
 
 import json
@@ -11,6 +17,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
 from lighting.documentation import describe_fields
@@ -19,19 +26,87 @@ from lighting.envmap.render import level_irradiance, render
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats
+from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
 from lighting.records import Json, Lighting, check_lighting
 from lighting.sky import SKY_MODEL
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
-from lighting.spherical_harmonics import (
-    BASIS_FACTORS,
-    CONDON_SHORTLEY,
-    COSINE_FACTORS,
-    irradiance_from_harmonics,
-    project_latlong,
-    rotate_harmonics,
-)
 from lighting.validation import round_significant
+
+COUNT = 9  # of functions
+_BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
+BASIS_FACTORS = np.sqrt(
+    np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / math.pi
+)  # of the functions' polynomials
+CONDON_SHORTLEY = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # signs that some add
+COSINE_FACTORS = np.array([math.pi, 2 * math.pi / 3, math.pi / 4])[_BANDS]  # irradiance over radiance [1], by function
+
+
+def harmonics_basis(direction: ArrayLike) -> Floats:
+    """Return the nine functions (..., 9) of directions.
+
+    Args:
+        direction: (..., 3), unit vectors.
+    """
+    x, y, z = np.moveaxis(np.asarray(direction, dtype=np.float64), -1, 0)
+    polynomials = [np.ones_like(x), y, z, x, x * y, y * z, 3 * z**2 - 1, x * z, x**2 - y**2]
+    return np.asarray(np.stack(polynomials, axis=-1) * BASIS_FACTORS)
+
+
+def project_latlong(image: NDArray[np.floating]) -> Floats:
+    """Return the coefficients (9, 3) of a map: the integrals of its radiance times each function.
+
+    Args:
+        image: (H, 2H, 3), linear radiance, in the pixels of `geometry`.
+    """
+    height = len(image)
+    azimuth, elevation = (np.radians(angle) for angle in latlong_angles(height))
+    turns = np.stack(
+        [np.ones_like(azimuth), np.sin(azimuth), -np.cos(azimuth), np.sin(2 * azimuth), np.cos(2 * azimuth)]
+    )
+    by_row = np.einsum("tc,rck->rtk", turns.astype(np.float32), image, optimize=True).astype(np.float64)
+    mean, x, z, xz, cos2 = np.moveaxis(by_row * latlong_solid_angle(height)[:, None, None], 1, 0)  # (H, 3) each
+    level, up = np.cos(elevation)[:, None], np.sin(elevation)[:, None]
+    level2 = level**2
+    # with x = level sin a and z = -level cos a: x z = -level² sin 2a / 2, z² = level² (1 + cos 2a) / 2
+    polynomials = [
+        mean,
+        up * mean,
+        level * z,
+        level * x,
+        level * up * x,
+        level * up * z,
+        1.5 * level2 * (mean + cos2) - mean,
+        -0.5 * level2 * xz,
+        0.5 * level2 * (mean - cos2) - up**2 * mean,
+    ]
+    return np.stack([terms.sum(axis=0) for terms in polynomials]) * BASIS_FACTORS[:, None]
+
+
+def irradiance_from_harmonics(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
+    """Return the irradiance (..., 3) of surfaces by coefficients of radiance [1].
+
+    Args:
+        coefficients: (9, 3), of radiance.
+        normals: (..., 3), unit vectors.
+    """
+    return np.asarray(harmonics_basis(normals) @ (COSINE_FACTORS[:, None] * np.asarray(coefficients)))
+
+
+def rotate_harmonics(coefficients: ArrayLike, yaw: float) -> Floats:
+    """Return the coefficients (9, 3) of a scene that was turned about the vertical: azimuth a becomes a + yaw.
+
+    Args:
+        coefficients: (9, 3).
+        yaw: deg, positive to the right.
+    """
+    one, y, z, x, xy, yz, z2, xz, x2 = np.asarray(coefficients, dtype=np.float64)
+    (c, s), (c2, s2) = ((math.cos(turn), math.sin(turn)) for turn in (math.radians(yaw), math.radians(2 * yaw)))
+    # 3z² - 1 and x² - y² are mixtures of 3y² - 1, which stays, and z² - x², which turns with xz
+    upright, level = -0.5 * z2 - math.sqrt(0.75) * x2, math.sqrt(0.75) * z2 - 0.5 * x2
+    level, xz = c2 * level + s2 * xz, c2 * xz - s2 * level
+    z2, x2 = -0.5 * upright + math.sqrt(0.75) * level, -math.sqrt(0.75) * upright - 0.5 * level
+    return np.stack([one, y, c * z + s * x, c * x - s * z, c * xy - s * yz, c * yz + s * xy, z2, xz, x2])
+
 
 _MAX_LEVEL = 100.0  # irradiance of level ground that any map holds
 _MAP_HEIGHT = 96  # rows of the map that is projected; more change no coefficient by 1 % of the first

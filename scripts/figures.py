@@ -33,11 +33,17 @@ from lighting.preview.drawing import (
     draw_text_inside,
     rounded_mask,
 )
-from lighting.stereo.network import Network
-from lighting.stereo.plan_figure import draw_plan, format_angle_error
 from lighting.stereo.plan_records import Plan, PlanRequest, format_clock
-from lighting.stereo.planner import ModelledSkies, plan_conditions, plan_photos, plan_title
+from lighting.stereo.planner import (
+    ModelledSkies,
+    draw_plan,
+    format_angle_error,
+    plan_conditions,
+    plan_photos,
+    plan_title,
+)
 from lighting.stereo.schedule import gray_skies
+from lighting.stereo.solver import Network
 
 # axes: the frame, the angles and the environment map, all by lighting.geometry itself.
 

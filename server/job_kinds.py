@@ -156,8 +156,8 @@ def _process_clip(request: Json, report: Report) -> Sequence[str]:
 def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
     """`lighting batch`."""
     from lighting.batch.job import BatchJob, MapOptions
-    from lighting.batch.photo_files import find_photos
     from lighting.batch.pool import open_batch, run_pool
+    from lighting.batch.results import find_photos
 
     _unpack(Path(request["upload"]), request["max_bytes"] // 2)
     source, names = find_photos(str(_PHOTOS))
@@ -173,8 +173,8 @@ def _estimate_photos(request: Json, report: Report) -> Sequence[str]:
 
 def _estimate_normals(request: Json, report: Report) -> Sequence[str]:
     """`lighting stereo normals`."""
-    from lighting.stereo.network import Network
     from lighting.stereo.output import NormalsOptions, NormalsProgress, estimate_normals, write_normals
+    from lighting.stereo.solver import Network
 
     limit_address_space(_MEMORY)
     _unpack(Path(request["upload"]), request["max_bytes"] // 2)

@@ -17,8 +17,8 @@ from export.evaluation.metrics import (
     median,
     sun_error,
 )
-from lighting.circular import weighted_median
 from lighting.geometry import Floats, angle_between, direction
+from lighting.sun_grid import weighted_median
 
 CONSTANT = "constant direction"
 MIDDLE_CAMERA = (0.0, 0.0, 51.5)  # deg, elevation, roll and vertical field of view in the middle of the paper's ranges

@@ -22,8 +22,7 @@ from lighting.fusion.timezones import is_at_sea, offset_at
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.imu import TILT_STD
-from lighting.photo.location import HeadingReference
-from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import EvidenceKind, Prediction, WarningCode, warning_code
 from lighting.solar_position import sun_position
 

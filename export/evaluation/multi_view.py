@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 from export.crops.crops import crop_rng
 from export.evaluation import metrics
 from export.evaluation.metadata import COMPASS_MEDIAN, COMPASS_STD, SimulatedMetadata, keep_evidence
-from lighting.circular import HEADINGS
 from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.fusion.likelihood import elevation_density, pooling_exponent, rotate_density
 from lighting.fusion.metadata_prior import observations_from_metadata
@@ -24,7 +23,7 @@ from lighting.fusion.single_view import Observations, Posterior
 from lighting.fusion.user_input import NO_USER_INPUT
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import EvidenceKind, Prediction, SunEstimate
-from lighting.sun_grid import grid_directions, smooth_density
+from lighting.sun_grid import HEADINGS, grid_directions, smooth_density
 
 SIZES = (2, 4, 8)  # views; one panorama has 8 crops
 CORRELATIONS = np.round(np.arange(0.1, 1.55, 0.1), 2)  # tried

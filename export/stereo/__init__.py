@@ -61,7 +61,7 @@ def _evaluate(data: Path, network: Path | None, quick: bool, tables: tuple[Any, 
     """
     from export.stereo.evaluate import TABLES
     from export.stereo.evaluate import evaluate_normals as run
-    from lighting.stereo.network import Network
+    from lighting.stereo.solver import Network
 
     if unknown := set(tables).difference(TABLES):
         raise click.BadParameter(f"{min(unknown)} is no table; give one of {', '.join(TABLES)}.", param_hint="--table")

@@ -22,10 +22,10 @@ from lighting.errors import LightingError
 from lighting.geometry import Floats
 from lighting.stereo.grid_search import camera_to_world, world_to_camera
 from lighting.stereo.light_vectors import Skies, illumination_matrices
-from lighting.stereo.network import Network
 from lighting.stereo.output import depth_error, integrate_normals
 from lighting.stereo.schedule import gray_skies
 from lighting.stereo.solver import (
+    Network,
     Session,
     add_model_error,
     apply_network,

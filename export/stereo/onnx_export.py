@@ -13,7 +13,7 @@ from torch import Tensor, nn
 from export.stereo.train import NormalsNetwork, averaged_network
 from lighting.errors import ModelError
 from lighting.files.atomic import atomic_write
-from lighting.stereo.network import BY_IMAGE, SHARED, Network, NormalFeatures
+from lighting.stereo.solver import BY_IMAGE, SHARED, Network, NormalFeatures
 
 OPSET = 18
 TOLERANCE = 2e-3  # largest difference between torch and onnxruntime, of normals and of errors [rad]

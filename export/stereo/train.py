@@ -26,7 +26,7 @@ from export.data.panoramas import DataError
 from export.networks.weights import CHECKPOINT, read_checkpoint
 from export.stereo.dataset import Sample, generate_samples, read_meshes
 from lighting.files.atomic import atomic_write
-from lighting.stereo.network import BY_IMAGE, SHARED
+from lighting.stereo.solver import BY_IMAGE, SHARED
 
 # The network of normals: images of a day with their suns, and what the search says, to normals.
 

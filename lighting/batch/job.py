@@ -8,8 +8,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lighting.batch.photo_files import format_counts
-from lighting.batch.results import SETTINGS
+from lighting.batch.results import SETTINGS, format_counts
 from lighting.errors import BatchError, ModelError, ParameterError, PhotoError, describe_error
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.tracing import trace_step

@@ -15,10 +15,19 @@ from time import monotonic
 from typing import Any
 
 from lighting.batch import job as jobs
-from lighting.batch.photo_files import PHOTO_SUFFIXES, find_photos, is_set_aside
-from lighting.batch.results import JOURNAL, SETTINGS, TABLE, has_lights, table_row, table_schema
+from lighting.batch.results import (
+    JOURNAL,
+    PHOTO_SUFFIXES,
+    SETTINGS,
+    TABLE,
+    find_photos,
+    has_lights,
+    is_set_aside,
+    table_row,
+    table_schema,
+)
 from lighting.errors import BatchError, MissingExtraError, require_extra
-from lighting.photo.sidecar import MAX_SIDECAR_BYTES, read_sidecar
+from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.records import Json
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")

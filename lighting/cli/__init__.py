@@ -22,14 +22,14 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
     "scene": "scene",
     "estimate": "estimate",
     "render": "envmap",
-    "light-probe": "light_probe",
+    "light-probe": "envmap",
     "info": "info",
     "batch": "batch",
     "video": "video",
     "probe": "probe",
     "stereo": "stereo",
     "serve": "serve",
-    "doctor": "doctor",
+    "doctor": "info",
 }
 
 

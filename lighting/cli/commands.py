@@ -146,7 +146,7 @@ def _describe_unknown(name: str, program: str, commands: Sequence[str]) -> str:
 
 def _command_for_file(name: str) -> str | None:
     """What to do with a file or a folder whose name stands where a command should; None for any other word."""
-    from lighting.batch.photo_files import PHOTO_SUFFIXES
+    from lighting.batch.results import PHOTO_SUFFIXES
 
     path, word = Path(name), shlex.quote(name)
     suffix = path.suffix.lower()

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import click
 
 import lighting.errors as errors
-from lighting.cli.process import exit_on_interrupt
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
 from lighting.formatting import (
     escape_undecodable,
@@ -23,6 +22,7 @@ from lighting.formatting import (
     format_tilt,
     format_utc_offset,
 )
+from lighting.start import exit_on_interrupt
 
 if TYPE_CHECKING:
     import numpy as np

@@ -11,9 +11,9 @@ from lighting.cli import cli, outputs
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
 from lighting.cli.options import FiniteRange, Number
-from lighting.cli.process import silence_libraries
 from lighting.errors import ProbeError
 from lighting.formatting import escape_undecodable, format_side
+from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
     import numpy as np

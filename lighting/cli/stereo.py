@@ -13,15 +13,15 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_png
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
 from lighting.cli.photos import check_json
-from lighting.cli.process import silence_libraries
 from lighting.formatting import escape_undecodable
+from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
-    from lighting.stereo.network import Network
     from lighting.stereo.output import NormalsOptions, NormalsProgress, NormalsResult
     from lighting.stereo.plan_records import Plan, Window
     from lighting.stereo.planner import PlanSkies
     from lighting.stereo.schedule import DayProgress
+    from lighting.stereo.solver import Network
 
 
 @cli.group(
@@ -147,8 +147,7 @@ def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":
 
 def _draw(output: str, skies: "PlanSkies", plan: "Plan") -> None:
     from lighting.files.atomic import encode_png
-    from lighting.stereo.plan_figure import draw_plan
-    from lighting.stereo.planner import plan_conditions, plan_title
+    from lighting.stereo.planner import draw_plan, plan_conditions, plan_title
 
     headline = f"When to photograph: {plan_title(skies, plan)}"
     write_png(output, encode_png(draw_plan(plan, headline, plan_conditions(skies, plan.question))))
@@ -156,8 +155,7 @@ def _draw(output: str, skies: "PlanSkies", plan: "Plan") -> None:
 
 def _format_plan(skies: "PlanSkies", plan: "Plan") -> str:
     """A line for each window, and a table of the errors by orientation."""
-    from lighting.stereo.plan_figure import format_angle_error
-    from lighting.stereo.planner import plan_conditions, plan_title
+    from lighting.stereo.planner import format_angle_error, plan_conditions, plan_title
 
     names = [orientation.name for orientation in plan.windows[0].orientations]
     width = max(map(len, names))
@@ -170,8 +168,8 @@ def _format_plan(skies: "PlanSkies", plan: "Plan") -> str:
 
 
 def _line(window: "Window") -> str:
-    from lighting.stereo.plan_figure import format_angle_error
     from lighting.stereo.plan_records import format_clock
+    from lighting.stereo.planner import format_angle_error
 
     gain = f"{window.gain:.1f}" if window.gain < 1e4 else "infinite"
     return (
@@ -182,7 +180,7 @@ def _line(window: "Window") -> str:
 
 def _verdict(plan: "Plan") -> list[str]:
     """A sentence where no window is any good."""
-    from lighting.stereo.plan_figure import MAX_USEFUL_ERROR
+    from lighting.stereo.planner import MAX_USEFUL_ERROR
 
     if min(window.error for window in plan.windows) <= MAX_USEFUL_ERROR:
         return []
@@ -270,7 +268,7 @@ def _normals_options(sky: str | None, noise: float | None, size: int | None, **o
 
 
 def _network() -> "Network":
-    from lighting.stereo.network import Network
+    from lighting.stereo.solver import Network
 
     return Network.load()
 

@@ -12,11 +12,10 @@ from dataclasses import replace
 import numpy as np
 
 from lighting.calibration import MAX_LENS_RATIO, lens_ratio
-from lighting.circular import HEADINGS, blur_headings
 from lighting.geometry import Floats, angles
 from lighting.photo.metadata import PhotoMetadata
 from lighting.records import CodedWarning, Prediction, WarningCode
-from lighting.sun_grid import grid_directions
+from lighting.sun_grid import HEADINGS, blur_headings, grid_directions
 
 _CROPPED = "The focal length in the file was not used, because the photo was cropped."
 

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from lighting.calibration import calibrate_from_lines
 from lighting.decoding import correct_sun_color, lighting_from_prediction, predicted_sun_elevation
 from lighting.fusion.consistency import choose_lens
-from lighting.fusion.hemisphere import resolve_hemisphere
 from lighting.fusion.instants import Instant
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
+from lighting.fusion.timezones import resolve_hemisphere
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from lighting.circular import blur_headings
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.records import Prediction
-from lighting.sun_grid import grid_directions, grid_solid_angle, smooth_density
+from lighting.sun_grid import blur_headings, grid_directions, grid_solid_angle, smooth_density
 
 ELEVATION_KERNEL_STD = 4.0  # deg, kernel of an elevation's density: the size of a cell
 MIN_DENSITY = 1e-12  # 1/sr, that stands for none where logarithms are taken

@@ -11,17 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-import lighting.circular as circular
 import lighting.fusion.likelihood as pooling
 import lighting.fusion.single_view as single_view
-from lighting.circular import (
-    HEADINGS,
-    Heading,
-    blur_headings,
-    circular_correlation,
-    heading_from_probability,
-    von_mises,
-)
+import lighting.sun_grid as sun_grid
 from lighting.decoding import light_from_vector, light_to_vector, predicted_sun_elevation
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.likelihood import AZIMUTH_CORRELATION, MIN_DENSITY, SUN_CORRELATION, blur_ring_heading
@@ -29,7 +21,16 @@ from lighting.fusion.single_view import Observations, Posterior, posterior_on_gr
 from lighting.fusion.user_input import check_headings
 from lighting.geometry import Floats, angle_between, angles, direction, up_in_camera, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Light, Prediction, SunEstimate, WarningCode
-from lighting.sun_grid import grid_directions, grid_solid_angle
+from lighting.sun_grid import (
+    HEADINGS,
+    Heading,
+    blur_headings,
+    circular_correlation,
+    grid_directions,
+    grid_solid_angle,
+    heading_from_probability,
+    von_mises,
+)
 
 if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView
@@ -161,7 +162,7 @@ def _join_by_compass(matched: _Frames, compass: Floats) -> _Frames:
     """One frame of all groups: each is rotated as its compasses say in the mean."""
     heading, std = matched.heading.copy(), matched.heading_std.copy()
     for group in matched.members():
-        heading[group] += circular.circular_mean(wrap_azimuth(compass[group] - matched.heading[group]))
+        heading[group] += sun_grid.circular_mean(wrap_azimuth(compass[group] - matched.heading[group]))
         std[group] = np.hypot(std[group], _RELATIVE_HEADING_STD / np.sqrt(len(group)))
     return _Frames(np.zeros_like(matched.group), heading, std, single_view.COMPASS_OUTLIER_RATE, EvidenceKind.TURNS)
 

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
-from lighting.circular import HEADINGS, Heading, heading_from_probability, von_mises
 from lighting.color import luminance
 from lighting.decoding import bayes_direction, sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
@@ -28,7 +27,17 @@ from lighting.formatting import format_tilt
 from lighting.fusion.consistency import consistency_warnings
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode
-from lighting.sun_grid import credible_radii, grid_directions, smooth_density, soft_label, splat_to_grid
+from lighting.sun_grid import (
+    HEADINGS,
+    Heading,
+    credible_radii,
+    grid_directions,
+    heading_from_probability,
+    smooth_density,
+    soft_label,
+    splat_to_grid,
+    von_mises,
+)
 from lighting.validation import RANGES
 
 COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median

@@ -15,8 +15,7 @@ from typing import Any
 from PIL import ExifTags
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.sidecar import TAKEOUT_TIME
-from lighting.photo.tags import EXIF_NAMESPACE, Tags, read_number, read_xmp_number, try_read
+from lighting.photo.tags import EXIF_NAMESPACE, TAKEOUT_TIME, Tags, read_number, read_xmp_number, try_read
 
 YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is computed
 UTC_OFFSET_RANGE = (-12.0, 14.0)  # h from UTC of all zones

@@ -28,12 +28,11 @@ from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLarge
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
 from lighting.photo.color_encoding import read_color_encoding
-from lighting.photo.formats import unreadable_sentence
-from lighting.photo.heif import complete_avif, heif_kind, open_heif
+from lighting.photo.formats import complete_avif, heif_kind, open_heif, unreadable_sentence
+from lighting.photo.linear import add_raw_exif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
-from lighting.photo.raw_exif import add_raw_exif
-from lighting.photo.sidecar import read_sidecar
+from lighting.photo.tags import read_sidecar
 from lighting.records import CodedWarning, WarningCode
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO

@@ -24,7 +24,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.runtime as runtime
-from lighting.circular import weighted_median
 from lighting.errors import ErrorCode, LightingError, TurnsError
 from lighting.geometry import Floats, wrap_azimuth
 from lighting.registration.averaging import OrientedGroup, PairRotations, average_rotations, connected_components
@@ -38,6 +37,7 @@ from lighting.registration.rotations import (
     leveling_rotation,
 )
 from lighting.registration.two_view import RelativeRotation, estimate_rotation
+from lighting.sun_grid import weighted_median
 
 if TYPE_CHECKING:
     from subprocess import Popen

@@ -25,8 +25,16 @@ from numpy.typing import NDArray
 from lighting.geometry import Floats
 from lighting.registration import rotations
 from lighting.registration.features import Matches, import_opencv
-from lighting.registration.ransac import TOLERANCE, LeastSquaresResult, least_squares, ransac_rotation
-from lighting.registration.rotations import focal_from_fov, fov_from_focal, rotation_about, transfer_errors
+from lighting.registration.rotations import (
+    TOLERANCE,
+    LeastSquaresResult,
+    focal_from_fov,
+    fov_from_focal,
+    least_squares,
+    ransac_rotation,
+    rotation_about,
+    transfer_errors,
+)
 
 _DIAGONAL_FOVS = np.geomspace(25.0, 115.0, 14)  # deg, tried where the lens is unknown
 _MIN_INLIERS = 12  # matches that agree

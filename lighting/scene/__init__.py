@@ -78,7 +78,7 @@ EXPORTERS: dict[str, Exporter] = {
         opened_by="drop {file} into any viewer of glTF, or import it",
     ),
     "filament": Exporter(
-        import_function("lighting.scene.filament", "write_filament"),
+        import_function("lighting.scene.cubemap", "write_filament"),
         files=("scene.glb", "environment_ibl.ktx", "environment_skybox.ktx", "sh.txt", "light.json", RECORD),
         opened_by="open {file} at exposure 1, with environment_ibl.ktx beside it as an indirect light of intensity 1",
     ),

@@ -22,15 +22,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import color_and_intensity
-from lighting.envmap.cubemap import face_size, level_count, prefilter_cubemap
-from lighting.envmap.latlong import Image, max_channel
+from lighting.envmap.latlong import Image, face_size, level_count, max_channel, prefilter_cubemap
 from lighting.files.atomic import encode_png
 from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
+from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
 from lighting.scene.writer import Folder, encode_lit_ground, encode_plate
-from lighting.spherical_harmonics import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 
 FILE = "scene.glb"
 

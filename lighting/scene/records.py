@@ -24,12 +24,11 @@ from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import max_object_meters, spot_warnings
-from lighting.light_probe import LightProbe, main_light
+from lighting.light_probe import LightProbe, main_light, project_latlong
 from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
 from lighting.records import Lighting, check_lighting
 from lighting.segmentation import Segments
-from lighting.spherical_harmonics import project_latlong
 
 SUN_ANGLE = 2 * geometry.SUN_RADIUS  # deg
 SENSOR_HEIGHT = 24.0  # mm, of the 35 mm format; with the focal length it determines the field of view

@@ -68,7 +68,7 @@ def _prague_by_angles(zenith: "Floats", sun: "Floats", sun_elevation: float, wea
 
 
 def _preetham(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
-    from lighting.sky.preetham import TURBIDITY, preetham_radiance
+    from lighting.sky.perez import TURBIDITY, preetham_radiance
 
     low, high = TURBIDITY
     return preetham_radiance(direction, sun_direction, min(max(weather.turbidity, low), high))
@@ -82,25 +82,25 @@ def _perez(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather)
 
 
 def _lalonde_matthews(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
-    from lighting.sky.preetham import lalonde_matthews_sky
+    from lighting.sky.perez import lalonde_matthews_sky
 
     return lalonde_matthews_sky(direction, sun_direction, weather.turbidity)
 
 
 def _lalonde_matthews_sun(direction: "ArrayLike", sun_direction: "ArrayLike") -> "Floats":
-    from lighting.sky.preetham import lalonde_matthews_sun
+    from lighting.sky.perez import lalonde_matthews_sun
 
     return lalonde_matthews_sun(direction, sun_direction)
 
 
 def _cie_overcast(direction: "ArrayLike", _sun_direction: "ArrayLike", _weather: Weather) -> "Floats":
-    from lighting.sky.cie import overcast_luminance
+    from lighting.sky.perez import overcast_luminance
 
     return overcast_luminance(direction)
 
 
 def _cie_general(number: int, direction: "ArrayLike", sun_direction: "ArrayLike", _weather: Weather) -> "Floats":
-    from lighting.sky.cie import general_luminance
+    from lighting.sky.perez import general_luminance
 
     return general_luminance(direction, sun_direction, number)
 

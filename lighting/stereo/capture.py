@@ -26,8 +26,7 @@ from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.photo.clock import parse_time
 from lighting.photo.lens import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import RAW_SUFFIXES, Curve, open_header, read_linear
-from lighting.photo.location import HeadingReference
-from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.stereo.light_vectors import Skies
 from lighting.stereo.planner import MAX_PROBE_GAP, day_maps, read_skies
 

@@ -31,10 +31,10 @@ from lighting.records import GROUND_ALBEDO, Json
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
 from lighting.stereo.grid_search import Pose, SearchProgress, camera_to_world, ignore_progress
 from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, sun_directions
-from lighting.stereo.network import Network
 from lighting.stereo.schedule import gray_skies
 from lighting.stereo.solver import (
     MIN_NOISE,
+    Network,
     NormalMap,
     Session,
     check_sun_moves,

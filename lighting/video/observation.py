@@ -1,21 +1,46 @@
-"""A clip observed frame by frame: every frame is tracked, some are shown to the network, and shots are divided."""
+"""A clip observed frame by frame: every frame is tracked, some are shown to the network, and shots are divided.
+
+A shot has one sun: the network's estimates of many frames, rotated into one frame and multiplied. Frames that look the
+same way see the same evidence, so they are averaged in sectors of the camera's heading; memory does not grow with the
+shot. Sectors that overlap are alike in part and count as fusion/likelihood.py has it.
+"""
 
 import math
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting.circular import HEADINGS
 from lighting.color import luminance, srgb_decode
-from lighting.decoding import lighting_from_prediction
+from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
 from lighting.fusion.estimate import screen_prediction
+from lighting.fusion.likelihood import (
+    AZIMUTH_CORRELATION,
+    SUN_CORRELATION,
+    Correlation,
+    effective_weights,
+    pool_log_likelihoods,
+    rotate_density,
+)
+from lighting.fusion.single_view import (
+    Observations,
+    Posterior,
+    candidate_weights,
+    compass_prior,
+    fuse,
+    likelihood_by_heading,
+    posterior_on_rings,
+)
+from lighting.geometry import Floats, direction
 from lighting.model import Model
 from lighting.photo.preprocess import is_blank, preprocess
 from lighting.photo.reader import Photo
-from lighting.records import Prediction
+from lighting.records import EvidenceKind, Light, Prediction
+from lighting.sun_grid import grid_solid_angle
 from lighting.tracing import trace_step
 from lighting.video.decode import Frame
 from lighting.video.shot_detection import Dissolve, DissolveDetector, split_at_dissolve, split_shots
@@ -179,3 +204,178 @@ def is_dark(pixels: Pixels) -> bool:
     """
     brightness = np.percentile(luminance(srgb_decode(pixels[::8, ::8] / 255.0)), 95)
     return bool(brightness < MIN_BRIGHTNESS)
+
+
+SECTOR_WIDTH = 15.0  # deg of heading
+MIN_SECTOR_WEIGHT = 0.5  # of the sectors' mean weight, below which one counts for less
+MAX_SECTOR_WEIGHT = 60.0  # estimates in a sector; older ones fade, so that a stream follows sun and clouds
+_EPSILON_DENSITY = 1e-12  # density that stands for none
+
+
+@dataclass(frozen=True, eq=False)
+class FrameObservation:
+    """What one frame shows, and how that frame lies in the shot."""
+
+    estimate: FrameEstimate
+    """The network's, of this frame."""
+    heading: float
+    """Deg clockwise from the shot's azimuth 0."""
+    vertical_fov: float
+    """Vertical fov, deg."""
+    gain: float = 1.0
+    """Of the frame's linear values, by the first frame's."""
+    observations: Observations = field(default_factory=Observations)
+    """At its time; the candidates alone count here."""
+
+
+@dataclass
+class _Sector:
+    """Running means of the estimates in one direction."""
+
+    weight: float = 0.0  # estimates
+    log_cells: Floats = field(default_factory=lambda: np.zeros(0))  # (N,) densities over the grid, in the shot's frame
+    log_rings: Floats = field(default_factory=lambda: np.zeros((0, 360)))  # (K, 360) by the heading of azimuth 0
+    numbers: Floats = field(default_factory=lambda: np.zeros(0))  # what _numbers says
+    ground_weight: float = 0.0  # estimates that show ground
+    log_ground: Floats = field(default_factory=lambda: np.zeros(3))  # of their reflectance
+
+    def add(self, count: float, log_cells: Floats, log_rings: Floats, numbers: Floats, ground: Floats | None) -> None:
+        """Count a `count` (0 to 1) of a look."""
+        if self.weight == 0.0 or self.log_rings.shape != log_rings.shape:
+            self.log_rings = log_rings
+        if self.weight == 0.0:
+            self.log_cells, self.numbers = log_cells, numbers
+        self.weight = min(self.weight + count, MAX_SECTOR_WEIGHT)
+        share = count / self.weight
+        self.log_cells = self.log_cells + share * (log_cells - self.log_cells)
+        self.log_rings = self.log_rings + share * (log_rings - self.log_rings)
+        self.numbers = self.numbers + share * (numbers - self.numbers)
+        if ground is not None:
+            self.ground_weight = min(self.ground_weight + count, MAX_SECTOR_WEIGHT)
+            self.log_ground = self.log_ground + count / self.ground_weight * (np.log(ground) - self.log_ground)
+
+
+class ShotLight:
+    """Takes estimates one by one; says at any time where the sun is in the shot's frame."""
+
+    def __init__(self) -> None:
+        self._sectors: dict[int, _Sector] = {}
+        self._count = 0
+        self._vertical_fov = 50.0
+        self._last: Prediction | None = None
+
+    def add(self, observation: FrameObservation) -> None:
+        """Count an estimate, in parts for the two sectors between whose middles it lies.
+
+        Args:
+            observation: what one frame shows, and its place in the shot.
+        """
+        self._count += 1
+        self._last, self._vertical_fov = observation.estimate.prediction, observation.vertical_fov
+        parts = _log_cells(observation), _log_rings(observation), _averaged_numbers(observation)
+        sector = observation.heading % 360.0 / SECTOR_WIDTH
+        low, count = math.floor(sector), round(360.0 / SECTOR_WIDTH)
+        for number, share in ((low, 1.0 - sector + low), (low + 1, sector - low)):
+            if share > 0.0:
+                nearest = self._sectors.setdefault(number % count, _Sector())
+                nearest.add(share, *parts, observation.estimate.ground)
+
+    def answer(self, observations: Observations) -> Posterior:
+        """Combine all estimates, as a camera at azimuth 0 would see the light.
+
+        Args:
+            observations: of the moment that is asked for; the heading is that of azimuth 0.
+
+        Raises:
+            ValueError: there is no estimate yet.
+            ParameterError: the sun is below the horizon.
+        """
+        if self._last is None:
+            raise ValueError("There was no look yet.")
+        cells = np.stack([s.log_cells for s in self._sectors.values()])
+        area = grid_solid_angle(self._last.spec.sun_grid)
+        weight = pool_log_likelihoods(cells, self._weights(SUN_CORRELATION), SUN_CORRELATION, area)
+        by_pixels = replace(self._averaged(self._last), sun_probability=weight.astype(np.float32))
+        posterior = fuse(by_pixels, observations)
+        if observations.candidates and (rings := self._rings(observations)) is not None:
+            posterior = replace(
+                posterior_on_rings(by_pixels, observations, rings * candidate_weights(observations)[:, None]),
+                warnings=posterior.warnings,
+            )
+        if self._count == 1:
+            return posterior
+        return replace(posterior, used=(*posterior.used, EvidenceKind.TURNS, EvidenceKind.OTHER_PHOTOS))
+
+    @property
+    def ground(self) -> Floats | None:
+        """Reflectance (3,) of the ground, the mean of the directions that show it; None where none does."""
+        weight = self._present() * np.array([sector.ground_weight > 0.0 for sector in self._sectors.values()])
+        if not weight.any():
+            return None
+        log_ground = np.average([s.log_ground for s in self._sectors.values()], axis=0, weights=weight)
+        return np.asarray(np.exp(log_ground))
+
+    def _rings(self, observations: Observations) -> Floats | None:
+        """Weights (K, 360) of each candidate that is up and each heading of azimuth 0; None where looks had others."""
+        up = [elevation >= 0.0 for elevation, _ in observations.candidates]
+        rings = [sector.log_rings for sector in self._sectors.values()]
+        if any(len(ring) != len(up) for ring in rings):
+            return None
+        weight = pool_log_likelihoods(np.stack(rings)[:, up], self._weights(AZIMUTH_CORRELATION), AZIMUTH_CORRELATION)
+        return np.asarray(weight * compass_prior(observations))
+
+    def _present(self) -> Floats:
+        """How far (S,) each sector is there at all, 0 to 1: one that was only brushed counts for little."""
+        weight = np.array([sector.weight for sector in self._sectors.values()])
+        return np.asarray(np.minimum(weight / (MIN_SECTOR_WEIGHT * weight.mean()), 1.0))
+
+    def _weights(self, correlation: Correlation) -> Floats:
+        """How much each sector (S,) counts."""
+        ahead = direction(SECTOR_WIDTH * np.array(list(self._sectors)), 0.0)
+        return effective_weights(ahead, np.full(len(ahead), self._vertical_fov), correlation, present=self._present())
+
+    def _averaged(self, last: Prediction) -> Prediction:
+        """The numbers of all sectors, each counted once however many looks it has."""
+        mean = np.average([s.numbers for s in self._sectors.values()], axis=0, weights=self._present())
+        turbidity, exposure, fov = map(float, np.exp(mean[:3]))
+        shown, light = float(mean[3]), light_from_vector(mean[4:]) if last.light else None
+        return replace(
+            last, turbidity=turbidity, exposure=exposure, vertical_fov=fov, sun_visibility=shown, light=light
+        )
+
+
+def _log_cells(observation: FrameObservation) -> Floats:
+    """Log densities (N,) over the cells of a camera at azimuth 0."""
+    p = observation.estimate.prediction
+    density = rotate_density(p.sun_probability, -observation.heading, p.spec.sun_grid)
+    return np.asarray(np.log(np.maximum(density, _EPSILON_DENSITY)))
+
+
+def _log_rings(observation: FrameObservation) -> Floats:
+    """Log densities (K, 360) of each candidate's sun by the heading of azimuth 0."""
+    candidates = np.array(observation.observations.candidates, dtype=np.float64).reshape(-1, 2)
+    if not len(candidates):
+        return np.zeros((0, 360))
+    above = np.column_stack([np.maximum(candidates[:, 0], 0.0), candidates[:, 1]])
+    density = likelihood_by_heading(observation.estimate.prediction, above)
+    density[candidates[:, 0] < 0.0] = 0.0
+    log = np.log(np.maximum(density, _EPSILON_DENSITY))
+    return np.stack([np.interp(HEADINGS + observation.heading, HEADINGS, row, period=360.0) for row in log])
+
+
+def _averaged_numbers(observation: FrameObservation) -> Floats:
+    """What of a look is averaged, (4,) or with a Light (12,), in the linear values of the shot's first frame.
+
+    Logarithms of turbidity, exposure and field of view, the visibility, then `light_to_vector`.
+    """
+    p = observation.estimate.prediction
+    exposure = math.log(max(p.exposure, _EPSILON_DENSITY) / max(observation.gain, _EPSILON_DENSITY))
+    numbers = [math.log(max(p.turbidity, _EPSILON_DENSITY)), exposure, math.log(p.vertical_fov), p.sun_visibility]
+    return np.concatenate([numbers, _unexposed_light(p.light, observation.gain) if p.light else []])
+
+
+def _unexposed_light(light: Light, gain: float) -> Floats:
+    """The light's numbers as the shot's first frame would show them."""
+    numbers = light_to_vector(light)
+    numbers[:6] -= math.log(max(gain, _EPSILON_DENSITY))
+    return numbers

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.circular import circular_mean
 from lighting.color import luminance
 from lighting.decoding import with_ground_color
 from lighting.envmap.relighting import Adjustments, adjust_lighting, radiance_gain, scale_exposure
@@ -19,11 +18,11 @@ from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
-from lighting.light_probe import LightProbe, compute_light_probe, main_light
+from lighting.light_probe import LightProbe, compute_light_probe, main_light, rotate_harmonics
 from lighting.model import Model
 from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.rotations import leveling_rotation
-from lighting.spherical_harmonics import rotate_harmonics
+from lighting.sun_grid import circular_mean
 from lighting.video.decode import Clip
 from lighting.video.intrinsics import (
     MAX_FOV_STDS,
@@ -42,8 +41,7 @@ from lighting.video.keyframes import (
     make_camera_path,
     sample_gimbal,
 )
-from lighting.video.light import FrameObservation, ShotLight
-from lighting.video.observation import NETWORK_INTERVAL, observe_shots
+from lighting.video.observation import NETWORK_INTERVAL, FrameObservation, ShotLight, observe_shots
 from lighting.video.telemetry import Gimbal
 from lighting.video.tracking import ClipMetadata, FrameEstimate, FrameRotation, ShotObservations, chain_gains
 

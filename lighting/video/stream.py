@@ -41,8 +41,7 @@ from lighting.registration.two_view import RelativeRotation
 from lighting.video.decode import FRAME_SIDE, Frame
 from lighting.video.intrinsics import GUESSED_FOV_STD, MIN_FOV_STD, NETWORK_FOV_STD, constrains_fov, is_zoomed
 from lighting.video.keyframes import match_keyframes
-from lighting.video.light import FrameObservation, ShotLight
-from lighting.video.observation import estimate_frame, is_dark
+from lighting.video.observation import FrameObservation, ShotLight, estimate_frame, is_dark
 from lighting.video.shot import estimate_north, lighting_in_camera
 from lighting.video.tracking import (
     ClipMetadata,

@@ -21,12 +21,10 @@ from lighting.color import SRGB_LINEAR
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations, observations_from_metadata
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
-from lighting.photo.location import HeadingReference
-from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Prediction
 from lighting.registration.features import Features, Matches, detect_features, import_opencv, resize_to, to_centered
-from lighting.registration.ransac import ransac_rotation
-from lighting.registration.rotations import nearest_rotation, rays_through
+from lighting.registration.rotations import nearest_rotation, ransac_rotation, rays_through
 from lighting.registration.two_view import essential_motion, prefers_translation
 from lighting.video.decode import Frame
 from lighting.video.telemetry import Gimbal

@@ -13,8 +13,7 @@ from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import Observations, fuse
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import direction
-from lighting.photo.location import HeadingReference
-from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Lighting, ModelSpec, Prediction
 from lighting.solar_position import sun_position
 from lighting.sun_grid import grid_directions, grid_solid_angle, soft_label

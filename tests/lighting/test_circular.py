@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.circular import (
+from lighting.geometry import wrap_azimuth
+from lighting.sun_grid import (
     HEADINGS,
     blur_headings,
     circular_correlation,
@@ -14,7 +15,6 @@ from lighting.circular import (
     von_mises,
     weighted_median,
 )
-from lighting.geometry import wrap_azimuth
 
 angles_ = st.floats(0.0, 360.0)
 

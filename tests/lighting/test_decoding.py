@@ -10,7 +10,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.circular import HEADINGS, von_mises
 from lighting.color import luminance
 from lighting.decoding import (
     _visibility_attenuation,
@@ -26,7 +25,7 @@ from lighting.decoding import (
 )
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.records import Light, Lighting, Prediction
-from lighting.sun_grid import grid_directions, soft_label
+from lighting.sun_grid import HEADINGS, grid_directions, soft_label, von_mises
 from lighting.validation import RANGES
 from tests.conftest import TINY
 

@@ -21,11 +21,11 @@ from lighting.light_probe import (
     LightProbe,
     compute_light_probe,
     encode_light_probe,
+    irradiance_from_harmonics,
     main_light,
     shader_harmonics,
 )
 from lighting.records import Lighting
-from lighting.spherical_harmonics import irradiance_from_harmonics
 from tests.conftest import scene as picture
 from tests.helpers.lights import SUN_IRRADIANCE, UNIT_NORMALS, model_light, stated_light
 

@@ -107,7 +107,7 @@ def change():
 probes = {{
     "change": change,
     "model": lambda: (folder / "model").read_bytes(),
-    "module": lambda: __import__("lighting.stereo.network"),
+    "module": lambda: __import__("lighting.stereo.solver"),
     "write model": lambda: (folder / "model").write_bytes(b"y"),
     "read beside": lambda: (folder / "secret").read_bytes(),
     "write beside": lambda: (folder / "other").write_bytes(b"y"),

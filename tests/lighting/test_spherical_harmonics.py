@@ -4,7 +4,7 @@ import pytest
 from lighting.envmap.latlong import envmap_irradiance
 from lighting.envmap.relighting import rotate_envmap
 from lighting.geometry import latlong_directions, latlong_solid_angle
-from lighting.spherical_harmonics import (
+from lighting.light_probe import (
     harmonics_basis,
     irradiance_from_harmonics,
     project_latlong,

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from lighting.batch.photo_files import PHOTO_SUFFIXES
+from lighting.batch.results import PHOTO_SUFFIXES
 from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.render import render
 from lighting.envmap.sun_disc import sun_irradiance
@@ -99,7 +99,7 @@ def test_the_same_files_make_the_same_zip(package: Path, tmp_path: Path) -> None
 
 def test_imports_become_relative() -> None:
     assert relative("from lighting.geometry import x\n", 1) == "from .geometry import x\n"
-    assert relative("    from lighting.sky.cie import x\n", 2) == "    from ..sky.cie import x\n"
+    assert relative("    from lighting.sky.perez import x\n", 2) == "    from ..sky.cie import x\n"
 
 
 def test_its_sky_and_sun_are_those_of_the_library(unpacked: str) -> None:

@@ -14,8 +14,7 @@ from export.evaluation.metrics_file import collect_metrics, read_metrics, write_
 from export.evaluation.report import CAMERA_AND_SKY, SUN, Figures
 from lighting.light_probe import compute_light_probe
 from lighting.model import METRICS, Model, packaged_model
-from lighting.photo.location import HeadingReference
-from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.photo.reader import PhotoCrop
 from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions

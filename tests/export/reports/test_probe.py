@@ -31,8 +31,8 @@ from lighting.probe.develop import BracketSettings, Moment, make_probe
 from lighting.probe.fisheye import make_lens
 from lighting.probe.hdr_merge import measure_ratios
 from lighting.records import GROUND_ALBEDO
-from lighting.sky.cie import general_luminance, overcast_luminance
 from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.perez import general_luminance, overcast_luminance
 
 RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)
 

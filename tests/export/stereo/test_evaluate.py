@@ -24,8 +24,7 @@ from export.stereo.evaluate import (
 from export.stereo.renders import Subject
 from export.stereo.surfaces import _of_height, rotate_surface
 from lighting.errors import LightingError
-from lighting.stereo.network import Network
-from lighting.stereo.solver import Session
+from lighting.stereo.solver import Network, Session
 
 
 class Errors:

@@ -11,7 +11,7 @@ from export.data.panoramas import DataError
 from export.stereo.dataset import generate_samples
 from export.stereo.onnx_export import TOLERANCE, _parity, _Served
 from export.stereo.train import Config, NormalsNetwork, _batch, averaged_network, train_normals
-from lighting.stereo.network import BY_IMAGE, SHARED, _packaged_network
+from lighting.stereo.solver import BY_IMAGE, SHARED, _packaged_network
 
 
 def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None:

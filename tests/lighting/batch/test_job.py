@@ -17,7 +17,7 @@ from lighting.batch.job import (
     load_worker_estimator,
     write_photo_map,
 )
-from lighting.batch.photo_files import format_counts
+from lighting.batch.results import format_counts
 from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.surroundings import photo_context_for_height, render_view
 from lighting.errors import BatchError, ModelError

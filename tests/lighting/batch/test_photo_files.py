@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from lighting.batch.photo_files import IN_CACHES, count_skipped, find_photos
+from lighting.batch.results import IN_CACHES, count_skipped, find_photos
 from lighting.errors import BatchError
 
 

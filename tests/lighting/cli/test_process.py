@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from lighting.cli.process import silence_libraries
+from lighting.start import silence_libraries
 from tests.helpers.processes import LIGHTING, run_command
 
 ENDED = """
 import atexit, sys
-from lighting.cli.process import exit_now
+from lighting.start import exit_now
 class Loud:
     def __del__(self):
         sys.stderr.write("taken apart")

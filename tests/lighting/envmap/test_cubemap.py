@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from lighting.envmap.cubemap import FACES, cubemap_directions, prefilter_cubemap, to_cubemap
+from lighting.envmap.latlong import FACES, cubemap_directions, prefilter_cubemap, to_cubemap
 from lighting.geometry import latlong_directions, latlong_solid_angle
 
 

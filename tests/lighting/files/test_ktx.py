@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.files.ktx import encode_ktx1, encode_ktx2
+from lighting.scene.cubemap import encode_ktx1, encode_ktx2
 
 NODE = Path(__file__).parents[2] / "node"
 RNG = np.random.default_rng(1)

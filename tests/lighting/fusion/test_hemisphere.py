@@ -6,7 +6,7 @@ from itertools import product
 
 import pytest
 
-from lighting.fusion.hemisphere import resolve_hemisphere
+from lighting.fusion.timezones import resolve_hemisphere
 from lighting.photo.metadata import PhotoMetadata
 from lighting.records import warning_code
 

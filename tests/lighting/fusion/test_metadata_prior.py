@@ -22,8 +22,7 @@ from lighting.fusion.metadata_prior import (
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import COMPASS_STD, Observations, fuse
 from lighting.fusion.user_input import UserInput
-from lighting.photo.location import HeadingReference
-from lighting.photo.metadata import PhotoMetadata
+from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Light, Lighting
 from tests.helpers.predictions import METADATA, MORNING, ZONELESS, clock, observations_of, prediction
 

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from lighting.circular import HEADINGS, von_mises
 from lighting.decoding import lighting_from_prediction
 from lighting.errors import ParameterError
 from lighting.fusion.estimate import build_estimate
@@ -31,7 +30,7 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Pinhole, angle_between, angles, camera_pixel, direction, wrap_azimuth
 from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Prediction, warning_code
-from lighting.sun_grid import grid_directions, smooth_density, soft_label
+from lighting.sun_grid import HEADINGS, grid_directions, smooth_density, soft_label, von_mises
 from tests.helpers.predictions import GRID, UNIFORM, grid_prediction, lobe_prediction
 
 azimuths = st.floats(-180.0, 180.0)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from lighting.photo.heif import _turns_picture, complete_avif, heif_kind, open_heif
+from lighting.photo.formats import _turns_picture, complete_avif, heif_kind, open_heif
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, exif, scene
 

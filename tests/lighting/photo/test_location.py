@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from PIL import ExifTags
 from PIL.TiffImagePlugin import IFDRational
 
-from lighting.photo.location import read_heading, read_locations
+from lighting.photo.metadata import read_heading, read_locations
 
 GPS = ExifTags.GPS
 EXIF, DJI = "http://ns.adobe.com/exif/1.0", "http://www.dji.com/drone-dji/1.0"

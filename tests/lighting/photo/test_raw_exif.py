@@ -10,8 +10,7 @@ from PIL import ExifTags, Image
 
 from lighting.errors import PhotoError
 from lighting.photo import linear
-from lighting.photo.linear import read_metadata_and_exposure
-from lighting.photo.raw_exif import open_raw_header
+from lighting.photo.linear import open_raw_header, read_metadata_and_exposure
 from lighting.photo.reader import read_photo
 from lighting.stereo.capture import _check_same_exposure, _read_day_photo
 from tests.conftest import encode, exif, scene

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from lighting.registration.ransac import least_squares, ransac_rotation
-from lighting.registration.rotations import focal_from_fov, rotation_vector
+from lighting.registration.rotations import focal_from_fov, least_squares, ransac_rotation, rotation_vector
 from tests.helpers.cameras import SIZE, matches, relative_rotation
 
 X = np.linspace(-1, 1, 200)

@@ -8,13 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lighting.envmap.cubemap import FACES, cubemap_directions
+from lighting.envmap.latlong import FACES, cubemap_directions
 from lighting.files.radiance_hdr import decode_hdr
 from lighting.geometry import sample_latlong
 from lighting.light_probe import shader_harmonics
 from lighting.scene import CUBE_FACES
-from lighting.scene.cubemap import write_cubemap
-from lighting.scene.filament import write_filament
+from lighting.scene.cubemap import write_cubemap, write_filament
 from tests.helpers.scenes import sunlit_scene
 
 

@@ -14,10 +14,10 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.envmap.cubemap import cubemap_directions
+from lighting.envmap.latlong import cubemap_directions
 from lighting.geometry import sample_latlong
+from lighting.light_probe import CONDON_SHORTLEY, harmonics_basis
 from lighting.scene import gltf
-from lighting.spherical_harmonics import CONDON_SHORTLEY, harmonics_basis
 from tests.helpers.lights import UNIT_NORMALS
 from tests.helpers.scenes import sunlit_scene
 

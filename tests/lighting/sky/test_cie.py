@@ -5,7 +5,7 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.geometry import Floats, angle_between, direction, latlong_directions, latlong_solid_angle
-from lighting.sky.cie import _gradation, _indicatrix, general_luminance, overcast_luminance
+from lighting.sky.perez import _gradation, _indicatrix, general_luminance, overcast_luminance
 
 UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own
 SUN = direction(30.0, 40.0)

@@ -7,7 +7,7 @@ import pytest
 
 from lighting.errors import ParameterError
 from lighting.geometry import angle_between, direction, latlong_directions, latlong_solid_angle
-from lighting.sky.preetham import (
+from lighting.sky.perez import (
     _preetham_luminance,
     _preetham_zenith,
     lalonde_matthews_sky,

@@ -8,8 +8,8 @@ import pytest
 from lighting.errors import ModelError
 from lighting.stereo.grid_search import Pose, make_candidates, search_normals, world_to_camera
 from lighting.stereo.light_vectors import clear_skies
-from lighting.stereo.network import BY_IMAGE, SHARED, Network, NormalFeatures, _packaged_network, normal_features
 from lighting.stereo.schedule import gray_skies
+from lighting.stereo.solver import BY_IMAGE, SHARED, Network, NormalFeatures, _packaged_network, normal_features
 from tests.helpers.skies import ball, june_suns, photos
 
 

@@ -11,15 +11,18 @@ from numpy.typing import NDArray
 from lighting.errors import EnvironmentMapError, ParameterError, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import angle_between, latlong_directions
-from lighting.stereo.plan_figure import MAX_GAIN, MIN_GAIN, _gain_colors, format_angle_error
 from lighting.stereo.plan_records import PlanRequest, SurfaceOrientation, format_clock
 from lighting.stereo.planner import (
+    MAX_GAIN,
     MAX_PROBE_GAP,
+    MIN_GAIN,
     MeasuredSkies,
     ModelledSkies,
     _brightest_direction,
+    _gain_colors,
     _read_day,
     day_maps,
+    format_angle_error,
     plan_conditions,
     read_skies,
 )

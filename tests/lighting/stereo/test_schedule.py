@@ -13,9 +13,8 @@ from lighting.files.exr import write_exr
 from lighting.geometry import direction, latlong_pixel, latlong_solid_angle
 from lighting.stereo.light_vectors import Skies, clear_skies, sun_directions
 from lighting.stereo.noise_gain import largest_gain
-from lighting.stereo.plan_figure import draw_plan
 from lighting.stereo.plan_records import Plan, PlanRequest
-from lighting.stereo.planner import MeasuredSkies, ModelledSkies, plan_photos, plan_record
+from lighting.stereo.planner import MeasuredSkies, ModelledSkies, draw_plan, plan_photos, plan_record
 from lighting.stereo.schedule import (
     MIN_WINDOW,
     ONE_SKY,

@@ -9,9 +9,10 @@ import pytest
 from lighting.errors import PhotoError
 from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import clear_skies
-from lighting.stereo.network import Network, NormalFeatures
 from lighting.stereo.schedule import gray_skies
 from lighting.stereo.solver import (
+    Network,
+    NormalFeatures,
     NormalMap,
     Session,
     _session_noise,

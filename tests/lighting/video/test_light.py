@@ -10,7 +10,7 @@ from lighting.fusion.single_view import Observations
 from lighting.geometry import direction
 from lighting.records import Light, Prediction
 from lighting.sun_grid import soft_label
-from lighting.video.light import FrameObservation, ShotLight
+from lighting.video.observation import FrameObservation, ShotLight
 from lighting.video.tracking import FrameEstimate
 from tests.conftest import TINY
 
