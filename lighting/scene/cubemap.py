@@ -2,7 +2,7 @@
 
 Filament takes KTX 1 [1] with packed floats [2], others KTX 2 with half floats and mirror images, and each face as
 Radiance HDR. The faces are OpenGL's, in the scene's own frame. The sun is in none of them. The roughnesses of the
-levels go from 0 to 1 in equal steps; for Filament the level at t, from 0 to 1, has the roughness 1 - sqrt(1 - t).
+levels go from 0 to 1 in equal steps. For Filament the level at t, from 0 to 1, has the roughness 1 - sqrt(1 - t).
 
 References:
     [1] Khronos, KTX File Format Specification, versions 1.0 and 2.0.
