@@ -10,6 +10,7 @@ import click
 
 from export import CLIP_KINDS, FILE, PATH, PHOTO_SET_PARTS
 from export.stereo import stereo_group
+from lighting.cli.commands import Group
 from lighting.errors import LightingError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
@@ -38,12 +39,9 @@ _network = _option("--model", "Network to ask. [default: the one in the package]
 _labels = _option("--labels", "CSV file of `label`.", default="runs/labels.csv")
 
 
-@click.group(context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
 def export_cli() -> None:
     """From a folder of panoramas to the network that ships. export/README.md describes the folder's format."""
-
-
-export_cli.add_command(stereo_group)
 
 
 @export_cli.command("label")
@@ -383,6 +381,9 @@ def _photo_sets(data: Path, count: int | None, model: Path | None, parts: tuple[
     from export.reports.photo_sets import report_photo_sets
 
     click.echo(report_photo_sets(data, model, parts, count))
+
+
+export_cli.add_command(stereo_group)
 
 
 def run_export() -> None:

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
+from lighting.envmap.shadow_mask import shadow_receivers, stands_in_sun
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
 from lighting.records import EstimatedLight, Lighting
-from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, packaged_segmenter, pixel_share
+from lighting.segmentation import Segments, SurfaceClass, class_share, packaged_segmenter, pixel_share
 from lighting.validation import round_significant
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
@@ -44,22 +45,33 @@ _STRETCH_COST = 0.3  # the same for a ball that perspective draws twice as long 
 _MAX_STRETCH = 1.3  # how much longer than wide a ball may be drawn; wide lenses draw eggs at their pictures' edges
 
 
-def draw_ground_mask(lit: NDArray[np.float32], segments: Segments | None) -> NDArray[np.uint8]:
+def draw_ground_mask(lit: NDArray[np.float32], lighting: Lighting, segments: Segments | None) -> NDArray[np.uint8]:
     """Return what is known of a photo's ground as a picture (H, W, 3), 0 to 255.
 
     Red is the probability of firm, level ground. Green is how far the sun reaches the ground, and 0 on what stands
-    before it. Blue is the probability of that: plants, buildings, vehicles, people and other things.
+    before it. Blue is 255 where a ball would stand in the sun by the rule of `envmap.shadow_mask`, else 0.
 
     Args:
-        lit: (H, W) the photo's `shadow_receivers`.
+        lit: (H, W) the photo's `ground_shadow_mask`.
+        lighting: of the photo, whose camera counts.
         segments: of the photo; None: all is ground.
     """
     height, width = lit.shape
-    if segments is None:
-        ground, things = np.ones_like(lit), np.zeros_like(lit)
-    else:
-        ground, things = (pixel_share(segments, width, height, *kinds) for kinds in ((SurfaceClass.GROUND,), THINGS))
-    return np.round(255 * np.stack([ground, lit, things], axis=-1).clip(0, 1)).astype(np.uint8)
+    firm = np.ones_like(lit) if segments is None else pixel_share(segments, width, height, SurfaceClass.GROUND)
+    mask = np.stack([firm, shadow_receivers(lit, segments), find_sunny_ground(lit, lighting)], axis=-1)
+    return np.round(255 * mask.clip(0, 1)).astype(np.uint8)
+
+
+def find_sunny_ground(lit: NDArray[np.float32], lighting: Lighting) -> NDArray[np.bool_]:
+    """Return where (H, W) of a photo a ball would stand in the sun, by the rule of `envmap.shadow_mask`.
+
+    Args:
+        lit: (H, W) the photo's `ground_shadow_mask`.
+        lighting: of the photo, whose camera counts.
+    """
+    camera = photo_camera(lighting, lit.shape[1], lit.shape[0])
+    rays = geometry.camera_directions(camera)
+    return stands_in_sun(lit, object_radius(camera, -rays[..., 1] / (rays @ camera.axes[2]), lighting.camera_height))
 
 
 def find_lit_spot(mask: NDArray[np.uint8], near: tuple[float, float]) -> tuple[float, float] | None:
@@ -73,7 +85,7 @@ def find_lit_spot(mask: NDArray[np.uint8], near: tuple[float, float]) -> tuple[f
         (x, y) in the same shares.
     """
     rows, columns, _ = mask.shape
-    sure = (mask[..., :2] >= _SURE_GROUND).all(axis=-1)
+    sure = (mask >= _SURE_GROUND).all(axis=-1)
     steps = range(-_ROOM, _ROOM + 1, _ROOM)
     padded = np.pad(sure, _ROOM)
     fits = np.logical_and.reduce(
@@ -84,6 +96,19 @@ def find_lit_spot(mask: NDArray[np.uint8], near: tuple[float, float]) -> tuple[f
     y, x = np.nonzero(fits)
     best = np.argmin((x + 0.5 - near[0] * columns) ** 2 + (y + 0.5 - near[1] * rows) ** 2)
     return float((x[best] + 0.5) / columns), float((y[best] + 0.5) / rows)
+
+
+def is_in_sun(sunny: NDArray[np.bool_], foot: Floats) -> bool:
+    """Return whether an object on the ground stands in the sun; outside of the photo, the nearest cell counts.
+
+    Args:
+        sunny: (H, W) of a photo, by `find_sunny_ground`.
+        foot: (x, y) in shares of its width and height; NaN behind the camera, where it does.
+    """
+    if not np.isfinite(foot).all():
+        return True
+    column, row = np.clip(foot * sunny.shape[::-1], 0, np.array(sunny.shape[::-1]) - 1).astype(int)
+    return bool(sunny[row, column])
 
 
 @dataclass(frozen=True)
@@ -218,12 +243,10 @@ def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
 def _box_means(values: NDArray[np.float32], lateral: Floats, vertical: Floats) -> Floats:
     """The mean (h, w) of values (h, w) within boxes around each pixel that reach so far (h, w) [pixels]."""
     rows, columns = values.shape
-    sums = np.pad(values.astype(np.float64).cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
     y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
     top, bottom = (np.clip(np.round(edge), 0, rows).astype(np.intp) for edge in (y - vertical, y + vertical))
     left, right = (np.clip(np.round(edge), 0, columns).astype(np.intp) for edge in (x - lateral, x + lateral))
     bottom, right = np.maximum(bottom, top + 1), np.maximum(right, left + 1)
     bottom, right = np.minimum(bottom, rows), np.minimum(right, columns)
     top, left = np.minimum(top, bottom - 1), np.minimum(left, right - 1)
-    total = sums[bottom, right] - sums[top, right] - sums[bottom, left] + sums[top, left]
-    return np.asarray(total / ((bottom - top) * (right - left)))
+    return geometry.box_means(values, (top, bottom), (left, right))

@@ -216,7 +216,7 @@ async def draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotated
     """A mask as PNG, at most 256 pixels wide or high.
 
     Red is the probability of firm, level ground near by. Green says how far the sun reaches the ground, and is 0 on
-    what stands before it. Blue is the probability of that: plants, vehicles, people and other things.
+    what stands before it. Blue is 255 where an object would stand in the sun, and 0 where in shade.
     """
     return Response(await admission.run(tasks.encode_ground, admission.service, photo, query), media_type="image/png")
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from lighting.envmap import surroundings
 from lighting.envmap.relighting import adjust_lighting, edit_lighting
-from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
+from lighting.envmap.shadow_mask import ground_shadow_mask
 from lighting.envmap.surroundings import PhotoContext, photo_context, render_view, surroundings_gain
 from lighting.errors import PhotoError
 from lighting.files import MAP_FORMATS, encode_envmap
@@ -260,7 +260,7 @@ def _draw_ground(service: Service, data: bytes, query: queries.GroundQuery) -> P
     photo, estimate = _estimate_photo(service, data, query)
     with trace_step("map"):
         lit = ground_shadow_mask(photo.pixels, estimate.lighting, sun=query.sun, segments=estimate.segments)
-        return draw_ground_mask(shadow_receivers(lit, estimate.segments), estimate.segments)
+        return draw_ground_mask(lit, estimate.lighting, estimate.segments)
 
 
 def _zip_scene_of_plate(

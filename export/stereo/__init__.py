@@ -6,9 +6,10 @@ from typing import Any
 import click
 
 from export import FILE, PATH
+from lighting.cli.commands import Group
 
 
-@click.group("stereo")
+@click.group("stereo", cls=Group)
 def stereo_group() -> None:
     """Outdoor photometric stereo: its noise, its normals, its network."""
 

@@ -2,7 +2,7 @@
 
 import os
 import shlex
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
@@ -122,13 +122,15 @@ class Group(click.Group):
 Group.group_class = Group  # of a group's groups
 
 
-def write_examples(examples: Iterable[str], formatter: click.HelpFormatter) -> None:
+def write_examples(examples: Sequence[str], formatter: click.HelpFormatter) -> None:
     """Write examples at the end of a help, each in a line of its own, however long.
 
     Args:
         examples: command lines.
         formatter: takes the lines.
     """
+    if not examples:
+        return
     with formatter.section("Examples"):
         for line in examples:
             formatter.write(f"{'':{formatter.current_indent}}{line}\n")

@@ -15,6 +15,7 @@
   const plate = await new THREE.TextureLoader().loadAsync(data.plate);
   plate.colorSpace = THREE.SRGBColorSpace;
   const lit = await new THREE.TextureLoader().loadAsync(data.litGround);
+  const known = await new THREE.TextureLoader().loadAsync(data.ground);
   scene.background = plate;
   const map = new THREE.HDRLoader().parse(bytes(data.environment).buffer);
 
@@ -118,25 +119,16 @@
   }
 
   const mask = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
-  Object.assign(mask.canvas, { width: lit.image.width, height: lit.image.height });
-  mask.drawImage(lit.image, 0, 0);
+  Object.assign(mask.canvas, { width: known.image.width, height: known.image.height });
+  mask.drawImage(known.image, 0, 0);
 
-  // Whether the object stands in the sun: where half of the plate's ground in a square around its foot is lit. It is the
-  // rule of lighting/envmap/shadow_mask.
+  // 1 where the object stands in the sun, 0 in shade, by the mask's blue at its foot, or at the cell next to it.
   function litAtFoot() {
     const { width, height } = mask.canvas;
     const foot = object.position.clone().project(camera);
-    const depth = camera.position.distanceTo(object.position) * Math.tan((data.verticalFov * Math.PI) / 360);
-    const reach = (height * data.ballRadius) / (2 * depth);
-    const span = (middle, count) => {
-      const first = Math.max(0, Math.floor(middle - reach));
-      return [first, Math.min(count, Math.floor(middle + reach) + 1) - first];
-    };
-    const [left, columns] = span(((1 + foot.x) / 2) * width, width);
-    const [top, rows] = span(((1 - foot.y) / 2) * height, height);
-    if (columns <= 0 || rows <= 0) return 1;
-    const pixels = mask.getImageData(left, top, columns, rows).data;
-    return pixels.reduce((sum, value, i) => (i % 4 ? sum : sum + value), 0) < 127.5 * columns * rows ? 0 : 1;
+    const cell = (share, count) => Math.min(Math.max(Math.floor(share * count), 0), count - 1);
+    const [x, y] = [cell((1 + foot.x) / 2, width), cell((1 - foot.y) / 2, height)];
+    return foot.z > 1 ? 1 : mask.getImageData(x, y, 1, 1).data[2] / 255;
   }
 
   // Where the plate's ground is in shade, the sun reaches neither the object nor the ground that reflects light to it. The

@@ -16,7 +16,7 @@ from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance
 from lighting.envmap.sun_disc import sun_irradiance
-from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, clip_slice, shrink_size
+from lighting.geometry import Floats, Pinhole, box_means, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.records import Lighting, check_lighting
 from lighting.segmentation import THINGS, Segments, pixel_share
 
@@ -133,6 +133,26 @@ def is_in_shade(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: 
         reach: pixels of the camera beside the feet, of the rectangle that counts.
     """
     return mean_sunlit(lit, camera, feet, reach) < _MIN_SUNLIT
+
+
+def stands_in_sun(lit: NDArray[np.float32], reach: Floats) -> NDArray[np.bool_]:
+    """Where (H, W) of a picture a thing would stand in the sun, by the rule above.
+
+    Args:
+        lit: (H, W) the picture's `ground_shadow_mask`.
+        reach: (H, W) pixels of the mask beside a foot there, of the rectangle that counts.
+    """
+    height, width = lit.shape
+    rows = _reached(np.arange(height)[:, None] + 0.5, reach, height)
+    return np.asarray(box_means(lit, rows, _reached(np.arange(width) + 0.5, reach, width)) >= _MIN_SUNLIT)
+
+
+def _reached(middle: Floats, reach: Floats, count: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """The first row or column within reach of a middle, and the one after the last, as `clip_slice` has them."""
+    return (
+        np.maximum(middle - reach, 0).astype(np.intp),
+        np.minimum((middle + reach).astype(np.intp) + 1, count),
+    )
 
 
 def dappled_sunlight(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[float, float] | None:

@@ -19,11 +19,11 @@ import lighting.geometry as geometry
 from lighting.documentation import describe_fields
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance
-from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
+from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import Floats, Pinhole
-from lighting.ground import max_object_meters, spot_warnings
+from lighting.ground import find_sunny_ground, is_in_sun, max_object_meters, spot_warnings
 from lighting.light_probe import LightProbe, main_light, project_latlong
 from lighting.photo.reader import Photo, check_photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
@@ -158,7 +158,8 @@ class Scene:
     @cached_property
     def spot_in_shade(self) -> bool:
         """Whether what stands on the spot is in shade, by the rule of `envmap.shadow_mask`."""
-        return is_in_shade(self.lit_ground, self._camera, self._sight[None], BALL * self.height)
+        foot = geometry.camera_pixel(self._sight, self._camera) / [self.width, self.height]
+        return not is_in_sun(find_sunny_ground(self.lit_ground, self.lighting), foot)
 
     @cached_property
     def shadow_receivers(self) -> NDArray[np.float32]:

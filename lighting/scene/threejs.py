@@ -12,7 +12,14 @@ from lighting.envmap.relighting import rotate_envmap
 from lighting.files import encode_envmap
 from lighting.records import Json, record_with_coefficients
 from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
-from lighting.scene.writer import Folder, encode_lit_ground, encode_plate, fill_template, read_data_text
+from lighting.scene.writer import (
+    Folder,
+    encode_ground_mask,
+    encode_lit_ground,
+    encode_plate,
+    fill_template,
+    read_data_text,
+)
 
 PAGE = "scene.html"
 
@@ -58,6 +65,7 @@ def _description(scene: Scene) -> Json:
         "albedo": PLACEHOLDER_ALBEDO,
         "plate": _png_url(encode_plate(scene)),
         "litGround": _png_url(encode_lit_ground(scene, movable=True)),
+        "ground": _png_url(encode_ground_mask(scene)),
         "environment": b64encode(encode_envmap(rotate_envmap(scene.environment, _YAW), format="hdr")).decode(),
         "lighting": record_with_coefficients(scene.lighting, scene.light_probe),
     }

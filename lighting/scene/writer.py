@@ -222,7 +222,7 @@ def write_shared_files(scene: Scene, folder: Folder) -> None:
     (folder / ENVIRONMENT).write_bytes(encode_envmap(scene.environment, scene.lighting, probe=scene.light_probe))
     write_record(scene, folder)
     (folder / LIT_GROUND).write_bytes(encode_lit_ground(scene))
-    (folder / GROUND).write_bytes(encode_png(draw_ground_mask(scene.shadow_receivers, scene.segments)))
+    (folder / GROUND).write_bytes(encode_ground_mask(scene))
 
 
 def write_record(scene: Scene, folder: Folder) -> None:
@@ -257,6 +257,15 @@ def encode_lit_ground(scene: Scene, *, movable: bool = False) -> bytes:
     """
     share = 0.0 if scene.spot_in_shade and not movable else 1.0
     return encode_png(np.round(255 * share * scene.shadow_receivers).astype(np.uint8))
+
+
+def encode_ground_mask(scene: Scene) -> bytes:
+    """What is known of the plate's ground, as PNG, by `draw_ground_mask`.
+
+    Args:
+        scene: made by `make_scene`.
+    """
+    return encode_png(draw_ground_mask(scene.lit_ground, scene.lighting, scene.segments))
 
 
 def encode_projected_ground(scene: Scene) -> tuple[bytes, bytes]:

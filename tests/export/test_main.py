@@ -12,6 +12,14 @@ from export.networks.outdoor import network_specs
 from lighting.errors import LightingError
 
 
+@pytest.mark.parametrize(
+    ("words", "meant"), [(["evalute"], "evaluate"), (["report", "vido"], "video"), (["stereo", "gian"], "gain")]
+)
+def test_a_misspelt_command_is_answered_by_what_was_meant(words: list[str], meant: str) -> None:
+    result = CliRunner().invoke(export_cli, words)
+    assert (result.exit_code, f"Did you mean {meant}?" in result.output) == (2, True)
+
+
 @pytest.mark.parametrize("option", [["--only-seen"], ["--only-camera"], ["--surroundings"], ["--teacher", "x"]])
 def test_the_baseline_has_no_such_heads(data: Path, tmp_path: Path, option: list[str]) -> None:
     arguments = ["train", "--data", str(data), "--out", str(tmp_path / "run"), "--network", "cvpr2017", *option]

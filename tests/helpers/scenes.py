@@ -79,8 +79,8 @@ def plain_scene(**changes: Any) -> Scene:
 
 @lru_cache(maxsize=1)
 def half_shaded_scene() -> Scene:
-    """The same with the right half of the ground in shade, where the placeholder's shadows fall."""
-    return _shaded(slice(sunlit_scene().width // 2, None))
+    """The same with the right half of the ground in shade but for the spot, where the placeholder's shadows fall."""
+    return _shaded(slice(sunlit_scene().width // 2 + 3, None))
 
 
 @lru_cache(maxsize=1)

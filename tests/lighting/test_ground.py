@@ -5,14 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.relighting import edit_lighting, rotate_lighting
-from lighting.geometry import Pinhole, angle_between, camera_pixel
+from lighting.envmap.shadow_mask import is_in_shade
+from lighting.geometry import Pinhole, angle_between, camera_directions, camera_pixel
 from lighting.ground import (
     OBJECT_RADIUS,
     describe_ground,
     draw_ground_mask,
     find_ground_spot,
     find_lit_spot,
+    is_in_sun,
     max_object_meters,
     object_radius,
     spot_warnings,
@@ -28,6 +31,7 @@ def test_the_nearest_ground_in_the_sun_has_room_beside_it() -> None:
     mask = np.full((10, 10, 3), 200, dtype=np.uint8)
     mask[:, :5, 1] = 0
     assert find_lit_spot(mask, (0.1, 0.55)) == (0.75, 0.55)
+    assert find_lit_spot(np.roll(mask, 1, axis=-1), (0.1, 0.55)) == (0.75, 0.55)  # where an object would be in shade
     assert find_lit_spot(mask, (2.0, -1.0)) == (0.75, 0.25)
     assert find_lit_spot(mask * np.array([1, 0, 1], dtype=np.uint8), (0.1, 0.5)) is None
 
@@ -99,13 +103,34 @@ def test_visible_ground_is_the_share_of_its_cells() -> None:
     assert visible_ground(cells()) == pytest.approx(10 / 18)
 
 
-def test_the_mask_holds_ground_sunlight_and_things() -> None:
+def test_the_mask_holds_ground_sunlight_and_where_an_object_is_in_the_sun() -> None:
     lit = np.zeros((36, 48), dtype=np.float32)
-    mask = draw_ground_mask(lit, cells((slice(8, 18), slice(12, 24), SurfaceClass.PERSON)))
+    things = cells((slice(8, 18), slice(12, 24), SurfaceClass.PERSON))
+    mask = draw_ground_mask(lit, LIGHT, things)
     assert mask.shape == (36, 48, 3)
     assert mask[30, 4].tolist() == [255, 0, 0]
-    assert mask[30, 44].tolist() == [0, 0, 255]
-    assert draw_ground_mask(lit, None)[0, 0].tolist() == [255, 0, 0]
+    assert mask[30, 44].tolist() == [0, 0, 0]
+    assert draw_ground_mask(lit, LIGHT, None)[0, 0].tolist() == [255, 0, 0]
+    assert draw_ground_mask(1 - lit, LIGHT, things)[30, 44].tolist() == [0, 0, 255]
+
+
+def test_the_mask_says_of_shade_what_preview_and_scenes_say() -> None:
+    lit = np.random.default_rng(0).uniform(0, 1, (36, 48)).astype(np.float32)
+    camera = photo_camera(LIGHT, 48, 36)
+    rays = camera_directions(camera)
+    sunny = draw_ground_mask(lit, LIGHT, None)[..., 2] > 0
+    assert 0.2 < sunny.mean() < 0.8
+    for row, column in np.ndindex(lit.shape):
+        ray = rays[row, column]
+        radius = float(object_radius(camera, -ray[1] / (ray @ camera.axes[2]), LIGHT.camera_height))
+        assert is_in_shade(lit, camera, ray[None], radius) != sunny[row, column]
+
+
+def test_a_foot_beside_the_photo_counts_as_at_its_edge() -> None:
+    sunny = np.array([[True, True], [False, True]])
+    assert is_in_sun(sunny, np.array([1.4, 1.3]))
+    assert not is_in_sun(sunny, np.array([-0.2, 1.01]))
+    assert is_in_sun(sunny, np.array([np.nan, np.nan]))
 
 
 def test_an_estimate_says_what_its_photo_shows() -> None:

@@ -118,6 +118,14 @@ def test_answers_to_photos_have_the_tag_of_their_bytes(client: TestClient) -> No
     assert "etag" not in client.post("/v1/lighting", content=b"no photo", headers=JPEG).headers
 
 
+def test_a_post_ignores_if_none_match(client: TestClient, jpeg: bytes) -> None:
+    """RFC 9110, 13.2.1: it neither selects nor modifies a representation, so that there is nothing to compare with."""
+    first = client.post("/v1/lighting", content=jpeg, headers=JPEG)
+    for tag in (first.headers["etag"], "*"):
+        again = client.post("/v1/lighting", content=jpeg, headers={**JPEG, "If-None-Match": tag})
+        assert (again.status_code, again.content) == (200, first.content)
+
+
 def test_equal_skies_share_a_tag_and_others_do_not(client: TestClient) -> None:
     def tag(**changed: Any) -> str:
         return client.get("/v1/envmap", params={**SKY, "height": 32, **changed}).headers["etag"]

@@ -101,8 +101,12 @@ export interface LightParameters {
 /** Parameters that the service does not know: what follows from them is stated as irradiances. */
 const PAGE_ALONE: ReadonlySet<string> = new Set(["ground_albedo", "warmth", "softness"]);
 
-/** A light, and perhaps a camera, instead of the estimated ones. Irradiances that it leaves out follow the other parameters. */
-export interface LightOverrides extends LightParameters {
+/**
+ * A light, and perhaps a camera, instead of the estimated ones, by the names of the service. Irradiances that it leaves
+ * out follow the other parameters.
+ */
+export interface LightOverrides extends Omit<LightParameters, "exposure"> {
+  sky_exposure: number;
   sun_irradiance?: Triple;
   sky_irradiance?: Triple;
   sky_cover?: number;
@@ -110,7 +114,7 @@ export interface LightOverrides extends LightParameters {
   photo_exposure?: number; // at which the photo is as it is
   camera_elevation?: number;
   camera_roll?: number;
-  vertical_fov?: number;
+  camera_vertical_fov?: number;
 }
 
 /** An error of the service, in its own sentence; status 0 where there was no answer. */
@@ -177,14 +181,11 @@ export function fetchPreview(photo: Blob, userInput: UserInput, adjustments?: Ad
   return post(`v1/preview?${query}`, buildForm([photo]));
 }
 
-/** What the service calls fields of the record that replace the estimate, where it is not by their own names. */
-const EDIT_NAMES: Readonly<Record<string, string>> = { exposure: "sky_exposure", vertical_fov: "camera_vertical_fov" };
-
 /** The parameters of a photo's URL: the user's input, and the light that replaces the estimated one. */
 export function photoQuery(userInput: UserInput, overrides?: LightOverrides): URLSearchParams {
   const query = userInputQuery(userInput, 1);
   for (const [name, value] of Object.entries(overrides ?? {})) {
-    if (!PAGE_ALONE.has(name)) query.set(EDIT_NAMES[name] ?? name, formatValue(value));
+    if (!PAGE_ALONE.has(name)) query.set(name, formatValue(value));
   }
   return query;
 }

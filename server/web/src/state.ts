@@ -113,6 +113,11 @@ export function sameParameters(a: LightParameters, b: LightParameters): boolean 
   return JSON.stringify(a) === JSON.stringify(b);
 }
 
+/** A light by the names that the service has for one that replaces a photo's. */
+export function overridesFromParameters({ exposure, ...rest }: LightParameters): LightOverrides {
+  return { ...rest, sky_exposure: exposure };
+}
+
 /** The light on show with all that its record states of it; `irradiances` are its own where it is not the estimate's. */
 export function statedOverrides(
   estimate: Lighting,
@@ -125,7 +130,7 @@ export function statedOverrides(
     sun.irradiance && sky.irradiance && unchanged ? { sun: sun.irradiance, sky: sky.irradiance } : irradiances;
   const hasIrradiances = (sun.irradiance && sky.irradiance) || isToned(parameters);
   return {
-    ...{ ...parameters, photo_exposure: sky.exposure },
+    ...{ ...overridesFromParameters(parameters), photo_exposure: sky.exposure },
     ...(hasIrradiances ? { sun_irradiance: stated.sun, sky_irradiance: stated.sky } : {}),
     ...(sky.cover === undefined && !isToned(parameters) ? {} : { sky_cover: coverOf(sky.cover, parameters) }),
     ...(ground?.color ? { ground_color: ground.color } : {}),
@@ -137,7 +142,7 @@ export const isToned = ({ warmth, softness }: LightParameters): boolean => warmt
 
 /** The camera that a record states, in the names of the service. */
 export function cameraOverrides({ camera }: Lighting): Partial<LightOverrides> {
-  return { camera_elevation: camera.elevation, camera_roll: camera.roll, vertical_fov: camera.vertical_fov };
+  return { camera_elevation: camera.elevation, camera_roll: camera.roll, camera_vertical_fov: camera.vertical_fov };
 }
 
 /**

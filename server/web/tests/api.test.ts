@@ -51,7 +51,7 @@ describe("the service", () => {
       sun_azimuth: -41.23456789,
       sun_elevation: 33,
       turbidity: 3.4,
-      exposure: 2e-6,
+      sky_exposure: 2e-6,
       ground_albedo: 0.3,
       ...{ sun: true, warmth: 0.5, softness: 0.2 },
     };
@@ -94,7 +94,7 @@ describe("the service", () => {
       sun_azimuth: 10,
       sun_elevation: 20,
       turbidity: 3,
-      exposure: 1.5,
+      sky_exposure: 1.5,
       ground_albedo: 0.3,
       sun: false,
       warmth: 0,

@@ -15,8 +15,15 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../src/geometry/placement";
-import { groundMaskFromPixels, sunlitAround } from "../src/scene/groundMask";
-import { buildRecord, cameraOverrides, imagePart, parametersFromRecord, statedOverrides } from "../src/state";
+import { groundMaskFromPixels, isInSun } from "../src/scene/groundMask";
+import {
+  buildRecord,
+  cameraOverrides,
+  imagePart,
+  overridesFromParameters,
+  parametersFromRecord,
+  statedOverrides,
+} from "../src/state";
 import {
   describeBorrowed,
   describeMetadata,
@@ -240,7 +247,7 @@ describe("the light on show as text", () => {
     warmth: 0,
     softness: 0,
   };
-  const movedInput = { ...subject, overrides: light };
+  const movedInput = { ...subject, overrides: overridesFromParameters(light) };
 
   it("is a curl command", () => {
     expect(writeCurl(subject)).toBe(
@@ -256,7 +263,7 @@ describe("the light on show as text", () => {
 
   it("replaces the light in the curl command", () => {
     expect(writeCurl(movedInput)).toContain(
-      "&sun_azimuth=-41.2&sun_elevation=33&turbidity=3&sky_exposure=5&sun=false&",
+      "&sun_azimuth=-41.2&sun_elevation=33&turbidity=3&sun=false&sky_exposure=5&",
     );
   });
 
@@ -286,7 +293,7 @@ describe("the light on show as text", () => {
 
   it("replaces the camera where photos have one together, in both", () => {
     const record = { camera: { elevation: -1.25, roll: 0.5, vertical_fov: 51.9834 } } as Lighting;
-    const changed = { ...light, ...cameraOverrides(record) };
+    const changed = { ...overridesFromParameters(light), ...cameraOverrides(record) };
     expect(writeCurl({ ...subject, overrides: changed })).toContain(
       "&camera_elevation=-1.25&camera_roll=0.5&camera_vertical_fov=51.9834&",
     );
@@ -319,7 +326,10 @@ describe("the light on show as text", () => {
       ground: { color: [0.143, 0.1, 0.1] },
     } as Lighting;
     const irradiances: Irradiances = { sun: [0, 0, 0], sky: [1, 2, 3] };
-    expect(statedOverrides(record, light, irradiances)).toEqual({ ...light, photo_exposure: 5 });
+    expect(statedOverrides(record, light, irradiances)).toEqual({
+      ...overridesFromParameters(light),
+      photo_exposure: 5,
+    });
     const program = writePython({ ...subject, overrides: statedOverrides(stated, light, irradiances) });
     expect(program).toContain(
       '    "sun_irradiance": (3.89, 4.28, 3.36123),\n    "sky_irradiance": (0.35, 0.62, 1.12),\n',
@@ -328,19 +338,21 @@ describe("the light on show as text", () => {
     expect(program).toContain("finer, exposure=5)");
     const rotated = statedOverrides(stated, { ...light, exposure: 10 }, irradiances);
     expect(writeCurl({ ...subject, overrides: rotated })).toContain(
-      "&sky_exposure=10&sun=false&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
+      "&sun=false&sky_exposure=10&photo_exposure=5&sun_irradiance=0%2C0%2C0&sky_irradiance=1%2C2%2C3&sky_cover=0.25&ground_color=0.143%2C0.1%2C0.1&",
     );
   });
 });
 
 describe("the ground", () => {
   const data = new Uint8ClampedArray(4 * 100);
-  for (let i = 0; i < 100; i++) data.set([200, i % 10 < 5 ? 0 : 255, 0, 255], 4 * i);
+  for (let i = 0; i < 100; i++) data.set([200, 128, i % 10 < 5 ? 0 : 255, 255], 4 * i);
   const mask = groundMaskFromPixels({ width: 10, height: 10, data });
 
-  it("is read where it lies in the sun and where not", () => {
-    const read = (x: number, reach: number): number => sunlitAround(mask, [x, 0.55], [reach, reach]);
-    expect([read(0.25, 0.01), read(0.85, 0.01), read(1.2, 0.01), read(0.45, 0.1)]).toEqual([0, 1, 1, 1 / 3]);
+  it("is read where an object stands in the sun and where not", () => {
+    const read = (x: number, y: number): boolean => isInSun(mask, [x, y]);
+    expect([read(0.25, 0.5), read(0.45, 0.95), read(0.5, 0.95)]).toEqual([false, false, true]);
+    expect([read(1.2, 0.5), read(-0.1, 0.5), read(0.25, 1)]).toEqual([true, false, false]);
+    expect([mask.lit[0], mask.sunny[0], mask.sunny[9]]).toEqual([128, 0, 255]);
   });
 });
 

@@ -85,11 +85,6 @@ export function footPoint(placement: Placement, camera: Camera, aspect: number):
   return point && [point[0] / aspect, point[1]];
 }
 
-/** An object's radius where it stands, as a share of the photo's height. */
-export function heightInPhoto({ position, radius }: Placement, camera: Camera): number {
-  return radius / (2 * Math.tan(radians(camera.vertical_fov) / 2) * Math.hypot(...position));
-}
-
 function floatingPoint(camera: Camera, aspect: number, [x, y]: Point): Vector {
   const ray = pixelRay([x * aspect, y], camera, { width: aspect, height: 1 });
   return combine([FLOATING_DISTANCE / Math.hypot(...ray), ray]);

@@ -80,9 +80,9 @@ export class ShadowGround extends Mesh<PlaneGeometry, ShaderMaterial> {
     Object.assign(this.material.uniforms, { lit: { value: maskTexture(lit, width, height) } });
   }
 
-  /** How much of the sun reaches the object, 0 to 1, which it then takes from the ground. */
-  setSunShare(share: number): void {
-    Object.assign(this.material.uniforms, { share: { value: share } });
+  /** Whether the object stands in the sun, which it then takes from the ground. */
+  setInSun(inSun: boolean): void {
+    Object.assign(this.material.uniforms, { share: { value: Number(inSun) } });
   }
 
   /** The size of what is drawn on, pixels. */

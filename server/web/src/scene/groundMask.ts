@@ -7,37 +7,25 @@ import type { Pixels } from "../geometry/color";
 export interface GroundMask {
   width: number;
   height: number;
-  firm: Uint8Array; // probability of firm, level ground
-  lit: Uint8Array; // how far the sun reaches it
+  lit: Uint8Array; // how far the sun reaches the ground
+  sunny: Uint8Array; // 255 where an object stands in the sun, 0 where in shade
 }
 
 /** Ground that lies in the sun everywhere: of a photo whose mask is not known. */
-export const SUNLIT: GroundMask = { width: 1, height: 1, firm: Uint8Array.of(255), lit: Uint8Array.of(255) };
+export const SUNLIT: GroundMask = { width: 1, height: 1, lit: Uint8Array.of(255), sunny: Uint8Array.of(255) };
 
-/** The mask in a picture of the service: its red and its green. */
+/** The mask in a picture of the service: its green and its blue. */
 export function groundMaskFromPixels({ width, height, data }: Pixels): GroundMask {
   const channel = (c: number): Uint8Array =>
     Uint8Array.from({ length: width * height }, (_, i) => data[4 * i + c] as number);
-  return { width, height, firm: channel(0), lit: channel(1) };
+  return { width, height, lit: channel(1), sunny: channel(2) };
 }
 
 /**
- * How far the sun reaches the ground around a point of the photo, 0 to 1: the mean of the cells up to `reach` away. Both
- * are shares of width and height; 1 outside of the photo.
+ * Whether an object whose foot is at a point of the photo, in shares of its width and height, stands in the sun. Outside of
+ * the photo the nearest cell counts.
  */
-export function sunlitAround({ width, height, lit }: GroundMask, [x, y]: Point, reach: Point): number {
-  const span = (at: number, radius: number, count: number): readonly [number, number] => [
-    Math.max(0, Math.floor((at - radius) * count)),
-    Math.min(count, Math.floor((at + radius) * count) + 1),
-  ];
-  const [left, right] = span(x, reach[0], width);
-  const [top, bottom] = span(y, reach[1], height);
-  let [sum, count] = [0, 0];
-  for (let row = top; row < bottom; row++) {
-    for (let column = left; column < right; column++) {
-      sum += lit[row * width + column] as number;
-      count++;
-    }
-  }
-  return count ? sum / count / 255 : 1;
+export function isInSun({ width, height, sunny }: GroundMask, [x, y]: Point): boolean {
+  const cell = (share: number, count: number): number => Math.min(Math.max(Math.floor(share * count), 0), count - 1);
+  return sunny[cell(y, height) * width + cell(x, width)] === 255;
 }

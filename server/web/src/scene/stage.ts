@@ -109,15 +109,15 @@ export class Stage {
     this.draw();
   }
 
-  /** Where the object stands, its size and its rotation, and how much of the sun reaches it, 0 to 1. */
-  setPlacement({ position, radius, rotation, grounded }: Placement, sunlit: number): void {
+  /** Where the object stands, its size and its rotation, and whether it stands in the sun. */
+  setPlacement({ position, radius, rotation, grounded }: Placement, inSun: boolean): void {
     this.object.position.copy(vector(position));
     this.object.scale.setScalar(radius);
     this.object.rotation.y = radians(rotation);
     this.ground.visible = grounded;
     this.ground.setObject(this.object.position, radius);
-    this.sun.intensity = sunlit;
-    this.ground.setSunShare(sunlit);
+    this.sun.intensity = Number(inSun);
+    this.ground.setInSun(inSun);
     this.aimSun();
     this.draw();
   }

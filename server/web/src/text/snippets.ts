@@ -58,13 +58,16 @@ export function writePython({ photo, userInput, overrides, height }: SnippetInpu
   return `${lines.join("\n")}\n`;
 }
 
-/** The entries of the dictionary of changes. */
-function overrideEntries(light: LightOverrides): string[] {
-  const numbers = ["sun_azimuth", "sun_elevation", "turbidity", "exposure"] as const;
-  const camera = ["camera_elevation", "camera_roll", "vertical_fov"] as const;
-  const stated = ["sun_irradiance", "sky_irradiance", "sky_cover", "ground_color"] as const;
-  return [...numbers, ...stated, ...camera].flatMap((name) => {
-    const value = light[name];
+/** The entries of the dictionary of changes, by the record's names. */
+function overrideEntries({ sky_exposure, camera_vertical_fov, ...light }: LightOverrides): string[] {
+  const { sun_azimuth, sun_elevation, turbidity, sun_irradiance, sky_irradiance, sky_cover, ground_color } = light;
+  const { camera_elevation, camera_roll } = light;
+  const changes = {
+    ...{ sun_azimuth, sun_elevation, turbidity, exposure: sky_exposure },
+    ...{ sun_irradiance, sky_irradiance, sky_cover, ground_color },
+    ...{ camera_elevation, camera_roll, vertical_fov: camera_vertical_fov },
+  };
+  return Object.entries(changes).flatMap(([name, value]) => {
     if (value === undefined) return [];
     return [
       `    "${name}": ${typeof value === "number" ? formatValue(value) : `(${value.map(formatValue).join(", ")})`},`,

@@ -7,6 +7,7 @@ import {
   cameraOverrides,
   currentState,
   isToned,
+  overridesFromParameters,
   type PhotoView,
   parametersFromRecord,
   type Session,
@@ -142,7 +143,7 @@ export function lightOverrides(view: PhotoView, { views }: Session): LightOverri
   if (views.length > 1)
     return { ...statedOverrides(view.estimate, parameters, view.irradiances), ...cameraOverrides(view.estimate) };
   if (isToned(parameters)) return statedOverrides(view.estimate, parameters, view.irradiances);
-  return isChanged(view) ? parameters : undefined;
+  return isChanged(view) ? overridesFromParameters(parameters) : undefined;
 }
 
 /** What the light on show changes of the estimate. */

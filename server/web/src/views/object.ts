@@ -7,7 +7,6 @@ import {
   cameraHeight,
   footPoint,
   groundDistance,
-  heightInPhoto,
   maxRadius,
   movePlacement,
   type Placement,
@@ -15,7 +14,7 @@ import {
   rotatePlacement,
   shiftPlacement,
 } from "../geometry/placement";
-import { SUNLIT, sunlitAround } from "../scene/groundMask";
+import { isInSun, SUNLIT } from "../scene/groundMask";
 import type { Stage } from "../scene/stage";
 import type { SceneLight } from "../sky/lighting";
 import { aspectRatio, currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
@@ -29,7 +28,6 @@ const usageText = (where: string): string =>
 const NO_GROUND = "No firm, level ground was found. Click the ground to place the object.";
 const NO_WEBGL = "This browser has no WebGL, so no object is shown. Everything else works.";
 const STAGE_NOT_LOADED = "The object could not be loaded. Load the page again to see it.";
-const MIN_SUNLIT = 0.5; // share of the sun at the object's foot, below which it stands in the shade
 const CLICK = 5; // pixels that a click may wander
 
 type Change = (part: Partial<EditState>, kind: string) => void;
@@ -79,30 +77,27 @@ export class ObjectView {
   show(state: EditState): void {
     const { placement, shape, finish } = state;
     const mask = state.inSun ? SUNLIT : (this.view?.groundMask ?? SUNLIT);
-    const sunlit = this.sunlit(state);
+    const inSun = this.standsInSun(state);
     this.withStage((stage) => {
       stage.setAppearance(shape, finish);
       stage.setGroundMask(mask);
-      stage.setPlacement(placement, sunlit < MIN_SUNLIT ? 0 : 1);
+      stage.setPlacement(placement, inSun);
       this.describePlacement(placement, stage.objectHeight);
       this.note.textContent = placement.grounded ? usageText("ground") : `${NO_GROUND} ${usageText("photo")}`;
     });
-    byId("shade").hidden = !placement.grounded || !state.parameters.sun || sunlit >= MIN_SUNLIT;
+    byId("shade").hidden = !placement.grounded || !state.parameters.sun || inSun;
     findRadio(byId("shapes"), shape).checked = true;
     findRadio(byId("finishes"), finish).checked = true;
     this.size.max = String(Math.log2(maxRadius(placement)));
     this.size.value = String(Math.log2(placement.radius));
     this.rotation.value = String(Math.round(placement.rotation));
     this.canvas.dataset.foot = JSON.stringify(this.foot(placement));
-    this.canvas.dataset.sunlit = sunlit.toFixed(2);
   }
 
-  /** How much of the sun reaches the object, by what the service says of the ground at its foot. */
-  private sunlit({ placement, inSun }: EditState): number {
+  /** Whether the object stands in the sun, by what the service says of the ground at its foot. */
+  private standsInSun({ placement, inSun }: EditState): boolean {
     const foot = this.foot(placement);
-    if (inSun || !placement.grounded || !foot || !this.view) return 1;
-    const high = heightInPhoto(placement, this.view.estimate.camera);
-    return sunlitAround(this.view.groundMask, foot, [high / this.aspect, high]);
+    return inSun || !placement.grounded || !foot || !this.view || isInSun(this.view.groundMask, foot);
   }
 
   private foot(placement: Placement): Point | null {
