@@ -1,0 +1,63 @@
+"""How long a visitor of the page waits for the first answer, and what of it is the service's.
+
+    python -m benchmarks.first_answer [--rounds 5]
+
+Chromium loads the page anew each time, and is given an example or a photo of 12 megapixels. Printed are medians:
+seconds until the headline is there, of which so many until the service's answer was, and the processor seconds of the
+browser meanwhile, without those that draw in place of a graphics card. The last column is the processor time that the
+service alone needs for such an answer. Other work on the machine changes it least. Needs what the tests in the browser
+need.
+"""
+
+import argparse
+import os
+import platform
+import sys
+import tempfile
+import time
+import urllib.request
+from pathlib import Path
+from statistics import median
+
+from benchmarks.common import ROOT, make_photo
+from benchmarks.load import processor_time, started
+from tests.helpers.visits import missing, visit_feature
+
+_EXAMPLE = ROOT / "examples" / "brick_street.jpg"
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--rounds", type=int, default=5, help="visits of each kind")
+    rounds = parser.parse_args().rounds
+    if lack := missing():
+        sys.exit(lack)
+    print(f"{platform.machine()}, {os.cpu_count()} CPUs, Python {platform.python_version()}")
+    print(f"{'':28}{'headline':>10}{'answer':>10}{'browser CPU':>14}{'service CPU':>14}")
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        started([sys.executable, "-m", "server"], "/readyz") as (port, service),
+    ):
+        url = f"http://127.0.0.1:{port}/"
+        photo = make_photo(Path(folder, "photo.jpg"))
+        waits = visit_feature(url, "first_answer", {"rounds": rounds, "photo": str(photo)})["waits"]
+        for name, file in (("an example", _EXAMPLE), ("a photo of 12 megapixels", photo)):
+            own = [wait for wait in waits if wait["name"] == name]
+            clock, answer, browser = (median(wait[kind] for wait in own) for kind in ("clock", "answer", "processor"))
+            seconds = median(_service_seconds(url, file, service.pid) for _ in range(rounds))
+            print(f"{name:28}{clock:10.2f}{answer:10.2f}{browser:14.2f}{seconds:14.2f}")
+
+
+def _service_seconds(url: str, photo: Path, group: int) -> float:
+    """Processor seconds of the service's processes for one answer."""
+    before = processor_time(group)
+    request = urllib.request.Request(f"{url}v1/lighting?probability=true&photo_metadata=true", photo.read_bytes())
+    request.add_header("Content-Type", "image/jpeg")
+    urllib.request.urlopen(request).close()
+    time.sleep(0.05)  # for what is done after the answer
+    return processor_time(group) - before
+
+
+if __name__ == "__main__":
+    main()
