@@ -152,9 +152,10 @@ def shared_files(environment: dict[str, str]) -> list[str]:
     return [f"--volume={path}:{path}:ro" for path in paths]
 
 
-def build_image(engine: Engine, context: Path, tag: str) -> None:
-    """Build the context's Dockerfile on the base; RuntimeError with the last lines if a step fails."""
+def build_image(engine: Engine, context: Path, tag: str, *arguments: str) -> None:
+    """Build the context's Dockerfile on the base, with build arguments NAME=VALUE; RuntimeError if a step fails."""
     dockerfile = (context / "Dockerfile").read_text(encoding="utf-8")
     environment = network_environment()
     shared = shared_files(environment)
-    engine.build(context, replace_bases(dockerfile, environment), "--pull=never", *shared, "--tag", tag)
+    options = [*shared, *(f"--build-arg={argument}" for argument in arguments)]
+    engine.build(context, replace_bases(dockerfile, environment), "--pull=never", *options, "--tag", tag)

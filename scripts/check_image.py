@@ -6,7 +6,10 @@ Builds the Dockerfile (see build_image.py), makes the result read-only and start
 capabilities, in a process namespace of its own and in a network of nothing but a loopback. Then come the image's
 HEALTHCHECK, requests, the command line, SIGTERM, and the sizes.
 
-All is built in memory, 2 GB of it, and is gone afterwards. The base's files alone stay, in FOLDER (400 MB), which is
+A second image is that of a Space of Hugging Face, with TRACES=1: README.md has the front matter of examples/huggingface
+on top, and what runs is user 1000. It answers on app_port, and a collector of traces gets its spans.
+
+All is built in memory, 3 GB of it, and is gone afterwards. The base's files alone stay, in FOLDER (400 MB), which is
 ~/.cache/outdoor-lighting if none is given; delete them to have newer ones. Needs root, buildah and mmdebstrap.
 Exit status 1 and one sentence if a promise is not kept; one line and 0 where no image can be built.
 """
@@ -15,6 +18,7 @@ import fcntl
 import json
 import math
 import os
+import shutil
 import signal
 import socket
 import struct
@@ -23,10 +27,14 @@ import sys
 import tempfile
 import time
 import urllib.request
+import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from http.client import HTTPConnection
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
+from threading import Thread
 
 from scripts.build_image import (
     NEW_NETWORK,
@@ -40,7 +48,8 @@ from scripts.build_image import (
 
 ROOT = Path(__file__).parent.parent
 PHOTO = ROOT / "examples" / "wide_street.jpg"
-BASE_CONTAINER, CONTAINER = "base", "image"
+SPACE = ROOT / "examples" / "huggingface" / "README.md"
+CONTAINER, SPACE_CONTAINER = "image", "space"
 LIMIT = 350  # MB over the base
 START, STOP = 120, 30  # seconds
 COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
@@ -105,10 +114,14 @@ def check(engine: Engine, view: Path, cache: Path) -> None:
     check_context(engine)
     build_image(engine, ROOT, CONTAINER)
     print(f"   the image after {time.monotonic() - began:.0f} s", flush=True)
-    base, files = (unpack(engine, name) for name in ("base", CONTAINER))
+    front_matter = build_space(engine, view.with_name("context"))
+    print(f"   the Space's after {time.monotonic() - began:.0f} s", flush=True)
+    base, files, files_of_space = (unpack(engine, name) for name in ("base", CONTAINER, SPACE_CONTAINER))
     check_layer(base, files)
     check_photo(engine)
-    check_service(read_image(engine, files, view))
+    space = read_image(engine, SPACE_CONTAINER, files_of_space, view.with_name("view-of-space"))
+    check_service(read_image(engine, CONTAINER, files, view))
+    check_space(space, front_matter)
     print(f"   {time.monotonic() - began:.0f} s in all")
 
 
@@ -117,6 +130,23 @@ def expect(kept: bool, promise: str) -> None:
     if not kept:
         raise BrokenPromiseError(f"not kept: {promise}")
     print(f"ok: {promise}", flush=True)
+
+
+def build_space(engine: Engine, context: Path) -> dict[str, str]:
+    """Build what Hugging Face builds, in a copy of the files that git tracks; returns the front matter."""
+    names = _run(["git", "-c", f"safe.directory={ROOT}", "ls-files", "-z"]).split("\0")
+    for path in (Path(name) for name in names if name and (ROOT / name).is_file()):
+        (context / path).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(ROOT / path, context / path)
+    _, matter, _ = SPACE.read_text(encoding="utf-8").split("---\n", 2)
+    page = (ROOT / "README.md").read_text(encoding="utf-8")
+    (context / "README.md").write_text(f"---\n{matter}---\n\n{page}", encoding="utf-8")
+    build_image(engine, context, SPACE_CONTAINER, "TRACES=1")
+    return dict(line.split(": ", 1) for line in matter.splitlines())
+
+
+def _run(argv: list[str]) -> str:
+    return subprocess.run(argv, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
 
 def check_context(engine: Engine) -> None:
@@ -165,9 +195,9 @@ def check_photo(engine: Engine) -> None:
     expect(result.stdout.startswith(b"v/1\x01"), f"`lighting envmap - -o -`: an EXR of {len(result.stdout)} bytes")
 
 
-def read_image(engine: Engine, files: Path, view: Path) -> Image:
+def read_image(engine: Engine, name: str, files: Path, view: Path) -> Image:
     """The image as its own record says that it is run, its files mounted read-only at `view`."""
-    record = json.loads(engine.run("inspect", "--type", "image", CONTAINER))["Docker"]["config"]
+    record = json.loads(engine.run("inspect", "--type", "image", name))["Docker"]["config"]
     view.mkdir()
     mount("--bind", files, view)
     mount("-o", "remount,bind,ro", view)
@@ -203,6 +233,71 @@ def check_service(image: Image) -> None:
         status = service.wait(STOP)
         expect(status in (0, 128 + signal.SIGTERM), f"SIGTERM ends it after {time.monotonic() - began:.1f} s")
     expect(not healthy(probe), "HEALTHCHECK fails when it has stopped")
+
+
+def check_space(image: Image, front_matter: dict[str, str]) -> None:
+    """Run the image as Hugging Face runs a Space, with a collector beside it; check_service has shut the network."""
+    port, host = int(front_matter["app_port"]), "you-light.hf.space"
+    expect(front_matter["sdk"] == "docker" and port == image.port, f"the Space's port {port} is the image's")
+    with Collector() as collector:
+        settings = {"HOSTS": host, "FRAME_ORIGINS": "https://huggingface.co", "OTLP_ENDPOINT": collector.url}
+        variables = [f"LIGHTING_{name}={value}" for name, value in settings.items()]
+        space = replace(image, user="1000:1000", environment=[*image.environment, *variables])
+        with started(space) as (service, pid):
+            expect(bool(wait_healthy(space.command(space.health), service)), "it starts as user 1000")
+            status, headers, page = _get(port, "/", host)
+            framed = "frame-ancestors https://huggingface.co" in headers.get("content-security-policy", "")
+            expect(status == 200 and b"<script" in page and framed, "the Space's page may stand in a frame of its site")
+            expect(_get(port, "/", "other.example")[0] == 421, "and has no other host's name")
+            start = _get(port, "/book/start", host)[2]
+            expect(b"app_port" not in start and b"<h1" in start, "the front matter is on no page")
+            expect("sun" in json.loads(_answer(port, "/v1/lighting", photos=1, host=host)), "a photo is answered")
+            os.kill(pid, signal.SIGTERM)
+            service.wait(STOP)
+    spans = collector.content
+    expect(all(name in spans for name in (b"POST /v1/lighting", b"decode", b"network")), "a collector gets its spans")
+
+
+class Collector(ThreadingHTTPServer):
+    """Keeps what is sent to it as traces; a context manager."""
+
+    def __init__(self) -> None:
+        self.content = b""
+        super().__init__(("127.0.0.1", 0), _TraceHandler)
+        self.url = f"http://127.0.0.1:{self.server_address[1]}"
+
+    def __enter__(self) -> "Collector":
+        Thread(target=self.serve_forever, daemon=True).start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.shutdown()
+        self.server_close()
+
+
+class _TraceHandler(BaseHTTPRequestHandler):
+    server: Collector
+
+    def do_POST(self) -> None:
+        body = self.rfile.read(int(self.headers["Content-Length"]))
+        self.server.content += zlib.decompress(body, 31) if self.headers["Content-Encoding"] == "gzip" else body
+        self.send_response(200)
+        self.send_header("Content-Length", "0")
+        self.end_headers()
+
+    def log_message(self, format: str, *args: object) -> None:
+        pass
+
+
+def _get(port: int, path: str, host: str) -> tuple[int, dict[str, str], bytes]:
+    """The status, the headers by their names in small letters, and the content of an answer to a host's name."""
+    connection = HTTPConnection("127.0.0.1", port, timeout=START)
+    try:
+        connection.request("GET", path, headers={"Host": host})
+        answer = connection.getresponse()
+        return answer.status, {name.lower(): value for name, value in answer.getheaders()}, answer.read()
+    finally:
+        connection.close()
 
 
 def _raise_loopback() -> None:
@@ -276,12 +371,12 @@ def check_requests(port: int) -> dict[str, float | list[float]]:
     return dict(record["sun"])
 
 
-def _answer(port: int, path: str, photos: int = 0) -> bytes:
+def _answer(port: int, path: str, photos: int = 0, host: str = "127.0.0.1") -> bytes:
     """The answer to a GET, or to a form with the example photo, as large as a camera's, once or more often."""
     photo = PHOTO.read_bytes() + bytes(3_000_000)
     part = b'--part\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n%b\r\n' % photo
     form = photos * part + b"--part--\r\n" if photos else None
-    headers = {"Content-Type": "multipart/form-data; boundary=part"}
+    headers = {"Content-Type": "multipart/form-data; boundary=part", "Host": host}
     request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", form, headers)
     without_proxy = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     with without_proxy.open(request, timeout=START) as answer:
