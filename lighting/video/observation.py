@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.circular import HEADINGS
 from lighting.color import luminance, srgb_decode
 from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
@@ -40,7 +39,7 @@ from lighting.model import Model
 from lighting.photo.preprocess import is_blank, preprocess
 from lighting.photo.reader import Photo
 from lighting.records import EvidenceKind, Light, Prediction
-from lighting.sun_grid import grid_solid_angle
+from lighting.sun_grid import HEADINGS, grid_solid_angle
 from lighting.tracing import trace_step
 from lighting.video.decode import Frame
 from lighting.video.shot_detection import Dissolve, DissolveDetector, split_at_dissolve, split_shots
