@@ -99,7 +99,7 @@ def test_the_same_files_make_the_same_zip(package: Path, tmp_path: Path) -> None
 
 def test_imports_become_relative() -> None:
     assert relative("from lighting.geometry import x\n", 1) == "from .geometry import x\n"
-    assert relative("    from lighting.sky.perez import x\n", 2) == "    from ..sky.cie import x\n"
+    assert relative("    from lighting.sky.perez import x\n", 2) == "    from ..sky.perez import x\n"
 
 
 def test_its_sky_and_sun_are_those_of_the_library(unpacked: str) -> None:
