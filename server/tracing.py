@@ -100,8 +100,9 @@ class RequestTracer:
         closing = Thread(target=self._provider.shutdown, daemon=True)
         closing.start()
         closing.join(_CLOSE_SECONDS)
-        self._exporter.shutdown()
-        closing.join(_CLOSE_SECONDS)
+        if closing.is_alive():
+            self._exporter.shutdown()
+            closing.join(_CLOSE_SECONDS)
 
 
 class JobSpan:
