@@ -35,7 +35,7 @@ REFERENCES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs"
 RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "try": ".ci/run",
     "test": ".ci/run",
-    "blender": "tests/test_tutorials.py, where there is Blender",
+    "blender": "tests/test_tutorials.py, by bpy or in the chroot",
     "train": "tests/export/test_training_tutorial.py",
 }
 SKIP = "skip: "  # a mark that begins so gives a reason why nothing runs the block

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
@@ -23,6 +23,7 @@ from PIL import Image
 from scripts.book import ROOT, CodeBlock, read_code_blocks
 from server.app import create_app
 from server.settings import Settings
+from tests.helpers.blender import PYTHON, needs_blender
 from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
 
 LEARN = ROOT / "docs" / "learn"
@@ -102,24 +103,54 @@ def test_the_web_page_shows_an_object_in_a_visitors_photo(tmp_path: Path) -> Non
 
 
 @needs_engines
-def test_blender_shows_an_object_in_a_photo() -> None:
-    """All blocks one after the other: `lighting` here, `blender` in the chroot. The object and its shadow are there."""
-    page = LEARN / "blender.md"
+def test_blender_52_shows_an_object_in_a_photo() -> None:
+    """`lighting` runs here, `blender` in the chroot."""
     with folder_in_chroot() as folder:
-        shutil.copy(ROOT / "examples" / "brick_street.jpg", folder / "photo.jpg")
-        for name, text in read_saved_files(page).items():
-            (folder / name).write_text(text, encoding="utf-8")
-        for line in (line for block in read_code_blocks(page.read_text("utf-8")) for line in _commands(block)):
-            if line.startswith("blender"):
-                run_in_chroot(folder, re.sub(r"^blender (?=--python )", "blender --background ", line))  # no window
-            else:
-                command = [sys.executable, "-m", *shlex.split(line)]
-                subprocess.run(command, cwd=folder, capture_output=True, check=True, env=os.environ)
-        scene = folder / "photo-blender"
-        shown = np.asarray(Image.open(scene / "monkey.png").convert("RGB"), dtype=float)
-        plate = Image.open(scene / "plate.png").convert("RGB").resize(shown.shape[1::-1], Image.Resampling.BOX)
-        assert (folder / "evening" / "scene.py").is_file()
-        assert (folder / "gray" / "scene.py").is_file()
+        follow_blender_page(folder, lambda words: run_in_chroot(folder, shlex.join(["blender", *words])))
+        check_monkey(folder)
+
+
+@pytest.mark.slow
+@needs_blender
+def test_bpy_shows_an_object_in_a_photo(tmp_path: Path) -> None:
+    """`blender` is the module bpy."""
+    program = [PYTHON, str(ROOT / "tests" / "blender" / "blender.py")]
+
+    def run(words: list[str]) -> None:
+        subprocess.run([*program, *words], cwd=tmp_path, capture_output=True, check=True, timeout=PATIENCE)
+
+    follow_blender_page(tmp_path, run)
+    check_monkey(tmp_path)
+
+
+def follow_blender_page(folder: Path, blender: Callable[[list[str]], object]) -> None:
+    """Run all blocks of docs/learn/blender.md, one after the other.
+
+    Args:
+        folder: of the reader.
+        blender: runs Blender in the folder, by the words after its name.
+    """
+    page = LEARN / "blender.md"
+    shutil.copy(ROOT / "examples" / "brick_street.jpg", folder / "photo.jpg")
+    for name, text in read_saved_files(page).items():
+        (folder / name).write_text(text, encoding="utf-8")
+    for line in (line for block in read_code_blocks(page.read_text("utf-8")) for line in _commands(block)):
+        program, *words = shlex.split(line)
+        if program == "blender":
+            blender(words if "--background" in words else ["--background", *words])  # no window
+        else:
+            command = [sys.executable, "-m", program, *words]
+            environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+            subprocess.run(command, cwd=folder, capture_output=True, check=True, env=environment)
+
+
+def check_monkey(folder: Path) -> None:
+    """Assert that object and shadow stand in the lower half of the photo, and that the other scenes are there."""
+    scene = folder / "photo-blender"
+    shown = np.asarray(Image.open(scene / "monkey.png").convert("RGB"), dtype=float)
+    plate = Image.open(scene / "plate.png").convert("RGB").resize(shown.shape[1::-1], Image.Resampling.BOX)
+    assert (folder / "evening" / "scene.py").is_file()
+    assert (folder / "gray" / "scene.py").is_file()
     changed = np.abs(shown - np.asarray(plate, dtype=float)).max(-1) > 40
     rows, columns = np.nonzero(changed)
     assert 0.002 < changed.mean() < 0.1
