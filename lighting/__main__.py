@@ -1,4 +1,7 @@
-"""The command `lighting`, and `python -m lighting`: the network begins to load before the command line is imported."""
+"""The command `lighting`, and `python -m lighting`.
+
+The network begins to load before the command line is imported.
+"""
 
 import sys
 

@@ -4,7 +4,8 @@
 
 Builds the Dockerfile (see build_image.py), makes the result read-only and starts it as its own user, without
 capabilities, in a process namespace of its own and in a network of nothing but a loopback. Then come the image's
-HEALTHCHECK, requests, the command line, SIGTERM, and the sizes.
+HEALTHCHECK, requests, the command line, SIGTERM, and the sizes. Last, the service runs as compose.yaml says, alone and
+behind Caddy with TLS. So every line of Docker on docs/do/run-the-service.md is carried out, by the programs here.
 
 A second image is that of a Space of Hugging Face, with TRACES=1: README.md has the front matter of examples/huggingface
 on top, and what runs is user 1000. It answers on app_port, and a collector of traces gets its spans.
@@ -18,9 +19,11 @@ import fcntl
 import json
 import math
 import os
+import shlex
 import shutil
 import signal
 import socket
+import ssl
 import struct
 import subprocess
 import sys
@@ -36,6 +39,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 
+from scripts.book import read_code_blocks
 from scripts.build_image import (
     NEW_NETWORK,
     Engine,
@@ -50,6 +54,9 @@ ROOT = Path(__file__).parent.parent
 PHOTO = ROOT / "examples" / "wide_street.jpg"
 SPACE = ROOT / "examples" / "huggingface" / "README.md"
 CONTAINER, SPACE_CONTAINER = "image", "space"
+PAGE = ROOT / "docs" / "do" / "run-the-service.md"
+MARK = "image"  # of the page's block of Docker's lines
+HTTPS = 443  # port
 LIMIT = 350  # MB over the base
 START, STOP = 120, 30  # seconds
 COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
@@ -112,6 +119,8 @@ def check(engine: Engine, view: Path, cache: Path) -> None:
     load_base(engine, cache)
     print(f"   the base after {time.monotonic() - began:.0f} s", flush=True)
     check_context(engine)
+    build, run, *compose = read_docker_lines()
+    expect(build == ["docker", "build", "-t", run[-1], "."], f"the page builds the image that it runs, {run[-1]}")
     build_image(engine, ROOT, CONTAINER)
     print(f"   the image after {time.monotonic() - began:.0f} s", flush=True)
     front_matter = build_space(engine, view.with_name("context"))
@@ -120,7 +129,9 @@ def check(engine: Engine, view: Path, cache: Path) -> None:
     check_layer(base, files)
     check_photo(engine)
     space = read_image(engine, SPACE_CONTAINER, files_of_space, view.with_name("view-of-space"))
-    check_service(read_image(engine, CONTAINER, files, view))
+    check_service(image := read_image(engine, CONTAINER, files, view))
+    check_run_options(run, image)
+    check_compose(image, compose)
     check_space(space, front_matter)
     print(f"   {time.monotonic() - began:.0f} s in all")
 
@@ -306,6 +317,13 @@ def _raise_loopback() -> None:
         fcntl.ioctl(anything, 0x8914, struct.pack("16sh22x", b"lo", 1))  # SIOCSIFFLAGS, IFF_UP
 
 
+def _add_address(address: str) -> None:
+    """`ip address add ADDRESS dev lo`."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as anything:
+        request = struct.pack("16sH2x4s8x", b"lo:1", socket.AF_INET, socket.inet_aton(address))
+        fcntl.ioctl(anything, 0x8916, request)  # SIOCSIFADDR
+
+
 def healthy(probe: list[str]) -> bool:
     """Whether the HEALTHCHECK's command succeeds."""
     return subprocess.run(probe, capture_output=True, timeout=START).returncode == 0
@@ -400,6 +418,103 @@ def _is_close(told: float | list[float], other: float | list[float]) -> bool:
     if isinstance(told, list) and isinstance(other, list):
         return len(told) == len(other) and all(map(_is_close, told, other))
     return not isinstance(told, list) and not isinstance(other, list) and math.isclose(told, other, rel_tol=1e-4)
+
+
+def read_docker_lines() -> list[list[str]]:
+    """The words of each line of the page's block of Docker."""
+    (text,) = (b.text for b in read_code_blocks(PAGE.read_text(encoding="utf-8")) if b.mark == MARK)
+    return [shlex.split(line, comments=True) for line in text.splitlines()]
+
+
+def check_run_options(run: list[str], image: Image) -> None:
+    """Check that `docker run` of the page gives the options under which the service just ran, and no other.
+
+    Args:
+        run: the line's words.
+        image: that ran.
+    """
+    ran = ["docker", "run", "--rm", "-p", f"8000:{image.port}", "--read-only", "--cap-drop", "ALL"]
+    expect(run[:-1] == ran, f"it ran as `{' '.join(run)}` says")
+
+
+def check_compose(image: Image, lines: list[list[str]]) -> None:
+    """Run the service by compose.yaml's settings, and Caddy in front of it, as the page's lines do.
+
+    Both have the proxy's address, which this network of a loopback gets too.
+
+    Args:
+        image: of the service.
+        lines: the words of `docker compose up`, and of the same with the proxy for a site.
+    """
+    import yaml
+
+    services = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
+    alone, (site, *proxied) = lines
+    expect(alone == ["docker", "compose", "up", "--build"], "the page starts compose.yaml")
+    profile = services["proxy"]["profiles"]
+    expect(proxied == [*alone[:2], "--profile", *profile, *alone[2:]], "and its proxy, by the profile's name")
+    settings = services["lighting"]["environment"]
+    _add_address(address := services["proxy"]["networks"]["default"]["ipv4_address"])
+    composed = replace(image, environment=[*image.environment, *(f"{k}={v}" for k, v in settings.items())])
+    with started(composed) as (service, pid):
+        expect(bool(wait_healthy(composed.command(image.health), service)), "it runs by the settings of compose.yaml")
+        check_requests(image.port)
+        if shutil.which("caddy"):
+            check_proxy(f"{address}:{image.port}", site.partition("=")[2], services["proxy"]["environment"])
+        else:
+            print("skipped: there is no caddy for the proxy of compose.yaml")
+        os.kill(pid, signal.SIGTERM)
+        service.wait(STOP)
+
+
+def check_proxy(service: str, site: str, variables: dict[str, str | int]) -> None:
+    """Ask the service over TLS by the name of a site, whose certificate Caddy itself signs.
+
+    Args:
+        service: its address and port.
+        site: its host name.
+        variables: of the Caddyfile.
+    """
+    own = {"SITE": site, "SERVICE": service}
+    with tempfile.TemporaryDirectory() as folder:
+        environment = {**os.environ, **{k: str(v) for k, v in variables.items()}, **own, "XDG_DATA_HOME": folder}
+        config = Path(folder, "Caddyfile")
+        text = (ROOT / "Caddyfile").read_text(encoding="utf-8")
+        config.write_text(text.replace("\n{\n", "\n{\n\tadmin off\n\tlocal_certs\n\tskip_install_trust\n", 1))
+        command = ["caddy", "run", "--config", config, "--adapter", "caddyfile"]
+        with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as proxy:
+            try:
+                status = wait_for_site(proxy, site, Path(folder, "caddy/pki/authorities/local/root.crt"))
+            finally:
+                proxy.kill()
+    expect(status == 200, f"https://{site} answers through Caddy")
+
+
+def wait_for_site(proxy: "subprocess.Popen[bytes]", site: str, root: Path) -> int:
+    """The status of a site's readiness once it answers; 0 if it does not in time.
+
+    Args:
+        proxy: that answers.
+        site: its host name.
+        root: the certificate that signs the site's.
+    """
+    began = time.monotonic()
+    while time.monotonic() - began < START and proxy.poll() is None:
+        try:
+            return _ask_site(site, ssl.create_default_context(cafile=root))
+        except OSError:
+            time.sleep(0.2)
+    return 0
+
+
+def _ask_site(site: str, context: ssl.SSLContext) -> int:
+    """The status of /readyz at a site of the loopback."""
+    with (
+        socket.create_connection(("127.0.0.1", HTTPS), START) as plain,
+        context.wrap_socket(plain, server_hostname=site) as secure,
+    ):
+        secure.sendall(f"GET /readyz HTTP/1.1\r\nHost: {site}\r\nConnection: close\r\n\r\n".encode())
+        return int(secure.recv(12).split()[1])
 
 
 def _resident(pid: int) -> int:

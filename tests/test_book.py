@@ -18,12 +18,10 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-import click
 import pytest
 import uvicorn
 from click.testing import CliRunner
 
-from export.__main__ import export_cli
 from lighting.cli import cli
 from lighting.estimator import Estimator
 from scripts.book import BUDGETS, MOST_WORDS, ROOT, CodeBlock, count_page_words, find_broken_rules, read_code_blocks
@@ -32,14 +30,14 @@ from server.settings import Settings
 from tests.helpers.materials import MATERIALS
 
 REFERENCES = sorted(path.relative_to(ROOT).as_posix() for path in (ROOT / "docs" / "reference").glob("*.md"))
+RUN_HERE = {"command line", "python"}  # marks of blocks that this file runs, as it does those without a mark
 RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "try": ".ci/run",
     "test": ".ci/run",
     "blender": "tests/test_tutorials.py, by bpy or in the chroot",
+    "image": "scripts/check_image.py, by buildah and caddy",
     "train": "tests/export/test_training_tutorial.py",
 }
-SKIP = "skip: "  # a mark that begins so gives a reason why nothing runs the block
-MOST_SKIPPED = 2  # blocks of the whole book
 NOT_RUN = {"text", "json", "html", "js", "csv"}  # languages of no program
 HTTP_REFERENCE = "docs/reference/http.md"  # whose commands are run, too
 SERVICE = "http://127.0.0.1:8000"
@@ -53,7 +51,6 @@ BEGINNINGS = {  # of files, by suffix
     ".zip": b"PK",
     ".glb": b"glTF",
 }
-_PROGRAM = re.compile(r"lighting |python -m export ")
 _GOES_ON = re.compile(r"\blighting (?:serve|open)\b|-m http\.server\b")  # until it is stopped
 _SYNTAX = re.compile(r"[|;&$`()<]|^\s*(?:for|if|while|cd|export)\b")  # of lines that only a shell understands
 
@@ -74,57 +71,11 @@ def test_the_book_is_short() -> None:
 
 
 @pytest.mark.parametrize("name", BUDGETS)
-def test_every_block_has_a_language_and_is_run_or_says_why_not(name: str) -> None:
+def test_every_block_has_a_language_and_is_run(name: str) -> None:
     for block in read_code_blocks(read_page(name)):
         assert block.language in {"sh", "python", *NOT_RUN}, block
         assert block.language != "text" or not re.match(r"(?:lighting|curl|python|docker|pip) ", block.text), block
-        assert not block.mark.startswith("skip") or len(block.mark.removeprefix(SKIP).split()) > 2, block
-
-
-def test_few_blocks_are_not_run() -> None:
-    pages = map(read_page, BUDGETS)
-    skipped = [block for page in pages for block in read_code_blocks(page) if block.mark.startswith(SKIP)]
-    assert len(skipped) <= MOST_SKIPPED
-
-
-def skipped_lines() -> list[str]:
-    """The commands of blocks that nothing runs, of programs of this project."""
-    pages = map(read_page, BUDGETS)
-    blocks = [block for page in pages for block in read_code_blocks(page) if block.mark.startswith(SKIP)]
-    return [line for block in blocks for line in block.text.splitlines() if _PROGRAM.match(line)]
-
-
-def test_what_is_not_run_is_right_usage_and_reads_what_is_there(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Each line reads what the reader has, the package holds, or a line before it wrote."""
-    monkeypatch.chdir(tmp_path)
-    Path("lighting").symlink_to(ROOT / "lighting")
-    Path("photo.jpg").touch()
-    Path("DIR").mkdir()
-    for line in skipped_lines():
-        context = parse_line(line)
-        for parameter in context.command.params:
-            value = context.params.get(parameter.name or "")
-            values = value if isinstance(value, tuple) else [value] if value is not None else []
-            for path in map(Path, values if isinstance(parameter.type, click.Path) else []):
-                if parameter.name == "out":
-                    path.parent.mkdir(parents=True, exist_ok=True)
-                    path.touch()
-                assert path.exists(), (line, path)
-
-
-def parse_line(line: str) -> click.Context:
-    """The command that a line calls, with its values; UsageError if there are none such."""
-    words = shlex.split(line, comments=True)
-    program: click.Command = cli if words[0] == "lighting" else export_cli
-    arguments = words[1 if program is cli else 3 :]
-    context = click.Context(program, info_name="program", **program.context_settings)
-    while isinstance(program, click.Group):
-        found = program.get_command(context, arguments.pop(0))
-        assert found, line
-        program, context = found, click.Context(found, info_name=found.name, parent=context)
-    return program.make_context(program.name, arguments, parent=context.parent)
+        assert block.mark in {"", *RUN_HERE, *RUN_ELSEWHERE}, block
 
 
 @pytest.fixture(scope="module")
@@ -281,7 +232,7 @@ def test_the_blocks_of_a_page_run(name: str, reader: Reader, tmp_path: Path) -> 
     if name in MATERIALS:
         MATERIALS[name](tmp_path)
     for block in sorted(read_code_blocks(read_page(name)), key=lambda block: "-X DELETE" in block.text):
-        if block.mark not in RUN_ELSEWHERE and not block.mark.startswith(SKIP):
+        if block.mark not in RUN_ELSEWHERE:
             reader.run(block)
     for file in Path().iterdir():
         assert file.is_dir() or file.read_bytes().startswith(BEGINNINGS.get(file.suffix, b"")), file

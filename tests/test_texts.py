@@ -8,12 +8,14 @@ from inspect import cleandoc
 from pathlib import Path
 
 import click
+import pytest
 
 from export.__main__ import export_cli
+from scripts.book import count_words
 from tests.helpers.pages import ROOT
 from tests.helpers.processes import list_commands
 
-LONGEST_SENTENCE, LONGEST_NOTE = 30, 15  # words; a warning or a sentence of the page is a note
+LONGEST_SENTENCE, LONGEST_NOTE, MEAN_SENTENCE = 30, 15, 15  # words; a warning or a sentence of the page is a note
 WEB = ROOT / "server" / "web"
 SENTENCE_END = re.compile(r"(?<=[.!?])[\"'”)\]]*\s+(?=[\"'“(\[`]*[A-Z0-9`_*-])|\n\s*\n|\n\s*-\s")
 LITERAL = re.compile(r'"((?:[^"\\\n]|\\.)*)"|`((?:[^`\\]|\\.)*)`')
@@ -160,6 +162,17 @@ def test_docstrings_have_no_long_sentence() -> None:
     _, _, documented = found()
     assert len(documented) > 1500
     assert [sentence for text in documented for sentence in long_sentences(text)] == []
+
+
+@pytest.mark.parametrize("folder", ["lighting", "server", "export"])
+def test_docstrings_of_a_module_have_short_sentences(folder: str) -> None:
+    """In the mean of each module."""
+    means = {}
+    for module in modules(folder):
+        texts = docstrings(ast.parse((ROOT / module).read_bytes()))
+        lengths = [count_words(part) for text in texts for part in SENTENCE_END.split(text) if count_words(part)]
+        means[module] = sum(lengths) / max(len(lengths), 1)
+    assert {module: mean for module, mean in means.items() if mean > MEAN_SENTENCE} == {}
 
 
 def test_help_has_no_long_sentence() -> None:

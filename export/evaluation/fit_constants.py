@@ -69,7 +69,7 @@ class _GroundSamples:
 
 
 def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Path | None = None) -> _GroundSamples:
-    """The grounds of a split's panoramas of WEATHER, of 8 bits as well, at places that the folder `seen` has not.
+    """The grounds of a split's panoramas of WEATHER. Places of the folder `seen` are left out.
 
     DataError where there are none or their crops show no ground, ModelError if the network states no light.
     """
@@ -97,9 +97,9 @@ def _sample_grounds(model: Model, data: Path, labels: Path, part: str, seen: Pat
 
 
 def _fit_ground_share(grounds: _GroundSamples) -> tuple[float, float]:
-    """The smallest share, with its stops, that is no worse than the best one by more than a standard error.
+    """The smallest share, with its stops, within one standard error of the best.
 
-    The error is that of their difference in the mean, for the same crops judge both, over places, for the crops of one
+    The same crops judge both, so the error is that of the mean difference. It is over places, since crops of one place
     are not independent.
     """
     errors = np.array([[grounds.errors(share, darker) for darker in GROUND_STOPS] for share in GROUND_SHARES])
@@ -112,7 +112,7 @@ def _fit_ground_share(grounds: _GroundSamples) -> tuple[float, float]:
 
 
 def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:
-    """The fit on places of `train` that the folder `seen` has not, both weathers alike, and errors in both splits."""
+    """The fit on places of `train`, both weathers alike, and errors in both splits."""
     parts = {part: _sample_grounds(model, data, labels, part, seen if part == "train" else None) for part in SPLITS}
     share, darker = _fit_ground_share(_balanced(parts["train"]))
     rows = []
@@ -182,7 +182,7 @@ def _sky_rows(model: Model, data: Path, labels: Path, part: str) -> Iterator[tup
 
 
 def _fit_sky_trust(skies: _SkySamples) -> Floats:
-    """The power (2,) of the ratio under a clear sky, and what the square of the cover adds to it."""
+    """The power (2,) of the ratio under a clear sky, and what squared cover adds."""
     logs = [np.log(np.maximum(values, 1e-9)) for values in (skies.ratio, skies.true / skies.predicted)]
     shift, target = (log[:, ::2] - log[:, 1:2] for log in logs)  # of red and blue over green
     terms = (np.stack([np.ones_like(skies.cover), skies.cover**2], axis=1)[:, None] * shift[..., None]).reshape(-1, 2)
@@ -195,13 +195,13 @@ def _fit_sky_trust(skies: _SkySamples) -> Floats:
 
 
 def _sky_color_errors(skies: _SkySamples, trust: Floats) -> Floats:
-    """Angle [deg] (N,) between the colours of the sky's irradiance, said and true, with that trust in the picture."""
+    """Angle [deg] (N,) between the sky's colours, said and true, with that trust in the picture."""
     corrected = skies.predicted * skies.ratio ** (trust[0] + trust[1] * skies.cover**2)[:, None]
     return angle_between(corrected, skies.true)
 
 
 def _report_sky_color(model: Model, data: Path, labels: Path) -> str:
-    """The fit on `train`, and errors of the sky's colour in both splits, by the cover that the network says."""
+    """The fit on `train`, and errors of colour in both splits, by cover."""
     parts = {part: _sample_skies(model, data, labels, part) for part in SPLITS}
     trust = _fit_sky_trust(parts["train"].with_sky)
     rows = []
@@ -258,7 +258,7 @@ def _sample_suns(model: Model, crops: HdrCrops) -> list[_SunSample]:
 
 
 def _sun_color_errors(suns: Sequence[_SunSample], power: float) -> Floats:
-    """Angles (2,) between colours [deg], of the sun and of the light on level ground: means of the places' medians."""
+    """Angles (2,) between colours [deg], of sun and level ground. Means of the places' medians."""
     places: dict[str, list[Floats]] = {}
     for sun in suns:
         color = blend_to_clear_sun(sun.predicted, sun.elevation, power)
@@ -289,9 +289,9 @@ def _report_sun_color(model: Model, data: Path, labels: Path) -> str:
 
 
 def _stops_over_clear(sun: Sequence[Floats], sky: Sequence[Floats], elevation: Sequence[float]) -> Floats:
-    """Stops (N,) of the luminance of suns (3,) over that of skies (3,) above clear skies with suns at elevations [deg].
+    """Stops (N,) of suns (3,) over skies (3,), above those of clear skies. Elevations in deg.
 
-    Of a clear sky it is the luminance of the channels' ratios: it only has to be the same for all that are compared.
+    Of a clear sky it is the luminance of the channels' ratios. It must only be the same for all.
     """
     ratio = luminance(np.array(sun)) / luminance(np.array(sky))
     clear = luminance(np.array([clear_sun_to_sky_ratio(round(e)) for e in elevation]))

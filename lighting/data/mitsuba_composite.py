@@ -1,8 +1,8 @@
 """Render the object over the photo with Mitsuba 3: python composite.py [samples [variant]].
 
-Renders with the object and without differ by its shadow and its reflected light: the plate is multiplied by their ratio
-(Debevec 1998). Where lit_ground.png says that the photo's ground lies in shade, the sun is left out of both, so that no
-shadow darkens shade. The object's own pixels have as much of the sun as `sun_on_object` in object.xml says. Writes
+Renders with the object and without differ by its shadow and its reflected light. The plate is multiplied by their ratio
+(Debevec 1998). In shade, by lit_ground.png, the sun is left out of both, so that no shadow darkens shade. The object's
+own pixels have as much of the sun as `sun_on_object` in object.xml says. Writes
 composite.png. The variant scalar_rgb runs everywhere; llvm_ad_rgb is faster and needs LLVM.
 """
 

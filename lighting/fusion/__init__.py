@@ -1,1 +1,1 @@
-"""Evidence about the sun: a photo's pixels, metadata, user, ephemeris and other photos; and its fusion."""
+"""Evidence about the sun, and its fusion: pixels, metadata, user, ephemeris, other photos."""

@@ -1,1 +1,1 @@
-"""Pictures for people: the photo with its light drawn in, and three spheres lit by it."""
+"""Pictures for people: the photo, its light, and three spheres in this light."""

@@ -1,4 +1,4 @@
-"""Measured skies: bracketed exposures become a map of radiance in the world's axes, and a map tells its sky."""
+"""Measured skies: bracketed exposures become a map of radiance, and a map tells its sky."""
 
 
 def __getattr__(name: str) -> object:

@@ -1,4 +1,4 @@
-"""A clip's light: the camera's path from followed points, one sun for each shot; and streams, frame by frame.
+"""A clip's light: the camera's path, and one sun for each shot. Streams, too, frame by frame.
 
 It needs the extra `all` (PyAV and OpenCV), which is imported when it is used.
 """
