@@ -309,7 +309,7 @@ _OTHER_SUFFIXES = (  # of pictures that are no photos or that nothing here is kn
     ".ppm", ".pgm", ".pbm", ".pnm", ".pam", ".pfm", ".xcf", ".kra", ".ora", ".ico", ".icns", ".pcx", ".sgi", ".qoi",
     ".flif", ".bpg", ".fits", ".djvu", ".wmf", ".emf", ".apng",
     ".mp4", ".mov", ".m4v", ".avi", ".mkv", ".webm", ".wmv", ".3gp", ".3g2", ".mts", ".m2ts", ".mpg", ".mpeg", ".flv",
-    ".insv", ".360", ".lrv",
+    ".insv", ".360", ".lrv", ".lrf", ".livp",
 )  # fmt: skip
 IN_CACHES = "in caches"  # the reason of pictures that programs made of others, or that a user threw away
 _CACHE_NAMES = {  # of folders, in small letters
@@ -317,12 +317,17 @@ _CACHE_NAMES = {  # of folders, in small letters
     "@synoresource", "~snapshot", "files_trashbin", "files_versions",  # of Synology, NetApp and Nextcloud
     "system volume information", "network trash folder", "temporary items",
     "papierkorb", "corbeille", "papelera", "cestino", "prullenbak", "papperskorg", "lixeira", "kosz",
-    "$recycle.bin", "recycler", "recycled", "recycle bin", "trash", "lost+found", "__macosx",
+    "$recycle.bin", "recycle.bin", "recycler", "recycled", "recycle bin", "trash", "trash folder", "lost+found",
+    "recently deleted", "deleted items", "__macosx", "thevolumesettingsfolder", "@sharesnap", "@recently",
+    "корзина", "ごみ箱", "ゴミ箱", "回收站", "휴지통", "_vti_cnf", "node_modules",
 }  # fmt: skip
-_CACHE_NAME = re.compile(r"thumbnail|(?:^|[._@-])thumbs?$|(?:^|[ ._@-])caches?$|^appdata_|\.lrdata$")
+_CACHE_NAME = re.compile(
+    r"thumbnail|(?:^|[._@-])thumbs?$|(?:^|[ ._@-]|image|photo|preview)caches?$|^appdata_|\.lrdata$"
+)
 _LIBRARIES = (".photoslibrary", ".photolibrary", ".aplibrary", ".migratedphotolibrary")  # of Apple's programs
 _ORIGINALS = ("originals", "masters")  # the folders of libraries that hold photos
 _DERIVATIVES = ("derivatives", "renders")  # below a library's "resources"
+_INDEX_FOLDERS = ("thm", "idx")  # below a camera's "misc"
 
 
 def find_photos(pattern: str) -> tuple[str, list[str]]:
@@ -404,7 +409,7 @@ def _is_in_cache(folders: Sequence[str], pattern: str) -> bool:
     for index, folder in enumerate(lower):
         parent = lower[index - 1] if index else ""
         cache = folder in _CACHE_NAMES or _CACHE_NAME.search(folder)
-        derived = parent == "resources" and folder in _DERIVATIVES
+        derived = (parent == "resources" and folder in _DERIVATIVES) or (parent == "misc" and folder in _INDEX_FOLDERS)
         beside = parent.endswith(_LIBRARIES) and folder not in _ORIGINALS
         if (cache or derived or beside) and folder not in named:
             return True

@@ -42,6 +42,9 @@ _MIN_AREA = 0.04  # of the whole, of a picture
 _MIN_BORDER = 0.006  # of a side, under which nothing is cut off
 _SMOOTH_BEND = 4  # gray levels, second difference of neighbors up to which a blurred copy or a gradient is smooth
 _SMOOTH_JUMP = 6  # gray levels, of its end
+_EDGE_SHARE_BELOW_TEXT = 0.8  # of a row's pixels that change where a photo begins below a text on a smooth bar
+_GRADIENT_FITS, _GRADIENT_SHARE = 3, 0.95  # to bars, and of their pixels that lie on the gradient
+_MAX_TEXT_SHARE = 0.08  # of the height, of a line of text on a smooth bar
 _SMOOTH_SHARE = 0.95  # of a row's pixels that do
 _COPY_SIDE = 48  # pixels, at which a blurred copy is compared
 _COPY_CORRELATION = 0.5
@@ -52,7 +55,7 @@ _CROSSING_SHARE = 0.6  # the same of two seams that cross each other anywhere
 _SEAM_POSITIONS = np.array([1 / 3, 1 / 2, 2 / 3])
 _SHADE = 4  # gray levels
 _MIN_SHADES, _MIN_SHADE_SHARE = 6, 0.005  # of a photo's pixels in each of them
-_COLLAGE_RATIO = 4.0  # of areas, up to which the largest and the second picture are equals
+_COLLAGE_RATIO = 6.0  # of areas, up to which the largest and the second picture are equals
 
 
 @dataclass(frozen=True)
@@ -359,12 +362,23 @@ def _end_of_smooth_bar(gray: NDArray[np.int16]) -> int:
     """The row at which a straight edge ends a bar of smooth rows at the top; 0 without."""
     bent = [(np.abs(np.diff(gray, n=2, axis=axis)) <= _SMOOTH_BEND).mean(axis=1) for axis in (0, 1)]
     smooth = np.minimum(bent[0], bent[1][1:-1]) >= _SMOOTH_SHARE
-    count = int(np.argmin(np.append(smooth, False))) + 1  # of smooth rows from the top on
-    rows = np.arange(max(2, count - _REACH), min(count + max(3 * _REACH, len(gray) // 32), len(gray) - 1))
-    if count < 2 * _REACH or not len(rows):
+    if not smooth[: 2 * _REACH].all():
         return 0
-    share = (np.abs(gray[rows + 1] - gray[rows - 2]) > _SMOOTH_JUMP).mean(axis=1)
-    return int(rows[share.argmax()]) if share.max() >= _EDGE_SHARE else 0
+    runs = _runs(~smooth)
+    first = runs[0][0] if runs else 0
+    for begin, end in runs:  # lines of text, until the photo begins
+        rows = np.arange(max(2, begin + 1 - _REACH), min(begin + 1 + _edge_reach(gray), len(gray) - 1))
+        share = (np.abs(gray[rows + 1] - gray[rows - 2]) > _SMOOTH_JUMP).mean(axis=1)
+        if share.max(initial=0.0) >= (_EDGE_SHARE if begin == first else _EDGE_SHARE_BELOW_TEXT):
+            return int(rows[share.argmax()])
+        if end - begin > _MAX_TEXT_SHARE * len(gray):
+            return 0
+    return 0
+
+
+def _edge_reach(gray: NDArray[np.int16]) -> int:
+    """Rows behind the last smooth one within which a photo's edge lies."""
+    return max(3 * _REACH, len(gray) // 32)
 
 
 def _is_gradient(part: NDArray[np.int16], inner: _Box) -> bool:
@@ -377,8 +391,13 @@ def _is_gradient(part: NDArray[np.int16], inner: _Box) -> bool:
         return False
     terms = np.stack([np.ones_like(u), u, v, u * u, u * v, v * v], axis=1)
     colors = part[y[outside], x[outside]].astype(np.float64)
-    fitted = terms @ np.linalg.lstsq(terms, colors, rcond=None)[0]
-    return bool((np.abs(fitted - colors).max(axis=1) <= _TOLERANCE // 2).mean() >= _GAP_SHARE)
+    fits = np.ones(len(colors), dtype=bool)
+    for _ in range(_GRADIENT_FITS):  # texts on the bars are left out
+        if np.count_nonzero(fits) < len(colors) // 2:
+            return False
+        fitted = terms @ np.linalg.lstsq(terms[fits], colors[fits], rcond=None)[0]
+        fits = np.abs(fitted - colors).max(axis=1) <= _TOLERANCE // 2
+    return bool(fits.mean() >= _GRADIENT_SHARE)
 
 
 def _is_blurred_copy(part: NDArray[np.int16], inner: _Box) -> bool:
@@ -412,9 +431,9 @@ def _stereo_half(gray: NDArray[np.int16], box: _Box) -> _Box | None:
     height, width = part.shape
     if min(height, width) < 16 or _has_round_pictures(part):
         return None
-    if _stereo_correlation(part[:, : width // 2], part[:, -(width // 2) :]) >= _STEREO_CORRELATION:
+    if _are_stereo_pair(part[:, : width // 2], part[:, -(width // 2) :]):
         return _Box(box.left, box.top, box.left + width // 2, box.bottom)
-    if _stereo_correlation(part[: height // 2], part[-(height // 2) :]) >= _STEREO_CORRELATION:
+    if _are_stereo_pair(part[: height // 2], part[-(height // 2) :]):
         return _Box(box.left, box.top, box.right, box.top + height // 2)
     return None
 
@@ -431,6 +450,13 @@ def _has_round_pictures(gray: Floats) -> bool:
 
 def _ends(side: int) -> tuple[slice, slice]:
     return slice(None, side), slice(-side, None)
+
+
+def _are_stereo_pair(first: Floats, second: Floats) -> bool:
+    """Whether two pictures show the same, in their middle as well, where no perforation of a film does so."""
+    middle = slice(len(first) // 4, len(first) - len(first) // 4)
+    pairs = (first, second), (first[middle], second[middle])
+    return all(_stereo_correlation(*pair) >= _STEREO_CORRELATION for pair in pairs)
 
 
 def _stereo_correlation(first: Floats, second: Floats) -> float:

@@ -15,7 +15,16 @@ from typing import Any
 from PIL import ExifTags
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.photo.tags import EXIF_NAMESPACE, TAKEOUT_TIME, Tags, read_number, read_xmp_number, try_read
+from lighting.photo.tags import (
+    EXIF_NAMESPACE,
+    PNG_CREATION_TIME,
+    TAKEOUT_TIME,
+    Tags,
+    read_number,
+    read_text,
+    read_xmp_number,
+    try_read,
+)
 
 YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is computed
 UTC_OFFSET_RANGE = (-12.0, 14.0)  # h from UTC of all zones
@@ -134,9 +143,13 @@ _ABBREVIATIONS = {  # of zones, h from UTC; others, such as CST, are of several
     **{"NZDT": 13},
 }
 # Words that phones write for the halves of the day, in lower case without dots and blanks.
-_MORNING = "damanhã demanhã delamañana "
+_MORNING = "damanhã demanhã delamañana paradite eparadites pg pagi পূর্বাহ্ন পূর্বাহ্ণ முற்பகல் "
+_MORNING += "ಪೂರ್ವಾಹ್ನ asubuhi ጥዋት ກ່ອນທ່ຽງ ព្រឹក နံနက် rn dopoldne үө тң صبح قبلازظهر "
+_MORNING += "priekšp priekšpusdienā priešpiet prijepodne преподне пријеподне günortadanöň goöň "
 _MORNING += "am a 上午 早上 凌晨 清晨 午前 오전 ص صباحا قظ לפנהצ πμ sa öö dop de ap fm vm पूर्वाह्न ก่อนเที่ยง дп прел fh"
-_AFTERNOON = "datarde danoite delatarde delanoche "
+_AFTERNOON = "datarde danoite delatarde delanoche pasdite epasdites ptg petang অপরাহ্ন অপরাহ্ণ பிற்பகல் "
+_AFTERNOON += "ಅಪರಾಹ್ನ alasiri mchana jioni ከሰዓት ຫຼັງທ່ຽງ ល្ងាច ညနေ in pop popoldne тк شام بعدازظهر "
+_AFTERNOON += "pēcp pēcpusdienā popiet popodne поподне послијеподне günortadansoň gosoň үх "  # noqa: RUF001
 _AFTERNOON += "pm p 下午 晚上 傍晚 中午 午後 오후 م مساء بظ אחהצ μμ ch ös odp du ip em nm अपराह्न หลังเที่ยง пп слоб eh"
 _HALF_DAYS = dict.fromkeys(_MORNING.split(), 0) | dict.fromkeys(_AFTERNOON.split(), 12)
 
@@ -221,7 +234,7 @@ def _offset_in_text(text: str, time: datetime) -> float | None:
         time: local, at which a zone that has a name is asked.
     """
     before, _, name = text.partition("[")
-    text = (before.strip() or name.strip(" ]")).strip(" ()")
+    text = (before.strip() or name.strip(" ]")).strip(" ()\"'")
     if text in _ABBREVIATIONS:
         return float(_ABBREVIATIONS[text])
     if _ZONE_NAME.fullmatch(text):
@@ -249,12 +262,18 @@ def _offset_of_zone(name: str, time: datetime) -> float | None:
 
 _TIME_ZONE_OFFSET = 0x882A  # h, of EXIF for TIFF/EP
 _PHOTOSHOP, _XMP = (f"http://ns.adobe.com/{name}/1.0" for name in ("photoshop", "xap"))
-_EXIF_EX = "http://cipa.jp/exif/1.0"
+_EXIF_EX, _TIFF = "http://cipa.jp/exif/1.0", "http://ns.adobe.com/tiff/1.0"
 _XMP_TIMES = (
     f"{EXIF_NAMESPACE} DateTimeOriginal",
     f"{_PHOTOSHOP} DateCreated",
     f"{_XMP} CreateDate",
     f"{EXIF_NAMESPACE} DateTimeDigitized",
+    PNG_CREATION_TIME,
+)
+_XMP_WRITING_TIMES = (f"{_TIFF} DateTime", f"{_XMP} ModifyDate")
+_XMP_SOFTWARE = (f"{_TIFF} Software", f"{_XMP} CreatorTool")
+_FIRMWARE = re.compile(  # versions and builds of cameras; names of programs are words
+    r"(?i:v|ver|version|firmware|fw)?[ ._]*\d[\d.,_ vr-]*|(?=[^a-z ]*\d)[A-Z\d._/-]{6,}|HDR\+ .*|MediaTek .*", re.ASCII
 )
 _IPTC_TIMES = (((2, 55), (2, 60)), ((2, 62), (2, 63)))  # date and time, of the picture and of its digital form
 
@@ -275,14 +294,15 @@ def read_clock(
     exif = list(_exif_stamps(tags))
     others = [stamp for name in _XMP_TIMES if (stamp := _xmp_stamp(xmp, name))]
     others = [*others, *_iptc_stamps(iptc), *_takeout_stamps(xmp, exif)]
-    stamps = exif + others or list(_late_stamps(tags))
+    written = [stamp for name in _XMP_WRITING_TIMES if (stamp := _xmp_stamp(xmp, name))]
+    stamps = exif + others or list(_late_stamps(tags)) or ([] if _was_edited(tags, xmp) else written)
     if not stamps:
         return None
     time = stamps[0].time
-    same = (stamp.utc_offset for stamp in stamps if _is_same_time(stamp.time, time))
+    same = (stamp.utc_offset for stamp in (*stamps, *written) if _is_same_time(stamp.time, time))
     offset = next((hours for hours in same if hours is not None), None)
     if offset is None:
-        offset = _offset_by_universal(time, others)
+        offset = _first_known(_offset_by_universal(time, others), _offset_beside(xmp, time))
     if offset is None:
         offset = _offset_of_edit(tags, time, is_located)
     return Stamp(time, offset)
@@ -311,8 +331,29 @@ def _exif_stamps(tags: Tags) -> Iterator[Stamp]:
 def _late_stamps(tags: Tags) -> Iterator[Stamp]:
     """The time at which the file was written, unless a program did it later than the camera."""
     base = ExifTags.Base
-    if (written := read_stamp(tags.get(base.DateTime))) and not tags.get(base.Software):
+    if (written := read_stamp(tags.get(base.DateTime))) and not _was_edited(tags, {}):
         yield Stamp(written.time, _first_known(written.utc_offset, _offset(tags, base.OffsetTime, written)))
+
+
+def _was_edited(tags: Tags, xmp: Mapping[str, str]) -> bool:
+    """Whether a program wrote the file, and not the camera, whose software is a version or its own name."""
+    base = ExifTags.Base
+    software, make, model = (_text(tags, tag) for tag in (base.Software, base.Make, base.Model))
+    names = [name.lower() for name in (make, model) if name]
+    of_camera = bool(_FIRMWARE.fullmatch(software)) or any(software.lower().startswith(name) for name in names)
+    by_camera = not software or (bool(names) and of_camera)
+    return not by_camera or any(xmp.get(name, software) != software for name in _XMP_SOFTWARE)
+
+
+def _offset_beside(xmp: Mapping[str, str], time: datetime) -> float | None:
+    """The offset that XMP holds without a time of its own."""
+    spaces, times = (_EXIF_EX, EXIF_NAMESPACE), ("Original", "Digitized", "")
+    texts = (_plain_text(xmp.get(f"{space} OffsetTime{which}")) for which in times for space in spaces)
+    return _first_known(*(_offset_in_text(text, time) for text in texts))
+
+
+def _text(tags: Tags, tag: int) -> str:
+    return try_read(lambda found: read_text(found[tag]), tags) or ""
 
 
 def _offset_of_edit(tags: Tags, time: datetime, is_located: bool) -> float | None:

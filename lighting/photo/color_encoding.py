@@ -184,7 +184,7 @@ def _by_exif(image: Image.Image, exif_source: Image.Image) -> ColorEncoding | No
             continue
         space = read_ifd(source, ExifTags.IFD.Exif).get(ExifTags.Base.ColorSpace)
         index = try_read(lambda tags: read_text(tags[_INTEROP_INDEX]), read_ifd(source, ExifTags.IFD.Interop))
-        if space == _ADOBE_RGB or (space == _UNCALIBRATED and index == "R03"):
+        if space == _ADOBE_RGB or (space in (_UNCALIBRATED, None) and index == "R03"):
             return ColorEncoding(ADOBE_RGB_GAMMA, chromaticities_to_rec709(ADOBE_RGB_CHROMATICITIES))
         if space is not None:
             return None

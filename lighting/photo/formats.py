@@ -171,12 +171,20 @@ _PICTURES = (  # name with its article, and how such files begin
     ("a BLP texture", b"BLP"), ("a VTF texture", b"VTF\0"), ("an InDesign document", b"\x06\x06\xed\xf5"),
     ("a PaintShop Pro document", b"Paint Shop Pro Image File"), ("a Paint.NET document (PDN)", b"PDN3"),
     ("an Affinity document", b"\0\xffKA"), ("an ImageMagick picture (MIFF)", b"id=ImageMagick"),
+    ("an ASTC texture", b"\x13\xab\xa1\x5c"), ("a PVR texture", b"PVR\3"), ("a JBIG2", b"\x97JB2"),
+    ("a MrSID picture", b"msid"), ("a NITF picture", b"NITF0"), ("a PGF picture", b"PGF"),
+    ("a Clip Studio document", b"CSFCHUNK"), ("a Microsoft Paint picture (MSP)", b"LinS"),
+    ("a Microsoft Paint picture (MSP)", b"DanM"), ("an AutoCAD drawing (DWG)", b"AC10"),
     ("an XPM", b"/* XPM"), ("an XBM", b"#define "), ("a DjVu", b"AT&TFORM"), ("a WMF", b"\xd7\xcd\xc6\x9a"),
 )  # fmt: skip
 _OTHERS = (  # of which no picture can be made
     ("a Blender file", b"BLENDER"), ("a glTF scene (GLB)", b"glTF"), ("a USD scene", b"PXR-USDC"),
     ("a ZIP archive", b"PK\x03\x04"), ("a gzip archive", b"\x1f\x8b"), ("a 7z archive", b"7z\xbc\xaf"),
-    ("a RAR archive", b"Rar!"), ("an MP3", b"ID3"), ("an Ogg file", b"OggS"), ("a FLAC", b"fLaC"),
+    ("a RAR archive", b"Rar!"), ("an XZ archive", b"\xfd7zXZ"), ("a bzip2 archive", b"BZh"),
+    ("a Zstandard archive", b"\x28\xb5\x2f\xfd"), ("a program of Windows", b"MZ"), ("a program", b"\x7fELF"),
+    ("a document of Microsoft Office", b"\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1"), ("an FBX scene", b"Kaydara FBX"),
+    ("a PLY model", b"ply\n"), ("a PLY model", b"ply\r\n"),
+    ("an MP3", b"ID3"), ("an MP3", b"\xff\xfb"), ("an MP3", b"\xff\xf3"), ("an Ogg file", b"OggS"), ("a FLAC", b"fLaC"),
     ("a resource file of macOS (AppleDouble)", b"\0\x05\x16\x07"),
     ("an array of NumPy", b"\x93NUMPY"), ("an HDF5 file", b"\x89HDF"), ("a property list", b"bplist00"),
     ("an SQLite database", b"SQLite format 3"), ("a shortcut of Windows", b"L\0\0\0\x01\x14\x02\0"),
@@ -199,12 +207,15 @@ _NETPBM = {b"1": "PBM", b"2": "PGM", b"3": "PPM", b"4": "PBM", b"5": "PGM", b"6"
 _NETPBM |= {b"f": "PFM", b"F": "PFM"}
 _NETPBM_HEAD = re.compile(rb"P([1-7fF])[ \t\r\n#]")
 _BMP_HEADERS = (12, 16, 40, 52, 56, 64, 108, 124)  # bytes of the second header
+_DIB_HEADERS = tuple(size.to_bytes(4, "little") for size in _BMP_HEADERS[2:])
+_DIB_PLANES = tuple(b"\1\0" + bits.to_bytes(2, "little") for bits in (1, 4, 8, 16, 24, 32))
 _PCX_HEAD = re.compile(rb"\x0a[\x00\x02-\x05]\x01[\x01\x02\x04\x08]")
 _TGA_HEAD = re.compile(rb"(?s).[\x00\x01][\x01-\x03\x09-\x0b].{13}[\x08\x0f\x10\x18\x20][\x00-\x3f]")
 _TGA_UNCOMPRESSED = (1, 2, 3)
 _TEXT_HEAD = 4096  # bytes
 _PDF_HEAD = 1024  # bytes, within which a PDF may begin
 _JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*[\[{\"\d])")
+_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 _IN_ZIP = (
     (b"image/openraster", "an OpenRaster document (ORA)"), (b"application/x-krita", "a Krita document (KRA)"),
@@ -293,6 +304,12 @@ def _picture_name(data: bytes) -> str | None:
         return "an EMF"
     if data[2048:2055] == b"PCD_IPI":
         return "a Photo CD picture (PCD)"
+    if data[:4] == b"RIFF" and data[8:12] == b"ACON":
+        return "a cursor (ANI)"
+    if data[522:526] == b"\0\x11\2\xff":
+        return "a PICT"
+    if data[:4] in _DIB_HEADERS and data[12:16] in _DIB_PLANES:
+        return "a BMP without its first header (DIB)"
     if data[:4] == b"RIFF" and data[8:11] == b"CDR":
         return "a CorelDRAW document (CDR)"
     if data[:2] == _GZIP and _is_svg(_first_of_gzip(data)):
@@ -307,6 +324,8 @@ def _picture_name(data: bytes) -> str | None:
 
 
 def _is_svg(data: bytes) -> bool:
+    if data[:2] in _UTF_16:
+        data = data[: 2 * _TEXT_HEAD].decode("utf-16", "ignore").encode()
     return bool(_MARKUP.match(data)) and b"<svg" in data[:_TEXT_HEAD].lower() and not _is_html(data)
 
 
@@ -328,7 +347,20 @@ def _other_name(data: bytes) -> str | None:
         return "a page of the web (HTML)" if _is_html(data) else "an XML file"
     if _JSON.match(data):
         return "a JSON file"
-    return next((name for name, start in _OTHERS if data.startswith(start)), None)
+    if data[36:40] == b"acsp":
+        return "an ICC profile"
+    named = next((name for name, start in _OTHERS if data.startswith(start)), None)
+    return named or ("a text" if _is_text(data[:_TEXT_HEAD]) else None)
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether the start of a file is UTF-8 of letters, blanks and line ends; a character may be cut at its end."""
+    try:
+        text = head.decode("utf-8")
+    except UnicodeDecodeError as error:
+        is_cut = len(head) == _TEXT_HEAD and error.start > len(head) - 4
+        text = head[: error.start].decode("utf-8") if is_cut else "\0"
+    return all(c.isprintable() or c in "\t\r\n\ufeff" for c in text)
 
 
 def _is_html(data: bytes) -> bool:

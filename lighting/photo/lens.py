@@ -26,6 +26,7 @@ _SENSOR_DIAGONALS = (3.0, 90.0)  # mm, from phones to backs of medium format
 _CROP_FACTORS = (0.4, 13.0)  # of the same; a 35 mm value over a focal length that is none of them is damage
 _MIN_ZOOM = 1.02  # of a digital zoom that was used
 _MAX_FRAME_ASPECT = 2.45  # longer by shorter side of what a camera takes at once: phones' 21:9 have 2.33
+_MIN_PANORAMA_ASPECT = 2.8  # of what a camera writes of several frames; cameras crop to 65:24 at most
 _APPLE_PANORAMA = 6  # EXIF's CustomRendered, by Apple's cameras
 _MAX_VIEW = 100.0  # deg, horizontal field of view up to which a cylinder or sphere is about a plane
 _SENSOR_ASPECTS = (4 / 3, 3 / 2, 16 / 9)  # longer by shorter side
@@ -102,7 +103,9 @@ def read_lens(main: Tags, camera: Tags, xmp: Mapping[str, str], frame: PhotoFram
     recorded = _recorded_size(camera, xmp, frame)
     fits = _fits(recorded, frame)
     if max(frame.width, frame.height) > _MAX_FRAME_ASPECT * min(frame.width, frame.height):
-        return PhotoLens(equivalent, is_whole=False)
+        is_written_so = fits is not False and recorded is not None and not frame.is_inside
+        is_panorama = is_written_so and max(recorded or (0.0,)) > _MIN_PANORAMA_ASPECT * min(recorded or (1.0,))
+        return PhotoLens(equivalent, is_whole=False, is_panorama=is_panorama)
     crop = _developed_crop(xmp)
     if equivalent is None:
         return PhotoLens(is_whole=fits is not False and crop.is_centered, turn=crop.turn)
@@ -224,14 +227,23 @@ class _Crop:
 
         The developer turns the pixels and forgets that it did, so that the shape of the whole tells.
         """
-        upright, turned = self._whole(frame), replace(self, width=self.height, height=self.width)._whole(frame)
-        wholes = sorted({upright: None, turned: None}, key=_distance_from_sensor)
-        wholes = [whole for whole in wholes if _distance_from_sensor(whole) < _distance_from_sensor(wholes[0]) + 0.1]
+        turned = replace(self, width=self.height, height=self.width)
+        found = (crop for one in (self, turned) for crop in (one._whole(frame), one._whole_of_corners(frame)))
+        wholes = sorted(dict.fromkeys(found), key=_distance_from_sensor)
+        limit = _distance_from_sensor(wholes[0]) + (0.03 if self.turn else 0.1)
+        wholes = [whole for whole in wholes if _distance_from_sensor(whole) < limit]
         return tuple(math.hypot(*whole) / math.hypot(frame.width, frame.height) for whole in wholes)
 
     def _whole(self, frame: PhotoFrame) -> tuple[float, float]:
         """Width and height of the picture that was cropped."""
         return frame.width / self.width, frame.height / self.height
+
+    def _whole_of_corners(self, frame: PhotoFrame) -> tuple[float, float]:
+        """The same, where the crop states two corners of the rectangle that was turned."""
+        cosine, sine = math.cos(math.radians(self.turn)), math.sin(math.radians(self.turn))
+        across = cosine * frame.width - sine * frame.height
+        along = sine * frame.width + cosine * frame.height
+        return (across / self.width, along / self.height) if min(across, along) > 0 else self._whole(frame)
 
 
 def _distance_from_sensor(size: tuple[float, float]) -> float:
@@ -277,7 +289,7 @@ def _panorama_view(xmp: Mapping[str, str]) -> tuple[float, float] | None:
         across = number("CroppedAreaImageWidthPixels") / whole * 360.0
         along = number("CroppedAreaImageHeightPixels") / whole * 360.0
     except (ArithmeticError, LookupError, ValueError):
-        declared = f"{_GPANO} ProjectionType" in xmp
+        declared = f"{_GPANO} ProjectionType" in xmp or xmp.get(f"{_GPANO} UsePanoramaViewer", "").lower() == "true"
         return (360.0, 180.0) if declared else None
     return (across, along) if 0.0 < across <= 360.0 and 0.0 < along <= 180.0 else None
 

@@ -38,6 +38,9 @@ from lighting.photo.tags import (
 Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, positive north and east
 
 _DJI = "http://www.dji.com/drone-dji/1.0"
+_DJI_NAMES = (  # the second is how DJI's first drones spelled it
+    ("GpsLatitude", "GpsLongitude"), ("GpsLatitude", "GpsLongtitude"), ("Latitude", "Longitude"),
+)  # fmt: skip
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:/\d+)?", re.ASCII)
 _LETTERS = re.compile(r"[^\W\d_ºª]+")  # an ordinal's sign stands for the degree's
 _DECIMAL_COMMA = re.compile(r"([-+]?\d+),(\d{3,})(?=\D*$)", re.ASCII)  # minutes have two digits before a point
@@ -76,8 +79,8 @@ def read_locations(gps: Tags, xmp: Mapping[str, str]) -> Locations:
     sources = [tuple(gps.get(name) for name in names)]
     exif = ("GPSLatitude", "GPSLatitudeRef", "GPSLongitude", "GPSLongitudeRef")
     sources.append(tuple(xmp.get(f"{EXIF_NAMESPACE} {name}") for name in exif))
-    for longitude in ("GpsLongitude", "GpsLongtitude"):  # the latter is how DJI's first drones spelled it
-        sources.append((xmp.get(f"{_DJI} GpsLatitude"), "", xmp.get(f"{_DJI} {longitude}"), ""))
+    for latitude, longitude in _DJI_NAMES:
+        sources.append((xmp.get(f"{_DJI} {latitude}"), "", xmp.get(f"{_DJI} {longitude}"), ""))
     return next((found for source in sources if (found := _locations(*source))), ())
 
 

@@ -34,7 +34,12 @@ _TIFF_STARTS = (b"II*\0", b"MM\0*")  # how an EXIF block begins
 _XMP_KEYWORD = "XML:com.adobe.xmp"  # of a PNG's text
 _MAX_EXIF_BLOCKS = _MAX_XMP_PACKETS = 4  # that are read
 _IPTC_TAG = 33723  # of a TIFF
+_PHOTOSHOP_PREFIX = b"Photoshop 3.0\0"  # of a JPEG's segment of resources
+_SMALLEST_FRAME = b"\xff\xc0\0\x0b\x08\0\1\0\1\1\1\x11\0\xff\xda\0\x08\1\1\0\0\x3f\0"  # of a gray pixel
 _MAX_IPTC_LENGTH = 1 << 16  # bytes, or numbers of four bytes, that are read; a segment of a JPEG has as many
+_CREATION_KEYWORD = "creation time"  # of a PNG's text
+PNG_CREATION_TIME = "http://www.w3.org/TR/png CreationTime"  # property that it becomes
+_SHOWN = "LocationShown"  # of IPTC's XMP: the place of what is seen, not of the camera
 EXIF_NAMESPACE = "http://ns.adobe.com/exif/1.0"  # of XMP, without a slash at its end
 MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
 
@@ -142,12 +147,23 @@ def read_packet(image: Image.Image) -> dict[str, str]:
         for packet in packets[:_MAX_XMP_PACKETS]:
             properties = {**read_xmp(packet), **properties}
         return properties
+    return {**_creation_time(image), **read_xmp(_single_packet(image))}
+
+
+def _single_packet(image: Image.Image) -> Any:
     packet = image.info.get("xmp")
     if packet is None and isinstance(text := image.info.get(_XMP_KEYWORD), str):
         packet = text.encode()
     if packet is None:
         packet = _raw_profile(image, "xmp") or _raw_profile(image, "app1").removeprefix(_XMP_PREFIX)
-    return read_xmp(packet)
+    return packet
+
+
+def _creation_time(image: Image.Image) -> dict[str, str]:
+    """The time that a PNG's text states, as a property."""
+    texts = {str(key).lower(): text for key, text in image.info.items()} if image.format == "PNG" else {}
+    text = texts.get(_CREATION_KEYWORD)
+    return {PNG_CREATION_TIME: text} if isinstance(text, str) else {}
 
 
 def read_iptc(image: Image.Image) -> Mapping[Any, Any]:
@@ -156,10 +172,12 @@ def read_iptc(image: Image.Image) -> Mapping[Any, Any]:
     Args:
         image: opened by Pillow.
     """
-    has_iptc = "photoshop" in image.info or image.format == "TIFF"
-    if not (has_iptc and isinstance(image, ImageFile.ImageFile)):
-        return {}
     try:
+        if image.format == "PNG" and (block := _raw_profile(image, "iptc") or _raw_profile(image, "8bim")):
+            image = _jpeg_header_with(block)
+        has_iptc = "photoshop" in image.info or image.format == "TIFF"
+        if not (has_iptc and isinstance(image, ImageFile.ImageFile)):
+            return {}
         if len(getattr(image, "tag_v2", {}).get(_IPTC_TAG, ())) > _MAX_IPTC_LENGTH:
             return {}
         from PIL.IptcImagePlugin import getiptcinfo
@@ -167,6 +185,13 @@ def read_iptc(image: Image.Image) -> Mapping[Any, Any]:
         return getiptcinfo(image) or {}
     except Exception:  # as above
         return {}
+
+
+def _jpeg_header_with(resources: bytes) -> Image.Image:
+    """The header of a JPEG with Photoshop's resources, of which Pillow reads IPTC."""
+    segment = _PHOTOSHOP_PREFIX + resources.removeprefix(_PHOTOSHOP_PREFIX)
+    head = b"\xff\xd8\xff\xed" + struct.pack(">H", len(segment) + 2) + segment
+    return Image.open(BytesIO(head + _SMALLEST_FRAME), formats=("JPEG",))
 
 
 def try_read(read: Callable[[Tags], _Value | None], tags: Tags) -> _Value | None:
@@ -254,6 +279,7 @@ class _Reader:
         self.properties: dict[str, str] = {}
         self.is_complete = False  # whether the packet's outermost element has ended; junk may follow
         self._depth = 0
+        self._shown_depth = 0  # of the element of a place that is seen, whose properties do not count
         self._text: list[str] = []
         self.parser = expat.ParserCreate(namespace_separator=" ")
         self.parser.buffer_text = True
@@ -265,8 +291,10 @@ class _Reader:
     def _refuse(self, *_: object) -> None:
         raise ValueError("A packet has no document type.")
 
-    def _start(self, _: str, attributes: dict[str, str]) -> None:
+    def _start(self, element: str, attributes: dict[str, str]) -> None:
         self._depth += 1
+        if element.endswith(f" {_SHOWN}"):
+            self._shown_depth = self._shown_depth or self._depth
         self._text.clear()
         for name, value in attributes.items():
             self._keep(name, value)
@@ -274,12 +302,14 @@ class _Reader:
     def _end(self, name: str) -> None:
         self._keep(name, "".join(self._text))
         self._text.clear()
+        if self._depth == self._shown_depth:
+            self._shown_depth = 0
         self._depth -= 1
         self.is_complete = self._depth == 0
 
     def _keep(self, name: str, value: str) -> None:
         namespace, _, local = name.rpartition(" ")
-        if text := value.strip():
+        if (text := value.strip()) and not self._shown_depth:
             self.properties.setdefault(f"{namespace.rstrip('/')} {local}", text)
 
 

@@ -123,6 +123,14 @@ CACHED = [
     "Papierkorb/a.jpg",
     "__MACOSX/a.jpg",
     "TRASH/a.gif",
+    "Recently Deleted/a.heic",
+    "Recycle.Bin/a.jpg",
+    "@sharesnap/a.jpg",
+    "Корзина/a.jpg",
+    "回收站/a.jpg",
+    "ImageCache/a.png",
+    "_vti_cnf/a.jpg",
+    "MISC/THM/100/a.jpg",
 ]
 TAKEN = [
     "Photos Library.photoslibrary/originals/0/a.heic",

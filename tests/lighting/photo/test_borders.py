@@ -61,6 +61,25 @@ def on_gradient(photo: Image.Image) -> Framed:
     return story(photo, Image.fromarray(np.tile(rows[:, None], (1, photo.width, 1)).astype(np.uint8)))
 
 
+def story_with_texts(photo: Image.Image) -> Framed:
+    """On a gradient, with a title above and a name below."""
+    whole, corners = on_gradient(photo)
+    draw = ImageDraw.Draw(whole)
+    draw.text((80, 120), "Summer in town", fill=WHITE, font_size=36)
+    draw.text((80, whole.height - 140), "@someone", fill=WHITE, font_size=28)
+    return whole, corners
+
+
+def film(photo: Image.Image) -> Framed:
+    """With the perforation of a film above and below, which is the same in both halves."""
+    whole, corners = framed(photo, (20, 20, 20), 0, 60, 0, 60)
+    draw = ImageDraw.Draw(whole)
+    for left in range(10, whole.width, 40):
+        for top in (15, whole.height - 45):
+            draw.rounded_rectangle((left, top, left + 24, top + 30), 6, fill=(240, 240, 235))
+    return whole, corners
+
+
 def screenshot(photo: Image.Image, color: tuple[int, int, int], ink: tuple[int, int, int], rounded: bool) -> Framed:
     """A phone's gallery with its clock and buttons."""
     height = photo.width * 19 // 9
@@ -135,6 +154,23 @@ def test_what_lies_inside_a_border_is_found(kind: str, name: str, quality: int) 
     assert layout.photo is not None
     assert not layout.is_collage
     assert layout.photo.pixels(*whole.size) == pytest.approx(corners, abs=0.012 * max(whole.size))
+
+
+@pytest.mark.parametrize(
+    ("draw", "name"), [(story_with_texts, "wide_street"), (story_with_texts, "railway_field"), (film, "park_evening")]
+)
+def test_texts_and_perforations_lie_outside(draw: Callable[[Image.Image], Framed], name: str) -> None:
+    whole, corners = draw(example(name))
+    layout = find_layout(as_jpeg(whole, 85))
+    assert layout.photo is not None
+    assert layout.photo.pixels(*whole.size) == pytest.approx(corners, abs=0.012 * max(whole.size))
+
+
+def test_a_collage_may_have_one_large_photo() -> None:
+    whole = Image.new("RGB", (620, 420), WHITE)
+    for name, box in zip(NAMES, ((10, 10, 400, 400), (420, 10, 190, 195), (420, 215, 190, 195)), strict=False):
+        whole.paste(example(name).resize(box[2:]), box[:2])
+    assert find_layout(as_jpeg(whole, 80)).is_collage
 
 
 @pytest.mark.parametrize("name", ["railway_field", "garden_noon"])

@@ -5,7 +5,7 @@ is a lobe of probability at the sun's elevation, so that the pixels can choose w
 """
 
 import json
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +14,11 @@ import pytest
 from PIL import ExifTags
 
 from lighting.fusion.estimate import build_estimate
+from lighting.fusion.instants import resolve_instants
 from lighting.fusion.metadata_prior import observations_single
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import UserInput
+from lighting.photo.clock import to_utc
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting, WarningCode, warning_code
@@ -145,6 +147,47 @@ SPELLINGS: dict[str, tuple[dict[str, Any], dict[str, Any], float | None, str]] =
         2.0,
         FILE,
     ),
+    "the writing's time by a camera's firmware": (
+        MUNICH,
+        {"DateTimeOriginal": None, "main": {"DateTime": "2024:06:01 18:49:00", "Software": "17.5.1", "Make": "Apple"}},
+        2.0,
+        ZONE,
+    ),
+    "the writing's time by a phone's build": (
+        MUNICH,
+        {
+            "DateTimeOriginal": None,
+            "main": {"DateTime": "2024:06:01 18:49:00", "Software": "G991BXXU3AUGM", "Make": "samsung"},
+        },
+        2.0,
+        ZONE,
+    ),
+    "the writing's time in XMP": (
+        MUNICH,
+        {
+            "DateTimeOriginal": None,
+            "xmp": packet("http://ns.adobe.com/xap/1.0/", {"ModifyDate": "2024-06-01T18:49:00+02:00"}),
+        },
+        2.0,
+        FILE,
+    ),
+    "the writing's time of the same second": (
+        DENVER,
+        {"xmp": packet("http://ns.adobe.com/xap/1.0/", {"ModifyDate": "2025-09-14T08:18:00-06:00"}, True)},
+        -6.0,
+        FILE,
+    ),
+    "an offset alone in XMP": (
+        DENVER,
+        {"xmp": packet("http://cipa.jp/exif/1.0/", {"OffsetTimeOriginal": "-06:00"})},
+        -6.0,
+        FILE,
+    ),
+    "an offset in quotes": (MUNICH, {"OffsetTimeOriginal": '"+02:00"'}, 2.0, FILE),
+    "Swahili PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 06:49:00 alasiri"}, 2.0, ZONE),
+    "Malay PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 PTG 06:49:00"}, 2.0, ZONE),
+    "Tamil PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 பிற்பகல் 6:49:00".encode()}, 2.0, ZONE),
+    "Lao PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 06:49:00 ຫຼັງທ່ຽງ".encode()}, 2.0, ZONE),
     "no zone at all": (KATHMANDU, {}, 5.75, ZONE),
     "XMP of the same second": (
         DENVER,
@@ -385,6 +428,57 @@ def test_a_date_in_doubt_is_none(text: str) -> None:
 def test_the_writing_time_of_a_program_is_not_the_pictures() -> None:
     main = {"DateTime": "2024:06:01 18:49:00", "Software": "GIMP 2.10"}
     assert read_photo(file_of(MUNICH | {"DateTimeOriginal": None, "main": main})).metadata.local_time is None
+
+
+@pytest.mark.parametrize("program", ["GIMP 2.10", "Adobe Photoshop 25.9 (Windows)", "Snapseed 2.0", "paint.net 5"])
+def test_a_program_s_name_is_no_camera_s_firmware(program: str) -> None:
+    main = {"DateTime": "2024:06:01 18:49:00", "Software": program, "Make": "Apple", "Model": "iPhone 13"}
+    assert read_photo(file_of(MUNICH | {"DateTimeOriginal": None, "main": main})).metadata.local_time is None
+
+
+# Places whose clocks are unlike others: half hours, half an hour of summer time, the date line, and zones that changed.
+
+PLACES = [
+    ((-31.55, 159.08), "2024:01:15 17:48:00", 11.0),  # Lord Howe, whose summer time is half an hour
+    ((-31.55, 159.08), "2023:07:15 14:10:00", 10.5),
+    ((-43.95, -176.56), "2023:12:25 19:08:00", 13.75),  # Chatham
+    ((-43.95, -176.56), "2024:04:20 09:00:00", 12.75),
+    ((-13.83, -171.77), "2010:08:03 16:30:00", -11.0),  # Apia, before it crossed the date line
+    ((1.87, -157.4), "2024:05:05 16:30:00", 14.0),  # Kiritimati
+    ((-31.68, 128.88), "2024:11:02 17:00:00", 8.75),  # Eucla
+    ((47.56, -52.71), "2021:06:20 18:44:00", -2.5),  # St. John's
+    ((10.48, -66.9), "2012:06:20 16:30:00", -4.5),  # Caracas, from 2007 to 2016
+    ((39.02, 125.75), "2017:06:20 18:00:00", 8.5),  # Pyongyang, from 2015 to 2018
+    ((55.75, 37.62), "2012:06:20 20:00:00", 4.0),  # Moscow, from 2011 to 2014
+    ((35.7, 51.4), "2021:06:20 18:00:00", 4.5),  # Tehran, with its last summer time
+    ((35.7, 51.4), "2023:06:20 17:00:00", 3.5),
+    ((33.57, -7.59), "2024:03:20 17:00:00", 0.0),  # Casablanca in Ramadan
+    ((-23.55, -46.63), "2018:12:20 18:00:00", -2.0),  # Sao Paulo, with summer time until 2019
+    ((-23.55, -46.63), "2022:12:20 17:00:00", -3.0),
+    ((33.45, -112.07), "2023:07:04 17:54:00", -7.0),  # Phoenix
+]
+
+
+@pytest.mark.parametrize(("place", "time", "offset"), PLACES)
+def test_the_zone_of_the_place_with_its_history(place: tuple[float, float], time: str, offset: float) -> None:
+    tags = {"place": place, "DateTimeOriginal": time}
+    expected = to_utc(datetime.strptime(time, "%Y:%m:%d %H:%M:%S"), offset)
+    for more in ({}, {"gps": f"{expected:%Y:%m:%d %H:%M:%S}"}, {"gps": f"{expected:%H:%M:%S}"}):
+        found = resolve_instants(read_photo(file_of(tags | more)).metadata, UserInput())
+        assert found.conflict is None
+        assert found.likeliest is not None
+        assert (found.likeliest.utc_time, found.likeliest.utc_offset) == (expected, offset)
+
+
+@pytest.mark.parametrize(("place", "time", "offset"), PLACES[:8])
+def test_a_rollover_at_any_place(place: tuple[float, float], time: str, offset: float) -> None:
+    expected = to_utc(datetime.strptime(time, "%Y:%m:%d %H:%M:%S"), offset)
+    early = f"{expected - timedelta(weeks=1024):%Y:%m:%d %H:%M:%S}"
+    metadata = read_photo(file_of({"place": place, "DateTimeOriginal": time, "gps": early})).metadata
+    found = resolve_instants(metadata, UserInput())
+    assert found.likeliest is not None
+    assert found.likeliest.utc_time == expected
+    assert "1024 weeks" in found.conflict_warnings(found.likeliest)[0]
 
 
 def test_the_users_offset_wins_and_what_it_replaced_is_told() -> None:

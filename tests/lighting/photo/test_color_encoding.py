@@ -146,8 +146,8 @@ def test_nclx(kind: str, pixels: NDArray[np.uint8], points: tuple[int, int]) -> 
     assert_same(data[:place] + struct.pack(">HH", *points) + data[place + 4 :], 8.0)
 
 
-def adobe(space: int, index: str | None, kind: str = "JPEG") -> bytes:
-    block = exif({ExifTags.Base.ColorSpace: space})
+def adobe(space: int | None, index: str | None, kind: str = "JPEG") -> bytes:
+    block = exif({} if space is None else {ExifTags.Base.ColorSpace: space})
     if index is not None:
         block.get_ifd(ExifTags.IFD.Exif)[ExifTags.IFD.Interop] = {1: index}
     packed: dict[str, dict[str, Any]] = {"JPEG": {"quality": 98, "subsampling": 0}, "WEBP": {"lossless": True}}
@@ -178,6 +178,10 @@ def test_adobe_rgb_as_cameras_state_it(kind: str, space: int, index: str | None)
 def test_other_statements_of_cameras_leave_srgb(space: int, index: str | None) -> None:
     with Image.open(BytesIO(adobe(space, index))) as image:
         assert read_color_encoding(image, b"", image).curve == "srgb"
+
+
+def test_the_index_of_adobe_rgb_may_stand_alone() -> None:
+    assert_same(adobe(None, "R03"))
 
 
 PROFILES = {  # by what they do, under any name

@@ -115,6 +115,19 @@ def test_a_turn_of_lightroom_turns_the_roll() -> None:
     assert lens.turn == 7.0
 
 
+@pytest.mark.parametrize("turn", [6.0, -11.0])
+def test_a_turned_crop_may_state_two_corners_of_its_rectangle(turn: float) -> None:
+    """Its whole is the sensor's shape, which sides along the rows would not give."""
+    width, height, share = 4000, 2250, 0.7
+    cosine, sine = math.cos(math.radians(turn)), math.sin(math.radians(turn))
+    across, along = share * (cosine * width - sine * height), share * (sine * width + cosine * height)
+    sides = ((1 - across / width) / 2, (1 - along / height) / 2, (1 + across / width) / 2, (1 + along / height) / 2)
+    settings = cropped(*sides, CropAngle=f"{-turn:g}")
+    frame = PhotoFrame(round(share * width), round(share * height), is_turned=False)
+    lens = read_lens({}, camera(frame.width, frame.height, FocalLengthIn35mmFilm=19), settings, frame)
+    assert fov_of(lens) == pytest.approx(vertical_fov_from_focal_length(19 / share, width, height), abs=0.05)
+
+
 def test_digital_zoom_is_open_but_of_apple_s_cameras() -> None:
     values = camera(FocalLengthIn35mmFilm=17, DigitalZoomRatio=2.0)
     once, twice = (vertical_fov_from_focal_length(length, 448, 336) for length in (17, 34))
@@ -169,7 +182,13 @@ def test_panoramas_have_no_lens_but_narrow_ones_have_that_of_their_part() -> Non
     strip = PhotoFrame(672, 173, is_turned=False)
     by_phone = read_lens({BASE.Make: "Apple"}, camera(672, 173, FocalLengthIn35mmFilm=26, CustomRendered=6), {}, strip)
     assert by_phone.is_panorama
-    assert read_lens({}, camera(672, 173, FocalLengthIn35mmFilm=26), {}, strip).vertical_fovs == ()
+    by_another = read_lens({}, camera(672, 173, FocalLengthIn35mmFilm=26), {}, strip)
+    assert by_another.is_panorama
+    assert by_another.vertical_fovs == ()
+    assert not read_lens(
+        {}, camera(672, 448, FocalLengthIn35mmFilm=26), {}, strip
+    ).is_panorama  # but a strip of a photo
+    assert read_lens({}, {}, {f"{GPANO} UsePanoramaViewer": "True"}, strip).is_panorama
 
 
 @pytest.mark.parametrize("value", ["", "x", "1/0", "nan", "-0.5"])

@@ -67,6 +67,7 @@ def test_a_place_in_exif(tags: dict[int, object], place: tuple[float, float]) ->
         ({f"{EXIF} GPSLatitude": "48,1400000 N", f"{EXIF} GPSLongitude": "11,5800000 E"}, MUNICH),
         ({f"{EXIF} GPSLatitude": "48.14 degrees N", f"{EXIF} GPSLongitude": "11.58 degrees E"}, MUNICH),
         ({f"{DJI} GpsLatitude": "+39.74", f"{DJI} GpsLongtitude": "-104.99"}, DENVER),
+        ({f"{DJI} Latitude": "+39.74", f"{DJI} Longitude": "-104.99"}, DENVER),
     ],
 )  # fmt: skip
 def test_a_place_in_xmp_alone(properties: dict[str, str], place: tuple[float, float]) -> None:

@@ -18,7 +18,7 @@ from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.reader import read_photo
 from lighting.photo.tags import MAX_XMP_BYTES, read_xmp
 from tests.conftest import encode, exif, munich, scene
-from tests.helpers.photos import DJI, drone, packet
+from tests.helpers.photos import DJI, RDF, drone, packet
 
 SCENE = scene(160, 120)
 BASE, GPS = ExifTags.Base, ExifTags.GPS
@@ -409,3 +409,44 @@ def raw_profile(name: str, block: bytes) -> bytes:
     chunks = PngInfo()
     chunks.add_text(f"Raw profile type {name}", f"\n{name}\n{len(block):8d}\n{lines}\n", zip=True)
     return encode(SCENE, "PNG", pnginfo=chunks)
+
+
+def iptc_resources(date: str, time: str) -> bytes:
+    """Photoshop's resources with IPTC's date and time."""
+    sets = b"".join(
+        b"\x1c\x02" + bytes([number]) + len(text).to_bytes(2, "big") + text.encode()
+        for number, text in ((55, date), (60, time))
+    )
+    return b"8BIM\x04\x04\0\0" + len(sets).to_bytes(4, "big") + sets + b"\0" * (len(sets) % 2)
+
+
+@pytest.mark.parametrize("name", ["iptc", "8bim"])
+@pytest.mark.parametrize("prefix", [b"", b"Photoshop 3.0\0"])
+def test_iptc_in_a_png(name: str, prefix: bytes) -> None:
+    metadata = read_photo(raw_profile(name, prefix + iptc_resources("20240601", "184900+0200"))).metadata
+    assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 18, 49), 2.0)
+    assert read_photo(raw_profile(name, b"no resources")).metadata == PhotoMetadata()
+
+
+@pytest.mark.parametrize(
+    ("text", "offset"),
+    [("Sat, 01 Jun 2024 18:49:00 +0200", 2.0), ("2024:06:01 18:49:00", None), ("2024-06-01T18:49:00+02:00", 2.0)],
+)
+def test_the_creation_time_of_a_png(text: str, offset: float | None) -> None:
+    chunks = PngInfo()
+    chunks.add_text("Creation Time", text)
+    metadata = read_photo(encode(SCENE, "PNG", pnginfo=chunks)).metadata
+    assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 18, 49), offset)
+
+
+def place_of(element: str, latitude: str) -> str:
+    inside = f"<e:GPSLatitude>{latitude}</e:GPSLatitude><e:GPSLongitude>11,34.8E</e:GPSLongitude>"
+    return f'<i:{element}><r:Bag><r:li r:parseType="Resource">{inside}</r:li></r:Bag></i:{element}>'
+
+
+def test_the_place_that_a_photo_shows_is_not_the_camera_s() -> None:
+    names = f'xmlns:r="{RDF}" xmlns:e="http://ns.adobe.com/exif/1.0/"'
+    names += ' xmlns:i="http://iptc.org/std/Iptc4xmpExt/2008-02-29/"'
+    places = place_of("LocationShown", "28,8.4N") + place_of("LocationCreated", "48,8.4N")
+    data = f"<r:RDF {names}><r:Description>{places}</r:Description></r:RDF>".encode()
+    assert read_photo(encode(SCENE, xmp=data)).metadata.location == pytest.approx((48.14, 11.58))
