@@ -1,7 +1,6 @@
 """Start the service, `python -m server` or `lighting-server`: settings, socket, signals, logging."""
 
 import asyncio
-import errno
 import os
 import signal
 import socket
@@ -20,6 +19,7 @@ if TYPE_CHECKING:
     from uvicorn import Config
 
     from server.dependencies import Service
+    from server.listener import Listener
 
 
 _DRAIN_SECONDS = (
@@ -27,10 +27,10 @@ _DRAIN_SECONDS = (
 )
 # of the Caddyfile is kept, so that no request meets the end of its connection
 _SWITCH_SECONDS = 0.001  # for which one thread may keep others waiting; Python's five times that delay short requests
-_WAITING_CONNECTIONS = 2048  # that the system keeps until they are accepted, a few at a time
+_DROP_SECONDS = 0.5  # before the end of a shutdown's time, answers that nobody takes are dropped
 
 
-def _run_until_signal(config: "Config", service: "Service") -> None:
+def _run_until_signal(config: "Config", service: "Service", listeners: "list[Listener]") -> None:
     """Serve; running requests finish after a signal, but a SIGINT meanwhile ends the process at once.
 
     Behind a proxy new requests are taken for a while, each as the last of its connection: the proxy sends them until
@@ -49,10 +49,7 @@ def _run_until_signal(config: "Config", service: "Service") -> None:
 
         async def startup(self, sockets: list[socket.socket] | None = None) -> None:
             await super().startup(sockets)
-            for server in self.servers:
-                for listener in server.sockets:
-                    with socket.socket(fileno=os.dup(listener.fileno())) as same:
-                        same.listen(_WAITING_CONNECTIONS)  # asyncio accepts as many at once as it lets wait
+            self._log_started_message(listeners)
 
         async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
             service.ending = True
@@ -60,41 +57,27 @@ def _run_until_signal(config: "Config", service: "Service") -> None:
                 await asyncio.sleep(_DRAIN_SECONDS)
             if sys.platform != "win32":
                 await self._stop_listening()
+            loop = asyncio.get_running_loop()
+            loop.call_later(max(0.0, service.settings.shutdown_seconds - _DROP_SECONDS), service.pending.drop_all)
             await super().shutdown(sockets)
 
         async def _stop_listening(self) -> None:
             """Stop; connections that the system has made are taken before, since it would end them."""
             loop = asyncio.get_running_loop()
+            for listener in listeners:
+                loop.remove_reader(listener.fileno())
+            await asyncio.sleep(0)  # for the connections that the loop has just accepted
+            accepted = [connection for listener in listeners for connection in listener.accept_waiting()]
             for server in self.servers:
-                listeners = [socket.socket(fileno=os.dup(listener.fileno())) for listener in server.sockets]
-                for listener in server.sockets:
-                    loop.remove_reader(listener.fileno())
-                await asyncio.sleep(0)  # for the connections that the loop has just accepted
-                accepted = [connection for listener in listeners for connection in _accept_waiting(listener)]
                 server.close()
-                for listener in listeners:
-                    listener.close()
-                for connection in accepted:
-                    await loop.connect_accepted_socket(self._make_protocol, connection)
+            for connection in accepted:
+                await loop.connect_accepted_socket(self._make_protocol, connection)
 
         def _make_protocol(self) -> asyncio.Protocol:
             make: Callable[..., asyncio.Protocol] = self.config.http_protocol_class
             return make(config=self.config, server_state=self.server_state, app_state=self.lifespan.state)
 
-    InterruptibleServer(config).run()
-
-
-def _accept_waiting(listener: socket.socket) -> list[socket.socket]:
-    """The connections that wait to be accepted."""
-    listener.setblocking(False)
-    accepted: list[socket.socket] = []
-    while True:
-        try:
-            connection, _ = listener.accept()
-        except OSError:
-            return accepted
-        connection.setblocking(False)
-        accepted.append(connection)
+    InterruptibleServer(config).run(list(listeners))
 
 
 def _end_at_signals() -> None:
@@ -165,12 +148,13 @@ def _serve() -> None:
     from lighting.files.exr import set_compression_threads
     from server.app import create_app
     from server.limits import BACKLOG, raise_file_limit
+    from server.listener import bind_listeners
     from server.settings import PREFIX, read_settings
 
     _end_at_signals()
     try:
         settings = read_settings()
-        _refuse_taken_address(settings.host, settings.port)
+        listeners = bind_listeners(settings.host, settings.port)
         raise_file_limit()
         app = create_app(settings)
         app.state.service.load()
@@ -196,39 +180,15 @@ def _serve() -> None:
         ws="none",
         http=_protocol_class(app.state.service),
     )
-    _run_until_signal(config, app.state.service)
+    for listener in listeners:
+        listener.refuses = app.state.service.refuses_connection
+    _run_until_signal(config, app.state.service, listeners)
 
 
 def _format_setting_error(details: Mapping[str, Any]) -> str:
     """The name of a setting, and the sentence of pydantic or of the setting's own check."""
     reason = details["ctx"]["error"] if details["type"] == "value_error" else details["msg"]
     return f"{'.'.join(map(str, details['loc'])).upper()}: {reason}"
-
-
-def _refuse_taken_address(host: str, port: int) -> None:
-    """Raise SettingsError if the service cannot listen on an address, before the network is loaded."""
-    from server.settings import PREFIX, SettingsError
-
-    try:
-        infos = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-    except OSError as error:
-        raise SettingsError(f"{PREFIX}HOST: {host} is no address to listen on: {error.strerror}.") from error
-    errors = [_binding_error(family, address) for family, _, _, _, address in infos]
-    if all(errors) and (first := errors[0]):
-        setting = "HOST" if first.errno == errno.EADDRNOTAVAIL else "PORT"
-        raise SettingsError(f"{PREFIX}{setting}: {host}:{port} cannot be listened on: {first.strerror or first}.")
-
-
-def _binding_error(family: int, address: Any) -> OSError | None:
-    """Why a socket cannot be bound to the address; None if it can."""
-    with socket.socket(family, socket.SOCK_STREAM) as probe:
-        if os.name == "posix":  # as asyncio does, so that connections that just ended do not count
-            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind(address)
-        except OSError as error:
-            return error
-    return None
 
 
 def _protocol_class(service: "Service") -> Any:

@@ -4,6 +4,7 @@ import logging
 from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -43,6 +44,7 @@ from server.tracing import RequestTracer
 T = TypeVar("T")
 
 NO_OPENCV = "The service lacks OpenCV to match photos."
+RESULT_TAG = "lighting_result_tag"  # in a request's scope: bytes that a worker made, and their tag
 ROTATION_INFERRED = "Compasses or light say where each points."
 
 log = logging.getLogger(__name__)
@@ -177,6 +179,14 @@ class Service:
             return client_of_key(number)
         return client_of_address((scope.get("client") or ("",))[0])
 
+    def refuses_connection(self, host: str) -> bool:
+        """Whether an address gets no further connection; a proxy always does.
+
+        Args:
+            host: an IP address.
+        """
+        return not self.settings.is_trusted_proxy(host) and self.connections.refuses(client_of_address(host))
+
     def read_photo(self, data: bytes, seconds: float | None = None, target: int = TARGET) -> Photo:
         """Decode an upload and count it; raises PhotoError.
 
@@ -245,10 +255,27 @@ class _Admission:
         def checked() -> T:
             from_thread.run_sync(self.service.pending.check, client)
             with self.service.tracer.trace_steps() if self.service.tracer else nullcontext():
-                return work(*arguments)
+                result = work(*arguments)
+            self.request.scope[RESULT_TAG] = _tag_result(result)
+            return result
 
         with self.service.limiter.admission(client, _route(self.request), self.body.size) as job:
             return await self.service.limiter.run(job, self.request.receive, checked)
+
+
+def _tag_result(result: object) -> tuple[bytes, str] | None:
+    """The file that is a result, or its first part, and its tag; here since a large one takes a while."""
+    data = result[0] if isinstance(result, tuple) else result
+    return (data, tag_bytes(data)) if isinstance(data, bytes) else None
+
+
+def tag_bytes(data: bytes | memoryview) -> str:
+    """The tag of an answer of these bytes.
+
+    Args:
+        data: the body, as it is sent.
+    """
+    return f'"{sha256(data).hexdigest()[:32]}"'
 
 
 def _route(request: Request) -> str:

@@ -1,9 +1,9 @@
 """Who asks: a client by its API key or its address, and sums by client."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import lru_cache
 from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from starlette.requests import HTTPConnection
 
@@ -14,8 +14,7 @@ GROUP_SHARES = (1, 2, 3)  # what a client's groups may have, as multiples of a c
 _NAT64 = IPv6Network("64:ff9b::/96")  # its last 32 bits are an IPv4 address (RFC 6052)
 
 
-@dataclass(frozen=True)
-class Client:
+class Client(NamedTuple):
     """Who asks, by the groups whose shares it uses: itself first, then what it is a part of."""
 
     groups: tuple[str, ...]
@@ -24,6 +23,7 @@ class Client:
 UNKNOWN = Client(("unknown",))
 
 
+@lru_cache(maxsize=4096)
 def client_of_address(host: str) -> Client:
     """The client at an address.
 
@@ -99,8 +99,11 @@ class Tally:
             client: any.
             more: to be counted in addition.
         """
-        pairs = zip(client.groups, GROUP_SHARES, strict=False)
-        return max((self._sums.get(group, 0.0) + more) / share for group, share in pairs)
+        sums = self._sums
+        load = sums.get(client.groups[0], 0.0) + more
+        for group, share in zip(client.groups[1:], GROUP_SHARES[1:], strict=False):
+            load = max(load, (sums.get(group, 0.0) + more) / share)
+        return load
 
     def __iter__(self) -> Iterator[Client]:
         return iter(self._clients)

@@ -109,6 +109,9 @@ class UnsentAnswer(Protocol):
         """Seconds until all is taken, at the mean speed so far."""
 
     def drop_answer(self) -> None:
+        """End the connection, and say so in the log."""
+
+    def give_way(self) -> None:
         """End the connection."""
 
 
@@ -158,6 +161,13 @@ class PendingResponses:
             self.discard(slowest)
             slowest.drop_answer()
 
+    def drop_all(self) -> None:
+        """Drop all answers that wait for their clients, as at the end of a shutdown's time."""
+        if self._waiting:
+            log.info("dropped %d answers that their clients did not take in time", len(self._waiting))
+        for answer in list(self._waiting):
+            answer.give_way()
+
 
 class OpenConnection(Protocol):
     """A connection that may have to give way."""
@@ -201,13 +211,10 @@ class ConnectionLimiter:
             connection: a new one.
             client: whose share it uses; None for a proxy, which has no share.
         """
-        if client and self._held.load(client, 1) > self.max_per_client:
-            self._log()
+        if client and self.refuses(client):
             return False
         if self.count >= self.maximum:
             self._log()
-            if client and self._is_greedy(client):
-                return False
             quiet = next(iter(self._silent or self._idle), None)
             if quiet is None:
                 return False
@@ -218,6 +225,18 @@ class ConnectionLimiter:
         if client:
             self._held.add(client, 1)
         return True
+
+    def refuses(self, client: Client) -> bool:
+        """Whether a client gets no further connection, which the log says.
+
+        Args:
+            client: whose share the connection would use.
+        """
+        load = self._held.load(client, 1)
+        greedy = load > self.max_per_client or (self.count >= self.maximum and self._is_greedy(client))
+        if greedy:
+            self._log()
+        return greedy
 
     def _is_greedy(self, client: Client) -> bool:
         """Whether a client would have over twice its part of all connections, and more than a browser opens."""

@@ -22,7 +22,7 @@ from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
 from lighting.validation import COLOR_RANGES, round_significant
 from lighting.version import __version__
-from server.dependencies import PhotoAnswer, Service
+from server.dependencies import RESULT_TAG, PhotoAnswer, Service, tag_bytes
 from server.query_params import LightingQuery, Query
 
 WARNINGS_HEADER = "Lighting-Warnings"
@@ -160,23 +160,16 @@ def tagged_json_response(request: Request, content: Json) -> Response:
     return response
 
 
-def tag_response(response: Response) -> None:
+def tag_response(request: Request, response: Response) -> None:
     """Give a whole answer to a photo the tag of its bytes: a client sees by it whether the answer is another.
 
     Args:
+        request: knows the tag of what a worker made.
         response: changed in place, if it succeeded and has no tag.
     """
-    if response.status_code == 200 and isinstance(response.body, bytes):
-        response.headers.setdefault("ETag", tag_bytes(response.body))
-
-
-def tag_bytes(data: bytes | memoryview) -> str:
-    """The tag of an answer of these bytes.
-
-    Args:
-        data: the body, as it is sent.
-    """
-    return f'"{sha256(data).hexdigest()[:32]}"'
+    if response.status_code == 200 and isinstance(response.body, bytes) and "ETag" not in response.headers:
+        data, tag = request.scope.get(RESULT_TAG) or (None, "")
+        response.headers["ETag"] = tag if response.body is data else tag_bytes(response.body)
 
 
 def is_fresh(request: Request, etag: str) -> bool:

@@ -74,7 +74,7 @@ class _TaggedRoute(FormRoute):
 
         async def tag_answer(request: Request) -> Response:
             response = await handle(request)
-            responses.tag_response(response)
+            responses.tag_response(request, response)
             return response
 
         return tag_answer

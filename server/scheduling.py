@@ -33,7 +33,8 @@ _QUEUE_SECONDS = 30.0  # of work for each thread, up to which requests wait beyo
 _PATIENCE_SECONDS = 10.0  # for which short requests go first
 _FIRST_SECONDS = 1.0  # of processor time that a route is expected to take before it has been measured
 _LEARNING_RATE = 0.2  # of a route's expected processor time
-_FORGET_SECONDS = 300.0  # after which a client's processor time is as good as none
+_FORGET_SECONDS = 300.0  # after which clients that used as good as nothing are forgotten
+_NO_SECONDS = 1e-6  # of processor time
 
 
 class CpuUsage:
@@ -45,8 +46,8 @@ class CpuUsage:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock = clock
-        self._seconds: dict[str, tuple[float, float]] = {}  # by group: how much, and when
-        self._purged = clock()
+        self._seconds: dict[str, float] = {}  # by group, as they counted at the origin; later ones count more
+        self._origin = clock()
 
     def add(self, client: Client, seconds: float, at: float | None = None) -> None:
         """Charge a client.
@@ -57,12 +58,11 @@ class CpuUsage:
             at: the clock's time at which it counted fully; None is now.
         """
         now = self._clock()
-        counted = seconds if at is None else seconds * _decay(now - at)
+        if now - self._origin > _FORGET_SECONDS:
+            self._move_origin(now)
+        counted = seconds * _decay(self._origin - (now if at is None else at))
         for group in client.groups:
-            self._seconds[group] = (self._read(group, now) + counted, now)
-        if now - self._purged > _FORGET_SECONDS:
-            self._seconds = {group: entry for group, entry in self._seconds.items() if now - entry[1] < _FORGET_SECONDS}
-            self._purged = now
+            self._seconds[group] = self._seconds.get(group, 0.0) + counted
 
     def load(self, client: Client, more: float = 0.0, now: float | None = None) -> float:
         """Seconds that a client used, or, where that is more, a larger group divided by its share.
@@ -72,13 +72,18 @@ class CpuUsage:
             more: seconds to be counted in addition.
             now: the clock's time, at which clients are compared; None reads it.
         """
-        now = self._clock() if now is None else now
-        pairs = zip(client.groups, GROUP_SHARES, strict=False)
-        return max((self._read(group, now) + more) / share for group, share in pairs)
+        sums, decay = self._seconds, _decay((self._clock() if now is None else now) - self._origin)
+        load = sums.get(client.groups[0], 0.0) * decay + more
+        for group, share in zip(client.groups[1:], GROUP_SHARES[1:], strict=False):
+            load = max(load, (sums.get(group, 0.0) * decay + more) / share)
+        return load
 
-    def _read(self, group: str, now: float) -> float:
-        seconds, since = self._seconds.get(group, (0.0, now))
-        return seconds * _decay(now - since)
+    def _move_origin(self, now: float) -> None:
+        """Let all count from now, and forget those that used as good as nothing."""
+        decay = _decay(now - self._origin)
+        counted = {group: seconds * decay for group, seconds in self._seconds.items()}
+        self._seconds = {group: seconds for group, seconds in counted.items() if abs(seconds) > _NO_SECONDS}
+        self._origin = now
 
 
 def _decay(seconds: float) -> float:
@@ -254,10 +259,13 @@ class WorkLimiter:
 
     def _find_greediest(self, demand: "_Demand") -> Job | None:
         """The newest waiting request of the client that demands most, of those that exceed a demand."""
-        now = self._clock()
+        now, newest = self._clock(), dict[tuple[Client, str], Job]()
+        for job in reversed(self._waiting):
+            newest.setdefault((job.client, job.route), job)
         demands = {
-            job: _Demand(self._held.load(job.client), self._expect(job.route), self.usage.load(job.client, now=now))
-            for job in reversed(self._waiting)
+            job: _Demand(held, self._expect(job.route), self.usage.load(job.client, now=now))
+            for job in newest.values()
+            if (held := self._held.load(job.client)) >= demand.requests
         }
         jobs = [job for job in demands if demands[job].exceeds(demand)]
         return max(jobs, key=demands.__getitem__, default=None)

@@ -3,6 +3,7 @@
 import os
 import re
 from difflib import get_close_matches
+from functools import lru_cache
 from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Annotated, Literal
@@ -237,18 +238,24 @@ class Settings(BaseSettings):
         Args:
             host: the address of a connection.
         """
-        names = [part.strip() for part in self.trusted_proxies.split(",") if part.strip()]
-        try:
-            address = ip_address(host)
-        except ValueError:
-            return False
-        address = getattr(address, "ipv4_mapped", None) or address
-        return any(name == "*" or address in ip_network(name) for name in names)
+        return bool(self.trusted_proxies) and _is_in_networks(host, self.trusted_proxies)
 
     def all_keys(self) -> tuple[str, ...]:
         """The keys of the environment and of the file; raises SettingsError for a file without keys."""
         in_file = _read_key_file(self.api_keys_file) if self.api_keys_file else []
         return (*(key.get_secret_value() for key in self.api_keys), *in_file)
+
+
+@lru_cache(maxsize=4096)
+def _is_in_networks(host: str, text: str) -> bool:
+    """Whether an address is in one of the networks between commas; `*` is all."""
+    names = [part.strip() for part in text.split(",") if part.strip()]
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return False
+    address = getattr(address, "ipv4_mapped", None) or address
+    return any(name == "*" or address in ip_network(name) for name in names)
 
 
 def read_settings() -> Settings:

@@ -13,7 +13,8 @@ from starlette.responses import FileResponse, RedirectResponse, Response
 from starlette.staticfiles import NotModifiedResponse, StaticFiles
 
 from server.book import FILES, PICTURES, Book
-from server.responses import is_fresh, tag_bytes
+from server.dependencies import tag_bytes
+from server.responses import is_fresh
 
 _FAVICON = Path(__file__).with_name("favicon.png")
 BUNDLE = Path(__file__).parent / "web" / "dist"

@@ -27,6 +27,7 @@ from tests.helpers.service import PHOTO, Server, environment, started
 linux = pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 
 QUERY = "sun_azimuth=10&sun_elevation=30&turbidity=3&exposure=0.02"
+LARGE_MAP = f"GET /v1/envmap?{QUERY}&height=1024&compression=none HTTP/1.1\r\nHost: x\r\n\r\n".encode()  # 25 MB
 ENDING = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP]
 
 
@@ -261,7 +262,9 @@ def test_after_sigterm_running_requests_end_well_and_new_ones_are_refused(networ
 
 @pytest.mark.slow
 def test_what_a_shutdown_cannot_wait_for_is_answered_503(network: Path) -> None:
-    with started(network, concurrency=1, shutdown_seconds=1) as server:
+    with started(network, concurrency=1, shutdown_seconds=1) as server, server.connect("127.0.0.1") as unread:
+        unread.sendall(LARGE_MAP)
+        assert unread.recv(12)[9:] == b"200"
         connection = socket.create_connection(("127.0.0.1", server.port), timeout=60)
         connection.sendall(b"POST /v1/lighting HTTP/1.1\r\nHost: x\r\nContent-Type: image/jpeg\r\n")
         connection.sendall(b"Content-Length: 100000\r\n\r\n" + bytes(PLACE_BYTES))
@@ -271,7 +274,10 @@ def test_what_a_shutdown_cannot_wait_for_is_answered_503(network: Path) -> None:
         assert server.process.wait(60) == -signal.SIGTERM
         assert answer["type"] == "tag:outdoor-lighting,2026:busy"
         assert "shut down" in answer["detail"]
+        assert "dropped 1 answers that their clients did not take" in server.log
+        assert "Cancel 1 running task" in server.log  # only the one that was told so
         assert "Traceback" not in server.log
+        assert "without completing" not in server.log
 
 
 def whole_answer(connection: socket.socket, status: int = 200) -> bytes:

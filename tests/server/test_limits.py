@@ -192,6 +192,8 @@ class Unsent:
     def drop_answer(self) -> None:
         self.dropped = True
 
+    give_way = drop_answer
+
 
 ME, YOU, SHE, HE, THEY = (Asker((name,)) for name in ("me", "you", "she", "he", "they"))
 
@@ -317,6 +319,16 @@ def test_a_client_with_many_connections_gets_no_more_when_all_are_taken() -> Non
     assert not limiter.open(Open(), ME)  # 19 of 20, with three clients
     assert limiter.open(Open(), YOU)  # for which one of the 18 gives way
     assert limiter.count == 20
+
+
+def test_who_gets_no_further_connection_is_known_before_it_is_opened() -> None:
+    limiter = ConnectionLimiter(20, 12)
+    assert not limiter.refuses(ME)
+    for number in range(8):
+        limiter.open(Open(), Asker((str(number),)))
+    assert all(limiter.open(Open(), ME) for _ in range(12))
+    assert limiter.refuses(ME)
+    assert not limiter.refuses(YOU)
 
 
 def test_a_client_with_as_many_connections_as_a_browser_opens_gets_them() -> None:

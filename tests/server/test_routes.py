@@ -19,6 +19,7 @@ from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.features import has_opencv
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
+from server import dependencies, responses
 from tests.conftest import TINY, encode, scene
 from tests.helpers.lights import without_probe
 from tests.server.conftest import SKY
@@ -124,6 +125,19 @@ def test_a_post_ignores_if_none_match(client: TestClient, jpeg: bytes) -> None:
     for tag in (first.headers["etag"], "*"):
         again = client.post("/v1/lighting", content=jpeg, headers={**JPEG, "If-None-Match": tag})
         assert (again.status_code, again.content) == (200, first.content)
+
+
+def test_the_bytes_of_a_file_are_read_for_their_tag_in_the_thread_that_made_them(
+    client: TestClient, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hundred megabytes would hold up the event loop."""
+    photo = encode(scene(64, 48))
+    in_loop: list[bytes] = []
+    monkeypatch.setattr(responses, "tag_bytes", in_loop.append)
+    for path in ("/v1/scene?for=gltf&height=16", "/v1/envmap?height=16"):
+        answer = client.post(path, content=photo, headers=JPEG)
+        assert answer.headers["etag"] == dependencies.tag_bytes(answer.content)
+    assert in_loop == []
 
 
 def test_equal_skies_share_a_tag_and_others_do_not(client: TestClient) -> None:
