@@ -17,6 +17,7 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from server.__main__ import run_server
 from server.limits import PLACE_BYTES
 from server.settings import PREFIX, Settings
 from tests.conftest import encode, scene
@@ -289,14 +290,17 @@ def whole_answer(connection: socket.socket, status: int = 200) -> bytes:
     return body
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("argument", ["--port=8193", "photo.jpg"])
-def test_arguments_are_refused_not_ignored(argument: str) -> None:
-    done = subprocess.run(
-        [sys.executable, "-m", "server", argument], cwd=ROOT, capture_output=True, text=True, timeout=60
-    )
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.splitlines()[-1] == f"lighting-server: error: unrecognized arguments: {argument}"
+def test_arguments_are_refused_not_ignored(
+    argument: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("server.__main__._prepare_process", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["lighting-server", argument])
+    with pytest.raises(SystemExit) as ended:
+        run_server()
+    printed = capsys.readouterr()
+    assert (ended.value.code, printed.out) == (2, "")
+    assert printed.err.splitlines()[-1] == f"lighting-server: error: unrecognized arguments: {argument}"
 
 
 @pytest.mark.slow
@@ -311,7 +315,6 @@ def test_help_lists_every_setting_with_its_default() -> None:
         assert re.search(rf"^  {PREFIX}{name.upper()} +{meaning}$", done.stdout, re.MULTILINE), name
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
@@ -326,12 +329,27 @@ def test_help_lists_every_setting_with_its_default() -> None:
         ({"api_keys_file": "/nowhere/keys"}, "LIGHTING_API_KEYS_FILE: /nowhere/keys cannot be read: No such file"),
     ],
 )
-def test_a_start_that_fails_says_why_in_a_sentence(settings: dict[str, str], words: str) -> None:
-    command = [sys.executable, "-m", "server"]
-    done = subprocess.run(command, cwd=ROOT, env=environment(**settings), capture_output=True, text=True, timeout=60)
-    assert done.returncode == 1
-    assert words in done.stderr
-    assert "Traceback" not in done.stderr
+def test_a_start_that_fails_says_why_in_a_sentence(
+    settings: dict[str, str], words: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Raised as the end of the process, whose status it makes 1."""
+    for name, value in environment(**settings).items():
+        monkeypatch.setenv(name, value)
+    for change in ("_end_at_signals", "_prepare_process"):  # of this process, which goes on
+        monkeypatch.setattr(f"server.__main__.{change}", lambda: None)
+    monkeypatch.setattr("server.limits.raise_file_limit", lambda: None)
+    monkeypatch.setattr(sys, "argv", ["lighting-server"])
+    with pytest.raises(SystemExit) as ended:
+        run_server()
+    assert isinstance(ended.value.code, str)
+    assert words in ended.value.code
+
+
+@pytest.mark.slow
+def test_a_process_that_cannot_start_ends_with_the_sentence_alone() -> None:
+    command, given = [sys.executable, "-m", "server"], environment(model="/nowhere/none.onnx")
+    done = subprocess.run(command, cwd=ROOT, env=given, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "There is no network at /nowhere/none.onnx.\n")
 
 
 @pytest.mark.slow

@@ -34,7 +34,7 @@ from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_sc
 
 Pictures = dict[str, NDArray[Any]]
 
-THREE_VIEWS = """
+VIEWS = """
   const { scene, camera, renderer, ground, object } = lightingScene;
   drawn("page");
   const bytes = Uint8Array.from(atob("GLB"), (letter) => letter.charCodeAt(0));
@@ -52,6 +52,7 @@ THREE_VIEWS = """
   });
   renderer.render(stage, file.cameras[0]);
   drawn("gltf");
+  MOVED
   ground.visible = object.visible = false;
   scene.background = scene.environment;
   renderer.render(scene, camera);
@@ -61,15 +62,36 @@ THREE_VIEWS = """
 
 @pytest.fixture(scope="module")
 def pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
-    """The page as it opens, the glTF file in three.js, and the map as the page's background."""
+    """The page as it opens and after a click, the glTF file in three.js, and the map as the page's background."""
     folder = tmp_path_factory.mktemp("page")
     scene = sunlit_scene()
     threejs.write_threejs(scene, folder)
     gltf.write_gltf(scene, folder)
     glb = base64.b64encode((folder / gltf.FILE).read_bytes()).decode()
-    drawn = drawings(folder / threejs.PAGE, THREE_VIEWS.replace("GLB", glb), scene.width, scene.height)
-    assert list(drawn) == ["page", "gltf", "map"]
+    drawn = drawings(
+        folder / threejs.PAGE, VIEWS.replace("GLB", glb).replace("MOVED", MOVED), scene.width, scene.height
+    )
+    assert list(drawn) == ["page", "gltf", "moved", "map"]
     return drawn
+
+
+@pytest.fixture(scope="module")
+def half_pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
+    """The page of a photo whose ground is half in shade, and the sun's share there as gray."""
+    return draw_page(half_shaded_scene(), tmp_path_factory.mktemp("half"))
+
+
+@pytest.fixture(scope="module")
+def shade_pictures(tmp_path_factory: pytest.TempPathFactory) -> Pictures:
+    """The page of a photo whose object stands in shade, also after a click, and the sun's share at first as gray."""
+    return draw_page(shaded_spot_scene(), tmp_path_factory.mktemp("shade"))
+
+
+def draw_page(scene: Scene, folder: Path) -> Pictures:
+    threejs.write_threejs(scene, folder)
+    page = folder / threejs.PAGE
+    whole = str(description(page.read_text(encoding="utf-8"))["sunIntensity"])
+    return drawings(page, 'drawn("page");' + SHARE.replace("WHOLE", whole) + MOVED, scene.width, scene.height)
 
 
 def pixel_at(picture: NDArray[Any], scene: Scene, points: NDArray[Any]) -> NDArray[Any]:
@@ -158,10 +180,8 @@ def open_share(scene: Scene, point: Floats) -> float:
 
 
 @pytest.mark.slow
-def test_no_shadow_darkens_shade(tmp_path: Path) -> None:
-    scene = half_shaded_scene()
-    threejs.write_threejs(scene, tmp_path)
-    page = drawings(tmp_path / threejs.PAGE, 'drawn("page");', scene.width, scene.height)["page"].astype(int)
+def test_no_shadow_darkens_shade(half_pictures: Pictures) -> None:
+    scene, page = half_shaded_scene(), half_pictures["page"].astype(int)
     change = (page - scene.plate)[290:, scene.width // 2 + 40 :]  # below the stick, and beside the ball
     assert change.min() > -30  # of contact alone, which fades away from the object
     assert np.abs(change[:, 120:]).max() <= 3
@@ -169,13 +189,10 @@ def test_no_shadow_darkens_shade(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_sun(tmp_path: Path) -> None:
-    scene = shaded_spot_scene()
-    pictures_of = {}
-    for name, of in (("shade", scene), ("sun", sunlit_scene())):
-        (tmp_path / name).mkdir()
-        threejs.write_threejs(of, tmp_path / name)
-        pictures_of[name] = drawings(tmp_path / name / threejs.PAGE, CLICKED, scene.width, scene.height)
+def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_sun(
+    shade_pictures: Pictures, pictures: Pictures
+) -> None:
+    scene, pictures_of = shaded_spot_scene(), {"shade": shade_pictures, "sun": pictures}
     center, radius = scene.spot + make_placeholder(scene).ball_center, make_placeholder(scene).ball_radius
     to_camera = scene.camera_position - center
     normal = to_camera / np.linalg.norm(to_camera)
@@ -192,30 +209,29 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scene", [half_shaded_scene(), shaded_spot_scene()], ids=["half", "shade"])
-def test_the_page_has_the_same_rule_of_shade(scene: Scene, tmp_path: Path) -> None:
+def test_the_page_has_the_same_rule_of_shade(half_pictures: Pictures, shade_pictures: Pictures) -> None:
     """Shown as a grey background."""
-    threejs.write_threejs(scene, tmp_path)
-    values = description((tmp_path / threejs.PAGE).read_text(encoding="utf-8"))
-    script = SHARE.replace("WHOLE", str(values["sunIntensity"]))
-    share_drawn = drawings(tmp_path / threejs.PAGE, script, scene.width, scene.height)["share"]
-    assert srgb_decode(share_drawn[0, 0] / 255.0) == pytest.approx(0.0 if scene.spot_in_shade else 1.0, abs=0.02)
+    for scene, drawn in ((half_shaded_scene(), half_pictures), (shaded_spot_scene(), shade_pictures)):
+        share = srgb_decode(drawn["share"][0, 0] / 255.0)
+        assert share == pytest.approx(0.0 if scene.spot_in_shade else 1.0, abs=0.02)
 
 
-SHARE = """
+SHARE = """{
   const { scene, camera, renderer, sun, ground, object } = lightingScene;
+  const background = scene.background;
   scene.background = new THREE.Color().setScalar(sun.intensity / WHOLE);
   ground.visible = object.visible = false;
   renderer.render(scene, camera);
   drawn("share");
-"""
-CLICKED = """
-  drawn("page");
+  scene.background = background;
+  ground.visible = object.visible = true;
+}"""
+MOVED = """{
   const canvas = lightingScene.renderer.domElement, frame = canvas.getBoundingClientRect();
   const [clientX, clientY] = [frame.left + (390 / 480) * frame.width, frame.top + (300 / 360) * frame.height];
   canvas.dispatchEvent(new MouseEvent("click", { clientX, clientY }));
   drawn("moved");
-"""
+}"""
 
 
 @pytest.mark.slow
