@@ -36,7 +36,7 @@ RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "test": ".ci/run",
     "blender": "tests/test_tutorials.py, by bpy or in the chroot",
     "image": "scripts/check_image.py, by buildah and caddy",
-    "train": "tests/export/test_training_tutorial.py",
+    "train": "tests/export/test_recipes.py",
 }
 NOT_RUN = {"text", "json", "html", "js", "csv"}  # languages of no program
 HTTP_REFERENCE = "docs/reference/http.md"  # whose commands are run, too

@@ -21,13 +21,13 @@ from lighting.sky import SKY_MODELS
 from server.app import create_app
 from server.settings import Settings
 from tests.helpers.processes import error_of, invoke_command
-from tests.helpers.toys import EASTERN, PICTURE, TEXT, TOY
+from tests.helpers.scenes import EASTERN, PICTURE, TEXT, TOY
 
 SKY: dict[str, Any] = {"sun_azimuth": -40.0, "sun_elevation": 35.0, "turbidity": 3.0, "exposure": 1.0}
 REGISTER = """
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
-from tests.helpers.toys import EASTERN, TOY
+from tests.helpers.scenes import EASTERN, TOY
 EXPORTERS["toy"], SKY_MODELS["eastern"] = TOY, EASTERN
 """
 

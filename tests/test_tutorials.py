@@ -23,8 +23,7 @@ from PIL import Image
 from scripts.book import ROOT, CodeBlock, read_code_blocks
 from server.app import create_app
 from server.settings import Settings
-from tests.helpers.blender import PYTHON, needs_blender
-from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
+from tests.helpers.engines import PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
 
 LEARN = ROOT / "docs" / "learn"
 PHOTO = ROOT / "examples" / "wide_street.jpg"

@@ -216,7 +216,7 @@ def read_luminance(file: Path) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize(
     "feature",
-    ["upload", "key", "metadata", "undo", "object", "downloads", "several", "webgl_loss", "mobile", "studio"],
+    ["book", "upload", "key", "metadata", "undo", "object", "downloads", "several", "webgl_loss", "mobile", "studio"],
 )
 def test_the_browser_has_nothing_to_complain_of(visits: Visit, feature: str) -> None:
     """No script error, nothing the content policy stops, nothing from another host."""
@@ -309,6 +309,28 @@ class TestUpload:
 
     def test_a_long_name_stays_on_a_phone(self, seen: Seen) -> None:
         assert seen["overflow"] == 0
+
+
+class TestBook:
+    @pytest.fixture
+    def seen(self, visits: Visit) -> Seen:
+        return visits("book")
+
+    def test_all_of_it_is_from_the_service(self, seen: Seen) -> None:
+        assert seen["requests"] == []
+
+    def test_axe_finds_nothing(self, seen: Seen) -> None:
+        assert (seen["searchFaults"], seen["phoneFaults"]) == ([], [])
+
+    def test_the_search_is_worked_by_keys(self, seen: Seen) -> None:
+        assert "found" in seen["count"]
+        assert seen["closed"]
+        assert seen["focused"].startswith("lighting envmap · Command line")
+        assert seen["copied"].startswith("lighting envmap [OPTIONS]")
+
+    def test_a_phone_has_the_contents_folded_and_scrolls_down_alone(self, seen: Seen) -> None:
+        assert seen["titles"][1] == "Command line"
+        assert (seen["folded"], seen["overflow"]) == (True, 0)
 
 
 def test_a_key_that_no_request_can_carry_is_refused_beside_its_field(visits: Visit) -> None:

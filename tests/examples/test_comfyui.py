@@ -3,6 +3,7 @@
 import asyncio
 import importlib.util
 import json
+import re
 import sys
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
@@ -10,6 +11,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+
+from server.settings import Settings
+from tests.helpers.pages import ROOT, text
 
 FOLDER = Path(__file__).parents[2] / "examples" / "comfyui"
 
@@ -85,3 +89,19 @@ def test_the_node_gives_map_sun_and_mask(module: Any) -> None:
     assert (azimuth, elevation) == tuple(json.loads(record)["sun"][name] for name in ("azimuth", "elevation"))
     without = node.execute(photo=torch.from_numpy(photo)[None], map_height=64, sun=False)[0]
     assert without.max() < envmap.max()
+
+
+COLORS = {"red", "yellow", "green", "blue", "indigo", "purple", "pink", "gray"}  # that the Hub takes
+
+
+def test_the_front_matter_fits_the_image_and_the_hub() -> None:
+    page, image = text(ROOT / "examples" / "huggingface" / "README.md"), text(ROOT / "Dockerfile")
+    _, matter, prose = page.split("---\n", 2)
+    values = dict(re.findall(r"^(\w+): (.+)$", matter, re.MULTILINE))
+    assert values["sdk"] == "docker"
+    assert f"EXPOSE {values['app_port']}\n" in image
+    assert {values["colorFrom"], values["colorTo"]} <= COLORS
+    assert len(values["short_description"]) <= 60
+    named = set(re.findall(r"`LIGHTING_(\w+)`", prose))
+    assert named == {"HOSTS", "FRAME_ORIGINS"}
+    assert {name.lower() for name in named} <= set(Settings.model_fields)

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from lighting.light_probe import compute_light_probe, encode_light_probe
-from tests.helpers.lights import stated_light
+from tests.helpers.predictions import stated_light
 
 ROOT = Path(__file__).parents[2]
 MODULES = ROOT / "tests" / "node" / "node_modules"

@@ -3,9 +3,11 @@
 import os
 import shutil
 import subprocess
+import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -53,3 +55,18 @@ def run_in_chroot(folder: Path, command: str, seconds: float = 900.0) -> str:
     result = subprocess.run(shell, capture_output=True, text=True, timeout=seconds, check=False)
     assert result.returncode == 0, (result.stdout + result.stderr)[-3000:]
     return result.stdout + result.stderr
+
+
+PYTHON = sys.executable if find_spec("bpy") else os.environ.get("BLENDER_PYTHON", "")  # empty if there is none
+
+_NO_BLENDER = "no Python with Blender's module bpy; BLENDER_PYTHON names one"
+
+
+def needs_blender(test: Callable[..., None]) -> Callable[..., None]:
+    """A test that is skipped where there is no such Python.
+
+    Args:
+        test: that runs it.
+    """
+    marked: Callable[..., None] = pytest.mark.blender(pytest.mark.skipif(not PYTHON, reason=_NO_BLENDER)(test))
+    return marked

@@ -5,7 +5,7 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import srgb_decode, tone_map
 from lighting.envmap.render import render
@@ -13,7 +13,10 @@ from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.photo.reader import Photo
 from lighting.preview.drawing import SUN
 from lighting.records import EstimatedLight, Lighting, SunDistribution
+from lighting.scene import Exporter, ExporterOption
 from lighting.scene.records import Scene, make_scene
+from lighting.scene.writer import Folder, encode_plate
+from lighting.sky import SkyModel, Weather
 
 Bytes = NDArray[np.uint8]
 
@@ -98,3 +101,24 @@ def _shaded(columns: slice) -> Scene:
     linear = srgb_decode(scene.plate / 255.0)
     linear[shaded] *= scene.shadow
     return make_scene(Photo(tone_map(linear), scene.width, scene.height, "PNG"), scene.lighting, map_height=256)
+
+
+TEXT, PICTURE = "toy.txt", "toy.png"
+
+
+def eastern_luminance(direction: ArrayLike, _sun_direction: ArrayLike, weather: Weather) -> Floats:
+    """Luminance (...) along unit vectors (..., 3): brighter to the right of the camera; 0 below the horizon."""
+    x, y, _ = np.moveaxis(np.asarray(direction, dtype=float), -1, 0)
+    return np.where(y > 0, weather.turbidity + x, 0.0)
+
+
+def write_toy(scene: Scene, folder: Folder, *, unit: str = "m") -> None:
+    """Write TEXT with the sun, and PICTURE, the photo."""
+    height = scene.camera_position[1] * {"m": 1, "cm": 100}[unit]
+    lines = [f"sun {scene.lighting.sun_azimuth:g} {scene.lighting.sun_elevation:g}", f"camera {height:g} {unit}"]
+    (folder / TEXT).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (folder / PICTURE).write_bytes(encode_plate(scene))
+
+
+EASTERN = SkyModel(eastern_luminance)
+TOY = Exporter(write_toy, files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")})

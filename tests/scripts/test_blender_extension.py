@@ -31,8 +31,7 @@ from lighting.records import Lighting
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
 from scripts.blender_extension import ROOT, build, relative
-from tests.helpers.blender import PYTHON, needs_blender
-from tests.helpers.engines import CHROOT, folder_in_chroot, needs_engines, run_in_chroot
+from tests.helpers.engines import CHROOT, PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
 from tests.helpers.scenes import sunlit_scene
 
 NEEDED = {"scene.json", "plate.png", "environment.exr", "lit_ground.png", "lighting.json"}

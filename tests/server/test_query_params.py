@@ -35,7 +35,7 @@ from server.query_params import (
     refuse_photo_parameters,
 )
 from tests.conftest import encode, munich, scene
-from tests.helpers.lights import without_probe
+from tests.helpers.predictions import without_probe
 from tests.server.conftest import client_of, jpeg_headers, problem, together
 
 SUMMER = timezone(timedelta(hours=2))  # of Munich

@@ -21,7 +21,7 @@ from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import dependencies, responses
 from tests.conftest import TINY, encode, scene
-from tests.helpers.lights import without_probe
+from tests.helpers.predictions import without_probe
 from tests.server.conftest import SKY
 
 JPEG = {"Content-Type": "image/jpeg"}

@@ -2,10 +2,29 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from PIL import Image
 
-from export.data.panoramas import read_index
+import export.evaluation.occlusion as occlusion
+from export.crops.crops import crop_panorama, load_sources
+from export.data.panoramas import DataError, read_index
 from export.evaluation.evaluate import Options, evaluate_networks
+from export.evaluation.occlusion import draw_occlusion, occlusion_map, write_occlusion
+from export.evaluation.predictions import (
+    CROPS_EACH,
+    SUN_VIEWS_EACH,
+    _by_name,
+    _predict_crops,
+    collect_truth,
+    decode_answers,
+    protocol_views,
+    sun_centered_views,
+)
+from lighting.geometry import wrap_azimuth
+from lighting.model import Model
+from lighting.photo.reader import read_photo
+from tests.conftest import TINY, write_network
 
 
 @pytest.mark.slow
@@ -39,3 +58,71 @@ def test_evaluation_reports_every_method_and_group(
     assert (tmp_path / "report.md").read_text() == report
     lines = (tmp_path / "crops-paper.csv").read_text().splitlines()
     assert len(lines) == 1 + 8 * len(read_index(data, "val"))
+
+
+def test_networks_of_one_name_and_version_are_not_compared(tmp_path: Path) -> None:
+    first, second = (Model.load(write_network(tmp_path / name)) for name in ("a.onnx", "b.onnx"))
+    with pytest.raises(DataError, match="Two networks are"):
+        _by_name([first, second])
+
+
+def test_cameras_go_around_evenly_and_are_the_same_every_time(data: Path) -> None:
+    sources = load_sources(read_index(data, "val"), data / "labels.csv")
+    views = protocol_views(sources, "phone")
+    assert len(views) == CROPS_EACH * len(sources)
+    azimuth = np.array([camera.azimuth for _, camera in views[:CROPS_EACH]])
+    np.testing.assert_allclose(wrap_azimuth(np.diff(azimuth)), 360 / CROPS_EACH, atol=1e-9)
+    assert protocol_views(sources[1:], "phone") == views[CROPS_EACH:]  # whatever other panoramas there are
+
+
+def test_aimed_views_show_the_sun(data: Path) -> None:
+    sources = load_sources(read_index(data), data / "labels.csv")
+    views = sun_centered_views(sources)
+    assert len(views) == SUN_VIEWS_EACH * sum(s.panorama.sun == "visible" for s in sources)
+    crops = [crop_panorama(source, camera, TINY) for source, camera in views]
+    truth = collect_truth([source.panorama for source, _ in views], crops)
+    assert np.mean(truth.in_view == "sun in view") > 0.8  # a camera tilts by 35 deg at most: the highest suns stay out
+    assert not any(camera.mirrored for _, camera in views)
+
+
+def test_a_network_is_asked_about_every_view(data: Path, network: Path) -> None:
+    sources = load_sources(read_index(data, "val"), data / "labels.csv")
+    views = protocol_views(sources, "paper")
+    truth, said = _predict_crops(Model.load(network), views)
+    assert len(said) == len(views) == len(truth.sun)
+    found = decode_answers(said, truth.sun)
+    known = np.isfinite(truth.sun[:, 0])
+    assert (np.isfinite(found.nll) == known).all()
+    np.testing.assert_allclose(np.linalg.norm(found.sun, axis=1), 1.0)
+    assert found.radius_50 == pytest.approx([p for p in found.radius_50 if p >= 0])
+    assert truth.scored[known].all()
+
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+
+
+def test_a_sun_in_the_picture_is_what_the_network_looks_at(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(occlusion, "_STEP", 24)  # a quarter of the covers
+    added = occlusion_map(Model.load(), read_photo(EXAMPLES / "railway_field.jpg"))
+    height, width = added.shape
+    y, x = np.unravel_index(np.argmax(added), added.shape)
+    assert abs(x / width - 0.78) < 0.1  # where the glare is
+    assert abs(y / height - 0.25) < 0.12
+    assert np.abs(added[height // 2 :, : width // 2]).max() < 0.3 * added.max()
+
+
+def test_several_photos_become_one_picture(network: Path, tmp_path: Path) -> None:
+    path = EXAMPLES / "railway_field.jpg"
+    write_occlusion(Model.load(network), [path, path], tmp_path / "two.jpg")
+    with Image.open(tmp_path / "two.jpg") as picture:
+        assert picture.size == (800, 300)
+
+
+def test_parts_for_the_answer_are_orange_and_parts_against_it_blue() -> None:
+    photo = np.full((60, 90, 3), 128, np.uint8)
+    added = np.zeros((20, 30))
+    added[:, :10], added[:, 20:] = 0.5, -0.5
+    picture = draw_occlusion(photo, added).astype(int)
+    assert picture[30, 10, 0] > picture[30, 10, 2] + 100
+    assert picture[30, 80, 2] > picture[30, 80, 0] + 100
+    assert np.ptp(picture[30, 45]) < 8

@@ -6,10 +6,13 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from export.stereo import traced
+from export.stereo.evaluate import SEASONS
 from export.stereo.renders import Material, cast_shadows, read_subjects, shade_surface
-from export.stereo.surfaces import _of_height
-from lighting.stereo.grid_search import Pose
-from lighting.stereo.light_vectors import Skies
+from export.stereo.surfaces import _of_height, project_mesh, random_relief, random_rotation, read_mesh, rotate_surface
+from lighting.stereo.grid_search import Pose, camera_to_world
+from lighting.stereo.light_vectors import Skies, illumination_matrices
+from lighting.stereo.schedule import gray_skies
 from tests.helpers.panoramas import OCTAHEDRON
 
 
@@ -72,3 +75,75 @@ def test_shading_is_lamberts_under_a_single_light() -> None:
     np.testing.assert_allclose(shadow, 0, atol=1e-6)
     glossy = shade_surface(normals, skies, Pose(), Material(matt.albedo, 0.1), None)
     assert (glossy[:2] > shade_surface(normals, skies, Pose(), matt, None)[:2]).all()
+
+
+def test_reliefs_have_unit_normals_where_their_mask_is() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        surface = random_relief(64, rng)
+        length = np.linalg.norm(surface.normals, axis=-1)
+        np.testing.assert_allclose(length[surface.mask], 1, rtol=1e-5)
+        assert not length[~surface.mask].any()
+        assert surface.mask.any()
+
+
+def test_a_mesh_is_seen_from_in_front(tmp_path: Path) -> None:
+    (tmp_path / "a.obj").write_text(OCTAHEDRON)
+    mesh = read_mesh(tmp_path / "a.obj")
+    assert mesh[0].shape == (6, 3)
+    assert mesh[1].shape == (8, 3)
+    seen = project_mesh(mesh, np.eye(3), 64, np.random.default_rng(0))
+    assert abs(seen.mask.mean() - 0.94**2 / 2) < 0.03  # a square on its corner
+    assert (seen.normals[seen.mask][:, 2] > 0).all()
+    row, column = np.unravel_index(int(np.nanargmax(seen.height)), seen.height.shape)
+    assert abs(row - 32) <= 2
+    assert abs(column - 32) <= 2
+
+
+def test_turns_are_rotations_and_turned_surfaces_keep_normals_and_slopes_together() -> None:
+    turn = random_rotation(np.random.default_rng(0))
+    np.testing.assert_allclose(turn @ turn.T, np.eye(3), atol=1e-12)
+    assert np.linalg.det(turn) > 0
+    y, x = np.mgrid[:24, :24].astype(np.float32)
+    surface = _of_height(0.3 * x + 0.02 * y * y, np.ones((24, 24), bool))
+    for quarters in range(4):
+        for mirrored in (False, True):
+            found = rotate_surface(surface, quarters, mirrored=mirrored)
+            again = _of_height(found.height, found.mask)
+            np.testing.assert_allclose(found.normals[2:-2, 2:-2], again.normals[2:-2, 2:-2], atol=1e-5)
+
+
+ALBEDO = 0.5
+
+
+def write_sphere(file: Path, rings: int = 24, sectors: int = 48) -> None:
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, rings + 1), 2 * np.pi * np.arange(sectors) / sectors, indexing="ij"
+    )
+    points = np.stack([np.sin(polar) * np.cos(around), np.cos(polar), np.sin(polar) * np.sin(around)], axis=-1)
+    lines = ["v " + " ".join(f"{value:.6f}" for value in point) for point in points.reshape(-1, 3)]
+    for ring in range(rings):
+        for sector in range(sectors):
+            corners = ring * sectors + sector, ring * sectors + (sector + 1) % sectors
+            lines.append("f " + " ".join(str(c + 1) for c in (*corners, corners[1] + sectors, corners[0] + sectors)))
+    file.write_text("\n".join(lines))
+
+
+def test_a_ball_under_a_sky_is_as_bright_as_its_light_vectors_say(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A ball reflects nothing onto itself, so the path tracer must agree with the integrals."""
+    pytest.importorskip("mitsuba")
+    monkeypatch.setattr(traced, "_SIDE", 20)
+    monkeypatch.setattr(traced, "_SAMPLES", 128)
+    write_sphere(tmp_path / "ball.obj")
+    day = SEASONS["47° N, June"]
+    skies = gray_skies(day.skies(32)).at(np.array([1, 5]))
+    images, normals, mask = traced.trace_mesh(tmp_path / "ball.obj", np.eye(3), day, skies, ALBEDO)
+    world = camera_to_world(normals[mask], day.pose)
+    vectors = illumination_matrices(skies, world)[..., 0]
+    expected = ALBEDO * np.einsum("ptj,pj->tp", vectors, world)
+    found = images[:, mask, 0]
+    assert mask.sum() > 200
+    np.testing.assert_allclose(np.median(found / expected, axis=1), 1, atol=0.03)
+    assert np.abs(found - expected).mean() < 0.03 * expected.max()

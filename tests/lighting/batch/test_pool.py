@@ -28,7 +28,7 @@ from lighting.model import Model
 from lighting.photo.reader import read_photo
 from lighting.records import record_with_coefficients
 from tests.conftest import encode, scene, write_network
-from tests.helpers.lights import without_probe
+from tests.helpers.predictions import without_probe
 from tests.helpers.processes import MANY_PHOTOS, read_records, run_batch
 
 

@@ -13,7 +13,7 @@ from pyarrow.parquet import read_table
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr
 from lighting.records import Lighting, record_with_coefficients, unwrap_record
-from tests.helpers.lights import without_probe
+from tests.helpers.predictions import without_probe
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, run_command
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "wide_street.jpg"

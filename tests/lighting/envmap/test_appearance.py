@@ -17,7 +17,7 @@ from lighting.envmap.appearance import (
 )
 from lighting.records import Lighting
 from lighting.segmentation import SurfaceClass
-from tests.helpers.lights import SKY_IRRADIANCE, stated_light
+from tests.helpers.predictions import SKY_IRRADIANCE, stated_light
 
 LEVEL = np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(33.0)) * np.array([1.9, 1.5, 0.9])
 

@@ -22,7 +22,7 @@ from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import angle_between, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.segmentation import SurfaceClass
-from tests.helpers.lights import stated_light
+from tests.helpers.predictions import stated_light
 
 HEIGHT = 128
 LIGHT = replace(stated_light(40.0, camera_elevation=0.0), vertical_fov=50.0)

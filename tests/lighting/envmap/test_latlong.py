@@ -1,20 +1,28 @@
 """Tests of latlong."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from lighting.envmap.latlong import (
+    FACES,
+    cubemap_directions,
     envmap_irradiance,
     irradiance_from_rows,
     max_channel,
+    prefilter_cubemap,
     remove_sun,
     row_irradiance,
     scale_colors,
     shrink_envmap,
+    to_cubemap,
 )
+from lighting.envmap.projection import project_photo
 from lighting.envmap.render import render
-from lighting.geometry import direction, latlong_directions, latlong_solid_angle
+from lighting.geometry import Pinhole, camera_pixel, direction, latlong_directions, latlong_solid_angle
 from lighting.records import Lighting
+from tests.helpers.predictions import stated_light
 
 
 def test_a_white_sky_lights_level_ground_by_pi() -> None:
@@ -103,3 +111,89 @@ def test_a_shrunk_map_keeps_the_power_of_a_single_pixel(height: int, rows: int) 
         spot = np.zeros((height, 2 * height, 3), np.float32)
         spot[row, height] = 1e5
         np.testing.assert_allclose(shrink_envmap(spot, rows).sum((0, 1)) * (height / rows) ** 2, 1e5, rtol=1e-5)
+
+
+def test_faces_look_where_their_names_say() -> None:
+    middles = cubemap_directions(3)[:, 1, 1]
+    for name, middle in zip(FACES, middles, strict=True):
+        expected = np.zeros(3)
+        expected["XYZ".index(name[1])] = 1 if name[0] == "+" else -1
+        assert middle == pytest.approx(expected)
+
+
+def test_rows_and_columns_are_opengls() -> None:
+    """Table 8.19 of its specification: for +X, s is -z and t is -y; for +Y, s is x and t is z; for -Z, s is -x."""
+    first = cubemap_directions(64)[:, 0, 0]
+    signs = np.sign(first)
+    assert signs.tolist() == [[1, 1, 1], [-1, 1, -1], [-1, 1, -1], [-1, -1, 1], [-1, 1, 1], [1, 1, -1]]
+
+
+def test_a_map_is_the_same_as_a_cubemap() -> None:
+    directions = latlong_directions(64)
+    image = (1 + directions @ np.diag([0.5, 0.3, 0.2])).astype(np.float32)
+    assert to_cubemap(image, 16) == pytest.approx(1 + cubemap_directions(16) @ np.diag([0.5, 0.3, 0.2]), abs=0.01)
+
+
+def test_mirror_images_are_means_by_ggx() -> None:
+    """Against the sum over all pixels of the map, direction by direction."""
+    image = np.random.default_rng(3).random((96, 192, 3)).astype(np.float32)
+    image[20:24, 30:36] = 50.0
+    sharp, rough, roughest = prefilter_cubemap(image, 16, [0.0, 0.5, 1.0])
+    assert [level.shape[1] for level in (sharp, rough, roughest)] == [16, 8, 4]
+    directions, weight = latlong_directions(96).reshape(-1, 3), np.repeat(latlong_solid_angle(96), 192)
+    for level, alpha, size in ((rough, 0.25, 8), (roughest, 1.0, 4)):
+        for face, row, column in ((0, 1, 1), (2, 2, 1), (5, 0, 2)):
+            cosine = directions @ cubemap_directions(size)[face, row, column]
+            half2 = (1 + cosine) / 2
+            share = np.maximum(cosine, 0) / (half2 * (alpha**2 - 1) + 1) ** 2 * weight
+            expected = share @ image.reshape(-1, 3) / share.sum()
+            assert level[face, row, column] == pytest.approx(expected, rel=0.05)
+
+
+HEIGHT = 64
+DARK = np.full((HEIGHT, 2 * HEIGHT, 3), 0.01, np.float32)
+
+
+def halves() -> np.ndarray:
+    """A picture whose left is red and whose right is blue."""
+    picture = np.zeros((60, 80, 3), np.uint8)
+    picture[:, :40, 0], picture[:, 40:, 2] = 200, 200
+    return picture
+
+
+@pytest.mark.parametrize(("elevation", "roll"), [(0.0, 0.0), (25.0, 10.0), (-30.0, -170.0), (89.0, 0.0)])
+def test_the_window_is_where_the_camera_looks(elevation: float, roll: float) -> None:
+    light = replace(stated_light(), camera_elevation=elevation, camera_roll=roll)
+    seen = project_photo(light, halves(), HEIGHT)
+    assert seen is not None
+    weight = np.zeros((HEIGHT, 2 * HEIGHT))
+    weight[seen.rows, seen.columns] = seen.whole.weight
+    x, y = np.moveaxis(
+        camera_pixel(latlong_directions(HEIGHT), Pinhole(80, 60, 50.0, elevation=elevation, roll=roll)), -1, 0
+    )
+    inside = (np.abs(x / 40 - 1) < 0.8) & (np.abs(y / 30 - 1) < 0.8)
+    outside = ~((np.abs(x / 40 - 1) < 1) & (np.abs(y / 30 - 1) < 1))
+    assert weight[inside].min() > 0.99
+    assert weight[outside].max() == 0
+    picture = np.zeros((HEIGHT, 2 * HEIGHT, 3))
+    picture[seen.rows, seen.columns] = seen.whole.linear
+    assert (picture[inside & (x < 36)][:, 0] > 0.4).all()
+    assert (picture[inside & (x > 44)][:, 2] > 0.4).all()
+
+
+def test_clipped_pixels_leave_the_brighter_map() -> None:
+    seen = project_photo(stated_light(), np.full((60, 80, 3), 255, np.uint8), HEIGHT)
+    assert seen is not None
+    whole = seen.whole
+    inside = whole.weight > 0.5
+    assert whole.over(DARK + 5, 1.0).linear[inside] == pytest.approx(5.01)
+    assert whole.over(DARK, 1.0).linear[inside] == pytest.approx(1.0)
+    assert whole.over(DARK, 0.5).linear[inside] == pytest.approx(0.5)
+
+
+def test_a_half_of_it_may_hold_none() -> None:
+    seen = project_photo(replace(stated_light(), camera_elevation=60.0), halves(), HEIGHT)
+    assert seen is not None
+    assert not seen.reaches(slice(HEIGHT // 2 + 8, HEIGHT))
+    (upper,) = seen.blocks(slice(0, HEIGHT // 2))
+    assert upper.linear.shape[0] == upper.weight.shape[0] == upper.rows.stop - upper.rows.start

@@ -23,7 +23,7 @@ from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ParameterError
 from lighting.geometry import wrap_azimuth
 from lighting.records import Lighting
-from tests.helpers.lights import model_light, stated_light
+from tests.helpers.predictions import model_light, stated_light
 
 PLAIN = Lighting(sun_azimuth=30.0, sun_elevation=40.0, turbidity=3.0, exposure=4.0)
 STATED = replace(PLAIN, sun_irradiance=(6.0, 4.0, 2.0), sky_irradiance=(1.0, 2.0, 3.0), sky_cover=0.25)

@@ -13,7 +13,7 @@ from lighting.color import tone_map
 from lighting.envmap.shadow_mask import dappled_sunlight, ground_shadow_mask, mean_sunlit
 from lighting.geometry import Pinhole
 from lighting.records import Lighting
-from tests.helpers.lights import (
+from tests.helpers.predictions import (
     GROUND_ALBEDO,
     SHADED_GROUND,
     SKY_IRRADIANCE,

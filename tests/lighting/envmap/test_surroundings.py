@@ -26,7 +26,7 @@ from lighting.envmap.surroundings import (
 )
 from lighting.geometry import angle_between, latlong_directions
 from lighting.records import EstimatedLight, Lighting, SunDistribution
-from tests.helpers.lights import SKY_IRRADIANCE, model_light, stated_light
+from tests.helpers.predictions import SKY_IRRADIANCE, model_light, stated_light
 
 ROWS = 24
 AHEAD = slice(22, 26)  # columns that a view of 60° by 45° shows for certain

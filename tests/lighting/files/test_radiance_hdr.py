@@ -11,7 +11,7 @@ from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError
 from lighting.files import encode_envmap, write_envmap
 from lighting.files.radiance_hdr import decode_hdr
-from tests.helpers.lights import model_light
+from tests.helpers.predictions import model_light
 
 Map = NDArray[np.float32]
 

@@ -21,7 +21,7 @@ from lighting.preview.object_insertion import (
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE, SphereScene, build_sphere_scene, sphere_centers
 from lighting.records import Lighting
 from lighting.segmentation import SurfaceClass
-from tests.helpers.lights import stated_light
+from tests.helpers.predictions import stated_light
 
 WIDTH, HEIGHT = 160, 120
 BARE = replace(stated_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)

@@ -17,8 +17,7 @@ from lighting.errors import SceneError
 from lighting.geometry import direction, to_z_up
 from lighting.scene import blender
 from lighting.scene.writer import write_scene
-from tests.helpers.blender import PYTHON, needs_blender
-from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
+from tests.helpers.engines import PYTHON, folder_in_chroot, needs_blender, needs_engines, run_in_chroot
 from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 

@@ -18,7 +18,7 @@ from lighting.envmap.latlong import cubemap_directions
 from lighting.geometry import sample_latlong
 from lighting.light_probe import CONDON_SHORTLEY, harmonics_basis
 from lighting.scene import gltf
-from tests.helpers.lights import UNIT_NORMALS
+from tests.helpers.predictions import UNIT_NORMALS
 from tests.helpers.scenes import sunlit_scene
 
 NODE = Path(__file__).parents[2] / "node"

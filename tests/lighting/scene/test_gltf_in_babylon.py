@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from lighting.scene import gltf
-from tests.helpers.lights import UNIT_NORMALS
+from tests.helpers.predictions import UNIT_NORMALS
 from tests.helpers.scenes import sunlit_scene
 
 MODULES = Path(__file__).parents[2] / "node" / "node_modules"

@@ -14,7 +14,7 @@ from lighting.color import srgb_decode
 from lighting.scene import godot
 from lighting.scene.records import Scene
 from tests.helpers.engines import folder_in_chroot, needs_engines
-from tests.helpers.renders import render_in_godot, shadow_error
+from tests.helpers.materials import render_in_godot, shadow_error
 from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 PICTURES = ("scene", "ground", "sky", "uniform")

@@ -24,8 +24,8 @@ from lighting.scene.records import Scene, make_placeholder, make_scene
 from lighting.scene.writer import write_scene
 from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
 from tests.helpers.exported import READERS, ExportedScene
+from tests.helpers.materials import render_in_godot
 from tests.helpers.pages import ROOT
-from tests.helpers.renders import render_in_godot
 
 mi: Any = mitsuba_renderer
 

@@ -1,11 +1,27 @@
 """The all-weather sky against the coefficients that Radiance's gendaylit computes, and its shape."""
 
+import math
+
 import numpy as np
 import pytest
 
 from lighting.errors import ParameterError
-from lighting.geometry import direction
-from lighting.sky.perez import _perez_coefficients, _sky_brightness, _sky_clearness, perez_luminance
+from lighting.geometry import Floats, angle_between, direction, latlong_directions, latlong_solid_angle
+from lighting.sky.perez import (
+    _gradation,
+    _indicatrix,
+    _perez_coefficients,
+    _preetham_luminance,
+    _preetham_zenith,
+    _sky_brightness,
+    _sky_clearness,
+    general_luminance,
+    lalonde_matthews_sky,
+    lalonde_matthews_sun,
+    overcast_luminance,
+    perez_luminance,
+    preetham_radiance,
+)
 
 ZENITH = np.array([0.0, 1.0, 0.0])
 
@@ -72,3 +88,179 @@ def test_what_no_sky_has_is_refused() -> None:
             _perez_coefficients(clearness, brightness, 0.5)
     with pytest.raises(ParameterError, match="horizon"):
         perez_luminance(ZENITH, direction(0.0, -2.0), 2.0, 0.2)
+
+
+SUN = direction(30.0, 40.0)
+
+
+@pytest.mark.parametrize(("beta", "kappa"), [(20.0, 0.1), (5.0, 0.4), (50.0, 1.0)])
+def test_the_sun_follows_the_papers_formula(beta: float, kappa: float) -> None:
+    away = np.array([0.5, 2.0, 10.0, 35.0])
+    found = lalonde_matthews_sun(direction(30.0, 40.0 + away), SUN, beta, kappa)
+    expected = [math.exp(-beta * math.exp(-kappa / math.radians(a))) for a in away]
+    assert found == pytest.approx(expected, rel=1e-6)
+    assert lalonde_matthews_sun(SUN, SUN, beta, kappa) == pytest.approx(1.0)
+
+
+def test_half_of_a_clear_suns_light_lies_near_it() -> None:
+    rays = latlong_directions(360)
+    light = lalonde_matthews_sun(rays, SUN) * latlong_solid_angle(360)[:, None]
+    near = rays @ SUN > math.cos(math.radians(3.0))
+    assert light[near].sum() > 0.5 * light.sum()
+    assert not light[180:].any()
+
+
+def test_the_sky_is_preethams_luminance_at_any_turbidity() -> None:
+    rays = latlong_directions(16)
+    np.testing.assert_allclose(lalonde_matthews_sky(rays, SUN, 3.0), _preetham_luminance(rays, SUN, 3.0))
+    np.testing.assert_allclose(lalonde_matthews_sky(rays, SUN, 1.0), _preetham_luminance(rays, SUN, 1.7))
+
+
+@pytest.mark.parametrize(("beta", "kappa"), [(0.5, 0.1), (20.0, 1.5)])
+def test_a_width_out_of_range_is_refused(beta: float, kappa: float) -> None:
+    with pytest.raises(ParameterError, match=r"^The sun's (beta|kappa) is .* must lie in"):
+        lalonde_matthews_sun(SUN, SUN, beta, kappa)
+
+
+# What appendix A.2 of the paper gives at turbidity 3: A to E of luminance, x and y.
+LUMINANCE = (-0.9269, -0.6387, 5.2570, -2.2153, 0.1693)
+X = (-0.3171, -0.1987, 0.2113, -1.0912, 0.0353)
+Y = (-0.3109, -0.2758, 0.1865, -1.7860, 0.0202)
+
+
+def perez(numbers: tuple[float, ...], theta: float, gamma: float) -> float:
+    a, b, c, d, e = numbers
+    return (1 + a * math.exp(b / math.cos(theta))) * (1 + c * math.exp(d * gamma) + e * math.cos(gamma) ** 2)
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(0.0, 60.0), (35.0, 20.0), (180.0, 75.0), (-90.0, 8.0)])
+def test_radiance_is_that_of_the_paper(azimuth: float, elevation: float) -> None:
+    sun, there = direction(20.0, 35.0), direction(azimuth, elevation)
+    theta, sun_theta = math.radians(90 - elevation), math.radians(55.0)
+    gamma = math.radians(float(angle_between(there, sun)))
+    zenith = _preetham_zenith(sun_theta, 3.0)
+    luminance, x, y = (
+        z * perez(n, theta, gamma) / perez(n, 0.0, sun_theta) for z, n in zip(zenith, (LUMINANCE, X, Y), strict=True)
+    )
+    found = preetham_radiance(there, sun, 3.0)
+    xyz = np.linalg.solve([[3.2406, -1.5372, -0.4986], [-0.9689, 1.8758, 0.0415], [0.0557, -0.2040, 1.0570]], found)
+    assert xyz[1] == pytest.approx(luminance, rel=1e-4)
+    assert xyz / xyz.sum() == pytest.approx([x, y, 1 - x - y], abs=1e-4)
+
+
+def test_the_zenith_of_the_paper() -> None:
+    """At turbidity 2 and a sun at 45 deg: (4.0453 T - 4.9710) tan chi - 0.2155 T + 2.4192, chi = 0.6719.
+
+    x and y are the sums over powers of the turbidity of the polynomials in the sun's angle that the paper prints.
+    """
+    theta = math.pi / 4
+    luminance, x, y = _preetham_zenith(math.pi / 4, 2.0)
+    assert luminance == pytest.approx(3.1196 * math.tan((4 / 9 - 2 / 120) * math.pi / 2) + 1.9882, rel=1e-9)
+    assert x == pytest.approx(
+        4 * (0.00166 * theta**3 - 0.00375 * theta**2 + 0.00209 * theta)
+        + 2 * (-0.02903 * theta**3 + 0.06377 * theta**2 - 0.03202 * theta + 0.00394)
+        + (0.11693 * theta**3 - 0.21196 * theta**2 + 0.06052 * theta + 0.25886),
+        rel=1e-9,
+    )
+    assert y == pytest.approx(
+        4 * (0.00275 * theta**3 - 0.00610 * theta**2 + 0.00317 * theta)
+        + 2 * (-0.04214 * theta**3 + 0.08970 * theta**2 - 0.04153 * theta + 0.00516)
+        + (0.15346 * theta**3 - 0.26756 * theta**2 + 0.06670 * theta + 0.26688),
+        rel=1e-9,
+    )
+
+
+def test_a_clear_sky_is_blue_and_brightest_at_the_sun() -> None:
+    sun = direction(0.0, 40.0)
+    sky = preetham_radiance(latlong_directions(32), sun, 2.5)
+    assert not sky[16:].any()
+    row, column = np.unravel_index(np.argmax(sky[..., 1]), sky.shape[:2])
+    assert angle_between(latlong_directions(32)[row, column], sun) < 6
+    assert sky[2, :, 2].mean() > 1.5 * sky[2, :, 0].mean()
+    assert _preetham_luminance([0.0, 1.0, 0.0], sun, 2.5) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("turbidity", [1.0, 11.0])
+def test_a_turbidity_out_of_range_is_refused(turbidity: float) -> None:
+    with pytest.raises(ParameterError, match=r"^The turbidity is .*covers 1\.7 to 10\.$"):
+        preetham_radiance([0.0, 1.0, 0.0], direction(0.0, 30.0), turbidity)
+
+
+def test_a_sun_below_the_horizon_is_refused() -> None:
+    with pytest.raises(ParameterError, match="below the horizon"):
+        preetham_radiance([0.0, 1.0, 0.0], direction(0.0, -5.0), 3.0)
+
+
+UNIFORM, CLEAR, POLLUTED = 5, 12, 13  # types of the general sky with names of their own
+CIE_SUN = direction(30.0, 40.0)
+
+
+def integral(luminance: Floats) -> float:
+    """Horizontal illuminance under a map (H, 2H)."""
+    height = len(luminance)
+    up = np.maximum(latlong_directions(height)[..., 1], 0)
+    return float((luminance * up).sum(axis=1) @ latlong_solid_angle(height))
+
+
+def test_overcast_sky_is_three_times_brighter_at_the_zenith() -> None:
+    elevation = np.array([0.0, 30.0, 42.0, 90.0])
+    # 42 deg is where the overcast sky has 7/9 of the zenith's luminance, its mean weighted by the cosine.
+    assert overcast_luminance(direction(0.0, elevation)) == pytest.approx([1 / 3, 2 / 3, 0.7794, 1.0], abs=1e-4)
+    assert overcast_luminance(direction(0.0, -1.0)) == 0
+
+
+def test_overcast_sky_lights_the_ground_by_seven_ninths_of_pi() -> None:
+    assert integral(overcast_luminance(latlong_directions(256))) == pytest.approx(7 * np.pi / 9, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", range(1, 16))
+def test_every_type_is_one_at_the_zenith_and_at_its_reference_angles(kind: int) -> None:
+    assert general_luminance(ZENITH, CIE_SUN, kind) == pytest.approx(1)
+    assert _indicatrix(np.pi / 2, kind) == pytest.approx(1)  # the standard's normalisation
+    assert _gradation(0.0, kind) == pytest.approx(1)
+
+
+def test_type_5_is_uniform() -> None:
+    assert integral(general_luminance(latlong_directions(128), CIE_SUN, UNIFORM)) == pytest.approx(np.pi, rel=1e-3)
+
+
+def test_type_1_is_nearly_the_overcast_sky() -> None:
+    elevation = np.linspace(5.0, 90.0, 18)
+    towards = direction(0.0, elevation)
+    # The standard keeps the overcast sky's own formula beside the type: they differ by up to 0.1 of the zenith.
+    assert general_luminance(towards, CIE_SUN, 1) == pytest.approx(overcast_luminance(towards), abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("kind", "numbers"), [(CLEAR, (0.91, 10.0, 0.45)), (POLLUTED, (0.856, 16.0, 0.3))], ids=["clear", "polluted"]
+)
+def test_clear_types_are_the_standard_clear_skies_of_1973(kind: int, numbers: tuple[float, float, float]) -> None:
+    constant, peak, bowl = numbers  # as CIE publication 22 and its polluted variant print them
+    towards = latlong_directions(16)[:8]
+    away, from_zenith = np.radians(angle_between(towards, CIE_SUN)), np.radians(angle_between(CIE_SUN, ZENITH))
+
+    def scatter(angle: Floats) -> Floats:
+        return np.asarray(constant + peak * np.exp(-3 * angle) + bowl * np.cos(angle) ** 2)
+
+    expected = scatter(away) * (1 - np.exp(-0.32 / towards[..., 1])) / (scatter(from_zenith) * 0.27385)
+    assert general_luminance(towards, CIE_SUN, kind) == pytest.approx(expected, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", range(1, 16))
+def test_luminance_falls_away_from_the_sun(kind: int) -> None:
+    at = _indicatrix(np.radians(np.arange(0.0, 90.0, 5.0)), kind)
+    assert (np.diff(at) <= 1e-12).all()
+
+
+@pytest.mark.parametrize(("kinds", "sign"), [((1, 2, 3, 4), 1), ((9, 10, 11, 12, 13, 14, 15), -1)])
+def test_overcast_skies_brighten_to_the_zenith_and_clear_ones_to_the_horizon(kinds: tuple[int, ...], sign: int) -> None:
+    up = np.sin(np.radians(np.arange(5.0, 91.0, 5.0)))
+    assert all((np.diff(_gradation(up, kind)) * sign > 0).all() for kind in kinds)
+
+
+def test_unknown_types_and_night_are_refused() -> None:
+    for kind in (0, 16):
+        with pytest.raises(ParameterError, match="types 1 to 15"):
+            general_luminance(ZENITH, CIE_SUN, kind)
+    with pytest.raises(ParameterError, match="below the horizon"):
+        general_luminance(ZENITH, direction(0.0, -1.0), CLEAR)
