@@ -22,6 +22,7 @@ GPS = "GPS"
 OTHER_PHOTOS = "other photos"
 
 _ROLLOVER = timedelta(weeks=1024)  # after which GPS receivers count their weeks from 0 again
+_NO_FIX = "The GPS time is of a receiver without a fix"
 _NEAR = timedelta(hours=26)  # within which a clock and GPS lie whose zone is unknown
 _MONTH = timedelta(days=30)
 _RECEIVER_EPOCHS = tuple(  # days that receivers without a fix show: of their weeks' zero, and of their programs
@@ -115,8 +116,7 @@ def resolve_instants(
         return _instants_of_stated_offset(metadata, user_input.utc_offset)
     clock = _instants_of_clock(metadata, shared_offset)
     if metadata.local_time is not None and metadata.gps_time is None and _is_reset(metadata.local_time):
-        sentence = f"The camera's clock, {_format(metadata.local_time)}, was reset: time was not used."
-        return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
+        return _without_time(f"The camera's clock, {_format(metadata.local_time)}, was reset")
     if metadata.gps_time is None:
         return PhotoInstants(clock)
     if metadata.local_time is None:
@@ -170,8 +170,7 @@ def _instants_in_zones(metadata: PhotoMetadata) -> tuple[Instant, ...]:
 def _instants_of_gps(metadata: PhotoMetadata, gps_time: datetime) -> PhotoInstants:
     """The instant of GPS alone."""
     if _is_epoch(gps_time):
-        sentence = "The GPS time is of a receiver without a fix: it was not used."
-        return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
+        return _without_time(_NO_FIX)
     return PhotoInstants((_gps_instant(metadata, gps_time),))
 
 
@@ -203,25 +202,32 @@ def _without_impossible(
 ) -> PhotoInstants | None:
     """The instants of the one of two clocks that can be right; None where both can be."""
     by_clock = clock[0].utc_time if clock else local_time.replace(tzinfo=UTC)
-    gps, no_fix = (_gps_instant(metadata, gps_time),), "The GPS time is of a receiver without a fix"
     is_reset = _is_reset(local_time) or local_time.year <= _LAST_YEAR_WITHOUT_GPS
+    latest = datetime.now(UTC) + _NEAR
     if _is_epoch(gps_time) and is_reset:
-        sentence = "The camera's clock was reset and GPS had no fix: no time was used."
-        return PhotoInstants(warnings=(CodedWarning(sentence, WarningCode.CLOCK_CONTRADICTED),))
+        return _without_time("The camera's clock was reset and GPS had no fix")
     if _is_epoch(gps_time):
-        return PhotoInstants(clock, ClockConflict(no_fix))
+        return _clock_alone(clock, _NO_FIX)
     if is_reset:
         sentence = f"The camera's clock, {_format(local_time)}, was reset"
-    elif by_clock > datetime.now(UTC) + _NEAR >= gps_time:
+    elif by_clock > latest >= gps_time:
         sentence = f"The camera's clock, {_format(local_time)}, is of the future"
-    elif gps_time > datetime.now(UTC) + _NEAR >= by_clock:
-        sentence = f"The GPS time, {_format(gps_time)}, is of the future"
-        return PhotoInstants(clock, ClockConflict(sentence)) if clock else None
+    elif gps_time > latest:
+        return _clock_alone(clock, f"The GPS time, {_format(gps_time)}, is of the future")
     elif not clock:
         sentence = _format_conflict(by_clock - gps_time)
     else:
         return None
-    return PhotoInstants(gps, ClockConflict(sentence))
+    return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence))
+
+
+def _clock_alone(clock: tuple[Instant, ...], sentence: str) -> PhotoInstants:
+    """The instants of a clock beside a GPS time that a sentence doubts; none where its zone is unknown."""
+    return PhotoInstants(clock, ClockConflict(sentence)) if clock else _without_time(sentence)
+
+
+def _without_time(sentence: str) -> PhotoInstants:
+    return PhotoInstants(warnings=(CodedWarning(f"{sentence}: no time was used.", WarningCode.CLOCK_CONTRADICTED),))
 
 
 def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], gps_time: datetime) -> PhotoInstants:

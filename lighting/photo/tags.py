@@ -360,7 +360,8 @@ def _of_capture(properties: Mapping[str, str]) -> dict[str, str]:
 
 def _xmp_files(photo: Path) -> Iterator[Path]:
     """Where raw developers write XMP: in place of the photo's suffix, or behind it."""
-    for name in (f"{photo.name}.xmp", f"{photo.stem}.xmp"):
+    other_case = photo.stem + photo.suffix.swapcase()  # of a copy from a machine that tells no case
+    for name in (f"{photo.name}.xmp", f"{photo.stem}.xmp", f"{other_case}.xmp"):
         yield photo.with_name(name)
         yield photo.with_name(name.removesuffix("xmp") + "XMP")
 

@@ -344,7 +344,9 @@ def _doubt_model(session: Session, normals: NormalMap) -> tuple[NormalMap, tuple
     misfit = normals.median_misfit
     if misfit < _MAX_MISFIT:
         return normals, ()
-    warnings = [f"The modelled light misses the photos by {100 * misfit:.1f} %: check heading, times and place."]
+    warnings = [
+        f"The modelled light misses the photos by {100 * misfit:.1f} %: check heading, times, place and exposure."
+    ]
     other = find_other_heading(session)
     if other.noise_ratio < _MAX_HEADING_RATIO:
         warnings.append(

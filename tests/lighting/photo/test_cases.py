@@ -410,6 +410,19 @@ def test_two_clocks_that_began_anew_are_no_time() -> None:
     assert "no time was used" in warning
 
 
+@pytest.mark.parametrize(
+    ("gps", "words"),
+    [("1980:01:06 00:00:10", "without a fix"), ("2042:06:01 03:04:05", "of the future")],
+)
+def test_a_clock_without_a_zone_is_no_time_beside_a_gps_that_cannot_be(gps: str, words: str) -> None:
+    tags = {"DateTimeOriginal": MUNICH["DateTimeOriginal"], "gps": gps}
+    light = answer(read_photo(file_of(tags)).metadata, 20.0)
+    assert light.utc_time is None
+    (warning,) = clock_warnings(light)
+    assert words in warning
+    assert "no time was used" in warning
+
+
 def test_new_year_is_a_day_as_any_other() -> None:
     tags = {"DateTimeOriginal": "2017:01:01 12:30:00", "OffsetTimeOriginal": "+01:00"}
     light = answer(read_photo(file_of(MUNICH | tags)).metadata, 18.0)
@@ -570,7 +583,7 @@ def test_takeouts_time_tells_the_offset_of_a_clock_unless_google_took_it_for_utc
     assert read_photo(tmp_path / "photo.jpg").metadata.utc_offset is None
 
 
-@pytest.mark.parametrize("name", ["photo.jpg.xmp", "photo.xmp", "photo.XMP"])
+@pytest.mark.parametrize("name", ["photo.jpg.xmp", "photo.xmp", "photo.XMP", "photo.JPG.xmp"])
 def test_xmp_beside_the_photo_fills_gaps(tmp_path: Path, name: str) -> None:
     (tmp_path / "photo.jpg").write_bytes(encode(SCENE))
     place = {"GPSLatitude": "48,8.4000N", "GPSLongitude": "11,34.8000E"}
