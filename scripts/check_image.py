@@ -19,27 +19,21 @@ import fcntl
 import json
 import math
 import os
-import shlex
 import shutil
 import signal
 import socket
-import ssl
 import struct
 import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from http.client import HTTPConnection
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
 
-from scripts.book import read_code_blocks
 from scripts.build_image import (
     NEW_NETWORK,
     Engine,
@@ -49,49 +43,30 @@ from scripts.build_image import (
     load_base,
     unshare,
 )
+from scripts.check_compose import check_compose, check_run_options, read_docker_lines
+from scripts.image_process import (
+    PHOTO,
+    START,
+    STOP,
+    BrokenPromiseError,
+    Image,
+    answer_of,
+    check_requests,
+    expect,
+    healthy,
+    started,
+    wait_healthy,
+)
 
 ROOT = Path(__file__).parent.parent
-PHOTO = ROOT / "examples" / "wide_street.jpg"
 SPACE = ROOT / "examples" / "huggingface" / "README.md"
 CONTAINER, SPACE_CONTAINER = "image", "space"
-PAGE = ROOT / "docs" / "do" / "run-the-service.md"
-MARK = "image"  # of the page's block of Docker's lines
-HTTPS = 443  # port
 LIMIT = 350  # MB over the base
-START, STOP = 120, 30  # seconds
 COMPILERS = {"cc", "gcc", "g++", "clang", "ld", "make", "node", "npm", "git", "curl"}
 SENT = {"CHANGELOG.md", "LICENSE", "NOTICE", "README.md", "SECURITY.md", "pyproject.toml"}
 SENT |= {"requirements.lock", "requirements-traces.lock", "requirements-turns.lock"}
 SENT_FOLDERS = {"docs", "lighting", "server"}
 NEVER_SENT = {"lab", "node_modules", "__pycache__", "src"}
-
-
-class BrokenPromiseError(Exception):
-    """The image lacks a property that it promises."""
-
-
-@dataclass(frozen=True)
-class Image:
-    """A built image, as a read-only tree of files, and how it is run."""
-
-    root: Path
-    environment: list[str]  # NAME=VALUE
-    folder: str
-    user: str  # UID:GID
-    start: list[str]  # ENTRYPOINT and CMD
-    health: list[str]
-
-    @property
-    def port(self) -> int:
-        """Where the service listens."""
-        return int(dict(pair.split("=", 1) for pair in self.environment)["LIGHTING_PORT"])
-
-    def command(self, argv: list[str]) -> list[str]:
-        """The command line, for root, that runs `argv` in the image as its user, without capabilities."""
-        uid, gid = self.user.split(":")
-        identity = [f"--reuid={uid}", f"--regid={gid}", "--clear-groups"]
-        lowered = ["setpriv", *identity, "--no-new-privs", "--bounding-set=-all", "--inh-caps=-all"]
-        return ["chroot", str(self.root), *lowered, "env", "-i", "-C", self.folder, *self.environment, *argv]
 
 
 def main() -> None:
@@ -134,13 +109,6 @@ def check(engine: Engine, view: Path, cache: Path) -> None:
     check_compose(image, compose)
     check_space(space, front_matter)
     print(f"   {time.monotonic() - began:.0f} s in all")
-
-
-def expect(kept: bool, promise: str) -> None:
-    """Print the promise if it was kept; BrokenPromiseError if not."""
-    if not kept:
-        raise BrokenPromiseError(f"not kept: {promise}")
-    print(f"ok: {promise}", flush=True)
 
 
 def build_space(engine: Engine, context: Path) -> dict[str, str]:
@@ -262,7 +230,7 @@ def check_space(image: Image, front_matter: dict[str, str]) -> None:
             expect(_get(port, "/", "other.example")[0] == 421, "and has no other host's name")
             start = _get(port, "/book/start", host)[2]
             expect(b"app_port" not in start and b"<h1" in start, "the front matter is on no page")
-            expect("sun" in json.loads(_answer(port, "/v1/lighting", photos=1, host=host)), "a photo is answered")
+            expect("sun" in json.loads(answer_of(port, "/v1/lighting", photos=1, host=host)), "a photo is answered")
             os.kill(pid, signal.SIGTERM)
             service.wait(STOP)
     spans = collector.content
@@ -317,56 +285,6 @@ def _raise_loopback() -> None:
         fcntl.ioctl(anything, 0x8914, struct.pack("16sh22x", b"lo", 1))  # SIOCSIFFLAGS, IFF_UP
 
 
-def _add_address(address: str) -> None:
-    """`ip address add ADDRESS dev lo`."""
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as anything:
-        request = struct.pack("16sH2x4s8x", b"lo:1", socket.AF_INET, socket.inet_aton(address))
-        fcntl.ioctl(anything, 0x8916, request)  # SIOCSIFADDR
-
-
-def healthy(probe: list[str]) -> bool:
-    """Whether the HEALTHCHECK's command succeeds."""
-    return subprocess.run(probe, capture_output=True, timeout=START).returncode == 0
-
-
-def wait_healthy(probe: list[str], service: subprocess.Popen[bytes]) -> float:
-    """Seconds until the HEALTHCHECK succeeds; 0 if it does not in time or the service ends first."""
-    began = time.monotonic()
-    while time.monotonic() - began < START and service.poll() is None:
-        if healthy(probe):
-            return time.monotonic() - began
-        time.sleep(0.2)
-    return 0.0
-
-
-@contextmanager
-def started(image: Image) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
-    """Run the service as process 1 of a new namespace; yields it and its process id outside."""
-    alone = ["unshare", "--pid", "--fork", f"--mount-proc={image.root / 'proc'}"]
-    with subprocess.Popen([*alone, *image.command(image.start)]) as outer:
-        try:
-            yield outer, _only_child(outer.pid)
-        finally:
-            for child in _children(outer.pid):
-                os.kill(child, signal.SIGKILL)
-            outer.kill()
-
-
-def _only_child(pid: int) -> int:
-    for _ in range(100):
-        if children := _children(pid):
-            return children[0]
-        time.sleep(0.05)
-    raise BrokenPromiseError("the service did not start")
-
-
-def _children(pid: int) -> list[int]:
-    try:
-        return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-    except OSError:
-        return []
-
-
 def check_process(pid: int, uid: int, image: Image) -> None:
     """Check the running process: its user, its capabilities, its number, and that it cannot write."""
     lines = Path(f"/proc/{pid}/status").read_text().splitlines()
@@ -376,29 +294,6 @@ def check_process(pid: int, uid: int, image: Image) -> None:
     expect(status["NSpid"].split()[-1] == "1", "it is process 1 itself, with no shell before it")
     writing = image.command(["python", "-c", "open('/tmp/new', 'w')"])
     expect(b"Read-only" in subprocess.run(writing, capture_output=True).stderr, "its files are read-only")
-
-
-def check_requests(port: int) -> dict[str, float | list[float]]:
-    """Send one request of each kind; returns the sun of the example photo."""
-    record = json.loads(_answer(port, "/v1/lighting", photos=1))
-    image = _answer(port, "/v1/envmap", photos=1)
-    expect(image.startswith(b"v/1\x01") and len(image) > 100_000, f"POST /v1/envmap: an EXR of {len(image)} bytes")
-    expect(b"<script" in _answer(port, "/"), "the page is in it")
-    several = json.loads(_answer(port, "/v1/lightings", photos=2))["lightings"]
-    expect("other photos" in several[1]["evidence"], "several photos are answered together")
-    return dict(record["sun"])
-
-
-def _answer(port: int, path: str, photos: int = 0, host: str = "127.0.0.1") -> bytes:
-    """The answer to a GET, or to a form with the example photo, as large as a camera's, once or more often."""
-    photo = PHOTO.read_bytes() + bytes(3_000_000)
-    part = b'--part\r\nContent-Disposition: form-data; name="photo"; filename="p.jpg"\r\n\r\n%b\r\n' % photo
-    form = photos * part + b"--part--\r\n" if photos else None
-    headers = {"Content-Type": "multipart/form-data; boundary=part", "Host": host}
-    request = urllib.request.Request(f"http://127.0.0.1:{port}{path}", form, headers)
-    without_proxy = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-    with without_proxy.open(request, timeout=START) as answer:
-        return bytes(answer.read())
 
 
 def check_command_line(image: Image, sun: dict[str, float | list[float]]) -> None:
@@ -418,103 +313,6 @@ def _is_close(told: float | list[float], other: float | list[float]) -> bool:
     if isinstance(told, list) and isinstance(other, list):
         return len(told) == len(other) and all(map(_is_close, told, other))
     return not isinstance(told, list) and not isinstance(other, list) and math.isclose(told, other, rel_tol=1e-4)
-
-
-def read_docker_lines() -> list[list[str]]:
-    """The words of each line of the page's block of Docker."""
-    (text,) = (b.text for b in read_code_blocks(PAGE.read_text(encoding="utf-8")) if b.mark == MARK)
-    return [shlex.split(line, comments=True) for line in text.splitlines()]
-
-
-def check_run_options(run: list[str], image: Image) -> None:
-    """Check that `docker run` of the page gives the options under which the service just ran, and no other.
-
-    Args:
-        run: the line's words.
-        image: that ran.
-    """
-    ran = ["docker", "run", "--rm", "-p", f"8000:{image.port}", "--read-only", "--cap-drop", "ALL"]
-    expect(run[:-1] == ran, f"it ran as `{' '.join(run)}` says")
-
-
-def check_compose(image: Image, lines: list[list[str]]) -> None:
-    """Run the service by compose.yaml's settings, and Caddy in front of it, as the page's lines do.
-
-    Both have the proxy's address, which this network of a loopback gets too.
-
-    Args:
-        image: of the service.
-        lines: the words of `docker compose up`, and of the same with the proxy for a site.
-    """
-    import yaml
-
-    services = yaml.safe_load((ROOT / "compose.yaml").read_text(encoding="utf-8"))["services"]
-    alone, (site, *proxied) = lines
-    expect(alone == ["docker", "compose", "up", "--build"], "the page starts compose.yaml")
-    profile = services["proxy"]["profiles"]
-    expect(proxied == [*alone[:2], "--profile", *profile, *alone[2:]], "and its proxy, by the profile's name")
-    settings = services["lighting"]["environment"]
-    _add_address(address := services["proxy"]["networks"]["default"]["ipv4_address"])
-    composed = replace(image, environment=[*image.environment, *(f"{k}={v}" for k, v in settings.items())])
-    with started(composed) as (service, pid):
-        expect(bool(wait_healthy(composed.command(image.health), service)), "it runs by the settings of compose.yaml")
-        check_requests(image.port)
-        if shutil.which("caddy"):
-            check_proxy(f"{address}:{image.port}", site.partition("=")[2], services["proxy"]["environment"])
-        else:
-            print("skipped: there is no caddy for the proxy of compose.yaml")
-        os.kill(pid, signal.SIGTERM)
-        service.wait(STOP)
-
-
-def check_proxy(service: str, site: str, variables: dict[str, str | int]) -> None:
-    """Ask the service over TLS by the name of a site, whose certificate Caddy itself signs.
-
-    Args:
-        service: its address and port.
-        site: its host name.
-        variables: of the Caddyfile.
-    """
-    own = {"SITE": site, "SERVICE": service}
-    with tempfile.TemporaryDirectory() as folder:
-        environment = {**os.environ, **{k: str(v) for k, v in variables.items()}, **own, "XDG_DATA_HOME": folder}
-        config = Path(folder, "Caddyfile")
-        text = (ROOT / "Caddyfile").read_text(encoding="utf-8")
-        config.write_text(text.replace("\n{\n", "\n{\n\tadmin off\n\tlocal_certs\n\tskip_install_trust\n", 1))
-        command = ["caddy", "run", "--config", config, "--adapter", "caddyfile"]
-        with subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) as proxy:
-            try:
-                status = wait_for_site(proxy, site, Path(folder, "caddy/pki/authorities/local/root.crt"))
-            finally:
-                proxy.kill()
-    expect(status == 200, f"https://{site} answers through Caddy")
-
-
-def wait_for_site(proxy: "subprocess.Popen[bytes]", site: str, root: Path) -> int:
-    """The status of a site's readiness once it answers; 0 if it does not in time.
-
-    Args:
-        proxy: that answers.
-        site: its host name.
-        root: the certificate that signs the site's.
-    """
-    began = time.monotonic()
-    while time.monotonic() - began < START and proxy.poll() is None:
-        try:
-            return _ask_site(site, ssl.create_default_context(cafile=root))
-        except OSError:
-            time.sleep(0.2)
-    return 0
-
-
-def _ask_site(site: str, context: ssl.SSLContext) -> int:
-    """The status of /readyz at a site of the loopback."""
-    with (
-        socket.create_connection(("127.0.0.1", HTTPS), START) as plain,
-        context.wrap_socket(plain, server_hostname=site) as secure,
-    ):
-        secure.sendall(f"GET /readyz HTTP/1.1\r\nHost: {site}\r\nConnection: close\r\n\r\n".encode())
-        return int(secure.recv(12).split()[1])
 
 
 def _resident(pid: int) -> int:

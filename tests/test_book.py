@@ -35,7 +35,7 @@ RUN_ELSEWHERE = {  # marks of blocks, and what runs them
     "try": ".ci/run",
     "test": ".ci/run",
     "blender": "tests/test_tutorials.py, by bpy or in the chroot",
-    "image": "scripts/check_image.py, by buildah and caddy",
+    "image": "scripts/check_compose.py, by buildah and caddy",
     "train": "tests/export/test_recipes.py",
 }
 NOT_RUN = {"text", "json", "html", "js", "csv"}  # languages of no program

@@ -23,7 +23,8 @@ from scripts.build_image import (
     replace_bases,
     shared_files,
 )
-from scripts.check_image import BrokenPromiseError, Image, _children, _resident, check_layer, expect, healthy, main
+from scripts.check_image import _resident, check_layer, main
+from scripts.image_process import BrokenPromiseError, Image, _children, expect, healthy
 
 DOCKERFILE = "FROM python:3.11@sha256:0a AS page\nRUN a\nFROM python:3.11 AS venv\nFROM python:3.11\nCMD b\n"
 
