@@ -24,7 +24,16 @@ from click.testing import CliRunner
 
 from lighting.cli import cli
 from lighting.estimator import Estimator
-from scripts.book import BUDGETS, MOST_WORDS, ROOT, CodeBlock, count_page_words, find_broken_rules, read_code_blocks
+from scripts.book import (
+    BESIDE,
+    BUDGETS,
+    MOST_WORDS,
+    ROOT,
+    CodeBlock,
+    count_page_words,
+    find_broken_rules,
+    read_code_blocks,
+)
 from server.app import create_app
 from server.settings import Settings
 from tests.helpers.materials import MATERIALS
@@ -59,7 +68,7 @@ def read_page(name: str) -> str:
     return (ROOT / name).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("name", [*BUDGETS, *REFERENCES])
+@pytest.mark.parametrize("name", [*BUDGETS, *REFERENCES, *BESIDE])
 def test_a_page_keeps_the_rules(name: str) -> None:
     """`python -m scripts.book PAGE` prints the same."""
     assert find_broken_rules(name) == []
