@@ -1,7 +1,8 @@
-"""examples/webxr in Chromium, with a session that the test simulates."""
+"""examples/webxr in Chromium, with a session that the test simulates; the maps of examples/model-viewer."""
 
 import json
 import re
+import shlex
 import shutil
 import subprocess
 import threading
@@ -10,9 +11,12 @@ from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+from lighting.cli import cli
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from tests.helpers.predictions import stated_light
 
@@ -89,3 +93,20 @@ def test_the_page_is_lit_by_the_photo_and_then_by_the_sessions_estimate(tmp_path
         total = probe.irradiance(facing) + light.irradiance * max(float(light.direction @ facing), 0.0)
         linear = ((np.array(color) / 255 + 0.055) / 1.055) ** 2.4
         assert linear == pytest.approx(albedo * total / np.pi, rel=0.05, abs=0.01)
+
+
+def test_the_maps_of_model_viewer_have_the_photo_behind_the_model(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """model-viewer's camera looks along -Z, which is a quarter of three.js's maps from their left edge."""
+    page = (ROOT / "examples" / "model-viewer" / "index.html").read_text(encoding="utf-8")
+    backdrop, light = (shlex.split(line)[1:] for line in re.findall(r"^ +(lighting .+)$", page, re.MULTILINE))
+    assert backdrop[-2:] == light[4:6] == ["--yaw", "-90"]
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(ROOT / "examples" / "wide_street.jpg", "photo.jpg")
+    result = CliRunner().invoke(cli, [*light, "--sun", "0,30"])
+    assert result.exit_code == 0, result.output
+    image = cv2.imread(light[3], cv2.IMREAD_UNCHANGED)
+    assert image is not None
+    column = image.max(axis=(0, 2)).argmax()  # of the sun ahead
+    assert column / image.shape[1] == pytest.approx(0.25, abs=0.01)
