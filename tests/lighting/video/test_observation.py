@@ -155,7 +155,7 @@ def test_exposures_are_those_of_the_first_frame() -> None:
 
 def test_no_look_no_answer() -> None:
     light = ShotLight()
-    with pytest.raises(ValueError, match="no observed_look"):
+    with pytest.raises(ValueError, match="no look"):
         light.answer(NOTHING)
 
 
