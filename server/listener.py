@@ -6,9 +6,9 @@ import socket
 from collections.abc import Callable
 from typing import Any
 
-from server.limits import BACKLOG
 from server.settings import PREFIX, SettingsError
 
+MAX_REFUSALS = 8  # in one iteration of the event loop, so that they delay nobody
 _WAITING_CONNECTIONS = 2048  # that the system keeps until they are accepted, a few at a time
 
 
@@ -27,7 +27,7 @@ class Listener(socket.socket):
         Raises:
             BlockingIOError: none waits, or enough have been refused for this turn of the event loop.
         """
-        for _ in range(BACKLOG):
+        for _ in range(MAX_REFUSALS):
             connection, address = super().accept()
             if not self.refuses(str(address[0])):
                 return connection, address

@@ -1,7 +1,8 @@
 """Work in turn by client: a fixed number of threads, a bounded queue, and the processor time that each client used.
 
 A client is charged what its requests took lately, and what those are expected to take that wait and run. The next free
-thread goes to the client with the least (fair queueing), to short requests first. When the queue is full, a client with
+thread goes to the client with the least (fair queueing). While short requests wait, long ones begin at intervals, in
+which they use no more of the threads than their clients are of all clients. When the queue is full, a client with
 fewer requests in it takes the place of the newest one of the client that demands most. A client's only request waits
 beyond the queue, as long as the bodies that wait fit into it and their work is done soon. After that, one that takes
 much less takes another's place.
@@ -30,7 +31,6 @@ MORE = 1.2  # times the mean processor time of the clients, beyond which one use
 MUCH_MORE = 1.5  # times as much processor time as another client, so that one makes room for it
 _RECENT_SECONDS = 10.0  # that a client counts as present after its last work
 _QUEUE_SECONDS = 30.0  # of work for each thread, up to which requests wait beyond the queue
-_PATIENCE_SECONDS = 10.0  # for which short requests go first
 _FIRST_SECONDS = 1.0  # of processor time that a route is expected to take before it has been measured
 _LEARNING_RATE = 0.2  # of a route's expected processor time
 _FORGET_SECONDS = 300.0  # after which clients that used as good as nothing are forgotten
@@ -103,6 +103,7 @@ class Job:
     turn: Event = field(default_factory=Event)  # set when it may run, or has to go
     started: bool = False
     evicted: bool = False
+    began: float = 0.0  # the clock's time at which it got a thread
     had_more: bool = False  # requests than the client for which it was evicted
     seconds: float | None = None  # that it took; None before it has run
     succeeded: bool = False
@@ -155,6 +156,7 @@ class WorkLimiter:
         self._waiting: list[Job] = []
         self._running: list[Job] = []
         self._expected: dict[str, float] = {}  # processor time [s] by route
+        self._long_from = clock()  # the time from which a long request may begin while short ones wait
         self._last: dict[Client, float] = {}  # when a client's work last began or ended, if that is recent
         self._threads = CapacityLimiter(workers)
 
@@ -312,6 +314,8 @@ class WorkLimiter:
         if job.started:
             self._running.remove(job)
             self._note(job)
+            if self._is_long(job):
+                self._pause_long_jobs(job, job.began, self._clock() - job.began)
             self._start_jobs()
 
     def _note(self, job: Job) -> None:
@@ -330,23 +334,41 @@ class WorkLimiter:
             self._waiting.remove(job)
             self._running.append(job)
             job.started = True
-            self._last[job.client] = self._clock()
+            self._last[job.client] = job.began = self._clock()
+            if self._is_long(job):
+                self._pause_long_jobs(job, max(job.began, self._long_from), self._expect(job.route))
             job.turn.set()
 
     def _next_job(self) -> Job | None:
-        """The waiting request of the client that used least, short ones first; long ones leave a thread to others."""
-        jobs, now = self._waiting, self._clock()
-        if (
-            self.workers > 1
-            and sum(self._expect(job.route) > LONG_SECONDS for job in self._running) >= self.workers - 1
-        ):
-            self._forget_absent()
-            jobs = [job for job in jobs if self._expect(job.route) <= LONG_SECONDS or not self._has_others(job)]
-        return min(jobs, key=lambda job: (self._has_time(job, now), self.usage.load(job.client, now=now)), default=None)
+        """The waiting request of the client that used least, of the long ones or of the short ones."""
+        now = self._clock()
+        short = [job for job in self._waiting if not self._is_long(job)]
+        jobs = [] if short and now < self._long_from else self._long_jobs()
+        return min(jobs or short, key=lambda job: self.usage.load(job.client, now=now), default=None)
 
-    def _has_time(self, job: Job, now: float) -> bool:
-        """Whether a request lets short ones go first: it is long and has not waited for long."""
-        return self._expect(job.route) > LONG_SECONDS and now - job.charged < _PATIENCE_SECONDS
+    def _long_jobs(self) -> list[Job]:
+        """The long requests that may begin; they leave a thread to other clients."""
+        jobs = [job for job in self._waiting if self._is_long(job)]
+        if jobs and self.workers > 1 and sum(map(self._is_long, self._running)) >= self.workers - 1:
+            self._forget_absent()
+            return [job for job in jobs if not self._has_others(job)]
+        return jobs
+
+    def _is_long(self, job: Job) -> bool:
+        return self._expect(job.route) > LONG_SECONDS
+
+    def _pause_long_jobs(self, job: Job, began: float, seconds: float) -> None:
+        """Set when the next long request may begin while short ones wait.
+
+        Args:
+            job: a long one.
+            began: the clock's time.
+            seconds: for which it has a thread.
+        """
+        long = {job.client, *(other.client for other in self._waiting if self._is_long(other))}
+        self._forget_absent()
+        clients = self._last.keys() | long | {other.client for other in self._waiting}
+        self._long_from = max(self._long_from, began + seconds * len(clients) / (len(long) * self.workers))
 
     def _has_others(self, job: Job) -> bool:
         """Whether other clients work or worked a moment ago."""

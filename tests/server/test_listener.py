@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from server.limits import BACKLOG
-from server.listener import Listener, bind_listeners
+from server.listener import MAX_REFUSALS, Listener, bind_listeners
 
 GREEDY = "127.0.0.2"
 
@@ -39,11 +38,11 @@ def test_a_refused_connection_is_closed_and_the_next_one_taken(listener: Listene
 
 
 def test_refusals_leave_the_loop_its_turn(listener: Listener) -> None:
-    crowd = [connect(listener, GREEDY) for _ in range(BACKLOG + 1)]
+    crowd = [connect(listener, GREEDY) for _ in range(MAX_REFUSALS + 1)]
     with connect(listener, "127.0.0.3"):
         with pytest.raises(BlockingIOError):
             listener.accept()
-        assert [crowd[0].recv(1), crowd[BACKLOG - 1].recv(1)] == [b"", b""]
+        assert [crowd[0].recv(1), crowd[MAX_REFUSALS - 1].recv(1)] == [b"", b""]
         (connection,) = listener.accept_waiting()
         connection.close()
     for refused in crowd:

@@ -284,6 +284,35 @@ def test_long_requests_leave_a_thread_to_others() -> None:
     assert runs.ended["long 1"] == "done"
 
 
+def test_long_requests_get_their_clients_part_of_the_threads_while_short_ones_wait() -> None:
+    now = [0.0]
+    runs = Runs(WorkLimiter(1, 9, clock=lambda: now[0]))
+
+    async def end(name: str, next_one: str) -> None:
+        runs.gates[name].set()
+        await until(lambda: runs.began[-1] == next_one)
+
+    async def scenario(start: Any) -> None:
+        await show_long_route(runs, start)
+        await start("short", MODEST, route="short")
+        runs.gates["short"].set()
+        await until(lambda: "short" in runs.ended)
+        now[0] = 100.0
+        for number in range(2):
+            await start(f"long {number}", Asker((f"long {number}",)), route="long")
+        for number in range(3):
+            await start(f"short {number}", Asker((f"short {number}",)), route="short")
+        now[0] = 104.0
+        await end("long 0", "short 0")  # four seconds for two of five clients: the next one begins after ten
+        now[0] = 109.0
+        await end("short 0", "short 1")
+        now[0] = 110.1
+        await end("short 1", "long 1")
+
+    run_scenario(runs, scenario)
+    assert runs.began[-1] == "short 2"
+
+
 def test_a_client_alone_uses_every_thread() -> None:
     runs = Runs(WorkLimiter(2, 9))
 
