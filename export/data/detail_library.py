@@ -44,8 +44,8 @@ LEFT_OUT = (
     *("mfecane_1189", "mfecane_1194", "mfecane_1195", "mfecane_1204", "mfecane_1213"),  # others show the same
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
-    *("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01"),  # snow, chosen elsewhere
 )
+SNOW = ("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01")
 QUALITY = 60  # of WebP, 0 to 100
 
 _BRIGHT, _BRIGHT_SHARE, _MEAN = (
@@ -80,6 +80,7 @@ def make_detail_library(data: Path) -> dict[str, NDArray[Any]]:
         "features": np.round((np.clip(features, low, high) - low) * (255 / (high - low))).astype(np.uint8),
         "sun_azimuth": np.array([np.nan if p.sun_azimuth is None else p.sun_azimuth for p in chosen]),
         "sunlit": np.array([p.direct in ("yes", "partly") and p.sun_azimuth is not None for p in chosen]),
+        "snow": np.array([p.name in SNOW for p in chosen]),
         "cost": np.zeros(len(chosen), np.float32),
     }
 

@@ -104,7 +104,8 @@ def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
     costs = []
     for view in _read_views(files, panoramas):
         features = describe_place(view.lighting, view.context)
-        costs.append(choice_costs(features.target, features.weight, features.sun_azimuth).min(axis=(0, 2)))
+        cost = choice_costs(features.target, features.weight, features.sun_azimuth, features.snow)
+        costs.append(cost.min(axis=(0, 2)))
     extra = balance_library(np.stack(costs))
     with np.load(LIBRARY_PATH) as stored:
         arrays = {**stored, "cost": extra}

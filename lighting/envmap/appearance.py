@@ -9,7 +9,7 @@ from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.geometry import Floats, sample_latlong
 from lighting.records import Lighting
-from lighting.segmentation import THINGS, Segments, SurfaceClass, pixel_share
+from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, pixel_share
 
 # Which pixels count as sky, and how far they tint it.
 _MAP_ROWS = 32  # of the map with which the photo is compared
@@ -39,6 +39,8 @@ _REFLECTANCE_RANGE = (0.02, 0.9)
 
 # Which ground is snow. Of 466 photos of `train`, only those of snow count; of 100 HDR crops, one white floor does.
 _SNOW_REFLECTANCE = 0.85
+_MIN_SNOW_REFLECTANCE = 0.6  # of the ground, for a place of snow
+_MAX_SNOW_BUILDING = 0.15  # of the photo, for a place of snow
 _MIN_SNOW_SHARE = 0.7  # of the ground's pixels that are white
 _MIN_SNOW_LUMINANCE = 0.25  # of a white pixel
 _MAX_SNOW_SATURATION = 0.3  # of it: what its least channel lacks of its largest
@@ -181,15 +183,37 @@ def snow_gain(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments 
         lighting: estimated for the photo.
         segments: which pixels are no ground; None: unknown.
     """
+    reflectance = _snow_reflectance(pixels, lighting, segments)
+    if reflectance is None:
+        return 1.0
+    return float(np.clip(luminance(reflectance) / _SNOW_REFLECTANCE, 1.0, _MAX_SNOW_GAIN))
+
+
+def shows_snow(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None) -> bool:
+    """Whether the ground that a photo shows is snow, and no white pavement before buildings.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        lighting: of the photo, after `snow_gain`.
+        segments: which pixels are no ground; None: unknown.
+    """
+    if segments is not None and float(class_share(segments, SurfaceClass.BUILDING).mean()) > _MAX_SNOW_BUILDING:
+        return False
+    reflectance = _snow_reflectance(pixels, lighting, segments)
+    return reflectance is not None and float(luminance(reflectance)) > _MIN_SNOW_REFLECTANCE
+
+
+def _snow_reflectance(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None) -> Floats | None:
+    """Reflectance (3,) of ground that is bright and hardly colored; None where the photo shows no such ground."""
     ground = None if lighting.sky_irradiance is None else _ground_pixels(pixels, lighting, segments)
     if ground is None:
-        return 1.0
+        return None
     high = max_channel(ground)
     white = (luminance(ground) > _MIN_SNOW_LUMINANCE) & (high - ground.min(axis=1) < _MAX_SNOW_SATURATION * high)
     reflectance = np.pi * _middle_mean(ground) / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
     if white.mean() < _MIN_SNOW_SHARE or reflectance.max() > _MAX_SNOW_TINT * reflectance.min():
-        return 1.0
-    return float(np.clip(luminance(reflectance) / _SNOW_REFLECTANCE, 1.0, _MAX_SNOW_GAIN))
+        return None
+    return np.asarray(reflectance)
 
 
 def _ground_pixels(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None) -> Floats | None:

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import SRGB_LINEAR, luminance
+from lighting.envmap.appearance import shows_snow
 from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_ROWS,
@@ -35,7 +36,7 @@ from lighting.envmap.latlong import (
     shrink_blocks,
     shrink_envmap,
 )
-from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, sample_photo
+from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, continue_photo, sample_photo
 from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.segmentation import Segments
@@ -44,14 +45,15 @@ MIN_ROWS = 48  # of maps that have room for detail
 
 _CELL_ROWS = 48  # of the cells whose light stays
 _COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
+_MATCHED_DEG = 7.0  # standard deviation: what is coarser in the photo's continuation is as in the library's detail
 _HORIZON_DEG = 10.0  # standard deviation by which the map is smoothed, so that its horizon vanishes
 _LIGHT_DEG = 7.0  # standard deviation over which light stays as bright as it was
 _COLOR_DEG = 40.0  # and over which its color stays
 _DETAIL_RANGE = (0.1, 2.5)  # of a pixel over what is coarse
 _CONTRAST = {20.0: 0.88, 0.0: 0.80}  # power of the library's detail at elevations [deg], linear between them
-_HAND_OVER_DEG = 8.0  # standard deviation over which the photo's own brightness reaches beyond its edges
+_TINT_RANGE = (0.4, 2.5)  # of the color of what is dark before the sky
+_HAND_OVER_DEG = (14.0, 7.0, 3.5)  # standard deviations over which the photo's own brightness reaches beyond its edges
 _RIM_WEIGHT = 0.85  # of the photo in a cell, up to which the cell lies at the photo's edge
-_ROUNDS = 3  # in which the photo's edges and the light on matte objects are both brought near what they are to be
 _MIN_GAIN = 1e-6  # of a photo, in a logarithm
 _CLIPPED_LOG = math.log(CLIPPED)
 _HAND_OVER = 0.7  # largest logarithm of its gain
@@ -87,6 +89,8 @@ class PhotoFeatures:
     """deg; None: without a sun that shines."""
     saturation: float
     """0 for a grey photo to 1."""
+    snow: bool = False
+    """Whether the photo shows snow."""
 
 
 def describe_photo(
@@ -113,7 +117,8 @@ def describe_photo(
     target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
     weight = feature_weights(seen, level, segments is not None)
     shines = lighting.sun_painted and lighting.sun_shines
-    return PhotoFeatures(target, weight, lighting.sun_azimuth if shines else None, _saturation(colors))
+    azimuth = lighting.sun_azimuth if shines else None
+    return PhotoFeatures(target, weight, azimuth, _saturation(colors), shows_snow(photo, lighting, segments))
 
 
 def choose_source(features: PhotoFeatures) -> DetailSource:
@@ -122,7 +127,7 @@ def choose_source(features: PhotoFeatures) -> DetailSource:
     Args:
         features: of the photo.
     """
-    choice = choose_detail(features.target, features.weight, features.sun_azimuth)
+    choice = choose_detail(features.target, features.weight, features.sun_azimuth, features.snow)
     return DetailSource(choice, features.saturation)
 
 
@@ -151,6 +156,10 @@ class LibraryDetail:
         self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
         coarse = _coarse_colors(reduced, self._log_offset)
         self._gains = np.exp(-coarse * _contrast(_CELL_ROWS)[:, None, None])
+        self.cells = self._gains * _mean_power(reduced, self._log_offset)
+        """(R, 2R, 3) means of the detail."""
+        self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
+        """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
         self.whole = self.block(slice(0, 2 * height)) if fits_block(height) else None
         """(H, 2H, 3) of a map that is worked on at once; else None."""
 
@@ -187,13 +196,19 @@ def _coarse_colors(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
     return np.asarray(color, dtype=np.float32)
 
 
+def _mean_power(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
+    """The means (R, 2R, 3) of a picture (H, 2H, 3) to the power _CONTRAST."""
+    powers = np.exp(log_offset.take(picture) * _contrast(len(picture))[:, None, None])
+    return shrink_envmap(powers.astype(np.float32), _CELL_ROWS)
+
+
 class _PhotoDetail:
     """The library's detail with the photo's own, calm around the sun, in blocks of columns."""
 
     def __init__(
-        self, library: LibraryDetail, photo: PhotoProjection | None, coarse: Image, sun: Floats | None
+        self, library: LibraryDetail, photo: PhotoProjection | None, coarse: Image, sun: Floats | None, tint: Image
     ) -> None:
-        self._library, self._photo, self._coarse, self._sun = library, photo, coarse, sun
+        self._library, self._photo, self._coarse, self._sun, self._tint = library, photo, coarse, sun, tint
         self._ceiling: Image | None = None
         self._limited = slice(0)  # rows of the map where the ceiling is low
         self._whole = None if library.whole is None else self._finish(library.whole, slice(0, 2 * library.height))
@@ -215,6 +230,7 @@ class _PhotoDetail:
 
     def _finish(self, detail: Image, columns: slice) -> Image:
         block = None if self._photo is None else self._photo.block(columns)
+        _color_dark(detail, columns, self._tint)
         if block is not None:
             _blend_continuation(detail, columns, block, self._coarse)
         if self._sun is not None:
@@ -253,30 +269,51 @@ def add_detail(
     coarse = np.ones_like(edge)
     if continued is not None:
         log, shown = _photo_cells(photo, lighting)
-        coarse = np.exp(-_spread(log, shown, _COARSE_DEG)[0])
+        coarse = _match_continuation(library.cells, lighting, photo, continued.segments)
         covered = _covered_share(continued)
         rim[:] = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
         edge[:] = log + np.float32(math.log(max(gain, _MIN_GAIN)))
     sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
-    detail = _PhotoDetail(library, continued, coarse, sun)
+    before = shrink_envmap(image, _CELL_ROWS)
+    detail = _PhotoDetail(library, continued, coarse, sun, _own_tint(before, library.color))
     level = np.cos(np.radians(latlong_angles(_CELL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - covered) * level
-    before = shrink_envmap(image, _CELL_ROWS)
     log = np.log(np.maximum(before, np.float32(1e-9)))
     blurred = np.exp(_blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
     cells = before * _mean_detail(detail, len(image))
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
-    gains *= _hand_over(lit, edge, rim)
+    gains *= _hand_over(lit, edge, rim, _HAND_OVER_DEG[0])
     if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun))):
         cells = before * _mean_detail(detail, len(image))
-    for _ in range(_ROUNDS):
-        gains *= _hand_over(cells * gains, edge, rim)
+    for deg in _HAND_OVER_DEG:  # the photo's edges and the light on matte objects both come near what they are to be
+        gains *= _hand_over(cells * gains, edge, rim, deg)
         _keep_moments(gains, before, cells, open_share)
     for columns, block in detail.blocks():
         image[:, columns] *= block
     for half, cells in zip(np.split(image, 2), np.split(gains, 2), strict=True):
         multiply_cells(half, cells)
+
+
+def _own_tint(cells: Image, color: Image) -> Image:
+    """Factors (R / 2, 2R, 3) that take the color of the sky from its cells (R, 2R, 3) and give that of the library."""
+    sky = np.log(np.maximum(cells[: len(cells) // 2], np.float32(1e-9)))
+    tint = color[: len(sky)] * np.exp(sky.mean(axis=2, keepdims=True) - sky)
+    return np.asarray(np.clip(tint, *_TINT_RANGE), dtype=np.float32)
+
+
+def _color_dark(detail: Image, columns: slice, tint: Image) -> None:
+    """Give what is dark before the sky its own color in some columns (H, C, 3) of the detail: no leaves are blue.
+
+    Args:
+        detail: of the library, changed in place.
+        columns: of the map, that it has.
+        tint: of `_own_tint`.
+    """
+    sky = detail[: len(detail) // 2]
+    share = np.clip(1 - sky[..., 1:2], 0, 1)
+    cells = np.concatenate([tint, np.ones_like(tint)]) - 1
+    sky *= 1 + share * interpolate_cells(cells, len(detail), slice(0, len(sky)), columns)
 
 
 def _mean_detail(detail: _PhotoDetail, height: int) -> Image:
@@ -325,7 +362,7 @@ def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto
         detail: (H, C, 3) of the library, changed in place.
         columns: of the map, that it has.
         continued: the photo in them.
-        coarse: (R, 2R, 3) factors that take what is coarse from the photo.
+        coarse: (R, 2R, 3) factors that take what is coarse from the library.
     """
     window = detail[continued.rows, _shifted(continued.columns, columns)]
     own = continued.linear + LOG_OFFSET
@@ -337,6 +374,23 @@ def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto
     own -= window
     own *= mask[..., None]
     window += own
+
+
+def _match_continuation(
+    library: Image, lighting: Lighting, photo: NDArray[np.uint8], segments: Segments | None
+) -> Image:
+    """Factors (R, 2R, 3) that make a continued photo as bright as the library's cells (R, 2R, 3), over some degrees."""
+    continued = continue_photo(lighting, photo, 4 * _CELL_ROWS, segments)
+    if continued is None:
+        return np.ones_like(library)
+    linear = np.zeros((continued.height, 2 * continued.height, 4), np.float32)
+    window = linear[continued.rows, continued.columns]
+    whole = continued.whole
+    window[..., 3] = whole.share > 0
+    window[..., :3] = whole.linear * window[..., 3:]
+    cells = shrink_envmap(linear, _CELL_ROWS)
+    own = np.log(cells[..., :3] / np.maximum(cells[..., 3:], np.float32(1e-6)) + LOG_OFFSET)
+    return np.exp(_spread(np.log(library) - own, cells[..., 3:], _MATCHED_DEG)[0])
 
 
 def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Image]:
@@ -391,18 +445,19 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
     return gains
 
 
-def _hand_over(lit: Image, log: Image, rim: Image) -> Image:
+def _hand_over(lit: Image, log: Image, rim: Image, deg: float) -> Image:
     """Gains (R, 2R, 3) that take the photo's own brightness beyond its edges, so that no frame is seen.
 
     Args:
         lit: (R, 2R, 3) the map with detail.
         log: (R, 2R, 3) mean logarithm of the photo.
         rim: (R, 2R, 1) the cells at its edges, 1 or 0.
+        deg: standard deviation over which they do.
     """
     if not rim.any():
         return np.ones_like(lit)
     off = np.clip(log - np.log(lit + LOG_OFFSET), -_HAND_OVER, _HAND_OVER)
-    spread, share = _spread(off, rim, _HAND_OVER_DEG)
+    spread, share = _spread(off, rim, deg)
     return np.asarray(np.exp(spread * np.clip(share / np.median(share[rim > 0]), 0, 1)), dtype=np.float32)
 
 

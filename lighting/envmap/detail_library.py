@@ -1,8 +1,9 @@
 """The library of detail: small CC0 panoramas of real places, and which of them suits a photo.
 
 A map takes from one of them what is finer than the network's cells. What the photo shows in each cell decides which:
-brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it. Its sun counts too,
-so that shadows agree.
+brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it, and how much of
+plants, buildings and water its kind of place has all around. Its sun counts too, so that shadows agree. Snow is for
+photos of snow alone.
 `python -m export.data.detail_library` made the file.
 """
 
@@ -35,6 +36,14 @@ _LEAST_CONTRAST = 0.02
 _SEEN_WEIGHTS = (1.0, 2.0, 1.0, 1.0)  # of the first four features, where the photo shows them
 _BROAD_WEIGHT = 1.0  # of the fifth, everywhere
 _CLASS_WEIGHT = 3.0  # of each of the last, where the photo shows them
+_BAND = slice(9, 13)  # rows of cells 22 deg above the horizon to 7 below
+_CANOPY = slice(4, 9)  # rows above these
+_WATER = slice(11, 16)  # rows around the horizon and below it
+# What places have all around: buildings and plants in the band, water, and plants above the band. A constant, and
+# factors of what a photo of 60 deg shows of buildings, plants and water; fitted to crops of `train` and `val`.
+_EXPECTED = ((0.05, 0.6, 0.08, 0.0), (0.08, 0.1, 0.68, 0.0), (0.04, 0.0, 0.0, 0.35), (0.03, 0.15, 0.7, 0.0))
+_AROUND_WEIGHT = 6.0  # cost of squared differences from that
+_WIDE_CELLS = 36, 45  # cells of the band, and of water's rows, that a photo must show to count in full
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
 
@@ -53,6 +62,8 @@ class DetailLibrary:
     """(N,) deg, NaN where unknown."""
     sunlit: NDArray[np.bool_]
     """(N,) whether direct sunlight reaches the place."""
+    snow: NDArray[np.bool_]
+    """(N,) whether snow covers the ground."""
     cost: Floats
     """(N,) in squared logarithms, of what would else be chosen too often."""
 
@@ -81,6 +92,7 @@ def load_detail_library() -> DetailLibrary:
             features=stored["features"] * np.float32((high - low) / 255) + np.float32(low),
             sun_azimuth=stored["sun_azimuth"],
             sunlit=stored["sunlit"],
+            snow=stored["snow"],
             cost=stored["cost"],
         )
 
@@ -141,7 +153,7 @@ def class_features(segments: Segments, size: tuple[int, int], cell: NDArray[np.i
 
 
 def choose_detail(
-    target: Image, weight: Image, sun_azimuth: float | None, library: DetailLibrary | None = None
+    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: DetailLibrary | None = None
 ) -> DetailChoice:
     """The panorama, of all rotations and both ways round, that costs least.
 
@@ -149,16 +161,17 @@ def choose_detail(
         target: as that of `choice_costs`.
         weight: likewise.
         sun_azimuth: likewise.
+        snow: likewise.
         library: likewise.
     """
     library = load_detail_library() if library is None else library
-    cost = choice_costs(target, weight, sun_azimuth, library) + library.cost[:, None]
+    cost = choice_costs(target, weight, sun_azimuth, snow, library) + library.cost[:, None]
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
 
 
 def choice_costs(
-    target: Image, weight: Image, sun_azimuth: float | None, library: DetailLibrary | None = None
+    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: DetailLibrary | None = None
 ) -> Floats:
     """Squared differences of features (2, N, turns), but for what is the same for all: panoramas, and flipped ones.
 
@@ -166,6 +179,7 @@ def choice_costs(
         target: (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
         weight: as `target`, of `feature_weights`.
         sun_azimuth: deg, of a sun that shines; None: without.
+        snow: whether the photo shows snow; panoramas of snow are for such photos alone, and no others are.
         library: None is the one in this package.
     """
     library = load_detail_library() if library is None else library
@@ -179,7 +193,34 @@ def choice_costs(
         for cost, features in zip(costs, flips, strict=True):
             values = features[:, kind, rows].reshape(len(features), -1)
             cost += values**2 @ turns[0] - 2 * values @ turns[1]
-    return np.stack(costs)
+    around = _around_cost(library, target, weight) + np.where(library.snow == snow, 0.0, np.inf)
+    return np.stack(costs) + around[:, None]
+
+
+def _around_cost(library: DetailLibrary, target: Image, weight: Image) -> Floats:
+    """What it costs (N,) that places have more or less of plants, buildings and water around than is expected."""
+    shares = np.stack(_class_shares(library.features, np.ones(library.features.shape[2:], np.bool_))[0], axis=-1)
+    shown, known = _class_shares(target, weight[FEATURES.index("plants")] > 0)
+    building, plants, water, _ = map(float, shown)
+    expected = np.array(_EXPECTED) @ [1.0, building, plants, water]
+    return np.asarray(_AROUND_WEIGHT * (shares - expected) ** 2 @ known)
+
+
+def _class_shares(features: Image, seen: NDArray[np.bool_]) -> tuple[list[Floats], Floats]:
+    """How much (..., 4 in a list) is seen of what _EXPECTED tells, and how far it is known (4,), 0 to 1.
+
+    Args:
+        features: (..., F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
+        seen: (FEATURE_ROWS, 2 FEATURE_ROWS) cells that count.
+    """
+    means: list[Floats] = []
+    for name, rows in (("building", _BAND), ("plants", _BAND), ("water", _WATER), ("plants", _CANOPY)):
+        cells = features[..., FEATURES.index(name), rows, :][..., seen[rows]]
+        means.append(np.asarray(cells.clip(0, 1).sum(axis=-1) / max(cells.shape[-1], 1), dtype=np.float64))
+    band, water = (
+        min(np.count_nonzero(seen[rows]) / cells, 1.0) for rows, cells in zip((_BAND, _WATER), _WIDE_CELLS, strict=True)
+    )
+    return means, np.array([band, band, water, band])
 
 
 def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:

@@ -145,7 +145,7 @@ def test_the_report_has_a_row_for_each_kind_of_map_and_keeps_what_is_estimated(
     library = tmp_path / "detail.npz"
     shutil.copyfile(LIBRARY_PATH, library)
     monkeypatch.setattr("export.reports.map_detail.LIBRARY_PATH", library)
-    assert balance_detail(data, model, 4, tmp_path / "cache").endswith(" of 49 panoramas suit 4 crops.")
+    assert balance_detail(data, model, 4, tmp_path / "cache").endswith(" of 53 panoramas suit 4 crops.")
     with np.load(library) as balanced, np.load(LIBRARY_PATH) as shipped:
         assert set(balanced) == set(shipped)
         assert (balanced["pictures"] == shipped["pictures"]).all()

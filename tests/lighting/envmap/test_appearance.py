@@ -11,6 +11,7 @@ from lighting.envmap.appearance import (
     _quantiles,
     estimate_ground_albedo,
     ground_luminance,
+    shows_snow,
     sky_color_ratio,
     sky_white_balance,
     snow_gain,
@@ -109,6 +110,18 @@ def test_snow_says_how_bright_the_light_is_at_least() -> None:
     assert snow_gain(spotted, stated_light()) == 1.0
     assert snow_gain(np.full((40, 60, 3), 255, np.uint8), stated_light(sky_irradiance=(0.01,) * 3)) <= 4.0
     assert snow_gain(photo([1.2, 1.2, 1.2]), Lighting(0.0, 30.0, 3.0, 1.0)) == 1.0
+
+
+def test_snow_is_white_ground_without_buildings() -> None:
+    white = photo([0.8, 0.8, 0.8])
+    buildings, ground = (
+        np.broadcast_to(np.eye(len(SurfaceClass), dtype=np.float32)[kinds], (12, 16, len(SurfaceClass)))
+        for kinds in ([[SurfaceClass.BUILDING] * 8 + [SurfaceClass.GROUND] * 8] * 12, SurfaceClass.GROUND)
+    )
+    assert shows_snow(white, stated_light())
+    assert shows_snow(white, stated_light(), ground)
+    assert not shows_snow(white, stated_light(), buildings)
+    assert not shows_snow(photo([0.3, 0.3, 0.3]), stated_light())
 
 
 SKY = np.array(SKY_IRRADIANCE)

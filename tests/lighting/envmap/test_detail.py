@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 
 from lighting.color import luminance
-from lighting.envmap.detail import MIN_ROWS, _blur_cells
+from lighting.envmap.detail import MIN_ROWS, _blur_cells, _color_dark, _match_continuation
 from lighting.envmap.detail_library import (
+    FEATURE_CLASSES,
     FEATURE_ROWS,
+    FEATURES,
     DetailChoice,
     choose_detail,
     detail_picture,
@@ -213,6 +215,53 @@ def test_a_sun_is_put_where_it_stands() -> None:
     assert library.sunlit[choice.index]
     assert abs(there) < 4
     assert not library.sunlit[choose_detail(cells, np.zeros_like(cells), None).index]
+
+
+def shown_classes(building: float, plants: float) -> tuple[np.ndarray, np.ndarray]:
+    """Features of a photo of which only what it shows is known, and their weights."""
+    azimuth, elevation = latlong_angles(FEATURE_ROWS)
+    seen = ((np.abs(elevation) < 25)[:, None] & (np.abs(azimuth) < 35)).astype(np.float64)
+    target = np.zeros((len(FEATURES), *seen.shape), np.float32)
+    target[FEATURES.index("building")], target[FEATURES.index("plants")] = building, plants
+    weight = feature_weights(seen, np.ones_like(seen))
+    weight[: -len(FEATURE_CLASSES)] = 0
+    return target, weight
+
+
+@pytest.mark.parametrize(("building", "plants"), [(0.0, 0.0), (0.0, 0.9), (0.9, 0.0)])
+def test_places_have_what_the_photo_shows_all_around(building: float, plants: float) -> None:
+    library = load_detail_library()
+    features = library.features[choose_detail(*shown_classes(building, plants), None).index]
+    around = {name: features[FEATURES.index(name), 9:13].mean() for name in ("building", "plants")}
+    assert around["building"] == pytest.approx(building, abs=0.4 if building else 0.15)
+    assert around["plants"] == pytest.approx(plants, abs=0.35 if plants else 0.25)
+
+
+@pytest.mark.parametrize("snow", [False, True])
+def test_snow_is_for_photos_of_snow(snow: bool) -> None:
+    library = load_detail_library()
+    assert 0 < library.snow.sum() < len(library.snow) / 4
+    for plants in (0.0, 0.9):
+        assert library.snow[choose_detail(*shown_classes(0.0, plants), None, snow).index] == snow
+
+
+def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
+    detail = np.ones((96, 192, 3), np.float32)
+    detail[:, ::2] = 0.25
+    tint = np.broadcast_to(np.array([1.5, 1.0, 0.5], np.float32), (24, 96, 3))
+    tinted = detail.copy()
+    _color_dark(tinted, slice(0, 192), tint)
+    np.testing.assert_array_equal(tinted[48:], detail[48:])
+    np.testing.assert_array_equal(tinted[:, 1::2], detail[:, 1::2])
+    np.testing.assert_allclose(tinted[:40, ::2] - 0.25 * (1 + 0.75 * (tint[0, 0] - 1)), 0, atol=1e-4)
+
+
+def test_the_photo_goes_on_as_bright_as_the_library() -> None:
+    library = np.ones((48, 96, 3), np.float32) * np.linspace(1.5, 0.5, 96, dtype=np.float32)[:, None]
+    factors = _match_continuation(library, LIGHT, np.full((60, 80, 3), 128, np.uint8), None)
+    grey = 0.2158605 + 0.006  # of 128 in sRGB, and the offset
+    shown = np.s_[22:26, 40:56]
+    np.testing.assert_allclose(factors[shown] * grey, library[shown], rtol=0.05)
 
 
 def test_pictures_are_rotated_and_flipped() -> None:
