@@ -17,7 +17,7 @@ from lighting.records import CodedWarning, WarningCode
 ZONE_OF_PLACE = "zone of the place"  # where an offset from UTC comes from, as the record says it
 
 _AT_SEA = "Etc/"  # how the names of the zones begin that ships keep
-_SEA_WEIGHTS = {0: 4.0, -1: 1.0, 1: 1.0}  # of the clocks so many hours from the zone of the longitude
+_SEA_WEIGHTS = {0: 2.0, -1: 1.0, 1: 1.0}  # of the clocks so many hours from the zone of the longitude
 _COAST_WEIGHT = 4.0  # of all zones of the coasts around
 _COAST_DISTANCES = (1.0, 3.0)  # deg, from which ships bring their clocks
 _CLAIMED_TOO = {  # zones that people in disputed places keep besides
