@@ -89,8 +89,7 @@ def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> No
     settings |= _log_level("error") if quiet else {}
     text = settings.get("LIGHTING_PORT") or os.environ.get("LIGHTING_PORT") or str(_PORT)
     name = host or os.environ.get("LIGHTING_HOST") or _LOOPBACK
-    is_open = name in _ALL_ADDRESSES
-    if not as_json and (quiet or not is_open):
+    if quiet and not as_json:
         raise SystemExit(_run_service(settings))
     if text == "0":
         text = settings["LIGHTING_PORT"] = str(_find_free_port())
@@ -99,9 +98,12 @@ def _serve(host: str | None, port: int | None, as_json: bool, quiet: bool) -> No
     def report(process: "subprocess.Popen[bytes]") -> None:
         if not text.isdecimal() or not _wait_until_listening(process, address, int(text)):
             return  # the service says what is wrong
+        url = f"http://{f'[{address}]' if ':' in address else address}:{text}/"
         if as_json:
-            click.echo(json.dumps({"url": f"http://{f'[{address}]' if ':' in address else address}:{text}/"}))
-        elif network := _find_network_address():
+            click.echo(json.dumps({"url": url}))
+            return
+        click.echo(f"Page: {url}  API: {url}docs  Try: curl -F photo=@photo.jpg {url}v1/lighting")
+        if name in _ALL_ADDRESSES and (network := _find_network_address()):
             click.echo(f"Phones and other devices in your network open http://{network}:{text}/")
 
     raise SystemExit(_run_service(settings, report))

@@ -99,9 +99,13 @@ def test_serve_takes_host_and_port_and_ends_by_sigterm(start: Start) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(_find_network_address() is None, reason="this machine is in no network")
-def test_a_service_for_a_network_says_what_phones_open(start: Start) -> None:
+def test_a_service_for_a_network_says_what_to_try_and_what_phones_open(start: Start) -> None:
     process = start("serve", "--host", "0.0.0.0", "--port", "0", LIGHTING_LOG_LEVEL="error")
     assert process.stdout
+    page, api, command = re.split(r"  (?:API|Try): ", process.stdout.readline().strip())
+    assert re.fullmatch(r"Page: http://127\.0\.0\.1:\d+/", page)
+    assert api == f"{page[6:]}docs"
+    assert command == f"curl -F photo=@photo.jpg {page[6:]}v1/lighting"
     found = re.search(r" network open (http://[\d.]+:\d+/)$", process.stdout.readline())
     assert found
     assert get(f"{found[1]}livez") == (200, b'{"status":"ok"}')
