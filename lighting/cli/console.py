@@ -279,6 +279,8 @@ def read_photo_bytes(name: str) -> bytes:
     """
     from lighting.photo.reader import read_bytes
 
+    if name not in ("", "-") and Path(name).is_dir():
+        raise IsADirectoryError(errno.EISDIR, f"It is a folder: try `lighting batch {shlex.quote(name)}`", name)
     with _open_input(name) as stream:
         return read_bytes(stream)
 

@@ -135,7 +135,8 @@ class _Compression(RegistryChoice):
         try:
             check_exr_compression(value)
         except EnvironmentMapError as error:
-            self.fail(str(error), param, ctx)
+            near = get_close_matches(str(value).lower(), self.choices, n=1)
+            self.fail(f"{error} Did you mean {near[0]}?" if near else str(error), param, ctx)
         return value
 
 

@@ -31,7 +31,7 @@ def test_a_bad_photo_does_not_stop_the_others(network: Path, photo_path: Path, t
     assert result.stderr.splitlines() == [
         f"Error: {bad}: {lines[0]['error']}",
         f"Error: {absent}: No such file or directory.",
-        f"Error: {tmp_path}: Is a directory.",
+        f"Error: {tmp_path}: It is a folder: try `lighting batch {tmp_path}`.",
         "3 of 4 photos failed.",
     ]
     assert result.exit_code == 1
