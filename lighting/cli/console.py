@@ -378,7 +378,7 @@ def _describe_other_file(data: bytes, name: str) -> str | None:
         return f"{shown} is a photo, not a record (.json). Its map: `lighting envmap {typed}`."
     kind = kind_name(data)
     zeros = data.count(0) == len(data)  # whose kind says nothing of the file
-    return None if kind is None or kind == "a JSON file" or zeros else f"{shown} is {kind}, not a record (.json)."
+    return None if kind in (None, "a JSON file", "a text") or zeros else f"{shown} is {kind}, not a record (.json)."
 
 
 def _describe_json_error(error: Exception) -> str:

@@ -105,16 +105,22 @@ def _describe_picture(file: str) -> "Json":
 
 def _read_photo(data: bytes, file: str) -> "Photo":
     """The photo; the error about a file of no known kind names all that could be described."""
-    from lighting.photo.formats import UNREADABLE, unreadable_sentence
     from lighting.photo.reader import read_photo
 
     try:
         return read_photo(data, path=path_of(file))
     except PhotoError as error:
-        if data and error.code is ErrorCode.UNREADABLE and unreadable_sentence(data) == UNREADABLE:
+        if data and error.code is ErrorCode.UNREADABLE and _is_of_no_kind(data):
             sentence = "This is no photo, EXR, Radiance HDR, network (.onnx) or record (.json), which info describes."
             raise PhotoError(sentence) from error
         raise
+
+
+def _is_of_no_kind(data: bytes) -> bool:
+    """Whether nothing more is known of a file that cannot be read than that it may be a text."""
+    from lighting.photo.formats import UNREADABLE, kind_name, unreadable_sentence
+
+    return unreadable_sentence(data) == UNREADABLE or kind_name(data) == "a text"
 
 
 def _describe_metadata(metadata: "PhotoMetadata") -> "Json":

@@ -30,6 +30,7 @@ from lighting.files import MAP_FORMATS
 from lighting.files.exr import read_exr
 from lighting.files.radiance_hdr import decode_hdr
 from lighting.geometry import camera_axes
+from lighting.ground import draw_ground_mask
 from lighting.photo.reader import TARGET, read_photo
 from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.features import MAX_SIDE, has_opencv
@@ -99,6 +100,7 @@ def write_files(folder: Path) -> dict[str, Any]:
     (folder / "box.glb").write_bytes(triangle_model(1))
     (folder / "wide.glb").write_bytes(triangle_model(4))
     halves().save(folder / "small.png")
+    half_shaded_mask().save(folder / "ground-mask.png")
     shutil.copy(PHOTO, folder)
     with Image.open(NOON) as photo:
         exif = photo.getexif()
@@ -106,7 +108,12 @@ def write_files(folder: Path) -> dict[str, Any]:
         photo.save(folder / DATED, exif=exif)
     return {
         **{"folder": str(folder), "photo": str(PHOTO), "other": str(NOON), "dated": str(folder / DATED)},
-        **{"small": str(folder / "small.png"), "textFile": str(folder / "notes.txt"), "heic": heic(folder)},
+        **{
+            "groundMask": str(folder / "ground-mask.png"),
+            "small": str(folder / "small.png"),
+            "textFile": str(folder / "notes.txt"),
+            "heic": heic(folder),
+        },
         **{"model": str(folder / "box.glb"), "wideModel": str(folder / "wide.glb")},
         **{"formats": every_format(folder, 1), "upright": every_format(folder, 6)},
         **{"letterbox": letterbox(folder), "overlapping": overlapping(folder), "tilted": tilted(folder)},
@@ -119,6 +126,13 @@ def halves() -> Image.Image:
     pixels[:120] = np.linspace((40, 90, 180), (150, 190, 235), 120)[:, None]
     pixels[120:, :160], pixels[120:, 160:] = (165, 156, 138), (45, 50, 62)
     return Image.fromarray(pixels.astype(np.uint8))
+
+
+def half_shaded_mask() -> Image.Image:
+    """What the service would say of the ground of `halves`, if it knew its camera and its light."""
+    lit = np.ones((192, 256), dtype=np.float32)
+    lit[96:, 128:] = 0
+    return Image.fromarray(draw_ground_mask(lit, Lighting(-90.0, 30.0, 3.0, 5.0, vertical_fov=60.0), None))
 
 
 def letterbox(folder: Path) -> str:

@@ -207,7 +207,7 @@ def test_the_doctor_names_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> No
     def fail() -> str:
         raise ModelError("There is no network.")
 
-    monkeypatch.setattr("lighting.cli.info._describe_network", fail)
+    monkeypatch.setattr("lighting.cli.info._check_network", fail)
     monkeypatch.setattr("lighting.cli.info._estimate_gray", lambda: "ok")
     monkeypatch.setattr("lighting.cli.info.find_spec", lambda _: None)
     result = invoke_command("doctor")
