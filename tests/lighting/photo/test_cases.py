@@ -380,12 +380,10 @@ def test_the_pixels_choose_between_clock_and_gps(sun: float) -> None:
     assert ("the GPS time was used" if sun > 30 else "the camera's clock was used") in warning
 
 
-@pytest.mark.parametrize(("sun", "offset"), [(20.2, -1.0), (8.7, -2.0)])
+@pytest.mark.parametrize(("sun", "offset"), [(28.0, -1.0), (8.7, -2.0)])
 def test_at_sea_the_pixels_choose_the_clock_of_the_ship(sun: float, offset: float) -> None:
-    tags = {"place": (38.0, -30.0), "DateTimeOriginal": "2024:06:01 18:24:00", "heading": 226.0}
-    light = answer(read_photo(file_of(tags)).metadata, sun, 226.0)
-    assert light.utc_offset == offset
-    assert light.sun_elevation == pytest.approx(sun, abs=0.6)
+    tags = {"place": (38.0, -30.0), "DateTimeOriginal": "2024:06:01 18:24:00"}
+    assert answer(read_photo(file_of(tags)).metadata, sun).utc_offset == offset
 
 
 @pytest.mark.parametrize("sun", [20.0, 49.4])
