@@ -173,7 +173,7 @@ def compute_light_probe(
 ) -> LightProbe:
     """Return the light probe of the map that `render_view` makes of the same arguments, but for the map's detail.
 
-    Detail leaves the light of level ground, but gives walls that face the photo up to a tenth more.
+    Detail leaves the light of level ground, but gives walls that face the photo some per cent more.
 
     Args:
         lighting: else ParameterError.
