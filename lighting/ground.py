@@ -134,10 +134,10 @@ def describe_ground(photo: Photo, estimate: EstimatedLight, is_aerial: bool = Fa
     """
     segments, light = packaged_segmenter()(photo.pixels), estimate.lighting
     camera = photo_camera(light, photo.width, photo.height)
-    spot = None if is_aerial else find_ground_spot(segments, camera, light.camera_height)
+    spot = None if is_aerial else _find_ground_spot(segments, camera, light.camera_height)
     light = replace(
         light,
-        ground_visible=round_significant(visible_ground(segments)),
+        ground_visible=round_significant(_visible_ground(segments)),
         spot_pixel=None if spot is None else spot.pixel,
         spot_direction=None if spot is None else spot.direction,
     )
@@ -157,7 +157,7 @@ def spot_warnings(lighting: Lighting) -> tuple[str, ...]:
     return (f"The photo's ground is too small or too far: {_STAGE}",)
 
 
-def visible_ground(segments: Segments) -> float:
+def _visible_ground(segments: Segments) -> float:
     """Return the share of a picture that shows firm, level ground near by.
 
     Args:
@@ -188,7 +188,7 @@ def max_object_meters(camera_height: float) -> float:
     return min(_MAX_RADIUS_METERS, _MAX_RADIUS_SHARE * camera_height)
 
 
-def find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) -> GroundSpot | None:
+def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) -> GroundSpot | None:
     """Return where an object may stand in a picture; None where it shows no ground for one.
 
     The ground must be below the horizon, and so near that a ball is seen there. Of such places the one counts most

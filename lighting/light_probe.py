@@ -41,7 +41,7 @@ CONDON_SHORTLEY = np.array([1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  #
 COSINE_FACTORS = np.array([math.pi, 2 * math.pi / 3, math.pi / 4])[_BANDS]  # irradiance over radiance [1], by function
 
 
-def harmonics_basis(direction: ArrayLike) -> Floats:
+def _harmonics_basis(direction: ArrayLike) -> Floats:
     """Return the nine functions (..., 9) of directions.
 
     Args:
@@ -82,14 +82,14 @@ def project_latlong(image: NDArray[np.floating]) -> Floats:
     return np.stack([terms.sum(axis=0) for terms in polynomials]) * BASIS_FACTORS[:, None]
 
 
-def irradiance_from_harmonics(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
+def _irradiance_from_harmonics(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
     """Return the irradiance (..., 3) of surfaces by coefficients of radiance [1].
 
     Args:
         coefficients: (9, 3), of radiance.
         normals: (..., 3), unit vectors.
     """
-    return np.asarray(harmonics_basis(normals) @ (COSINE_FACTORS[:, None] * np.asarray(coefficients)))
+    return np.asarray(_harmonics_basis(normals) @ (COSINE_FACTORS[:, None] * np.asarray(coefficients)))
 
 
 def rotate_harmonics(coefficients: ArrayLike, yaw: float) -> Floats:
@@ -156,7 +156,7 @@ class LightProbe:
         Args:
             normals: (..., 3), unit vectors.
         """
-        return irradiance_from_harmonics(self.coefficients, normals)
+        return _irradiance_from_harmonics(self.coefficients, normals)
 
     def to_dict(self) -> Json:
         """Return it as `light_probe` of a JSON record."""

@@ -62,13 +62,13 @@ _COST_STEP, _BALANCE_STEPS = 0.002, 5000
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
-def make_detail_library(data: Path) -> dict[str, NDArray[Any]]:
+def _make_detail_library(data: Path) -> dict[str, NDArray[Any]]:
     """The arrays of the library's file.
 
     Args:
         data: folder of panoramas.
     """
-    chosen = [p for p in read_index(data, "train") if may_ship(p) and p.name not in LEFT_OUT]
+    chosen = [p for p in read_index(data, "train") if _may_ship(p) and p.name not in LEFT_OUT]
     linear = [_prepare(p) for p in chosen]
     pictures = [_encode(one) for one in linear]
     low, high = FEATURE_RANGE
@@ -85,7 +85,7 @@ def make_detail_library(data: Path) -> dict[str, NDArray[Any]]:
     }
 
 
-def may_ship(panorama: Panorama) -> bool:
+def _may_ship(panorama: Panorama) -> bool:
     """Whether a panorama's licence is Poly Haven's CC0.
 
     Args:
@@ -202,7 +202,7 @@ def _smooth(cells: NDArray[np.float32]) -> NDArray[np.float32]:
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with panoramas.csv and the pictures")
-    library = make_detail_library(parser.parse_args().data)
+    library = _make_detail_library(parser.parse_args().data)
     np.savez_compressed(LIBRARY_PATH, allow_pickle=False, **library)
     print(f"{LIBRARY_PATH}: {len(library['names'])} panoramas, {LIBRARY_PATH.stat().st_size} bytes")
 

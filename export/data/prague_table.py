@@ -44,7 +44,7 @@ _NOISE_STOPS = 0.25  # from there on what the set holds of them counts as noise
 
 
 @dataclass(frozen=True, eq=False)
-class PragueData:
+class _PragueData:
     """The radiance of the data set, of V visibilities, E suns and C channels."""
 
     visibilities: Floats  # (V,) km
@@ -58,7 +58,7 @@ class PragueData:
     horizon: Floats  # (V, E, C, H)
 
 
-def read_prague(data: bytes) -> PragueData:
+def _read_prague(data: bytes) -> _PragueData:
     """The data set in the bytes of a file with one albedo and one altitude; ValueError for others.
 
     Args:
@@ -77,7 +77,7 @@ def read_prague(data: bytes) -> PragueData:
     shape = len(visibilities), len(elevations), channels
     skies = reader.take(sky, int(np.prod(shape))).reshape(shape)
     zenith = skies["terms"]["zenith"].astype(np.float64) / skies["terms"]["scale"][..., None]
-    return PragueData(
+    return _PragueData(
         visibilities=visibilities,
         sun_elevations=elevations,
         wavelengths=start + width * np.arange(channels + 1),
@@ -108,8 +108,8 @@ class _Reader:
         return np.asarray(self.take("<f8", self.take_count()), dtype=np.float64)
 
 
-def read_sky(
-    data: PragueData, direction: ArrayLike, sun_direction: ArrayLike, visibility: float, *, rgb: Floats | None = None
+def _read_sky(
+    data: _PragueData, direction: ArrayLike, sun_direction: ArrayLike, visibility: float, *, rgb: Floats | None = None
 ) -> Floats:
     """Sky radiance (N, 3) in linear Rec.709 by the data set itself, in the units of lighting/sky/hosek_wilkie.py.
 
@@ -125,7 +125,7 @@ def read_sky(
     view = d + np.array([0.0, _LIFT, 0.0])
     zenith = np.radians(angle_between(view, [0.0, 1.0, 0.0]))
     pair = np.radians(angle_between(d, sun)), _shadow_angle(view, sun) if elevation < 0 else zenith, zenith
-    weights = rgb_weights(data) if rgb is None else rgb
+    weights = _rgb_weights(data) if rgb is None else rgb
     radiance = np.zeros((len(d), 3))
     for v, by_visibility in _neighbours(data.visibilities, visibility):
         for e, by_sun in _neighbours(data.sun_elevations, elevation):
@@ -133,7 +133,7 @@ def read_sky(
     return radiance
 
 
-def rgb_weights(data: PragueData) -> Floats:
+def _rgb_weights(data: _PragueData) -> Floats:
     """What takes the radiance (C) of the channels to linear Rec.709 (C, 3), by the CIE's observer of 1931 [3].
 
     Args:
@@ -171,7 +171,7 @@ def _neighbours(values: Floats, value: float) -> list[tuple[int, float]]:
     return [(low, 1 - position + low), (low + 1, position - low)]
 
 
-def _evaluate(data: PragueData, sky: tuple[int, int], angle: tuple[Floats, Floats, Floats], rgb: Floats) -> Floats:
+def _evaluate(data: _PragueData, sky: tuple[int, int], angle: tuple[Floats, Floats, Floats], rgb: Floats) -> Floats:
     """Radiance (N, 3) of one visibility and sun at angles [rad] from sun, zenith or shadow, and zenith (N,) each."""
     by_sun = _interpolate(data.sun[sky][:_VISIBLE], data.sun_breaks, angle[0])
     by_zenith = _interpolate(data.zenith[sky][:_VISIBLE], data.zenith_breaks, angle[1])
@@ -191,7 +191,7 @@ def _interpolate(functions: Floats, breaks: Floats, angle: Floats) -> Floats:
 # The fit.
 
 
-def make_prague_table(data: PragueData) -> NDArray[np.float16]:
+def _make_prague_table(data: _PragueData) -> NDArray[np.float16]:
     """The table (V, E, 3, S + Z, RANK): of each sky and channel the factors of log2 radiance by angle.
 
     Args:
@@ -201,7 +201,7 @@ def make_prague_table(data: PragueData) -> NDArray[np.float16]:
         np.allclose(data.visibilities, VISIBILITIES) and np.allclose(data.sun_elevations, SUN_ELEVATIONS, atol=0.01)
     ):
         raise ValueError("not the visibilities and suns of the table")
-    rgb = rgb_weights(data)
+    rgb = _rgb_weights(data)
     shape = len(VISIBILITIES), len(SUN_ELEVATIONS), 3, len(SUN_ANGLES) + len(ZENITH_ANGLES), RANK
     table = np.empty(shape, dtype=np.float16)
     smooth = np.zeros((len(VISIBILITIES), len(SUN_ANGLES), len(ZENITH_ANGLES), 3))  # near the zenith suns show little
@@ -221,7 +221,7 @@ def make_prague_table(data: PragueData) -> NDArray[np.float16]:
     return table
 
 
-def _node_values(data: PragueData, sky: tuple[int, int], rgb: Floats) -> Floats:
+def _node_values(data: _PragueData, sky: tuple[int, int], rgb: Floats) -> Floats:
     """log2 radiance (S, Z, 3) at the table's nodes, those that no direction has included."""
     sun_angle, zenith_angle = (np.radians(a.ravel()) for a in np.meshgrid(SUN_ANGLES, ZENITH_ANGLES, indexing="ij"))
     elevation = float(data.sun_elevations[sky[1]])
@@ -315,7 +315,7 @@ def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("source", type=Path, help="PragueSkyModelReduced.dat, or pyhelios3d's wheel, which holds it")
     source = parser.parse_args().source
-    TABLE.write_bytes(make_prague_table(read_prague(_read_source(source))).astype("<f2").tobytes())
+    TABLE.write_bytes(_make_prague_table(_read_prague(_read_source(source))).astype("<f2").tobytes())
     print(f"{TABLE}: {TABLE.stat().st_size} bytes from {source}")
 
 

@@ -79,7 +79,7 @@ def map_errors(image: Images, truth: Images) -> MapErrors:
     lit, lit_true = (_pool(one) for one in (shown, true))
     rough = tuple(_relative_rms(matrix @ lit, matrix @ lit_true) for matrix in map(_lobe_matrix, _LOBE_WIDTHS))
     diffuse = _scale_invariant_rms(_diffuse_matrix() @ lit, _diffuse_matrix() @ lit_true)
-    return MapErrors(mirror, angle, rough[0], rough[1], diffuse, repetition(shown), band_power(shown))
+    return MapErrors(mirror, angle, rough[0], rough[1], diffuse, repetition(shown), _band_power(shown))
 
 
 def diffuse_change(image: Images, before: Images) -> float:
@@ -148,7 +148,7 @@ def _standardize(windows: Floats) -> Floats:
     return np.asarray(np.where(length > 1e-3, centered / np.maximum(length, 1e-9), 0.0))
 
 
-def band_power(image: Images) -> tuple[float, ...]:
+def _band_power(image: Images) -> tuple[float, ...]:
     """Power [dB] along the rows of the logarithm of luminance, by BANDS and FREQUENCIES, without the photo's columns.
 
     Args:
@@ -189,7 +189,7 @@ def looked_at(image: Images) -> list[Images]:
     return [np.asarray(srgb_encode(np.maximum(view, 0)), dtype=np.float32) for view in views]
 
 
-def kernel_distance(features: Floats, true: Floats) -> float:
+def _kernel_distance(features: Floats, true: Floats) -> float:
     """KID x 1000 of two sets of features, without bias.
 
     Args:
@@ -219,7 +219,7 @@ def distance_by_places(features: Floats, true: Floats, places: NDArray[np.str_])
     for _ in range(_SPLITS):
         half = np.isin(places, rng.permutation(names)[: len(names) // 2])
         flat = [chosen.reshape(-1, features.shape[-1]) for chosen in (features[half], true[~half])]
-        distances.append(kernel_distance(*flat))
+        distances.append(_kernel_distance(*flat))
     return float(np.mean(distances)), float(np.std(distances))
 
 

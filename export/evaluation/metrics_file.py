@@ -83,7 +83,7 @@ def collect_metrics(model: Path, data: Path, report: str, accuracy: dict[str, Fi
         data=_data_facts(read_index(data)),
         labels=(),
         accuracy=stated,
-        sections=tuple(read_sections(report)),
+        sections=tuple(_read_sections(report)),
     )
 
 
@@ -120,7 +120,7 @@ def read_metrics(path: Path) -> NetworkMetrics:
         raise DataError(f"{path} holds no figures of an evaluation; run `python -m export evaluate`.") from error
 
 
-def read_sections(report: str) -> Iterator[FigureSection]:
+def _read_sections(report: str) -> Iterator[FigureSection]:
     """The sections of a report with their tables.
 
     Args:

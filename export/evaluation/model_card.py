@@ -79,16 +79,16 @@ def write_card() -> Path:
     """
     folder = packaged_model().parent
     metrics = read_metrics(folder / METRICS)
-    texts = {folder / MODEL_CARD: render_card(metrics)}
+    texts = {folder / MODEL_CARD: _render_card(metrics)}
     for page in (ROOT / name for name in PAGES if (ROOT / name).is_file()):
-        texts[page] = fill_figures(page.read_text(encoding="utf-8"), metrics)
+        texts[page] = _fill_figures(page.read_text(encoding="utf-8"), metrics)
     for target, text in texts.items():
         with atomic_write(target) as path:
             path.write_text(text, encoding="utf-8")
     return folder / MODEL_CARD
 
 
-def render_card(metrics: NetworkMetrics) -> str:
+def _render_card(metrics: NetworkMetrics) -> str:
     """The card's text.
 
     Args:
@@ -107,7 +107,7 @@ def render_card(metrics: NetworkMetrics) -> str:
     return TEMPLATE.read_text(encoding="utf-8").format(**values)
 
 
-def fill_figures(page: str, metrics: NetworkMetrics) -> str:
+def _fill_figures(page: str, metrics: NetworkMetrics) -> str:
     """A page with the figures between its marks `<!--metrics:NAME-->` and `<!--/metrics-->` as they are now.
 
     Args:

@@ -31,7 +31,7 @@ _MAX_OPACITY = 0.8
 _FULL = 0.1  # nats, of a loss that is painted with the full opacity; the largest loss of a photo, where that is more
 
 
-def occlusion_map(model: Model, photo: Photo) -> Floats:
+def _occlusion_map(model: Model, photo: Photo) -> Floats:
     """What each part of a photo adds (H, W) [nat] to the logarithm of the probability near the answer.
 
     A grey square moves over the photo. Each pixel gets the mean of what the squares over it take away, those around
@@ -72,7 +72,7 @@ def _starts(size: int) -> range:
     return range(_STEP - _PATCH, size - 1, _STEP)
 
 
-def draw_occlusion(photo: NDArray[np.uint8], added: Floats) -> NDArray[np.uint8]:
+def _draw_occlusion(photo: NDArray[np.uint8], added: Floats) -> NDArray[np.uint8]:
     """The photo (H, W, 3) in grey, orange where parts speak for the answer and blue where they speak against it.
 
     Args:
@@ -102,7 +102,7 @@ def write_occlusion(model: Model, photos: Sequence[Path], target: Path) -> None:
     tiles = []
     for path in photos:
         photo = read_photo(path)
-        picture = Image.fromarray(draw_occlusion(photo.pixels, occlusion_map(model, photo)))
+        picture = Image.fromarray(_draw_occlusion(photo.pixels, _occlusion_map(model, photo)))
         tiles.append(ImageOps.pad(picture, _TILE, Image.Resampling.LANCZOS, "white") if len(photos) > 1 else picture)
     width, height = tiles[0].size
     across = min(_ACROSS, len(tiles))

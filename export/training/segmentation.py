@@ -99,7 +99,7 @@ class _Variant:
     target: Tensor  # (classes, H / 16, W / 16) shares
 
 
-def vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+def _vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
     """A random part of a picture in other light (H, W, 3), and the shares of classes in its cells (h, w, classes).
 
     Args:
@@ -124,7 +124,7 @@ def vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> tuple[ND
 
 
 def _whole_picture(picture: LabelledPicture) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
-    """The same as `vary_picture` returns it, of the picture as it is."""
+    """The same as `_vary_picture` returns it, of the picture as it is."""
     size = INPUT_SIZE if picture.pixels.shape[1] >= picture.pixels.shape[0] else INPUT_SIZE[::-1]
     pixels = np.array(Image.fromarray(picture.pixels).resize(size, Image.Resampling.BOX))
     cells = size[1] // CELL_PIXELS, size[0] // CELL_PIXELS
@@ -164,7 +164,7 @@ def _make_variants(network: SegmentationNetwork, pictures: Sequence[LabelledPict
     """_VARIANTS and _WHOLE of each picture but the weak ones."""
     rng = np.random.default_rng(seed)
     sure = [picture for picture in pictures if not picture.weak]
-    varied = [vary_picture(picture, rng) for picture in sure for _ in range(_VARIANTS)]
+    varied = [_vary_picture(picture, rng) for picture in sure for _ in range(_VARIANTS)]
     varied += [_whole_picture(picture) for picture in sure for _ in range(_WHOLE)]
     made: dict[int, _Variant] = {}
     for shape in {pixels.shape for pixels, _ in varied}:
@@ -223,7 +223,7 @@ def _loss(logits: Tensor, target: Tensor, weight: Tensor) -> Tensor:
     return classes + _GROUND_WEIGHT * nn.functional.binary_cross_entropy(ground, target[:, SurfaceClass.GROUND])
 
 
-def predict_grid(network: nn.Module, pixels: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.float32]:
+def _predict_grid(network: nn.Module, pixels: NDArray[np.uint8], shape: tuple[int, int]) -> NDArray[np.float32]:
     """Probabilities (R, C, classes) of a picture on a grid.
 
     Args:
@@ -278,7 +278,7 @@ def cross_validate(data: Path) -> str:
     for fold in range(_FOLDS):
         network = _train([p for p, number in zip(pictures, folds, strict=True) if number != fold])
         for picture in (p for p, number in zip(pictures, folds, strict=True) if number == fold):
-            shares = predict_grid(network, picture.pixels, (len(picture.grid), picture.grid.shape[1]))
+            shares = _predict_grid(network, picture.pixels, (len(picture.grid), picture.grid.shape[1]))
             found, true = shares[..., SurfaceClass.GROUND] > 0.5, picture.grid == SurfaceClass.GROUND
             ground += [(found & true).sum(), (found | true).sum()]
             right, cells = right + int((shares.argmax(axis=-1) == picture.grid).sum()), cells + picture.grid.size

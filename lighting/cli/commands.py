@@ -41,7 +41,7 @@ class Command(click.Command):
             ctx: of click.
             formatter: takes the lines.
         """
-        write_examples(self.examples, formatter)
+        _write_examples(self.examples, formatter)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Read the arguments; UsageError for one too many.
@@ -94,7 +94,7 @@ class Group(click.Group):
             ctx: of click.
             formatter: takes the lines.
         """
-        write_examples(self.examples, formatter)
+        _write_examples(self.examples, formatter)
 
     def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
         """The commands in the order of their definition, which is that of their use.
@@ -122,7 +122,7 @@ class Group(click.Group):
 Group.group_class = Group  # of a group's groups
 
 
-def write_examples(examples: Sequence[str], formatter: click.HelpFormatter) -> None:
+def _write_examples(examples: Sequence[str], formatter: click.HelpFormatter) -> None:
     """Write examples at the end of a help, each in a line of its own, however long.
 
     Args:

@@ -89,7 +89,7 @@ def print_estimate(
         return
     closed = bool(outputs) and not sys.stdout.writable()  # what matters is written
     if not (outputs and quiet) and not closed and "-" not in outputs.values():
-        click.echo(format_summary(name, lighting))
+        click.echo(_format_summary(name, lighting))
     report_warnings(name, warnings, quiet)
 
 
@@ -120,7 +120,7 @@ def report_failure(name: str, error: Exception, progress: Any) -> None:
         )
 
 
-def format_summary(name: str, lighting: "Lighting") -> str:
+def _format_summary(name: str, lighting: "Lighting") -> str:
     """Describe a light in one line for people.
 
     Args:

@@ -81,7 +81,7 @@ class DetailChoice:
 
 
 @lru_cache(maxsize=1)
-def load_detail_library() -> DetailLibrary:
+def _load_detail_library() -> DetailLibrary:
     """The library in this package."""
     with np.load(LIBRARY_PATH) as stored:
         ends, raw = np.cumsum(stored["sizes"]), stored["pictures"].tobytes()
@@ -164,7 +164,7 @@ def choose_detail(
         snow: likewise.
         library: likewise.
     """
-    library = load_detail_library() if library is None else library
+    library = _load_detail_library() if library is None else library
     cost = choice_costs(target, weight, sun_azimuth, snow, library) + library.cost[:, None]
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
@@ -182,7 +182,7 @@ def choice_costs(
         snow: whether the photo shows snow; panoramas of snow are for such photos alone, and no others are.
         library: None is the one in this package.
     """
-    library = load_detail_library() if library is None else library
+    library = _load_detail_library() if library is None else library
     columns = 2 * FEATURE_ROWS
     turned = (np.arange(columns)[:, None] + np.arange(columns)) % columns  # (turns, columns)
     flips = [library.features, library.features[..., ::-1]]
@@ -264,7 +264,7 @@ def detail_picture(
         saturation: 0 for grey to 1 for its own colors.
         library: None is the one in this package.
     """
-    library = load_detail_library() if library is None else library
+    library = _load_detail_library() if library is None else library
     with Pictures.open(io.BytesIO(library.pictures[choice.index]), formats=["WEBP"]) as file:
         picture = file.convert("RGB")
     if saturation < 1:

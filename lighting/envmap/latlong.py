@@ -199,10 +199,10 @@ def blur_envmap(image: Image, concentration: float) -> Image:
         image: (H, 2H, 3) linear radiance.
         concentration: over 0; the larger, the less blur.
     """
-    return convolve_envmap(image, lambda cosine: np.exp(np.float32(concentration) * (cosine - 1)))
+    return _convolve_envmap(image, lambda cosine: np.exp(np.float32(concentration) * (cosine - 1)))
 
 
-def convolve_envmap(image: Image, lobe: Callable[[Image], Image]) -> Image:
+def _convolve_envmap(image: Image, lobe: Callable[[Image], Image]) -> Image:
     """The map (H, 2H, 3) as a lobe averages it in each direction.
 
     Args:
@@ -346,7 +346,7 @@ def level_count(size: int) -> int:
     return size.bit_length() - _MIN_FACE.bit_length() + 1
 
 
-def cubemap_directions(size: int) -> Floats:
+def _cubemap_directions(size: int) -> Floats:
     """Return the unit vectors (6, size, size, 3) of a cubemap's pixels.
 
     Args:
@@ -366,7 +366,7 @@ def to_cubemap(image: Image, size: int) -> Image:
         size: of a face, pixels.
     """
     alike = shrink_envmap(image, 2 * size)  # to pixels of that size
-    return np.asarray(sample_latlong(alike, cubemap_directions(size)), dtype=np.float32)
+    return np.asarray(sample_latlong(alike, _cubemap_directions(size)), dtype=np.float32)
 
 
 def prefilter_cubemap(image: Image, size: int, roughnesses: Sequence[float]) -> list[Image]:
@@ -393,4 +393,4 @@ def _blur_ggx(image: Image, alpha: float) -> Image:
         density = (half2 * np.float32(alpha**2 - 1) + 1) ** -2  # of GGX, at any scale
         return np.asarray(density * np.maximum(cosine, 0), dtype=np.float32)
 
-    return convolve_envmap(image, lobe)
+    return _convolve_envmap(image, lobe)

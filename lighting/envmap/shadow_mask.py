@@ -132,7 +132,7 @@ def is_in_shade(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: 
         feet: (N, 3) where things touch the ground, from the camera.
         reach: pixels of the camera beside the feet, of the rectangle that counts.
     """
-    return mean_sunlit(lit, camera, feet, reach) < _MIN_SUNLIT
+    return _mean_sunlit(lit, camera, feet, reach) < _MIN_SUNLIT
 
 
 def stands_in_sun(lit: NDArray[np.float32], reach: Floats) -> NDArray[np.bool_]:
@@ -180,7 +180,7 @@ def dappled_sunlight(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[floa
     return (share, classes.step) if mixed else None
 
 
-def mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:
+def _mean_sunlit(lit: NDArray[np.float32], camera: Pinhole, feet: Floats, reach: float) -> float:
     """How far the ground at the feet of things lies in sunlight, 0 to 1; 1 where the picture does not show it.
 
     Args:

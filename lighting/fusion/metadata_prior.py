@@ -28,7 +28,7 @@ from lighting.solar_position import ASTRONOMICAL_TWILIGHT, NAUTICAL_TWILIGHT, su
 Location = tuple[float, float]  # latitude and longitude, deg, positive north and east
 
 
-def sun_candidates(instants: Sequence[Instant], location: Location | None) -> tuple[tuple[float, float], ...]:
+def _sun_candidates(instants: Sequence[Instant], location: Location | None) -> tuple[tuple[float, float], ...]:
     """Elevations and compass azimuths [deg] of the sun, one for each instant.
 
     Args:
@@ -45,7 +45,7 @@ def _utc_times(instants: Sequence[Instant]) -> "np.ndarray[tuple[int], np.dtype[
     return np.array([instant.utc_time.replace(tzinfo=None) for instant in instants], dtype="datetime64[us]")
 
 
-def format_below_horizon(instants: Sequence[Instant], location: Location | None, elevation: float) -> str:
+def _format_below_horizon(instants: Sequence[Instant], location: Location | None, elevation: float) -> str:
     """Write the beginning of an error about a sun below the horizon.
 
     Args:
@@ -59,7 +59,7 @@ def format_below_horizon(instants: Sequence[Instant], location: Location | None,
     )
 
 
-def format_low_sun(elevation: float) -> str:
+def _format_low_sun(elevation: float) -> str:
     """Write the beginning of a warning about a sun below the horizon.
 
     Args:
@@ -149,11 +149,11 @@ def _observe(
     allow_night: bool = False,
 ) -> MetadataPrior:
     """The observations of merged metadata; ParameterError where the user's own time or location is at night."""
-    candidates = sun_candidates(instants.instants, merged.location)
+    candidates = _sun_candidates(instants.instants, merged.location)
     is_stated = user_input.time is not None or user_input.latitude is not None
     if (highest := _max_elevation(candidates)) < CIVIL_TWILIGHT and is_stated and not allow_night:
         stated = "latitude" if user_input.time is None else "time"
-        sentence = format_below_horizon(instants.instants, merged.location, highest) + "too dark for these skies."
+        sentence = _format_below_horizon(instants.instants, merged.location, highest) + "too dark for these skies."
         raise ParameterError(sentence, stated, ErrorCode.NIGHT)
     return _prior(merged, instants, candidates, user_input, subject)
 
@@ -260,7 +260,7 @@ def _prior(
         consequence = "time and place were not used."
         if highest >= CIVIL_TWILIGHT:
             consequence = _TWILIGHT_ANSWER if highest >= _MIN_SUN_ELEVATION else _LATE_ANSWER
-        warnings = (*warnings, f"{format_low_sun(highest)}: {consequence}")
+        warnings = (*warnings, f"{_format_low_sun(highest)}: {consequence}")
     raised = _raise_twilight(candidates) if highest >= CIVIL_TWILIGHT else ()
     camera = _camera_observations(merged)
     compass, exposure_value = _compass(merged, instants, user_input), merged.exposure_value

@@ -154,7 +154,7 @@ _AFTERNOON += "pm p 下午 晚上 傍晚 中午 午後 오후 م مساء بظ �
 _HALF_DAYS = dict.fromkeys(_MORNING.split(), 0) | dict.fromkeys(_AFTERNOON.split(), 12)
 
 
-def read_stamp(value: Any) -> Stamp | None:
+def _read_stamp(value: Any) -> Stamp | None:
     """A date and time with the offset from UTC that stands in it; None where they are absent or in doubt.
 
     Args:
@@ -316,7 +316,7 @@ def _is_same_time(time: datetime, other: datetime) -> bool:
 def _exif_stamps(tags: Tags) -> Iterator[Stamp]:
     """The times of picture and scan, with the offsets beside them."""
     base = ExifTags.Base
-    original, digitized = (read_stamp(tags.get(tag)) for tag in (base.DateTimeOriginal, base.DateTimeDigitized))
+    original, digitized = (_read_stamp(tags.get(tag)) for tag in (base.DateTimeOriginal, base.DateTimeDigitized))
     if original:
         offset = _first_known(original.utc_offset, _offset(tags, base.OffsetTimeOriginal, original))
         alone = digitized is None or digitized.time == original.time
@@ -331,7 +331,7 @@ def _exif_stamps(tags: Tags) -> Iterator[Stamp]:
 def _late_stamps(tags: Tags) -> Iterator[Stamp]:
     """The time at which the file was written, unless a program did it later than the camera."""
     base = ExifTags.Base
-    if (written := read_stamp(tags.get(base.DateTime))) and not _was_edited(tags, {}):
+    if (written := _read_stamp(tags.get(base.DateTime))) and not _was_edited(tags, {}):
         yield Stamp(written.time, _first_known(written.utc_offset, _offset(tags, base.OffsetTime, written)))
 
 
@@ -359,7 +359,7 @@ def _text(tags: Tags, tag: int) -> str:
 def _offset_of_edit(tags: Tags, time: datetime, is_located: bool) -> float | None:
     """The offset of the time at which the file was written, which may have been another season's."""
     base = ExifTags.Base
-    written = read_stamp(tags.get(base.DateTime))
+    written = _read_stamp(tags.get(base.DateTime))
     is_later = written is not None and abs(written.time - time) > MAX_CLOCK_DIFFERENCE
     return None if is_later and is_located else _offset(tags, base.OffsetTime, Stamp(time))
 
@@ -380,7 +380,7 @@ def _first_known(*values: float | None) -> float | None:
 
 
 def _xmp_stamp(xmp: Mapping[str, str], name: str) -> Stamp | None:
-    stamp = read_stamp(xmp.get(name))
+    stamp = _read_stamp(xmp.get(name))
     suffix = name.rpartition("DateTime")[2]
     if stamp is None or stamp.utc_offset is not None or suffix not in ("Original", "Digitized"):
         return stamp
@@ -391,13 +391,13 @@ def _xmp_stamp(xmp: Mapping[str, str], name: str) -> Stamp | None:
 def _iptc_stamps(iptc: Mapping[Any, Any]) -> Iterator[Stamp]:
     for pair in _IPTC_TIMES:
         date, time = (_plain_text(v[0] if isinstance(v := iptc.get(key), list) and v else v) for key in pair)
-        if stamp := read_stamp(f"{date}T{time}"):
+        if stamp := _read_stamp(f"{date}T{time}"):
             yield stamp
 
 
 def _takeout_stamps(xmp: Mapping[str, str], exif: Sequence[Stamp]) -> Iterator[Stamp]:
     """The time of Google Takeout, unless it is a local time that Google took for UTC."""
-    if (stamp := read_stamp(xmp.get(TAKEOUT_TIME))) and not any(stamp.time == other.time for other in exif):
+    if (stamp := _read_stamp(xmp.get(TAKEOUT_TIME))) and not any(stamp.time == other.time for other in exif):
         yield stamp
 
 
@@ -446,7 +446,7 @@ def read_gps_time(
     if clock is not None and local_time is not None:
         return _gps_time_near(clock, local_time, 0.0 if longitude is None else longitude)
     in_xmp = xmp.get(f"{EXIF_NAMESPACE} GPSTimeStamp", "")
-    if stamp := read_stamp(in_xmp) or read_stamp(f"{xmp.get(f'{EXIF_NAMESPACE} GPSDateStamp')} {in_xmp}"):
+    if stamp := _read_stamp(in_xmp) or _read_stamp(f"{xmp.get(f'{EXIF_NAMESPACE} GPSDateStamp')} {in_xmp}"):
         return _datable(to_utc(stamp.time, stamp.utc_offset or 0.0))
     return None
 

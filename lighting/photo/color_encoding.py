@@ -201,7 +201,7 @@ def _by_profile(profile: bytes) -> ColorEncoding | None:
         return None
     if _is_srgb(icc):
         return ColorEncoding()
-    matrix = profile_to_rec709(profile)
+    matrix = _profile_to_rec709(profile)
     curve = _hdr_curve(profile)
     return ColorEncoding(curve, matrix) if curve else ColorEncoding(to_rec709=matrix, profile=profile)
 
@@ -221,7 +221,7 @@ def _srgb_profile() -> ImageCms.ImageCmsProfile:
     return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
 
 
-def profile_to_rec709(profile: bytes | None) -> _Matrix | None:
+def _profile_to_rec709(profile: bytes | None) -> _Matrix | None:
     """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or unknown.
 
     Args:

@@ -34,7 +34,7 @@ def heif_kind(data: bytes) -> HeifKind | None:
     Args:
         data: of any file.
     """
-    brands = ftyp_brands(data)
+    brands = _ftyp_brands(data)
     if not brands or brands[0] not in _HEIC_BRANDS | _AVIF_BRANDS | _ANY_CODEC_BRANDS:
         return None
     if brands[0] not in _HEIC_BRANDS and _AVIF_BRANDS.intersection(brands):
@@ -42,7 +42,7 @@ def heif_kind(data: bytes) -> HeifKind | None:
     return "HEIF"
 
 
-def ftyp_brands(data: bytes) -> list[bytes]:
+def _ftyp_brands(data: bytes) -> list[bytes]:
     """The brands of an ISO media file, the main one first; none of other files.
 
     Args:
@@ -267,7 +267,7 @@ def _raw_name(data: bytes) -> str | None:
 
 
 def _clip_name(data: bytes) -> str | None:
-    if brands := ftyp_brands(data):
+    if brands := _ftyp_brands(data):
         return _iso_clip_name(brands[0])
     if data[4:8] in _QUICKTIME_ATOMS:
         return "a MOV clip (QuickTime)"
@@ -288,7 +288,7 @@ def _iso_clip_name(brand: bytes) -> str | None:
 
 
 def _picture_name(data: bytes) -> str | None:
-    if brands := ftyp_brands(data):
+    if brands := _ftyp_brands(data):
         return f"a HEIF of the kind {brands[0].decode('ascii', 'replace').strip()}"
     if _is_tga(data):
         return "a TGA (Targa)"

@@ -41,7 +41,7 @@ _HEAD = 1 << 22  # bytes that hold all directories
 _USUAL_SHAPE = (3, 2)
 
 
-def open_raw_header(data: bytes) -> Image.Image:
+def _open_raw_header(data: bytes) -> Image.Image:
     """The preview in a RAW file, not decoded, with the EXIF block of the file; its own where it has one.
 
     Args:
@@ -326,7 +326,7 @@ def open_header(file: str | Path) -> Image.Image:
     try:
         return Image.open(file)
     except UnidentifiedImageError:
-        return open_raw_header(Path(file).read_bytes())
+        return _open_raw_header(Path(file).read_bytes())
 
 
 def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float | None]:

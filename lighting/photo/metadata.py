@@ -67,7 +67,7 @@ class _Coordinate:
     is_negative: bool = False  # whether its number has a sign
 
 
-def read_locations(gps: Tags, xmp: Mapping[str, str]) -> Locations:
+def _read_locations(gps: Tags, xmp: Mapping[str, str]) -> Locations:
     """The places where a photo may have been taken: none, one, or one for each hemisphere that is left open.
 
     Args:
@@ -151,7 +151,7 @@ def _first_letter(reference: Any) -> str:
         return ""
 
 
-def read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, HeadingReference | None]:
+def _read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, HeadingReference | None]:
     """Where the camera pointed, in deg clockwise from a north, 0 to 360; None where that is unknown.
 
     Args:
@@ -244,12 +244,12 @@ def read_metadata(
     """
     camera, gps = (read_ifd(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
     main, xmp = read_main_tags(image), {**(beside or {}), **read_packet(image)}
-    locations = read_locations(gps, xmp)
+    locations = _read_locations(gps, xmp)
     latitude, longitude = locations[0] if len(locations) == 1 else (None, None)
     stamp = read_clock(camera, main, xmp, read_iptc(image), is_located=bool(locations))
     local_time, utc_offset = (stamp.time, stamp.utc_offset) if stamp else (None, None)
     gps_time = read_gps_time(gps, xmp, local_time, longitude)
-    heading, reference = read_heading(gps, xmp)
+    heading, reference = _read_heading(gps, xmp)
     if heading is None and (heading := imu.heading_from_xmp(xmp)) is not None:
         reference = HeadingReference.TRUE
     orientation = read_orientation(image)

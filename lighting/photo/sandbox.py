@@ -51,7 +51,7 @@ if TYPE_CHECKING:
 
 MAX_DECODE_SECONDS = 10.0  # for a photo: five times the slowest that `benchmarks.decoding` reads, on a busy CPU
 
-_WORKER_CODE = "from lighting.photo.sandbox import serve_decoder; serve_decoder()"
+_WORKER_CODE = "from lighting.photo.sandbox import _serve_decoder; _serve_decoder()"
 
 _START_SECONDS = 300.0  # on a machine that is busy with other work
 _PIPE = 1 << 20  # bytes that a pipe holds; Linux's usual sixteenth of it costs more switches between the processes
@@ -402,7 +402,7 @@ def _open_pipe(stream: Any) -> Any:
     return stream
 
 
-def serve_decoder() -> None:
+def _serve_decoder() -> None:
     """Answer requests until stdin ends."""
     runtime.ignore_signals()
     requests, answers = sys.stdin.buffer, runtime.claim_stdout()

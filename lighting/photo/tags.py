@@ -44,7 +44,7 @@ EXIF_NAMESPACE = "http://ns.adobe.com/exif/1.0"  # of XMP, without a slash at it
 MAX_XMP_BYTES = 1 << 18  # of a packet that is read; what fits into one segment of a JPEG is a quarter of it
 
 
-def read_exif(image: Image.Image) -> Image.Exif:
+def _read_exif(image: Image.Image) -> Image.Exif:
     """An image's EXIF as Pillow reads it; an empty one in place of one that is costly to read.
 
     Args:
@@ -127,7 +127,7 @@ def _merge_tags(image: Image.Image, read: Callable[[Image.Exif], dict[int, Any]]
     """The tags of all EXIF blocks; of two with one number the first counts."""
     merged: dict[int, Any] = {}
     with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
-        merged = read(read_exif(image))
+        merged = read(_read_exif(image))
     with suppress(Exception):
         for exif in _later_exif(image):
             merged = {**read(exif), **merged}
@@ -145,9 +145,9 @@ def read_packet(image: Image.Image) -> dict[str, str]:
     if len(packets) > 1:  # of which Pillow has the last
         properties: dict[str, str] = {}
         for packet in packets[:_MAX_XMP_PACKETS]:
-            properties = {**read_xmp(packet), **properties}
+            properties = {**_read_xmp(packet), **properties}
         return properties
-    return {**_creation_time(image), **read_xmp(_single_packet(image))}
+    return {**_creation_time(image), **_read_xmp(_single_packet(image))}
 
 
 def _single_packet(image: Image.Image) -> Any:
@@ -251,7 +251,7 @@ def read_text(value: Any) -> str:
     return text.strip("\0 ")
 
 
-def read_xmp(packet: Any) -> dict[str, str]:
+def _read_xmp(packet: Any) -> dict[str, str]:
     """Attributes and elements of an XMP packet by "namespace name", the first of each; empty for what is no XMP.
 
     Namespaces have no slash at their ends, since writers disagree about it. Never raises.
@@ -347,7 +347,7 @@ def read_sidecar(path: str | os.PathLike[str], read: Callable[[Path], bytes | No
         return data if data is not None and len(data) <= MAX_SIDECAR_BYTES else None
 
     for file in _xmp_files(photo):
-        properties = {**_of_capture(read_xmp(small(file))), **properties}
+        properties = {**_of_capture(_read_xmp(small(file))), **properties}
     for file in _takeout_files(photo):
         properties = {**_takeout_properties(small(file)), **properties}
     return properties

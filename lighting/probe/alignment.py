@@ -186,7 +186,7 @@ class _ProbeOrientation:
         return self.other > _MIN_ERROR_RATIO * self.error
 
 
-def fit_orientation(scans: Sequence[Scan]) -> _ProbeOrientation:
+def _fit_orientation(scans: Sequence[Scan]) -> _ProbeOrientation:
     """Fit sense and offset of the azimuths of an instrument that did not move, all scans together.
 
     Args:
@@ -208,7 +208,7 @@ def fit_orientation(scans: Sequence[Scan]) -> _ProbeOrientation:
     return _ProbeOrientation(sense, offset, float(joint[sense].min()), float(joint[-sense].min()), offsets_alone)
 
 
-def log_errors(measured: Floats, model: Floats) -> Floats:
+def _log_errors(measured: Floats, model: Floats) -> Floats:
     """Return log(measured / model) less its median: what is left when the model has the best scale.
 
     Args:

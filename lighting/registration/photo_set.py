@@ -51,7 +51,7 @@ _COARSE_FEATURES = 400  # the first, by which those partners are chosen
 
 BASE_MEMORY = 400_000_000  # bytes that matching may take beside those that its process has when it starts
 MEMORY_PER_PHOTO = 2_000_000  # bytes of MAX_FEATURES features, and of their matches
-CODE = "from lighting.registration.photo_set import serve_registration; serve_registration()"
+CODE = "from lighting.registration.photo_set import _serve_registration; _serve_registration()"
 MATCHING_SECONDS = 10.0  # s, for a set; eight photos that overlap take half of it on a free CPU
 _STEP = 0.1  # s after which whoever waits looks up
 
@@ -332,7 +332,7 @@ def _read_reply(process: "Popen[bytes]", request: bytes, seconds: float, check: 
             process.kill()  # which ends the talk, too
 
 
-def serve_registration() -> None:
+def _serve_registration() -> None:
     """Answer the one request on stdin; the process ends with it, or a second after nobody waits for it any more."""
     runtime.ignore_signals()
     requests, answers = sys.stdin.buffer, runtime.claim_stdout()

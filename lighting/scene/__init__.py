@@ -44,7 +44,7 @@ class Exporter:
     """How to open the scene: {file} is the first of `files`, {folder} the folder."""
 
 
-def import_function(module: str, name: str) -> Callable[..., Any]:
+def _import_function(module: str, name: str) -> Callable[..., Any]:
     """A function of a module, which is imported when it is first called.
 
     Args:
@@ -60,40 +60,40 @@ def import_function(module: str, name: str) -> Callable[..., Any]:
 
 EXPORTERS: dict[str, Exporter] = {
     "blender": Exporter(
-        import_function("lighting.scene.blender", "write_blender"),
+        _import_function("lighting.scene.blender", "write_blender"),
         files=("scene.py", "scene.json", "scene.blend", *SHARED_FILES),
-        animate=import_function("lighting.scene.blender", "animate_blender"),
+        animate=_import_function("lighting.scene.blender", "animate_blender"),
         opened_by="blender --python {file}",
     ),
     "usd": Exporter(
-        import_function("lighting.scene.usd", "write_usd"),
+        _import_function("lighting.scene.usd", "write_usd"),
         files=("scene.usda", "scene.usdz", *SHARED_FILES),
         options={"up_axis": ExporterOption(("Y", "Z"), default="Y")},
-        animate=import_function("lighting.scene.usd", "animate_usd"),
+        animate=_import_function("lighting.scene.usd", "animate_usd"),
         opened_by="usdview {file}, or import it into any program that reads USD; scene.usdz is for AR, without lights",
     ),
     "gltf": Exporter(
-        import_function("lighting.scene.gltf", "write_gltf"),
+        _import_function("lighting.scene.gltf", "write_gltf"),
         files=("scene.glb",),
         opened_by="drop {file} into any viewer of glTF, or import it",
     ),
     "filament": Exporter(
-        import_function("lighting.scene.cubemap", "write_filament"),
+        _import_function("lighting.scene.cubemap", "write_filament"),
         files=("scene.glb", "environment_ibl.ktx", "environment_skybox.ktx", "sh.txt", "light.json", RECORD),
         opened_by="open {file} at exposure 1, with environment_ibl.ktx beside it as an indirect light of intensity 1",
     ),
     "cubemap": Exporter(
-        import_function("lighting.scene.cubemap", "write_cubemap"),
+        _import_function("lighting.scene.cubemap", "write_cubemap"),
         files=("scene.glb", "environment.ktx2", *(f"{face}.hdr" for face in CUBE_FACES), RECORD),
         opened_by="open {file}, with environment.ktx2 or the six .hdr beside it as its cubemap",
     ),
     "threejs": Exporter(
-        import_function("lighting.scene.threejs", "write_threejs"),
+        _import_function("lighting.scene.threejs", "write_threejs"),
         files=("scene.html",),
         opened_by="open {file} in a browser",
     ),
     "godot": Exporter(
-        import_function("lighting.scene.godot", "write_godot"),
+        _import_function("lighting.scene.godot", "write_godot"),
         files=(
             *("project.godot", "scene.tscn", "ground.gdshader", "backdrop.gdshader", *SHARED_FILES),
             *(f"{name}.import" for name in (PLATE, ENVIRONMENT, LIT_GROUND, GROUND)),
@@ -101,7 +101,7 @@ EXPORTERS: dict[str, Exporter] = {
         opened_by="godot --editor {file}",
     ),
     "unreal": Exporter(
-        import_function("lighting.scene.unreal", "write_unreal"),
+        _import_function("lighting.scene.unreal", "write_unreal"),
         files=(
             *("unreal_scene.py", "unreal_scene.json", "environment.hdr", "ground_albedo.png", "ground_emission.png"),
             *SHARED_FILES,
@@ -110,13 +110,13 @@ EXPORTERS: dict[str, Exporter] = {
         "(not run in the engine yet)",
     ),
     "unity": Exporter(
-        import_function("lighting.scene.unity", "write_unity"),
+        _import_function("lighting.scene.unity", "write_unity"),
         files=("scene.unitypackage",),
         opened_by="in Unity, Assets > Import Package > Custom Package: {file}, then Tools > Light from a Photo "
         "(not run in the engine yet)",
     ),
     "mitsuba": Exporter(
-        import_function("lighting.scene.mitsuba", "write_mitsuba"),
+        _import_function("lighting.scene.mitsuba", "write_mitsuba"),
         files=("scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py", *SHARED_FILES),
         opened_by="mitsuba -m scalar_rgb {file}",
     ),

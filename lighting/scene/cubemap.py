@@ -34,7 +34,7 @@ _MAX_PACKED = 64512.0  # that ten bits hold
 _MAX_HALF = 65504.0
 
 
-def encode_ktx1(levels: Levels, metadata: Mapping[str, str]) -> bytes:
+def _encode_ktx1(levels: Levels, metadata: Mapping[str, str]) -> bytes:
     """Return a cubemap as KTX 1 with 11, 11 and 10 bits of float a pixel.
 
     Args:
@@ -51,7 +51,7 @@ def encode_ktx1(levels: Levels, metadata: Mapping[str, str]) -> bytes:
     return _KTX1_MAGIC + header + pairs + images
 
 
-def encode_ktx2(levels: Levels) -> bytes:
+def _encode_ktx2(levels: Levels) -> bytes:
     """Return a cubemap as KTX 2 with four half floats a pixel, the last of them 1.
 
     Args:
@@ -107,7 +107,7 @@ def write_cubemap(scene: Scene, folder: Folder) -> None:
     write_gltf(scene, folder)
     size = face_size(scene.environment)
     levels = prefilter_cubemap(scene.environment, size, np.linspace(0, 1, level_count(size)).tolist())
-    (folder / "environment.ktx2").write_bytes(encode_ktx2(levels))
+    (folder / "environment.ktx2").write_bytes(_encode_ktx2(levels))
     for name, face in zip(FACES, levels[0], strict=True):
         (folder / f"{name}.hdr").write_bytes(encode_hdr_face(face))
     write_record(scene, folder)
@@ -129,8 +129,8 @@ def write_filament(scene: Scene, folder: Folder) -> None:
     texts = [" ".join(f"{value:.6g}" for value in row) for row in harmonics]
     roughnesses = 1 - np.sqrt(1 - np.linspace(0, 1, level_count(size)))
     levels = prefilter_cubemap(scene.environment, size, roughnesses.tolist())
-    (folder / "environment_ibl.ktx").write_bytes(encode_ktx1(levels, {"sh": "\n".join(texts) + "\n"}))
-    (folder / "environment_skybox.ktx").write_bytes(encode_ktx1([to_cubemap(scene.environment, size)], {}))
+    (folder / "environment_ibl.ktx").write_bytes(_encode_ktx1(levels, {"sh": "\n".join(texts) + "\n"}))
+    (folder / "environment_skybox.ktx").write_bytes(_encode_ktx1([to_cubemap(scene.environment, size)], {}))
     lines = [f"({', '.join(f'{value:18.15f}' for value in row)}); // {_NAMES[i]}" for i, row in enumerate(harmonics)]
     (folder / "sh.txt").write_text("\n".join(lines) + "\n", encoding="utf-8")
     (folder / "light.json").write_text(encode_light_probe(scene.light_probe, "filament") + "\n", encoding="utf-8")

@@ -73,7 +73,7 @@ def prague_by_angles(zenith_angle: Floats, sun_angle: Floats, sun_elevation: flo
     return np.asarray(by_channel[..., across] * (1 - share[:, 0]) + by_channel[..., across + 1] * share[:, 0])
 
 
-def visibility_from_turbidity(turbidity: float) -> float:
+def _visibility_from_turbidity(turbidity: float) -> float:
     """The visibility [km] whose sky is most like that of Hosek and Wilkie: 131.8 km up to turbidity 4, 20 km at 10.
 
     Between them its logarithm is linear. At suns from 8 to 60 deg the luminances of the two skies agree best near it.
@@ -115,7 +115,7 @@ def _radiance_table(elevation: float, turbidity: float) -> NDArray[np.float32]:
     """Radiance (S, Z, 3) at the nodes under one sun [deg]: linear between the skies of the table, as in [1]."""
     skies, split = _load_skies(), len(SUN_ANGLES)
     radiance = np.zeros((split, len(ZENITH_ANGLES), 3), dtype=np.float32)
-    for v, by_visibility in _neighbours(VISIBILITIES, visibility_from_turbidity(turbidity)):
+    for v, by_visibility in _neighbours(VISIBILITIES, _visibility_from_turbidity(turbidity)):
         for e, by_sun in _neighbours(SUN_ELEVATIONS, elevation):
             factors = skies[v, e].astype(np.float32)
             stops = factors[:, :split] @ factors[:, split:].transpose(0, 2, 1)

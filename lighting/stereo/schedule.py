@@ -222,7 +222,7 @@ def _all_windows(day: SkyDay, shots: int, step: float) -> _Windows:
     return _windows_in_light(day, start[long], end[long], shots)
 
 
-def score_windows(windows: _Windows, light: Floats, normals: Floats) -> _WindowScores:
+def _score_windows(windows: _Windows, light: Floats, normals: Floats) -> _WindowScores:
     """Score windows by what they are worth for normals.
 
     Args:
@@ -307,7 +307,7 @@ def make_plan(
     windows = tuple(_best_windows(best, light, normals, question, scale))
     step = START_STEP if len(best.clouds) == 1 else 2 * START_STEP
     listed = _all_windows(best, question.shots, step)
-    table = WindowTable(step, listed.start, listed.end, score_windows(listed, light, normals).gain)
+    table = WindowTable(step, listed.start, listed.end, _score_windows(listed, light, normals).gain)
     return Plan(best.date, question, windows, scores, table)
 
 
@@ -330,7 +330,7 @@ def _summarize_day(day: date, read: DayReader, question: PlanRequest, *, coarse:
     normals = normals_of_interest(question.facing)
     light = day_light.light(normals)
     windows = [list_windows(day_light, hours, question.shots) for hours in HOURS]
-    angular_std = np.array([score_windows(each, light, normals).angular_std.min(initial=np.inf) for each in windows])
+    angular_std = np.array([_score_windows(each, light, normals).angular_std.min(initial=np.inf) for each in windows])
     brightest = float(np.linalg.norm(light, axis=-1).max())  # the longest mean light vector
     objection = f"On {day} light is never there for an hour on end; photometric stereo needs that."
     return _DaySummary(angular_std, any(map(len, windows)), brightest, objection, None if coarse else day_light)
@@ -342,7 +342,7 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         windows = list_windows(day, hours, question.shots)
         if not len(windows):
             continue
-        scores = score_windows(windows, light, normals)
+        scores = _score_windows(windows, light, normals)
         best = int(np.argmin(scores.angular_std))
         moments = windows.moments[:, best]
         start, end, gain = (float(each[best]) for each in (windows.start, windows.end, scores.gain))

@@ -284,13 +284,13 @@ def _measure_noise(pixels: Image, table: Candidates, least: float) -> float:
 
 def _make_normal_map(mask: NDArray[np.bool_], result: SearchResult, noise: float) -> NormalMap:
     albedo = result.albedo / max(float(np.quantile(result.albedo, 0.99)), 1e-9)
-    misfit = shared_residual(_fill_mask(mask, result.difference), mask)
+    misfit = _shared_residual(_fill_mask(mask, result.difference), mask)
     planes = (result.normal, albedo.astype(np.float32), result.error, result.residual)
     normal, albedo, error, residual = (_fill_mask(mask, plane) for plane in planes)
     return NormalMap(mask, normal, albedo, error, misfit, residual, np.zeros(mask.shape, dtype=bool), noise)
 
 
-def shared_residual(difference: Image, mask: NDArray[np.bool_]) -> Image:
+def _shared_residual(difference: Image, mask: NDArray[np.bool_]) -> Image:
     """Measure what the model misses of pixels and their neighbours alike.
 
     The noise of pixels is independent and averages out; a wrong sun, a changed exposure or light between parts of the

@@ -59,7 +59,7 @@ from lighting.video.shot import (
 _VIEW_SIDE = 1000  # pixels of the longer side of a frame that maps show
 
 
-class ViewReader:
+class _ViewReader:
     """Reads the frames that maps show; a context manager. The clip is opened at the first of them."""
 
     def __init__(self, path: Path) -> None:
@@ -112,13 +112,13 @@ def _view_context(shot: Shot, pixels: NDArray[np.uint8]) -> PhotoContext | None:
 
 
 @dataclass(frozen=True, eq=False)
-class ShotMap:
+class _ShotMap:
     """The light of a shot, and what its maps show."""
 
     shot: Shot
     """A solved one."""
     context: PhotoContext | None = None
-    """Of `ViewReader`; None: sky and ground alone."""
+    """Of `_ViewReader`; None: sky and ground alone."""
     adjustments: Adjustments | None = None
     """Of the light by hand, as the shot's first camera sees it; None: none."""
     sun: bool | None = None
@@ -291,7 +291,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
         OSError: a file cannot be read or written.
     """
     result, lights = VideoResult(), list[FrameLight]()
-    with Clip(job.source) as clip, ViewReader(job.source) as views:
+    with Clip(job.source) as clip, _ViewReader(job.source) as views:
         metadata_of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
@@ -312,7 +312,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
 
 
 def _write_shot(
-    job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO, views: ViewReader
+    job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO, views: _ViewReader
 ) -> list[FrameLight]:
     """The lines and maps of one shot."""
     name = escape_undecodable(str(job.source))
@@ -333,12 +333,12 @@ def _write_shot(
     return lights
 
 
-def _map_of_shot(shot: Shot, options: OutputOptions, views: ViewReader) -> ShotMap:
+def _map_of_shot(shot: Shot, options: OutputOptions, views: _ViewReader) -> _ShotMap:
     context = views.read(shot) if options.detail else None
-    return ShotMap(shot, context, options.adjustments, options.sun)
+    return _ShotMap(shot, context, options.adjustments, options.sun)
 
 
-def _write_frame_maps(job: VideoJob, shot_map: ShotMap, lights: Sequence[FrameLight]) -> None:
+def _write_frame_maps(job: VideoJob, shot_map: _ShotMap, lights: Sequence[FrameLight]) -> None:
     """Write a map a frame; all show the same place."""
     height, folder = job.options.height, job.folder / FRAMES_FOLDER
     folder.mkdir(exist_ok=True)
@@ -379,7 +379,7 @@ def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float
     assert job.options.tool is not None
     warnings = dict[int, tuple[str, ...]]()
     first = {int(shot.frames[0]): (n, shot) for n, shot in enumerate(shots, 1) if isinstance(shot, Shot)}
-    with Clip(job.source, MAX_PLATE_SIDE) as clip, ViewReader(job.source) as views:
+    with Clip(job.source, MAX_PLATE_SIDE) as clip, _ViewReader(job.source) as views:
         for frame in clip.frames(first):
             number, shot = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.options.tool}"
@@ -390,7 +390,7 @@ def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float
 
 
 def _write_scene(
-    shot_map: ShotMap, plate: NDArray[np.uint8], options: OutputOptions, folder: Path, clip: str, frame_rate: float
+    shot_map: _ShotMap, plate: NDArray[np.uint8], options: OutputOptions, folder: Path, clip: str, frame_rate: float
 ) -> tuple[str, ...]:
     """Write a shot's scene to a folder, replacing a scene that is there; the scene's warnings.
 

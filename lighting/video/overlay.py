@@ -98,10 +98,10 @@ def _film_frames(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple
             width_of_balls = round(0.32 * max(width, height)) if width > height else round(0.6 * width)
             balls = _Balls((width_of_balls, round(width_of_balls * 0.42)), {})
         light = lights.get(frame.index)
-        yield frame.time, picture if light is None else draw_overlay(picture, light, balls.at(light))
+        yield frame.time, picture if light is None else _draw_overlay(picture, light, balls.at(light))
 
 
-def draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float32]) -> NDArray[np.uint8]:
+def _draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[np.float32]) -> NDArray[np.uint8]:
     """Draw one frame's light into it.
 
     Args:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from export.data.prague_table import PragueData, read_prague, read_sky, rgb_weights
+from export.data.prague_table import _PragueData, _read_prague, _read_sky, _rgb_weights
 from lighting.geometry import Floats, direction
 
 REFERENCE = Path(__file__).with_suffix(".npz")
@@ -28,18 +28,18 @@ def prague_directions(sun: Floats, rng: np.random.Generator) -> Floats:
     return np.asarray(vectors / np.linalg.norm(vectors, axis=1, keepdims=True))
 
 
-def _reference(data: PragueData) -> dict[str, Floats]:
+def _reference(data: _PragueData) -> dict[str, Floats]:
     """Directions (E, N, 3), and radiance (T, E, N, 3) of each turbidity and sun."""
-    rng, rgb = np.random.default_rng(0), rgb_weights(data)
+    rng, rgb = np.random.default_rng(0), _rgb_weights(data)
     suns = [direction(20.0, elevation) for elevation in ELEVATIONS]
     directions = [prague_directions(sun, rng) for sun in suns]
     radiance = [
-        [read_sky(data, d, sun, visibility, rgb=rgb) for d, sun in zip(directions, suns, strict=True)]
+        [_read_sky(data, d, sun, visibility, rgb=rgb) for d, sun in zip(directions, suns, strict=True)]
         for visibility in VISIBILITIES
     ]
     return {"directions": np.array(directions), "radiance": np.array(radiance)}
 
 
 if __name__ == "__main__":
-    made = _reference(read_prague(Path(sys.argv[1]).read_bytes()))
+    made = _reference(_read_prague(Path(sys.argv[1]).read_bytes()))
     np.savez_compressed(REFERENCE, directions=made["directions"], radiance=made["radiance"].astype(np.float32))

@@ -13,15 +13,15 @@ from lighting.errors import ModelError, PhotoError
 from lighting.geometry import Pinhole, angle_between, camera_directions, camera_pixel
 from lighting.ground import (
     OBJECT_RADIUS,
+    _find_ground_spot,
+    _visible_ground,
     describe_ground,
     draw_ground_mask,
-    find_ground_spot,
     find_lit_spot,
     is_in_sun,
     max_object_meters,
     object_radius,
     spot_warnings,
-    visible_ground,
 )
 from lighting.photo.reader import photo_from_array, read_photo
 from lighting.records import EstimatedLight, Lighting
@@ -53,7 +53,7 @@ def cells(*patches: tuple[slice, slice, SurfaceClass]) -> Segments:
 
 
 def test_on_open_ground_the_spot_is_in_the_lower_middle() -> None:
-    spot = find_ground_spot(cells(), CAMERA, 1.6)
+    spot = _find_ground_spot(cells(), CAMERA, 1.6)
     assert spot is not None
     assert spot.pixel[0] == pytest.approx(800, abs=60)
     assert 0.7 < spot.pixel[1] / 1200 < 0.9
@@ -64,7 +64,7 @@ def test_on_open_ground_the_spot_is_in_the_lower_middle() -> None:
 @pytest.mark.parametrize("kind", [kind for kind in SurfaceClass if kind != SurfaceClass.GROUND])
 @pytest.mark.parametrize(("columns", "side"), [(slice(6, 14), 1), (slice(10, 18), -1)])
 def test_the_spot_is_beside_what_is_no_ground(kind: SurfaceClass, columns: slice, side: int) -> None:
-    spot = find_ground_spot(cells((slice(8, 18), columns, kind)), CAMERA, 1.6)
+    spot = _find_ground_spot(cells((slice(8, 18), columns, kind)), CAMERA, 1.6)
     assert spot is not None
     edge = 1600 / 24 * (columns.stop if side > 0 else columns.start)
     assert (spot.pixel[0] - edge) * side > OBJECT_RADIUS * 1200
@@ -73,22 +73,22 @@ def test_the_spot_is_beside_what_is_no_ground(kind: SurfaceClass, columns: slice
 @pytest.mark.parametrize("kind", [SurfaceClass.WATER, SurfaceClass.PLANTS, SurfaceClass.UNEVEN, SurfaceClass.BUILDING])
 def test_a_picture_without_ground_has_no_spot(kind: SurfaceClass) -> None:
     everywhere = cells((slice(8, 18), slice(0, 24), kind))
-    assert find_ground_spot(everywhere, CAMERA, 1.6) is None
-    assert visible_ground(everywhere) == 0.0
+    assert _find_ground_spot(everywhere, CAMERA, 1.6) is None
+    assert _visible_ground(everywhere) == 0.0
 
 
 def test_what_looks_like_ground_above_the_horizon_has_no_spot() -> None:
-    assert find_ground_spot(cells(), replace(CAMERA, elevation=50.0), 1.6) is None
+    assert _find_ground_spot(cells(), replace(CAMERA, elevation=50.0), 1.6) is None
 
 
 def test_ground_so_far_below_that_an_object_is_not_seen_has_no_spot() -> None:
-    assert find_ground_spot(cells(), replace(CAMERA, elevation=-40.0), 40.0) is not None
-    assert find_ground_spot(cells(), replace(CAMERA, elevation=-40.0), 400.0) is None
+    assert _find_ground_spot(cells(), replace(CAMERA, elevation=-40.0), 40.0) is not None
+    assert _find_ground_spot(cells(), replace(CAMERA, elevation=-40.0), 400.0) is None
 
 
 @pytest.mark.parametrize("size", [(32, 256), (256, 32), (33, 33)])
 def test_narrow_and_tiny_pictures_have_their_spot_inside(size: tuple[int, int]) -> None:
-    spot = find_ground_spot(cells(), replace(CAMERA, width=size[0], height=size[1]), 1.6)
+    spot = _find_ground_spot(cells(), replace(CAMERA, width=size[0], height=size[1]), 1.6)
     assert spot is not None
     assert 0 < spot.pixel[0] < size[0]
     assert 0 < spot.pixel[1] < size[1]
@@ -102,7 +102,7 @@ def test_the_balls_are_no_giants() -> None:
 
 
 def test_visible_ground_is_the_share_of_its_cells() -> None:
-    assert visible_ground(cells()) == pytest.approx(10 / 18)
+    assert _visible_ground(cells()) == pytest.approx(10 / 18)
 
 
 def test_the_mask_holds_ground_sunlight_and_where_an_object_is_in_the_sun() -> None:
@@ -155,7 +155,7 @@ def test_the_warning_says_why_there_is_no_spot() -> None:
 
 
 def with_spot() -> Lighting:
-    spot = find_ground_spot(cells(), CAMERA, 1.6)
+    spot = _find_ground_spot(cells(), CAMERA, 1.6)
     assert spot is not None
     return replace(LIGHT, ground_visible=0.5, spot_pixel=spot.pixel, spot_direction=spot.direction)
 

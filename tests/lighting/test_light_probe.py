@@ -19,10 +19,10 @@ from lighting.geometry import Floats, direction, latlong_directions, latlong_sol
 from lighting.light_probe import (
     LIGHT_PROBE_FORMATS,
     LightProbe,
+    _harmonics_basis,
+    _irradiance_from_harmonics,
     compute_light_probe,
     encode_light_probe,
-    harmonics_basis,
-    irradiance_from_harmonics,
     main_light,
     project_latlong,
     rotate_harmonics,
@@ -121,7 +121,7 @@ def unity_irradiance(normals: Floats) -> Floats:
 
 
 def planar_irradiance(normals: Floats) -> Floats:
-    return irradiance_from_harmonics(np.reshape(written("arkit")["sphericalHarmonicsCoefficients"], (3, 9)).T, normals)
+    return _irradiance_from_harmonics(np.reshape(written("arkit")["sphericalHarmonicsCoefficients"], (3, 9)).T, normals)
 
 
 def godot_irradiance(normals: Floats) -> Floats:
@@ -132,7 +132,7 @@ def godot_irradiance(normals: Floats) -> Floats:
 def babylon_irradiance(normals: Floats) -> Floats:
     radiance = np.array(written("babylon")["sphericalHarmonics"])
     signs = np.array([1, -1, 1, -1, 1, -1, 1, -1, 1])[:, None]
-    return irradiance_from_harmonics(signs * radiance, normals)
+    return _irradiance_from_harmonics(signs * radiance, normals)
 
 
 def interleaved_irradiance(name: str, *path: str) -> Any:
@@ -140,7 +140,7 @@ def interleaved_irradiance(name: str, *path: str) -> Any:
         values = written(name)
         for key in path:
             values = values[key]
-        return irradiance_from_harmonics(np.reshape(values, (9, 3)), normals)
+        return _irradiance_from_harmonics(np.reshape(values, (9, 3)), normals)
 
     return irradiance
 
@@ -226,7 +226,7 @@ MAP = RNG.random((32, 64, 3)).astype(np.float32)
 
 
 def test_the_functions_are_orthonormal() -> None:
-    basis = harmonics_basis(latlong_directions(256))
+    basis = _harmonics_basis(latlong_directions(256))
     products = np.einsum("rci,rcj,r->ij", basis, basis, latlong_solid_angle(256))
     assert products == pytest.approx(np.eye(9), abs=1e-3)
 
@@ -237,21 +237,21 @@ def test_their_order_and_signs_are_those_of_webxr() -> None:
         0.282095, 0.488603 * y, 0.488603 * z, 0.488603 * x, 1.092548 * x * y, 1.092548 * y * z,
         0.315392 * (3 * z * z - 1), 1.092548 * x * z, 0.546274 * (x * x - y * y),
     ]  # fmt: skip
-    assert harmonics_basis(direction) == pytest.approx(expected, rel=1e-5)
+    assert _harmonics_basis(direction) == pytest.approx(expected, rel=1e-5)
 
 
 def test_coefficients_are_the_integrals_of_a_map() -> None:
-    basis, weight = harmonics_basis(latlong_directions(32)), latlong_solid_angle(32)
+    basis, weight = _harmonics_basis(latlong_directions(32)), latlong_solid_angle(32)
     expected = np.einsum("rcf,rck,r->fk", basis, MAP, weight, optimize=True)
     assert project_latlong(MAP) == pytest.approx(expected, abs=1e-5)
 
 
 def test_irradiance_is_that_of_a_map_of_few_frequencies() -> None:
     coefficients = np.concatenate([[[4.0, 5.0, 6.0]], RNG.uniform(-1, 1, (8, 3))])
-    image = (harmonics_basis(latlong_directions(128)) @ coefficients).astype(np.float32)
+    image = (_harmonics_basis(latlong_directions(128)) @ coefficients).astype(np.float32)
     assert len(UNIT_NORMALS) == 14
     expected = envmap_irradiance(image, UNIT_NORMALS)
-    assert irradiance_from_harmonics(coefficients, UNIT_NORMALS) == pytest.approx(expected, rel=1e-3)
+    assert _irradiance_from_harmonics(coefficients, UNIT_NORMALS) == pytest.approx(expected, rel=1e-3)
 
 
 @pytest.mark.parametrize("yaw", [90.0, -45.0, 180.0, 5.625])

@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 import lighting.envmap.detail_library as detail_library
-from export.data.detail_library import _MOST_USED, _remove_glare, balance_library, make_detail_library, may_ship
+from export.data.detail_library import _MOST_USED, _make_detail_library, _may_ship, _remove_glare, balance_library
 from export.data.panoramas import Panorama
 from lighting.geometry import angle_between, direction, latlong_directions
 
@@ -24,7 +24,7 @@ from lighting.geometry import angle_between, direction, latlong_directions
     ],
 )
 def test_only_poly_havens_gifts_may_ship(licence: str, allowed: bool) -> None:
-    assert may_ship(Panorama("name", Path("x"), "ldr", "place", "train", licence=licence)) == allowed
+    assert _may_ship(Panorama("name", Path("x"), "ldr", "place", "train", licence=licence)) == allowed
 
 
 def test_a_sun_leaves_a_smooth_sky() -> None:
@@ -57,15 +57,15 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
         Image.fromarray(rng.integers(0, 255, (96, 192, 3), dtype=np.uint8)).save(tmp_path / f"{name}.png")
         rows.append(f"{name},{name}.png,ldr,{name},{split},visible,-20,30,yes,{licence}")
     (tmp_path / "panoramas.csv").write_text("\n".join(rows))
-    arrays = make_detail_library(tmp_path)
+    arrays = _make_detail_library(tmp_path)
     assert arrays["names"].tolist() == ["a"]
     np.savez(tmp_path / "detail.npz", allow_pickle=False, **arrays)
     monkeypatch.setattr(detail_library, "LIBRARY_PATH", tmp_path / "detail.npz")
-    detail_library.load_detail_library.cache_clear()
+    detail_library._load_detail_library.cache_clear()
     try:
-        library = detail_library.load_detail_library()
+        library = detail_library._load_detail_library()
     finally:
-        detail_library.load_detail_library.cache_clear()
+        detail_library._load_detail_library.cache_clear()
     assert library.names == ("a",)
     assert library.sunlit.tolist() == [True]
     assert library.sun_azimuth.tolist() == [-20.0]

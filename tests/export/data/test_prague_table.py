@@ -9,7 +9,7 @@ import pytest
 
 import export.data.prague_table as prague_table
 from export.data.hosek_wilkie_table import TABLE, _installed_datasets, _make_table, _read_tensors
-from export.data.prague_table import read_prague, read_sky, rgb_weights
+from export.data.prague_table import _read_prague, _read_sky, _rgb_weights
 from lighting.geometry import Floats, direction
 from lighting.sky.prague import SUN_ANGLES, SUN_ELEVATIONS, VISIBILITIES, ZENITH_ANGLES
 
@@ -37,7 +37,7 @@ def data_set(visibilities: Floats, elevations: Floats, albedos: int = 1) -> byte
 
 
 def test_reads_what_the_set_says() -> None:
-    data = read_prague(data_set(np.array([20.0, 40.0]), np.array([-2.0, 0.0, 60.0])))
+    data = _read_prague(data_set(np.array([20.0, 40.0]), np.array([-2.0, 0.0, 60.0])))
     assert data.visibilities.tolist() == [20.0, 40.0]
     assert data.sun_elevations.tolist() == [-2.0, 0.0, 60.0]
     assert data.wavelengths.tolist() == [360.0 + 40 * edge for edge in range(11)]
@@ -47,32 +47,32 @@ def test_reads_what_the_set_says() -> None:
     up = np.degrees(np.arccos((view[1] + 0.00396) / np.hypot(np.cos(np.radians(20)), view[1] + 0.00396)))
     gamma = np.degrees(np.arccos(sun @ view))
     spectrum = 30.0 * (1 + np.arange(CHANNELS)) * (2 - gamma / 180 + 3) * (1 + np.radians(up))
-    radiance = read_sky(data, view[None], sun, 30.0)
-    assert radiance[0] == pytest.approx(spectrum @ rgb_weights(data), rel=2e-3)
+    radiance = _read_sky(data, view[None], sun, 30.0)
+    assert radiance[0] == pytest.approx(spectrum @ _rgb_weights(data), rel=2e-3)
 
 
 def test_other_sets_are_refused() -> None:
     with pytest.raises(ValueError, match="not a data set of one albedo and one altitude"):
-        read_prague(data_set(np.array([20.0]), np.array([0.0]), albedos=2))
+        _read_prague(data_set(np.array([20.0]), np.array([0.0]), albedos=2))
     with pytest.raises(ValueError, match="not the visibilities and suns of the table"):
-        prague_table.make_prague_table(read_prague(data_set(np.array([20.0]), np.array([0.0]))))
+        prague_table._make_prague_table(_read_prague(data_set(np.array([20.0]), np.array([0.0]))))
 
 
 def test_equal_energy_is_nearly_white() -> None:
     """Rec.709's white is a little bluer than a spectrum of equal energy."""
-    weights = rgb_weights(read_prague(data_set(np.array([20.0]), np.array([0.0]))))
+    weights = _rgb_weights(_read_prague(data_set(np.array([20.0]), np.array([0.0]))))
     assert weights.sum(axis=0) == pytest.approx([1.203, 0.951, 0.910], abs=2e-3)
 
 
 def test_the_table_holds_the_set(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(prague_table, "_STEPS", 1)
     monkeypatch.setattr(prague_table, "_VISIBLE", CHANNELS)
-    data = read_prague(data_set(VISIBILITIES, SUN_ELEVATIONS))
-    table = prague_table.make_prague_table(data).astype(np.float64)
+    data = _read_prague(data_set(VISIBILITIES, SUN_ELEVATIONS))
+    table = prague_table._make_prague_table(data).astype(np.float64)
     v, e, split = 2, 9, len(SUN_ANGLES)
     stops = table[v, e, 1, :split] @ table[v, e, 1, split:].T
     sun, nodes = direction(0.0, float(SUN_ELEVATIONS[e])), direction(np.array([0.0, 40.0, 170.0]), 30.0)
-    expected = np.log2(read_sky(data, nodes, sun, 40.0)[:, 1])
+    expected = np.log2(_read_sky(data, nodes, sun, 40.0)[:, 1])
     gamma = np.degrees(np.arccos(nodes @ sun))
     across = np.array([np.interp(gamma, SUN_ANGLES, column) for column in stops.T])
     found = [np.interp(60.0, ZENITH_ANGLES, column) for column in across.T]

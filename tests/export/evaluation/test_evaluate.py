@@ -10,7 +10,7 @@ import export.evaluation.occlusion as occlusion
 from export.crops.crops import crop_panorama, load_sources
 from export.data.panoramas import DataError, read_index
 from export.evaluation.evaluate import Options, evaluate_networks
-from export.evaluation.occlusion import draw_occlusion, occlusion_map, write_occlusion
+from export.evaluation.occlusion import _draw_occlusion, _occlusion_map, write_occlusion
 from export.evaluation.predictions import (
     CROPS_EACH,
     SUN_VIEWS_EACH,
@@ -103,7 +103,7 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 
 def test_a_sun_in_the_picture_is_what_the_network_looks_at(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(occlusion, "_STEP", 24)  # a quarter of the covers
-    added = occlusion_map(Model.load(), read_photo(EXAMPLES / "railway_field.jpg"))
+    added = _occlusion_map(Model.load(), read_photo(EXAMPLES / "railway_field.jpg"))
     height, width = added.shape
     y, x = np.unravel_index(np.argmax(added), added.shape)
     assert abs(x / width - 0.78) < 0.1  # where the glare is
@@ -122,7 +122,7 @@ def test_parts_for_the_answer_are_orange_and_parts_against_it_blue() -> None:
     photo = np.full((60, 90, 3), 128, np.uint8)
     added = np.zeros((20, 30))
     added[:, :10], added[:, 20:] = 0.5, -0.5
-    picture = draw_occlusion(photo, added).astype(int)
+    picture = _draw_occlusion(photo, added).astype(int)
     assert picture[30, 10, 0] > picture[30, 10, 2] + 100
     assert picture[30, 80, 2] > picture[30, 80, 0] + 100
     assert np.ptp(picture[30, 45]) < 8

@@ -66,7 +66,7 @@ def test_repetition_is_one_for_copies_and_less_for_noise() -> None:
 
 def test_power_lies_at_its_frequency_and_grows_by_6_db_with_twice_the_amplitude() -> None:
     cycles = 72  # around the horizon: 0.2 a degree there, where the middle band of the horizon lies
-    low, high = map_quality.band_power(sine(0.1, cycles)), map_quality.band_power(sine(0.2, cycles))
+    low, high = map_quality._band_power(sine(0.1, cycles)), map_quality._band_power(sine(0.2, cycles))
     at = list(BANDS).index("horizon") * len(FREQUENCIES) + FREQUENCIES.index(0.2)
     assert high[at] - low[at] == pytest.approx(6.02, abs=0.1)
     assert low[at] > low[at - 1] + 20
@@ -90,10 +90,10 @@ def test_views_show_what_lies_there() -> None:
 
 def test_the_kernel_distance_is_unbiased() -> None:
     rng = np.random.default_rng(0)
-    same = [map_quality.kernel_distance(*rng.normal(size=(2, 40, 16))) for _ in range(200)]
+    same = [map_quality._kernel_distance(*rng.normal(size=(2, 40, 16))) for _ in range(200)]
     assert abs(np.mean(same)) < 3 * np.std(same) / np.sqrt(len(same))
     a, b = rng.normal(size=(40, 16)), rng.normal(1.0, 1.0, (40, 16))
-    assert map_quality.kernel_distance(a, b) > np.mean(same) + 10 * np.std(same)
+    assert map_quality._kernel_distance(a, b) > np.mean(same) + 10 * np.std(same)
 
 
 def test_places_are_in_one_half_only() -> None:

@@ -19,7 +19,7 @@ MOST_WORDS = 600
 
 def test_the_card_is_that_of_the_figures_and_short() -> None:
     metrics, text = read_metrics(FOLDER / METRICS), (FOLDER / MODEL_CARD).read_text(encoding="utf-8")
-    assert text == model_card.render_card(metrics)
+    assert text == model_card._render_card(metrics)
     assert len(text.split()) <= MOST_WORDS
     assert len(re.findall(r"^\| --- ", text, re.MULTILINE)) == 1
     assert f"| sun | {metrics.accuracy['paper']['sun_median']} (" in text
@@ -38,26 +38,26 @@ def test_the_pages_cite_the_figures_as_they_are() -> None:
         page = model_card.ROOT / name
         if page.is_file():
             text = page.read_text(encoding="utf-8")
-            assert model_card.fill_figures(text, metrics) == text, "run `python -m export card`"
+            assert model_card._fill_figures(text, metrics) == text, "run `python -m export card`"
 
 
 def test_a_page_says_which_figures_it_cites() -> None:
     metrics = read_metrics(FOLDER / METRICS)
     page = "<!--metrics:line-->\nold\n<!--/metrics-->\n\nNot this.\n\n<!--metrics:table--><!--/metrics-->\n"
-    text = model_card.fill_figures(page, metrics)
+    text = model_card._fill_figures(page, metrics)
     assert f"within {metrics.accuracy['paper']['sun_median']}°" in text
     assert "old" not in text
     assert "Not this." in text
     assert text.count("| sun |") == 1
-    assert model_card.fill_figures(text, metrics) == text
+    assert model_card._fill_figures(text, metrics) == text
     with pytest.raises(DataError, match="no figures 'all', only line, scope, table"):
-        model_card.fill_figures(page.replace("line", "all"), metrics)
+        model_card._fill_figures(page.replace("line", "all"), metrics)
 
 
 def test_a_report_without_metadata_photos_and_other_networks_makes_a_card() -> None:
     metrics = read_metrics(FOLDER / METRICS)
     few = replace(metrics, sections=tuple(s for s in metrics.sections if s.title.startswith("Protocol")))
-    text = model_card.render_card(few)
+    text = model_card._render_card(few)
     assert "too high" in text
     assert "time and place |" not in text
     assert "single photos" not in text

@@ -12,20 +12,20 @@ from export.reports.probe import (
     SKY_DAY,
     SKY_FILL,
     SKY_PLACE,
-    BracketCamera,
     _bracket_gain,
+    _BracketCamera,
+    _clear_sky_at,
+    _expose_bracket,
     _measure_bracket,
+    _photograph_sky,
+    _read_sky_scans,
     _rotation_between,
-    clear_sky_at,
-    expose_bracket,
-    photograph_sky,
-    read_sky_scans,
 )
 from lighting.color import luminance
 from lighting.envmap.sun_disc import sun_irradiance
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction
-from lighting.probe.alignment import SUN_CLEARANCE, Scan, fit_orientation, log_errors, yaw_rotation
+from lighting.probe.alignment import SUN_CLEARANCE, Scan, _fit_orientation, _log_errors, yaw_rotation
 from lighting.probe.bracket import make_bracket, read_bracket
 from lighting.probe.develop import BracketSettings, Moment, make_probe
 from lighting.probe.fisheye import make_lens
@@ -38,34 +38,34 @@ RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)
 
 
 def test_a_bracket_holds_rounded_values_that_clip() -> None:
-    photos = expose_bracket(RAMP, BracketCamera(8, 0.8, noise=False), np.random.default_rng(0))
+    photos = _expose_bracket(RAMP, _BracketCamera(8, 0.8, noise=False), np.random.default_rng(0))
     assert [photo.exposure for photo in photos] == list(BRACKET_TIMES)
     short, long = photos[0].pixels, photos[-1].pixels
     assert short.max() == pytest.approx(0.8)
     assert long.max() == 1
     np.testing.assert_allclose(255 * short, np.rint(255 * short), atol=1e-4)
     np.testing.assert_allclose(
-        short, RAMP * _bracket_gain(RAMP, BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
+        short, RAMP * _bracket_gain(RAMP, _BracketCamera(8, 0.8)) * BRACKET_TIMES[0], atol=0.5 / 255 + 1e-6
     )
 
 
 def test_noise_is_that_of_light_and_reading() -> None:
     even = np.full((60, 60, 3), 1.0, dtype=np.float32)
-    (photo,) = expose_bracket(even, BracketCamera(14, 0.5), np.random.default_rng(0), [1.0])
+    (photo,) = _expose_bracket(even, _BracketCamera(14, 0.5), np.random.default_rng(0), [1.0])
     assert photo.pixels.std() == pytest.approx(np.sqrt(25_000 + 9) / 50_000, rel=0.05)
     assert photo.pixels.mean() == pytest.approx(0.5, rel=1e-3)
 
 
 def test_the_sun_stands_out_and_nothing_is_outside_the_lens() -> None:
     moment = Moment(datetime(2024, 6, 1, 9, tzinfo=UTC), 47.0, 8.0)
-    picture = photograph_sky(clear_sky_at(moment), make_lens("equidistant", 64, 64), np.eye(3))
+    picture = _photograph_sky(_clear_sky_at(moment), make_lens("equidistant", 64, 64), np.eye(3))
     assert picture.max() > 1000 * np.median(picture[picture > 0])
     assert not picture[0, 0].any()
 
 
 def test_azimuths_of_the_clear_day_run_counter_clockwise_from_about_13_degrees() -> None:
-    scans = read_sky_scans()["2013-05-27"]
-    found = fit_orientation(scans)
+    scans = _read_sky_scans()["2013-05-27"]
+    found = _fit_orientation(scans)
     assert found.sense == -1
     assert found.is_sure
     assert found.offset == pytest.approx(13, abs=5)
@@ -90,12 +90,12 @@ def misfit(scan: Scan, model: SkyShape) -> float:
     """Root mean square of the logarithm, free of scale, of a model at its best."""
     rays, sun = scan.directions(-1, 11.0), direction(*scan.sun)
     far = angle_between(rays, sun) > SUN_CLEARANCE
-    errors = (log_errors(scan.luminance[far], values) for values in model(rays[far], sun))
+    errors = (_log_errors(scan.luminance[far], values) for values in model(rays[far], sun))
     return min(float(np.sqrt(np.mean(error**2))) for error in errors)
 
 
 def test_the_clear_sky_is_near_the_models_and_far_from_overcast() -> None:
-    scans = read_sky_scans()["2013-05-27"][::5]
+    scans = _read_sky_scans()["2013-05-27"][::5]
     errors = {name: float(np.median([misfit(scan, model) for scan in scans])) for name, model in SKIES.items()}
     assert 0.08 < errors["Hosek-Wilkie"] < 0.2
     assert errors["CIE general"] <= errors["CIE clear"] < 0.2
@@ -111,7 +111,7 @@ LENS = make_lens("equidistant", 400, 400)
 
 @pytest.mark.parametrize("bits", [8, 12, 14])
 def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(bits: int) -> None:
-    got = _measure_bracket(BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
+    got = _measure_bracket(_BracketCamera(bits, SKY_FILL), MOMENT, LENS, 40.0)
     assert got.sky < 0.02
     assert got.clipped
     assert got.rotation < 0.3
@@ -119,7 +119,7 @@ def test_skies_exposed_for_are_within_two_percent_and_their_clipped_sun_is_said(
 
 @pytest.mark.parametrize("bits", [8, 12, 14])
 def test_suns_exposed_for_are_within_three_percent(bits: int) -> None:
-    got = _measure_bracket(BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
+    got = _measure_bracket(_BracketCamera(bits, 0.8), MOMENT, LENS, 200.0)
     assert not got.clipped
     assert got.sun < 0.03
     assert got.rotation < 0.3
@@ -129,15 +129,15 @@ def test_suns_exposed_for_are_within_three_percent(bits: int) -> None:
 
 
 def test_a_photographed_sun_has_its_power() -> None:
-    lighting = clear_sky_at(MOMENT)
-    picture = photograph_sky(lighting, LENS, yaw_rotation(0.0))
+    lighting = _clear_sky_at(MOMENT)
+    picture = _photograph_sky(lighting, LENS, yaw_rotation(0.0))
     probe = make_probe(
-        make_bracket(expose_bracket(picture, BracketCamera(noise=False), np.random.default_rng(0))),
+        make_bracket(_expose_bracket(picture, _BracketCamera(noise=False), np.random.default_rng(0))),
         MOMENT,
         BracketSettings(),
     )
     assert probe.spot is not None
-    assert probe.spot.irradiance / _bracket_gain(picture, BracketCamera()) == pytest.approx(
+    assert probe.spot.irradiance / _bracket_gain(picture, _BracketCamera()) == pytest.approx(
         sun_irradiance(lighting), rel=0.02
     )
 

@@ -10,8 +10,8 @@ from PIL import Image
 import export.training.segmentation as segmentation
 from export.data.panoramas import DataError
 from export.networks.segmentation import SegmentationNetwork
-from export.reports.ground import GroundAnswer, describe_answers
-from export.training.segmentation import LabelledPicture, predict_grid, read_labelled_pictures, vary_picture
+from export.reports.ground import _describe_answers, _GroundAnswer
+from export.training.segmentation import LabelledPicture, _predict_grid, _vary_picture, read_labelled_pictures
 from lighting.segmentation import Segmenter, SurfaceClass
 
 HEADER = "file,split,columns,rows,grid,weak,panorama,note\n"
@@ -54,7 +54,7 @@ def test_a_variant_keeps_its_labels(tmp_path: Path) -> None:
     """Cells of ground are brown, of water blue, whatever part is shown and whether it is mirrored."""
     picture, rng = labelled(tmp_path)[0], np.random.default_rng(1)
     for _ in range(12):
-        pixels, target = vary_picture(picture, rng)
+        pixels, target = _vary_picture(picture, rng)
         rows, columns = target.shape[:2]
         assert pixels.shape == (16 * rows, 16 * columns, 3)
         assert target.sum(axis=2) == pytest.approx(1.0)
@@ -86,7 +86,7 @@ def test_training_learns_and_the_file_answers_the_same(tmp_path: Path, monkeypat
 def test_predictions_are_probabilities_of_a_grid() -> None:
     torch.manual_seed(0)
     network = SegmentationNetwork(pretrained=False).eval()
-    shares = predict_grid(network, np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
+    shares = _predict_grid(network, np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
     assert shares.shape == (12, 9, 10)
     assert shares.sum(axis=2) == pytest.approx(1.0)
 
@@ -97,13 +97,13 @@ def test_the_report_counts_spots_refusals_and_cells() -> None:
     with_ground = LabelledPicture("a", False, np.zeros((9, 12, 3), np.uint8), grid.astype(np.intp))
     without = LabelledPicture("b", False, with_ground.pixels, np.full((9, 12), SurfaceClass.SKY, dtype=np.intp))
     right = np.eye(10, dtype=np.float32)[grid.repeat(2, axis=0).repeat(2, axis=1)]
-    text = describe_answers(
+    text = _describe_answers(
         [with_ground, with_ground, without, without],
         [
-            GroundAnswer(right, (0.5, 0.8)),
-            GroundAnswer(right, (0.5, 0.2)),
-            GroundAnswer(right, None),
-            GroundAnswer(np.eye(10, dtype=np.float32)[np.full((18, 24), SurfaceClass.SKY)], (0.5, 0.5)),
+            _GroundAnswer(right, (0.5, 0.8)),
+            _GroundAnswer(right, (0.5, 0.2)),
+            _GroundAnswer(right, None),
+            _GroundAnswer(np.eye(10, dtype=np.float32)[np.full((18, 24), SurfaceClass.SKY)], (0.5, 0.5)),
         ],
     )
     assert "Of 2 pictures with ground, the spot of 1 lies on it (50 %)." in text

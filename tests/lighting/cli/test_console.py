@@ -15,7 +15,7 @@ from pydantic_core import from_json
 
 import lighting.cli.console as console
 import lighting.estimator as estimator
-from lighting.cli.console import _CONTROLS, escape_control_chars, escape_path, format_summary
+from lighting.cli.console import _CONTROLS, _format_summary, escape_control_chars, escape_path
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, write_exr
 from lighting.fusion.user_input import UserInput
@@ -184,19 +184,19 @@ def test_a_map_needs_no_masked_arrays(network: Path, photo_path: Path, tmp_path:
 )
 def test_sides_are_told_in_words(azimuth: float, elevation: float, words: str) -> None:
     lighting = Lighting(azimuth, 33.0, 3.0, 0.1, camera_elevation=elevation, camera_roll=-0.04)
-    assert words in format_summary("x.jpg", lighting)
+    assert words in _format_summary("x.jpg", lighting)
 
 
 def test_headings_are_told_from_0_to_359() -> None:
-    told = format_summary("x.jpg", Lighting(10.0, 33.0, 3.0, 0.1, camera_heading=359.6, relative_heading=359.5))
+    told = _format_summary("x.jpg", Lighting(10.0, 33.0, 3.0, 0.1, camera_heading=359.6, relative_heading=359.5))
     assert "heading 0°, 0° clockwise from the first photo" in told
 
 
 def test_a_record_without_radii_claims_none() -> None:
     told = Lighting(10.0, 33.0, 3.0, 0.1)
-    assert format_summary("x.jpg", told).startswith("x.jpg: sun 10.0° right, 33.0° high, direct sunlight 100 %")
+    assert _format_summary("x.jpg", told).startswith("x.jpg: sun 10.0° right, 33.0° high, direct sunlight 100 %")
     told = Lighting(10.0, 33.0, 3.0, 0.1, radius_50=9.5, radius_90=31.0)
-    assert "33.0° high (50 % within 9.5°, 90 % within 31.0°), direct sunlight" in format_summary("x.jpg", told)
+    assert "33.0° high (50 % within 9.5°, 90 % within 31.0°), direct sunlight" in _format_summary("x.jpg", told)
 
 
 def test_without_json_errors_go_to_stderr_alone(network: Path, photo_path: Path) -> None:
@@ -291,9 +291,9 @@ def test_neither_does_one_in_the_name_of_a_clip_or_a_probe(network: Path, tmp_pa
 
 def test_the_line_of_an_answer_says_when_the_photo_was_taken() -> None:
     told = Lighting(10.0, 33.0, 3.0, 0.1, utc_time=datetime(2024, 6, 1, 16, 49, tzinfo=UTC))
-    assert format_summary("x.jpg", told).endswith("; taken 2024-06-01 16:49 +00:00")
+    assert _format_summary("x.jpg", told).endswith("; taken 2024-06-01 16:49 +00:00")
     told = replace(told, utc_offset=5.75, time_source="zone of the place")
-    assert format_summary("x.jpg", told).endswith("; taken 2024-06-01 22:34 +05:45 (zone of the place)")
+    assert _format_summary("x.jpg", told).endswith("; taken 2024-06-01 22:34 +05:45 (zone of the place)")
 
 
 def test_the_network_is_gone_before_the_next_one_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,10 +12,10 @@ from lighting.envmap.detail_library import (
     FEATURE_ROWS,
     FEATURES,
     DetailChoice,
+    _load_detail_library,
     choose_detail,
     detail_picture,
     feature_weights,
-    load_detail_library,
 )
 from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
 from lighting.envmap.projection import ProjectedPhoto, continue_photo, project_photo
@@ -194,7 +194,7 @@ def test_only_sky_and_plants_go_on_upwards() -> None:
 
 
 def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
-    library = load_detail_library()
+    library = _load_detail_library()
     azimuth, elevation = latlong_angles(FEATURE_ROWS)
     level = np.cos(np.radians(elevation))[:, None] * np.ones(len(azimuth))
     seen = level * ((np.abs(elevation) < 30)[:, None] & (np.abs(azimuth) < 40))
@@ -207,7 +207,7 @@ def test_a_place_of_the_library_is_recognised_by_a_part_of_it() -> None:
 
 
 def test_a_sun_is_put_where_it_stands() -> None:
-    library = load_detail_library()
+    library = _load_detail_library()
     cells = np.zeros((len(library.features[0]), FEATURE_ROWS, 2 * FEATURE_ROWS), np.float32)
     choice = choose_detail(cells, np.zeros_like(cells), 75.0)
     side = -1 if choice.flipped else 1
@@ -230,7 +230,7 @@ def shown_classes(building: float, plants: float) -> tuple[np.ndarray, np.ndarra
 
 @pytest.mark.parametrize(("building", "plants"), [(0.0, 0.0), (0.0, 0.9), (0.9, 0.0)])
 def test_places_have_what_the_photo_shows_all_around(building: float, plants: float) -> None:
-    library = load_detail_library()
+    library = _load_detail_library()
     features = library.features[choose_detail(*shown_classes(building, plants), None).index]
     around = {name: features[FEATURES.index(name), 9:13].mean() for name in ("building", "plants")}
     assert around["building"] == pytest.approx(building, abs=0.4 if building else 0.15)
@@ -239,7 +239,7 @@ def test_places_have_what_the_photo_shows_all_around(building: float, plants: fl
 
 @pytest.mark.parametrize("snow", [False, True])
 def test_snow_is_for_photos_of_snow(snow: bool) -> None:
-    library = load_detail_library()
+    library = _load_detail_library()
     assert 0 < library.snow.sum() < len(library.snow) / 4
     for plants in (0.0, 0.9):
         assert library.snow[choose_detail(*shown_classes(0.0, plants), None, snow).index] == snow

@@ -10,7 +10,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.color import tone_map
-from lighting.envmap.shadow_mask import dappled_sunlight, ground_shadow_mask, mean_sunlit
+from lighting.envmap.shadow_mask import _mean_sunlit, dappled_sunlight, ground_shadow_mask
 from lighting.geometry import Pinhole
 from lighting.records import Lighting
 from tests.helpers.predictions import (
@@ -136,7 +136,7 @@ def around(x: float, y: float, reach: float) -> float:
     half = np.repeat(np.array([0.0, 1.0], np.float32), 40)[None].repeat(60, axis=0)
     right, up, forward = CAMERA.axes
     foot = forward + ((x - 80) * right - (y - 60) * up) / CAMERA.focal_length
-    return mean_sunlit(half, CAMERA, foot[None], reach)
+    return _mean_sunlit(half, CAMERA, foot[None], reach)
 
 
 def test_what_stands_on_the_ground_is_lit_as_the_ground_around_its_foot() -> None:
@@ -149,13 +149,13 @@ def test_several_things_are_lit_as_the_ground_from_one_to_the_other() -> None:
     right = CAMERA.axes[0]
     feet = CAMERA.axes[2] + np.array([[-20.0], [20.0]]) / CAMERA.focal_length * right
     half = np.repeat(np.array([0.0, 1.0], np.float32), 40)[None].repeat(60, axis=0)
-    assert mean_sunlit(half, CAMERA, feet, 4.0) == pytest.approx(0.5, abs=0.03)
+    assert _mean_sunlit(half, CAMERA, feet, 4.0) == pytest.approx(0.5, abs=0.03)
 
 
 def test_where_the_picture_does_not_show_the_foot_the_sun_is_whole() -> None:
     assert around(-50.0, 60.0, 8.0) == 1.0
     assert around(40.0, 300.0, 8.0) == 1.0
-    assert mean_sunlit(np.zeros((2, 2), np.float32), CAMERA, -CAMERA.axes[2][None], 8.0) == 1.0
+    assert _mean_sunlit(np.zeros((2, 2), np.float32), CAMERA, -CAMERA.axes[2][None], 8.0) == 1.0
 
 
 def dappled(patch: int, share: float, step: float) -> NDArray[np.uint8]:

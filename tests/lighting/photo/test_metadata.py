@@ -14,9 +14,9 @@ from PIL.PngImagePlugin import PngInfo
 from PIL.TiffImagePlugin import IFDRational
 
 from lighting.photo.lens import vertical_fov_from_focal_length
-from lighting.photo.metadata import PhotoMetadata, read_heading, read_locations, read_metadata
+from lighting.photo.metadata import PhotoMetadata, _read_heading, _read_locations, read_metadata
 from lighting.photo.reader import read_photo
-from lighting.photo.tags import MAX_XMP_BYTES, read_xmp
+from lighting.photo.tags import MAX_XMP_BYTES, _read_xmp
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, RDF, drone, packet
 
@@ -277,15 +277,15 @@ BOMB = (
 
 def test_attributes_and_elements_are_alike() -> None:
     for elements in (False, True):
-        found = read_xmp(drone("-12.30", elements=elements))
+        found = _read_xmp(drone("-12.30", elements=elements))
         assert found[PITCH] == "-12.30"
-        assert read_xmp(drone("-12.30", elements=elements) + b"\0\0 \n") == found
-        assert read_xmp(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
+        assert _read_xmp(drone("-12.30", elements=elements) + b"\0\0 \n") == found
+        assert _read_xmp(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
 
 
 def test_the_first_of_two_counts() -> None:
     twice = packet(DJI, {"GimbalPitchDegree": "-1"}).replace(b"</rdf:RDF>", b"<d:a xmlns:d='u'>2</d:a></rdf:RDF>")
-    assert read_xmp(twice)[PITCH] == "-1"
+    assert _read_xmp(twice)[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,7 @@ def test_the_first_of_two_counts() -> None:
     ],
 )
 def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
-    assert read_xmp(data) == {}
+    assert _read_xmp(data) == {}
 
 
 @pytest.mark.parametrize(
@@ -321,7 +321,7 @@ def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
 )
 def test_no_packet_takes_long(data: bytes) -> None:
     start = time.process_time()
-    read_xmp(data)
+    _read_xmp(data)
     assert time.process_time() - start < 1.0
 
 
@@ -335,7 +335,7 @@ def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
 @given(st.binary(max_size=200))
 def test_no_packet_whatever_raises(data: bytes) -> None:
     for start in (b"", b"<", b"<x ", drone("-1")[:200]):
-        read_xmp(start + data)
+        _read_xmp(start + data)
 
 
 def with_segment(jpeg: bytes, block: bytes) -> bytes:
@@ -373,8 +373,8 @@ def test_the_first_of_several_xmp_packets_counts_where_it_says_something() -> No
 
 
 def test_xmp_in_utf_16_and_with_junk_behind_it() -> None:
-    assert read_xmp(drone("-1").decode().encode("utf-16"))[PITCH] == "-1"
-    assert read_xmp(drone("-1") + b"\0\0junk")[PITCH] == "-1"
+    assert _read_xmp(drone("-1").decode().encode("utf-16"))[PITCH] == "-1"
+    assert _read_xmp(drone("-1") + b"\0\0junk")[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(
@@ -492,7 +492,7 @@ UNKNOWN = IFDRational(0, 0)
     ],
 )  # fmt: skip
 def test_a_place_in_exif(tags: dict[int, object], place: tuple[float, float]) -> None:
-    (found,) = read_locations(tags, {})
+    (found,) = _read_locations(tags, {})
     assert found == pytest.approx(place, abs=1e-9)
 
 
@@ -513,18 +513,18 @@ def test_a_place_in_exif(tags: dict[int, object], place: tuple[float, float]) ->
     ],
 )  # fmt: skip
 def test_a_place_in_xmp_alone(properties: dict[str, str], place: tuple[float, float]) -> None:
-    (found,) = read_locations({}, properties)
+    (found,) = _read_locations({}, properties)
     assert found == pytest.approx(place, abs=1e-9)
 
 
 def test_exif_counts_before_xmp() -> None:
     elsewhere = {f"{EXIF} GPSLatitude": "39,44.4N", f"{EXIF} GPSLongitude": "104,59.4W"}
-    assert read_locations(gps((48, 8, 24), "N", (11, 34, 48), "E"), elsewhere)[0] == pytest.approx(MUNICH)
+    assert _read_locations(gps((48, 8, 24), "N", (11, 34, 48), "E"), elsewhere)[0] == pytest.approx(MUNICH)
 
 
 def test_a_hemisphere_that_nothing_states_is_open() -> None:
-    assert len(read_locations(gps((48, 8, 24), "", (11, 34, 48), ""), {})) == 4
-    assert set(read_locations(gps(48.0, "N", 11.0, None), {})) == {(48.0, 11.0), (48.0, -11.0)}
+    assert len(_read_locations(gps((48, 8, 24), "", (11, 34, 48), ""), {})) == 4
+    assert set(_read_locations(gps(48.0, "N", 11.0, None), {})) == {(48.0, 11.0), (48.0, -11.0)}
 
 
 @pytest.mark.parametrize(
@@ -543,29 +543,29 @@ def test_a_hemisphere_that_nothing_states_is_open() -> None:
     ],
 )
 def test_what_can_be_no_place_is_none(tags: dict[int, object]) -> None:
-    assert read_locations(tags, {}) == ()
+    assert _read_locations(tags, {}) == ()
 
 
 @given(st.text(max_size=80), st.one_of(st.none(), st.text(max_size=5), st.binary(max_size=5), st.floats()))
 def test_no_text_raises(text: str, reference: object) -> None:
-    for latitude, longitude in read_locations(gps(text, reference, text, reference), {f"{EXIF} GPSLatitude": text}):
+    for latitude, longitude in _read_locations(gps(text, reference, text, reference), {f"{EXIF} GPSLatitude": text}):
         assert abs(latitude) <= 90.0
         assert math.isfinite(longitude)
 
 
 def test_a_heading_in_exif_or_else_in_xmp() -> None:
     properties = {f"{EXIF} GPSImgDirection": "22329/100", f"{EXIF} GPSImgDirectionRef": "T"}
-    heading, reference = read_heading({}, properties)
+    heading, reference = _read_heading({}, properties)
     assert heading == pytest.approx(223.29)
     assert str(reference) == "true"
-    assert read_heading({GPS_TAGS.GPSImgDirection: 60.0, GPS_TAGS.GPSImgDirectionRef: "M"}, properties) == (
+    assert _read_heading({GPS_TAGS.GPSImgDirection: 60.0, GPS_TAGS.GPSImgDirectionRef: "M"}, properties) == (
         60.0,
         "magnetic",
     )
-    assert read_heading({}, {f"{EXIF} GPSImgDirection": "5/0"}) == (None, None)
-    assert read_heading({GPS_TAGS.GPSImgDirection: 361.0}, {}) == (None, None)
+    assert _read_heading({}, {f"{EXIF} GPSImgDirection": "5/0"}) == (None, None)
+    assert _read_heading({GPS_TAGS.GPSImgDirection: 361.0}, {}) == (None, None)
 
 
 @pytest.mark.parametrize("value", ["224", "224/1", "224,0", b"22400/100\0", (224.0,), -136.0])
 def test_a_heading_however_it_is_written(value: object) -> None:
-    assert read_heading({GPS_TAGS.GPSImgDirection: value}, {})[0] == pytest.approx(224.0)
+    assert _read_heading({GPS_TAGS.GPSImgDirection: value}, {})[0] == pytest.approx(224.0)

@@ -9,7 +9,7 @@ from PIL import Image, ImageCms, ImageOps
 
 from lighting.errors import PhotoError
 from lighting.photo import pixels
-from lighting.photo.color_encoding import is_gamma_encoded, profile_to_rec709
+from lighting.photo.color_encoding import _profile_to_rec709, is_gamma_encoded
 from lighting.photo.linear import read_linear
 from tests.conftest import scene
 from tests.helpers.photos import WIDE_PRIMARIES, display_profile
@@ -65,8 +65,8 @@ def test_white_stays_white_and_clipped_values_stay_clipped(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("said", [None, b"damaged", display_profile("sRGB, linear", SRGB)])
 def test_the_same_primaries_and_profiles_that_say_none_change_nothing(said: bytes | None) -> None:
-    assert profile_to_rec709(said) is None
-    assert profile_to_rec709(ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()) is None
+    assert _profile_to_rec709(said) is None
+    assert _profile_to_rec709(ImageCms.ImageCmsProfile(ImageCms.createProfile("LAB")).tobytes()) is None
 
 
 @pytest.mark.parametrize(("name", "coded"), [("Wide", False), ("sRGB", False), ("Linear", True)])

@@ -8,7 +8,7 @@ import pytest
 from lighting.color import luminance
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, angles, camera_axes, direction
-from lighting.probe.alignment import Scan, align_by_sun, align_series, fit_orientation, log_errors, yaw_rotation
+from lighting.probe.alignment import Scan, _fit_orientation, _log_errors, align_by_sun, align_series, yaw_rotation
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens
 from lighting.sky.hosek_wilkie import sky_radiance
 
@@ -82,7 +82,7 @@ def scan(sun: tuple[float, float], sense: int, offset: float) -> Scan:
 
 @pytest.mark.parametrize(("sense", "offset"), [(1, 13.0), (-1, 13.0), (-1, -170.0)])
 def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
-    found = fit_orientation([scan(sun, sense, offset) for sun in SCAN_SUNS])
+    found = _fit_orientation([scan(sun, sense, offset) for sun in SCAN_SUNS])
     assert found.sense == sense
     assert found.is_sure
     assert found.offset == pytest.approx(offset, abs=1.0)
@@ -90,17 +90,17 @@ def test_sense_and_offset_of_a_day_come_back(sense: int, offset: float) -> None:
 
 
 def test_one_moment_leaves_the_sense_open() -> None:
-    found = fit_orientation([scan(SCAN_SUNS[0], -1, 13.0)])
+    found = _fit_orientation([scan(SCAN_SUNS[0], -1, 13.0)])
     assert not found.is_sure
 
 
 def test_a_scale_is_no_error() -> None:
     values = np.array([1.0, 2.0, 4.0])
-    assert log_errors(7 * values, values) == pytest.approx([0, 0, 0])
+    assert _log_errors(7 * values, values) == pytest.approx([0, 0, 0])
 
 
 def test_nothing_and_night_are_refused() -> None:
     with pytest.raises(ProbeError, match="no scan"):
-        fit_orientation([])
+        _fit_orientation([])
     with pytest.raises(ProbeError, match="below the horizon"):
-        fit_orientation([Scan(AZIMUTH, ELEVATION, AZIMUTH + 1, (100.0, -4.0))])
+        _fit_orientation([Scan(AZIMUTH, ELEVATION, AZIMUTH + 1, (100.0, -4.0))])

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.envmap.latlong import FACES, cubemap_directions
+from lighting.envmap.latlong import FACES, _cubemap_directions
 from lighting.files.radiance_hdr import decode_hdr
 from lighting.geometry import sample_latlong
 from lighting.light_probe import shader_harmonics
 from lighting.scene import CUBE_FACES
-from lighting.scene.cubemap import encode_ktx1, encode_ktx2, write_cubemap, write_filament
+from lighting.scene.cubemap import _encode_ktx1, _encode_ktx2, write_cubemap, write_filament
 from tests.helpers.scenes import sunlit_scene
 
 
@@ -26,7 +26,7 @@ def test_the_faces_are_the_map(tmp_path: Path) -> None:
     write_cubemap(scene, tmp_path)
     assert CUBE_FACES == FACES
     faces = np.array([decode_hdr((tmp_path / f"{name}.hdr").read_bytes()) for name in FACES])
-    shown = sample_latlong(scene.environment, cubemap_directions(faces.shape[1]))
+    shown = sample_latlong(scene.environment, _cubemap_directions(faces.shape[1]))
     assert faces == pytest.approx(shown, rel=0.02, abs=0.02)
     assert (tmp_path / "environment.ktx2").read_bytes().startswith(b"\xabKTX 20")
 
@@ -63,7 +63,7 @@ def unpacked(words: NDArray[np.uint32]) -> NDArray[np.float32]:
 
 
 def test_ktx_1_holds_packed_floats_and_texts() -> None:
-    data = encode_ktx1(LEVELS, {"sh": "1 2 3\n"})
+    data = _encode_ktx1(LEVELS, {"sh": "1 2 3\n"})
     assert data[:12] == b"\xabKTX 11\xbb\r\n\x1a\n"
     header = struct.unpack_from("<13I", data, 12)
     assert header[:6] == (0x04030201, 0x8C3A, 1, 0x1907, 0x8C3A, 0x8C3A)  # as cmgen's files
@@ -81,7 +81,7 @@ def test_ktx_1_holds_packed_floats_and_texts() -> None:
 
 
 def test_packed_floats_end_at_their_largest_value() -> None:
-    data = encode_ktx1([np.full((6, 1, 1, 3), 1e6, np.float32)], {})
+    data = _encode_ktx1([np.full((6, 1, 1, 3), 1e6, np.float32)], {})
     assert unpacked(np.frombuffer(data, "<u4", 6, len(data) - 24)) == pytest.approx(64512, rel=0.02)
 
 
@@ -96,7 +96,7 @@ def read_by_node(script: str, package: str, file: Path) -> dict[str, Any]:
 
 def test_filaments_own_loader_reads_ktx_1(tmp_path: Path) -> None:
     file = tmp_path / "a.ktx"
-    file.write_bytes(encode_ktx1(LEVELS, {"sh": "1 2 3\n"}))
+    file.write_bytes(_encode_ktx1(LEVELS, {"sh": "1 2 3\n"}))
     read = read_by_node("filament.cjs", "filament", file)
     assert (read["format"], read["width"], read["cubemap"], read["sh"]) == (0x8C3A, 4, True, "1 2 3\n")
     for faces, words in zip(LEVELS, read["levels"], strict=True):
@@ -105,7 +105,7 @@ def test_filaments_own_loader_reads_ktx_1(tmp_path: Path) -> None:
 
 def test_ktx_2_is_read_by_another_program(tmp_path: Path) -> None:
     file = tmp_path / "a.ktx2"
-    file.write_bytes(encode_ktx2(LEVELS))
+    file.write_bytes(_encode_ktx2(LEVELS))
     read = read_by_node("ktx.mjs", "ktx-parse", file)
     assert (read["format"], read["width"], read["height"], read["faces"]) == (97, 4, 4, 6)
     assert read["descriptor"]["colorModel"] == read["descriptor"]["transferFunction"] == 1

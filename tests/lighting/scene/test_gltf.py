@@ -14,9 +14,9 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from lighting.envmap.latlong import cubemap_directions
+from lighting.envmap.latlong import _cubemap_directions
 from lighting.geometry import sample_latlong
-from lighting.light_probe import CONDON_SHORTLEY, harmonics_basis
+from lighting.light_probe import CONDON_SHORTLEY, _harmonics_basis
 from lighting.scene import gltf
 from tests.helpers.predictions import UNIT_NORMALS
 from tests.helpers.scenes import sunlit_scene
@@ -167,7 +167,7 @@ def test_the_map_lights_by_its_irradiance(tmp_path: Path) -> None:
     gltf.write_gltf(scene, tmp_path)
     irradiance = np.array(image_light(document_of(tmp_path)[0])["irradianceCoefficients"])
     in_babylon = UNIT_NORMALS * [-1, 1, 1]  # its left-handed frame, turned as its loader turns it
-    values = harmonics_basis(in_babylon) @ (CONDON_SHORTLEY[:, None] * irradiance)
+    values = _harmonics_basis(in_babylon) @ (CONDON_SHORTLEY[:, None] * irradiance)
     assert values == pytest.approx(scene.light_probe.irradiance(UNIT_NORMALS), rel=1e-4)
 
 
@@ -186,7 +186,7 @@ def test_the_maps_mirror_images_are_its_pictures(tmp_path: Path) -> None:
         pixels = np.array(pictures)
         sizes.append(pixels.shape[1])
         radiance = (pixels[..., :3] ** 2.2 / pixels[..., 3:]) ** 2.2
-        shown = sample_latlong(scene.environment, cubemap_directions(sizes[-1]) * [-1, 1, 1])
+        shown = sample_latlong(scene.environment, _cubemap_directions(sizes[-1]) * [-1, 1, 1])
         if level == 0:
             assert radiance == pytest.approx(shown, rel=0.03, abs=0.02)
         assert radiance.mean() == pytest.approx(shown.mean(), rel=0.03)

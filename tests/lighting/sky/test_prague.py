@@ -8,7 +8,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, direction, latlong_directions
 from lighting.sky import SKY_MODELS, Weather, format_sky_models, sky_angles, sky_shape
 from lighting.sky.perez import perez_weather
-from lighting.sky.prague import prague_radiance, visibility_from_turbidity
+from lighting.sky.prague import _visibility_from_turbidity, prague_radiance
 from tests.data.prague_reference import ELEVATIONS, REFERENCE, TURBIDITIES, VISIBILITIES
 
 
@@ -31,9 +31,9 @@ def test_the_table_is_the_data_set_within_a_tenth_of_a_stop(reference: dict[str,
 
 
 def test_turbidity_maps_to_visibility() -> None:
-    visibilities = [visibility_from_turbidity(turbidity) for turbidity in TURBIDITIES]
+    visibilities = [_visibility_from_turbidity(turbidity) for turbidity in TURBIDITIES]
     assert visibilities == pytest.approx(VISIBILITIES, rel=1e-4)
-    assert visibility_from_turbidity(1.0) == visibility_from_turbidity(4.0) == 131.8
+    assert _visibility_from_turbidity(1.0) == _visibility_from_turbidity(4.0) == 131.8
 
 
 @pytest.mark.parametrize("elevation", np.arange(-4.2, 90.1, 2.9))

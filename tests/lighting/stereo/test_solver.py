@@ -20,12 +20,12 @@ from lighting.stereo.solver import (
     Session,
     _packaged_network,
     _session_noise,
+    _shared_residual,
     apply_network,
     check_sun_moves,
     fit_turbidity,
     normal_features,
     raise_error,
-    shared_residual,
     solve_normals,
 )
 from tests.helpers.skies import angles, ball, june_suns, photos
@@ -102,10 +102,10 @@ def test_noise_shares_nothing_with_its_neighbours_and_a_wrong_model_does() -> No
     mask = np.zeros((60, 60), bool)
     mask[5:50, 8:55] = True
     noise = np.random.default_rng(0).normal(0, 0.02, (60, 60, 8)).astype(np.float32) * mask[..., None]
-    assert np.median(shared_residual(noise, mask)[mask]) < 0.002
+    assert np.median(_shared_residual(noise, mask)[mask]) < 0.002
     alike = np.linspace(-1, 1, 8, dtype=np.float32) * mask[..., None]
     alike *= 0.02 * np.sqrt(5 / np.sum(np.linspace(-1, 1, 8) ** 2))  # 0.02 for each of 8 - 3 degrees of freedom
-    shared = shared_residual(noise + alike, mask)
+    shared = _shared_residual(noise + alike, mask)
     assert np.median(shared[mask]) == pytest.approx(0.02, rel=0.1)
     assert not shared[~mask].any()
 

@@ -13,7 +13,7 @@ from lighting.model import Model
 from lighting.preview.drawing import text_width
 from lighting.records import Lighting
 from lighting.video.observation import observe_shots
-from lighting.video.overlay import _fit_layout, draw_overlay
+from lighting.video.overlay import _draw_overlay, _fit_layout
 from lighting.video.shot import FrameLight, Shot, solve_shot
 from lighting.video.shot_detection import Dissolve, DissolveDetector, _is_mixture
 from lighting.video.tracking import ClipMetadata
@@ -119,7 +119,7 @@ def words_of(width: int, height: int, balls: NDArray[np.float32]) -> Pixels:
     probe = LightProbe(np.zeros((9, 3)), main_light(BEHIND))
     slow = FrameLight(1, 0, 0.4, replace(BEHIND, relative_heading=5.0), (1.0, 1.0, 1.0), False, probe)
     far = FrameLight(1, 0, 8888.8, replace(BEHIND, relative_heading=200.0), (1.0, 1.0, 1.0), True, probe)
-    return np.asarray(np.any(draw_overlay(grey, slow, balls) != draw_overlay(grey, far, balls), axis=-1))
+    return np.asarray(np.any(_draw_overlay(grey, slow, balls) != _draw_overlay(grey, far, balls), axis=-1))
 
 
 @pytest.mark.parametrize(("width", "height"), [(432, 768), (360, 640), (640, 360), (320, 180), (100, 200)])
