@@ -302,7 +302,7 @@ def read_clock(
     same = (stamp.utc_offset for stamp in (*stamps, *written) if _is_same_time(stamp.time, time))
     offset = next((hours for hours in same if hours is not None), None)
     if offset is None:
-        offset = _first_known(_offset_by_universal(time, others), _offset_beside(xmp, time))
+        offset = _first_known(_offset_by_universal(time, others), _offset_beside(xmp, time, is_located))
     if offset is None:
         offset = _offset_of_edit(tags, time, is_located)
     return Stamp(time, offset)
@@ -345,9 +345,9 @@ def _was_edited(tags: Tags, xmp: Mapping[str, str]) -> bool:
     return not by_camera or any(xmp.get(name, software) != software for name in _XMP_SOFTWARE)
 
 
-def _offset_beside(xmp: Mapping[str, str], time: datetime) -> float | None:
-    """The offset that XMP holds without a time of its own."""
-    spaces, times = (_EXIF_EX, EXIF_NAMESPACE), ("Original", "Digitized", "")
+def _offset_beside(xmp: Mapping[str, str], time: datetime, is_located: bool) -> float | None:
+    """The offset that XMP holds without a time of its own; that of a later edit counts where no place is known."""
+    spaces, times = (_EXIF_EX, EXIF_NAMESPACE), ("Original", "Digitized", *(() if is_located else ("",)))
     texts = (_plain_text(xmp.get(f"{space} OffsetTime{which}")) for which in times for space in spaces)
     return _first_known(*(_offset_in_text(text, time) for text in texts))
 

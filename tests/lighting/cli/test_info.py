@@ -139,6 +139,11 @@ def test_info_of_what_is_neither_is_one_sentence(data: bytes, tmp_path: Path) ->
     error_of(invoke_command("info", tmp_path))
 
 
+def test_info_of_a_raw_photo_without_a_preview_says_what_converts_it(tmp_path: Path) -> None:
+    (tmp_path / "a.raf").write_bytes(b"FUJIFILMCCD-RAW 0201FF" + bytes(200))
+    assert "RAW photo has no readable preview" in error_of(invoke_command("info", tmp_path / "a.raf"))
+
+
 @pytest.mark.parametrize("command", [["info", "/dev/zero"], ["render", "/dev/zero", "-o", "map.exr"]])
 def test_a_file_without_an_end_is_read_as_far_as_it_may_be(command: list[str]) -> None:
     assert "larger than" in error_of(invoke_command(*command))

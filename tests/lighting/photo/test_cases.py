@@ -183,6 +183,12 @@ SPELLINGS: dict[str, tuple[dict[str, Any], dict[str, Any], float | None, str]] =
         -6.0,
         FILE,
     ),
+    "the offset of a later edit in XMP": (
+        MUNICH,
+        {"xmp": packet("http://cipa.jp/exif/1.0/", {"OffsetTime": "+01:00"})},
+        2.0,
+        ZONE,
+    ),
     "an offset in quotes": (MUNICH, {"OffsetTimeOriginal": '"+02:00"'}, 2.0, FILE),
     "Swahili PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 06:49:00 alasiri"}, 2.0, ZONE),
     "Malay PM": (MUNICH, {"DateTimeOriginal": "2024:06:01 PTG 06:49:00"}, 2.0, ZONE),
