@@ -111,8 +111,9 @@ def lens(*fovs: float, is_consistent: bool = True) -> PhotoMetadata:
     ("metadata", "pixel_fov", "chosen"),
     [
         (lens(54.0), 60.0, 54.0),
-        (lens(29.0), 66.0, 29.0),  # a long lens, of which the file says more than its 35 mm value
-        (lens(29.0, is_consistent=False), 66.0, None),
+        (lens(29.0), 66.0, None),
+        (lens(14.0), 34.0, 14.0),  # a long lens, of which the file says more than its 35 mm value
+        (lens(14.0, is_consistent=False), 34.0, None),
         (lens(14.0), 66.0, None),
         (lens(7.0, is_consistent=False), 54.0, None),
         (lens(85.0), 50.0, None),  # the photo was cropped
