@@ -7,10 +7,11 @@ A scene is that of the shot's first frame, as `lighting scene` writes it. Beside
 tool's entry of EXPORTERS has it; the sun stands still, and the map has no disc.
 
 All maps of a shot show its light, and the place as the same frame shows it, with the same detail, so that nothing
-changes from one to the next. That frame is decoded again, by a second reader that follows the first: no pixels are kept
-in memory.
+changes from one to the next. That frame is decoded again, by a second reader that follows the first. Where scenes are
+written, it is kept as a PNG until then.
 """
 
+import io
 import json
 import os
 import re
@@ -23,6 +24,7 @@ from typing import Any, Self, TextIO
 
 import numpy as np
 from numpy.typing import NDArray
+from PIL import Image as Picture
 
 from lighting.envmap.latlong import Image
 from lighting.envmap.relighting import Adjustments, radiance_gain, rotate_envmap, rotate_lighting, scale_exposure
@@ -30,7 +32,7 @@ from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
 from lighting.files import write_envmap
-from lighting.files.atomic import atomic_write, output_folder_error
+from lighting.files.atomic import atomic_write, encode_png, output_folder_error
 from lighting.files.exr import read_exr_attributes
 from lighting.formatting import escape_undecodable
 from lighting.fusion.user_input import UserInput
@@ -46,6 +48,7 @@ from lighting.segmentation import packaged_segmenter
 from lighting.tracing import trace_step
 from lighting.video.decode import Clip
 from lighting.video.observation import NETWORK_INTERVAL
+from lighting.video.overlay import FILM_MAP_HEIGHT, ShotSky, write_film
 from lighting.video.shot import (
     FrameLight,
     Shot,
@@ -149,6 +152,11 @@ class _ShotMap:
         probe = compute_light_probe(seen, self.context, sun=self.sun, yaw=yaw)
         return image, rotate_lighting(light, north) if north else light, probe
 
+    def compute_harmonics(self) -> Floats:
+        """Return the light probe's coefficients (9, 3) as the first frame's camera sees light and place."""
+        seen = self._light_seen()
+        return compute_light_probe(seen, self.context, sun=self.sun, yaw=self.heading).coefficients
+
     def render_sky(self, height: int) -> Image:
         """Render the map (H, 2H, 3) as the camera at `heading` sees it, without the sun's disc.
 
@@ -178,6 +186,39 @@ class _ShotMap:
         if self.context is None or self._index is None:
             return light
         return lighting_in_frame(self.shot, self._index, light)
+
+
+@dataclass(frozen=True, eq=False)
+class _KeptMap:
+    """A shot's map until its scene is written: its frame is a PNG, so that many shots take little memory."""
+
+    shot_map: _ShotMap
+    png: bytes
+
+    @staticmethod
+    def pack(shot_map: _ShotMap) -> "_KeptMap":
+        context = shot_map.context
+        if context is None:
+            return _KeptMap(shot_map, b"")
+        png = encode_png(context.photo, compress_level=1)
+        return _KeptMap(replace(shot_map, context=replace(context, photo=context.photo[:1, :1].copy())), png)
+
+    def unpack(self) -> _ShotMap:
+        context = self.shot_map.context
+        if context is None:
+            return self.shot_map
+        with Picture.open(io.BytesIO(self.png), formats=["PNG"]) as picture:
+            return replace(self.shot_map, context=replace(context, photo=np.asarray(picture)))
+
+
+@dataclass(frozen=True, eq=False)
+class _Kept:
+    """What later files show of the shots, by their numbers."""
+
+    maps: dict[int, _KeptMap] = field(default_factory=dict)
+    """For scenes."""
+    skies: dict[int, ShotSky] = field(default_factory=dict)
+    """For the film."""
 
 
 RECORDS_FILE, PARTIAL_FILE, FILM_FILE, FRAMES_FOLDER = "lighting.jsonl", "lighting.jsonl.part", "preview.mp4", "frames"
@@ -290,52 +331,49 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
         ParameterError: the user's time and place are of night.
         OSError: a file cannot be read or written.
     """
-    result, lights = VideoResult(), list[FrameLight]()
+    result, lights, kept = VideoResult(), list[FrameLight](), _Kept()
     with Clip(job.source) as clip, _ViewReader(job.source) as views:
         metadata_of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
             for shot in analyze_shots(clip, model, job.user_input, job.every, progress):
                 result.shots.append(shot)
-                lights += _write_shot(job, shot, len(result.shots), lines, views)
+                lights += _write_shot(job, shot, len(result.shots), lines, views, kept)
                 lines.flush()
         result.damage, rate = clip.damage, clip.info.frame_rate
     (job.folder / PARTIAL_FILE).replace(job.folder / RECORDS_FILE)
     if job.options.tool is not None:
-        result.scene_warnings = _write_scenes(job, result.shots, rate)
+        result.scene_warnings = _write_scenes(job, kept.maps, rate)
     if job.options.film:
-        from lighting.video.overlay import write_film
-
-        write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE)
+        write_film(job.source, {light.frame: light for light in lights}, job.folder / FILM_FILE, kept.skies)
     _remove_old_maps(job, result, {light.frame for light in lights})
     return result
 
 
 def _write_shot(
-    job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO, views: _ViewReader
+    job: VideoJob, shot: Shot | VideoError, number: int, lines: TextIO, views: _ViewReader, kept: _Kept
 ) -> list[FrameLight]:
-    """The lines and maps of one shot."""
+    """The lines and maps of one shot; what later files show of it is kept."""
     name = escape_undecodable(str(job.source))
     if isinstance(shot, VideoError):
         lines.write(json.dumps({"file": name, "shot": number, "error": escape_undecodable(str(shot))}) + "\n")
         return []
     options = job.options
     shot = shot if options.detail else replace(shot, view=None)
-    lights = list(frame_lights(shot, number, options.adjustments, options.sun))
+    shot_map = _ShotMap(shot, views.read(shot), options.adjustments, options.sun)
+    lights = list(frame_lights(shot, number, options.adjustments, options.sun, shot_map.compute_harmonics()))
     lines.writelines(light.to_line(name) + "\n" for light in lights)
-    shot_map = _map_of_shot(shot, options, views)
     with trace_step("map"):
         picture, lighting, probe = shot_map.render_world(options.height)
     with trace_step("encode"):
         write_envmap(job.folder / _shot_map(number), picture, lighting, probe=probe)
     if options.frames_exr:
         _write_frame_maps(job, shot_map, lights)
+    if options.tool is not None:
+        kept.maps[number] = _KeptMap.pack(shot_map)
+    if options.film and shot_map.context is not None:
+        kept.skies[number] = ShotSky(shot_map.render_sky(FILM_MAP_HEIGHT), shot_map.heading)
     return lights
-
-
-def _map_of_shot(shot: Shot, options: OutputOptions, views: _ViewReader) -> _ShotMap:
-    context = views.read(shot) if options.detail else None
-    return _ShotMap(shot, context, options.adjustments, options.sun)
 
 
 def _write_frame_maps(job: VideoJob, shot_map: _ShotMap, lights: Sequence[FrameLight]) -> None:
@@ -373,17 +411,16 @@ def _is_ours(path: Path) -> bool:
         return False
 
 
-def _write_scenes(job: VideoJob, shots: Sequence[Shot | VideoError], rate: float) -> dict[int, tuple[str, ...]]:
+def _write_scenes(job: VideoJob, maps: dict[int, _KeptMap], rate: float) -> dict[int, tuple[str, ...]]:
     """Write a scene a shot; their warnings by the shots' numbers."""
-
     assert job.options.tool is not None
     warnings = dict[int, tuple[str, ...]]()
-    first = {int(shot.frames[0]): (n, shot) for n, shot in enumerate(shots, 1) if isinstance(shot, Shot)}
-    with Clip(job.source, MAX_PLATE_SIDE) as clip, _ViewReader(job.source) as views:
+    first = {int(kept.shot_map.shot.frames[0]): number for number, kept in maps.items()}
+    with Clip(job.source, MAX_PLATE_SIDE) as clip:
         for frame in clip.frames(first):
-            number, shot = first[frame.index]
+            number = first[frame.index]
             folder = job.folder / f"shot-{number}-{job.options.tool}"
-            shot_map = _map_of_shot(shot, job.options, views)
+            shot_map = maps.pop(number).unpack()
             with trace_step("encode"):
                 warnings[number] = _write_scene(shot_map, frame.pixels, job.options, folder, str(job.source), rate)
     return warnings

@@ -8,11 +8,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import Image as Picture
 
 from lighting.color import luminance
-from lighting.envmap.relighting import scale_exposure
-from lighting.envmap.render import render
+from lighting.envmap.latlong import Image
+from lighting.envmap.relighting import rotate_envmap, scale_exposure
+from lighting.envmap.render import add_sun, render
 from lighting.files.atomic import atomic_write
 from lighting.geometry import wrap_azimuth
 from lighting.preview.drawing import (
@@ -27,18 +28,29 @@ from lighting.preview.drawing import (
     text_width,
 )
 from lighting.preview.spheres import render_spheres
+from lighting.records import Lighting
 from lighting.tracing import trace_step
 from lighting.video.decode import Clip, local_address
 from lighting.video.shot import FrameLight
 
 FILM_SIDE = 768  # pixels of the longer side
 BALL_STEP = 6.0  # deg of heading between renderings of the balls; between them they are blended
-_MAP_HEIGHT = 128  # rows of the map that lights the balls
+FILM_MAP_HEIGHT = 128  # rows of the map that lights the balls
 _TIME_BASE = 90_000  # 1/s, of the film's times
 _FONT_SIZE, _LINE_HEIGHT = 17, 1.3  # of the font, pixels; of a line, in sizes of the font
 _MARGIN = 12  # pixels between the balls and the picture's edges
 _GAP = "   "  # between words
 _LONGEST_TEXT = ("00000.0 s", "sun +000.0°, 00.0° high", "heading 000.0° (bridged)")
+
+
+@dataclass(frozen=True, eq=False)
+class ShotSky:
+    """What a shot's film shows of the place."""
+
+    image: Image
+    """(FILM_MAP_HEIGHT, 2 FILM_MAP_HEIGHT, 3) linear, without the sun's disc, as the shot's first frame exposes it."""
+    heading: float
+    """Of the camera that sees it, deg from azimuth 0 of the shot."""
 
 
 @dataclass(frozen=True)
@@ -47,6 +59,7 @@ class _Balls:
 
     size: tuple[int, int]
     pictures: dict[tuple[int, int], NDArray[np.float32]]
+    skies: Mapping[int, ShotSky]
 
     def at(self, light: FrameLight) -> NDArray[np.float32]:
         """Linear (h, w, 3), blended between the two nearest headings."""
@@ -64,39 +77,55 @@ class _Balls:
             azimuth = (lighting.sun_azimuth - rotation + 180.0) % 360.0 - 180.0
             unexposed = scale_exposure(lighting, np.full(3, 1 / _gain(light)))
             turned = replace(unexposed, sun_azimuth=azimuth, camera_elevation=-8.0)
-            linear = render_spheres(render(turned, _MAP_HEIGHT), turned, *self.size, supersampling=2)
+            image = self._render_map(light.shot, turned, step * BALL_STEP)
+            linear = render_spheres(image, turned, *self.size, supersampling=2)
             self.pictures[light.shot, step] = linear.reshape(self.size[1], 2, self.size[0], 2, 3).mean(axis=(1, 3))
         return self.pictures[light.shot, step]
+
+    def _render_map(self, shot: int, lighting: Lighting, heading: float) -> Image:
+        """The map (H, 2H, 3) that a camera at a heading [deg] sees."""
+        if shot not in self.skies:
+            return render(lighting, FILM_MAP_HEIGHT)
+        sky = self.skies[shot]
+        image = rotate_envmap(sky.image, sky.heading - heading)
+        if lighting.sun_painted:
+            add_sun(image, lighting)
+        return image
 
 
 def _gain(light: FrameLight) -> float:
     return float(luminance(light.gain))
 
 
-def write_film(source: Path, lights: Mapping[int, FrameLight], target: Path) -> None:
+def write_film(
+    source: Path, lights: Mapping[int, FrameLight], target: Path, skies: Mapping[int, ShotSky] | None = None
+) -> None:
     """Write a clip with its light drawn in, as H.264 in MP4; frames without a light stay as they are.
 
     Args:
         source: the clip.
         lights: of frames by their index.
         target: the film, replaced at the end.
+        skies: what the balls show of the place, by the shots' numbers; None: sky and ground alone.
 
     Raises:
         VideoError: the clip cannot be read.
         OSError: the film cannot be written.
     """
     with Clip(source, FILM_SIDE) as clip, atomic_write(target) as temporary:
-        _encode(_film_frames(clip, lights), clip.info.frame_rate, temporary)
+        _encode(_film_frames(clip, lights, skies or {}), clip.info.frame_rate, temporary)
 
 
-def _film_frames(clip: Clip, lights: Mapping[int, FrameLight]) -> Iterator[tuple[float, NDArray[np.uint8]]]:
+def _film_frames(
+    clip: Clip, lights: Mapping[int, FrameLight], skies: Mapping[int, ShotSky]
+) -> Iterator[tuple[float, NDArray[np.uint8]]]:
     balls: _Balls | None = None
     for frame in clip.frames():
         height, width = (side // 2 * 2 for side in frame.pixels.shape[:2])
         picture = frame.pixels[:height, :width]
         if balls is None:
             width_of_balls = round(0.32 * max(width, height)) if width > height else round(0.6 * width)
-            balls = _Balls((width_of_balls, round(width_of_balls * 0.42)), {})
+            balls = _Balls((width_of_balls, round(width_of_balls * 0.42)), {}, skies)
         light = lights.get(frame.index)
         yield frame.time, picture if light is None else _draw_overlay(picture, light, balls.at(light))
 
@@ -109,10 +138,10 @@ def _draw_overlay(pixels: NDArray[np.uint8], light: FrameLight, balls: NDArray[n
         light: the frame's.
         balls: (H, W, 3) linear, as the shot's first frame exposes them.
     """
-    picture = Image.fromarray(pixels)
+    picture = Picture.fromarray(pixels)
     draw_horizon(picture, light.lighting)
     draw_sun(picture, light.lighting)
-    panel = Image.fromarray(display_srgb(balls * np.float32(_gain(light))))
+    panel = Picture.fromarray(display_srgb(balls * np.float32(_gain(light))))
     layout = _fit_layout(picture.width, panel.width)
     picture.paste(panel, (_MARGIN, picture.height - panel.height - layout.below), rounded_mask(panel.size, 10))
     texts, color = _frame_text(light), SUN if light.lighting.sun_shines else WHITE

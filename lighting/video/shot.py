@@ -211,7 +211,7 @@ class FrameLight:
     bridged: bool
     """Whether the camera's angles follow from its neighbours, because nothing could be followed."""
     probe: LightProbe
-    """Of that light."""
+    """Of that light, and of the place where the maps show it."""
     in_map: bool = False
     """Whether the shot's maps show this frame."""
 
@@ -241,7 +241,11 @@ def shot_lighting(shot: Shot, adjustments: Adjustments | None = None) -> Lightin
 
 
 def frame_lights(
-    shot: Shot, number: int, adjustments: Adjustments | None = None, sun: bool | None = None
+    shot: Shot,
+    number: int,
+    adjustments: Adjustments | None = None,
+    sun: bool | None = None,
+    harmonics: Floats | None = None,
 ) -> Iterator[FrameLight]:
     """Return one record a frame.
 
@@ -250,9 +254,10 @@ def frame_lights(
         number: the shot's, counted from 1.
         adjustments: what is changed of the light by hand; None: nothing.
         sun: whether the light probes have a sun; None where it likely shines.
+        harmonics: (9, 3) of the light and the place as the first camera sees them; None: of sky and ground alone.
     """
     base, path = shot_lighting(shot, adjustments), shot.path
-    coefficients = compute_light_probe(base, sun=sun).coefficients
+    coefficients = compute_light_probe(base, sun=sun).coefficients if harmonics is None else harmonics
     for i, frame in enumerate(shot.frames.tolist()):
         red, green, blue = (round(float(g), 5) for g in shot.gains[i])
         lighting = lighting_in_frame(shot, i, scale_exposure(base, shot.gains[i]))

@@ -22,7 +22,7 @@ from lighting.envmap.relighting import rotate_envmap
 from lighting.files import write_envmap
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import Pinhole, camera_axes, camera_directions, latlong_pixel
-from lighting.light_probe import compute_light_probe
+from lighting.light_probe import compute_light_probe, project_latlong
 from lighting.model import Model
 from lighting.records import Lighting
 from lighting.video import output
@@ -427,7 +427,19 @@ def results(lit_network: Path, tmp_path_factory: pytest.TempPathFactory) -> Path
     folder, frames = tmp_path_factory.mktemp("maps"), pan(6, 5.0)
     blurred = [np.asarray(cv2.blur(frame, (3, 3)), dtype=np.uint8) for frame in frames]
     clip = write_clip(folder / "pan.mp4", [*blurred[:2], frames[2], *blurred[3:]])
-    options = ("--model", lit_network, "--height", 128, "--every", 0.04, "--no-sun", "--frames-exr", "--fov", 45)
+    options = (
+        "--model",
+        lit_network,
+        "--height",
+        128,
+        "--every",
+        0.04,
+        "--no-sun",
+        "--frames-exr",
+        "--fov",
+        45,
+        "--preview",
+    )
     for name, more in (("detail", ("--for", "blender")), ("plain", ("--no-detail",))):
         arguments = map(str, ("video", clip, "-o", folder / name, *options, *more))
         done = CliRunner().invoke(cli, list(arguments))
@@ -458,6 +470,29 @@ def test_maps_of_frames_and_scene_show_the_same_place(results: Path) -> None:
         seen, _ = read_exr(results / "detail" / "frames" / f"{line['frame']:06d}.exr")
         turned = rotate_envmap(world, -line["lighting"]["camera"]["relative_heading"]) * np.float32(line["gain"])
         assert _difference(seen, turned) < 0.1  # a map that is turned once more is a little softer
+
+
+def test_light_probes_of_frames_are_those_of_their_maps(results: Path) -> None:
+    for line in map(json.loads, (results / "detail" / "lighting.jsonl").read_text().splitlines()):
+        probe = np.reshape(line["lighting"]["light_probe"]["coefficients"], (9, 3))
+        bare, place = (
+            project_latlong(read_exr(results / name / "frames" / f"{line['frame']:06d}.exr")[0])
+            for name in ("plain", "detail")
+        )
+        assert np.abs(probe - place).max() < 0.1 * place.max()
+        assert np.abs(probe - place).mean() < 0.5 * np.abs(probe - bare).mean()
+
+
+def test_the_balls_of_the_film_show_the_place(results: Path) -> None:
+    drawn = []
+    for name in ("detail", "plain"):
+        with av.open(str(results / name / "preview.mp4")) as film:
+            drawn.append(next(film.decode(video=0)).to_ndarray(format="rgb24").astype(int))
+    change = np.abs(drawn[0] - drawn[1]).max(axis=-1)
+    panel = np.zeros(change.shape, np.bool_)
+    panel[80:124, 12:114] = True
+    assert np.quantile(change[panel], 0.9) > 40
+    assert np.quantile(change[~panel], 0.9) < 20  # the codec's
 
 
 def _difference(image: latlong.Image, other: latlong.Image) -> float:
