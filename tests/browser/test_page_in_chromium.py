@@ -230,7 +230,20 @@ def read_luminance(file: Path) -> NDArray[np.float64]:
 
 @pytest.mark.parametrize(
     "feature",
-    ["book", "upload", "key", "metadata", "undo", "object", "downloads", "several", "webgl_loss", "mobile", "studio"],
+    [
+        "book",
+        "upload",
+        "key",
+        "metadata",
+        "undo",
+        "object",
+        "downloads",
+        "several",
+        "webgl_loss",
+        "mobile",
+        "studio",
+        "docs",
+    ],
 )
 def test_the_browser_has_nothing_to_complain_of(visits: Visit, feature: str) -> None:
     """No script error, nothing the content policy stops, nothing from another host."""
@@ -353,6 +366,11 @@ def test_a_key_that_no_request_can_carry_is_refused_beside_its_field(visits: Vis
     assert "no request can carry" in seen["badKey"]["note"]
     assert seen["badKey"]["stored"] == 0
     assert seen["sentKeys"] == [None, "Bearer key"]
+
+
+def test_the_reference_is_for_everyone_and_gives_a_first_answer(visits: Visit) -> None:
+    seen = visits("docs")
+    assert (seen["faults"], seen["status"]) == ([], "200")
 
 
 class TestMetadata:

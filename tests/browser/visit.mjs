@@ -32,7 +32,7 @@ export async function open(browser, url, seen, viewport, { flat = false, touch =
     if (message.type() === "error" && !(flat && /WebGL/.test(message.text()))) seen.complaints.push(message.text());
   });
   page.on("requestfinished", (request) => {
-    if (!request.url().startsWith(url) && !request.url().startsWith("blob:")) seen.complaints.push(request.url());
+    if (!request.url().startsWith(new URL("/", url).href) && !request.url().startsWith("blob:")) seen.complaints.push(request.url());
   });
   await page.goto(url, { waitUntil: "networkidle" });
   return page;

@@ -1,6 +1,7 @@
 /** The reference of the HTTP API at /docs: Swagger UI over the service's own OpenAPI document. */
 
 import "swagger-ui-dist/swagger-ui.css";
+import "./style/docs.css";
 import SwaggerUI from "swagger-ui-dist/swagger-ui-es-bundle.js";
 import licences from "swagger-ui-dist/swagger-ui-es-bundle.js.LICENSE.txt?url";
 
@@ -15,7 +16,8 @@ SwaggerUI({
   dom_id: "#reference",
   url: "openapi.json",
   validatorUrl: null, // it would ask another host
-  deepLinking: true,
+  deepLinking: false, // its links would lie inside buttons
   defaultModelsExpandDepth: 0,
   tryItOutEnabled: true,
+  onComplete: () => document.querySelector("#servers")?.setAttribute("aria-label", "Server"),
 });
