@@ -12,6 +12,7 @@ K = TypeVar("K")
 _PREFIXES = (64, 56, 48)  # bits of an IPv6 address: a network, a home, a site
 GROUP_SHARES = (1, 2, 3)  # what a client's groups may have, as multiples of a client's share
 _NAT64 = IPv6Network("64:ff9b::/96")  # its last 32 bits are an IPv4 address (RFC 6052)
+_LOCAL_NAT64 = IPv6Network("64:ff9b:1::/48")  # each of its addresses is an IPv4 one's (RFC 8215)
 
 
 class Client(NamedTuple):
@@ -31,13 +32,13 @@ def client_of_address(host: str) -> Client:
         host: an IP address, with or without a port.
 
     Returns:
-        One group for IPv4, also where IPv6 maps or translates it (NAT64); of IPv6 the /64, /56 and /48 networks;
+        One group for IPv4, also where IPv6 maps or translates it (NAT64); else of IPv6 the /64, /56 and /48 networks;
         UNKNOWN for what is no address.
     """
     address = _parse_address(host)
     if address is None:
         return UNKNOWN
-    if isinstance(address, IPv4Address):
+    if isinstance(address, IPv4Address) or address in _LOCAL_NAT64:
         return Client((str(address),))
     value = int(address)
     return Client(tuple(str(IPv6Network((value >> 128 - bits << 128 - bits, bits))) for bits in _PREFIXES))
