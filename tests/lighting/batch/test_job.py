@@ -82,7 +82,7 @@ def test_a_photo_has_its_light_or_a_reason(network: Path, tmp_path: Path) -> Non
     assert isinstance(answer, PhotoLight)
     assert answer.lighting.vertical_fov == 40.0
     assert answer.context is None
-    assert str(estimate_or_error(estimator, b"no photo", job)).startswith("The file is not a JPEG")
+    assert str(estimate_or_error(estimator, b"no photo", job)).startswith("This is a text")
 
 
 def test_a_map_has_the_light_as_it_is_adjusted(tmp_path: Path) -> None:

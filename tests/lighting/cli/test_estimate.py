@@ -26,7 +26,7 @@ def test_a_bad_photo_does_not_stop_the_others(network: Path, photo_path: Path, t
     lines = [json.loads(line) for line in result.stdout.splitlines()]
     assert [line["file"] for line in lines] == [str(p) for p in (bad, photo_path, absent, tmp_path)]
     assert [set(line) for line in lines] == [{"file", "error"}, {"file", "lighting"}, *[{"file", "error"}] * 2]
-    assert lines[0]["error"] == "The file is not a JPEG, PNG, WebP, TIFF, AVIF or HEIC photo that can be read."
+    assert lines[0]["error"] == "This is a text, not a photo."
     assert lines[2]["error"] == "No such file or directory."
     assert result.stderr.splitlines() == [
         f"Error: {bad}: {lines[0]['error']}",
