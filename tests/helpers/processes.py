@@ -23,7 +23,7 @@ from starlette.types import ASGIApp
 from lighting.cli import cli
 from lighting.records import Lighting
 
-MANY_PHOTOS = 90  # photos, so that a batch can be stopped half-way
+MANY_PHOTOS = 50  # photos, so that a batch can be stopped half-way
 
 
 def run_batch(*arguments: object) -> Result:

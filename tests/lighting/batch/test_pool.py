@@ -31,6 +31,8 @@ from tests.conftest import encode, scene, write_network
 from tests.helpers.predictions import without_probe
 from tests.helpers.processes import MANY_PHOTOS, read_records, run_batch
 
+SOME_PHOTOS = 8  # that are done when a batch is stopped
+
 
 @pytest.mark.slow
 def test_lines_are_those_of_estimate(photos: Path, tmp_path: Path, network: Path) -> None:
@@ -244,7 +246,7 @@ def test_a_stopped_batch_goes_on(many: Path, tmp_path: Path, network: Path, sign
     out = tmp_path / "out"
     command = [sys.executable, "-m", "lighting", "batch", many, out, "--envmap", "--height", "16", "--model", network]
     first = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, start_new_session=True)
-    wait_for_lines(out / "lighting.jsonl", 20)
+    wait_for_lines(out / "lighting.jsonl", SOME_PHOTOS)
     if sign is signal.SIGINT:
         os.killpg(first.pid, sign)  # as a terminal does
     else:
@@ -253,7 +255,7 @@ def test_a_stopped_batch_goes_on(many: Path, tmp_path: Path, network: Path, sign
     assert first.returncode != 0
     assert b"Traceback" not in error
     before = (out / "lighting.jsonl").read_bytes()
-    assert 20 <= before.count(b"\n") < MANY_PHOTOS
+    assert SOME_PHOTOS <= before.count(b"\n") < MANY_PHOTOS
     second = subprocess.run(list(map(str, command)), capture_output=True, timeout=120, check=False)
     assert (second.returncode, second.stderr.count(b"\n")) == (0, 2)
     assert re.search(rf"{MANY_PHOTOS} done, 0 failed, 0 skipped; \d+ by an earlier run, ".encode(), second.stderr)
@@ -279,7 +281,7 @@ def test_a_killed_worker_costs_nothing(many: Path, tmp_path: Path, network: Path
     out = tmp_path / "out"
     command = [sys.executable, "-m", "lighting", "batch", many, out, "--workers", "2", "--model", network]
     running = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE)
-    wait_for_lines(out / "lighting.jsonl", 20)
+    wait_for_lines(out / "lighting.jsonl", SOME_PHOTOS)
     os.kill(workers_of(running.pid)[0], signal.SIGKILL)
     _, error = running.communicate(timeout=120)
     assert (running.returncode, error.startswith(f"{MANY_PHOTOS} done, 0 failed, 0 skipped;".encode())) == (0, True)
