@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -210,6 +211,19 @@ def test_a_wrong_export_is_refused(
     with pytest.raises(LightingError, match="differ"):
         write_onnx([trained], tmp_path / "x.onnx", temperature=3.0)
     assert list(tmp_path.iterdir()) == []
+
+
+def test_weights_are_halves_where_bytes_change_the_answers(
+    trained: Path, trained_network: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    model, differences = onnx.load(trained_network), iter((1e-4, 2 * ROUNDED_TOLERANCE, 1e-2))
+    tried: list[int] = []
+    model.ClearField("metadata_props")
+    monkeypatch.setattr("export.networks.onnx_export.trace_onnx", lambda *_: model)
+    monkeypatch.setattr("export.networks.onnx_export.store_small", lambda _, min_bytes: tried.append(min_bytes))
+    monkeypatch.setattr("export.networks.onnx_export._parity", lambda *_: next(differences))
+    assert write_onnx([trained], tmp_path / "x.onnx") == 1e-2
+    assert tried == [MIN_BYTES, sys.maxsize]
 
 
 @pytest.mark.parametrize("name", ["outdoor", "cvpr2017"])
