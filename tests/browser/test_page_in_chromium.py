@@ -368,7 +368,7 @@ def test_a_key_that_no_request_can_carry_is_refused_beside_its_field(visits: Vis
     assert seen["sentKeys"] == [None, "Bearer key"]
 
 
-def test_the_reference_is_for_everyone_and_gives_a_first_answer(visits: Visit) -> None:
+def test_the_reference_lists_routes_readably_and_gives_a_first_answer(visits: Visit) -> None:
     seen = visits("docs")
     assert (seen["faults"], seen["status"]) == ([], "200")
 
