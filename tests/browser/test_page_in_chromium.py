@@ -294,7 +294,7 @@ class TestUpload:
         assert "The service decoded it" in status
 
     def test_a_text_file_is_refused_with_a_sentence(self, seen: Seen) -> None:
-        assert seen["error"].startswith("The photo cannot be read. notes.txt: The file is not a ")
+        assert seen["error"] == "The photo cannot be read. notes.txt: This is a text, not a photo."
         assert seen["previousAnswer"] == [seen["title"], f"Below is still the answer for {PHOTO.name}.", ""]
 
     def test_an_error_goes_with_the_next_change_or_success(self, seen: Seen) -> None:
