@@ -336,7 +336,7 @@ def test_the_route_of_one_photo_refuses_several_and_names_the_other(client: Test
 
 def test_a_bad_photo_among_several_is_named(client: TestClient) -> None:
     detail = problem(together(client, PLAIN, b"text", PLAIN), 400, "unreadable-photo")["detail"]
-    assert detail.startswith("Photo 2 of 3, 1.jpg: The file is not a ")
+    assert detail.startswith("Photo 2 of 3, 1.jpg: This is a text")
     small = client_of(client.app.state.service.estimator, max_pixels=200_000)  # type: ignore[attr-defined]
     large = encode(scene(640, 480))
     assert "Photo 3 of 3, 2.jpg: " in problem(together(small, PLAIN, PLAIN, large), 413, "too-large")["detail"]
