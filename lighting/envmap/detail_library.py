@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image as Pictures
-from PIL import ImageEnhance
+from PIL import ImageEnhance, WebPImagePlugin
 
 from lighting.envmap.latlong import Image
 from lighting.geometry import Floats, wrap_azimuth
@@ -265,7 +265,8 @@ def detail_picture(
         library: None is the one in this package.
     """
     library = _load_detail_library() if library is None else library
-    with Pictures.open(io.BytesIO(library.pictures[choice.index]), formats=["WEBP"]) as file:
+    data = io.BytesIO(library.pictures[choice.index])
+    with WebPImagePlugin.WebPImageFile(data) as file:  # Image.open would load the plugins of all formats
         picture = file.convert("RGB")
     if saturation < 1:
         picture = ImageEnhance.Color(picture).enhance(saturation)
