@@ -377,6 +377,9 @@ def check_envmap(image: NDArray[np.floating[Any]]) -> Image:
         image: (H, 2H, 3), else EnvironmentMapError.
     """
     shape = np.shape(image)
+    if not shape:
+        sentence = f"An environment map is an array of shape (H, 2H, 3), not {type(image).__name__}."
+        raise EnvironmentMapError(sentence, code=ErrorCode.WRONG_TYPE)
     if len(shape) != 3 or shape != (shape[0], 2 * shape[0], 3) or shape[0] == 0:
         raise EnvironmentMapError(f"An environment map has the shape (H, 2H, 3), not {shape}.")
     return np.ascontiguousarray(image, dtype=np.float32)

@@ -164,6 +164,10 @@ def _write(scene: Scene, tool: str, folder: Folder, options: Mapping[str, object
 
 
 def _check_tool(tool: str) -> None:
+    if not isinstance(tool, str):
+        raise SceneError(
+            f"A tool has a name such as 'blender', not {type(tool).__name__}.", "tool", ErrorCode.WRONG_TYPE
+        )
     if tool not in EXPORTERS:
         sentence = f"The tool {tool!r} is not known; it must be one of {', '.join(EXPORTERS)}."
         raise SceneError(sentence, "tool", ErrorCode.UNKNOWN)

@@ -42,7 +42,7 @@ from lighting.records import Lighting
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
 from lighting.validation import check_range, option_name, record_path
-from tests.helpers.scenes import estimate, outdoors, photo, small_map
+from tests.helpers.scenes import estimate, outdoors, photo, plain_scene, small_map
 
 LIGHT = outdoors(30.0, 40.0)
 ESTIMATE = estimate(LIGHT)
@@ -155,6 +155,8 @@ def test_only_a_value_of_the_wrong_type_is_a_type_error(value: Any, is_type_erro
         lambda: lighting.render(ESTIMATE, 16),  # type: ignore[arg-type]
         lambda: lighting.Lighting.from_dict([]),  # type: ignore[arg-type]
         lambda: lighting.read_exr(5),  # type: ignore[arg-type]
+        lambda: lighting.write_exr("never.exr", "map", LIGHT),  # type: ignore[arg-type]
+        lambda: write_scene(plain_scene(), 5, "never"),  # type: ignore[arg-type]
         lambda: render_view(LIGHT, 16.0),  # type: ignore[arg-type]
     ],
 )
