@@ -32,6 +32,7 @@ from lighting.envmap.latlong import (
     column_blocks,
     fits_block,
     interpolate_cells,
+    max_channel,
     multiply_cells,
     shrink_blocks,
     shrink_envmap,
@@ -268,10 +269,11 @@ def add_detail(
     edge, rim, covered = (np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, count), np.float32) for count in (3, 1, 1))
     coarse = np.ones_like(edge)
     if continued is not None:
-        log, shown = _photo_cells(photo, lighting)
+        log, shown, clipped = _photo_cells(photo, lighting)
         coarse = _match_continuation(library.cells, lighting, photo, continued.segments)
         covered = _covered_share(continued)
         rim[:] = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
+        covered *= 1 - clipped
         edge[:] = log + np.float32(math.log(max(gain, _MIN_GAIN)))
     sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
     before = shrink_envmap(image, _CELL_ROWS)
@@ -393,16 +395,20 @@ def _match_continuation(
     return np.exp(_spread(np.log(library) - own, cells[..., 3:], _MATCHED_DEG)[0])
 
 
-def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Image]:
-    """Mean logarithm (R, 2R, 3) of the photo in each cell, and (R, 2R, 1) 1 where it shows the cell, else 0."""
+def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Image, Image]:
+    """The photo in each cell: mean logarithm (R, 2R, 3), 1 where it is shown, and the share that is clipped (R, 2R, 1).
+
+    Where it is clipped, the map shows through.
+    """
     samples, directions = sample_photo(photo, lighting)
     cell = _cell_indices(directions.reshape(-1, 3), _CELL_ROWS)
     cells, shape = 2 * _CELL_ROWS**2, (_CELL_ROWS, 2 * _CELL_ROWS, -1)
-    log = np.log(samples.reshape(-1, 3) + LOG_OFFSET)
+    colors = samples.reshape(-1, 3)
+    values = np.concatenate([np.log(colors + LOG_OFFSET), max_channel(colors)[:, None] > CLIPPED], axis=1)
     count = np.bincount(cell, minlength=cells)[:, None]
-    total = np.stack([np.bincount(cell, channel, cells) for channel in log.T], axis=-1)
-    mean, shown = (total / np.maximum(count, 1)).astype(np.float32), (count > 0).astype(np.float32)
-    return mean.reshape(shape), shown.reshape(shape)
+    total = np.stack([np.bincount(cell, channel, cells) for channel in values.T], axis=-1)
+    mean, shown = (total / np.maximum(count, 1)).astype(np.float32).reshape(shape), (count > 0).astype(np.float32)
+    return mean[..., :3], shown.reshape(shape), mean[..., 3:]
 
 
 def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:

@@ -81,6 +81,16 @@ def test_matte_objects_look_the_same() -> None:
     assert np.mean(np.abs(detailed / plain - 1)) < 0.01
 
 
+def test_matte_objects_look_the_same_where_the_photo_is_clipped() -> None:
+    """There the map shows through, and the detail under the photo counts as the rest does."""
+    pixels = photo()
+    pixels[:60, 20:] = 255
+    sky = tuple(4 * np.array(LIGHT.sky_irradiance))
+    light = replace(LIGHT, vertical_fov=80.0, camera_elevation=15.0, sky_irradiance=sky)
+    plain, detailed = (envmap_irradiance(one, latlong_directions(8).reshape(-1, 3)) for one in maps(pixels, light))
+    assert np.mean(np.abs(detailed / plain - 1)) < 0.02  # 0.032 if it did not
+
+
 def test_what_is_coarse_stays() -> None:
     plain, detailed = (_blur_cells(shrink_envmap(image, 24), 20.0) for image in maps())
     ratio = luminance(detailed) / luminance(plain)
