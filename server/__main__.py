@@ -158,6 +158,7 @@ def _serve() -> None:
         raise_file_limit()
         app = create_app(settings)
         app.state.service.load()
+        app.openapi()  # before requests come, whose first ones change FastAPI's routes under its hands
         set_compression_threads(settings.workers)
     except ValidationError as error:
         sys.exit("\n".join(f"{PREFIX}{_format_setting_error(details)}" for details in error.errors()))
