@@ -1,6 +1,6 @@
 """The light of a scene for engines and phones: a light probe, and a main light beside it.
 
-The probe is the radiance from all directions but the sun, as nine coefficients of `spherical_harmonics` a channel. The
+The probe is the radiance from all directions but the sun, as nine coefficients of spherical harmonics a channel. The
 main light is the sun. Both are in the frame of geometry.py and in the photo's linear units, in which a white diffuse
 surface under irradiance pi shows as 1. Each engine has its own order, signs and scale: LIGHT_PROBE_FORMATS.
 
@@ -146,7 +146,7 @@ class LightProbe:
     """Radiance from all directions but the sun, and the sun as the main light."""
 
     coefficients: Floats
-    """(9, 3) of linear Rec.709 radiance, in the order of `spherical_harmonics`."""
+    """(9, 3) of linear Rec.709 radiance of the functions 1, y, z, x, xy, yz, 3z² - 1, xz and x² - y²."""
     main_light: MainLight
     """The sun."""
 

@@ -11,12 +11,8 @@ from lighting.cli.photos import PhotoOptions
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
-    from lighting.records import Lighting
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from lighting.fusion.user_input import UserInput
     from lighting.light_probe import LightProbe
+    from lighting.records import Lighting
 
 
 @cli.command(

@@ -1,9 +1,15 @@
 """The commands that describe a file, and that say what of an installation works."""
 
 import json
+import platform
+import shutil
+import subprocess
+import sys
 from codecs import BOM_UTF8
-from dataclasses import asdict
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass
 from datetime import datetime
+from importlib.util import find_spec
 from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,7 +17,10 @@ from typing import TYPE_CHECKING
 import click
 
 from lighting.cli import cli
+from lighting.cli import options as common
 from lighting.cli.console import (
+    escape_control_chars,
+    format_error,
     parse_lighting,
     path_of,
     prefix_errors,
@@ -19,9 +28,10 @@ from lighting.cli.console import (
     read_picture_bytes,
 )
 from lighting.cli.options import FileName
-from lighting.errors import ErrorCode, PhotoError
+from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
 from lighting.formatting import escape_undecodable
 from lighting.start import silence_libraries
+from lighting.version import __version__
 
 if TYPE_CHECKING:
     import numpy as np
@@ -30,18 +40,6 @@ if TYPE_CHECKING:
     from lighting.photo.metadata import PhotoMetadata
     from lighting.photo.reader import Photo
     from lighting.records import Json, Lighting
-import platform
-import shutil
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
-from importlib.util import find_spec
-
-from lighting.cli import options as common
-from lighting.cli.console import escape_control_chars, format_error
-from lighting.errors import LightingError, install_command
-from lighting.version import __version__
 
 
 @cli.command(

@@ -117,7 +117,7 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
     """The light with another sun, turbidity, exposure or ground, as a user sets them by hand.
 
     Where irradiances are stated, their ratios to the model's stay as they were, channel by channel. A sun under 5 deg
-    is to the model as one of 5 deg.
+    is to the model as one of 5 deg. One that is set below the horizon does not shine: visibility and irradiance are 0.
 
     Args:
         lighting: before, else ParameterError.
@@ -128,14 +128,23 @@ def edit_lighting(lighting: Lighting, changes: Mapping[str, float | Color]) -> L
     values: Any = dict(changes)
     changed = _keep_spot_pixel(lighting, replace(lighting, **values))
     if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
-        return changed
+        return _darken_set_sun(changed, changes)
     models = {"sun_irradiance": _model_sun_irradiance, "sky_irradiance": _model_sky_irradiance}
     rescaled: Any = {}
     for name, by_model in models.items():
         if name not in changes:
             before, after = np.maximum(by_model(lighting), EPSILON_IRRADIANCE), by_model(changed)
             rescaled[name] = clip_color(np.array(getattr(lighting, name)) * after / before, name)
-    return replace(changed, **rescaled)
+    return _darken_set_sun(replace(changed, **rescaled), changes)
+
+
+def _darken_set_sun(lighting: Lighting, changes: Mapping[str, float | Color]) -> Lighting:
+    """The changed light without direct sunlight, apart from what is stated, if its sun was set below the horizon."""
+    if lighting.sun_elevation >= 0 or "sun_elevation" not in changes:
+        return lighting
+    irradiance = None if lighting.sun_irradiance is None else (0.0, 0.0, 0.0)
+    values: Any = {"sun_visibility": 0.0, "sun_irradiance": irradiance, **changes}
+    return replace(lighting, **{name: values[name] for name in ("sun_visibility", "sun_irradiance")})
 
 
 def _keep_spot_pixel(before: Lighting, now: Lighting) -> Lighting:

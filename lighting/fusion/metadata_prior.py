@@ -8,22 +8,19 @@ from datetime import datetime
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fusion.instants import PhotoInstants, resolve_instants, resolve_together
+from lighting.fusion.instants import Instant, PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import EYE_HEIGHT, SUN_RADIUS, angle_between, direction
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
-from lighting.solar_position import CIVIL_TWILIGHT
+from lighting.solar_position import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
 from lighting.validation import RANGES
 
 if TYPE_CHECKING:
     from pygeomag import GeoMag
-
-import numpy as np
-
-from lighting.fusion.instants import Instant
-from lighting.solar_position import ASTRONOMICAL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
 
 Location = tuple[float, float]  # latitude and longitude, deg, positive north and east
 

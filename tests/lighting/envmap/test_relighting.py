@@ -175,6 +175,17 @@ def test_a_sun_set_by_hand_stands_there_with_the_power_of_its_height() -> None:
     assert (moved.sun_irradiance, moved.sky_irradiance) == (expected.sun_irradiance, expected.sky_irradiance)
 
 
+@pytest.mark.parametrize("light", [model_light(), stated_light(33.0)])
+def test_a_sun_set_below_the_horizon_does_not_shine(light: Lighting) -> None:
+    dark = None if light.sun_irradiance is None else (0.0, 0.0, 0.0)
+    for moved in (adjust_lighting(light, Adjustments(sun=(40.0, -3.0))), edit_lighting(light, {"sun_elevation": -3.0})):
+        assert (moved.sun_visibility, moved.sun_irradiance) == (0.0, dark)
+    stated = {"sun_elevation": -3.0, "sun_visibility": 0.25, "sun_irradiance": (1.0,) * 3, "sky_irradiance": (2.0,) * 3}
+    assert edit_lighting(light, stated) == replace(light, **stated)  # type: ignore[arg-type]
+    horizon = adjust_lighting(light, Adjustments(sun=(40.0, 0.0)))
+    assert horizon.sun_visibility == light.sun_visibility
+
+
 @pytest.mark.parametrize("ev", [-1.0, 0.5, 3.0])
 def test_an_exposure_in_ev_is_a_gain_of_the_map(ev: float) -> None:
     for light in (model_light(), stated_light(sky_cover=0.3)):
