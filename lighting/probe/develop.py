@@ -38,8 +38,7 @@ from lighting.probe.hdr_merge import (
     measure_ratios,
     merge_exposures,
 )
-from lighting.probe.sky_fit import SkyFit, fit_sky
-from lighting.probe.sun_detection import Mask, SunBlob, find_sun_blob
+from lighting.probe.sky_fit import Mask, SkyFit, SunBlob, find_sun_blob, fit_sky
 from lighting.records import Lighting
 from lighting.solar_position import sun_position
 

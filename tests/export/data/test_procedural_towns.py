@@ -32,7 +32,7 @@ from export.data.procedural_towns import (
 )
 from export.networks.outdoor import network_specs
 from lighting.geometry import angle_between, direction
-from lighting.probe.sun_detection import find_sun
+from lighting.probe.sky_fit import find_sun
 from tests.helpers.panoramas import ALBEDO, NOTHING, plain
 
 

@@ -35,7 +35,7 @@ from lighting.probe.develop import (
     write_probe,
 )
 from lighting.probe.fisheye import make_lens
-from lighting.probe.sun_detection import find_sun_blob
+from lighting.probe.sky_fit import find_sun_blob
 from lighting.records import Lighting
 
 MORNING = Moment(SKY_DAY, *SKY_PLACE)

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from lighting.geometry import Pinhole, camera_pixel, direction
-from lighting.registration.averaging import average_rotations, connected_components
+from lighting.registration.photo_set import average_rotations, connected_components
 from lighting.registration.rotations import (
     camera_from_world,
     camera_up,
