@@ -166,7 +166,8 @@ export function buildRecord(
     evidence: [],
     warnings: [],
     sun: {
-      ...{ azimuth, elevation, direction: [...direction(azimuth, elevation)], visibility: Number(parameters.sun) },
+      ...{ azimuth, elevation, direction: [...direction(azimuth, elevation)] },
+      visibility: Number(parameters.sun && elevation >= 0),
       ...(hasIrradiances ? { irradiance: irradiances.sun } : {}),
     },
     sky: {

@@ -259,6 +259,10 @@ describe("the record on show", () => {
     expect(edited.evidence).toEqual([]);
   });
 
+  it("has no direct sun once the sun is set below the horizon", () => {
+    expect(buildRecord(ESTIMATE, { ...parameters, sun_elevation: -3, sun: true }, irradiances).sun.visibility).toBe(0);
+  });
+
   it("carries no radii and no visibility of the estimate once it is edited", () => {
     const { sun } = buildRecord(ESTIMATE, { ...parameters, sun_azimuth: 90 }, irradiances);
     const probed = { ...ESTIMATE, light_probe: { coefficients: [] } };
