@@ -3,9 +3,10 @@
     python -m benchmarks.first_answer [--rounds 5]
 
 Chromium loads the page anew each time, and is given an example or a photo of 12 megapixels. Printed are the first visit
-of each kind, and medians of the others: seconds until the headline is there, of which so many until the service's
-answer was, and the processor seconds of the browser meanwhile, without those that draw in place of a graphics card. The last
+of each kind, and medians of the others. The headline is there after so many seconds, and the service's answer before.
+The browser's processor seconds are those until the headline, without what draws in place of a graphics card. The last
 column is the processor time that the service alone needs for such an answer. Other work changes it least.
+
 Needs what the tests in the browser need.
 """
 
