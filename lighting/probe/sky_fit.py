@@ -33,7 +33,7 @@ Mask = NDArray[np.bool_]
 ANALYSIS_HEIGHT = 128  # rows of the picture in which the sun is sought and to whose sky the model is fitted
 
 
-def is_clipped(linear: NDArray[np.float32]) -> bool:
+def _is_clipped(linear: NDArray[np.float32]) -> bool:
     """Tell whether a linear picture was clipped at white: it has no value above 1.
 
     Args:
@@ -42,12 +42,12 @@ def is_clipped(linear: NDArray[np.float32]) -> bool:
     return float(linear.max()) <= 1.0
 
 
-def import_ndimage() -> Any:
+def _import_ndimage() -> Any:
     """Import scipy's image filters; MissingExtraError where scipy is not installed."""
     return require_extra("scipy.ndimage", "Measured skies need scipy", "all")
 
 
-def label_regions(mask: Mask) -> NDArray[np.intp]:
+def _label_regions(mask: Mask) -> NDArray[np.intp]:
     """Number the connected regions of a mask, which cross the seam.
 
     Args:
@@ -56,7 +56,7 @@ def label_regions(mask: Mask) -> NDArray[np.intp]:
     Returns:
         The number of each pixel's region (H, 2H); 0 outside the mask.
     """
-    labels, count = import_ndimage().label(mask, np.ones((3, 3)))
+    labels, count = _import_ndimage().label(mask, np.ones((3, 3)))
     same = np.arange(count + 1)
     for left, right in zip(labels[:, 0], labels[:, -1], strict=True):
         if left and right:
@@ -64,7 +64,7 @@ def label_regions(mask: Mask) -> NDArray[np.intp]:
     return np.asarray(same[labels])
 
 
-def pixel_solid_angles(height: int) -> Floats:
+def _pixel_solid_angles(height: int) -> Floats:
     """Return the solid angle [sr] of each pixel (H, 2H).
 
     Args:
@@ -115,7 +115,7 @@ def find_sun(linear: NDArray[np.float32]) -> DetectedSun | None:
     """
     small = shrink_envmap(linear, ANALYSIS_HEIGHT)
     above = np.repeat(latlong_angles(len(small))[1][:, None] > 0, 2 * len(small), axis=1)
-    if is_clipped(small):
+    if _is_clipped(small):
         return _find_clipped(small, above)
     value = luminance(small) * above
     region = _peak_region(value, MIN_PEAK_CONTRAST * float(np.median(value[above])))
@@ -127,15 +127,15 @@ def _peak_region(value: Floats, least: float) -> Mask | None:
     peak = float(value.max())
     if peak <= least:
         return None
-    regions = label_regions(value > 0.1 * peak)
+    regions = _label_regions(value > 0.1 * peak)
     return np.asarray(regions == regions[np.unravel_index(int(value.argmax()), value.shape)])
 
 
 def _find_clipped(small: NDArray[np.float32], above: Mask) -> DetectedSun | None:
     white = small.min(axis=-1)
     excess = np.maximum(white - np.median(white, axis=1, keepdims=True), 0.0)
-    regions = label_regions(above & (white >= WHITE * np.percentile(white[above], 99.8)))
-    area = pixel_solid_angles(len(small)).ravel()
+    regions = _label_regions(above & (white >= WHITE * np.percentile(white[above], 99.8)))
+    area = _pixel_solid_angles(len(small)).ravel()
     size = np.bincount(regions.ravel(), area)
     value = np.bincount(regions.ravel(), area * excess.ravel())[1:] * (size[1:] > MIN_REGION)
     if not value.size or value.max() <= MIN_REGION_SHARE * value.sum():
@@ -146,7 +146,7 @@ def _find_clipped(small: NDArray[np.float32], above: Mask) -> DetectedSun | None
 
 
 def _locate_region(region: Mask, value: Floats) -> DetectedSun:
-    area = pixel_solid_angles(len(region))[region]
+    area = _pixel_solid_angles(len(region))[region]
     azimuth, elevation = angles((area * value[region]) @ latlong_directions(len(region))[region])
     radius = math.degrees(math.acos(1 - float(area.sum()) / (2 * math.pi)))
     return DetectedSun(float(azimuth), float(elevation), radius)
@@ -159,7 +159,7 @@ def _blur(image: Floats, std: float) -> Floats:
     pad = min(math.ceil(3 * rows), height)
     opposite = np.roll(image, width // 2, axis=1)
     tall = np.concatenate([opposite[:pad][::-1], image, opposite[-pad:][::-1]])
-    down = import_ndimage().gaussian_filter1d(tall, rows, axis=0)[pad : pad + height]
+    down = _import_ndimage().gaussian_filter1d(tall, rows, axis=0)[pad : pad + height]
     columns = rows / np.cos(np.radians(latlong_angles(height)[1]))
     decay = np.exp(-2 * (np.pi * np.fft.rfftfreq(width) * columns[:, None]) ** 2)
     return np.asarray(np.fft.irfft(np.fft.rfft(down, axis=1) * decay, n=width, axis=1))
@@ -208,7 +208,7 @@ def find_sun_blob(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
     region = _bright_region(value, clipped & (directions[..., 1] > 0))
     if region is None:
         return None
-    area = pixel_solid_angles(len(image))
+    area = _pixel_solid_angles(len(image))
     size = float(area[region].sum())
     radius = float(np.degrees(np.arccos(1 - size / (2 * np.pi))))
     center = (area * value)[region] @ directions[region]
@@ -224,9 +224,9 @@ def find_sun_blob(image: NDArray[np.float32], clipped: Mask) -> SunBlob | None:
 
 def _bright_region(value: Floats, clipped: Mask) -> Mask | None:
     """The largest of the clipped regions, or what is brighter than a tenth of the peak around the peak."""
-    area = pixel_solid_angles(len(value))
+    area = _pixel_solid_angles(len(value))
     if clipped.any():
-        regions = label_regions(clipped)
+        regions = _label_regions(clipped)
         power = np.bincount(regions.ravel(), (area * value).ravel())
         best = regions == int(np.argmax(power[1:])) + 1
         cap = 2 * np.pi * (1 - np.cos(np.radians(MAX_CLIPPED_RADIUS)))
@@ -311,11 +311,11 @@ def _sky_mask(linear: NDArray[np.float32], sun_direction: Floats) -> Mask:
     blue = linear[..., 2] > 1.05 * linear[..., 0]
     smooth = _roughness(np.log(np.maximum(luminance(linear), 1e-4))) < 0.06
     mask = (elevation > 3.0) & is_far & blue & smooth
-    if is_clipped(linear):
+    if _is_clipped(linear):
         mask &= linear.max(axis=-1) < MIN_CLIPPED
-    patches = label_regions(mask)
-    size = np.bincount(patches.ravel(), pixel_solid_angles(height).ravel())
-    top = import_ndimage().maximum(elevation, patches, np.arange(len(size)))
+    patches = _label_regions(mask)
+    size = np.bincount(patches.ravel(), _pixel_solid_angles(height).ravel())
+    top = _import_ndimage().maximum(elevation, patches, np.arange(len(size)))
     return np.asarray(mask & ((size > 0.03) & (np.asarray(top) > 25.0))[patches])
 
 
@@ -327,7 +327,7 @@ def _roughness(image: Floats) -> Floats:
 
 def _sample_sky(linear: NDArray[np.float32], sun_direction: Floats) -> _Sky:
     mask = _sky_mask(linear, sun_direction)
-    order = np.cumsum(pixel_solid_angles(len(linear))[mask])
+    order = np.cumsum(_pixel_solid_angles(len(linear))[mask])
     if not len(order):
         return _Sky(np.empty((0, 3)), np.empty((0, 3)), 0.0)
     chosen = np.searchsorted(order, (np.arange(SAMPLES) + 0.5) / SAMPLES * order[-1])
@@ -451,5 +451,5 @@ def _cloud_cover(image: NDArray[np.float32], sun: Floats, fit: SkyFit) -> float:
     counted = high & (angle_between(directions, sun) > SUN_CLEARANCE)
     model = luminance(sky_radiance(directions[counted], sun, fit.turbidity, GROUND_ALBEDO)) * fit.exposure
     error = np.abs(np.log(np.maximum(luminance(small[counted]), 1e-12) / np.maximum(model, 1e-12)))
-    area = pixel_solid_angles(len(small))[counted]
+    area = _pixel_solid_angles(len(small))[counted]
     return float(area[error > MAX_CLEAR_ERROR].sum() / area.sum())

@@ -61,7 +61,7 @@ _WeightFn = Callable[[float], float]
 
 
 @dataclass(frozen=True, eq=False)
-class OrientedGroup:
+class _OrientedGroup:
     """Cameras that relative rotations connect."""
 
     members: tuple[int, ...]
@@ -72,7 +72,7 @@ class OrientedGroup:
     """(n, 3, 3) [deg^2] of the small rotation in each member's frame; zero for the first."""
 
 
-def connected_components(count: int, pairs: PairRotations) -> list[tuple[int, ...]]:
+def _connected_components(count: int, pairs: PairRotations) -> list[tuple[int, ...]]:
     """The photos in groups that pairs connect, each ascending, by their first photo.
 
     Args:
@@ -86,7 +86,7 @@ def connected_components(count: int, pairs: PairRotations) -> list[tuple[int, ..
     return [tuple(i for i in range(count) if group[i] == g) for g in sorted(set(group))]
 
 
-def average_rotations(members: tuple[int, ...], pairs: PairRotations) -> OrientedGroup:
+def _average_rotations(members: tuple[int, ...], pairs: PairRotations) -> _OrientedGroup:
     """The orientations of connected photos.
 
     Args:
@@ -98,7 +98,7 @@ def average_rotations(members: tuple[int, ...], pairs: PairRotations) -> Oriente
     rotations = _spanning_tree(members, inside)
     for weight in (_l1_weight, _cauchy_weight) if len(members) > 1 else ():
         rotations = _iterate(inside, index, rotations, weight)
-    return OrientedGroup(members, nearest_rotation(rotations), _covariances(inside, index, rotations))
+    return _OrientedGroup(members, nearest_rotation(rotations), _covariances(inside, index, rotations))
 
 
 def _iterate(pairs: PairRotations, index: Mapping[int, int], rotations: Floats, weight: _WeightFn) -> Floats:
@@ -263,8 +263,8 @@ def register_views(views: Sequence[ViewFeatures]) -> tuple[RegisteredView, ...]:
     zoomed = {pair: relative for pair, relative in pairs.items() if relative.zoomed}
     pairs = _relative_rotations(views, {pair: matched[pair] for pair in pairs if pair not in zoomed}, lenses) | zoomed
     registered: dict[int, RegisteredView] = {}
-    for number, members in enumerate(connected_components(len(views), pairs)):
-        registered |= _level_group(number, average_rotations(members, pairs), views, lenses)
+    for number, members in enumerate(_connected_components(len(views), pairs)):
+        registered |= _level_group(number, _average_rotations(members, pairs), views, lenses)
     return tuple(registered[i] for i in range(len(views)))
 
 
@@ -308,7 +308,7 @@ def _relative_rotations(
 
 def _agree_on_lenses(views: Sequence[ViewFeatures], pairs: PairRotations, lenses: Sequence[Lens]) -> list[Lens]:
     """The lenses that the pairs agree on: one for all photos, but in groups where some are zoomed."""
-    groups = connected_components(len(views), pairs)
+    groups = _connected_components(len(views), pairs)
     zoomed = [group for group in groups if any(pairs[a, b].zoomed and a in group for a, b in pairs)]
     rest = tuple(i for group in groups if group not in zoomed for i in group)
     agreed = dict(enumerate(lenses))
@@ -355,7 +355,7 @@ def _scale(view: ViewFeatures, lens: Lens, fov: float) -> float:
 
 
 def _level_group(
-    number: int, group: OrientedGroup, views: Sequence[ViewFeatures], lenses: Sequence[Lens]
+    number: int, group: _OrientedGroup, views: Sequence[ViewFeatures], lenses: Sequence[Lens]
 ) -> dict[int, RegisteredView]:
     """The photos of one group about their common vertical, by their numbers."""
     members = [views[i] for i in group.members]
@@ -376,7 +376,7 @@ def _angles_about(up: Floats, rotations: Floats) -> tuple[Floats, Floats, Floats
     return wrap_azimuth(heading - heading[0]), elevation, roll
 
 
-def _rotation_heading_std(group: OrientedGroup, up: Floats) -> Floats:
+def _rotation_heading_std(group: _OrientedGroup, up: Floats) -> Floats:
     """Standard deviations (n,) [deg] of the headings by the uncertainty of the rotations."""
     ups = group.rotations @ up  # the vertical in each camera's frame
     return np.asarray(np.sqrt(np.einsum("ni,nij,nj->n", ups, group.covariance, ups)))
