@@ -1,23 +1,27 @@
-"""The ASGI app."""
+"""The ASGI app, and its OpenAPI document at /openapi.json, which /docs shows: its words, its schemas, its examples."""
 
 import logging
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from threading import Lock
 from typing import Any
 
 from anyio import create_task_group, to_thread
-from fastapi import Depends, FastAPI
+from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.routing import APIRoute
 from starlette.middleware.cors import CORSMiddleware
 
 from lighting.estimator import Estimator
+from lighting.records import Json
 from lighting.version import __version__
-from server import inference_protocol, job_routes, middleware, openapi, problems, routes, static_page
+from server import inference_protocol, job_routes, middleware, problems, routes, static_page
 from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
 from server.query_params import refuse_duplicates
-from server.responses import WARNINGS_HEADER
+from server.request_body import FORM_TYPE, PHOTO_FIELD
+from server.responses import WARNINGS_HEADER, tagged_json_response
+from server.schemas import LightingRecord, Problem
 from server.settings import Settings, read_settings
 from server.tracing import NO_TELEMETRY
 
@@ -41,12 +45,12 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
     app = FastAPI(
         title="Outdoor lighting",
         summary="Where the sun is, what the sky is like and how the camera is tilted, from one outdoor photo.",
-        description=openapi.DESCRIPTION,
+        description=_DESCRIPTION,
         version=__version__,
         license_info={"name": "Apache-2.0", "identifier": "Apache-2.0"},
-        openapi_tags=openapi.TAGS,
+        openapi_tags=_TAGS,
         servers=[{"url": service.settings.root_path or "/", "description": "This service"}],
-        openapi_url=None,  # server/openapi.py answers it, with a tag
+        openapi_url=None,  # server/app.py answers it, with a tag
         docs_url=None,  # these documentation pages load scripts from another host
         redoc_url=None,
         redirect_slashes=False,  # to whatever the client calls its Host
@@ -58,7 +62,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
     problems.install_handlers(app)
     _add_routes(app, service)
     _add_middleware(app, service)
-    openapi.complete_document(app, service.settings)
+    _complete_document(app, service.settings)
     return app
 
 
@@ -80,7 +84,7 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     app.include_router(inference_protocol.router, dependencies=dependencies)
     app.include_router(inference_protocol.health_router)
     app.include_router(middleware.router)
-    app.include_router(openapi.router)
+    app.include_router(_router)
     app.include_router(static_page.make_page_router(photo=service.settings.opened_photo))
     app.include_router(static_page.make_book_router())
 
@@ -132,3 +136,83 @@ async def _warm_up(app: FastAPI, service: Service) -> None:
 
 def _operation_id(route: APIRoute) -> str:
     return route.name
+
+
+_DESCRIPTION = """Send a photo taken outdoors by daylight; get its light as JSON, as an environment map or as a scene.
+
+```sh
+curl -F photo=@photo.jpg http://127.0.0.1:8000/v1/lighting
+curl -F photo=@photo.jpg -F height=256 -F format=hdr http://127.0.0.1:8000/v1/envmap -o sky.hdr
+```
+
+- **A photo** is the file `photo` of a form, or the whole body: JPEG, PNG, WebP, TIFF, AVIF or HEIC. URLs of photos and
+  photos inside JSON are refused.
+- **Parameters** go into the URL or the form, each once.
+- **Angles** are degrees. Azimuth 0 is where the camera points, positive to the right. Colours are linear Rec.709.
+- **`ETag`** is in every answer: the same one, the same answer. `GET` with it in `If-None-Match` answers 304.
+  `POST` ignores that header, as RFC 9110 (13.2.1) says of methods that neither read nor change what lies at an address.
+- **Errors** are `application/problem+json`. Programs read `type`, and each error's `field` and `code`.
+- **Photos are not kept.** They stay in memory while they are worked on.
+"""
+_TAGS = [
+    {"name": "lighting", "description": "From photos to their light, and from light to environment maps and scenes."},
+    {"name": "jobs", "description": "Long work: clips, many photos, normals. Off unless the operator names a folder."},
+    {"name": "operations", "description": "For operators."},
+]
+
+_ETAG = {"description": "Of the answer's bytes, or of what they follow from", "schema": {"type": "string"}}
+
+_router = APIRouter(include_in_schema=False)
+
+
+@_router.get("/openapi.json")
+async def _describe_api(request: Request) -> Response:
+    return tagged_json_response(request, request.app.openapi())
+
+
+def _complete_document(app: FastAPI, settings: Settings) -> None:
+    """Have the app's document hold the schemas of bodies and errors, every problem, and how many photos a form takes.
+
+    Args:
+        app: the app with its routes.
+        settings: the operator's.
+    """
+    generate, lock = app.openapi, Lock()
+    documents: list[Json] = []
+
+    def openapi() -> Json:
+        with lock:  # two threads that generate at a time disturb each other
+            if not documents:
+                document = generate()
+                _add_schemas(document["components"]["schemas"])
+                document["components"]["examples"] = {
+                    kind.name: {
+                        "summary": kind.title,
+                        "description": kind.meaning,
+                        "value": problems.problem_example(kind),
+                    }
+                    for kind in problems.KINDS
+                }
+                _add_tags(document["paths"])
+                form = document["paths"]["/v1/lightings"]["post"]["requestBody"]["content"][FORM_TYPE]["schema"]
+                form["properties"][PHOTO_FIELD]["maxItems"] = settings.max_photos
+                documents.append(document)
+        return documents[0]
+
+    app.openapi = openapi  # type: ignore[method-assign]
+
+
+def _add_tags(paths: Json) -> None:
+    """Say that the answers under /v1 have tags, other than those of jobs."""
+    for path, operations in paths.items():
+        if path.startswith("/v1/") and not path.startswith("/v1/jobs"):
+            for operation in operations.values():
+                operation["responses"]["200"].setdefault("headers", {})["ETag"] = _ETAG
+
+
+def _add_schemas(schemas: Json) -> None:
+    """Add what no route of FastAPI's own names: the record of a body, and the problem."""
+    for model in (Problem, LightingRecord):
+        if model.__name__ not in schemas:
+            schema = model.model_json_schema(ref_template="#/components/schemas/{model}")
+            schemas.update({**schema.pop("$defs", {}), model.__name__: schema, **schemas})

@@ -1,4 +1,4 @@
-"""FastAPI dependencies: service, admission, matching."""
+"""FastAPI dependencies: service, admission, matching; and the Prometheus metrics of an app, in its own registry."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -12,6 +12,7 @@ import numpy as np
 from anyio import from_thread
 from anyio.from_thread import check_cancelled
 from fastapi import Depends, Request
+from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.datastructures import Headers
 from starlette.types import Scope
 
@@ -31,15 +32,56 @@ from lighting.tracing import trace_step
 from server import problems
 from server.auth import ApiKeys, CpuLimiter, RateLimiter
 from server.identity import Client, client_of_address, client_of_key, client_of_request
-from server.job_store import JobStore
-from server.jobs import JobRunner
+from server.jobs import JobRunner, JobStore
 from server.limits import ConnectionLimiter, PendingResponses, UploadLimiter, count_possible_connections
-from server.metrics import Metrics
 from server.problems import ProblemError
 from server.request_body import JSON_TYPE, BodyLimits, RequestBody, Upload, announced_size, media_type, parse_record
 from server.scheduling import WorkLimiter
 from server.settings import Settings
 from server.tracing import RequestTracer
+
+LATENCY_BUCKETS = (0.005, 0.01, 0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4)  # upper ends of the histograms' buckets
+
+
+class Metrics:
+    """The metrics of one app; routes are labeled by template, so that labels stay few."""
+
+    def __init__(
+        self,
+        limiter: WorkLimiter,
+        uploads: UploadLimiter,
+        pending: PendingResponses,
+        connections: ConnectionLimiter,
+    ) -> None:
+        self.registry = registry = CollectorRegistry()
+        self.requests = Counter(
+            "lighting_requests", "Requests answered.", ["method", "route", "status"], registry=registry
+        )
+        self.latency = Histogram(
+            "lighting_request_seconds",
+            "Time from a request's first byte to its answer's last.",
+            ["route"],
+            buckets=LATENCY_BUCKETS,
+            registry=registry,
+        )
+        self.inference = Histogram(
+            "lighting_inference_seconds",
+            "Time to estimate the light of one request's photos.",
+            buckets=LATENCY_BUCKETS,
+            registry=registry,
+        )
+        self.photo_bytes = Counter("lighting_photo_bytes", "Bytes of photos read.", registry=registry)
+        self.photo_pixels = Counter("lighting_photo_pixels", "Pixels of photos read.", registry=registry)
+        self.model = Gauge("lighting_model_info", "The network that answers.", ["name", "version"], registry=registry)
+        self._gauge("lighting_uploads", "Bodies that are arriving.", lambda: uploads.count)
+        self._gauge("lighting_queue_depth", "Requests that wait.", lambda: limiter.waiting)
+        self._gauge("lighting_running", "Requests that are running.", lambda: limiter.running)
+        self._gauge("lighting_unsent_bytes", "Bytes of answers that wait for their clients.", lambda: pending.size)
+        self._gauge("lighting_connections", "Open connections.", lambda: connections.count)
+
+    def _gauge(self, name: str, meaning: str, value: Callable[[], int]) -> None:
+        Gauge(name, meaning, registry=self.registry).set_function(value)
+
 
 T = TypeVar("T")
 

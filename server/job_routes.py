@@ -21,8 +21,7 @@ from server.dependencies import ServiceDep
 from server.field_types import InRange, NotNull, RegistryName, field_error
 from server.identity import client_of_request
 from server.job_kinds import JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
-from server.job_store import JobState, StoredJob
-from server.jobs import JobRunner
+from server.jobs import JobRunner, JobState, StoredJob
 from server.limits import BusyError
 from server.problems import ProblemError, problem_responses
 from server.query_params import AdjustQuery, UserInputQuery, refuse_parameters

@@ -23,7 +23,7 @@ from server import job_kinds
 from server.app import create_app
 from server.identity import client_of_address
 from server.job_kinds import MAX_FILES, RESULT_FILE, UploadError
-from server.job_store import RESULT_SECONDS, JobState, JobStore, StoredJob
+from server.jobs import RESULT_SECONDS, JobState, JobStore, StoredJob
 from server.limits import BusyError, ShareTakenError
 from server.request_body import RequestBody
 from server.settings import Settings, SettingsError
