@@ -7,6 +7,7 @@ import socket
 import sys
 from argparse import ArgumentParser, RawDescriptionHelpFormatter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -16,6 +17,7 @@ from lighting.runtime import keep_memory
 from lighting.version import __version__
 
 if TYPE_CHECKING:
+    from fastapi import FastAPI
     from uvicorn import Config
 
     from server.dependencies import Service
@@ -143,28 +145,41 @@ def _format_default(value: object) -> str:
 def _serve() -> None:
     """Read the settings, load the network and serve."""
     from pydantic import ValidationError
-    from uvicorn import Config
 
     from lighting.files.exr import set_compression_threads
     from server.app import create_app
-    from server.limits import BACKLOG, raise_file_limit
+    from server.limits import raise_file_limit
     from server.listener import bind_listeners
     from server.settings import PREFIX, read_settings
 
     _end_at_signals()
-    try:
-        settings = read_settings()
-        listeners = bind_listeners(settings.host, settings.port)
-        raise_file_limit()
-        app = create_app(settings)
-        app.state.service.load()
-        app.openapi()  # before requests come, whose first ones change FastAPI's routes under its hands
-        set_compression_threads(settings.workers)
-    except ValidationError as error:
-        sys.exit("\n".join(f"{PREFIX}{_format_setting_error(details)}" for details in error.errors()))
-    except (LightingError, OSError) as error:
-        sys.exit(str(error))
-    config = Config(
+    with ExitStack() as sockets:
+        try:
+            settings = read_settings()
+            listeners = [sockets.enter_context(one) for one in bind_listeners(settings.host, settings.port)]
+            raise_file_limit()
+            app = create_app(settings)
+            service: Service = app.state.service
+            service.load()
+            app.openapi()  # before requests come, whose first ones change FastAPI's routes under its hands
+            set_compression_threads(settings.workers)
+        except ValidationError as error:
+            sys.exit("\n".join(f"{PREFIX}{_format_setting_error(details)}" for details in error.errors()))
+        except (LightingError, OSError) as error:
+            sys.exit(str(error))
+        for listener in listeners:
+            listener.refuses = service.refuses_connection
+        _run_until_signal(_uvicorn_config(app, service), service, listeners)
+
+
+def _uvicorn_config(app: "FastAPI", service: "Service") -> "Config":
+    """How uvicorn runs the app."""
+    from uvicorn import Config
+
+    from server.limits import BACKLOG
+
+    settings = service.settings
+    return Config(
         app,
         host=settings.host,
         port=settings.port,
@@ -179,11 +194,8 @@ def _serve() -> None:
         timeout_graceful_shutdown=settings.shutdown_seconds,
         backlog=BACKLOG,
         ws="none",
-        http=_protocol_class(app.state.service),
+        http=_protocol_class(service),
     )
-    for listener in listeners:
-        listener.refuses = app.state.service.refuses_connection
-    _run_until_signal(config, app.state.service, listeners)
 
 
 def _format_setting_error(details: Mapping[str, Any]) -> str:
