@@ -18,7 +18,7 @@ References:
 
 import pickle
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -41,15 +41,15 @@ from lighting.registration.rotations import (
     fov_from_focal,
     heading_elevation_roll,
     leveling_rotation,
+    nearest_rotation,
+    rotation_about,
+    rotation_vector,
 )
 from lighting.registration.two_view import RelativeRotation, estimate_rotation
 from lighting.sun_grid import weighted_median
 
 if TYPE_CHECKING:
     from subprocess import Popen
-from collections.abc import Mapping
-
-from lighting.registration.rotations import nearest_rotation, rotation_about, rotation_vector
 
 PairRotations = Mapping[tuple[int, int], RelativeRotation]  # by the numbers of both photos, the lower first
 
