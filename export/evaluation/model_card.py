@@ -21,13 +21,16 @@ RELIABILITY = Path("docs") / "images" / RELIABILITY_FILE
 PAGES = ("README.md", "docs/understand/trust.md")  # which cite figures between marks
 _MARKED = re.compile(r"(<!--metrics:(\w+)-->\n?).*?(\n?<!--/metrics-->)", re.DOTALL)
 _PROTOCOLS = {"paper": "ordinary view", "phone": "as phones take them"}
+_SCORED = re.compile(r"with a sun to score \((\d+) panoramas of (\d+) places\)")  # in the title of a protocol
+_SCENES = re.compile(r": (\d+) scenes")  # in the caption of a table
+_SEEN = re.compile(r"crops of (\d+) outdoor panoramas")  # in what a network's file says of its training
 _EARLIER = re.compile(r"outdoor \d+\.\d+\.\d+")  # networks of this project
 _WIDTH = 120  # columns of a paragraph
 _EVIDENCE = {  # rows of the table: where the report has them
-    "each place counted alike": ("Protocol", "Each place counted alike", "{ours}", "median"),
-    "best constant answer": ("Protocol", "Sun [", "constant direction", "median"),
-    "with time and place": ("Metadata, protocol", "", "pixels + time+place", "sun"),
-    "with compass, too": ("Metadata, protocol", "", "pixels + time+place + heading", "sun"),
+    "sun, each place once": ("Protocol", "Each place counted alike", "{ours}", "median"),
+    "sun, best fixed answer": ("Protocol", "Sun [", "constant direction", "median"),
+    "sun, with time and place": ("Metadata, protocol", "", "pixels + time+place", "sun"),
+    "sun, with compass, too": ("Metadata, protocol", "", "pixels + time+place + heading", "sun"),
 }
 _OTHERS = {  # rows of other methods, by how the name in the report begins
     "cvpr2017": "sun, network as in CVPR 2017",
@@ -128,18 +131,45 @@ def _fill_figures(page: str, metrics: NetworkMetrics) -> str:
 
 
 def _texts(metrics: NetworkMetrics) -> dict[str, str]:
-    data, date = metrics.data, metrics.date
+    data, date, scored = metrics.data, metrics.date, _scored_suns(metrics)
     scope = f"on {data['val']} panoramas of {data['val_places']} places that training never saw"
-    median = metrics.accuracy["paper"]["sun_median"]
-    low = metrics.figure("Protocol `paper`", f"`{metrics.row}` by true", "sun 0 to 20°", "elevation bias")
+    by_height = "Protocol `paper`", f"`{metrics.row}` by true", "sun 0 to 20°"
+    low = _signed("Those under 20° are placed {} in the median.", metrics.figure(*by_height, "elevation bias"))
+    inside = _sentence("{:.0f} % lie within `radius_90`.", metrics.figure(*by_height, "in 90 % region"))
     return {
-        "line": f"On {data['val']} panoramas from new places, half of the answers lie within {median}° "
-        f"of the true sun ({date}).",
+        "line": f"{_accuracy_line(metrics)} ({date}).",
         "scope": f"The network was scored {scope} (`python -m export evaluate`, {date}).",
+        "scored": f"; suns are scored on {scored[0]} of {scored[1]} places" if scored else "",
+        "seen": _seen_sentence(metrics),
         "table": _accuracy_table(metrics, others=False),
         "photos": " ".join(filter(None, _photo_sentences(metrics))),
-        "low_suns": _signed("Those under 20° are placed {} in the median.", low),
+        "low_suns": f"{low} {inside}".strip(),
     }
+
+
+def _scored_suns(metrics: NetworkMetrics) -> tuple[str, str] | None:
+    """How many panoramas have a sun to score, and of how many places; None where the report does not say."""
+    title = next((s.title for s in metrics.sections if s.title.startswith("Protocol `paper`")), "")
+    found = _SCORED.search(title)
+    return (found[1], found[2]) if found else None
+
+
+def _accuracy_line(metrics: NetworkMetrics) -> str:
+    """README's sentence, without its end: the median for crops of panoramas, and for ordinary photos where measured."""
+    scored = _scored_suns(metrics)
+    panoramas = f"{scored[0] if scored else metrics.data['val']} panoramas"
+    crops = f"On crops of {panoramas} from new places, half of the answers lie within "
+    crops += f"{metrics.accuracy['paper']['sun_median']}° of the true sun"
+    direct, everywhere = _photo_medians(metrics)
+    if not (isinstance(direct, float) and isinstance(everywhere, float)):
+        return crops
+    return f"{crops}. On ordinary photos in sun it is {direct:.0f}°, on all {everywhere:.0f}°"
+
+
+def _seen_sentence(metrics: NetworkMetrics) -> str:
+    """How many panoramas the network itself learned from, where its file says so; earlier networks saw others."""
+    seen = sorted({int(count) for count in _SEEN.findall(str(metrics.network.get("training", "")))})
+    return f"This version saw {' or '.join(map(str, seen))} of them. " if seen else ""
 
 
 def _accuracy_table(metrics: NetworkMetrics, *, others: bool) -> str:
@@ -151,7 +181,7 @@ def _accuracy_table(metrics: NetworkMetrics, *, others: bool) -> str:
         *_measured_rows(metrics, _EVIDENCE),
         ["sun within 22.5° / 45°", *(f"{a['within_22_5']:.0f} % / {a['within_45']:.0f} %" for a in accuracy)],
         [
-            "true sun in 50 % / 90 % region",
+            "true sun within `radius_50` / `radius_90`",
             *(f"{a['in_50_region']:.0f} % / {a['in_90_region']:.0f} %" for a in accuracy),
         ],
         ["camera elevation, roll, field of view", *(", ".join(f"{a[name]:.1f}" for name in angles) for a in accuracy)],
@@ -190,12 +220,21 @@ def _measured_rows(metrics: NetworkMetrics, wanted: dict[str, tuple[str, str, st
     return rows
 
 
+def _photo_medians(metrics: NetworkMetrics) -> tuple[Cell, Cell]:
+    """Median error of the sun in single photos: in direct sun, and in all."""
+    titles = "Direct sun: ", "All that have"
+    direct, everywhere = (metrics.figure("Real photos", title, metrics.row, "sun") for title in titles)
+    return direct, everywhere
+
+
 def _photo_sentences(metrics: NetworkMetrics) -> list[str]:
-    direct = metrics.figure("Real photos", "Direct sun", metrics.row, "sun")
-    everywhere = metrics.figure("Real photos", "All that have", metrics.row, "sun")
+    direct, everywhere = _photo_medians(metrics)
+    captions = [t.caption for s in metrics.sections if s.title.startswith("Real photos") for t in s.tables]
+    counts = [found[1] for caption in captions if (found := _SCENES.search(caption))]
+    of_all, of_direct = counts[:2] if len(counts) > 1 else ("all", "the")
     return [
-        _sentence("In single photos, not cut from panoramas, the median error in direct sun is {:.0f}°.", direct),
-        _sentence("Over all single photos, most of them in shade or under clouds, it is {:.0f}°.", everywhere),
+        _sentence(f"In single photos the median error is {{:.0f}}° over {of_direct} scenes in direct sun,", direct),
+        _sentence(f"and {{:.0f}}° over {of_all}, most in shade or under clouds.", everywhere),
     ]
 
 
@@ -204,11 +243,13 @@ def _limits(metrics: NetworkMetrics) -> list[str]:
     by_height = f"`{metrics.row}` by true sun elevation"
     low = metrics.figure("Protocol `paper`", by_height, "sun 0 to 20°", "elevation bias")
     high = metrics.figure("Protocol `paper`", by_height, "sun 45 to 90°", "elevation bias")
+    photos = metrics.figure("Real photos", "Elevation less", metrics.row, "45 to 90°")
     seen = metrics.figure("Sun in the picture", "Cameras", metrics.row, "median")
     sentences = [
         _signed("Suns lower than 20° are placed {}.", low),
-        _signed("Suns higher than 45° are placed {}.", high),
-        _sentence("A sun inside the photo is found with a median error of {:.1f}°.", seen),
+        _signed("Suns higher than 45° are placed {} in crops.", high),
+        _signed("In single photos in direct sun, they are {}.", photos),
+        _sentence("A sun inside the photo is found within {:.1f}° (median).", seen),
         *_photo_sentences(metrics),
     ]
     return [sentence for sentence in sentences if sentence]

@@ -50,7 +50,7 @@ def test_a_page_says_which_figures_it_cites() -> None:
     assert "Not this." in text
     assert text.count("| sun |") == 1
     assert model_card._fill_figures(text, metrics) == text
-    with pytest.raises(DataError, match="no figures 'all', only line, scope, table"):
+    with pytest.raises(DataError, match="no figures 'all', only line, scope, scored"):
         model_card._fill_figures(page.replace("line", "all"), metrics)
 
 
