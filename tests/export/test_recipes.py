@@ -55,7 +55,7 @@ DOCS = ROOT / "docs"
 SMALL = {"places": "6", "rows": "64", "crops": "64"}  # in place of the tutorial's numbers
 SMALLER = {
     "--count 480": "--count 2 --height 64",
-    "--synthetic runs/towns": "--synthetic runs/towns --crops 64 --batch 8",
+    "--synthetic runs/more": "--synthetic runs/more --crops 64 --batch 8",
 }
 
 
