@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 )
 @click.argument("file", type=FileName())
 @click.option("--json", is_flag=True, expose_value=False, help="JSON, which is all that it prints.")
-@click.option("-q", "--quiet", is_flag=True, expose_value=False, help="No warnings, of which it prints none.")
+@click.option("-q", "--quiet", is_flag=True, expose_value=False, help="No effect: it prints no warnings.")
 def _info(file: str) -> None:
     """Describe an EXR, HDR, network, record or photo as JSON."""
     describe = _BY_SUFFIX.get(Path(file).suffix.lower(), _describe_picture)

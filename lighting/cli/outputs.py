@@ -65,7 +65,7 @@ def file_output(kind: OutputKind, *, several: bool = False) -> Decorator:
     folder = ", or FOLDER/" if several else ""
     text = f'{join_words(kind.suffixes)}{folder}; "-" is stdout.  [default: {kind.ending} beside the input]'
     if kind is MAPS:
-        text = f'{join_words(kind.suffixes)}{folder}; "-" is EXR on stdout.  [default: PHOTO.exr]'
+        text = f'{join_words(kind.suffixes)}{folder}; "-" is EXR on stdout.  [default: .exr beside the input]'
     option = click.option("-o", "--output", metavar="FILE", callback=check_file_name, help=text)
     return lambda command: option(overwrite_option(command))
 

@@ -41,6 +41,13 @@ def write_shot(path: Path) -> None:
     write_clip(path, frames, times=[i / RATE for i in range(len(frames))])
 
 
+def write_views(folder: Path) -> None:
+    """Write what a camera sees that turns to the right: two halves of a photo that overlap."""
+    photo = Image.open(PHOTO).convert("RGB")
+    for name, left in (("left.jpg", 0.0), ("right.jpg", 0.3)):
+        photo.crop((int(left * photo.width), 0, int((left + 0.7) * photo.width), photo.height)).save(folder / name)
+
+
 def write_clips(folder: Path) -> None:
     write_shot(folder / "shot.mp4")
     (folder / "drone.mp4").write_bytes((folder / "shot.mp4").read_bytes())
@@ -49,6 +56,11 @@ def write_clips(folder: Path) -> None:
 def write_uploads(folder: Path) -> None:
     write_shot(folder / "clip.mp4")
     (folder / "other.jpg").write_bytes(PHOTO.read_bytes())
+
+
+def write_service_files(folder: Path) -> None:
+    write_uploads(folder)
+    write_views(folder)
 
 
 def expose_sky(kind: Literal["equidistant", "ball"], time: datetime) -> list[np.ndarray]:
@@ -104,7 +116,8 @@ MATERIALS: dict[str, Callable[[Path], None]] = {  # by page
     "docs/do/clips.md": write_clips,
     "docs/do/measure-a-sky.md": write_skies,
     "docs/do/photometric-stereo.md": write_day,
-    "docs/do/run-the-service.md": write_uploads,
+    "docs/do/run-the-service.md": write_service_files,
+    "docs/do/several-photos.md": write_views,
     "docs/reference/http.md": write_uploads,
 }
 
