@@ -59,7 +59,7 @@ def _pair(text: str, what: str) -> tuple[float, float]:
     examples=(
         "lighting probe merge *.dng --lens equidistant       # FIRST-probe.exr beside the first",
         "lighting probe merge ball_*.jpg --lens ball --time 2024-06-01T11:00+02:00 --lat 47 --lon 8",
-        "lighting probe merge day/ --series --lens equidistant --lens-fov 185 -o probes/",
+        "lighting probe merge day/ --series --lens equidistant --lens-fov 185 -o probes/    # all files of a day",
     ),
 )
 @click.argument("exposures", nargs=-1, required=True, type=click.Path(exists=True, path_type=Path))
