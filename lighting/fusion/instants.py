@@ -267,8 +267,9 @@ def _date_errors(gps_time: datetime, local_time: datetime) -> Iterable[tuple[tim
     for rollovers in (1, 2, -1):
         if abs(ahead - rollovers * _ROLLOVER) < _NEAR:
             yield rollovers * _ROLLOVER, f"{abs(rollovers) * 1024} weeks, a rollover"
-    for days in (1, -1):
-        yield timedelta(days=days), "a day"
+    if gps_time.date() == local_time.date():  # some programs write the local date beside the universal time
+        for days in (1, -1):
+            yield timedelta(days=days), "a day"
 
 
 def _is_epoch(gps_time: datetime) -> bool:
@@ -321,6 +322,8 @@ def _format_difference(difference: timedelta) -> str:
     minutes = round(abs(difference) / timedelta(minutes=1))
     if minutes < 60:
         return f"{minutes} min"
+    if abs(minutes - 24 * 60) <= 2:
+        return "a day"
     if minutes < 48 * 60:
         return f"{minutes // 60} h {minutes % 60:02d} min"
     return f"{minutes / 1440:.0f} days"

@@ -446,9 +446,11 @@ def read_gps_time(
     if clock is not None and local_time is not None:
         return _gps_time_near(clock, local_time, 0.0 if longitude is None else longitude)
     in_xmp = xmp.get(f"{EXIF_NAMESPACE} GPSTimeStamp", "")
-    if stamp := _read_stamp(in_xmp) or _read_stamp(f"{xmp.get(f'{EXIF_NAMESPACE} GPSDateStamp')} {in_xmp}"):
+    if stamp := _read_stamp(in_xmp):
         return _datable(to_utc(stamp.time, stamp.utc_offset or 0.0))
-    return None
+    tag = ExifTags.GPS
+    texts: Tags = {tag.GPSTimeStamp: in_xmp, tag.GPSDateStamp: xmp.get(f"{EXIF_NAMESPACE} GPSDateStamp")}
+    return read_gps_time(texts, {}, local_time, longitude) if in_xmp else None
 
 
 def _gps_time_of_day(tags: Tags, date: datetime | None) -> timedelta | None:

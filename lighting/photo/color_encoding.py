@@ -6,7 +6,8 @@ What counts, the first of these that a file has:
    and `nclx` of HEIC and AVIF;
 2. an ICC profile, by what it does to colors, whatever its name says;
 3. `sRGB`, `gAMA` and `cHRM` of a PNG [1];
-4. Adobe RGB as cameras state it: index R03 in the interoperability directory of EXIF [3].
+4. Adobe RGB as cameras state it: index R03 in the interoperability directory of EXIF [3];
+5. the space that XMP names, whose profile a program lost.
 
 Else the values are sRGB. Diffuse white of HDR curves becomes white, as in `lighting.color`; what is brighter is
 clipped. HLG holds light of the scene, to which displays apply its OOTF [4]; sRGB holds what displays show. Pillow
@@ -42,7 +43,7 @@ from lighting.color import (
     srgb_decode,
 )
 from lighting.geometry import Floats
-from lighting.photo.tags import read_ifd, read_text, try_read
+from lighting.photo.tags import EXIF_NAMESPACE, read_ifd, read_packet, read_text, try_read
 
 _Curve = float | Literal["srgb", "rec709", "pq", "hlg"]  # a number is the exponent of value^exponent
 _Matrix = NDArray[np.float32]
@@ -63,7 +64,13 @@ _HDR_TOLERANCE = 4  # of 255
 _HLG_SYSTEM_GAMMA = 1.2
 _BT2020_LUMINANCE = np.array([0.2627, 0.6780, 0.0593], dtype=np.float32)
 _MAX_KNOWN_PROFILE = 1 << 16  # bytes of a profile that is kept in mind
-_ADOBE_RGB, _UNCALIBRATED = 2, 65535  # of EXIF's ColorSpace
+_SRGB, _ADOBE_RGB, _UNCALIBRATED = 1, 2, 65535  # of EXIF's ColorSpace
+_XMP_PROFILE = "http://ns.adobe.com/photoshop/1.0 ICCProfile"  # property: the name of the profile that was embedded
+_NAMED_SPACES: Mapping[str, tuple[_Curve, tuple[float, ...]]] = {  # by what their names hold in small letters
+    "adobergb": (ADOBE_RGB_GAMMA, ADOBE_RGB_CHROMATICITIES),
+    "displayp3": ("srgb", H273_CHROMATICITIES[12]),
+    "prophoto": (1.8, (0.7347, 0.2653, 0.1596, 0.8404, 0.0366, 0.0001, 0.3457, 0.3585)),  # ISO 22028-2 (ROMM RGB)
+}
 _WITH_DCF = ("JPEG", "MPO", "TIFF", "WEBP")  # formats whose EXIF may state the space
 _INTEROP_INDEX = 1
 
@@ -108,7 +115,7 @@ def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Imag
     read = _by_known_profile if profile and len(profile) <= _MAX_KNOWN_PROFILE else _by_profile
     if profile and (encoding := read(profile)) is not None:
         return encoding
-    return _by_png_chunks(image.info) or _by_exif(image, exif_source) or ColorEncoding()
+    return _by_png_chunks(image.info) or _by_exif(image, exif_source) or _by_xmp(image, exif_source)
 
 
 # Code points.
@@ -187,8 +194,25 @@ def _by_exif(image: Image.Image, exif_source: Image.Image) -> ColorEncoding | No
         if space == _ADOBE_RGB or (space in (_UNCALIBRATED, None) and index == "R03"):
             return ColorEncoding(ADOBE_RGB_GAMMA, chromaticities_to_rec709(ADOBE_RGB_CHROMATICITIES))
         if space is not None:
-            return None
+            return ColorEncoding() if space == _SRGB else None
     return None
+
+
+# XMP.
+
+
+def _by_xmp(image: Image.Image, exif_source: Image.Image) -> ColorEncoding:
+    """The space that XMP states or whose profile it names, where neither PNG nor XMP states sRGB; else sRGB."""
+    xmp = {**read_packet(exif_source), **read_packet(image)}
+    space = xmp.get(f"{EXIF_NAMESPACE} ColorSpace")
+    if "srgb" in image.info or space == str(_SRGB):
+        return ColorEncoding()
+    name = "adobergb" if space == str(_ADOBE_RGB) else xmp.get(_XMP_PROFILE, "")
+    letters = "".join(filter(str.isalnum, name.lower()))
+    for key, (curve, chromaticities) in _NAMED_SPACES.items():
+        if key in letters:
+            return ColorEncoding(curve, chromaticities_to_rec709(chromaticities))
+    return ColorEncoding()
 
 
 # ICC profiles.

@@ -49,6 +49,11 @@ _LATIN_1_REST = "Â"  # what Latin-1 makes of the first byte of a degree sign in
 _MAX_ANGLE = 360.0  # deg
 _MAX_TEXT = 64  # characters of an angle
 _SIGNS = {"N": 1, "S": -1, "E": 1, "W": -1}
+_HEMISPHERES = {  # by words that begin otherwise; O alone is east in German, west in French, Spanish and Italian
+    **dict.fromkeys(("ost", "osten", "oost", "øst", "öst", "leste"), "E"),
+    **dict.fromkeys(("ouest", "oeste", "ovest", "vest", "väst"), "W"),
+    **{"sever": "N", "sjever": "N", "zuid": "S", "jih": "S"},
+}
 
 
 class HeadingReference(StrEnum):
@@ -102,7 +107,7 @@ def _coordinate(value: Any, reference: Any, letters: str, limit: float) -> _Coor
     size = sum(number / 60.0**power for power, number in enumerate(numbers))
     if size > limit or any(number > 60.0 for number in numbers[1:]):
         return None
-    stated = letter or _first_letter(reference)
+    stated = letter or _hemisphere(reference)
     if stated in letters and stated:
         by_letter = _SIGNS[stated]
         signs = (by_letter,) if not is_negative or by_letter < 0 else (-1, 1)
@@ -140,11 +145,17 @@ def _parse_text(text: str) -> tuple[list[float], bool, str]:
     if not 1 <= len(found) <= 3 or len(words) > 1:
         raise ValueError("no angle")
     numbers = [read_xmp_number(number) for number in found]
-    return [abs(number) for number in numbers], numbers[0] < 0 or found[0][0] == "-", _first_letter("".join(words))
+    return [abs(number) for number in numbers], numbers[0] < 0 or found[0][0] == "-", _hemisphere("".join(words))
+
+
+def _hemisphere(reference: Any) -> str:
+    """The first letter of a hemisphere's English name; another, or none, where that is open."""
+    word = try_read(lambda _: read_text(reference).lower(), {})
+    return _HEMISPHERES.get(word or "", _first_letter(reference))
 
 
 def _first_letter(reference: Any) -> str:
-    """The first letter of a hemisphere's name; empty where there is none, as of what is no text."""
+    """The first letter of a reference; empty where there is none, as of what is no text."""
     try:
         return read_text(reference)[:1].upper()
     except (TypeError, ValueError):

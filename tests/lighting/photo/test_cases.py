@@ -375,6 +375,27 @@ def test_of_clocks_that_contradict_each_other_the_right_one_is_used_and_told(nam
         assert light.camera_heading == pytest.approx(heading, abs=3.0)
 
 
+@pytest.mark.parametrize(
+    ("base", "clock", "gps", "source"),
+    [
+        (MUNICH, "2024:06:01 18:49:00", "2024:05:31 16:49:00", ZONE),
+        (MUNICH, "2024:05:31 18:49:00", "2024:06:01 16:49:00", GPS),
+        (AUCKLAND, "2024:02:04 07:54:00", "2024:02:04 18:54:00", ZONE),  # the local date beside the universal time
+        (DENVER, "2025:09:14 18:18:00", "2025:09:14 00:18:00", ZONE),
+    ],
+)
+def test_of_two_clocks_a_day_apart_the_later_is_likelier(
+    base: dict[str, Any], clock: str, gps: str, source: str
+) -> None:
+    """Old fixes and resets are early; a GPS date that is the local one is no sign of a wrong clock."""
+    metadata = read_photo(file_of(base | {"DateTimeOriginal": clock, "gps": gps})).metadata
+    found = resolve_instants(metadata, UserInput())
+    assert found.likeliest is not None
+    assert found.likeliest.source == source
+    is_of_a_zone = base is AUCKLAND  # as beyond the date line
+    assert is_of_a_zone or "a day" in found.conflict_warnings(found.likeliest)[0]
+
+
 @pytest.mark.parametrize("sun", [17.8, 63.3])
 def test_the_pixels_choose_between_clock_and_gps(sun: float) -> None:
     """One file, two pictures: of the clock's sun, and of that of GPS."""
@@ -593,6 +614,57 @@ def test_takeouts_time_tells_the_offset_of_a_clock_unless_google_took_it_for_utc
     assert read_photo(tmp_path / "photo.jpg").metadata.utc_offset == 2.0
     (tmp_path / "photo.jpg.json").write_text(json.dumps(TAKEOUT | {"photoTakenTime": {"timestamp": "1717267740"}}))
     assert read_photo(tmp_path / "photo.jpg").metadata.utc_offset is None
+
+
+EXIFTOOL = {
+    "SourceFile": "./photo.jpg",
+    "DateTimeOriginal": "2024:06:01 18:49:00",
+    "OffsetTimeOriginal": "+02:00",
+    "GPSLatitude": "48 deg 8' 24.00\" N",
+    "GPSLongitude": "11 deg 34' 48.00\" E",
+    "GPSDateTime": "2024:06:01 16:49:03Z",
+    "GPSImgDirection": 224.35,
+    "GPSImgDirectionRef": "True North",
+    "FocalLengthIn35mmFormat": "26 mm",
+}
+_EXIF_GROUPS = {name: value for name, value in EXIFTOOL.items() if not name.startswith(("Offset", "GPSL", "GPSD"))}
+EXIFTOOL_OUTPUTS: dict[str, Any] = {
+    "plain": [EXIFTOOL],
+    "of several photos": [{"SourceFile": "a.jpg", "DateTimeOriginal": "2020:01:05 10:00:00"}, EXIFTOOL],
+    "an object": EXIFTOOL,
+    "-n": [EXIFTOOL | {"GPSLatitude": 48.14, "GPSLongitude": 11.58, "FocalLengthIn35mmFormat": 26}],
+    "-n -G": [
+        {f"EXIF:{name}": value for name, value in EXIFTOOL.items()}
+        | {"EXIF:GPSLatitude": 48.14, "EXIF:GPSLongitude": 11.58, "Composite:GPSLongitude": 11.58}
+    ],
+    "-G": [{f"EXIF:{name}" if name != "SourceFile" else name: value for name, value in EXIFTOOL.items()}],
+    "-g": [{"SourceFile": "photo.jpg", "EXIF": EXIFTOOL}],
+    "without groups of EXIF": [
+        _EXIF_GROUPS
+        | {"SubSecDateTimeOriginal": "2024:06:01 18:49:00.25+02:00", "GPSDateStamp": "2024:06:01"}
+        | {"GPSTimeStamp": "16:49:03", "GPSLatitude": "48.14", "GPSLatitudeRef": "North"}
+        | {"GPSLongitude": "11.58", "GPSLongitudeRef": "East"}
+    ],
+}
+
+
+@pytest.mark.parametrize("name", EXIFTOOL_OUTPUTS)
+@pytest.mark.parametrize("file", ["photo.jpg.json", "photo.json"])
+def test_json_of_exiftool(tmp_path: Path, name: str, file: str) -> None:
+    (tmp_path / "photo.jpg").write_bytes(encode(SCENE))
+    (tmp_path / file).write_text(json.dumps(EXIFTOOL_OUTPUTS[name]))
+    found = read_photo(tmp_path / "photo.jpg").metadata
+    assert (found.local_time, found.utc_offset) == (datetime(2024, 6, 1, 18, 49), 2.0)
+    assert found.gps_time == datetime(2024, 6, 1, 16, 49, 3, tzinfo=UTC)
+    assert found.location == pytest.approx((48.14, 11.58))
+    assert (found.heading, found.heading_reference, found.focal_length) == (224.35, "true", 26.0)
+
+
+def test_json_of_other_photos_says_nothing(tmp_path: Path) -> None:
+    (tmp_path / "photo.jpg").write_bytes(encode(SCENE))
+    others = [EXIFTOOL | {"SourceFile": name} for name in ("a.jpg", "b.jpg")]
+    (tmp_path / "photo.json").write_text(json.dumps(others))
+    assert read_photo(tmp_path / "photo.jpg").metadata == PhotoMetadata()
 
 
 @pytest.mark.parametrize("name", ["photo.jpg.xmp", "photo.xmp", "photo.XMP", "photo.JPG.xmp"])

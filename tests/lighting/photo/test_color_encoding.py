@@ -14,7 +14,7 @@ from lighting.photo.color_encoding import read_color_encoding
 from lighting.photo.linear import read_linear
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, exif
-from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, png
+from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, packet, png
 
 COLORS = [[[40, 60, 110], [128, 128, 128], [200, 90, 60]], [[90, 130, 50], [235, 230, 220], [20, 25, 22]]]
 SRGB = np.repeat(np.repeat(np.array(COLORS, np.uint8), 32, axis=0), 32, axis=1)  # blocks, so that no format mixes them
@@ -182,6 +182,32 @@ def test_other_statements_of_cameras_leave_srgb(space: int, index: str | None) -
 
 def test_the_index_of_adobe_rgb_may_stand_alone() -> None:
     assert_same(adobe(None, "R03"))
+
+
+XMP_SPACES = {  # that XMP names, of a picture without a profile
+    "Adobe RGB (1998)": (coded(gamma(256 / 563), ADOBE), {"ICCProfile": "Adobe RGB (1998)"}),
+    "Display P3": (coded(srgb_encode, P3), {"ICCProfile": "Display P3"}),
+    "sRGB": (SRGB, {"ICCProfile": "sRGB IEC61966-2.1"}),
+}
+
+
+@pytest.mark.parametrize("name", XMP_SPACES)
+def test_the_space_that_xmp_alone_names(name: str) -> None:
+    pixels, properties = XMP_SPACES[name]
+    xmp = packet("http://ns.adobe.com/photoshop/1.0/", properties)
+    assert_same(encode(pixels, "WEBP", lossless=True, xmp=xmp))
+
+
+@pytest.mark.parametrize("space", [1, 2])
+def test_the_space_of_xmp_by_its_number(space: int) -> None:
+    xmp = packet("http://ns.adobe.com/exif/1.0/", {"ColorSpace": str(space)})
+    assert_same(encode(coded(gamma(256 / 563), ADOBE) if space == 2 else SRGB, "WEBP", lossless=True, xmp=xmp))
+
+
+def test_a_space_that_exif_states_counts_before_xmp() -> None:
+    xmp = packet("http://ns.adobe.com/photoshop/1.0/", {"ICCProfile": "Adobe RGB (1998)"})
+    block = exif({ExifTags.Base.ColorSpace: 1})
+    assert_same(encode(SRGB, "WEBP", lossless=True, xmp=xmp, exif=block.tobytes()))
 
 
 PROFILES = {  # by what they do, under any name

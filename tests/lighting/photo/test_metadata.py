@@ -3,6 +3,7 @@
 import math
 import struct
 import time
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -13,10 +14,11 @@ from PIL import ExifTags, Image
 from PIL.PngImagePlugin import PngInfo
 from PIL.TiffImagePlugin import IFDRational
 
+from lighting.fusion.timezones import resolve_hemisphere
 from lighting.photo.lens import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata, _read_heading, _read_locations, read_metadata
 from lighting.photo.reader import read_photo
-from lighting.photo.tags import MAX_XMP_BYTES, _read_xmp
+from lighting.photo.tags import MAX_XMP_BYTES, read_xmp
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, RDF, drone, packet
 
@@ -277,15 +279,15 @@ BOMB = (
 
 def test_attributes_and_elements_are_alike() -> None:
     for elements in (False, True):
-        found = _read_xmp(drone("-12.30", elements=elements))
+        found = read_xmp(drone("-12.30", elements=elements))
         assert found[PITCH] == "-12.30"
-        assert _read_xmp(drone("-12.30", elements=elements) + b"\0\0 \n") == found
-        assert _read_xmp(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
+        assert read_xmp(drone("-12.30", elements=elements) + b"\0\0 \n") == found
+        assert read_xmp(packet(DJI.rstrip("/"), {"GimbalPitchDegree": "-12.30"}, elements))[PITCH] == "-12.30"
 
 
 def test_the_first_of_two_counts() -> None:
     twice = packet(DJI, {"GimbalPitchDegree": "-1"}).replace(b"</rdf:RDF>", b"<d:a xmlns:d='u'>2</d:a></rdf:RDF>")
-    assert _read_xmp(twice)[PITCH] == "-1"
+    assert read_xmp(twice)[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(
@@ -306,7 +308,7 @@ def test_the_first_of_two_counts() -> None:
     ],
 )
 def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
-    assert _read_xmp(data) == {}
+    assert read_xmp(data) == {}
 
 
 @pytest.mark.parametrize(
@@ -321,7 +323,7 @@ def test_what_is_damaged_large_or_an_attack_counts_as_absent(data: Any) -> None:
 )
 def test_no_packet_takes_long(data: bytes) -> None:
     start = time.process_time()
-    _read_xmp(data)
+    read_xmp(data)
     assert time.process_time() - start < 1.0
 
 
@@ -335,7 +337,7 @@ def test_megabytes_of_it_leave_the_photo_as_it_is() -> None:
 @given(st.binary(max_size=200))
 def test_no_packet_whatever_raises(data: bytes) -> None:
     for start in (b"", b"<", b"<x ", drone("-1")[:200]):
-        _read_xmp(start + data)
+        read_xmp(start + data)
 
 
 def with_segment(jpeg: bytes, block: bytes) -> bytes:
@@ -373,8 +375,8 @@ def test_the_first_of_several_xmp_packets_counts_where_it_says_something() -> No
 
 
 def test_xmp_in_utf_16_and_with_junk_behind_it() -> None:
-    assert _read_xmp(drone("-1").decode().encode("utf-16"))[PITCH] == "-1"
-    assert _read_xmp(drone("-1") + b"\0\0junk")[PITCH] == "-1"
+    assert read_xmp(drone("-1").decode().encode("utf-16"))[PITCH] == "-1"
+    assert read_xmp(drone("-1") + b"\0\0junk")[PITCH] == "-1"
 
 
 @pytest.mark.parametrize(
@@ -437,6 +439,21 @@ def test_the_creation_time_of_a_png(text: str, offset: float | None) -> None:
     chunks.add_text("Creation Time", text)
     metadata = read_photo(encode(SCENE, "PNG", pnginfo=chunks)).metadata
     assert (metadata.local_time, metadata.utc_offset) == (datetime(2024, 6, 1, 18, 49), offset)
+
+
+def test_exif_as_imagemagick_tells_it_in_a_png() -> None:
+    texts = {"DateTimeOriginal": "2024:06:01 18:49:00", "OffsetTimeOriginal": "+02:00", "FocalLengthIn35mmFilm": "26"}
+    texts |= {"GPSLatitude": "48/1, 8/1, 2400/100", "GPSLatitudeRef": "N", "GPSLongitude": "11/1, 34/1, 48/1"}
+    texts |= {"GPSLongitudeRef": "E", "GPSTimeStamp": "16/1, 49/1, 3/1", "GPSDateStamp": "2024:06:01"}
+    texts |= {"GPSImgDirection": "22435/100", "GPSImgDirectionRef": "T"}
+    chunks = PngInfo()
+    for name, text in texts.items():
+        chunks.add_text(f"exif:{name}", text)
+    found = read_photo(encode(SCENE, "PNG", pnginfo=chunks)).metadata
+    assert (found.local_time, found.utc_offset) == (datetime(2024, 6, 1, 18, 49), 2.0)
+    assert found.gps_time == datetime(2024, 6, 1, 16, 49, 3, tzinfo=UTC)
+    assert found.location == pytest.approx(MUNICH)
+    assert (found.focal_length, found.heading, found.heading_reference) == (26.0, 224.35, "true")
 
 
 def place_of(element: str, latitude: str) -> str:
@@ -525,6 +542,19 @@ def test_exif_counts_before_xmp() -> None:
 def test_a_hemisphere_that_nothing_states_is_open() -> None:
     assert len(_read_locations(gps((48, 8, 24), "", (11, 34, 48), ""), {})) == 4
     assert set(_read_locations(gps(48.0, "N", 11.0, None), {})) == {(48.0, 11.0), (48.0, -11.0)}
+
+
+@pytest.mark.parametrize(
+    ("word", "signs"), [("O", {1, -1}), ("V", {1, -1}), ("Ost", {1}), ("OESTE", {-1}), ("West", {-1})]
+)
+def test_a_hemisphere_in_other_languages(word: str, signs: set[int]) -> None:
+    """O is east in German and west in French."""
+    for tags in (gps(48.0, "N", 11.0, word), gps(48.0, "N", f"11.0 {word}", None)):
+        assert set(_read_locations(tags, {})) == {(48.0, sign * 11.0) for sign in signs}
+    if word == "O":
+        clock = replace(metadata_of(munich()), local_time=datetime(2024, 6, 1, 12), utc_offset=-6.0)
+        denver = replace(clock, latitude=None, longitude=None, locations=((39.74, 104.99), (39.74, -104.99)))
+        assert resolve_hemisphere(denver)[0].location == DENVER
 
 
 @pytest.mark.parametrize(
