@@ -132,14 +132,15 @@ def _fill_figures(page: str, metrics: NetworkMetrics) -> str:
 
 def _texts(metrics: NetworkMetrics) -> dict[str, str]:
     data, date, scored = metrics.data, metrics.date, _scored_suns(metrics)
+    suns = f", their suns on {scored[0]} of {scored[1]} places" if scored else ""
     scope = f"on {data['val']} panoramas of {data['val_places']} places that training never saw"
     by_height = "Protocol `paper`", f"`{metrics.row}` by true", "sun 0 to 20°"
     low = _signed("Those under 20° are placed {} in the median.", metrics.figure(*by_height, "elevation bias"))
     inside = _sentence("{:.0f} % lie within `radius_90`.", metrics.figure(*by_height, "in 90 % region"))
     return {
         "line": f"{_accuracy_line(metrics)} ({date}).",
-        "scope": f"The network was scored {scope} (`python -m export evaluate`, {date}).",
-        "scored": f"; suns are scored on {scored[0]} of {scored[1]} places" if scored else "",
+        "scope": f"The network was scored {scope}{suns} (`python -m export evaluate`, {date}).",
+        "scored": suns,
         "seen": _seen_sentence(metrics),
         "table": _accuracy_table(metrics, others=False),
         "photos": " ".join(filter(None, _photo_sentences(metrics))),
