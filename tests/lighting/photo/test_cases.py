@@ -4,6 +4,7 @@ Each row is a situation that people report of cameras and programs; the tags are
 is a lobe of probability at the sun's elevation, so that the pixels can choose where the file is in doubt.
 """
 
+import csv
 import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -11,16 +12,18 @@ from typing import Any
 
 import numpy as np
 import pytest
-from PIL import ExifTags
+from PIL import ExifTags, Image
 
+from lighting.errors import PhotoError
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.instants import resolve_instants
 from lighting.fusion.metadata_prior import observations_single
 from lighting.fusion.single_view import fuse
+from lighting.fusion.timezones import resolve_hemisphere
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import to_utc
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.reader import read_photo
+from lighting.photo.reader import Photo, read_photo
 from lighting.records import Lighting, WarningCode, warning_code
 from tests.conftest import encode, exif
 from tests.helpers.photos import packet
@@ -679,3 +682,78 @@ def test_xmp_beside_the_photo_fills_gaps(tmp_path: Path, name: str) -> None:
     (tmp_path / "photo.jpg").write_bytes(file_of(DENVER | {"OffsetTimeOriginal": "-06:00"}))
     own = read_photo(tmp_path / "photo.jpg").metadata
     assert (own.local_time, own.utc_offset) == (datetime(2025, 9, 14, 8, 18), -6.0)
+
+
+# The table of files: what each does now, without the network.
+
+CASES = Path(__file__).parents[2] / "data" / "cases"
+with (CASES / "cases.csv").open(encoding="utf-8", newline="") as _table:
+    ROWS = {row["id"]: row for row in csv.DictReader(_table)}
+REFERENCES = ("ref-garden_noon.jpg", "ref-railway_field.jpg")  # the same pictures in sRGB
+UPRIGHT = "rep-heic-irot.heic"  # of the pictures that their files turn
+MAX_COLOR_DIFFERENCE = 3.0  # of 255, of a picture's mean: HDR files were clipped before
+
+
+def describe_time(metadata: PhotoMetadata) -> list[str]:
+    resolved, warnings = resolve_hemisphere(metadata)
+    found = resolve_instants(resolved, UserInput())
+    used = found.likeliest
+    time = "no time" if used is None else f"{used.utc_time:%Y-%m-%d %H:%M} UTC by {used.source}"
+    facts = [time, *(["place"] if resolved.location else [])]
+    if resolved.heading is not None:
+        facts.append(f"heading {resolved.heading:.0f}")
+    codes = [warning_code(warning) for warning in (*warnings, *found.warnings, *found.conflict_warnings(used))]
+    return [*facts, *(str(code) for code in codes)]
+
+
+def describe_camera(metadata: PhotoMetadata) -> list[str]:
+    fovs = [fov for fov in (metadata.vertical_fov, *metadata.other_vertical_fovs) if fov is not None]
+    facts = ["vertical_fov " + " or ".join(f"{fov:.1f}" for fov in fovs)] if fovs else ["no lens"]
+    facts += ["panorama"] if metadata.is_panorama else []
+    if metadata.camera_elevation is not None:
+        facts.append(f"elevation {metadata.camera_elevation:.1f}")
+    return facts if metadata.camera_roll is None else [*facts, f"roll {metadata.camera_roll:.1f}"]
+
+
+def describe_frame(photo: Photo) -> list[str]:
+    crop = photo.crop
+    whole = f" of {crop.picture_width} x {crop.picture_height}" if crop else ""
+    return [f"{photo.width} x {photo.height}{whole}", *(str(warning_code(warning)) for warning in photo.warnings)]
+
+
+def describe_colors(photo: Photo) -> list[str]:
+    means = {name: read_photo(CASES / name).pixels.mean(axis=(0, 1)) for name in REFERENCES}
+    off = {name: np.abs(photo.pixels.mean(axis=(0, 1)) - mean).max() for name, mean in means.items()}
+    return [f"as {name.removesuffix('.jpg')}" for name, value in off.items() if value <= MAX_COLOR_DIFFERENCE]
+
+
+def describe_turn(photo: Photo) -> list[str]:
+    small = [Image.fromarray(picture.pixels).resize((42, 56)) for picture in (photo, read_photo(CASES / UPRIGHT))]
+    off = np.abs(np.subtract(*(np.asarray(picture, np.float32) for picture in small))).mean()
+    return ["upright" if off < MAX_COLOR_DIFFERENCE else "lies"]
+
+
+def describe_case(kind: str, file: Path) -> str:
+    """What reading does with a file, in the words of the table."""
+    try:
+        photo = read_photo(file)
+    except PhotoError as error:
+        return str(error)
+    if kind == "border":
+        facts = describe_frame(photo)
+    elif kind in ("color", "picture"):
+        facts = describe_colors(photo)
+    elif kind == "orientation":
+        facts = describe_turn(photo)
+    else:
+        metadata = photo.metadata
+        facts = [] if kind in ("lens", "gimbal") else describe_time(metadata)
+        facts += describe_camera(metadata) if kind in ("lens", "gimbal", "facts") else []
+    return "; ".join(facts)
+
+
+@pytest.mark.parametrize("case", ROWS)
+def test_each_file_does_what_the_table_says(case: str) -> None:
+    """The files are drawings and reduced examples; their places and times are invented to fit the sun."""
+    row = ROWS[case]
+    assert describe_case(row["kind"], CASES / row["file"]) == row["now"]
