@@ -13,7 +13,6 @@ import sys
 import warnings
 from collections.abc import Sequence
 from dataclasses import replace
-from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -24,7 +23,6 @@ import torch
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 from torch import Tensor, nn
-from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from export.crops.targets import COLUMNS, MIN_RADIANCE, ROWS
 from export.data.panoramas import DataError
@@ -335,7 +333,7 @@ def trace_onnx(network: nn.Module, example: Tensor, outputs: Sequence[str], dyna
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # of the exporter's own use of torch
         program = torch.onnx.export(
-            _fold_batch_norms(network),
+            network,
             (example,),
             input_names=["photo"],
             output_names=list(outputs),
@@ -346,20 +344,6 @@ def trace_onnx(network: nn.Module, example: Tensor, outputs: Sequence[str], dyna
         )
     assert program is not None
     return program.model_proto
-
-
-def _fold_batch_norms(network: nn.Module) -> nn.Module:
-    """A copy whose convolutions do what batch normalisations after them did; its graph is the same, traced sooner.
-
-    Args:
-        network: for evaluation.
-    """
-    folded = copy.deepcopy(network)
-    for layers in [module for module in folded.modules() if isinstance(module, nn.Sequential)]:
-        for i, (layer, following) in enumerate(pairwise(list(layers))):
-            if isinstance(layer, nn.Conv2d) and isinstance(following, nn.BatchNorm2d):
-                layers[i], layers[i + 1] = fuse_conv_bn_eval(layer, following), nn.Identity()
-    return folded
 
 
 def add_metadata(model: Any, metadata: dict[str, str]) -> None:

@@ -227,7 +227,7 @@ def test_exposures_that_cannot_be_read_are_named(tmp_path: Path) -> None:
     (tmp_path / "a.png").write_bytes(b"junk")
     (tmp_path / "a.exr").write_bytes(b"junk")
     for path, said in (
-        (tmp_path / "a.png", " cannot be read as a PNG, TIFF or JPEG picture."),
+        (tmp_path / "a.png", " cannot be read as a PNG, TIFF or JPEG picture; it is a text."),
         (tmp_path / "a.exr", ": The file is not an OpenEXR image."),
         (panorama(tmp_path / "b.exr", np.nan), ": The picture holds values that are not finite numbers."),
     ):

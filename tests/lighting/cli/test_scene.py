@@ -161,5 +161,5 @@ def test_a_bad_photo_is_one_sentence(tmp_path: Path, record_path: Path) -> None:
     result = invoke_command(
         "scene", tmp_path / "bad.jpg", "--for", "usd", "--lighting", record_path, "-o", tmp_path / "out"
     )
-    assert "not a JPEG" in error_of(result)
+    assert error_of(result).endswith("bad.jpg: This is a text, not a photo.")
     assert not (tmp_path / "out").exists()

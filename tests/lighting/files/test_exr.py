@@ -524,7 +524,7 @@ def test_other_shapes_are_refused(tmp_path: Path, shape: tuple[int, ...]) -> Non
 
 def test_what_is_no_map_or_no_lighting_is_refused(tmp_path: Path, rounded_map: NDArray[np.float32]) -> None:
     for thing in ("sky.exr", [[0.0]], None):
-        with pytest.raises(EnvironmentMapError, match="has the shape"):
+        with pytest.raises(EnvironmentMapError, match=r"^An environment map (has the|is an array of) shape"):
             write_exr(tmp_path / "a.exr", cast(Any, thing))
     with pytest.raises(ParameterError, match="A Lighting is needed, not dict"):
         write_exr(tmp_path / "a.exr", rounded_map, cast(Any, {"sun": {}}))
