@@ -1,6 +1,8 @@
 // The book: search by keyboard, copying, contents on a phone, axe in both schemes.
 import { faults, open } from "./visit.mjs";
 
+export const flat = true; // no page of it has WebGL
+
 export async function visit(browser, url, seen) {
   await searchByKeyboard(browser, url, seen);
   await readOnPhone(browser, url, seen);

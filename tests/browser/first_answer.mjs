@@ -16,7 +16,7 @@ export async function visit(browser, url, seen, { rounds, photo }) {
 
 /** Seconds until the headline is there, of these until the service's answer was; and of the browser's processors. */
 async function measureWait(browser, url, seen, act) {
-  const page = await open(browser, url, seen, { width: 1440, height: 900 });
+  const page = await open(browser, url, seen, { width: 1440, height: 900 }, { motion: true });
   const processors = await browser.newBrowserCDPSession();
   const spent = async () => {
     const { processInfo } = await processors.send("SystemInfo.getProcessInfo");

@@ -1,6 +1,8 @@
 // A service that wants a key, as far as the page can tell.
 import { expectFailures, open, refused, relit } from "./visit.mjs";
 
+export const flat = true; // no page of it has WebGL
+
 export async function visit(browser, url, seen, { photo }) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
   seen.sentKeys = [];

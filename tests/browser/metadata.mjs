@@ -1,6 +1,8 @@
 // The photo's metadata, stated and corrected by the user; how sure the headline is.
 import { answerWith, expectFailures, faults, metadataRows, open, relit } from "./visit.mjs";
 
+export const flat = true; // no page of it has WebGL
+
 export async function visit(browser, url, seen, { dated, photo }) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
   await relit(page, () => page.setInputFiles("#file", dated));

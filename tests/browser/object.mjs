@@ -1,6 +1,6 @@
 // The object: moved, rotated, scaled, of other materials, of the user's file; its shadow on ground that is half in shade.
 import { readFileSync } from "node:fs";
-import { answerWith, open, relit, screenshotOf } from "./visit.mjs";
+import { answerWith, drag, open, relit, screenshotOf } from "./visit.mjs";
 
 const CAMERA = { elevation: 0, roll: 0, vertical_fov: 60 };
 
@@ -25,17 +25,30 @@ export async function visit(browser, url, seen, { small, groundMask, model, wide
   await measure(browser, url, seen, small, wideModel);
 }
 
-/** The height that the page states of a sphere and of the user's own model. */
+/** The height that the page states of a sphere and of the user's own model; between them a slow drag. */
 async function measure(browser, url, seen, small, model) {
   const page = await open(browser, url, seen, { width: 360, height: 900 });
   await relit(page, () => page.setInputFiles("#file", small));
   await page.click("#unfold");
   await page.waitForSelector("#stage:not([hidden])");
   seen.heights = [await statedHeight(page)];
+  await dragSlowly(page, seen);
   await page.setInputFiles("#model-file", model);
   await page.waitForSelector('#shapes input[value="own"]:checked');
   seen.heights.push(await statedHeight(page));
   await page.context().close();
+}
+
+/** A drag with pauses, and its undo. */
+async function dragSlowly(page, seen) {
+  await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
+  const { x, y, width, height } = await page.locator("#stage").boundingBox();
+  const at = (right) => [x + right * width, y + 0.6 * height];
+  seen.slowDrag = [await rotation(page)];
+  await drag(page, [at(0.3), at(0.4), at(0.6)]);
+  seen.slowDrag.push(await rotation(page));
+  await page.keyboard.press("Control+z");
+  seen.slowDrag.push(await rotation(page), await page.isEnabled("#undo"));
 }
 
 /** Centimetres that the page states, and those of the sphere of that radius. */

@@ -2,9 +2,9 @@
 import { launch } from "./visit.mjs";
 
 const [url, executablePath, feature, files] = process.argv.slice(2);
-const { visit } = await import(`./${feature}.mjs`);
+const { visit, flat = false } = await import(`./${feature}.mjs`);
 const seen = { complaints: [] };
-const browser = await launch(executablePath);
+const browser = await launch(executablePath, flat);
 try {
   await visit(browser, url, seen, JSON.parse(files));
 } finally {

@@ -1,6 +1,8 @@
 // Several photos: answered together, rotated by what they show in common, with files of the common light.
 import { copied, downloaded, open, relit, saved } from "./visit.mjs";
 
+export const flat = true; // no page of it has WebGL
+
 export async function visit(browser, url, seen, { photo, dated, overlapping, folder }) {
   const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
   await estimateTogether(page, seen, [photo, dated], folder);

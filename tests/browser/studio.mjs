@@ -1,6 +1,8 @@
 // The page as a studio: the picture beside its controls at every width, the sun dragged, targets, the map, cities.
 import { answerWith, faults, open, relit } from "./visit.mjs";
 
+export const flat = true; // no page of it has WebGL
+
 const LIGHT_CONTROLS = ["sun", "sun_azimuth", "sun_elevation", "warmth", "softness", "turbidity", "exposure"];
 const SIZES = [[390, 844, "light"], [768, 1024, "dark"], [1440, 900, "light"], [844, 390, "dark"]]; // biome-ignore format: a table
 const LEAST_TARGET = 44; // pixels

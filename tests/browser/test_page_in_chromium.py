@@ -431,12 +431,6 @@ class TestUndo:
         start, dragged, undone = seen["dome"]
         assert dragged != start == undone
 
-    def test_a_slow_drag_on_the_object_is_one_step(self, seen: Seen) -> None:
-        start, dragged, undone, more = seen["object"]
-        assert float(dragged) > float(start) + 10
-        assert undone == start
-        assert not more
-
     def test_keys_undo_from_a_chooser_too(self, seen: Seen) -> None:
         start, changed, undone = seen["chooser"]
         assert undone == start != changed
@@ -478,6 +472,12 @@ class TestObject:
         undo, foot = seen["back"]
         assert not undo
         assert foot != seen["clicked"]
+
+    def test_a_slow_drag_on_the_object_is_one_step(self, seen: Seen) -> None:
+        start, dragged, undone, more = seen["slowDrag"]
+        assert float(dragged) > float(start) + 10
+        assert undone == start
+        assert not more
 
     def test_the_shadow_darkens_lit_ground_and_ends_where_the_photo_is_in_shade(self, seen: Seen, folder: Path) -> None:
         """The sun is to the left: the shadow runs to the right, from the lit half into the half in shade."""

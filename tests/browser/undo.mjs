@@ -1,7 +1,9 @@
-// Undo: keys, slow drags of a slider, of the dome and of the object, and keys pressed at a file chooser.
+// Undo: keys, slow drags of a slider and of the dome, and keys pressed at a file chooser.
 import { drag, open, relit } from "./visit.mjs";
 
-export async function visit(browser, url, seen, { photo, small }) {
+export const flat = true; // no page of it has WebGL
+
+export async function visit(browser, url, seen, { photo }) {
   const page = await open(browser, url, seen, { width: 1000, height: 900 }, { flat: true });
   await relit(page, () => page.setInputFiles("#file", photo));
   await pressKeys(page, seen);
@@ -10,7 +12,6 @@ export async function visit(browser, url, seen, { photo, small }) {
   await dragDome(page, seen);
   await undoFromTheChooser(page, seen);
   await page.context().close();
-  await dragObject(browser, url, seen, small);
 }
 
 /** Sixty steps of a slider, how many requests they made, and one undo of them all. */
@@ -72,21 +73,4 @@ async function undoFromTheChooser(page, seen) {
   await page.focus("#model-file");
   await page.keyboard.press("Control+z");
   seen.chooser.push(await turbidity());
-}
-
-async function dragObject(browser, url, seen, small) {
-  const page = await open(browser, url, seen, { width: 360, height: 900 });
-  await relit(page, () => page.setInputFiles("#file", small));
-  await page.click("#unfold");
-  await page.waitForSelector("#stage:not([hidden])");
-  await page.evaluate(() => document.getElementById("frame").scrollIntoView({ block: "center" }));
-  const { x, y, width, height } = await page.locator("#stage").boundingBox();
-  const at = (right) => [x + right * width, y + 0.6 * height];
-  const rotation = () => page.inputValue("#object-turn");
-  seen.object = [await rotation()];
-  await drag(page, [at(0.3), at(0.4), at(0.6)]);
-  seen.object.push(await rotation());
-  await page.keyboard.press("Control+z");
-  seen.object.push(await rotation(), await page.isEnabled("#undo"));
-  await page.context().close();
 }

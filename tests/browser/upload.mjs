@@ -4,6 +4,8 @@ import { expectFailures, faults, metadataRows, open, PATIENCE, refused, relit } 
 
 const LONG_NAME = `${"a_photo_with_a_long_name_".repeat(6)}.jpg`;
 
+export const flat = true; // no page of it has WebGL
+
 export async function visit(browser, url, seen, files) {
   await openFormats(browser, url, seen, files);
   await bringOtherThings(browser, url, seen, files);
@@ -13,7 +15,7 @@ export async function visit(browser, url, seen, files) {
 
 /** One photo in every format: its metadata, and which way up it is shown. */
 async function openFormats(browser, url, seen, { formats, upright, letterbox, small, heic }) {
-  const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true });
+  const page = await open(browser, url, seen, { width: 1000, height: 800 }, { flat: true, motion: true });
   seen.firstRequests = page.requests.filter((address) => address.startsWith(url)).map((address) => address.slice(url.length));
   seen.faults = await faults(page);
   seen.metadata = {};

@@ -9,19 +9,30 @@ const { chromium } = require("playwright-core");
 export const PATIENCE = 120_000; // ms; WebGL is drawn by the CPU here
 export const axePath = require.resolve("axe-core/axe.min.js");
 
-export const launch = (executablePath) =>
+const WITH_WEBGL = ["--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-gpu-compositing"];
+
+/** A browser; a `flat` one has no WebGL, and draws pages without it, which takes much less of a CPU. */
+export const launch = (executablePath, flat = false) =>
   chromium.launch({
     executablePath,
-    args: ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"],
+    args: ["--no-sandbox", "--disable-background-networking", ...(flat ? ["--disable-gpu"] : WITH_WEBGL)],
   });
 
 /**
  * A page at `url` whose faults go to `seen.complaints` and whose requests go to `page.requests`. `flat` takes WebGL away,
- * which is slow where the CPU draws; `touch` is a phone.
+ * which is slow where the CPU draws; `touch` is a phone; with `motion` the first view's example moves all the time.
  */
-export async function open(browser, url, seen, viewport, { flat = false, touch = false, colorScheme = "light" } = {}) {
+export async function open(
+  browser,
+  url,
+  seen,
+  viewport,
+  { flat = false, touch = false, motion = false, colorScheme = "light" } = {},
+) {
   const permissions = ["clipboard-read", "clipboard-write"];
-  const context = await browser.newContext({ viewport, permissions, isMobile: touch, hasTouch: touch, colorScheme });
+  const reducedMotion = motion ? "no-preference" : "reduce";
+  const options = { viewport, permissions, isMobile: touch, hasTouch: touch, colorScheme, reducedMotion };
+  const context = await browser.newContext(options);
   if (flat) await context.addInitScript(withoutWebgl);
   const page = await context.newPage();
   page.setDefaultTimeout(PATIENCE);
