@@ -129,7 +129,7 @@ def test_a_decoder_needs_no_more_than_the_table_says(kind: str, tmp_path: Path) 
     large.write_bytes(KINDS[kind](*SIZE))
     small.write_bytes(KINDS[kind](96, 64))
     pixels = SIZE[0] * SIZE[1]
-    conversion = CONVERSION * pixels if kind.startswith("PNG") else 4_000_000
+    conversion = CONVERSION * pixels if kind.startswith("PNG") else 5_000_000  # the heap's layout takes up to 1 MB
     assert cost(large, small)[0] <= MEASURED[kind] * pixels + min(conversion, _FIXED_BYTES)
 
 
