@@ -32,7 +32,8 @@ def service() -> Iterator[str]:
     for check in ("READY", "HEALTH"):  # Ray gives up a proxy that starts slowly
         os.environ[f"RAY_SERVE_PROXY_{check}_CHECK_TIMEOUT_S"] = str(PATIENCE)
     sys.path.insert(0, str(ROOT / "examples"))
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 2, "object_store_memory": 200_000_000})
+    head = {"num_cpus": 2, "object_store_memory": 200_000_000, "include_dashboard": False}
+    cluster = Cluster(initialize_head=True, head_node_args=head)
     cluster.add_node(num_cpus=1, object_store_memory=200_000_000)
     ray.init(address=cluster.address, log_to_driver=False, logging_level="error")
     serve.start(http_options={"port": 8642})
