@@ -112,20 +112,17 @@ def check(engine: Engine, view: Path, cache: Path) -> None:
 
 
 def build_space(engine: Engine, context: Path) -> dict[str, str]:
-    """Build what Hugging Face builds, in a copy of the files that git tracks; returns the front matter."""
-    names = _run(["git", "-c", f"safe.directory={ROOT}", "ls-files", "-z"]).split("\0")
-    for path in (Path(name) for name in names if name and (ROOT / name).is_file()):
-        (context / path).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(ROOT / path, context / path)
+    """Build what Hugging Face builds, in a copy of the files that the builder gets; returns the front matter."""
+    ignored = shutil.ignore_patterns(*NEVER_SENT)
+    for name in SENT_FOLDERS:
+        shutil.copytree(ROOT / name, context / name, ignore=ignored)
+    for name in (*SENT, "Dockerfile", ".dockerignore"):
+        shutil.copyfile(ROOT / name, context / name)
     _, matter, _ = SPACE.read_text(encoding="utf-8").split("---\n", 2)
     page = (ROOT / "README.md").read_text(encoding="utf-8")
     (context / "README.md").write_text(f"---\n{matter}---\n\n{page}", encoding="utf-8")
     build_image(engine, context, SPACE_CONTAINER, "TRACES=1")
     return dict(line.split(": ", 1) for line in matter.splitlines())
-
-
-def _run(argv: list[str]) -> str:
-    return subprocess.run(argv, cwd=ROOT, capture_output=True, text=True, check=True).stdout
 
 
 def check_context(engine: Engine) -> None:
