@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from fastapi import FastAPI
     from uvicorn import Config
 
+    from server.connections import Listener
     from server.dependencies import Service
-    from server.listener import Listener
 
 
 _DRAIN_SECONDS = (
@@ -148,8 +148,8 @@ def _serve() -> None:
 
     from lighting.files.exr import set_compression_threads
     from server.app import create_app
+    from server.connections import bind_listeners
     from server.limits import raise_file_limit
-    from server.listener import bind_listeners
     from server.settings import PREFIX, read_settings
 
     _end_at_signals()
@@ -206,7 +206,7 @@ def _format_setting_error(details: Mapping[str, Any]) -> str:
 
 def _protocol_class(service: "Service") -> Any:
     """The class of a connection, with its limits."""
-    from server.h11_protocol import BoundedProtocol
+    from server.connections import BoundedProtocol
 
     return partial(
         BoundedProtocol,

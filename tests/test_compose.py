@@ -12,7 +12,7 @@ from lighting.registration import photo_set
 from lighting.registration.features import MAX_SIDE
 from lighting.scene.records import PLATE_SIDE
 from scripts.book import read_code_blocks
-from server.h11_protocol import MAX_HEADER_BYTES
+from server.connections import MAX_HEADER_BYTES
 from server.limits import PLACE_BYTES
 from server.settings import PREFIX, Settings
 from tests.helpers.pages import ROOT

@@ -1,10 +1,11 @@
-"""What ends a connection, on a real socket: heads, bodies in crumbs, answers that are not taken."""
+"""Which connections are refused, and what ends one, on a real socket: heads, bodies in crumbs, untaken answers."""
 
 import asyncio
 import json
 import logging
 import re
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -15,16 +16,27 @@ from typing import Any
 import pytest
 from starlette.types import Receive, Scope, Send
 
-from server import h11_protocol
+from server import connections
 from server.auth import SECURITY_HEADERS
-from server.h11_protocol import _READ_BYTES, MAX_CHUNKS, MAX_HEADER_BYTES, MIN_MEAN_CHUNK, BoundedProtocol
+from server.connections import (
+    _READ_BYTES,
+    MAX_CHUNKS,
+    MAX_HEADER_BYTES,
+    MAX_REFUSALS,
+    MIN_MEAN_CHUNK,
+    BoundedProtocol,
+    Listener,
+    bind_listeners,
+)
 from server.limits import ConnectionLimiter, PendingResponses
 from server.schemas import Problem
 from tests.helpers.processes import serve_app
 
 SECONDS = 1.0
+GREEDY = "127.0.0.2"  # the address of a client that is refused
 LARGE = 50_000_000  # bytes of an answer: more than the sockets of both sides keep
 
+on_linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux has all of 127.0.0.0/8")
 
 gone = threading.Event()  # when the client of /wait has disconnected
 go_on = threading.Event()  # when /wait may answer
@@ -313,7 +325,7 @@ def test_an_answer_that_is_not_taken_is_dropped(
     port: int, pending: PendingResponses, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("INFO", "server.access")
-    monkeypatch.setattr(h11_protocol, "RESPONSE_GRACE", 3.0)
+    monkeypatch.setattr(connections, "RESPONSE_GRACE", 3.0)
     with large(port) as connection:
         until(lambda: pending.size > 0)
         assert pending.size > LARGE // 2
@@ -325,7 +337,7 @@ def test_an_answer_that_is_not_taken_is_dropped(
 def test_an_answer_that_is_taken_slowly_but_fast_enough_comes_whole(
     port: int, pending: PendingResponses, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(h11_protocol, "RESPONSE_GRACE", 0.5)
+    monkeypatch.setattr(connections, "RESPONSE_GRACE", 0.5)
     taken = 0
     with large(port) as connection:
         until(lambda: pending.size > 0)
@@ -340,7 +352,7 @@ WAIT = b"POST /wait HTTP/1.1\r\nHost: x\r\nContent-Length: 3\r\n\r\nabc"
 
 @pytest.fixture
 def waiting(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(h11_protocol, "_PROBE_SECONDS", (0.3, 0.1, 0.1))
+    monkeypatch.setattr(connections, "_PROBE_SECONDS", (0.3, 0.1, 0.1))
     gone.clear()
     go_on.clear()
 
@@ -415,3 +427,50 @@ def test_silent_connections_give_way_and_working_ones_do_not() -> None:
         for connection in (working, *others):
             connection.close()
         until(lambda: limiter.count == 0)
+
+
+@pytest.fixture
+def listener() -> Iterator[Listener]:
+    (listener,) = bind_listeners("127.0.0.1", 0)
+    with listener:
+        listener.refuses = lambda host: host == GREEDY
+        listener.setblocking(False)
+        listener.listen(1)
+        yield listener
+
+
+def connect(listener: Listener, host: str) -> socket.socket:
+    return socket.create_connection(listener.getsockname(), timeout=10, source_address=(host, 0))
+
+
+@on_linux
+def test_a_refused_connection_is_closed_and_the_next_one_taken(listener: Listener) -> None:
+    with connect(listener, GREEDY) as refused, connect(listener, "127.0.0.3") as taken:
+        connection, address = listener.accept()
+        assert (type(connection), address) == (socket.socket, taken.getsockname())
+        connection.close()
+        assert refused.recv(1) == b""
+        with pytest.raises(BlockingIOError):
+            listener.accept()
+
+
+@on_linux
+def test_refusals_leave_the_loop_its_turn(listener: Listener) -> None:
+    crowd = [connect(listener, GREEDY) for _ in range(MAX_REFUSALS + 1)]
+    with connect(listener, "127.0.0.3"):
+        with pytest.raises(BlockingIOError):
+            listener.accept()
+        assert [crowd[0].recv(1), crowd[MAX_REFUSALS - 1].recv(1)] == [b"", b""]
+        (connection,) = listener.accept_waiting()
+        connection.close()
+    for refused in crowd:
+        refused.close()
+
+
+@on_linux
+def test_a_name_of_two_addresses_is_bound_where_they_are_free() -> None:
+    addresses = {info[4][0] for info in socket.getaddrinfo("localhost", 0, type=socket.SOCK_STREAM)}
+    listeners = bind_listeners("localhost", 0)
+    assert {listener.getsockname()[0] for listener in listeners} <= addresses
+    for listener in listeners:
+        listener.close()
