@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
 from lighting.documentation import describe_fields
 from lighting.envmap.relighting import rotate_lighting, scale_exposure
-from lighting.envmap.render import level_irradiance, render
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import level_irradiance, render, sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, latlong_angles, latlong_solid_angle

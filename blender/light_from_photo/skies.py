@@ -8,8 +8,7 @@ import numpy as np
 
 from .lighting.color import color_and_intensity, luminance
 from .lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments, adjust_lighting
-from .lighting.envmap.render import render, sky_irradiance
-from .lighting.envmap.sun_disc import sun_irradiance
+from .lighting.envmap.render import render, sky_irradiance, sun_irradiance
 from .lighting.geometry import to_z_up
 from .lighting.records import Lighting
 from .lighting.validation import RANGES

@@ -18,8 +18,7 @@ from PIL import Image
 from export.crops.cameras import Camera
 from export.crops.crops import NOT_STRETCHED, Crop, Source, Stretch, resize
 from export.data.panoramas import linearize
-from lighting.envmap.render import sky_irradiance
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, sample_latlong
 from lighting.records import Lighting, ModelSpec
 

@@ -17,8 +17,7 @@ from export.evaluation.metrics import Names, markdown_table
 from export.evaluation.predictions import CROPS_EACH, View, load_models, protocol_views
 from export.evaluation.relighting import OBJECTS, object_errors, render_object, rgb_angle
 from lighting.color import luminance, tone_map
-from lighting.envmap.render import level_irradiance, render, sky_irradiance, with_irradiance
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import level_irradiance, render, sky_irradiance, sun_irradiance, with_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import apply_photo_colors
 from lighting.fusion.estimate import build_estimate, predict_photo

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from export.evaluation.metrics import markdown_table
 from lighting.color import luminance
-from lighting.envmap.render import render
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sun_irradiance
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
 from lighting.probe.alignment import Scan, yaw_rotation

@@ -18,9 +18,8 @@ from export.data.procedural_towns import random_town
 from export.evaluation.metrics import figures_table, percentage
 from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.latlong import row_irradiance
-from lighting.envmap.render import sky_irradiance
+from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask
-from lighting.envmap.sun_disc import sun_irradiance
 from lighting.estimator import Estimator
 from lighting.geometry import Floats, Pinhole, wrap_azimuth
 from lighting.model import Model

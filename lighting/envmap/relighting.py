@@ -11,8 +11,7 @@ import numpy as np
 from lighting.color import luminance
 from lighting.documentation import describe_fields
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
-from lighting.envmap.render import clear_irradiance, sky_irradiance, with_irradiance
-from lighting.envmap.sun_disc import disc_power
+from lighting.envmap.render import clear_irradiance, disc_power, sky_irradiance, with_irradiance
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting

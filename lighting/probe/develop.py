@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.envmap.latlong import MAX_RADIANCE
-from lighting.envmap.render import render
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sun_irradiance
 from lighting.errors import ErrorCode, ProbeError
 from lighting.files.exr import write_exr
 from lighting.geometry import Floats, angle_between, angles, direction, latlong_directions, wrap_azimuth

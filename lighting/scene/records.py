@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 import lighting.geometry as geometry
 from lighting.documentation import describe_fields
 from lighting.envmap.projection import photo_camera
-from lighting.envmap.render import ground_reflectance, render, sky_irradiance
+from lighting.envmap.render import ground_reflectance, render, sky_irradiance, sun_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
-from lighting.envmap.sun_disc import sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import find_sunny_ground, is_in_sun, max_object_meters, spot_warnings

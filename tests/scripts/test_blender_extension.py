@@ -23,8 +23,7 @@ import pytest
 
 from lighting.batch.results import PHOTO_SUFFIXES
 from lighting.envmap.relighting import Adjustments, adjust_lighting
-from lighting.envmap.render import render
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sun_irradiance
 from lighting.estimator import Estimator
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting

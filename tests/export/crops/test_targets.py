@@ -24,8 +24,7 @@ from export.crops.targets import (
 from export.data.panoramas import Panorama
 from export.networks.outdoor import network_specs
 from lighting.color import tone_map
-from lighting.envmap.render import render, sky_irradiance
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sky_irradiance, sun_irradiance
 from lighting.geometry import latlong_solid_angle
 from lighting.records import Lighting
 from tests.helpers.panoramas import VIEWS, crop, label, source

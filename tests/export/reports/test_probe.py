@@ -22,7 +22,7 @@ from export.reports.probe import (
     _rotation_between,
 )
 from lighting.color import luminance
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import sun_irradiance
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction
 from lighting.probe.alignment import SUN_CLEARANCE, Scan, _fit_orientation, _log_errors, yaw_rotation

@@ -18,8 +18,7 @@ from lighting.envmap.relighting import (
     rotate_lighting,
     scale_exposure,
 )
-from lighting.envmap.render import render, sky_irradiance
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sky_irradiance, sun_irradiance
 from lighting.errors import ParameterError
 from lighting.geometry import wrap_azimuth
 from lighting.records import Lighting

@@ -1,12 +1,19 @@
 """Tests of render."""
 
+import itertools
+import json
 from dataclasses import replace
 from functools import lru_cache
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
+import lighting.envmap.latlong as latlong
+import lighting.envmap.render as render_module
+from lighting.cli import cli
 from lighting.envmap.latlong import irradiance_from_rows, row_irradiance
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.render import (
@@ -15,15 +22,19 @@ from lighting.envmap.render import (
     _render_clear_sky,
     _render_mixed_sky,
     _render_sky_shape,
+    _splat_sun_disc,
     _weather,
     clear_irradiance,
+    disc_power,
     ground_reflectance,
     render,
     sky_irradiance,
+    sun_irradiance,
     with_irradiance,
 )
-from lighting.envmap.sun_disc import disc_power, splat_sun_disc, sun_irradiance
+from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import ParameterError
+from lighting.files import MAP_FORMATS
 from lighting.geometry import (
     SUN_RADIUS,
     Floats,
@@ -37,6 +48,7 @@ from lighting.records import Lighting, record_with_coefficients
 from lighting.sky import SKY_MODELS, Weather, sky_shape
 from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
 from lighting.sky.perez import lalonde_matthews_sun
+from tests.conftest import scene
 from tests.helpers.predictions import GROUND_COLOR, SKY_IRRADIANCE, SUN_IRRADIANCE, model_light, stated_light
 
 HEIGHTS = (16, 18, 50, 128, 1024)
@@ -51,6 +63,9 @@ SUNS = {  # azimuth and elevation, deg
     "zenith": (0.0, 90.0),
 }
 SUN_CASES = pytest.mark.parametrize(("azimuth", "elevation"), SUNS.values(), ids=SUNS.keys())
+
+HALF = 65504.0
+TOLERANCE = 0.02  # stops
 
 
 @lru_cache(maxsize=8)
@@ -134,7 +149,7 @@ def test_sky_pixels_hold_the_sky_model(height: int, elevation: float, turbidity:
 def test_the_power_asked_for_is_painted(azimuth: float, elevation: float) -> None:
     image = np.zeros((32, 64, 3), np.float32)
     power = np.array([3.0, 2.0, 1.0])
-    splat_sun_disc(image, model_light(azimuth, elevation), power)
+    _splat_sun_disc(image, model_light(azimuth, elevation), power)
     assert image.sum(axis=1).T @ latlong_solid_angle(32) == pytest.approx(power, rel=1e-4)
 
 
@@ -378,3 +393,103 @@ def test_the_sun_of_lalonde_and_matthews_is_a_lobe_of_the_power_asked_for() -> N
     assert np.count_nonzero(image[..., 0] > 0.1 * image.max()) > 4
     light = replace(stated_light(), sky_model="lalonde-matthews")
     assert render(light, 64).max() < render(stated_light(), 64).max()
+
+
+def light_of(elevation: float, exposure: float, **fields: Any) -> Lighting:
+    return Lighting(
+        sun_azimuth=37.3, sun_elevation=elevation, turbidity=3.0, exposure=exposure, camera_elevation=0.0,
+        camera_roll=0.0, vertical_fov=60.0, sun_visibility=1.0, **fields,
+    )  # fmt: skip
+
+
+def irradiances(image: Floats, light: Lighting) -> Floats:
+    """(2, 3) of a surface that faces the sun, and of level ground from above."""
+    directions, weight = latlong_directions(len(image)), latlong_solid_angle(len(image))[:, None]
+    cosines = np.maximum(np.stack([directions @ light.sun_direction, directions[..., 1]]), 0.0) * weight
+    return np.tensordot(cosines, image.astype(np.float64), 2)
+
+
+def unlimited(light: Lighting, height: int, monkeypatch: pytest.MonkeyPatch) -> Floats:
+    """The map as it was before values ended."""
+    with monkeypatch.context() as patch:
+        for module in (latlong, render_module):
+            patch.setattr(module, "MAX_RADIANCE", float("inf"))
+        return render(light, height)
+
+
+CASES = list(itertools.product((64, 256, 512), (0.1, 2.0, 12.0, 45.0, 89.8), (4.0, 300.0, 4000.0)))
+
+
+@pytest.mark.parametrize(("height", "elevation", "exposure"), CASES)
+def test_no_value_is_over_a_half_float_and_irradiances_stay(
+    height: int, elevation: float, exposure: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    light = light_of(elevation, exposure)
+    image, before = render(light, height), unlimited(light, height, monkeypatch)
+    assert image.max() <= HALF
+    assert np.isfinite(image.astype(np.float16)).all()
+    assert image.min() >= 0
+    change = np.log2(irradiances(image, light) / irradiances(before, light))
+    assert np.abs(change).max() < TOLERANCE
+    if before.max() <= HALF:
+        assert np.array_equal(image, before)
+
+
+def test_large_maps_hold_a_wider_sun(monkeypatch: pytest.MonkeyPatch) -> None:
+    light = with_irradiance(light_of(40.0, 20.0))
+    image, before = render(light, 2048), unlimited(light, 2048, monkeypatch)
+    assert before.max() > HALF >= image.max() > 0.8 * HALF
+    assert np.abs(np.log2(irradiances(image, light) / irradiances(before, light))).max() < 0.002
+    wide = latlong_directions(2048)[(image - render(light, 2048, disc=False)).max(axis=-1) > 1.0]
+    assert 0.3 < angle_between(wide, light.sun_direction).max() < 1.0
+
+
+@pytest.mark.parametrize("sky", ["lalonde-matthews", "prague", "cie-12"])
+def test_other_skies_end_there_too(sky: str) -> None:
+    assert sky in SKY_MODELS
+    light = with_irradiance(light_of(35.0, 900.0))
+    image, _ = render_view(light, 256, sky=sky)
+    assert image.max() <= HALF
+    level = irradiances(image, light)[1]
+    expected = np.array(light.sky_irradiance) + np.array(light.sun_irradiance) * light.sun_direction[1]
+    assert np.abs(np.log2(level / expected)).max() < (0.3 if sky == "lalonde-matthews" else 0.05)  # a glow is wide
+
+
+def test_surroundings_and_turned_maps_end_there_too() -> None:
+    light = with_irradiance(light_of(35.0, 40.0))
+    context = PhotoContext(scene(96, 64))
+    image, _ = render_view(light, 512, context=context, yaw=33.3)
+    assert 0.5 * HALF < image.max() <= HALF
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_a_light_that_no_map_holds_is_refused(stated: bool) -> None:
+    light = light_of(35.0, 9e5)
+    if stated:
+        light = light_of(35.0, 4.0, sun_irradiance=(1e6,) * 3, sky_irradiance=(1e6,) * 3)
+    with pytest.raises(ParameterError, match=r"too bright for a map, whose values end at 65280") as caught:
+        render(light, 64)
+    assert caught.value.field == "exposure"
+
+
+def test_a_bright_sky_keeps_its_irradiance() -> None:
+    levels = latlong.row_irradiance(64)[:32]
+    rows = np.full((32, 128, 3), 20_000.0, np.float32)
+    rows[10:14, 40:50] = (2e5, 1e5, 3e4)
+    before = latlong.irradiance_from_rows(levels, rows)
+    latlong.cap_radiance(levels, rows)
+    assert rows.max() <= HALF
+    assert latlong.irradiance_from_rows(levels, rows) == pytest.approx(before, rel=2e-3)
+    with pytest.raises(ParameterError, match="too bright"):
+        latlong.cap_radiance(levels, rows * np.float32(5))
+
+
+@pytest.mark.parametrize("name", ["sky.exr", "sky.hdr"])
+def test_the_command_writes_such_a_map(tmp_path: Path, name: str) -> None:
+    record = tmp_path / "light.json"
+    record.write_text(json.dumps(with_irradiance(light_of(40.0, 20.0)).to_dict()))
+    arguments = ["render", str(record), "--height", "512", "-o", str(tmp_path / name)]
+    assert CliRunner().invoke(cli, arguments).exit_code == 0
+    read = MAP_FORMATS[name[-3:]].read
+    assert read is not None
+    assert 0.5 * HALF < read((tmp_path / name).read_bytes()).max() <= HALF

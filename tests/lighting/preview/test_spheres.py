@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from lighting.color import luminance, srgb_encode
-from lighting.envmap.render import render
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sun_irradiance
 from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, direction, latlong_directions
 from lighting.preview import spheres as spheres
 from lighting.preview.spheres import (

@@ -16,8 +16,7 @@ from export.reports.probe import (
     _photograph_sky,
     _rotation_between,
 )
-from lighting.envmap.render import render
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sun_irradiance
 from lighting.errors import ProbeError
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import camera_axes, latlong_directions

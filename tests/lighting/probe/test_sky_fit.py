@@ -5,8 +5,7 @@ import pytest
 
 from export.data.panoramas import decode_srgb
 from export.data.rendered_panoramas import render_panorama
-from lighting.envmap.render import render
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import render, sun_irradiance
 from lighting.errors import ProbeError
 from lighting.geometry import angle_between, direction, latlong_angles, latlong_directions
 from lighting.probe.sky_fit import (

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import ArrayLike, NDArray
 
-from lighting.envmap.render import sky_irradiance
-from lighting.envmap.sun_disc import sun_irradiance
+from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions
 from lighting.records import Lighting
