@@ -1,6 +1,7 @@
 """The preview: a picture of a photo's light, with the photo, the sky, the map, three spheres, and all in words."""
 
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from textwrap import wrap
 
 import numpy as np
@@ -14,12 +15,28 @@ from lighting.envmap.surroundings import photo_context, render_view
 from lighting.files.atomic import encode_png
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
-from lighting.preview import drawing, panels
-from lighting.preview.drawing import BACKGROUND, MUTED, SUN, TEXT, TextStyle, draw_text, rounded_mask, text_width
-from lighting.preview.panels import GAP, LETTERS, MARGIN, WIDTH
+from lighting.preview import drawing
+from lighting.preview.drawing import (
+    BACKGROUND,
+    MUTED,
+    SUN,
+    TEXT,
+    WHITE,
+    TextStyle,
+    draw_lines,
+    draw_suns,
+    draw_text,
+    draw_text_inside,
+    rounded_mask,
+    text_width,
+)
+from lighting.preview.object_insertion import insert_balls
 from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
-from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, check_estimate
+from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, SunDistribution, check_estimate
+from lighting.segmentation import Segments
+from lighting.sun_grid import grid_directions
 
 MAP_HEIGHT = 512  # rows of the environment map
 PHOTO_SIDE = 1000  # pixels, least length of the photo's longer side if it has as many
@@ -28,6 +45,49 @@ _PNG_LEVEL = 2  # a third of the work of 6, for a ninth more bytes
 _MAX_RADIUS = 90.0  # deg: where a tenth of the probability lies farther off, the sun may as well be opposite
 _MIN_DOUBTFUL = 0.25  # probability of direct sunlight from which on its absence is not certain
 _WARNING_LETTERS = 160  # of a line of warnings
+WIDTH = 1600  # of the whole picture
+_MARGIN = 40  # around all
+_GAP = 24  # between panels
+_HEADER = 78  # height of the headline above the panels
+_WARNING_LINE = 26  # height of a line of warnings, which stand below the headline
+_CAPTION = 32  # height of the line above each panel
+_LETTERS = 18  # size of a caption's letters
+_CELL = 76  # height of one number with its name
+_UPRIGHT_HEIGHT = 680  # of the upper row when the photo is upright
+_UPRIGHT_MAP_HEIGHT = 440  # of the map below it
+_SHARE_LETTERS = 15  # pixels, size of a region's share
+_RINGS = (30, 60)  # deg of elevation, the compass's rings
+_DENSITY_SIZE = 112  # pixels of the density before enlargement
+_MAP_WORDS = (  # share of the map's width, word and anchor
+    (0.25, "90° left", "ms"), (0.5, "front", "ms"), (0.75, "90° right", "ms"),
+    (0.008, "behind", "ls"), (0.992, "behind", "rs"),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class _Box:
+    """A rectangle by its upper left corner and its size."""
+
+    x: int
+    """Column of the left edge, pixels."""
+    y: int
+    """Row of the upper edge, pixels."""
+    width: int
+    """Columns, pixels."""
+    height: int
+    """Rows, pixels."""
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where everything goes."""
+
+    height: int  # of the whole picture
+    photo: _Box
+    compass: _Box
+    envmap: _Box
+    spheres: _Box
+    cells: list[tuple[int, int]]  # upper left corners of the numbers
 
 
 def encode_preview_png(picture: NDArray[np.uint8]) -> bytes:
@@ -90,23 +150,23 @@ def _draw_preview(
         envmap, _ = render_view(lighting, MAP_HEIGHT, context=photo_context(estimate, photo))
     envmap = check_envmap(envmap)
     aspect, numbers = photo.shape[1] / photo.shape[0], _format_numbers(lighting)
-    plan = panels.lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
-    compass = panels.draw_compass(estimate, aspect, plan.compass.width)
+    plan = _lay_out(aspect, len(numbers), len(_warning_lines(lighting)))
+    compass = _draw_compass(estimate, aspect, plan.compass.width)
     centers = sphere_centers(plan.spheres.width / plan.spheres.height, limit_pitch(lighting))
     scene = build_sphere_scene(envmap, lighting.sun_direction, centers)
     photo_scene = scene if lighting.sun_irradiance is not None and lighting.spot_pixel is not None else None
     camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
-    photo_text = panels.format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
+    photo_text = _format_photo_caption(camera, plan.photo.width, balls=photo_scene is not None)
     canvas = Image.new("RGB", (WIDTH, plan.height), BACKGROUND)
     _draw_headline(canvas, lighting)
-    map_panel = panels.draw_map_panel(envmap, lighting, aspect, plan.envmap)
+    map_panel = _draw_map_panel(envmap, lighting, aspect, plan.envmap)
     for box, caption, panel in (
-        (plan.photo, photo_text, panels.draw_photo_panel(photo, lighting, plan.photo, photo_scene, estimate.segments)),
+        (plan.photo, photo_text, _draw_photo_panel(photo, lighting, plan.photo, photo_scene, estimate.segments)),
         (plan.compass, "Sun compass: the sky from above, the photo's view outlined", compass),
         (plan.envmap, "Environment map, the photo's view outlined", map_panel),
         (plan.spheres, "Mirror, glossy and grey in this light", _spheres_panel(scene, lighting, plan.spheres)),
     ):
-        draw_text(canvas, (box.x, box.y - panels.CAPTION + 4), caption, TextStyle(LETTERS, MUTED))
+        draw_text(canvas, (box.x, box.y - _CAPTION + 4), caption, TextStyle(_LETTERS, MUTED))
         canvas.paste(panel, (box.x, box.y), rounded_mask(panel.size, 10))
     for corner, (name, value) in zip(plan.cells, numbers, strict=True):
         draw_text(canvas, corner, name, TextStyle(16, MUTED))
@@ -114,7 +174,7 @@ def _draw_preview(
     return np.asarray(canvas)
 
 
-def _spheres_panel(scene: SphereScene, lighting: Lighting, box: panels.Box) -> Image.Image:
+def _spheres_panel(scene: SphereScene, lighting: Lighting, box: _Box) -> Image.Image:
     linear = render_sphere_scene(scene, lighting, box.width, box.height, supersampling=2)
     return Image.fromarray(drawing.display_srgb(linear)).reduce(2)
 
@@ -131,8 +191,8 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
     doubtful = lighting.suitable is not None and lighting.suitable < MIN_SUITABLE
     title = f"Perhaps no outdoor daylight photo; if it is: {title[0].lower()}{title[1:]}" if doubtful else title
     sources = _format_sources(lighting)
-    size = _fit_text_size(title, 28 if doubtful else 38, WIDTH - 2 * MARGIN - GAP - text_width(sources, 18))
-    draw_text(canvas, (MARGIN, MARGIN - 6), title, TextStyle(size, TEXT if doubtful or not visible else SUN))
+    size = _fit_text_size(title, 28 if doubtful else 38, WIDTH - 2 * _MARGIN - _GAP - text_width(sources, 18))
+    draw_text(canvas, (_MARGIN, _MARGIN - 6), title, TextStyle(size, TEXT if doubtful or not visible else SUN))
     if visible and not lighting.radius_90:
         accuracy = "set by hand"
     elif visible:
@@ -142,12 +202,12 @@ def _draw_headline(canvas: Image.Image, lighting: Lighting) -> None:
         accuracy = f"twilight: the sun is {where}"
     else:
         accuracy = f"an overcast or shaded scene; if the sun shone, it would {hedge}be {where}"
-    draw_text(canvas, (MARGIN, MARGIN + 40), accuracy, TextStyle(20, MUTED))
+    draw_text(canvas, (_MARGIN, _MARGIN + 40), accuracy, TextStyle(20, MUTED))
     model = f"{lighting.model_name} {lighting.model_version}"
-    draw_text(canvas, (WIDTH - MARGIN, MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
-    draw_text(canvas, (WIDTH - MARGIN, MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
+    draw_text(canvas, (WIDTH - _MARGIN, _MARGIN + 40), model, TextStyle(18, MUTED, anchor="ra"))
+    draw_text(canvas, (WIDTH - _MARGIN, _MARGIN + 8), sources, TextStyle(18, MUTED, anchor="ra"))
     for number, line in enumerate(_warning_lines(lighting)):
-        draw_text(canvas, (MARGIN, MARGIN + 70 + number * panels.WARNING_LINE), line, TextStyle(18, TEXT))
+        draw_text(canvas, (_MARGIN, _MARGIN + 70 + number * _WARNING_LINE), line, TextStyle(18, TEXT))
 
 
 def _fit_text_size(text: str, size: int, width: float) -> int:
@@ -198,3 +258,256 @@ def _format_numbers(lighting: Lighting) -> list[tuple[str, str]]:
         ("Camera roll", f"{round(lighting.camera_roll, 1) + 0.0:.1f}°"),
         ("Vertical field of view", f"{lighting.vertical_fov:.1f}°"),
     ]
+
+
+# The layout and the panels.
+
+
+def _lay_out(aspect: float, count: int, warnings: int = 0) -> _Layout:
+    """The layout: photo and compass above, map and spheres below; numbers beside an upright photo, else at the foot.
+
+    Args:
+        aspect: the photo's width / height.
+        count: of the numbers.
+        warnings: lines of them.
+    """
+    inner, top = WIDTH - 2 * _MARGIN, _MARGIN + _HEADER + warnings * _WARNING_LINE + _CAPTION
+    aspect = min(max(aspect, 0.5), 2.0)
+    upright = aspect < 0.9
+    upper = _UPRIGHT_HEIGHT if upright else int((inner - _GAP) / (1 + aspect))
+    photo = _Box(_MARGIN, top, round(upper * aspect), upper)
+    compass = _Box(_MARGIN + photo.width + _GAP if upright else WIDTH - _MARGIN - upper, top, upper, upper)
+    below = top + upper + _GAP + _CAPTION
+    lower = _UPRIGHT_MAP_HEIGHT if upright else photo.width // 2
+    envmap = _Box(_MARGIN, below, 2 * lower, lower)
+    left = _MARGIN + envmap.width + _GAP if upright else compass.x
+    spheres = _Box(left, below, WIDTH - _MARGIN - left, lower)
+    foot = below + lower + _GAP
+    if upright:
+        column = compass.x + compass.width + _GAP + 8
+        cells = [(column, top + _CELL * i) for i in range(count)]
+        return _Layout(foot - _GAP + _MARGIN, photo, compass, envmap, spheres, cells)
+    cells = [(_MARGIN + i * inner // count, foot) for i in range(count)]
+    return _Layout(foot + _CELL - 10 + _MARGIN // 2, photo, compass, envmap, spheres, cells)
+
+
+def _draw_photo_panel(
+    photo: NDArray[np.uint8],
+    lighting: Lighting,
+    box: _Box,
+    scene: SphereScene | None = None,
+    segments: Segments | None = None,
+) -> Image.Image:
+    """The photo with its horizon and its sun.
+
+    Args:
+        photo: (H, W, 3) sRGB, upright.
+        lighting: the photo's light and camera.
+        box: the panel's size.
+        scene: balls to put on the photo's ground; None for none.
+        segments: of the photo; None: nothing stands before its ground.
+    """
+    panel = Image.new("RGB", (box.width, box.height), drawing.PANEL)
+    height, width = photo.shape[:2]
+    size = fit_in_box(width, height, box.width, box.height)
+    picture = Image.fromarray(photo).resize(size, Image.Resampling.LANCZOS, reducing_gap=2.0)
+    picture = picture if scene is None else insert_balls(picture, lighting, scene, segments)
+    drawing.draw_horizon(picture, lighting)
+    drawing.draw_sun(picture, lighting)
+    panel.paste(picture, ((box.width - size[0]) // 2, (box.height - size[1]) // 2))
+    return panel
+
+
+def _format_photo_caption(camera: Pinhole, width: int, *, balls: bool) -> str:
+    """What the panel shows in a photo, in words that fit its width.
+
+    Args:
+        camera: the photo's.
+        width: of the panel, in pixels.
+        balls: whether it draws them.
+    """
+    horizon = ["its horizon"] if _shows_horizon(camera) else []
+    if not balls:
+        return _join_caption(horizon)
+    long, short = (_join_caption([*horizon, words]) for words in ("three balls in its light", "three balls"))
+    return long if drawing.text_width(long, _LETTERS) <= width else short
+
+
+def _join_caption(contents: list[str]) -> str:
+    return f"Photo, with {' and '.join(contents)}" if contents else "Photo"
+
+
+def _shows_horizon(camera: Pinhole) -> bool:
+    x, y = drawing.horizon_pixels(camera).T
+    order = np.argsort(x)
+    edges = np.interp([0.0, camera.width], x[order], y[order]) if len(x) else np.array([np.inf])
+    return bool(edges.min() < camera.height and edges.max() > 0)
+
+
+def _draw_map_panel(envmap: NDArray[np.float32], lighting: Lighting, aspect: float, box: _Box) -> Image.Image:
+    """The environment map with the sun, its regions and the photo's outline.
+
+    Args:
+        envmap: (H, 2H, 3) linear Rec.709, row 0 is the zenith.
+        lighting: the sun, and the camera.
+        aspect: the photo's width / height.
+        box: the panel's size.
+    """
+    picture = Image.fromarray(drawing.display_srgb(envmap)).resize((box.width, box.height), Image.Resampling.LANCZOS)
+
+    def pixels(directions: Floats) -> Floats:
+        return latlong_pixel(directions, box.height)
+
+    frame = list(_split_at_seam(pixels(_frame_directions(lighting, aspect)), box.width))
+    drawing.draw_outlined_lines(picture, frame, WHITE, 1.5)
+    _draw_regions(picture, lighting, pixels)
+    spots = pixels(lighting.sun_direction) + np.array([[-box.width, 0], [0, 0], [box.width, 0]])
+    draw_suns(picture, spots, drawing.sun_mark_color(lighting), 6.5)
+    for share, word, anchor in _MAP_WORDS:
+        style = TextStyle(16, WHITE, anchor, shaded=True)
+        draw_text(picture, (box.width * share, box.height - 12), word, style)
+    return picture
+
+
+def _draw_compass(estimate: EstimatedLight, aspect: float, size: int) -> Image.Image:
+    """The sky from above: zenith at the center, the camera's heading at the top, its right on the right.
+
+    Args:
+        estimate: the light and the sun's distribution.
+        aspect: the photo's width / height.
+        size: of the square panel, in pixels.
+    """
+    lighting = estimate.lighting
+    panel = Image.new("RGB", (size, size), drawing.PANEL)
+    radius = size / 2 - 44
+    heat = _draw_density(estimate.distribution).resize((round(2 * radius),) * 2, Image.Resampling.BICUBIC)
+    corner = (round(size / 2 - radius),) * 2
+    panel.paste(heat, corner, drawing.rounded_mask(heat.size, heat.width // 2))
+    sideways, _, along = np.abs(lighting.sun_direction)
+    _draw_rings(panel, radius)
+    view = _on_dome(_frame_directions(lighting, aspect), size, radius)
+    drawing.draw_polygon(panel, view, WHITE, 0.10)
+    draw_lines(panel, [view], WHITE, 1.5, 0.6)
+    _draw_regions(panel, lighting, lambda d: _on_dome(d, size, radius))
+    _write_degrees(panel, radius, across=bool(sideways < along))
+    draw_suns(panel, _on_dome(lighting.sun_direction[None], size, radius), drawing.sun_mark_color(lighting), 8)
+    return panel
+
+
+# The compass's density and rings.
+
+
+def _draw_density(distribution: SunDistribution) -> Image.Image:
+    """Density of the sun's probability over the dome in colours; the scale ends at 1/sr, or at the peak if higher."""
+    side = (np.arange(_DENSITY_SIZE) + 0.5) / _DENSITY_SIZE * 2 - 1
+    x, y = np.meshgrid(side, side)
+    elevation = np.maximum(90.0 * (1 - np.hypot(x, y)), 0.0)
+    dome = direction(np.degrees(np.arctan2(x, -y)), elevation).reshape(-1, 3).astype(np.float32)
+    density = _density(dome, distribution)
+    level = np.sqrt(density / max(float(density.max()), 1.0)).reshape(_DENSITY_SIZE, _DENSITY_SIZE)
+    steps = np.linspace(0.0, 1.0, len(drawing.HEAT))
+    colors = np.stack([np.interp(level, steps, drawing.HEAT[:, c]) for c in range(3)], axis=-1)
+    return Image.fromarray(colors.astype(np.uint8))
+
+
+def _density(dome: NDArray[np.float32], distribution: SunDistribution) -> Floats:
+    """Density [1/sr] (M,) at directions (M, 3), each cell spread over its neighbourhood."""
+    probability = np.asarray(distribution.probability, dtype=np.float32)
+    cells = grid_directions(distribution.grid).astype(np.float32)
+    concentration = np.float32(2.8 * len(cells) / (2 * np.pi))  # a spread of 0.6 times the cells' distance
+    probable = probability > 1e-4 * probability.max()
+    kernel = np.exp(concentration * (dome @ cells[probable].T - 1))
+    return np.asarray(kernel @ probability[probable] * concentration / np.float32(2 * np.pi))
+
+
+def _draw_rings(panel: Image.Image, radius: float) -> None:
+    """Draw elevation rings and a cross labelled front, right, behind and left, clear of a sun on the horizon."""
+    center = panel.width / 2
+    spokes = [np.array([[center - radius, center], [center + radius, center]])]
+    spokes.append(spokes[0][:, ::-1])
+    rings = [_ring_pixels(center, radius * (90 - elevation) / 90) for elevation in _RINGS]
+    draw_lines(panel, spokes + rings, WHITE, 1, 0.22)
+    draw_lines(panel, [_ring_pixels(center, radius)], drawing.LINE, 2, 1.0)
+    draw_text(panel, (center, 16), "front", TextStyle(18, TEXT, anchor="mm"))
+    far = panel.width - 22.0
+    for spot, word in (((center, panel.height - 16), "behind"), ((22.0, center), "left"), ((far, center), "right")):
+        draw_text(panel, spot, word, TextStyle(18, drawing.MUTED, anchor="mm"))
+
+
+def _write_degrees(panel: Image.Image, radius: float, across: bool) -> None:
+    """Write the rings' degrees, on what is drawn: behind the zenith, or on its right where `across`.
+
+    The regions' shares stand in line with the sun.
+    """
+    center = panel.width / 2
+    for elevation in _RINGS:
+        out = center + radius * (90 - elevation) / 90
+        spot = (out + 6, center - 3) if across else (center + 6, out - 3)
+        draw_text(panel, spot, f"{elevation}°", TextStyle(15, TEXT, anchor="ls", shaded=True))
+
+
+def _ring_pixels(center: float, radius: float) -> Floats:
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    return np.stack([center + radius * np.cos(angle), center + radius * np.sin(angle)], axis=-1)
+
+
+def _on_dome(directions: Floats, size: float, radius: float) -> Floats:
+    """Pixels (N, 2) on a compass of that size; directions below the horizon are drawn on the rim."""
+    azimuth, elevation = angles(directions)
+    reach, angle = radius * (90.0 - np.maximum(elevation, 0.0)) / 90.0, np.radians(azimuth)
+    return np.stack([size / 2 + reach * np.sin(angle), size / 2 - reach * np.cos(angle)], axis=-1)
+
+
+# Lines on the sphere of directions: the sun's regions and the photo's frame.
+
+
+def _draw_regions(picture: Image.Image, lighting: Lighting, pixels: Callable[[Floats], Floats]) -> None:
+    """Draw and label the circles around the sun that hold 50 % and 90 % of the probability."""
+    color = drawing.sun_mark_color(lighting)
+    labels: list[tuple[str, Floats]] = []
+    for radius, share, width in ((lighting.radius_50, "50 %", 2.5), (lighting.radius_90, "90 %", 1.5)):
+        rim = _circle_around_sun(lighting, radius)
+        if radius <= 0 or rim[180, 1] <= 0:
+            continue
+        line = pixels(rim[rim[:, 1] > -0.02])
+        drawing.draw_outlined_lines(picture, list(_split_at_seam(line, picture.width)), color, width)
+        outwards = pixels(rim[180]) - pixels(_circle_around_sun(lighting, 0.98 * radius)[180])
+        outwards = outwards / np.hypot(*outwards)
+        spot = pixels(rim[180]) + 14 * outwards
+        labels.append((share, _avoid_overlap([other for _, other in labels], spot, outwards)))
+    for share, spot in labels:
+        draw_text_inside(picture, spot, share, _SHARE_LETTERS, color)
+
+
+def _avoid_overlap(others: Sequence[Floats], spot: Floats, outwards: Floats) -> Floats:
+    """The spot (2,) of a share, moved along `outwards` as far as needed to cover none of the others."""
+    room = np.array([drawing.text_width("90 %", _SHARE_LETTERS) + 6, _SHARE_LETTERS + 4])
+    for other in others:
+        lacking = room - (spot - other) * np.sign(outwards)
+        if np.all(np.abs(spot - other) < room):
+            spot = spot + outwards * float(np.min(lacking / np.maximum(np.abs(outwards), 1e-6)))
+    return spot
+
+
+def _circle_around_sun(lighting: Lighting, radius: float) -> Floats:
+    """Directions (361, 3) at `radius` deg around the sun: from the lowest (index 0) over the highest (180) and back."""
+    right, up, sun = camera_axes(lighting.sun_azimuth, lighting.sun_elevation, 0.0)
+    angle = np.linspace(0.0, 2 * np.pi, 361)[:, None]
+    across = np.sin(angle) * right - np.cos(angle) * up
+    return np.asarray(np.cos(np.radians(radius)) * sun + np.sin(np.radians(radius)) * across)
+
+
+def _frame_directions(lighting: Lighting, aspect: float) -> Floats:
+    """Directions (N, 3) through the photo's border, a closed loop."""
+    y = np.tan(np.radians(lighting.vertical_fov) / 2)
+    x, side = aspect * y, np.linspace(-1.0, 1.0, 48)
+    one = np.ones_like(side)
+    border = np.concatenate([np.stack(p, axis=-1) for p in ((side, one), (one, -side), (-side, -one), (-one, side))])
+    right, up, forward = camera_axes(0.0, lighting.camera_elevation, lighting.camera_roll)
+    return np.asarray(x * border[:, :1] * right + y * border[:, 1:] * up + forward)
+
+
+def _split_at_seam(line: Floats, width: float) -> Iterator[Floats]:
+    """A line (N, 2) cut where it jumps by more than half the picture's width, as it does at the seam."""
+    jumps = np.flatnonzero(np.abs(np.diff(line[:, 0])) > width / 2) + 1
+    yield from (piece for piece in np.split(line, jumps) if len(piece) > 1)

@@ -1,5 +1,6 @@
 """The whole preview and its words."""
 
+from dataclasses import replace
 from io import BytesIO
 
 import numpy as np
@@ -8,22 +9,39 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.envmap.render import render
-from lighting.geometry import Floats, direction
+from lighting.geometry import Floats, Pinhole, angle_between, camera_pixel, direction
 from lighting.preview import picture as module
-from lighting.preview.drawing import BACKGROUND, TextStyle, text_width
-from lighting.preview.panels import CAPTION, GAP, MARGIN, WARNING_LINE, WIDTH, lay_out
+from lighting.preview.drawing import BACKGROUND, MUTED, TEXT, TextStyle, text_width
 from lighting.preview.picture import (
+    _CAPTION,
+    _GAP,
+    _LETTERS,
+    _MARGIN,
+    _WARNING_LINE,
     MAP_HEIGHT,
+    WIDTH,
+    _circle_around_sun,
+    _density,
+    _draw_compass,
+    _draw_density,
     _draw_headline,
+    _draw_map_panel,
+    _draw_photo_panel,
     _draw_preview,
+    _draw_regions,
     _format_numbers,
+    _format_photo_caption,
+    _frame_directions,
+    _lay_out,
+    _on_dome,
+    _split_at_seam,
     _warning_lines,
     draw_preview_pixels,
     encode_preview_png,
 )
 from lighting.records import EvidenceKind, Lighting
-from lighting.sun_grid import soft_label
-from tests.helpers.scenes import GRAY, GRID, Bytes, amber, estimate, outdoors, photo, small_map
+from lighting.sun_grid import grid_directions, soft_label
+from tests.helpers.scenes import GRAY, GRID, Bytes, amber, distribution, estimate, outdoors, photo, small_map
 
 
 def draw(lighting: Lighting, width: int = 320, height: int = 240, probability: Floats | None = None) -> Bytes:
@@ -32,7 +50,7 @@ def draw(lighting: Lighting, width: int = 320, height: int = 240, probability: F
 
 def part(picture: Bytes, name: str, aspect: float) -> NDArray[np.int64]:
     """The pixels of one panel."""
-    box = getattr(lay_out(aspect, 9), name)
+    box = getattr(_lay_out(aspect, 9), name)
     return picture[box.y : box.y + box.height, box.x : box.x + box.width].astype(np.int64)
 
 
@@ -63,10 +81,10 @@ def test_any_shape_of_photo_has_its_place(width: int, height: int) -> None:
 def test_warnings_move_the_panels_down_and_change_nothing_else(width: int, height: int) -> None:
     plain = draw(outdoors(100.0, 30.0), width, height)
     warned = draw(outdoors(100.0, 30.0, warnings=("The photo may be cropped.",)), width, height)
-    top = lay_out(width / height, 9).photo.y - CAPTION
-    assert np.array_equal(warned[top + WARNING_LINE :], plain[top:])
-    assert np.array_equal(warned[: top - WARNING_LINE], plain[: top - WARNING_LINE])
-    assert (warned[top - WARNING_LINE : top + WARNING_LINE] != np.array(BACKGROUND)).any()
+    top = _lay_out(width / height, 9).photo.y - _CAPTION
+    assert np.array_equal(warned[top + _WARNING_LINE :], plain[top:])
+    assert np.array_equal(warned[: top - _WARNING_LINE], plain[: top - _WARNING_LINE])
+    assert (warned[top - _WARNING_LINE : top + _WARNING_LINE] != np.array(BACKGROUND)).any()
 
 
 def test_the_file_holds_the_drawing_with_the_lights_own_map() -> None:
@@ -135,7 +153,7 @@ def test_warnings_stand_in_lines_that_fit_the_picture() -> None:
     assert lines[0] == f"Warning: {short}"
     assert " ".join(lines[1:]) == f"Warning: {long.strip()}"
     assert len(lines) > 3
-    assert max(text_width(line, 18) for line in lines) <= WIDTH - 2 * MARGIN
+    assert max(text_width(line, 18) for line in lines) <= WIDTH - 2 * _MARGIN
     assert _warning_lines(outdoors()) == []
 
 
@@ -147,10 +165,235 @@ def test_the_title_leaves_room_for_what_is_beside_it(
     written: dict[float, float] = {}  # width of the first line's text by its x
 
     def write(_canvas: Image.Image, spot: tuple[float, float], text: str, style: TextStyle) -> None:
-        if spot[1] < MARGIN + 20:
+        if spot[1] < _MARGIN + 20:
             written[spot[0]] = text_width(text, style.size)
 
     monkeypatch.setattr(module, "draw_text", write)
     sun = outdoors(150.0, suitable=suitable, radius_90=radius, evidence=tuple(EvidenceKind), camera_heading=115.0)
     _draw_headline(Image.new("RGB", (WIDTH, 140)), sun)
-    assert written[MARGIN] + GAP + written[WIDTH - MARGIN] <= WIDTH - 2 * MARGIN
+    assert written[_MARGIN] + _GAP + written[WIDTH - _MARGIN] <= WIDTH - 2 * _MARGIN
+
+
+@pytest.mark.parametrize(("azimuth", "elevation"), [(60.0, 30.0), (-60.0, 30.0), (135.0, 20.0), (0.0, 60.0)])
+def test_probability_peaks_at_its_place_on_the_compass(azimuth: float, elevation: float) -> None:
+    cell = grid_directions(GRID)[np.argmax(grid_directions(GRID) @ direction(azimuth, elevation))]
+    heat = np.asarray(_draw_density(distribution(soft_label(cell, 60.0, GRID)))).astype(int)
+    row, column = np.unravel_index(np.argmax(heat.sum(axis=-1)), heat.shape[:2])
+    x, y = (column + 0.5) / heat.shape[1] * 2 - 1, (row + 0.5) / heat.shape[0] * 2 - 1
+    reach = (90 - elevation) / 90
+    expected = (reach * np.sin(np.radians(azimuth)), -reach * np.cos(np.radians(azimuth)))
+    np.testing.assert_allclose((x, y), expected, atol=0.12)
+
+
+@pytest.mark.parametrize("layout", ["fibonacci:64", "fibonacci:2048", "rings:5x32"])
+def test_density_integrates_to_one(layout: str) -> None:
+    cells = grid_directions("fibonacci:4000").astype(np.float32)
+    density = _density(cells, distribution(soft_label(direction(20.0, 60.0), 12.0, layout), layout))
+    assert density.mean() * 2 * np.pi == pytest.approx(1.0, abs=0.04)
+
+
+def test_even_probability_is_colder_than_a_sure_one() -> None:
+    even = np.asarray(_draw_density(distribution()))
+    sure = np.asarray(_draw_density(distribution(soft_label(direction(0.0, 50.0), 300.0, GRID))))
+    assert even.sum(axis=-1).max() < 0.7 * sure.sum(axis=-1).max()
+
+
+def test_sun_is_marked_at_its_place_on_the_compass() -> None:
+    size = 500
+    panel = np.asarray(_draw_compass(estimate(outdoors(70.0, 30.0)), 4 / 3, size))
+    spot = (amber(panel.astype(np.int64)).mean(axis=0) - size / 2) / (size / 2 - 44)
+    reach = (90 - 30) / 90
+    expected = (-reach * np.cos(np.radians(70.0)), reach * np.sin(np.radians(70.0)))
+    np.testing.assert_allclose(spot, expected, atol=0.02)
+
+
+@pytest.mark.parametrize("azimuth", [4.0, 40.0, 90.0, 130.0, 176.0, -90.0, -140.0])
+def test_the_rings_degrees_are_not_where_the_regions_have_their_shares(azimuth: float) -> None:
+    """Those stand on the sun's meridian, also beyond the zenith."""
+    size = 500
+    panel = np.asarray(_draw_compass(estimate(outdoors(azimuth, 10.0)), 4 / 3, size)).astype(np.int64)
+    letters = np.argwhere(np.abs(panel - np.array(TEXT)).max(axis=-1) < 8) - size / 2
+    letters = letters[np.hypot(*letters.T) < 0.75 * (size / 2 - 44)]
+    assert len(letters) > 20
+    off = letters @ (np.sin(np.radians(azimuth)), np.cos(np.radians(azimuth)))
+    assert np.abs(off).min() > 20
+
+
+@pytest.mark.parametrize("azimuth", [0.0, 180.0])
+def test_a_sun_on_the_horizon_does_not_touch_the_word_beside_it(azimuth: float) -> None:
+    size = 500
+    low, high = (
+        np.asarray(_draw_compass(estimate(outdoors(azimuth, elevation)), 4 / 3, size)).astype(np.int64)
+        for elevation in (0.0, 60.0)
+    )
+    words = np.array([MUTED if azimuth else TEXT])
+    beyond = slice(size - 42, size) if azimuth else slice(42, 0, -1)  # from the circle outwards
+    rays = np.flatnonzero((low != high)[beyond].any(axis=(1, 2)))
+    letters = np.flatnonzero((np.abs(high - words).max(axis=-1) < 60)[beyond].any(axis=1))
+    assert 10 < rays.max() < letters.min()
+
+
+def test_no_region_strikes_the_degrees_out() -> None:
+    """The second region passes through the degrees of the upper ring."""
+    size, radius = 500, 500 / 2 - 44
+    counts = []
+    for radius_90 in (25.0, 54.0):
+        lighting = outdoors(0.0, 45.0, radius_50=10.0, radius_90=radius_90)
+        panel = np.asarray(_draw_compass(estimate(lighting), 4 / 3, size)).astype(np.int64)
+        columns = slice(round(size / 2 + radius / 3 + 4), round(size / 2 + radius / 3 + 40))
+        degrees = panel[size // 2 - 18 : size // 2 - 2, columns]
+        counts.append(int((np.abs(degrees - np.array(TEXT)).max(axis=-1) < 8).sum()))
+    assert counts[0] == counts[1] > 20
+
+
+@pytest.mark.parametrize("warnings", [0, 3])
+@pytest.mark.parametrize("aspect", [0.4, 0.75, 0.89, 0.9, 1.0, 4 / 3, 16 / 9, 3.0])
+def test_panels_do_not_overlap(aspect: float, warnings: int) -> None:
+    plan = _lay_out(aspect, 9, warnings)
+    covered = np.zeros((plan.height, WIDTH), dtype=np.int64)
+    for box in (plan.photo, plan.compass, plan.envmap, plan.spheres):
+        assert min(box.width, box.height) > 300
+        assert box.x + box.width <= WIDTH - _MARGIN
+        covered[box.y : box.y + box.height, box.x : box.x + box.width] += 1
+    assert covered.max() == 1
+    for x, y in plan.cells:
+        assert not covered[y : y + 50, x : x + 120].any()
+        assert y + 50 < plan.height
+        assert x + 120 < WIDTH
+
+
+@pytest.mark.parametrize("radius", [0.0, 9.0, 60.0, 110.0, 179.0])
+@pytest.mark.parametrize(("azimuth", "elevation"), [(180.0, 20.0), (0.0, 90.0), (-3.0, 0.0)])
+def test_regions_of_any_size_and_place_are_drawn(radius: float, azimuth: float, elevation: float) -> None:
+    lighting = outdoors(azimuth, elevation, radius_50=radius, radius_90=radius)
+    box = _lay_out(4 / 3, 9).envmap
+    panel = np.asarray(_draw_map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)
+    assert len(amber(panel)) > 30
+
+
+def test_region_on_the_map_has_its_radius() -> None:
+    lighting = outdoors(40.0, 20.0, radius_50=20.0)
+    box = _lay_out(4 / 3, 9).envmap
+    rows, columns = amber(np.asarray(_draw_map_panel(small_map(lighting), lighting, 4 / 3, box)).astype(np.int64)).T
+    half_width = np.degrees(np.arcsin(np.sin(np.radians(20.0)) / np.cos(np.radians(20.0))))
+    assert rows.max() == pytest.approx(box.height / 2, abs=3)
+    assert columns.max() == pytest.approx((0.5 + (40.0 + half_width) / 360) * box.width, abs=3)
+    assert columns.min() == pytest.approx((0.5 + (40.0 - half_width) / 360) * box.width, abs=3)
+
+
+def drawn(lighting: Lighting) -> NDArray[np.int64]:
+    return np.asarray(_draw_photo_panel(photo(320, 240), lighting, _lay_out(4 / 3, 9).photo)).astype(np.int64)
+
+
+@pytest.mark.parametrize(("elevation", "roll"), [(12.0, 0.0), (-9.0, 0.0), (6.0, 8.0), (0.0, -10.0)])
+def test_horizon_lies_where_geometry_says(elevation: float, roll: float) -> None:
+    lighting = outdoors(camera_elevation=elevation, camera_roll=roll, vertical_fov=60.0)
+    panel = drawn(lighting)
+    height, width = panel.shape[:2]
+    for azimuth in (-12.0, 0.0, 15.0):
+        x, y = camera_pixel(direction(azimuth, 0.0), Pinhole(width, height, 60.0, elevation=elevation, roll=roll))
+        column = panel[:, int(x)].min(axis=-1)
+        white = np.flatnonzero(column > 200)
+        assert abs(white.mean() + 0.5 - y) < 1.5
+
+
+@pytest.mark.parametrize("elevation", [60.0, 90.0, -90.0])
+def test_horizon_out_of_view_is_not_drawn(elevation: float) -> None:
+    panel = drawn(outdoors(camera_elevation=elevation, vertical_fov=40.0, sun_visibility=0.1))
+    assert panel.min(axis=-1).max() < 230  # the arrow is paler than the line
+
+
+def test_sun_in_view_is_marked_at_its_place() -> None:
+    panel = drawn(outdoors(15.0, 14.0, camera_elevation=5.0, vertical_fov=60.0))
+    height, width = panel.shape[:2]
+    expected = camera_pixel(direction(15.0, 14.0), Pinhole(width, height, 60.0, elevation=5.0))[::-1]
+    np.testing.assert_allclose(amber(panel).mean(axis=0), expected, atol=1.5)
+
+
+@pytest.mark.parametrize(("azimuth", "side"), [(70.0, 1), (-70.0, -1), (120.0, 1), (-165.0, -1)])
+def test_arrow_points_to_the_side_of_a_sun_out_of_view(azimuth: float, side: int) -> None:
+    panel = drawn(outdoors(azimuth, 20.0))
+    offset = amber(panel)[:, 1] - panel.shape[1] / 2
+    assert (np.sign(offset) == side).all()
+    assert np.abs(offset).max() > panel.shape[1] / 2 - 30
+
+
+@pytest.mark.parametrize(("azimuth", "side"), [(120.0, -1), (-165.0, 1)])
+def test_the_horizons_name_is_not_where_the_arrow_is(azimuth: float, side: int) -> None:
+    panel = drawn(outdoors(azimuth, 20.0))
+    white = np.argwhere(panel.min(axis=-1) > 200)
+    line = int(np.median(white[:, 0]))
+    letters = white[white[:, 0] < line - 6]
+    assert len(letters) > 50
+    assert (np.sign(letters[:, 1] - panel.shape[1] / 2) == side).all()
+
+
+@pytest.mark.parametrize("elevation", [-4.0, 4.0])
+@pytest.mark.parametrize("azimuth", [120.0, -165.0])
+def test_the_horizon_does_not_cross_the_words_beside_the_arrow(azimuth: float, elevation: float) -> None:
+    """It passes the arrow at the distance of its words, above or below."""
+    panel = drawn(outdoors(azimuth, 20.0, camera_elevation=elevation, vertical_fov=60.0))
+    line = np.median(np.argwhere(panel.min(axis=-1) > 200)[:, 0])
+    assert 15 < abs(line - panel.shape[0] / 2) < 45
+    assert np.abs(amber(panel)[:, 0] - line).min() > 6
+
+
+@pytest.mark.parametrize(
+    ("elevation", "fov", "balls", "caption"),
+    [
+        (0.0, 50.0, True, "Photo, with its horizon and three balls in its light"),
+        (0.0, 50.0, False, "Photo, with its horizon"),
+        (4.5, 6.9, False, "Photo"),
+        (90.0, 50.0, False, "Photo"),
+        (-60.0, 40.0, True, "Photo, with three balls in its light"),
+        (0.0, 1.0, False, "Photo, with its horizon"),
+    ],
+)
+def test_the_caption_names_what_is_seen(elevation: float, fov: float, balls: bool, caption: str) -> None:
+    assert _format_photo_caption(Pinhole(400, 300, fov, elevation=elevation), 400, balls=balls) == caption
+
+
+@pytest.mark.parametrize("aspect", [0.2, 0.5, 9 / 16, 2 / 3, 1.0, 3.0])
+def test_the_caption_is_no_wider_than_the_panel(aspect: float) -> None:
+    width = _lay_out(aspect, 9).photo.width
+    assert text_width(_format_photo_caption(Pinhole(400, 300, 50.0), width, balls=True), _LETTERS) <= width
+
+
+@pytest.mark.parametrize("radius", [0.5, 30.0, 110.0])
+def test_a_region_has_its_radius_all_around_the_sun(radius: float) -> None:
+    lighting = outdoors(40.0, 20.0)
+    rim = _circle_around_sun(lighting, radius)
+    np.testing.assert_allclose(angle_between(rim, lighting.sun_direction), radius, atol=1e-9)
+    assert np.argmin(rim[:, 1]) in (0, 360)
+    assert np.argmax(rim[:, 1]) == 180
+
+
+def test_the_frame_runs_along_the_photos_border() -> None:
+    lighting = outdoors(camera_elevation=7.0, camera_roll=3.0, vertical_fov=50.0)
+    frame = _frame_directions(lighting, 4 / 3)
+    x, y = camera_pixel(frame, Pinhole(400, 300, 50.0, elevation=7.0, roll=3.0)).T
+    on_border = np.minimum(np.minimum(x, 400 - x), np.minimum(y, 300 - y))
+    np.testing.assert_allclose(on_border, 0.0, atol=1e-9)
+    assert frame[0] == pytest.approx(frame[-1])
+
+
+def test_a_line_is_cut_where_it_crosses_the_seam() -> None:
+    line = np.array([[90.0, 1], [96, 2], [99, 3], [2, 4], [5, 5], [98, 6]])
+    assert [len(piece) for piece in _split_at_seam(line, 100.0)] == [3, 2]  # a single point is no line
+
+
+@pytest.mark.parametrize("radii", [(7.0, 10.0), (13.0, 24.0), (20.0, 30.0)])
+@pytest.mark.parametrize("azimuth", [-150.0, -91.0, -60.0, 0.0, 45.0, 80.0, 100.0, 179.0])
+@pytest.mark.parametrize("elevation", [5.0, 40.0])
+def test_the_shares_of_regions_do_not_cover_each_other(
+    radii: tuple[float, float], azimuth: float, elevation: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    written: dict[str, NDArray[np.float64]] = {}
+    monkeypatch.setattr(
+        "lighting.preview.picture.draw_text_inside",
+        lambda picture, spot, share, size, color: written.__setitem__(share, np.asarray(spot)),  # noqa: ARG005
+    )
+    lighting = replace(outdoors(azimuth, elevation), radius_50=radii[0], radius_90=radii[1])
+    _draw_regions(Image.new("RGB", (480, 480)), lighting, lambda directions: _on_dome(directions, 480, 196))
+    across, down = np.abs(written["50 %"] - written["90 %"])
+    assert across >= text_width("90 %", 15) or down >= 15
