@@ -14,7 +14,7 @@ from starlette.middleware.cors import CORSMiddleware
 from lighting.estimator import Estimator
 from lighting.records import Json
 from lighting.version import __version__
-from server import inference_protocol, job_routes, middleware, problems, routes, static_page
+from server import inference_protocol, job_routes, middleware, pages, problems, routes
 from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
@@ -85,8 +85,8 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     app.include_router(inference_protocol.health_router)
     app.include_router(middleware.router)
     app.include_router(_router)
-    app.include_router(static_page.make_page_router(photo=service.settings.opened_photo))
-    app.include_router(static_page.make_book_router())
+    app.include_router(pages.make_page_router(photo=service.settings.opened_photo))
+    app.include_router(pages.make_book_router())
 
 
 def _add_middleware(app: FastAPI, service: Service) -> None:

@@ -12,7 +12,7 @@ from tests.helpers.pages import ROOT
 PACKAGES = ("lighting", "server", "export")
 FOR_USERS = (  # routes: OpenAPI shows their docstrings, and the framework fills their parameters
     "server/routes.py", "server/job_routes.py", "server/inference_protocol.py", "server/middleware.py",
-    "server/static_page.py",
+    "server/pages.py",
 )  # fmt: skip
 
 Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef

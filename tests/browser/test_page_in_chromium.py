@@ -36,8 +36,8 @@ from lighting.records import Lighting, record_with_coefficients
 from lighting.registration.features import MAX_SIDE, has_opencv
 from lighting.scene import EXPORTERS
 from server.app import create_app
+from server.pages import BUNDLE
 from server.settings import Settings
-from server.static_page import BUNDLE
 from tests.helpers.cameras import picture, texture
 from tests.helpers.photos import phone
 from tests.helpers.visits import Seen, missing, visit_feature

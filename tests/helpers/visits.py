@@ -6,7 +6,7 @@ import subprocess
 from pathlib import Path
 from typing import Any
 
-from server.static_page import BUNDLE
+from server.pages import BUNDLE
 from tests.helpers.pages import ROOT
 
 PATIENCE = 900.0  # seconds

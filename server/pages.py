@@ -1,20 +1,34 @@
-"""The book: the Markdown pages of docs/ as HTML, with contents, links between them and an index for the search."""
+"""The pages for browsers: the web page that vite builds from server/web, and the book, docs/ as HTML with a search.
 
+Both lie in the repository and in the wheel.
+"""
+
+import gzip
 import json
 import posixpath
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from hmac import compare_digest
 from html import escape
 from itertools import pairwise
+from mimetypes import guess_type
 from pathlib import Path
 
+from anyio import to_thread
+from fastapi import APIRouter, Request
 from markdown_it import MarkdownIt
 from markdown_it.token import Token
+from starlette.exceptions import HTTPException
+from starlette.responses import FileResponse, RedirectResponse, Response
+from starlette.staticfiles import NotModifiedResponse, StaticFiles
 
-PICTURES = frozenset({".webp", ".jpg", ".jpeg", ".png", ".svg", ".gif"})
-FILES = Path(__file__).with_name("book_files")  # the style sheet and the script
+from server.dependencies import tag_bytes
+from server.responses import is_fresh
+
+_PICTURES = frozenset({".webp", ".jpg", ".jpeg", ".png", ".svg", ".gif"})
+_BOOK_FILES = Path(__file__).with_name("book_files")  # the style sheet and the script
 _CLONE = Path(__file__).parents[1]
 _PACKAGED = Path(__file__).with_name("book_pages")  # in a wheel, which has no docs/
 _INDEX = "docs/README.md"
@@ -90,10 +104,16 @@ _TEMPLATE = """<!doctype html>
 
 _TABLE = '<div class="table" tabindex="0" role="group" aria-label="Table">'
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_FAVICON = Path(__file__).with_name("favicon.png")
+BUNDLE = Path(__file__).parent / "web" / "dist"
+_TEXT_SUFFIXES = frozenset({".html", ".css", ".js", ".svg", ".tsv"})  # pictures and tables are compressed already
+_KEPT_FILES = 64  # gzipped copies in memory, more than the page has texts
+_CACHE_A_DAY = "public, max-age=86400"
+_CACHE_FOREVER = "public, max-age=31536000, immutable"  # built files have names that depend on their content
 
 
 @dataclass(frozen=True)
-class BookPage:
+class _BookPage:
     """A page of the book."""
 
     source: str
@@ -117,7 +137,7 @@ class BookPage:
         return _TITLES.get(self.address) or (found[1].replace("`", "") if found else self.address)
 
 
-class Book:
+class _Book:
     """The pages of the book, read and rendered when they are asked for."""
 
     def __init__(self, root: Path | None = None) -> None:
@@ -135,7 +155,7 @@ class Book:
         self._by_source = {page.source: page for page in self.pages}
         self._by_address = {page.address: page for page in self.pages}
 
-    def find_page(self, address: str) -> BookPage | None:
+    def find_page(self, address: str) -> _BookPage | None:
         """Return the page at a path below /book/; None where there is none.
 
         Args:
@@ -144,7 +164,7 @@ class Book:
         return self._by_address.get(address)
 
     @lru_cache(128)  # noqa: B019  # a service has one book, as long as it runs
-    def render_page(self, page: BookPage) -> bytes:
+    def render_page(self, page: _BookPage) -> bytes:
         """Return a page as HTML.
 
         Args:
@@ -174,7 +194,7 @@ class Book:
         entries = [entry for page in self.pages for entry in self._index_page(page)]
         return json.dumps(entries, ensure_ascii=False, separators=(",", ":")).encode()
 
-    def _index_page(self, page: BookPage) -> Iterator[list[str]]:
+    def _index_page(self, page: _BookPage) -> Iterator[list[str]]:
         heading, anchor, texts = page.title, "", list[str]()
         tokens = self._parse(page)
         for before, token in zip([None, *tokens], tokens, strict=False):
@@ -185,7 +205,7 @@ class Book:
                 texts.append(" ".join((_plain(token) if token.children else token.content).split()))
         yield [page.address + anchor, page.title, heading, " ".join(texts)]
 
-    def _contents(self, here: BookPage) -> str:
+    def _contents(self, here: _BookPage) -> str:
         parts, chapter = [], ""
         for page in self.pages:
             if page.chapter != chapter:
@@ -195,7 +215,7 @@ class Book:
             parts.append(f'<li><a href="{_relative(here, page.address)}"{current}>{escape(page.title)}</a></li>')
         return "".join([*parts, "</ul>"])
 
-    def _parse(self, page: BookPage) -> list[Token]:
+    def _parse(self, page: _BookPage) -> list[Token]:
         """The tokens of a page, with anchors, and with links to where the book has their targets."""
         tokens = _MARKDOWN.parse(page.markdown)
         taken: dict[str, int] = {}
@@ -209,7 +229,7 @@ class Book:
             self._direct_links(page, token.children or [])
         return tokens
 
-    def _direct_links(self, page: BookPage, tokens: list[Token]) -> None:
+    def _direct_links(self, page: _BookPage, tokens: list[Token]) -> None:
         dropped = False
         for token in tokens:
             if token.type == "link_open":
@@ -225,7 +245,7 @@ class Book:
                 dropped = token.type == "link_open"
                 token.type, token.tag, token.nesting, token.content = "text", "", 0, ""
 
-    def _address(self, page: BookPage, link: str) -> str | None:
+    def _address(self, page: _BookPage, link: str) -> str | None:
         """A link as the book has it; None where the book does not have its target."""
         target, _, fragment = link.partition("#")
         if not target or ":" in target:
@@ -235,12 +255,12 @@ class Book:
         if found := self._by_source.get(source):
             return _relative(page, found.address) + anchor
         name = source.removeprefix("docs/")
-        if Path(name).suffix in PICTURES and source.startswith("docs/") and (self.docs / name).is_file():
+        if Path(name).suffix in _PICTURES and source.startswith("docs/") and (self.docs / name).is_file():
             return _relative(page, name)
         return None
 
 
-def _find_pages(docs: Path, clone: Path | None) -> Iterator[BookPage]:
+def _find_pages(docs: Path, clone: Path | None) -> Iterator[_BookPage]:
     present = sorted(path.relative_to(docs).as_posix() for path in docs.glob("**/*.md"))
     for chapter, names in _CHAPTERS.items():
         folders = {posixpath.dirname(name) for name in names} - {""}
@@ -249,7 +269,7 @@ def _find_pages(docs: Path, clone: Path | None) -> Iterator[BookPage]:
             source = _ELSEWHERE.get(name, f"docs/{name}")
             path = _locate_page(name, docs, clone)
             if path.is_file():
-                yield BookPage(source, _to_address(name), chapter, path)
+                yield _BookPage(source, _to_address(name), chapter, path)
 
 
 def _locate_page(name: str, docs: Path, clone: Path | None) -> Path:
@@ -264,7 +284,7 @@ def _to_address(name: str) -> str:
     return "" if name == "README.md" else name.removesuffix(".md")
 
 
-def _relative(page: BookPage, address: str) -> str:
+def _relative(page: _BookPage, address: str) -> str:
     """The link from a page to a path below /book/."""
     folder = posixpath.dirname(page.address)
     return posixpath.relpath(address, folder or ".") if address else posixpath.relpath(".", folder or ".") + "/"
@@ -306,3 +326,130 @@ def _render_code(_renderer: object, tokens: list[Token], number: int, *_: object
 
 
 _MARKDOWN = _make_parser()
+
+
+def make_page_router(bundle: Path = BUNDLE, photo: tuple[Path, str] | None = None) -> APIRouter:
+    """The routes of the page.
+
+    Args:
+        bundle: the folder that vite writes.
+        photo: the file that the page shows at `/#opened/SECRET/NAME`, and the secret; None offers none.
+    """
+    router = APIRouter(include_in_schema=False)
+    icon = _FAVICON.read_bytes()
+    root = StaticFiles(directory=bundle, check_dir=False)
+    assets = StaticFiles(directory=bundle / "assets", check_dir=False)
+
+    @router.get("/")
+    async def page(request: Request) -> Response:
+        return await _serve_file(root, "index.html", request, "no-cache")
+
+    @router.get("/docs")
+    async def docs(request: Request) -> Response:
+        """The reference of the API, drawn from /openapi.json."""
+        return await _serve_file(root, "docs.html", request, "no-cache")
+
+    @router.get("/opened/{secret}")
+    async def opened(secret: str) -> Response:
+        """For who knows the secret: any program of this machine reaches the address."""
+        file, expected = photo or (None, "")
+        if file is None or not compare_digest(secret.encode(), expected.encode()) or not file.is_file():
+            raise HTTPException(404)
+        return FileResponse(file, filename=file.name, headers={"Cache-Control": "no-store"})
+
+    @router.get("/favicon.ico")
+    async def favicon() -> Response:
+        """A sun over a horizon, as PNG, which browsers take under this name."""
+        return Response(icon, media_type="image/png", headers={"Cache-Control": _CACHE_A_DAY})
+
+    @router.get("/assets/{path:path}")
+    async def asset(request: Request, path: str) -> Response:
+        return await _serve_file(assets, path, request, _CACHE_FOREVER)
+
+    return router
+
+
+def make_book_router(book: _Book | None = None) -> APIRouter:
+    """The routes of the book.
+
+    Args:
+        book: None takes this package's.
+    """
+    router = APIRouter(include_in_schema=False)
+    shown = book or _Book()
+    files = {".css": StaticFiles(directory=_BOOK_FILES), ".js": StaticFiles(directory=_BOOK_FILES)}
+    files |= dict.fromkeys(_PICTURES, StaticFiles(directory=shown.docs, check_dir=False))
+
+    @router.get("/book")
+    async def start() -> Response:
+        return RedirectResponse("book/", 308)
+
+    @router.get("/book/{path:path}")
+    async def page(request: Request, path: str) -> Response:
+        if path == "search.json":
+            return await _serve_text(await to_thread.run_sync(lambda: shown.search_index), "application/json", request)
+        if found := shown.find_page(path):
+            return await _serve_text(await to_thread.run_sync(shown.render_page, found), "text/html", request)
+        suffix = Path(path).suffix
+        if suffix not in files:
+            raise HTTPException(404)
+        return await _serve_file(files[suffix], path, request, "no-cache")
+
+    return router
+
+
+async def _serve_text(data: bytes, kind: str, request: Request) -> Response:
+    """A text that is in memory, gzipped if the client accepts that."""
+    headers = {"Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
+    if _accepts_gzip(request):
+        data = await to_thread.run_sync(_gzip_text, data)
+        headers["Content-Encoding"] = "gzip"
+    headers["ETag"] = tag_bytes(data)
+    response = Response(data, media_type=kind, headers=headers)
+    if is_fresh(request, headers["ETag"]):
+        return NotModifiedResponse(response.headers)
+    return response
+
+
+@lru_cache(_KEPT_FILES)
+def _gzip_text(data: bytes) -> bytes:
+    return gzip.compress(data, mtime=0)
+
+
+async def _serve_file(files: StaticFiles, path: str, request: Request, cache_control: str) -> Response:
+    """A whole file, or its gzipped copy if it is a text and the client accepts that.
+
+    A `Range` is ignored, as by the other routes: starlette answers an impossible one in plain text.
+    """
+    request.scope["headers"] = [pair for pair in request.scope["headers"] if pair[0] != b"range"]
+    response = await files.get_response(path, request.scope)
+    headers = {"Accept-Ranges": "none", "Cache-Control": cache_control}
+    if Path(path).suffix in _TEXT_SUFFIXES:
+        headers["Vary"] = "Accept-Encoding"
+        if _accepts_gzip(request):
+            response = await _gzip_response(files, path, request)
+    response.headers.update(headers)
+    return response
+
+
+async def _gzip_response(files: StaticFiles, path: str, request: Request) -> Response:
+    """The gzipped copy of a file that exists, with a tag of its own."""
+    full_path, stat = files.lookup_path(path)
+    data = await to_thread.run_sync(_gzip_file, full_path, stat.st_mtime_ns if stat else 0)
+    headers = {"ETag": tag_bytes(data), "Content-Encoding": "gzip"}
+    response = Response(data, media_type=guess_type(path)[0], headers=headers)
+    if files.is_not_modified(response.headers, request.headers):
+        return NotModifiedResponse(response.headers)
+    return response
+
+
+@lru_cache(_KEPT_FILES)
+def _gzip_file(path: str, modified_ns: int) -> bytes:  # noqa: ARG001  # a file that changed is another
+    return gzip.compress(Path(path).read_bytes(), mtime=0)
+
+
+def _accepts_gzip(request: Request) -> bool:
+    """Whether the client accepts gzip, by name or by `*`, and with a weight that is not 0 (RFC 9110, 12.5.3)."""
+    codings = ",".join(request.headers.getlist("accept-encoding")).lower().replace(" ", "").split(",")
+    weights = {coding: weight or "1" for coding, _, weight in (item.partition(";q=") for item in codings)}
+    return weights.get("gzip", weights.get("*", "0")).strip("0.") != ""
