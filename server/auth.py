@@ -19,7 +19,7 @@ from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
-from server.identity import GROUP_SHARES, Client, client_of_request
+from server.limits import GROUP_SHARES, Client, client_of_request
 from server.problems import ProblemError
 from server.settings import Settings
 

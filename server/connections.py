@@ -22,8 +22,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server import problems
 from server.auth import SECURITY_HEADERS
-from server.identity import UNKNOWN, Client, client_of_address
-from server.limits import PLACE_BYTES, ConnectionLimiter, PendingResponses
+from server.limits import PLACE_BYTES, UNKNOWN, Client, ConnectionLimiter, PendingResponses, client_of_address
 from server.problems import ProblemKind
 from server.settings import PREFIX, SettingsError
 

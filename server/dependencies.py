@@ -31,9 +31,17 @@ from lighting.registration import features, photo_set
 from lighting.tracing import trace_step
 from server import problems
 from server.auth import ApiKeys, CpuLimiter, RateLimiter
-from server.identity import Client, client_of_address, client_of_key, client_of_request
 from server.jobs import JobRunner, JobStore
-from server.limits import ConnectionLimiter, PendingResponses, UploadLimiter, count_possible_connections
+from server.limits import (
+    Client,
+    ConnectionLimiter,
+    PendingResponses,
+    UploadLimiter,
+    client_of_address,
+    client_of_key,
+    client_of_request,
+    count_possible_connections,
+)
 from server.problems import ProblemError
 from server.request_body import JSON_TYPE, BodyLimits, RequestBody, Upload, announced_size, media_type, parse_record
 from server.scheduling import WorkLimiter

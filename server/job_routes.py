@@ -19,10 +19,9 @@ from server import field_types as types
 from server import problems
 from server.dependencies import ServiceDep
 from server.field_types import InRange, NotNull, RegistryName, field_error
-from server.identity import client_of_request
 from server.job_kinds import JOB_KINDS, MAP_OPTIONS, RESULT_FILE, UPLOAD_STEM
 from server.jobs import JobRunner, JobState, StoredJob
-from server.limits import BusyError
+from server.limits import BusyError, client_of_request
 from server.problems import ProblemError, problem_responses
 from server.query_params import AdjustQuery, UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody

@@ -23,9 +23,8 @@ from anyio import CancelScope, Event, get_cancelled_exc_class, move_on_after, sl
 
 from lighting.records import Json
 from lighting.runtime import process_seconds, start_python
-from server.identity import Client, Tally
 from server.job_kinds import RESULT_FILE
-from server.limits import BusyError, ShareTakenError
+from server.limits import BusyError, Client, ShareTakenError, Tally
 from server.settings import PREFIX, SettingsError
 from server.tracing import JobSpan, RequestTracer
 

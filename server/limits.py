@@ -1,4 +1,7 @@
-"""Limits on uploads, on answers that wait for their clients and on connections, in all and for each client."""
+"""Who asks, a client by its API key or its address; and limits on uploads, unsent answers and connections.
+
+Each limit is in all and for each client.
+"""
 
 import logging
 import sys
@@ -6,10 +9,18 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from typing import Protocol
+from functools import lru_cache
+from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
+from typing import NamedTuple, Protocol, TypeVar
 
-from server.identity import Client, Tally
+from starlette.requests import HTTPConnection
 
+K = TypeVar("K")
+
+_PREFIXES = (64, 56, 48)  # bits of an IPv6 address: a network, a home, a site
+GROUP_SHARES = (1, 2, 3)  # what a client's groups may have, as multiples of a client's share
+_NAT64 = IPv6Network("64:ff9b::/96")  # its last 32 bits are an IPv4 address (RFC 6052)
+_LOCAL_NAT64 = IPv6Network("64:ff9b:1::/48")  # each of its addresses is an IPv4 one's (RFC 8215)
 PLACE_BYTES = 65_536  # of a body that have come when it takes a place
 UNSENT_SHARE = 0.25  # of the bytes of answers that may wait, for one client
 BACKLOG = 32  # connections that are accepted in one iteration of the event loop
@@ -19,6 +30,110 @@ _FILES_PER_WORKER = 8  # pipes of the processes that decode and match
 _LOG_SECONDS = 60.0  # between two lines about connections
 
 log = logging.getLogger(__name__)
+
+
+class Client(NamedTuple):
+    """Who asks, by the groups whose shares it uses: itself first, then what it is a part of."""
+
+    groups: tuple[str, ...]
+
+
+UNKNOWN = Client(("unknown",))
+
+
+@lru_cache(maxsize=4096)
+def client_of_address(host: str) -> Client:
+    """The client at an address.
+
+    Args:
+        host: an IP address, with or without a port.
+
+    Returns:
+        One group for IPv4, also where IPv6 maps or translates it (NAT64); else of IPv6 the /64, /56 and /48 networks;
+        UNKNOWN for what is no address.
+    """
+    address = _parse_address(host)
+    if address is None:
+        return UNKNOWN
+    if isinstance(address, IPv4Address) or address in _LOCAL_NAT64:
+        return Client((str(address),))
+    value = int(address)
+    return Client(tuple(str(IPv6Network((value >> 128 - bits << 128 - bits, bits))) for bits in _PREFIXES))
+
+
+def _parse_address(host: str) -> IPv4Address | IPv6Address | None:
+    if host.count(":") == 1:  # some proxies append the port
+        host = host.partition(":")[0]
+    try:
+        address = ip_address(host)
+    except ValueError:
+        return None
+    if isinstance(address, IPv4Address):
+        return address
+    return IPv4Address(int(address) & 0xFFFFFFFF) if address in _NAT64 else address.ipv4_mapped or address
+
+
+def client_of_key(number: int) -> Client:
+    """The client that has an API key.
+
+    Args:
+        number: of the key, from 0.
+    """
+    return Client((f"key {number}",))
+
+
+def client_of_request(request: HTTPConnection) -> Client:
+    """The client that the access log's middleware noted.
+
+    Args:
+        request: a request that has come through it.
+    """
+    client: Client = request.scope.get("lighting_client", UNKNOWN)
+    return client
+
+
+class Tally:
+    """Sums by client; each counts for all the groups of its client."""
+
+    def __init__(self) -> None:
+        self._sums: dict[str, float] = {}
+        self._clients: dict[Client, float] = {}
+
+    def add(self, client: Client, amount: float) -> None:
+        """Add to a client's sum; one that comes back to 0 is forgotten.
+
+        Args:
+            client: any.
+            amount: of either sign.
+        """
+        for group in client.groups:
+            _add(self._sums, group, amount)
+        _add(self._clients, client, amount)
+
+    def load(self, client: Client, more: float = 0.0) -> float:
+        """A client's sum, or, where that is more, a larger group's, divided by that group's share.
+
+        Args:
+            client: any.
+            more: to be counted in addition.
+        """
+        sums = self._sums
+        load = sums.get(client.groups[0], 0.0) + more
+        for group, share in zip(client.groups[1:], GROUP_SHARES[1:], strict=False):
+            load = max(load, (sums.get(group, 0.0) + more) / share)
+        return load
+
+    def __iter__(self) -> Iterator[Client]:
+        return iter(self._clients)
+
+    def __len__(self) -> int:
+        return len(self._clients)
+
+
+def _add(sums: dict[K, float], key: K, amount: float) -> None:
+    sums[key] = sums.get(key, 0.0) + amount
+    if not sums[key]:
+        del sums[key]
 
 
 class BusyError(Exception):
@@ -99,7 +214,7 @@ class UploadLimiter:
             self._held.add(body.client, -1)
 
 
-class UnsentAnswer(Protocol):
+class _UnsentAnswer(Protocol):
     """A connection whose client has not taken all of an answer."""
 
     def unsent_bytes(self) -> int:
@@ -120,9 +235,9 @@ class PendingResponses:
 
     def __init__(self, max_bytes: int) -> None:
         self.max_bytes = max_bytes
-        self._waiting: dict[UnsentAnswer, Client] = {}
+        self._waiting: dict[_UnsentAnswer, Client] = {}
 
-    def add(self, answer: UnsentAnswer, client: Client) -> None:
+    def add(self, answer: _UnsentAnswer, client: Client) -> None:
         """Count this connection's bytes until it is discarded.
 
         Args:
@@ -131,7 +246,7 @@ class PendingResponses:
         """
         self._waiting[answer] = client
 
-    def discard(self, answer: UnsentAnswer) -> None:
+    def discard(self, answer: _UnsentAnswer) -> None:
         """Count this connection no more."""
         self._waiting.pop(answer, None)
 
@@ -169,7 +284,7 @@ class PendingResponses:
             answer.give_way()
 
 
-class OpenConnection(Protocol):
+class _OpenConnection(Protocol):
     """A connection that may have to give way."""
 
     def give_way(self) -> None:
@@ -192,9 +307,9 @@ class ConnectionLimiter:
     def __init__(self, maximum: int, max_per_client: int) -> None:
         self.maximum = maximum
         self.max_per_client = max_per_client
-        self._clients: dict[OpenConnection, Client | None] = {}
-        self._silent: dict[OpenConnection, None] = {}  # those that never asked anything, the oldest first
-        self._idle: dict[OpenConnection, None] = {}  # those that have nothing to do since an answer
+        self._clients: dict[_OpenConnection, Client | None] = {}
+        self._silent: dict[_OpenConnection, None] = {}  # those that never asked anything, the oldest first
+        self._idle: dict[_OpenConnection, None] = {}  # those that have nothing to do since an answer
         self._held = Tally()
         self._ended = 0  # since the last line of the log
         self._logged = -_LOG_SECONDS
@@ -204,7 +319,7 @@ class ConnectionLimiter:
         """Open connections."""
         return len(self._clients)
 
-    def open(self, connection: OpenConnection, client: Client | None) -> bool:
+    def open(self, connection: _OpenConnection, client: Client | None) -> bool:
         """Count a connection; False if there is no room for it.
 
         Args:
@@ -243,18 +358,18 @@ class ConnectionLimiter:
         load = self._held.load(client, 1)
         return load > _BROWSER_CONNECTIONS and load * len(self._held) > 2 * self.maximum
 
-    def note_request(self, connection: OpenConnection) -> None:
+    def note_request(self, connection: _OpenConnection) -> None:
         """Something has been asked on this connection: it does not give way."""
         self._silent.pop(connection, None)
         self._idle.pop(connection, None)
 
-    def note_answer(self, connection: OpenConnection) -> None:
+    def note_answer(self, connection: _OpenConnection) -> None:
         """All that was asked has been answered."""
         if connection in self._clients:
             self._silent.pop(connection, None)
             self._idle[connection] = None
 
-    def close(self, connection: OpenConnection) -> None:
+    def close(self, connection: _OpenConnection) -> None:
         """Count a connection no more."""
         if connection not in self._clients:
             return

@@ -21,8 +21,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
 from lighting.validation import record_path
 from server import problems
-from server.identity import client_of_request
-from server.limits import PLACE_BYTES, ArrivingBody
+from server.limits import PLACE_BYTES, ArrivingBody, client_of_request
 from server.problems import FORM_PARAMETERS, InvalidField, ProblemError
 from server.schemas import LightingRecord
 

@@ -20,8 +20,7 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Receive
 
 import lighting.runtime as runtime
-from server.identity import GROUP_SHARES, UNKNOWN, Client, Tally
-from server.limits import BusyError, ShareTakenError
+from server.limits import GROUP_SHARES, UNKNOWN, BusyError, Client, ShareTakenError, Tally
 
 T = TypeVar("T")
 

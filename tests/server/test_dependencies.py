@@ -20,8 +20,7 @@ from lighting.records import WarningCode
 from lighting.registration import features, photo_set
 from server.app import create_app
 from server.dependencies import NO_OPENCV, ROTATION_INFERRED, Metrics, PhotoMatcher, Service
-from server.identity import UNKNOWN
-from server.limits import ArrivingBody, ConnectionLimiter, PendingResponses, UploadLimiter
+from server.limits import UNKNOWN, ArrivingBody, ConnectionLimiter, PendingResponses, UploadLimiter
 from server.problems import ProblemError
 from server.query_params import LightingsQuery
 from server.scheduling import WorkLimiter

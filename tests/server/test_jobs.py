@@ -21,10 +21,9 @@ from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.output import _write_png16
 from server import job_kinds
 from server.app import create_app
-from server.identity import client_of_address
 from server.job_kinds import MAX_FILES, RESULT_FILE, UploadError
 from server.jobs import RESULT_SECONDS, JobState, JobStore, StoredJob
-from server.limits import BusyError, ShareTakenError
+from server.limits import BusyError, ShareTakenError, client_of_address
 from server.request_body import RequestBody
 from server.settings import Settings, SettingsError
 from tests.conftest import encode, scene

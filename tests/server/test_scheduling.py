@@ -17,9 +17,8 @@ from lighting.photo.reader import Photo
 from lighting.photo_estimate import Estimate
 from server.app import create_app
 from server.dependencies import Service
-from server.identity import Client as Asker
-from server.identity import client_of_address
-from server.limits import BusyError, ShareTakenError
+from server.limits import BusyError, ShareTakenError, client_of_address
+from server.limits import Client as Asker
 from server.scheduling import HALF_LIFE, CpuUsage, WorkLimiter
 from server.settings import Settings
 from tests.server.conftest import Client, until
