@@ -27,7 +27,7 @@ from lighting.batch.results import (
     table_schema,
 )
 from lighting.errors import BatchError, MissingExtraError, require_extra
-from lighting.photo.sidecar import MAX_SIDECAR_BYTES, read_sidecar
+from lighting.photo.tags import MAX_SIDECAR_BYTES, read_sidecar
 from lighting.records import Json
 
 _EXTRA = ("The engine ray needs Ray and pyarrow", "ray")

@@ -29,7 +29,7 @@ from lighting.photo.color_encoding import ColorEncoding, is_gamma_encoded, read_
 from lighting.photo.containers import embedded_preview, photo_page
 from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
-from lighting.photo.sidecar import read_sidecar
+from lighting.photo.tags import read_sidecar
 
 _TIFF_LIKE = {  # first bytes, and how TIFF files begin
     **{b"IIRO": b"II*\0", b"IIRS": b"II*\0", b"MMOR": b"MM\0*", b"IIU\0": b"II*\0"},

@@ -17,11 +17,10 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
-import lighting.photo.imu as imu
 from lighting.documentation import describe_fields
 from lighting.geometry import wrap_azimuth
+from lighting.photo.camera import PhotoFrame, heading_from_xmp, height_from_xmp, read_lens, read_tilt
 from lighting.photo.clock import read_clock, read_gps_time
-from lighting.photo.lens import PhotoFrame, read_lens
 from lighting.photo.tags import (
     EXIF_NAMESPACE,
     Tags,
@@ -261,7 +260,7 @@ def read_metadata(
     local_time, utc_offset = (stamp.time, stamp.utc_offset) if stamp else (None, None)
     gps_time = read_gps_time(gps, xmp, local_time, longitude)
     heading, reference = _read_heading(gps, xmp)
-    if heading is None and (heading := imu.heading_from_xmp(xmp)) is not None:
+    if heading is None and (heading := heading_from_xmp(xmp)) is not None:
         reference = HeadingReference.TRUE
     orientation = read_orientation(image)
     lens = read_lens(main, camera, xmp, PhotoFrame(width, height, orientation in (5, 6, 7, 8), is_inside))
@@ -274,10 +273,10 @@ def read_metadata(
         is_lens_consistent=lens.is_consistent or not lens.vertical_fovs,
         is_panorama=lens.is_panorama,
         exposure_value=try_read(_exposure_value, camera),
-        camera_height=imu.height_from_xmp(xmp),
+        camera_height=height_from_xmp(xmp),
         orientation=orientation,
     )
-    tilt = _camera_tilt(camera, xmp, orientation, (width, height)) if lens.is_whole else None
+    tilt = read_tilt(camera, xmp, orientation, (width, height)) if lens.is_whole else None
     if tilt is None:
         return known
     roll = None if tilt.roll is None else float(wrap_azimuth(tilt.roll + lens.turn))
@@ -305,14 +304,6 @@ def read_orientation(image: Image.Image) -> int | None:
     """
     value = read_main_tags(image).get(ExifTags.Base.Orientation)
     return value if isinstance(value, int) else None
-
-
-def _camera_tilt(
-    tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]
-) -> imu.CameraTilt | None:
-    """The camera's tilt, by the first source that has it."""
-    by_phone = try_read(lambda t: imu.tilt_from_accelerometer(t, orientation, size), tags)
-    return by_phone or imu.tilt_from_gimbal(xmp, orientation) or try_read(imu.tilt_from_elevation_angle, tags)
 
 
 def _exposure(tags: Tags) -> float | None:

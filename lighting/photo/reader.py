@@ -32,7 +32,7 @@ from lighting.photo.formats import complete_avif, heif_kind, open_heif, unreadab
 from lighting.photo.linear import add_raw_exif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
-from lighting.photo.sidecar import read_sidecar
+from lighting.photo.tags import read_sidecar
 from lighting.records import CodedWarning, WarningCode
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO

@@ -43,7 +43,7 @@ from lighting.photo.reader import (
     read_bytes,
     read_photo,
 )
-from lighting.photo.sidecar import read_sidecar
+from lighting.photo.tags import read_sidecar
 from lighting.records import CodedWarning, Json, WarningCode, warning_code
 
 if TYPE_CHECKING:

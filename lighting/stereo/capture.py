@@ -23,8 +23,8 @@ from lighting.files.exr import read_exr
 from lighting.fusion.instants import resolve_together
 from lighting.fusion.metadata_prior import share_location
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.photo.camera import FULL_FRAME_DIAGONAL
 from lighting.photo.clock import parse_time
-from lighting.photo.lens import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import RAW_SUFFIXES, Curve, open_header, read_linear
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.stereo.light_vectors import Skies

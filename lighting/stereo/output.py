@@ -25,7 +25,7 @@ from lighting.files.atomic import atomic_write, output_folder_error
 from lighting.files.exr import SOFTWARE
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
-from lighting.photo.lens import FULL_FRAME_DIAGONAL
+from lighting.photo.camera import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import Curve
 from lighting.records import GROUND_ALBEDO, Json
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies

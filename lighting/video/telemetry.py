@@ -14,9 +14,8 @@ from typing import Any
 import numpy as np
 
 from lighting.geometry import Floats, wrap_azimuth
+from lighting.photo.camera import heading_from_gimbal, vertical_fov_from_focal_length
 from lighting.photo.clock import YEAR_RANGE
-from lighting.photo.imu import heading_from_gimbal
-from lighting.photo.lens import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata
 
 QUICKTIME = "com.apple.quicktime."

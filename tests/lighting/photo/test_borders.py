@@ -9,7 +9,7 @@ import pytest
 from PIL import ExifTags, Image, ImageDraw, ImageFilter
 
 from lighting.photo.borders import Rectangle, find_layout
-from lighting.photo.lens import vertical_fov_from_focal_length
+from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import PhotoCrop, photo_from_array, read_photo
 from lighting.records import warning_code
