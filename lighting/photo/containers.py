@@ -1,10 +1,13 @@
-"""JPEG, PNG, WebP, TIFF, RAW headers: sizes, scans, pages, previews.
+"""JPEG, PNG, WebP, TIFF, RAW headers: sizes, scans, pages, previews, and EXIF blocks of RAW files.
 
 Of each directory only what decides is read, so that hostile files cost nothing; Pillow reads the chosen page.
 
 - JPEG: a decoder goes through the whole picture once per scan, however few bytes the scan has. A picture of 4000 x 4000
   pixels whose 343 kB hold one scan 5,000 times takes 36 s. Markers are found as libjpeg finds them [1].
-- RAW: a preview is found by its markers, not by the maker's tables; cameras store it whole and in one piece.
+- RAW: a preview is found by its markers, not by the maker's tables; cameras store it whole and in one piece. Of files
+  that Pillow does not open the EXIF block is read here: Canon's CR3, Fujifilm's RAF, Olympus' ORF, Panasonic's RW2, and
+  DNG without a preview. ORF and RW2 are TIFF files under another number. A RAF begins with a whole JPEG. A CR3 is an
+  ISO media file with a directory of tags in a box each.
 - PNG: Pillow reads each chunk in Python, however small; 64 MB of empty chunks would take it most of a minute.
 - WebP: Pillow reads every one as an animation, with room for two of its pictures before it tells their size. In a
   process whose memory is bounded, a large one would then look damaged.
@@ -15,14 +18,16 @@ References:
 """
 
 import struct
+import warnings
 from collections import deque
 from collections.abc import Iterator
 from dataclasses import dataclass
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image
 
 from lighting.errors import PhotoError
 
@@ -96,6 +101,14 @@ _CHUNK_OVERHEAD = 12  # bytes of a chunk beside its data: length, name, checksum
 _WEBP_HEAD = 30  # bytes
 _START_OF_FRAME = b"\x9d\x01\x2a"
 _LOSSLESS = 0x2F
+_TIFF_LIKE = {  # first bytes, and how TIFF files begin
+    **{b"IIRO": b"II*\0", b"IIRS": b"II*\0", b"MMOR": b"MM\0*", b"IIU\0": b"II*\0"},
+    **{b"II*\0": b"II*\0", b"MM\0*": b"MM\0*"},  # of DNG whose first picture is the mosaic, as phones write it
+}
+_RAF_START, _RAF_JPEG = b"FUJIFILMCCD-RAW", 84  # where a RAF says the beginning and the length of its JPEG
+_CR3_BOXES = {b"CMT1": None, b"CMT2": ExifTags.IFD.Exif, b"CMT4": ExifTags.IFD.GPSInfo}  # None: of the picture itself
+_HEAD = 1 << 22  # bytes that hold all directories
+_USUAL_SHAPE = (3, 2)
 
 
 @dataclass(frozen=True)
@@ -429,6 +442,65 @@ def embedded_preview(data: bytes) -> bytes:
             "The RAW photo has no readable preview; convert it to JPEG or TIFF, for example with darktable-cli."
         )
     return data[largest[1] :]
+
+
+def open_raw_header(data: bytes) -> Image.Image:
+    """The preview in a RAW file, not decoded, with the EXIF block of the file; its own where it has one.
+
+    Args:
+        data: of a RAW file; one without a preview has an empty one of the usual shape.
+    """
+    try:
+        preview: Image.Image = Image.open(BytesIO(embedded_preview(data)), formats=["JPEG"])
+    except (PhotoError, OSError):  # UnidentifiedImageError is an OSError
+        preview = Image.new("L", _USUAL_SHAPE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # what is damaged counts as absent
+        add_raw_exif(preview, data)
+    return preview
+
+
+def add_raw_exif(preview: Image.Image, data: bytes) -> None:
+    """Give a preview that lacks an EXIF block the one of its RAW file. Never raises; Pillow may warn.
+
+    Args:
+        preview: opened by Pillow; changed in place.
+        data: of the RAW file.
+    """
+    try:
+        block = None if dict(preview.getexif()) else _read_block(data)
+    except Exception:  # EXIF is hostile input
+        return
+    if block is not None:
+        preview.info["exif"] = block
+        preview.getexif().clear()
+        preview.getexif().load(block)
+
+
+def _read_block(data: bytes) -> bytes | None:
+    """An EXIF block as a JPEG would hold it; None where there is none."""
+    if start := _TIFF_LIKE.get(data[:4]):
+        return b"Exif\0\0" + start + data[4:_HEAD]
+    if data.startswith(_RAF_START):
+        begin, length = struct.unpack_from(">II", data, _RAF_JPEG)
+        with Image.open(BytesIO(data[begin : begin + length]), formats=["JPEG"]) as photo:
+            return photo.info.get("exif")
+    return _cr3_block(data[:_HEAD]) if data[4:12] == b"ftypcrx " else None
+
+
+def _cr3_block(head: bytes) -> bytes:
+    """One block of the directories that a CR3 holds apart."""
+    block = Image.Exif()
+    for name, ifd in _CR3_BOXES.items():
+        position = head.find(name)
+        if position < 4:
+            continue
+        (size,) = struct.unpack_from(">I", head, position - 4)
+        directory = Image.Exif()
+        directory.load(b"Exif\0\0" + head[position + 4 : position - 4 + size])
+        target: Any = block if ifd is None else block.get_ifd(ifd)
+        target.update({tag: value for tag, value in directory.items() if tag not in tuple(ExifTags.IFD)})
+    return block.tobytes()
 
 
 def open_exif_source(data: bytes, preview: Image.Image) -> Image.Image:

@@ -3,102 +3,32 @@
 What is read: 16-bit PNG and TIFF, RAW where rawpy is installed (extra `all`), and with less precision 8-bit PNG, TIFF
 and JPEG. A tag for gamma is not believed, since it often lies: 16 bits count as linear, 8 bits as sRGB, unless the
 caller knows better. The primaries of an ICC profile are believed: values become Rec.709's.
-
-Of RAW files that Pillow does not open the EXIF block is read here: Canon's CR3, Fujifilm's RAF, Olympus' ORF,
-Panasonic's RW2, and DNG without a preview. ORF and RW2 are TIFF files under another number. A RAF begins with a whole
-JPEG. A CR3 is an ISO media file with a directory of tags in a box each.
 """
 
 import io
-import struct
 import sys
-import warnings
 from dataclasses import dataclass, field
-from io import BytesIO
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, UnidentifiedImageError
+from PIL import Image, UnidentifiedImageError
 
 from lighting.color import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError, require_extra
-from lighting.photo import pixels as photo_pixels
-from lighting.photo.color_encoding import ColorEncoding, is_gamma_encoded, read_color_encoding
-from lighting.photo.containers import embedded_preview, photo_page
+from lighting.photo.containers import open_raw_header, photo_page
 from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
+from lighting.photo.pixels import (
+    ColorEncoding,
+    check_bit_depth,
+    gray_16_bit,
+    is_gamma_encoded,
+    make_upright,
+    read_color_encoding,
+)
 from lighting.photo.tags import read_sidecar
-
-_TIFF_LIKE = {  # first bytes, and how TIFF files begin
-    **{b"IIRO": b"II*\0", b"IIRS": b"II*\0", b"MMOR": b"MM\0*", b"IIU\0": b"II*\0"},
-    **{b"II*\0": b"II*\0", b"MM\0*": b"MM\0*"},  # of DNG whose first picture is the mosaic, as phones write it
-}
-_RAF_START, _RAF_JPEG = b"FUJIFILMCCD-RAW", 84  # where a RAF says the beginning and the length of its JPEG
-_CR3_BOXES = {b"CMT1": None, b"CMT2": ExifTags.IFD.Exif, b"CMT4": ExifTags.IFD.GPSInfo}  # None: of the picture itself
-_HEAD = 1 << 22  # bytes that hold all directories
-_USUAL_SHAPE = (3, 2)
-
-
-def _open_raw_header(data: bytes) -> Image.Image:
-    """The preview in a RAW file, not decoded, with the EXIF block of the file; its own where it has one.
-
-    Args:
-        data: of a RAW file; one without a preview has an empty one of the usual shape.
-    """
-    try:
-        preview: Image.Image = Image.open(BytesIO(embedded_preview(data)), formats=["JPEG"])
-    except (PhotoError, OSError):  # UnidentifiedImageError is an OSError
-        preview = Image.new("L", _USUAL_SHAPE)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what is damaged counts as absent
-        add_raw_exif(preview, data)
-    return preview
-
-
-def add_raw_exif(preview: Image.Image, data: bytes) -> None:
-    """Give a preview that lacks an EXIF block the one of its RAW file. Never raises; Pillow may warn.
-
-    Args:
-        preview: opened by Pillow; changed in place.
-        data: of the RAW file.
-    """
-    try:
-        block = None if dict(preview.getexif()) else _read_block(data)
-    except Exception:  # EXIF is hostile input
-        return
-    if block is not None:
-        preview.info["exif"] = block
-        preview.getexif().clear()
-        preview.getexif().load(block)
-
-
-def _read_block(data: bytes) -> bytes | None:
-    """An EXIF block as a JPEG would hold it; None where there is none."""
-    if start := _TIFF_LIKE.get(data[:4]):
-        return b"Exif\0\0" + start + data[4:_HEAD]
-    if data.startswith(_RAF_START):
-        begin, length = struct.unpack_from(">II", data, _RAF_JPEG)
-        with Image.open(BytesIO(data[begin : begin + length]), formats=["JPEG"]) as photo:
-            return photo.info.get("exif")
-    return _cr3_block(data[:_HEAD]) if data[4:12] == b"ftypcrx " else None
-
-
-def _cr3_block(head: bytes) -> bytes:
-    """One block of the directories that a CR3 holds apart."""
-    block = Image.Exif()
-    for name, ifd in _CR3_BOXES.items():
-        position = head.find(name)
-        if position < 4:
-            continue
-        (size,) = struct.unpack_from(">I", head, position - 4)
-        directory = Image.Exif()
-        directory.load(b"Exif\0\0" + head[position + 4 : position - 4 + size])
-        target: Any = block if ifd is None else block.get_ifd(ifd)
-        target.update({tag: value for tag, value in directory.items() if tag not in tuple(ExifTags.IFD)})
-    return block.tobytes()
-
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -192,7 +122,7 @@ def linear_from_array(pixels: Pixels) -> LinearPhoto:
 
 def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto:
     stored = _read_stored(file.read_bytes())
-    samples = photo_pixels.make_upright(stored.samples, stored.orientation) if upright else stored.samples
+    samples = make_upright(stored.samples, stored.orientation) if upright else stored.samples
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
     linear = _linearize(samples, coded)
@@ -210,12 +140,12 @@ def _read_stored(data: bytes) -> _Stored:
     page = photo_page(data)
     first_page = page.as_first(data) if page else data
     image = _open(first_page)
-    photo_pixels.check_bit_depth(image, all_bits=True)
+    check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
         samples = _read_samples(image, first_page)
         return _Stored(samples, image, image, read_orientation(image), read_color_encoding(image, first_page, image))
     exif_source, orientation = _open(first_page if page and page.has_exif else data), read_orientation(image)
-    samples = photo_pixels.undo_upright(_read_samples(image, first_page), orientation)  # Pillow has rotated it
+    samples = _undo_upright(_read_samples(image, first_page), orientation)  # Pillow has rotated it
     if page and not page.has_orientation:
         orientation = read_orientation(exif_source)
     return _Stored(samples, image, exif_source, orientation, read_color_encoding(image, first_page, exif_source))
@@ -249,7 +179,7 @@ def _read_samples(image: Any, data: bytes) -> NDArray[Any]:
     """Samples (H, W, C) of 8 or 16 bits as Pillow decodes them; C is 1 for gray, else 3."""
     modes = {_raw_mode(tile) for tile in image.tile}
     if image.mode.startswith("I;16") or image.mode == "I":
-        return photo_pixels.gray_16_bit(image, photo_pixels.tiff_tags(image))[..., None]
+        return gray_16_bit(image)[..., None]
     if modes == {_GRAY_ALPHA}:
         image.tile = [tile._replace(args="RGBA") for tile in image.tile]  # as many bytes of a pixel, untouched
         high, low = np.moveaxis(np.asarray(image), -1, 0)[:2]
@@ -326,7 +256,7 @@ def open_header(file: str | Path) -> Image.Image:
     try:
         return Image.open(file)
     except UnidentifiedImageError:
-        return _open_raw_header(Path(file).read_bytes())
+        return open_raw_header(Path(file).read_bytes())
 
 
 def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float | None]:
@@ -341,3 +271,13 @@ def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float |
             return read_metadata(image, image.width, image.height, beside), read_exposure(image)
     except Exception:  # an absent or strange block is no reason to refuse the pixels
         return PhotoMetadata(), None
+
+
+def _undo_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
+    """The view of which `make_upright` makes these pixels.
+
+    Args:
+        pixels: (h, w, C), upright.
+        orientation: 1 to 8; None: upright.
+    """
+    return make_upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))

@@ -1,15 +1,51 @@
-"""Decoded image -> upright 8-bit sRGB."""
+"""A decoded image's pixels: bit depth and orientation, what its values mean, and how they become upright 8-bit sRGB.
 
+The meaning is a curve and primaries, or an ICC profile. What counts, the first of these that a file has:
+
+1. code points of ITU-T H.273: `cICP` of a PNG [1], the `cicp` tag of an ICC profile [2], which overrides its curves,
+   and `nclx` of HEIC and AVIF;
+2. an ICC profile, by what it does to colors, whatever its name says;
+3. `sRGB`, `gAMA` and `cHRM` of a PNG [1];
+4. Adobe RGB as cameras state it: index R03 in the interoperability directory of EXIF [3];
+5. the space that XMP names, whose profile a program lost.
+
+Else the values are sRGB. Diffuse white of HDR curves becomes white, as in `lighting.color`; what is brighter is
+clipped. HLG holds light of the scene, to which displays apply its OOTF [4]; sRGB holds what displays show. Pillow
+converts by profiles in 8 bits alone, so linear values are converted by the matrix of the primaries.
+
+References:
+    [1] W3C, Portable Network Graphics (third edition), 11.3.2 and 4.3: the order of its chunks.
+    [2] ICC.1:2022, 9.2.17.
+    [3] DCF 2.0 (JEITA CP-3461), optional color space.
+    [4] Rec. ITU-R BT.2100, table 5, of a display of 1000 cd/m2.
+"""
+
+import struct
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from io import BytesIO
 from math import ceil
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
+from PIL import ExifTags, Image, ImageCms
 
+from lighting.color import (
+    ADOBE_RGB_CHROMATICITIES,
+    ADOBE_RGB_GAMMA,
+    H273_CHROMATICITIES,
+    chromaticities_to_rec709,
+    hlg_decode,
+    pq_decode,
+    rec709_decode,
+    srgb_bytes,
+    srgb_decode,
+)
 from lighting.errors import PhotoError
-from lighting.photo.color_encoding import ColorEncoding
+from lighting.geometry import Floats
+from lighting.photo.tags import EXIF_NAMESPACE, read_ifd, read_packet, read_text, try_read
 
 Pixels = NDArray[np.uint8]
 
@@ -29,6 +65,63 @@ _UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright,
     7: lambda pixels: pixels[::-1, ::-1].transpose(1, 0, 2),
     8: lambda pixels: pixels[:, ::-1].transpose(1, 0, 2),
 }
+_Curve = float | Literal["srgb", "rec709", "pq", "hlg"]  # a number is the exponent of value^exponent
+_Matrix = NDArray[np.float32]
+_H273_CURVES: Mapping[int, _Curve] = {  # by their numbers; SMPTE 240's differs from Rec.709's by three levels
+    **dict.fromkeys((1, 6, 7, 11, 14, 15), "rec709"),
+    **{4: 2.2, 5: 2.8, 8: 1.0, 13: "srgb", 16: "pq", 17: 2.6, 18: "hlg"},
+}
+_UNSPECIFIED, _REC2020 = 2, 9  # numbers of H.273, the latter of primaries
+_PNG_GAMMAS = (0.25, 1.2)  # of a gAMA that is believed
+_SRGB_GAMMA, _LIKE_SRGB = 1 / 2.2, 0.05  # a gAMA that stands for sRGB, and the relative difference up to which it does
+_NARROW_BLACK, _NARROW_WHITE = 16, 235  # of 8-bit values that do not use their full range
+_SAME = 2e-3  # of a matrix's entries, by which profiles of the same primaries differ
+_SAME_LEVELS = 1  # of 255, by which a profile of sRGB may differ from it
+_LINEAR_GREY = 180  # the least sRGB level of value 128 where values are linear: 188; usual curves make 128 of it
+_HDR_SIGNALS = (128, 148, 178, 204, 230)  # of 255, at which a profile's curve is compared with those of HDR
+_HDR_TOLERANCE = 4  # of 255
+_HLG_SYSTEM_GAMMA = 1.2
+_BT2020_LUMINANCE = np.array([0.2627, 0.6780, 0.0593], dtype=np.float32)
+_MAX_KNOWN_PROFILE = 1 << 16  # bytes of a profile that is kept in mind
+_SRGB, _ADOBE_RGB, _UNCALIBRATED = 1, 2, 65535  # of EXIF's ColorSpace
+_XMP_PROFILE = "http://ns.adobe.com/photoshop/1.0 ICCProfile"  # property: the name of the profile that was embedded
+_NAMED_SPACES: Mapping[str, tuple[_Curve, tuple[float, ...]]] = {  # by what their names hold in small letters
+    "adobergb": (ADOBE_RGB_GAMMA, ADOBE_RGB_CHROMATICITIES),
+    "displayp3": ("srgb", H273_CHROMATICITIES[12]),
+    "prophoto": (1.8, (0.7347, 0.2653, 0.1596, 0.8404, 0.0366, 0.0001, 0.3457, 0.3585)),  # ISO 22028-2 (ROMM RGB)
+}
+_WITH_DCF = ("JPEG", "MPO", "TIFF", "WEBP")  # formats whose EXIF may state the space
+_INTEROP_INDEX = 1
+_HDR_CURVES: dict[Literal["pq", "hlg"], Callable[[Floats], Floats]] = {"pq": pq_decode, "hlg": hlg_decode}
+_CURVES: Mapping[str, Callable[[Floats], Floats]] = {
+    **{"srgb": srgb_decode, "rec709": rec709_decode},
+    **{"pq": pq_decode, "hlg": hlg_decode},
+}
+
+
+@dataclass(frozen=True, eq=False)
+class ColorEncoding:
+    """What values in [0, 1] mean."""
+
+    curve: _Curve = "srgb"
+    """From stored values to linear light."""
+    to_rec709: _Matrix | None = None
+    """(3, 3) from linear values; None: the primaries are Rec.709's."""
+    profile: bytes | None = field(default=None, repr=False)
+    """An ICC profile, which then counts for 8-bit values."""
+    full_range: bool = True
+    """False: 8-bit values go from 16 to 235."""
+
+    def to_srgb(self) -> Callable[[Image.Image], NDArray[np.uint8]]:
+        """A function from pictures in mode L, RGB or CMYK to 8-bit sRGB (h, w, 3), for the parts of one picture."""
+        transform = _profile_transform(self.profile) if self.profile else None
+        if transform is not None:
+            return transform
+        if self.curve == "srgb" and self.to_rec709 is None and self.full_range:
+            return _as_rgb
+        table = _curve_table(self.curve, self.full_range)
+        show = _hlg_ootf if self.curve == "hlg" else _unchanged
+        return lambda image: srgb_bytes(_rotate_colors(show(table[_as_rgb(image)]), self.to_rec709))
 
 
 def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
@@ -50,21 +143,9 @@ def check_bit_depth(image: Image.Image, *, all_bits: bool = False) -> None:
 
 def _are_misread(image: Any, all_bits: bool) -> bool:
     """Whether a TIFF stores its colors of over 8 bits in planes, of which Pillow reads the high bits if packed."""
-    tags = tiff_tags(image)
+    tags = _tiff_tags(image)
     wide = tags.get(_PLANAR) == _PLANES and max(tags.get(_BITS, (8,))) > 8
     return bool(wide and (all_bits or image.tile[0].codec_name == "raw"))
-
-
-def decode_image(image: Image.Image, target: int) -> None:
-    """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than the target.
-
-    Args:
-        image: changed in place.
-        target: pixels, over 0.
-    """
-    scale = min(1.0, target / max(image.size))
-    image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
-    image.load()
 
 
 def upright_pixels(
@@ -94,16 +175,6 @@ def make_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
     return pixels if rotate is None else rotate(pixels)
 
 
-def undo_upright(pixels: NDArray[Any], orientation: int | None) -> NDArray[Any]:
-    """The view of which `make_upright` makes these pixels.
-
-    Args:
-        pixels: (h, w, C), upright.
-        orientation: 1 to 8; None: upright.
-    """
-    return make_upright(pixels, {6: 8, 8: 6}.get(orientation or 1, orientation))
-
-
 def _reduction_factor(width: int, height: int, target: int) -> int:
     """By how much each side is divided."""
     factor = max(1, max(width, height) // target)
@@ -118,7 +189,7 @@ def _convert_to_srgb(image: Image.Image, factor: int, to_srgb: Callable[[Image.I
     edges = range(0, image.height, rows)
     opaque = False  # whether a pixel is not fully transparent
     out = np.empty((ceil(image.height / factor), ceil(image.width / factor), 3), dtype=np.uint8)
-    tags = tiff_tags(image)
+    tags = _tiff_tags(image)
     for top in edges:
         part = image if len(edges) == 1 else image.crop((0, top, image.width, min(top + rows, image.height)))
         small = _to_8_bits(part, tags)
@@ -135,7 +206,7 @@ def _convert_to_srgb(image: Image.Image, factor: int, to_srgb: Callable[[Image.I
 
 
 def _to_8_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
-    """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `tiff_tags`."""
+    """The same picture in mode L, RGB, CMYK or RGBA; `tags` are those of `_tiff_tags`."""
     if image.mode.startswith("I"):
         return Image.fromarray((gray_16_bit(image, tags) >> 8).astype(np.uint8))
     if image.has_transparency_data:
@@ -143,25 +214,304 @@ def _to_8_bits(image: Image.Image, tags: Mapping[int, Any]) -> Image.Image:
     return image if image.mode in ("L", "RGB", "CMYK") else image.convert("RGB")
 
 
-def tiff_tags(image: Image.Image) -> Mapping[int, Any]:
-    """A TIFF's tags; none of other pictures.
-
-    Args:
-        image: opened by Pillow.
-    """
+def _tiff_tags(image: Image.Image) -> Mapping[int, Any]:
+    """A TIFF's tags; none of other pictures."""
     return getattr(image, "tag_v2", {})
 
 
-def gray_16_bit(image: Image.Image, tags: Mapping[int, Any]) -> NDArray[np.uint16]:
+def gray_16_bit(image: Image.Image, tags: Mapping[int, Any] | None = None) -> NDArray[np.uint16]:
     """Gray values (h, w) of over 8 bits, black at 0 and white at 65535.
 
     Pillow would clip them to 8 bits, and passes over a TIFF's 12 bits and over white at 0.
 
     Args:
         image: of one channel.
-        tags: its `tiff_tags`.
+        tags: of a TIFF, whose part it may be; None: its own.
     """
+    tags = _tiff_tags(image) if tags is None else tags
     values: NDArray[Any] = np.asarray(image).astype(np.uint16)
     if tags.get(_BITS) == (12,):
         values = values << 4 | values >> 8
     return 65535 - values if tags.get(_PHOTOMETRIC) == _WHITE_IS_ZERO else values
+
+
+# What the values mean, by the file.
+
+
+def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Image) -> ColorEncoding:
+    """How a picture's values are coded, by its file. Never raises.
+
+    Args:
+        image: opened by Pillow.
+        data: of its file.
+        exif_source: whose EXIF block counts, opened by Pillow.
+    """
+    profile = image.info.get("icc_profile")
+    for code_points in (_png_code_points(data), _profile_code_points(profile), _nclx_code_points(image)):
+        if code_points is not None and (encoding := _by_code_points(*code_points)) is not None:
+            return encoding
+    read = _by_known_profile if profile and len(profile) <= _MAX_KNOWN_PROFILE else _by_profile
+    if profile and (encoding := read(profile)) is not None:
+        return encoding
+    return _by_png_chunks(image.info) or _by_exif(image, exif_source) or _by_xmp(image, exif_source)
+
+
+# Code points.
+
+
+def _by_code_points(primaries: int, curve: int, full_range: bool) -> ColorEncoding | None:
+    """The encoding of H.273's numbers; None where they say nothing, or a curve that is not known.
+
+    Primaries alone have sRGB's curve, and HDR curves alone have Rec.2020's primaries.
+    """
+    if curve not in _H273_CURVES and not (curve == _UNSPECIFIED and primaries in H273_CHROMATICITIES):
+        return None
+    unstated = _REC2020 if _H273_CURVES.get(curve) in _HDR_CURVES else _UNSPECIFIED
+    chromaticities = H273_CHROMATICITIES.get(primaries, H273_CHROMATICITIES.get(unstated))
+    matrix = None if chromaticities is None else chromaticities_to_rec709(chromaticities)
+    return ColorEncoding(_H273_CURVES.get(curve, "srgb"), matrix, full_range=full_range)
+
+
+def _png_code_points(data: bytes) -> tuple[int, int, bool] | None:
+    """Primaries, curve and range of a PNG's `cICP`, which stands before its pixels and palette."""
+    if not data.startswith(b"\x89PNG\r\n\x1a\n"):
+        return None
+    position = 8
+    while position + 12 <= len(data):
+        length, kind = struct.unpack_from(">I4s", data, position)
+        if kind in (b"IDAT", b"PLTE", b"IEND"):
+            return None
+        if kind == b"cICP" and length >= 4 and position + 12 <= len(data):
+            primaries, curve, _matrix, full = data[position + 8 : position + 12]
+            return primaries, curve, full != 0
+        position += 12 + length
+    return None
+
+
+def _profile_code_points(profile: bytes | None) -> tuple[int, int, bool] | None:
+    """The same of an ICC profile's `cicp` tag."""
+    if not profile or len(profile) < 132:
+        return None
+    (count,) = struct.unpack_from(">I", profile, 128)
+    for place in range(132, min(len(profile) - 11, 132 + 12 * min(count, 100)), 12):
+        tag, start, size = struct.unpack_from(">4sII", profile, place)
+        if tag == b"cicp" and size >= 12 and profile[start : start + 4] == b"cicp" and start + 12 <= len(profile):
+            return profile[start + 8], profile[start + 9], True
+    return None
+
+
+def _nclx_code_points(image: Image.Image) -> tuple[int, int, bool] | None:
+    """The same of HEIC and AVIF, whose decoders have undone the matrix and the range."""
+    nclx = image.info.get("nclx_profile")
+    return (nclx["color_primaries"], nclx["transfer_characteristics"], True) if nclx else None
+
+
+# Chunks of a PNG, and EXIF.
+
+
+def _by_png_chunks(info: Mapping[str | tuple[int, int], Any]) -> ColorEncoding | None:
+    if "srgb" in info or not ("gamma" in info or "chromaticity" in info):
+        return None
+    gamma = float(info.get("gamma", _SRGB_GAMMA))
+    like_srgb = abs(gamma / _SRGB_GAMMA - 1) < _LIKE_SRGB or not _PNG_GAMMAS[0] <= gamma <= _PNG_GAMMAS[1]
+    try:
+        white, *primaries = np.reshape(info["chromaticity"], (4, 2)).tolist()
+        matrix = chromaticities_to_rec709([value for xy in (*primaries, white) for value in xy])
+    except (KeyError, ValueError, ArithmeticError):
+        matrix = None
+    return ColorEncoding("srgb" if like_srgb else 1 / gamma, matrix)
+
+
+def _by_exif(image: Image.Image, exif_source: Image.Image) -> ColorEncoding | None:
+    """Adobe RGB where EXIF states it, of the picture itself or of the file that it is embedded in."""
+    for source in (image, exif_source):
+        if source.format not in _WITH_DCF:
+            continue
+        space = read_ifd(source, ExifTags.IFD.Exif).get(ExifTags.Base.ColorSpace)
+        index = try_read(lambda tags: read_text(tags[_INTEROP_INDEX]), read_ifd(source, ExifTags.IFD.Interop))
+        if space == _ADOBE_RGB or (space in (_UNCALIBRATED, None) and index == "R03"):
+            return ColorEncoding(ADOBE_RGB_GAMMA, chromaticities_to_rec709(ADOBE_RGB_CHROMATICITIES))
+        if space is not None:
+            return ColorEncoding() if space == _SRGB else None
+    return None
+
+
+# XMP.
+
+
+def _by_xmp(image: Image.Image, exif_source: Image.Image) -> ColorEncoding:
+    """The space that XMP states or whose profile it names, where neither PNG nor XMP states sRGB; else sRGB."""
+    xmp = {**read_packet(exif_source), **read_packet(image)}
+    space = xmp.get(f"{EXIF_NAMESPACE} ColorSpace")
+    if "srgb" in image.info or space == str(_SRGB):
+        return ColorEncoding()
+    name = "adobergb" if space == str(_ADOBE_RGB) else xmp.get(_XMP_PROFILE, "")
+    letters = "".join(filter(str.isalnum, name.lower()))
+    for key, (curve, chromaticities) in _NAMED_SPACES.items():
+        if key in letters:
+            return ColorEncoding(curve, chromaticities_to_rec709(chromaticities))
+    return ColorEncoding()
+
+
+# ICC profiles.
+
+
+def _by_profile(profile: bytes) -> ColorEncoding | None:
+    """The encoding that an ICC profile describes; None for what is none."""
+    icc = _open_profile(profile)
+    if icc is None:
+        return None
+    if _is_srgb(icc):
+        return ColorEncoding()
+    matrix = _profile_to_rec709(profile)
+    curve = _hdr_curve(profile)
+    return ColorEncoding(curve, matrix) if curve else ColorEncoding(to_rec709=matrix, profile=profile)
+
+
+_by_known_profile = lru_cache(maxsize=16)(_by_profile)  # most photos have one of few, and asking lcms takes 4 ms
+
+
+def _open_profile(profile: bytes) -> ImageCms.ImageCmsProfile | None:
+    try:
+        return ImageCms.ImageCmsProfile(BytesIO(profile))
+    except Exception:  # a bad profile must not reject a photo
+        return None
+
+
+@lru_cache(maxsize=1)
+def _srgb_profile() -> ImageCms.ImageCmsProfile:
+    return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
+
+
+def _profile_to_rec709(profile: bytes | None) -> _Matrix | None:
+    """The matrix (3, 3) from an ICC profile's primaries to Rec.709's; None where they are the same or unknown.
+
+    Args:
+        profile: bytes of an ICC profile, damaged ones too; None: no profile.
+    """
+    try:
+        source = ImageCms.ImageCmsProfile(BytesIO(profile or b"")).profile
+        matrix = np.linalg.solve(_to_xyz(_srgb_profile().profile), _to_xyz(source))
+    except Exception:  # a bad profile, or one of tables, must not reject a photo
+        return None
+    unfit = not np.isfinite(matrix).all() or np.allclose(matrix, np.eye(3), rtol=0.0, atol=_SAME)
+    return None if unfit else np.asarray(matrix, dtype=np.float32)
+
+
+def _to_xyz(profile: Any) -> NDArray[np.float64]:
+    """The matrix (3, 3) from linear red, green and blue to XYZ under D50, to which profiles adapt their white."""
+    return np.array([profile.red_colorant[0], profile.green_colorant[0], profile.blue_colorant[0]]).T
+
+
+def is_gamma_encoded(header: Image.Image) -> bool:
+    """Whether an opened picture's header says that its values are coded by a curve.
+
+    Args:
+        header: of a PNG, TIFF or JPEG, opened by Pillow.
+    """
+    gamma = header.info.get("gamma")
+    if "srgb" in header.info or (gamma is not None and not 0.9 <= float(gamma) <= 1.1):
+        return True
+    shown = _shown_greys(header.info.get("icc_profile"), (128,))
+    return shown is not None and bool(shown[0] < _LINEAR_GREY)
+
+
+def _shown_greys(profile: bytes | None, greys: tuple[int, ...]) -> NDArray[np.uint8] | None:
+    """The sRGB levels (N,) of some greys by an ICC profile; None where it tells none."""
+    picture = np.repeat(np.array(greys, dtype=np.uint8)[None, :, None], 3, axis=-1)
+    try:
+        convert = _build_transform(_open_profile(profile or b""), "RGB")
+        return convert(Image.fromarray(picture))[0, :, 1]
+    except Exception:
+        try:
+            return _build_transform(_open_profile(profile or b""), "L")(Image.fromarray(picture[..., 0]))[0, :, 1]
+        except Exception:
+            return None
+
+
+def _hdr_curve(profile: bytes) -> Literal["pq", "hlg"] | None:
+    """The HDR curve that a profile has, which states none by a tag; its largest value then has the peak's light."""
+    shown = _shown_greys(profile, _HDR_SIGNALS)
+    if shown is None:
+        return None
+    signals = np.array(_HDR_SIGNALS) / 255.0
+    for name, decode in _HDR_CURVES.items():
+        expected = srgb_bytes(decode(signals) / decode(np.ones(1)))
+        if np.abs(shown.astype(int) - expected).max() <= _HDR_TOLERANCE:
+            return name
+    return None
+
+
+def _profile_transform(profile: bytes) -> Callable[[Image.Image], NDArray[np.uint8]] | None:
+    """A function as of `to_srgb` by a profile; None for what is none."""
+    icc = _open_profile(profile)
+    if icc is None:
+        return None
+    transforms: dict[str, Callable[[Image.Image], NDArray[np.uint8]]] = {}
+
+    def convert(image: Image.Image) -> NDArray[np.uint8]:
+        try:
+            if image.mode not in transforms:
+                transforms[image.mode] = _build_transform(icc, image.mode)
+            return transforms[image.mode](image)
+        except Exception:  # a profile of another mode's, as of RGB with a grey picture, must not reject a photo
+            return _as_rgb(image)
+
+    return convert
+
+
+def _build_transform(icc: ImageCms.ImageCmsProfile | None, mode: str) -> Callable[[Image.Image], NDArray[np.uint8]]:
+    """A function of pictures in a mode; raises nearly anything for a profile that does not fit it."""
+    assert icc is not None
+    transform = ImageCms.buildTransform(icc, _srgb_profile(), mode, "RGB")
+    return lambda image: np.asarray(ImageCms.applyTransform(image, transform))
+
+
+def _is_srgb(icc: ImageCms.ImageCmsProfile) -> bool:
+    """Whether a profile makes sRGB's colors of values, whatever its name says."""
+    samples = _sample_colors()
+    try:
+        shown = _build_transform(icc, "RGB")(Image.fromarray(samples))
+    except Exception:
+        return False
+    return bool(np.abs(shown.astype(int) - samples).max() <= _SAME_LEVELS)
+
+
+@lru_cache(maxsize=1)
+def _sample_colors() -> NDArray[np.uint8]:
+    """Colors (1, N, 3) that tell profiles apart: greys, primaries and what lies between."""
+    levels = np.arange(0, 256, 51, dtype=np.uint8)
+    cube = np.stack(np.meshgrid(levels, levels, levels, indexing="ij"), axis=-1).reshape(1, -1, 3)
+    greys = np.repeat(np.arange(0, 256, 5, dtype=np.uint8)[None, :, None], 3, axis=-1)
+    return np.concatenate([cube, greys], axis=1)
+
+
+# Curves.
+
+
+@lru_cache(maxsize=8)
+def _curve_table(curve: _Curve, full_range: bool) -> NDArray[np.float32]:
+    """Linear values (256,) of 8-bit ones, 1 at diffuse white."""
+    levels = np.arange(256) / 255.0
+    if not full_range:
+        levels = np.clip((np.arange(256) - _NARROW_BLACK) / (_NARROW_WHITE - _NARROW_BLACK), 0.0, 1.0)
+    if isinstance(curve, float):
+        return np.asarray(levels**curve, dtype=np.float32)
+    return np.asarray(_CURVES[curve](levels), dtype=np.float32)
+
+
+def _hlg_ootf(scene: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Light that a display shows, 1 at diffuse white, of HLG's light of a scene (..., 3), 1 there as well."""
+    return scene * (scene @ _BT2020_LUMINANCE)[..., None] ** np.float32(_HLG_SYSTEM_GAMMA - 1)
+
+
+def _unchanged(linear: NDArray[np.float32]) -> NDArray[np.float32]:
+    return linear
+
+
+def _rotate_colors(linear: NDArray[np.float32], matrix: _Matrix | None) -> NDArray[np.float32]:
+    return linear if matrix is None else linear @ matrix.T
+
+
+def _as_rgb(image: Image.Image) -> NDArray[np.uint8]:
+    return np.asarray(image if image.mode == "RGB" else image.convert("RGB"))

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
+from math import ceil
 from numbers import Integral
 from pathlib import Path
 from typing import BinaryIO
@@ -27,11 +28,10 @@ from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
-from lighting.photo.color_encoding import read_color_encoding
+from lighting.photo.containers import add_raw_exif
 from lighting.photo.formats import complete_avif, heif_kind, open_heif, unreadable_sentence
-from lighting.photo.linear import add_raw_exif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
-from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, decode_image, upright_pixels
+from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
 from lighting.photo.tags import read_sidecar
 from lighting.records import CodedWarning, WarningCode
 
@@ -198,7 +198,7 @@ def read_photo(
         width, height = image.size
         exif_source = containers.open_exif_source(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
-        decode_image(image, side)
+        _decode_image(image, side)
         with _no_warnings():
             if raw and exif_source is image:
                 add_raw_exif(image, data)
@@ -410,3 +410,15 @@ def _no_warnings() -> Iterator[None]:
     with _WARNING_FILTERS, warnings.catch_warnings():
         warnings.simplefilter("ignore")
         yield
+
+
+def _decode_image(image: Image.Image, target: int) -> None:
+    """Decode an opened picture, as small as its decoder makes it with the longer side no shorter than the target.
+
+    Args:
+        image: changed in place.
+        target: pixels, over 0.
+    """
+    scale = min(1.0, target / max(image.size))
+    image.draft(None, (ceil(image.width * scale), ceil(image.height * scale)))
+    image.load()

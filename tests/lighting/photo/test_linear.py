@@ -13,7 +13,8 @@ from PIL import ExifTags, Image, ImageOps
 from lighting.color import srgb_decode
 from lighting.errors import PhotoError
 from lighting.photo import linear
-from lighting.photo.linear import _open_raw_header, linear_from_array, read_linear, read_metadata_and_exposure
+from lighting.photo.containers import open_raw_header
+from lighting.photo.linear import linear_from_array, read_linear, read_metadata_and_exposure
 from lighting.photo.reader import read_photo
 from lighting.stereo.capture import _check_same_exposure, _read_day_photo
 from tests.conftest import encode, exif, munich, scene
@@ -328,4 +329,4 @@ def test_damage_hides_metadata_and_raises_nothing(suffix: str, share: float, tmp
     data = KINDS[suffix](camera(1 / 125))
     (tmp_path / "a").write_bytes(data[: max(16, int(share * len(data)))])
     read_metadata_and_exposure(tmp_path / "a")
-    _open_raw_header(data[: max(16, int(share * len(data)))])
+    open_raw_header(data[: max(16, int(share * len(data)))])
