@@ -55,7 +55,7 @@ export interface PhotoMetadata {
 }
 
 /** Where an object may stand in a photo. */
-export interface GroundSpot {
+interface GroundSpot {
   pixel: [number, number]; // of the upright photo
   direction: Triple; // unit vector from the camera
 }
@@ -244,7 +244,7 @@ export interface ModelInfo {
   map_formats: string[];
 }
 
-export const fetchModelInfo = async (): Promise<ModelInfo> => (await request("v1/model", {})).json();
+const fetchModelInfo = async (): Promise<ModelInfo> => (await request("v1/model", {})).json();
 
 async function request(url: string, init: RequestInit): Promise<Response> {
   const key = apiKey();
@@ -300,4 +300,28 @@ export function modelInfo(): Promise<ModelInfo | undefined> {
     return undefined;
   });
   return pending;
+}
+
+/**
+ * A function that waits for `delay` milliseconds of quiet, then runs `work`; a newer call aborts the one under way.
+ * An abort is no failure; whatever else `work` throws goes to `onError`.
+ */
+export function debounceLatest<T>(
+  work: (value: T, signal: AbortSignal) => Promise<void>,
+  delay: number,
+  onError: (error: unknown) => void,
+): (value: T) => void {
+  let timer: ReturnType<typeof setTimeout> | undefined;
+  let running = new AbortController();
+  return (value) => {
+    clearTimeout(timer);
+    running.abort();
+    const controller = new AbortController();
+    running = controller;
+    timer = setTimeout(() => {
+      work(value, controller.signal).catch((error) => {
+        if (!controller.signal.aborted) onError(error);
+      });
+    }, delay);
+  };
 }

@@ -1,4 +1,4 @@
-/** The page's elements by their ids, and small SVG drawings in the units of their own viewBox. */
+/** The page's elements by their ids, arrow keys, and small SVG drawings in the units of their own viewBox. */
 
 import type { Point } from "./geometry/camera";
 
@@ -40,6 +40,18 @@ export function findRadio(root: HTMLElement, value: string): HTMLInputElement {
   const button = [...root.querySelectorAll("input")].find((input) => input.value === value);
   if (!button) throw new Error(`There is no ${value} in #${root.id}.`);
   return button;
+}
+
+/** How far an arrow key goes, to the right and up; undefined for any other key, and beside Ctrl, Alt or Meta. */
+export function arrowStep({ key, ctrlKey, altKey, metaKey }: KeyboardEvent, step: number): Point | undefined {
+  if (ctrlKey || altKey || metaKey) return undefined;
+  const steps: Record<string, Point> = {
+    ArrowLeft: [-step, 0],
+    ArrowRight: [step, 0],
+    ArrowUp: [0, step],
+    ArrowDown: [0, -step],
+  };
+  return steps[key];
 }
 
 const NAMESPACE = "http://www.w3.org/2000/svg";

@@ -1,35 +1,33 @@
 /** The page: photos go to the service, its answers to the views, and the controls change light and object on show. */
 
-import { apiKey, estimatePhotos, type LightParameters, modelInfo, ServiceError, storeKey } from "./api";
+import { apiKey, debounceLatest, estimatePhotos, type LightParameters, modelInfo, ServiceError, storeKey } from "./api";
 import { byId, fitDrawing } from "./dom";
 import type { Angles } from "./geometry/angles";
-import { SkyClient } from "./sky/client";
-import type { MapPicture } from "./sky/render";
+import { currentGesture, listenForUndo, showUndo } from "./history";
 import {
   aspectRatio,
-  createView,
   cropPhoto,
-  currentState,
   type DecodedPhoto,
   decodePhoto,
-  type EditState,
   loadGroundMask,
   type PhotoSource,
+  sourceInMemory,
+  turnUpright,
+} from "./photo";
+import { SkyClient } from "./sky/client";
+import {
+  createView,
+  currentState,
+  type EditState,
   type PhotoView,
   parametersFromRecord,
   photoFiles,
   type Session,
   skyRequest,
-  sourceInMemory,
-  turnUpright,
 } from "./state";
 import { buildHeadline } from "./text/format";
 import { NO_USER_INPUT, type UserInput } from "./text/metadata";
 import type { SnippetInput } from "./text/snippets";
-import { debounceLatest } from "./ui/debounce";
-import { currentGesture, listenForGestures } from "./ui/gesture";
-import { listenForUndo, showUndo } from "./ui/history";
-import { listenForCities } from "./views/cities";
 import { Dome } from "./views/dome";
 import {
   Downloads,
@@ -40,15 +38,13 @@ import {
   mapHeight,
   offerPreview,
 } from "./views/downloads";
-import { ExportedMaps } from "./views/exportedMaps";
-import { MetadataView, showNumbers } from "./views/facts";
-import { drawMapMarkers, drawPhotoMarkers } from "./views/markers";
-import { showMovingExample } from "./views/moving";
+import { EnvmapView } from "./views/envmap";
+import { listenForLocation } from "./views/location";
+import { drawMapMarkers, drawPhotoMarkers, SunHandle } from "./views/markers";
+import { MetadataView, showNumbers } from "./views/metadata";
 import { ObjectView } from "./views/object";
 import { Sliders } from "./views/sliders";
-import { SunHandle } from "./views/sunHandle";
 import { listenForUploads, showMatching, showPhotos } from "./views/upload";
-import { listenForWorldMap } from "./views/worldMap";
 
 interface EstimateRequest {
   sources: PhotoSource[];
@@ -76,7 +72,7 @@ const sliders = new Sliders(editLight);
 const downloads = new Downloads(settleLight, showError);
 const object = new ObjectView(editState, showError, () => {
   const view = currentView();
-  if (session && view) exportedMaps.request(view, session); // its light may have come before it
+  if (session && view) envmap.request(view, session); // its light may have come before it
 });
 const metadata = new MetadataView(
   (userInput) => session && submitPhotos(photoFiles(session).map(sourceInMemory), userInput),
@@ -87,11 +83,11 @@ const sky = new SkyClient(({ light, picture }) => {
   if (!view) return;
   view.irradiances = { sun: light.sun, sky: light.sky };
   showSliders(view);
-  if (session && !exportedMaps.request(view, session)) drawDraft(picture);
+  if (session && !envmap.request(view, session)) envmap.drawDraft(picture);
   countLight(view);
   object.light(light, view);
 }, showError);
-const exportedMaps = new ExportedMaps(
+const envmap = new EnvmapView(
   () => object.isDrawn,
   (view) => {
     if (view !== currentView()) return;
@@ -110,13 +106,6 @@ function countLight(view: PhotoView): void {
   lastLight = light;
 }
 
-/** The map until the service has rendered it. */
-function drawDraft({ data, width, height }: MapPicture): void {
-  const canvas = byId<HTMLCanvasElement>("envmap");
-  Object.assign(canvas, { width, height });
-  canvas.getContext("2d")?.putImageData(new ImageData(data, width, height), 0, 0);
-}
-
 const drawPhotoMarks = fitDrawing(byId<SVGSVGElement>("marks"), (width, height) => {
   const view = currentView();
   if (!view || !byId<HTMLInputElement>("show-marks").checked) return [];
@@ -130,10 +119,7 @@ const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height
 });
 
 listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
-listenForGestures();
-listenForCities();
-listenForWorldMap();
-showMovingExample();
+listenForLocation();
 watchViewer();
 byId("unfold").addEventListener("click", () => foldResult(false));
 listenForUndo(() => currentView()?.history, refresh);

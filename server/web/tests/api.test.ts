@@ -1,11 +1,11 @@
 import { afterEach, beforeEach, describe, expect, it, vi } from "vitest";
 import {
   apiKey,
+  debounceLatest,
   type Estimate,
   estimatePhotos,
   fetchEnvmap,
   fetchExample,
-  fetchModelInfo,
   fetchPreview,
   fetchScene,
   modelInfo,
@@ -13,7 +13,6 @@ import {
   storeKey,
 } from "../src/api";
 import { NO_USER_INPUT } from "../src/text/metadata";
-import { debounceLatest } from "../src/ui/debounce";
 
 const stored = new Map<string, string>();
 
@@ -35,7 +34,7 @@ function stubAnswer(body: BodyInit, status: number): void {
 }
 
 const catchError = (): Promise<ServiceError> =>
-  fetchModelInfo().then(
+  fetchExample("street.jpg", new AbortController().signal).then(
     () => expect.fail("no refusal"),
     (error: ServiceError) => error,
   );

@@ -4,7 +4,13 @@ import type { Triple } from "../src/geometry/color";
 import { buildRecord, parametersFromRecord, sameParameters } from "../src/state";
 import {
   buildHeadline,
+  colorTemperature,
+  describeColor,
+  describeExposure,
+  describeHaze,
+  describeHeight,
   describeRotation,
+  describeShadows,
   estimateRows,
   explainAccuracy,
   formatAzimuth,
@@ -15,14 +21,6 @@ import {
   formatShort,
   formatSide,
 } from "../src/text/format";
-import {
-  colorTemperature,
-  describeColor,
-  describeExposure,
-  describeHaze,
-  describeHeight,
-  describeShadows,
-} from "../src/text/lightWords";
 import { describeBelievedTime, describeCameraTilt } from "../src/text/metadata";
 
 const RECORD: Lighting = {

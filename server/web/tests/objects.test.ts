@@ -1,6 +1,5 @@
 import { describe, expect, it } from "vitest";
-import { readModel } from "../src/scene/model";
-import { createShape, heightAboveOrigin } from "../src/scene/objects";
+import { createShape, heightAboveOrigin, readModel } from "../src/scene/objects";
 
 function joinBytes(...parts: (string | Uint8Array)[]): Uint8Array<ArrayBuffer> {
   const bytes = parts.map((part) => (typeof part === "string" ? new TextEncoder().encode(part) : part));

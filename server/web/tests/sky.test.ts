@@ -4,11 +4,16 @@ import { readFileSync } from "node:fs";
 import { beforeAll, describe, expect, it } from "vitest";
 import { direction } from "../src/geometry/angles";
 import { rgbLuminance } from "../src/geometry/color";
-import { followLight, removeDisc } from "../src/sky/exportedMap";
-import { parseSkyTable, skyShape, sunIrradiance } from "../src/sky/hosekWilkie";
 import { prepareLight, renderLight, type SceneLight, type SkyRequest, type SkyTables } from "../src/sky/lighting";
-import { parsePragueTable } from "../src/sky/prague";
-import { horizontalIrradiance, type Latlong, renderSky, toneMap } from "../src/sky/render";
+import { hosekWilkieSky, parseHosekWilkieTable, parsePragueTable, sunIrradiance } from "../src/sky/models";
+import {
+  followLight,
+  horizontalIrradiance,
+  type Latlong,
+  removeDisc,
+  renderHosekWilkieSky,
+  toneMap,
+} from "../src/sky/render";
 
 let tables: SkyTables;
 
@@ -17,7 +22,7 @@ beforeAll(() => {
     const bytes = readFileSync(new URL(`../../../lighting/data/${name}`, import.meta.url));
     return new Uint8Array(bytes).buffer;
   }) as [ArrayBuffer, ArrayBuffer];
-  tables = { hosekWilkie: parseSkyTable(hosekWilkie), prague: parsePragueTable(prague) };
+  tables = { hosekWilkie: parseHosekWilkieTable(hosekWilkie), prague: parsePragueTable(prague) };
 });
 
 const P = {
@@ -44,7 +49,7 @@ const pixel = ({ width, data }: Latlong, row: number, column: number): number[] 
 
 describe("the sky in the browser", () => {
   it("has the coefficients of the record", () => {
-    const { coefficients, radiance } = skyShape(tables.hosekWilkie, 33, 3.4, 0.3);
+    const { coefficients, radiance } = hosekWilkieSky(tables.hosekWilkie, 33, 3.4, 0.3);
     expectNear(coefficients[0], [-1.07305, -0.14831, 1.20856, 1.09883, -2.47119, 1.00631, 0.225885, 1.26059, 0.692973]);
     expectNear(radiance, [0.0808307, 0.111253, 0.150349]);
   });
@@ -147,10 +152,10 @@ describe("what a record may state", () => {
   });
 
   it("may be an overcast sky, brightest overhead, of the same irradiance", () => {
-    const shape = skyShape(tables.hosekWilkie, 33, 3.4, 0.3);
+    const shape = hosekWilkieSky(tables.hosekWilkie, 33, 3.4, 0.3);
     const painting = { azimuth: 0, elevation: 33, gain: [1, 1, 1] as [number, number, number] };
-    const clear = renderSky(64, shape, { ...painting, cover: 0 });
-    const grey = renderSky(64, shape, { ...painting, cover: 1 });
+    const clear = renderHosekWilkieSky(64, shape, { ...painting, cover: 0 });
+    const grey = renderHosekWilkieSky(64, shape, { ...painting, cover: 1 });
     const [zenith = 0, edge = 0] = [pixel(grey, 0, 0)[1], pixel(grey, 31, 0)[1]];
     expect(zenith / edge).toBeGreaterThan(2.7);
     const grade = ([r, g, b]: number[]): number => 0.2126 * (r ?? 0) + 0.7152 * (g ?? 0) + 0.0722 * (b ?? 0);
@@ -185,7 +190,7 @@ describe("the map's picture", () => {
 
 describe("a table", () => {
   it("of another length is refused", () => {
-    expect(() => parseSkyTable(new ArrayBuffer(100))).toThrow("another length");
+    expect(() => parseHosekWilkieTable(new ArrayBuffer(100))).toThrow("another length");
     expect(() => parsePragueTable(new ArrayBuffer(100))).toThrow("another length");
   });
 });

@@ -7,19 +7,21 @@ import {
   cameraHeight,
   footPoint,
   groundDistance,
+  groundMaskFromPixels,
   groundPoint,
   initialPlacement,
+  isInSun,
   maxRadius,
   movePlacement,
   resizePlacement,
   rotatePlacement,
   shiftPlacement,
 } from "../src/geometry/placement";
-import { groundMaskFromPixels, isInSun } from "../src/scene/groundMask";
+import { History } from "../src/history";
+import { imagePart } from "../src/photo";
 import {
   buildRecord,
   cameraOverrides,
-  imagePart,
   overridesFromParameters,
   parametersFromRecord,
   statedOverrides,
@@ -34,9 +36,14 @@ import {
   userInputQuery,
 } from "../src/text/metadata";
 import { type SnippetInput, writeCurl, writePython } from "../src/text/snippets";
-import { History } from "../src/ui/history";
-import { findCities, parseCities } from "../src/views/cities";
-import { formatPlace, movePlace, placeOfPoint, pointOfPlace } from "../src/views/worldMap";
+import {
+  findCities,
+  formatLocation,
+  locationOfPoint,
+  moveLocation,
+  parseCities,
+  pointOfLocation,
+} from "../src/views/location";
 
 const CAMERA = { elevation: 4.1, roll: -7.5, vertical_fov: 48.7 };
 const METADATA: PhotoMetadata = {
@@ -358,16 +365,16 @@ describe("the ground", () => {
 
 describe("the small map", () => {
   it("gives the place of a point, and the point of a place", () => {
-    expect(placeOfPoint(0.5, 0.5)).toEqual({ latitude: 0, longitude: 0 });
-    expect(placeOfPoint(0.53222, 0.2325)).toEqual({ latitude: 48.15, longitude: 11.6 });
-    expect(pointOfPlace({ latitude: -90, longitude: 180 })).toEqual([1, 1]);
-    expect(placeOfPoint(1.2, -1)).toEqual({ latitude: 90, longitude: 180 });
+    expect(locationOfPoint(0.5, 0.5)).toEqual({ latitude: 0, longitude: 0 });
+    expect(locationOfPoint(0.53222, 0.2325)).toEqual({ latitude: 48.15, longitude: 11.6 });
+    expect(pointOfLocation({ latitude: -90, longitude: 180 })).toEqual([1, 1]);
+    expect(locationOfPoint(1.2, -1)).toEqual({ latitude: 90, longitude: 180 });
   });
 
   it("goes on around the earth, and ends at its poles", () => {
-    expect(movePlace({ latitude: 89.8, longitude: 179.8 }, 0.5, 0.5)).toEqual({ latitude: 90, longitude: -179.7 });
-    expect(movePlace({ latitude: 0, longitude: -175 }, -10, -10)).toEqual({ latitude: -10, longitude: 175 });
-    expect(formatPlace({ latitude: -33.9, longitude: -70.66 })).toBe("33.9° S, 70.7° W");
+    expect(moveLocation({ latitude: 89.8, longitude: 179.8 }, 0.5, 0.5)).toEqual({ latitude: 90, longitude: -179.7 });
+    expect(moveLocation({ latitude: 0, longitude: -175 }, -10, -10)).toEqual({ latitude: -10, longitude: 175 });
+    expect(formatLocation({ latitude: -33.9, longitude: -70.66 })).toBe("33.9° S, 70.7° W");
   });
 });
 

@@ -82,8 +82,7 @@ def test_a_difference_that_the_light_does_not_make_is_the_grounds_own() -> None:
     assert ground_shadow_mask(photo(5 * SUNLIT_GROUND, SUNLIT_GROUND), LIGHT).min() == 1.0
 
 
-def test_the_page_has_the_same_rule() -> None:
-    """`server/web/tests/surroundings.test.ts` reads the same file."""
+def test_masks_of_recorded_photos_stay() -> None:
     for case in json.loads(CASES.read_text())["cases"]:
         sizes = (case["height"], case["width"])
         pixels = np.frombuffer(base64.b64decode(case["pixels"]), np.uint8).reshape(*sizes, 3)

@@ -6,6 +6,8 @@ export type Rgb = readonly [red: number, green: number, blue: number];
 /** Linear values. */
 export type Triple = [red: number, green: number, blue: number];
 
+export const CHANNELS = [0, 1, 2] as const;
+
 /** "#1e222a" as three bytes. */
 export function parseHexColor(hex: string): Rgb {
   const value = Number.parseInt(hex.trim().slice(1), 16);

@@ -16,7 +16,7 @@ import {
   ZeroFactor,
 } from "three";
 import type { Triple } from "../geometry/color";
-import type { GroundMask } from "./groundMask";
+import type { GroundMask } from "../geometry/placement";
 
 const VERTEX = /* glsl */ `
 #include <common>

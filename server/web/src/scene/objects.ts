@@ -1,16 +1,18 @@
-/** What one can put into the photo: shapes of radius about 1 that stand on y = 0, and materials. */
+/** What one can put into the photo: shapes of radius about 1 that stand on y = 0, materials, and the user's own object. */
 
 import {
   Box3,
   type BufferGeometry,
   Color,
   Float32BufferAttribute,
+  Group,
   Mesh,
   MeshPhysicalMaterial,
   MeshStandardMaterial,
   type Object3D,
   SphereGeometry,
   TorusKnotGeometry,
+  Vector3,
 } from "three";
 import { RoundedBoxGeometry } from "three/addons/geometries/RoundedBoxGeometry.js";
 import { TeapotGeometry } from "three/addons/geometries/TeapotGeometry.js";
@@ -60,10 +62,43 @@ function darkenTowardGround(geometry: BufferGeometry): void {
 }
 
 /** The box around every vertex of an object that is in no scene. */
-export function boundingBox(object: Object3D): Box3 {
+function boundingBox(object: Object3D): Box3 {
   object.updateMatrixWorld(true); // of bones too, which move vertices
   return new Box3().setFromObject(object, true);
 }
 
 /** How high an object reaches above the origin. */
 export const heightAboveOrigin = (object: Object3D): number => boundingBox(object).max.y;
+
+const MAX_MODEL_BYTES = 100e6;
+
+/** Reads a .glb; throws an Error with one sentence for what cannot be used. */
+export async function readModel(file: File): Promise<Object3D> {
+  if (file.size > MAX_MODEL_BYTES) throw new Error(`${file.name} is larger than ${MAX_MODEL_BYTES / 1e6} MB.`);
+  const model = await parseGlb(file);
+  const box = boundingBox(model);
+  if (box.isEmpty()) throw new Error(`${file.name} holds no surfaces.`);
+  return normalizeModel(model, box);
+}
+
+async function parseGlb(file: File): Promise<Object3D> {
+  const { GLTFLoader } = await import("three/addons/loaders/GLTFLoader.js"); // for few: not with the stage
+  try {
+    return (await new GLTFLoader().parseAsync(await file.arrayBuffer(), "")).scene;
+  } catch {
+    throw new Error(`${file.name} cannot be read. Use one binary glTF file (.glb) without Draco or KTX2.`);
+  }
+}
+
+function normalizeModel(model: Object3D, box: Box3): Object3D {
+  const size = box.getSize(new Vector3());
+  const middle = box.getCenter(new Vector3());
+  const scale = 2 / Math.max(size.x, size.y, size.z, 1e-9);
+  model.position.sub(new Vector3(middle.x, box.min.y, middle.z));
+  const group = new Group();
+  group.add(model);
+  group.scale.setScalar(scale);
+  const outer = new Group();
+  outer.add(group);
+  return outer;
+}

@@ -1,4 +1,4 @@
-/** The photo with an object in it, in three.js. Its world is the frame of `pure/angles`, the camera at the origin, metres. */
+/** The photo with an object in it, in three.js. Its world is the frame of `geometry/angles`, the camera at the origin, metres. */
 
 import {
   CanvasTexture,
@@ -7,6 +7,7 @@ import {
   DataUtils,
   DirectionalLight,
   EquirectangularReflectionMapping,
+  FloatType,
   Group,
   HalfFloatType,
   LinearFilter,
@@ -23,15 +24,15 @@ import {
   Vector3,
   WebGLRenderer,
 } from "three";
+import { HDRLoader } from "three/addons/loaders/HDRLoader.js";
 import type { LightParameters } from "../api";
 import { direction, radians, type Vector } from "../geometry/angles";
 import { type Camera, cameraAxes } from "../geometry/camera";
-import type { Placement } from "../geometry/placement";
+import type { GroundMask, Placement } from "../geometry/placement";
 import type { SceneLight } from "../sky/lighting";
 import type { Latlong } from "../sky/render";
 import type { Finish, Shape } from "../state";
 import { ShadowGround } from "./ground";
-import type { GroundMask } from "./groundMask";
 import { createFinish, createShape, heightAboveOrigin } from "./objects";
 
 // The shoulder of `lighting preview`: values up to 0.6 stay as they are, brighter ones bend towards white.
@@ -210,4 +211,10 @@ function environmentTexture({ width, height, data }: Latlong): DataTexture {
   texture.flipY = true;
   texture.needsUpdate = true;
   return texture;
+}
+
+/** The linear values of a file. */
+export async function decodeHdr(file: Blob): Promise<Latlong> {
+  const { width, height, data } = new HDRLoader().setDataType(FloatType).parse(await file.arrayBuffer());
+  return { width, height, data } as Latlong;
 }

@@ -2,10 +2,16 @@
 
 import type { LightParameters } from "../api";
 import { radians } from "../geometry/angles";
-import { rgbLuminance, type Triple } from "../geometry/color";
-import { type SkyTable, skyShape, sunIrradiance } from "./hosekWilkie";
-import { type PragueTable, pragueSky } from "./prague";
-import { addOvercast, fillGround, horizontalIrradiance, type Latlong, renderPragueSky, renderSky } from "./render";
+import { CHANNELS, rgbLuminance, type Triple } from "../geometry/color";
+import { type HosekWilkieTable, hosekWilkieSky, type PragueTable, pragueSky, sunIrradiance } from "./models";
+import {
+  addOvercast,
+  fillGround,
+  horizontalIrradiance,
+  type Latlong,
+  renderHosekWilkieSky,
+  renderPragueSky,
+} from "./render";
 
 /** What a record may state of its light; whatever it leaves out follows from the model. */
 interface StatedLight {
@@ -25,7 +31,7 @@ export interface SkyRequest {
 
 /** The tables of the sky models. */
 export interface SkyTables {
-  hosekWilkie: SkyTable;
+  hosekWilkie: HosekWilkieTable;
   prague: PragueTable;
 }
 
@@ -75,9 +81,9 @@ function renderModel(
 ): Omit<SceneLight, "ground"> {
   const table = tables.hosekWilkie;
   const isUp = p.sun_elevation >= 0;
-  const shape = skyShape(table, p.sun_elevation, p.turbidity, p.ground_albedo);
+  const shape = hosekWilkieSky(table, p.sun_elevation, p.turbidity, p.ground_albedo);
   const gain = mapChannels(() => p.exposure);
-  const map = renderSky(height, shape, { azimuth: p.sun_azimuth, elevation: p.sun_elevation, gain, cover });
+  const map = renderHosekWilkieSky(height, shape, { azimuth: p.sun_azimuth, elevation: p.sun_elevation, gain, cover });
   if (!isUp) scaleMap(map, twilightFading(tables.prague, p));
   if (gains.sky !== NEUTRAL) scaleMap(map, gains.sky);
   const ofModel = gains.sun === NEUTRAL ? sunIrradiance(table, p.sun_elevation, p.turbidity) : steadySun(table, p);
@@ -109,8 +115,8 @@ function warmSun(sun: Triple, warmth: number): Triple {
 export const coverOf = (stated: number | undefined, { softness }: LightParameters): number =>
   (stated ?? 0) + softness * (1 - (stated ?? 0));
 
-/** The model's sun, or what stands for it where it would vanish: `change` of lighting.envmap has the same rule. */
-function steadySun(table: SkyTable, p: LightParameters): Triple {
+/** The model's sun, or what stands for it where it would vanish: `edit_lighting` of lighting.envmap.relighting has the same rule. */
+function steadySun(table: HosekWilkieTable, p: LightParameters): Triple {
   const atElevation = sunIrradiance(table, Math.max(p.sun_elevation, MIN_SUN_ELEVATION), p.turbidity);
   const high = sunIrradiance(table, HIGH_SUN, p.turbidity);
   return mapChannels((c) => Math.max(atElevation[c], MIN_SUN_SHARE * high[c]));
@@ -172,6 +178,6 @@ function groundIrradiance({ sky, sun }: Pick<SceneLight, "sky" | "sun">, { sun_e
 
 function scaleMap({ data }: Latlong, gain: Triple): void {
   for (let i = 0; i < data.length; i += 4) {
-    for (const c of [0, 1, 2] as const) data[i + c] = (data[i + c] as number) * gain[c];
+    for (const c of CHANNELS) data[i + c] = (data[i + c] as number) * gain[c];
   }
 }

@@ -1,15 +1,14 @@
 /**
- * A sky as a lat-long map in the layout of `lighting/envmap` (row 0 the zenith, the centre column azimuth 0), and that map
- * as people look at it.
+ * A sky as a lat-long map in the layout of `lighting/envmap` (row 0 the zenith, the centre column azimuth 0): painted, as
+ * people look at it, and as the service exported it.
  */
 
 import type { LightParameters } from "../api";
-import { direction, radians } from "../geometry/angles";
-import { linearToSrgb, rgbLuminance, type Triple } from "../geometry/color";
+import { angleBetween, clamp, direction, radians } from "../geometry/angles";
+import { CHANNELS, linearToSrgb, rgbLuminance, type Triple } from "../geometry/color";
 import { toMap } from "../geometry/sphere";
-import { gradation, lobe, type SkyShape } from "./hosekWilkie";
 import type { SceneLight } from "./lighting";
-import { type PragueSky, rowOf } from "./prague";
+import { gradation, type HosekWilkieSky, lobe, type PragueSky, pragueRow } from "./models";
 
 /** Four floats a pixel: red, green, blue and one unused. */
 export interface Latlong {
@@ -18,8 +17,8 @@ export interface Latlong {
   data: Float32Array;
 }
 
+export const LIGHT_ROWS = 128; // of maps that light the object: finer ones take phones too long to prefilter
 const LOBE_STEPS = 4096; // of the table over the angle to the sun
-const CHANNELS = [0, 1, 2] as const;
 
 /** What a sky is painted from beside its shape. */
 interface SkyOptions {
@@ -30,7 +29,7 @@ interface SkyOptions {
 }
 
 /** A map whose upper half is the sky without the sun's disc; the lower half is black. */
-export function renderSky(height: number, shape: SkyShape, painting: SkyOptions): Latlong {
+export function renderHosekWilkieSky(height: number, shape: HosekWilkieSky, painting: SkyOptions): Latlong {
   const width = 2 * height;
   const data = new Float32Array(4 * width * height);
   const lobes = shape.coefficients.map((coefficients) =>
@@ -76,7 +75,7 @@ export function renderPragueSky(height: number, sky: PragueSky, sunAzimuth: numb
     const elevation = Math.PI / 2 - ((y + 0.5) * Math.PI) / height;
     const vertical = Math.sin((elevation - sun) / 2) ** 2;
     const horizontal = Math.cos(elevation) * Math.cos(sun);
-    const rows = CHANNELS.map((c) => rowOf(sky, ((y + 0.5) * 180) / height, c));
+    const rows = CHANNELS.map((c) => pragueRow(sky, ((y + 0.5) * 180) / height, c));
     for (let x = 0; x < width; x++) {
       const half = Math.sqrt(Math.min(vertical + horizontal * (columns[x] as number), 1));
       const sunAngle = (360 / Math.PI) * Math.asin(half);
@@ -164,7 +163,7 @@ export function toneMap({ map, sun }: SceneLight, parameters: LightParameters): 
   const at = 4 * (row * width + (Math.floor((x * width) / 2) % width));
   const solidAngle =
     (Math.PI / height) * ((2 * Math.PI) / width) * Math.cos(radians(90 - ((row + 0.5) * 180) / height));
-  for (const c of [0, 1, 2] as const) values[at + c] = (values[at + c] as number) + sun[c] / Math.max(solidAngle, 1e-6);
+  for (const c of CHANNELS) values[at + c] = (values[at + c] as number) + sun[c] / Math.max(solidAngle, 1e-6);
   const data = new Uint8ClampedArray(values.length);
   for (let i = 0; i < values.length; i++) {
     data[i] =
@@ -173,4 +172,54 @@ export function toneMap({ map, sun }: SceneLight, parameters: LightParameters): 
         : (TONE_CURVE[Math.round((Math.min(values[i] as number, CURVE_MAX) / CURVE_MAX) * CURVE_STEPS)] as number);
   }
   return { width, height, data };
+}
+
+const DISC = 3; // degrees around the sun that hold its disc in a coarse map
+const RING = 7; // degrees around it whose sky takes the disc's place
+const FADING: [number, number] = [0.05, 20]; // how far a pixel follows a light that has changed since the export
+const EPSILON = 1e-9;
+
+/** Directions of a map's pixels, row by row. */
+const pixelDirection = ({ width, height }: Latlong, pixel: number): readonly [number, number, number] =>
+  direction((((pixel % width) + 0.5) / width) * 360 - 180, 90 - ((Math.floor(pixel / width) + 0.5) / height) * 180);
+
+/** A map whose sun's disc is replaced by the sky around it. */
+export function removeDisc(map: Latlong, { sun_azimuth, sun_elevation, sun }: LightParameters): Latlong {
+  if (!sun || sun_elevation < 0) return map;
+  const towards = direction(sun_azimuth, sun_elevation);
+  const data = map.data.slice();
+  const inside: number[] = [];
+  const around = [0, 0, 0];
+  let count = 0;
+  for (let pixel = 0; pixel < map.width * map.height; pixel++) {
+    const angle = angleBetween(pixelDirection(map, pixel), towards);
+    if (angle < DISC) inside.push(pixel);
+    else if (angle < RING) {
+      for (const c of CHANNELS) (around[c] as number) += map.data[4 * pixel + c] as number;
+      count++;
+    }
+  }
+  for (const pixel of inside) {
+    for (const c of CHANNELS) {
+      data[4 * pixel + c] = Math.min(data[4 * pixel + c] as number, (around[c] as number) / Math.max(count, 1));
+    }
+  }
+  return { ...map, data };
+}
+
+/** Bare maps of two lights, by the same sky model. */
+interface BareMaps {
+  before: Latlong; // of the light that was exported
+  now: Latlong; // of the light on show
+}
+
+/** An exported map in another light, until the service has exported that one: each pixel changes as the bare map does. */
+export function followLight(exported: Latlong, { before, now }: BareMaps): Latlong {
+  const data = exported.data.slice();
+  for (let i = 0; i < data.length; i++) {
+    if (i % 4 === 3) continue;
+    const change = Math.max(now.data[i] as number, EPSILON) / Math.max(before.data[i] as number, EPSILON);
+    data[i] = (data[i] as number) * clamp(change, ...FADING);
+  }
+  return { ...exported, data };
 }

@@ -2,8 +2,6 @@
 
 import hosekWilkieUrl from "../../../../lighting/data/hosek_wilkie.f32?url";
 import pragueUrl from "../../../../lighting/data/prague.f16?url";
-import { followLight, removeDisc } from "./exportedMap";
-import { parseSkyTable } from "./hosekWilkie";
 import {
   type LightBase,
   prepareLight,
@@ -12,8 +10,8 @@ import {
   type SkyRequest,
   type SkyTables,
 } from "./lighting";
-import { parsePragueTable } from "./prague";
-import { type Latlong, type MapPicture, toneMap } from "./render";
+import { parseHosekWilkieTable, parsePragueTable } from "./models";
+import { followLight, type Latlong, LIGHT_ROWS, type MapPicture, removeDisc, toneMap } from "./render";
 
 /** A map that the service exported, and what it was asked for. */
 export interface ExportedLight {
@@ -28,8 +26,6 @@ export interface SkyAnswer {
   light: SceneLight; // its map is the exported one, which follows what has changed since
   picture: MapPicture; // of the same map, with the sun's disc
 }
-
-export const LIGHT_ROWS = 128; // finer maps take phones too long to prefilter
 
 let tables: Promise<SkyTables> | undefined;
 let exported: ExportedLight | null = null; // without the sun's disc
@@ -78,7 +74,10 @@ function cachedBase(sky: SkyTables, { parameters: _, ...ofPhoto }: SkyRequest): 
 
 async function loadTables(): Promise<SkyTables> {
   const [hosekWilkie, prague] = await Promise.all([hosekWilkieUrl, pragueUrl].map(loadTable));
-  return { hosekWilkie: parseSkyTable(hosekWilkie as ArrayBuffer), prague: parsePragueTable(prague as ArrayBuffer) };
+  return {
+    hosekWilkie: parseHosekWilkieTable(hosekWilkie as ArrayBuffer),
+    prague: parsePragueTable(prague as ArrayBuffer),
+  };
 }
 
 async function loadTable(url: string): Promise<ArrayBuffer> {

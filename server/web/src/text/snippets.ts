@@ -1,8 +1,7 @@
 /** The light on show as a command and as a program, to be copied. */
 
 import { formatValue, type LightOverrides, photoQuery } from "../api";
-import type { UserInput } from "./metadata";
-import { formatUtcOffset, parseUtcOffset } from "./time";
+import { formatUtcOffset, parseUtcOffset, type UserInput } from "./metadata";
 
 export interface SnippetInput {
   origin: string; // of the service, with a slash at its end

@@ -1,7 +1,7 @@
 /** The sky from above with the sun's probability: read by pointing at it or with the arrow keys, and the sun moved there. */
 
 import type { Estimate, LightParameters } from "../api";
-import { createSvg, drawPath, drawSun, drawText, isTouchDevice } from "../dom";
+import { arrowStep, createSvg, drawPath, drawSun, drawText, isTouchDevice } from "../dom";
 import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../geometry/angles";
 import type { Point } from "../geometry/camera";
 import { mixColors, parseHexColor, type Rgb } from "../geometry/color";
@@ -115,13 +115,7 @@ export class Dome {
   }
 
   private key(event: KeyboardEvent): void {
-    const steps: Record<string, [number, number]> = {
-      ArrowLeft: [-KEY_STEP, 0],
-      ArrowRight: [KEY_STEP, 0],
-      ArrowUp: [0, KEY_STEP],
-      ArrowDown: [0, -KEY_STEP],
-    };
-    const step = steps[event.key];
+    const step = arrowStep(event, KEY_STEP);
     if (step) {
       const elevation = clamp(this.at.elevation + step[1], 0, 90);
       this.read({ azimuth: wrapAzimuth(this.at.azimuth + step[0]), elevation });

@@ -1,11 +1,11 @@
-/** What is drawn over the photo and over the map: horizon, sun, the sun's regions, the photo's frame. */
+/** What is drawn over the photo and over the map: horizon, sun, the sun's regions, the photo's frame; the sun can be dragged. */
 
 import type { Lighting, LightParameters } from "../api";
-import { createSvg, drawPath, drawSun, drawText } from "../dom";
-import { clamp, direction, type Vector } from "../geometry/angles";
-import { type Camera, horizon, type Point, type SunMark, sunMark } from "../geometry/camera";
+import { arrowStep, byId, createSvg, drawPath, drawSun, drawText } from "../dom";
+import { type Angles, angles, clamp, direction, type Vector, wrapAzimuth } from "../geometry/angles";
+import { type Camera, horizon, type Point, pixelRay, type SunMark, sunMark } from "../geometry/camera";
 import { photoOutline, placeShareLabels, type ShareLabel, splitAtSeam, sunRegions, toMap } from "../geometry/sphere";
-import { isSunny } from "../text/format";
+import { formatAzimuth, isSunny } from "../text/format";
 
 const SHARE = 12; // px, the letters of a region's share
 const SUN_WIDTH = 90; // px from the left edge, within which the sun's mark and its label can meet the horizon's name
@@ -17,7 +17,7 @@ const sunClass = (parameters: LightParameters): string => (parameters.sun ? "sun
 
 export function drawPhotoMarkers(camera: Camera, parameters: LightParameters, width: number, height: number): Node[] {
   const size = { width, height };
-  const mark = sunMark(direction(parameters.sun_azimuth, parameters.sun_elevation), camera, size, 12);
+  const mark = sunMark(direction(parameters.sun_azimuth, parameters.sun_elevation), camera, size, EDGE);
   const line = horizon(camera, size);
   const sun = mark.inside
     ? [drawSun(mark.point, 8, sunClass(parameters))]
@@ -88,3 +88,100 @@ export const drawShareLabels = (spots: ShareLabel[], size: number): SVGElement[]
   spots.map(({ center: [x, y], share, pale }) =>
     drawText([x, y + 0.36 * size], share, `share middle${pale ? " pale" : ""}`),
   );
+
+const EDGE = 12; // pixels from the picture's edge to the mark of a sun outside of it
+const ELEVATIONS = [-4, 90] as const; // degrees, of the slider
+const STEP = 1; // degrees of a key; with Shift five of them
+const ACROSS = 180; // degrees of azimuth that the width of the picture drags a sun outside of it
+const DOWN = 90; // degrees of elevation, so by the height
+
+/** Where a drag began. */
+interface Drag {
+  x: number;
+  y: number;
+  sun: Angles;
+  inside: boolean;
+}
+
+export class SunHandle {
+  private readonly handle = byId("sun-handle");
+  private readonly frame = byId("frame");
+  private camera: Camera | undefined;
+  private sun: Angles = { azimuth: 0, elevation: 0 };
+  private drag: Drag | undefined;
+
+  constructor(private readonly onMove: (sun: Angles) => void) {
+    new ResizeObserver(() => this.place()).observe(this.frame);
+    this.handle.addEventListener("pointerdown", (event) => this.begin(event));
+    this.handle.addEventListener("pointermove", (event) => this.follow(event));
+    for (const end of ["pointerup", "pointercancel"] as const) {
+      this.handle.addEventListener(end, () => {
+        this.drag = undefined;
+      });
+    }
+    this.handle.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  /** Shows the sun of a light, in the picture of a camera. */
+  show(camera: Camera, { sun_azimuth, sun_elevation }: LightParameters): void {
+    this.camera = camera;
+    this.sun = { azimuth: sun_azimuth, elevation: sun_elevation };
+    this.handle.setAttribute("aria-valuenow", String(Math.round(sun_azimuth)));
+    this.handle.setAttribute("aria-valuetext", `${formatAzimuth(sun_azimuth)}, ${sun_elevation.toFixed(0)}° high`);
+    this.place();
+  }
+
+  private mark(): { x: number; y: number; inside: boolean } | undefined {
+    const { width, height } = this.frame.getBoundingClientRect();
+    if (!this.camera || width < 1) return undefined;
+    const { point, inside } = sunMark(
+      direction(this.sun.azimuth, this.sun.elevation),
+      this.camera,
+      { width, height },
+      EDGE,
+    );
+    return { x: point[0], y: point[1], inside };
+  }
+
+  private place(): void {
+    const at = this.mark();
+    if (at) Object.assign(this.handle.style, { left: `${at.x}px`, top: `${at.y}px` });
+  }
+
+  private begin(event: PointerEvent): void {
+    const at = this.mark();
+    if (!at || event.button !== 0) return;
+    event.preventDefault();
+    this.handle.focus({ preventScroll: true });
+    this.handle.setPointerCapture(event.pointerId);
+    this.drag = { x: event.clientX, y: event.clientY, sun: this.sun, inside: at.inside };
+  }
+
+  /** A sun in the picture is where the pointer is; one outside of it is dragged by how far the pointer goes. */
+  private follow(event: PointerEvent): void {
+    if (!this.drag || !this.camera) return;
+    const { left, top, width, height } = this.frame.getBoundingClientRect();
+    if (this.drag.inside) {
+      const ray = pixelRay([event.clientX - left, event.clientY - top], this.camera, { width, height });
+      const length = Math.hypot(...ray);
+      this.move(angles([ray[0] / length, ray[1] / length, ray[2] / length]));
+    } else {
+      const { azimuth, elevation } = this.drag.sun;
+      const right = (ACROSS * (event.clientX - this.drag.x)) / width;
+      const up = (DOWN * (this.drag.y - event.clientY)) / height;
+      this.move({ azimuth: azimuth + right, elevation: elevation + up });
+    }
+  }
+
+  private move({ azimuth, elevation }: Angles): void {
+    const sun = { azimuth: wrapAzimuth(azimuth), elevation: clamp(elevation, ...ELEVATIONS) };
+    if (sun.azimuth !== this.sun.azimuth || sun.elevation !== this.sun.elevation) this.onMove(sun);
+  }
+
+  private key(event: KeyboardEvent): void {
+    const step = arrowStep(event, event.shiftKey ? 5 * STEP : STEP);
+    if (!step) return;
+    event.preventDefault();
+    this.move({ azimuth: this.sun.azimuth + step[0], elevation: this.sun.elevation + step[1] });
+  }
+}

@@ -7,17 +7,19 @@ import {
   cameraHeight,
   footPoint,
   groundDistance,
+  isInSun,
   maxRadius,
   movePlacement,
   type Placement,
   resizePlacement,
   rotatePlacement,
+  SUNLIT,
   shiftPlacement,
 } from "../geometry/placement";
-import { isInSun, SUNLIT } from "../scene/groundMask";
+import { aspectRatio } from "../photo";
 import type { Stage } from "../scene/stage";
 import type { SceneLight } from "../sky/lighting";
-import { aspectRatio, currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
+import { currentState, type EditState, FINISHES, type PhotoView, SHAPES } from "../state";
 import { formatShort } from "../text/format";
 
 const KEYS = "Keys: arrows move it, < and > turn it, + and − scale it.";
@@ -135,7 +137,7 @@ export class ObjectView {
   /** Takes the user's own object. */
   async takeModel(file: File): Promise<void> {
     try {
-      const { readModel } = await import("../scene/model");
+      const { readModel } = await import("../scene/objects");
       const model = await readModel(file);
       byId("own-name").textContent = file.name;
       this.offerOwnModel(true);

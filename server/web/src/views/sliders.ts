@@ -2,15 +2,15 @@
 
 import type { Irradiances, LightParameters } from "../api";
 import { byId, createElement } from "../dom";
-import { formatAzimuth } from "../text/format";
 import {
   describeColor,
   describeExposure,
   describeHaze,
   describeHeight,
   describeShadows,
+  formatAzimuth,
   type Wording,
-} from "../text/lightWords";
+} from "../text/format";
 
 type Slider = "sun_azimuth" | "sun_elevation" | "warmth" | "softness" | "turbidity" | "exposure";
 

@@ -1,8 +1,9 @@
-/** The ways a photo comes in (file chooser, drop, paste, examples), and the photos that were estimated together. */
+/** The first view: the ways a photo comes in, and the example that moves; and the photos that were estimated together. */
 
 import { byId, createElement } from "../dom";
 import { EXAMPLES, type Example } from "../examples";
-import { type PhotoSource, type Session, sourceFromExample, sourceFromFile } from "../state";
+import { type PhotoSource, sourceFromExample, sourceFromFile } from "../photo";
+import type { Session } from "../state";
 import { describeRotation, formatAzimuth, formatMatching, formatRotation } from "../text/format";
 
 const MODEL = /\.(glb|gltf)$/i;
@@ -40,6 +41,7 @@ export function listenForUploads(
   document.addEventListener("paste", (event) => {
     if (!isTextDrop(event, event.clipboardData)) receive(event.clipboardData, "pasted");
   });
+  showMovingExample();
   listenForDrops((data) => receive(data, "dropped"));
   byId("examples").append(...EXAMPLES.map((one) => createElement("li", {}, exampleButton(one, takePhotos))));
   const [, secret, name] = /^#opened\/([\w-]+)\/(.+)$/.exec(location.hash) ?? []; // by `lighting open PHOTO`
@@ -101,4 +103,19 @@ export function showPhotos({ views, index }: Session, onChoice: (index: number) 
   const sentence = views.length > 1 && view ? describeRotation(view.estimate, index) : "";
   byId("rotation").textContent = sentence;
   byId("rotation").hidden = !sentence;
+}
+
+/** The example that moves, which can be paused, and stands still for those who ask for that; begins once all else has loaded. */
+function showMovingExample(): void {
+  const [figure, button] = [byId("moving"), byId<HTMLButtonElement>("pause")];
+  const show = (paused: boolean): void => {
+    figure.classList.toggle("paused", paused);
+    button.setAttribute("aria-pressed", String(paused));
+    button.textContent = paused ? "Play" : "Pause";
+  };
+  show(matchMedia("(prefers-reduced-motion: reduce)").matches);
+  const begin = (): void => figure.classList.add("turning");
+  if (document.readyState === "complete") begin();
+  else addEventListener("load", begin);
+  button.addEventListener("click", () => show(!figure.classList.contains("paused")));
 }

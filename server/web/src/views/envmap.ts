@@ -1,13 +1,12 @@
-/** The map on show, as the service exports it: fetched once the light has come to rest. */
+/** The environment map on show: a draft of the sky until the light has come to rest, then as the service exports it. */
 
-import { fetchEnvmap } from "../api";
+import { debounceLatest, fetchEnvmap } from "../api";
 import { byId } from "../dom";
+import { LIGHT_ROWS, type MapPicture } from "../sky/render";
 import { type PhotoView, type Session, skyRequest } from "../state";
-import { debounceLatest } from "../ui/debounce";
 import { lightOverrides } from "./downloads";
 
 const REST = 350; // ms without a change of the light
-const LIGHT_ROWS = 128; // of the map that lights the object
 const PICTURE_ROWS = [256, 512] as const; // of the map for people, in narrow and in wide places
 const NARROW = 620; // pixels of the screen
 const NEARLY_IN_SIGHT = "200px";
@@ -20,7 +19,7 @@ interface Wanted {
   key: string; // of the light
 }
 
-export class ExportedMaps {
+export class EnvmapView {
   private readonly canvas = byId<HTMLCanvasElement>("envmap");
   private readonly fetch = debounceLatest<Wanted>(
     (wanted, signal) => this.load(wanted, signal),
@@ -70,13 +69,19 @@ export class ExportedMaps {
     return this.inSight && !(exported?.key === key && exported.picture);
   }
 
+  /** Shows the sky alone, until the service has rendered the map. */
+  drawDraft({ data, width, height }: MapPicture): void {
+    Object.assign(this.canvas, { width, height });
+    this.canvas.getContext("2d")?.putImageData(new ImageData(data, width, height), 0, 0);
+  }
+
   private async load({ view, session, key }: Wanted, signal: AbortSignal): Promise<void> {
     const question = skyRequest(view);
     const overrides = lightOverrides(view, session);
     const get = (format: string, height: number): Promise<Blob> =>
       fetchEnvmap(view.photo.file, session.userInput, { format, height }, overrides, signal);
     if (this.needsLight(view, key)) {
-      const { decodeHdr } = await import("../scene/hdr");
+      const { decodeHdr } = await import("../scene/stage");
       const map = await decodeHdr(await get("hdr", LIGHT_ROWS));
       if (signal.aborted) return;
       view.exported = { ...(view.exported?.key === key ? view.exported : {}), key, light: { map, question } };

@@ -17,7 +17,7 @@ import {
   type UserInput,
   type UserInputField,
 } from "../text/metadata";
-import { showPlace } from "./worldMap";
+import { markLocation } from "./location";
 
 const FIELDS: UserInputField[] = [
   "time",
@@ -75,7 +75,7 @@ export class MetadataView {
   private fill(userInput: UserInput, camera: Lighting["camera"]): void {
     for (const name of FIELDS) this.input(name).value = userInput[name];
     byId<HTMLInputElement>("input-city").value = "";
-    showPlace();
+    markLocation();
     this.input("vertical_fov").placeholder = `${camera.vertical_fov.toFixed(1)} (estimated)`;
     this.input("camera_height").placeholder = `${cameraHeight(camera)} (assumed)`;
     byId<HTMLInputElement>("input-metadata").checked = userInput.metadata;

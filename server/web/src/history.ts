@@ -1,11 +1,11 @@
-/** Undo and redo: states one after another, two buttons, and the keys that everybody knows. */
+/** Undo and redo: states one after another, two buttons, the keys that everybody knows, and what one gesture changes. */
 
-import { byId } from "../dom";
+import { byId } from "./dom";
 
 const TOGETHER = 800; // ms within which changes of the same kind count as one, of keys
 
 /** The number of no gesture. */
-export const NO_GESTURE = 0;
+const NO_GESTURE = 0;
 
 export class History<State> {
   private past: State[] = [];
@@ -68,8 +68,9 @@ export class History<State> {
   }
 }
 
-/** `history` gives the one that counts now; `changed` is called after each step. */
+/** `history` gives the one that counts now; `changed` is called after each step. Must be called once. */
 export function listenForUndo<State>(history: () => History<State> | undefined, changed: () => void): void {
+  listenForGestures();
   const step = (kind: "undo" | "redo"): void => {
     history()?.[kind]();
     changed();
@@ -94,3 +95,30 @@ export function showUndo<State>(history: History<State>): void {
 function isTyped(target: EventTarget | null): boolean {
   return target instanceof HTMLInputElement && !["range", "checkbox", "radio", "file"].includes(target.type);
 }
+
+const CLICK = 500; // ms after the release within which a click or a change still belongs to it
+
+let pressed = NO_GESTURE; // the gesture under way, until the click that follows its release
+let count = NO_GESTURE;
+let ended = Number.POSITIVE_INFINITY; // when the pointer was released
+
+/** Follows the pointer from its press to its release. A key ends a gesture: what it changes is another step. */
+function listenForGestures(): void {
+  const release = (): void => {
+    ended = performance.now();
+  };
+  const listen = (event: "pointerdown" | "pointerup" | "pointercancel" | "keydown", act: () => void): void =>
+    document.addEventListener(event, act, { capture: true });
+  listen("pointerdown", () => {
+    pressed = ++count;
+    ended = Number.POSITIVE_INFINITY;
+  });
+  listen("pointerup", release);
+  listen("pointercancel", release);
+  listen("keydown", () => {
+    pressed = NO_GESTURE;
+  });
+}
+
+/** The number of the gesture under way. */
+export const currentGesture = (): number => (performance.now() - ended > CLICK ? NO_GESTURE : pressed);
