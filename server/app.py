@@ -14,7 +14,7 @@ from starlette.middleware.cors import CORSMiddleware
 from lighting.estimator import Estimator
 from lighting.records import Json
 from lighting.version import __version__
-from server import inference_protocol, job_routes, middleware, pages, problems, routes
+from server import job_routes, middleware, pages, problems, routes
 from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
 from server.dependencies import Service
 from server.middleware import DrainBodyMiddleware
@@ -81,9 +81,9 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     responses = problems.problem_responses(400, 403, 421, 422, 431, *statuses)
     app.include_router(routes.router, dependencies=dependencies, responses=responses)
     app.include_router(job_routes.router, dependencies=dependencies, responses=responses)
-    app.include_router(inference_protocol.router, dependencies=dependencies)
-    app.include_router(inference_protocol.health_router)
-    app.include_router(middleware.router)
+    app.include_router(routes.inference_router, dependencies=dependencies)
+    app.include_router(routes.inference_health_router)
+    app.include_router(routes.operations_router)
     app.include_router(_router)
     app.include_router(pages.make_page_router(photo=service.settings.opened_photo))
     app.include_router(pages.make_book_router())
@@ -135,7 +135,7 @@ async def _warm_up(app: FastAPI, service: Service) -> None:
 
 
 def _operation_id(route: APIRoute) -> str:
-    return route.name
+    return route.name.removeprefix("_")
 
 
 _DESCRIPTION = """Send a photo taken outdoors by daylight; get its light as JSON, as an environment map or as a scene.

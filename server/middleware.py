@@ -7,16 +7,14 @@ import secrets
 import time
 
 from anyio import move_on_after
-from fastapi import APIRouter, Request, Response
-from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
+from fastapi import Request
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
-from server.dependencies import Service, ServiceDep
+from server.dependencies import Service
 from server.limits import BusyError
-from server.problems import ProblemError, route_path
-from server.schemas import Status
+from server.problems import route_path
 
 _UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics", "/v2/health/live", "/v2/health/ready")
 _SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
@@ -27,41 +25,6 @@ DRAIN_SECONDS = 5.0  # for the rest of a body, as long as a connection that stay
 _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
 
 access_log = logging.getLogger("server.access")
-router = APIRouter(tags=["operations"])
-
-
-@router.get("/livez", summary="Whether the process answers")
-async def livez() -> Status:
-    """For a supervisor that restarts a process that hangs."""
-    return Status()
-
-
-@router.get(
-    "/readyz",
-    summary="Whether the network has answered once and a photo would be taken now",
-    responses=problems.problem_responses(503),
-)
-async def readyz(service: ServiceDep) -> Status:
-    """For a load balancer: 503 while the network loads, and while the queue is full of many clients' requests."""
-    if not service.ready:
-        retry = {"Retry-After": problems.RETRY_SECONDS}
-        raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
-    if service.ending:
-        raise BusyError("The service shuts down.")
-    if service.full:
-        raise BusyError
-    return Status()
-
-
-@router.get(
-    "/metrics",
-    summary="Counters for Prometheus",
-    response_class=Response,
-    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
-)
-async def metrics(service: ServiceDep) -> Response:
-    """Requests, times, queues, bytes and connections, as text."""
-    return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
 
 
 class _Middleware:

@@ -1,22 +1,34 @@
-"""The API, version 1: each route reads its parameters, has the work done and makes the response."""
+"""The routes: each reads its parameters, has the work done and makes the response.
 
+The API, version 1; the routes for operators; and the Open Inference Protocol, version 2, by which Triton, KServe and
+their clients ask: one photo in, its record out. There the photo is the input `photo`, one element of BYTES in the
+protocol's binary form. A JSON header comes first; the header Inference-Header-Content-Length says how long it is.
+Behind it come the element's length in four bytes and the element. The output `lighting` is one element of BYTES, the
+JSON record of POST /v1/lighting.
+"""
+
+import json
 from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
+from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
 from lighting.envmap.relighting import adjust_lighting
+from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
-from lighting.records import Json, Lighting
+from lighting.records import Json, Lighting, ModelSpec
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
+from lighting.version import __version__
+from server import problems, responses, tasks
 from server import query_params as queries
-from server import responses, tasks
-from server.dependencies import AdmissionDep, PhotoDep, PhotoOrLightingDep, ServiceDep, UploadsDep
-from server.problems import problem_responses
+from server.dependencies import AdmissionDep, PhotoDep, PhotoOrLightingDep, Service, ServiceDep, UploadsDep
+from server.limits import BusyError
+from server.problems import INFERENCE_PREFIX, ProblemError, invalid_field_error, problem_responses
 from server.query_params import (
     EnvmapQuery,
     GroundQuery,
@@ -29,9 +41,17 @@ from server.query_params import (
     SkyProbeQuery,
     SkyQuery,
     SkySceneQuery,
+    refuse_parameters,
 )
 from server.request_body import FORM_TYPE, JSON_TYPE, PHOTO_FIELD, PHOTO_TYPES, FormRoute
-from server.schemas import LightingEstimate, LightingEstimates, LitSpot, ModelCard
+from server.schemas import LightingEstimate, LightingEstimates, LitSpot, ModelCard, Status
+from server.tracing import SERVICE_NAME
+
+_LENGTH_HEADER = "Inference-Header-Content-Length"
+_LENGTH_BYTES = 4  # before each element
+_INPUT, _OUTPUT = "photo", "lighting"
+
+_VERSIONED = "/{name}/versions/{version}"
 
 _BINARY_SCHEMA = {"type": "string", "format": "binary"}
 _PARAMETERS_SCHEMA = {"type": "string", "description": "any parameter of the URL, in the form instead"}
@@ -81,6 +101,11 @@ class _TaggedRoute(FormRoute):
 
 
 router = APIRouter(prefix="/v1", tags=["lighting"], route_class=_TaggedRoute)
+operations_router = APIRouter(tags=["operations"])
+inference_health_router = APIRouter(prefix=INFERENCE_PREFIX, include_in_schema=False)
+inference_router = APIRouter(
+    prefix=f"{INFERENCE_PREFIX}/models", include_in_schema=False, dependencies=[Depends(refuse_parameters)]
+)
 
 
 def _body(content: Json) -> Json:
@@ -100,7 +125,7 @@ _post_photo = partial(router.post, response_class=Response, openapi_extra=_body(
     responses=_PHOTO_PROBLEMS,
     openapi_extra=_body(_PHOTO_BODY),
 )
-async def estimate_lighting(
+async def _estimate_lighting(
     request: Request, admission: AdmissionDep, photo: PhotoDep, query: Annotated[LightingQuery, Query()]
 ) -> JSONResponse:
     """Where the sun is, what the sky is like and how the camera stood, by pixels, metadata and what is given.
@@ -119,7 +144,7 @@ async def estimate_lighting(
     responses=_PHOTO_PROBLEMS,
     openapi_extra=_body(_PHOTOS_BODY),
 )
-async def estimate_lightings(
+async def _estimate_lightings(
     request: Request, admission: AdmissionDep, photos: UploadsDep, query: Annotated[LightingsQuery, Query()]
 ) -> JSONResponse:
     """A burst, a panorama sweep or a drive: several files `photo` in one form are taken together."""
@@ -130,7 +155,7 @@ async def estimate_lightings(
 
 
 @_get_file("/envmap", summary="The environment map of a sky", responses={200: _MAP_RESPONSE, **_SKY_ANSWERS})
-async def render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
+async def _render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
     headers, unchanged = responses.check_cache(request, admission.service, query)
     if unchanged:
@@ -146,7 +171,7 @@ async def render_envmap(request: Request, admission: AdmissionDep, query: Annota
     responses={200: _MAP_RESPONSE, **_PHOTO_PROBLEMS},
     openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
-async def estimate_envmap(
+async def _estimate_envmap(
     admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[EnvmapQuery, Query()]
 ) -> Response:
     """From a record nothing is estimated: edit it and render again.
@@ -163,7 +188,7 @@ async def estimate_envmap(
 
 
 @_get_file("/light-probe", summary="The light probe of a sky", responses={200: _PROBE_RESPONSE, **_SKY_ANSWERS})
-async def compute_probe(
+async def _compute_probe(
     request: Request, admission: AdmissionDep, query: Annotated[SkyProbeQuery, Query()]
 ) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
@@ -181,7 +206,7 @@ async def compute_probe(
     responses={200: _PROBE_RESPONSE, **_PHOTO_PROBLEMS},
     openapi_extra=_body(_PHOTO_BODY | _RECORD_BODY),
 )
-async def estimate_probe(
+async def _estimate_probe(
     admission: AdmissionDep, source: PhotoOrLightingDep, query: Annotated[PhotoProbeQuery, Query()]
 ) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
@@ -199,20 +224,20 @@ async def estimate_probe(
     summary="A photo upright, as JPEG",
     responses={200: _JPEG_RESPONSE, **_PHOTO_PROBLEMS},
 )
-async def show_photo(request: Request, admission: AdmissionDep, photo: PhotoDep) -> Response:
+async def _show_photo(request: Request, admission: AdmissionDep, photo: PhotoDep) -> Response:
     """For clients that cannot decode every type themselves, as browsers cannot HEIC; without metadata."""
-    await queries.refuse_parameters(request)  # here, for those in a form
+    await refuse_parameters(request)  # here, for those in a form
     return Response(await admission.run(tasks.encode_upright_jpeg, admission.service, photo), media_type="image/jpeg")
 
 
 @_post_photo("/preview", summary="A picture of a photo's light", responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS})
-async def draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotated[PreviewQuery, Query()]) -> Response:
+async def _draw_preview(admission: AdmissionDep, photo: PhotoDep, query: Annotated[PreviewQuery, Query()]) -> Response:
     """The photo with its horizon and sun, the sun's probability, the map, and three spheres lit by it."""
     return Response(await admission.run(tasks.encode_preview, admission.service, photo, query), media_type="image/png")
 
 
 @_post_photo("/ground", summary="What a photo shows of the ground", responses={200: _PNG_RESPONSE, **_PHOTO_PROBLEMS})
-async def draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotated[GroundQuery, Query()]) -> Response:
+async def _draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotated[GroundQuery, Query()]) -> Response:
     """A mask as PNG, at most 256 pixels wide or high.
 
     Red is the probability of firm, level ground near by. Green says how far the sun reaches the ground, and is 0 on
@@ -229,7 +254,7 @@ async def draw_ground(admission: AdmissionDep, photo: PhotoDep, query: Annotated
     responses=_PHOTO_PROBLEMS,
     openapi_extra=_body(_PHOTO_BODY),
 )
-async def locate_lit_spot(
+async def _locate_lit_spot(
     admission: AdmissionDep, photo: PhotoDep, query: Annotated[LitSpotQuery, Query()]
 ) -> JSONResponse:
     """The nearest point to (`x`, `y`) where firm ground lies in the sun, with room for an object."""
@@ -237,7 +262,9 @@ async def locate_lit_spot(
 
 
 @_get_file("/scene", summary="A scene for another tool, of a sky", responses={200: _SCENE_RESPONSE, **_SKY_ANSWERS})
-async def render_scene(request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]) -> Response:
+async def _render_scene(
+    request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]
+) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
     headers, unchanged = responses.check_cache(request, admission.service, query)
     if unchanged:
@@ -249,7 +276,7 @@ async def render_scene(request: Request, admission: AdmissionDep, query: Annotat
 @_post_photo(
     "/scene", summary="A scene for another tool, of a photo", responses={200: _SCENE_RESPONSE, **_PHOTO_PROBLEMS}
 )
-async def estimate_scene(
+async def _estimate_scene(
     admission: AdmissionDep, photo: PhotoDep, query: Annotated[PhotoSceneQuery, Query()]
 ) -> Response:
     """The photo as the camera sees it, sun, map, ground and a placeholder for one's own object, as a ZIP.
@@ -265,9 +292,9 @@ async def estimate_scene(
     response_model=ModelCard,
     response_description="The network, and the values of `tool`, `sky` and `format`",
     responses={304: _NOT_MODIFIED_RESPONSE, **problem_responses(500, 503)},
-    dependencies=[Depends(queries.refuse_parameters)],
+    dependencies=[Depends(refuse_parameters)],
 )
-async def describe_model(request: Request, service: ServiceDep) -> Response:
+async def _describe_model(request: Request, service: ServiceDep) -> Response:
     """Its name, licence, grid and accuracy, whether photos are matched, and what this service can make."""
     spec = service.estimator.model.spec
     names = {"scene_tools": list(EXPORTERS), "sky_models": list(SKY_MODELS), "map_formats": list(MAP_FORMATS)}
@@ -282,3 +309,116 @@ async def describe_model(request: Request, service: ServiceDep) -> Response:
         **names,
     )
     return responses.tagged_json_response(request, card.model_dump(mode="json"))
+
+
+@operations_router.get("/livez", summary="Whether the process answers")
+async def _livez() -> Status:
+    """For a supervisor that restarts a process that hangs."""
+    return Status()
+
+
+@operations_router.get(
+    "/readyz",
+    summary="Whether the network has answered once and a photo would be taken now",
+    responses=problem_responses(503),
+)
+async def _readyz(service: ServiceDep) -> Status:
+    """For a load balancer: 503 while the network loads, and while the queue is full of many clients' requests."""
+    if not service.ready:
+        retry = {"Retry-After": problems.RETRY_SECONDS}
+        raise ProblemError(problems.NOT_READY, "The network has not answered yet.", retry)
+    if service.ending:
+        raise BusyError("The service shuts down.")
+    if service.full:
+        raise BusyError
+    return Status()
+
+
+@operations_router.get(
+    "/metrics",
+    summary="Counters for Prometheus",
+    response_class=Response,
+    responses={200: {"content": {"text/plain": {"schema": {"type": "string"}}}}},
+)
+async def _metrics(service: ServiceDep) -> Response:
+    """Requests, times, queues, bytes and connections, as text."""
+    return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_LATEST)
+
+
+@inference_health_router.get("/health/live")
+async def _answer_live() -> Response:
+    """200 while the process runs, as /livez."""
+    return Response()
+
+
+@inference_health_router.get("/health/ready")
+async def _answer_ready(service: ServiceDep) -> Response:
+    """200 where a photo would be taken, else 503, as /readyz."""
+    return Response(status_code=200 if service.ready and not service.ending and not service.full else 503)
+
+
+@inference_health_router.get("")
+async def _describe_service() -> JSONResponse:
+    """The service's metadata."""
+    return JSONResponse({"name": SERVICE_NAME, "version": __version__, "extensions": ["binary_tensor_data"]})
+
+
+@inference_router.get("/{name}/ready")
+@inference_router.get(f"{_VERSIONED}/ready")
+async def _answer_model_ready(service: ServiceDep, name: str, version: str | None = None) -> Response:
+    """The same for the model, by its name."""
+    _check_model(service, name, version)
+    return await _answer_ready(service)
+
+
+@inference_router.get("/{name}")
+@inference_router.get(_VERSIONED)
+async def _describe_inference(service: ServiceDep, name: str, version: str | None = None) -> JSONResponse:
+    """The model's metadata: input and output."""
+    spec = _check_model(service, name, version)
+    tensors = ({"name": tensor, "datatype": "BYTES", "shape": [1]} for tensor in (_INPUT, _OUTPUT))
+    inputs, outputs = ([tensor] for tensor in tensors)
+    described: Json = {"name": spec.name, "versions": [spec.version], "platform": "onnx"}
+    return JSONResponse({**described, "inputs": inputs, "outputs": outputs})
+
+
+@inference_router.post("/{name}/infer")
+@inference_router.post(f"{_VERSIONED}/infer")
+async def _infer(request: Request, admission: AdmissionDep, name: str, version: str | None = None) -> JSONResponse:
+    """The record of a photo."""
+    spec = _check_model(admission.service, name, version)
+    header, photo = _parse_request(await admission.body.inference(), request.headers.get(_LENGTH_HEADER, ""))
+    query = LightingQuery()
+    answer = await admission.run(tasks.answer_photo, admission.service, photo, query)
+    record = responses.estimate_to_json(answer, query, request.scope.get("root_path", ""))
+    output = {"name": _OUTPUT, "datatype": "BYTES", "shape": [1], "data": [json.dumps(record)]}
+    named = {"id": header["id"]} if isinstance(header.get("id"), str) else {}
+    return JSONResponse({"model_name": spec.name, "model_version": spec.version, **named, "outputs": [output]})
+
+
+def _check_model(service: Service, name: str, version: str | None) -> ModelSpec:
+    """The network's spec; ProblemError for another name or version."""
+    spec = service.estimator.model.spec
+    if name != spec.name:
+        raise ProblemError(problems.NOT_FOUND, f"There is no model of this name; the model is {spec.name}.")
+    if version not in (None, spec.version):
+        raise ProblemError(problems.NOT_FOUND, f"There is no such version; the model has {spec.version}.")
+    return spec
+
+
+def _parse_request(body: bytes, length: str) -> tuple[Json, bytes]:
+    """The JSON header of a request, and the photo behind it; ProblemError for another body."""
+    if not length.isdecimal() or int(length) > len(body):
+        detail = f"Send the photo as binary data after the JSON, and the JSON's length as {_LENGTH_HEADER}."
+        raise ProblemError(problems.UNREADABLE_BODY, detail)
+    try:
+        header = json.loads(body[: int(length)])
+        (tensor,) = header["inputs"]
+        fits = (tensor["name"], tensor["datatype"], tensor["shape"]) == (_INPUT, "BYTES", [1])
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise ProblemError(problems.UNREADABLE_BODY, "The JSON of the request has no one input.") from error
+    data = body[int(length) :]
+    if not fits or len(data) < _LENGTH_BYTES or int.from_bytes(data[:4], "little") != len(data) - _LENGTH_BYTES:
+        detail = f"The request needs one input {_INPUT} of datatype BYTES and shape [1], as binary data."
+        raise invalid_field_error("inputs", detail, "body", ErrorCode.WRONG_TYPE)
+    return header, data[_LENGTH_BYTES:]
