@@ -33,7 +33,7 @@ from lighting.preview.drawing import (
     draw_text_inside,
     rounded_mask,
 )
-from lighting.stereo.plan_records import Plan, PlanRequest, format_clock
+from lighting.stereo.light_vectors import gray_skies
 from lighting.stereo.planner import (
     ModelledSkies,
     draw_plan,
@@ -42,7 +42,7 @@ from lighting.stereo.planner import (
     plan_photos,
     plan_title,
 )
-from lighting.stereo.schedule import gray_skies
+from lighting.stereo.schedule import Plan, PlanRequest, format_clock
 from lighting.stereo.solver import Network
 
 # axes: the frame, the angles and the environment map, all by lighting.geometry itself.

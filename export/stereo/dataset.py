@@ -21,9 +21,16 @@ from export.stereo.surfaces import (
     rotate_surface,
 )
 from lighting.geometry import Floats
-from lighting.stereo.grid_search import Candidates, Pose, make_candidates, search_normals, world_to_camera
 from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, sun_directions
-from lighting.stereo.solver import BY_IMAGE, normal_features
+from lighting.stereo.solver import (
+    BY_IMAGE,
+    Candidates,
+    Pose,
+    make_candidates,
+    normal_features,
+    search_normals,
+    world_to_camera,
+)
 
 # Days to photograph: a place, a date, the hours, the sky and how the camera stands.
 

@@ -20,18 +20,18 @@ from export.stereo.surfaces import Surface, is_held_out, random_rotation
 from export.stereo.traced import trace_mesh
 from lighting.errors import LightingError
 from lighting.geometry import Floats
-from lighting.stereo.grid_search import camera_to_world, world_to_camera
-from lighting.stereo.light_vectors import Skies, illumination_matrices
+from lighting.stereo.light_vectors import Skies, gray_skies, illumination_matrices
 from lighting.stereo.output import depth_error, integrate_normals
-from lighting.stereo.schedule import gray_skies
 from lighting.stereo.solver import (
     Network,
     Session,
     add_model_error,
     apply_network,
+    camera_to_world,
     fit_turbidity,
     solve_normals,
     solve_with_planes,
+    world_to_camera,
 )
 
 # Simulated sessions: a shape photographed over a day, solved from what the photographer knows of it.

@@ -8,8 +8,22 @@ import numpy as np
 
 from lighting.geometry import Floats, angle_between, direction
 from lighting.stereo import schedule
-from lighting.stereo.light_vectors import Skies, draw_sunshine, illumination_matrices
-from lighting.stereo.noise_gain import (
+from lighting.stereo.light_vectors import (
+    CLOUD_DRAWS,
+    SPELLS,
+    ClockLocation,
+    Skies,
+    SkyDay,
+    Weather,
+    clear_brightness,
+    draw_sunshine,
+    illumination_matrices,
+    modelled_day,
+)
+from lighting.stereo.schedule import (
+    HOURS,
+    Plan,
+    PlanRequest,
     angular_std,
     gram_matrix,
     invert_symmetric,
@@ -18,7 +32,6 @@ from lighting.stereo.noise_gain import (
     normals_of_interest,
     rotation_free_gain,
 )
-from lighting.stereo.plan_records import HOURS, Plan, PlanRequest
 
 LIFTS = (10, 15, 20, 30, 45, 60, 75, 90)  # deg out of the solar plane
 DEGREES_PER_HOUR = 15
@@ -34,21 +47,21 @@ class _Case:
     """A place, a day and its sky."""
 
     name: str
-    place: schedule.ClockLocation
+    place: ClockLocation
     day: date
-    sky: schedule.Weather = "clear"
+    sky: Weather = "clear"
 
-    def light(self, *, coarse: bool = False) -> schedule.SkyDay:
+    def light(self, *, coarse: bool = False) -> SkyDay:
         """Its light, scaled to the brightest clear sky."""
-        day = schedule.modelled_day(self.place, self.day, self.sky, coarse=coarse)
-        scale = schedule.clear_brightness(self.place, [self.day])
+        day = modelled_day(self.place, self.day, self.sky, coarse=coarse)
+        scale = clear_brightness(self.place, [self.day])
         return replace(day, skies=_scaled(day.skies, 1 / scale))
 
 
 CASES = (
-    _Case("47° N, 20 March", schedule.ClockLocation(47.0, 10.0, 1.0), date(2026, 3, 20)),
-    _Case("47° N, 21 June", schedule.ClockLocation(47.0, 10.0, 1.0), date(2026, 6, 21)),
-    _Case("35° N, 21 December", schedule.ClockLocation(35.0, 10.0, 1.0), date(2026, 12, 21)),
+    _Case("47° N, 20 March", ClockLocation(47.0, 10.0, 1.0), date(2026, 3, 20)),
+    _Case("47° N, 21 June", ClockLocation(47.0, 10.0, 1.0), date(2026, 6, 21)),
+    _Case("35° N, 21 December", ClockLocation(35.0, 10.0, 1.0), date(2026, 12, 21)),
 )
 CLOUDY = replace(CASES[1], sky="mixed")
 
@@ -64,7 +77,7 @@ def _cost_of_an_hour(lift: float, full: float) -> float:
     return float(largest_gain(hour) / largest_gain(arc))
 
 
-def _spread_of_noise(day: schedule.SkyDay, hours: float, noise: float, draws: int) -> tuple[float, float]:
+def _spread_of_noise(day: SkyDay, hours: float, noise: float, draws: int) -> tuple[float, float]:
     """Mean ratios of what noisy pixels scatter to what the covariance predicts: of normals' components, of their turn.
 
     Pixels of every orientation of interest over one window about noon, estimated by iterated least squares.
@@ -100,7 +113,7 @@ class _PlannedCase:
     """A case with its light and its plan."""
 
     case: _Case
-    day: schedule.SkyDay
+    day: SkyDay
     plan: Plan
 
 
@@ -124,7 +137,7 @@ def _choice(planned: _PlannedCase, hours: int) -> tuple[float, float]:
     """The simulated error [deg] in the plan's window, and the least over windows; of clouds that the plan never saw."""
     day, normals = planned.day, normals_of_interest(None)
     if len(day.clouds) > 1:
-        day = replace(day, clouds=draw_sunshine(schedule.CLOUD_DRAWS, schedule.SPELLS, seed=1).astype(np.intp))
+        day = replace(day, clouds=draw_sunshine(CLOUD_DRAWS, SPELLS, seed=1).astype(np.intp))
     windows, light = schedule.list_windows(day, hours, SHOTS), day.light(normals)
     (chosen,) = (window for window in planned.plan.windows if window.hours == hours)
     draws = -(-_TRIALS // len(day.clouds))

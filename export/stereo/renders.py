@@ -15,8 +15,8 @@ from PIL import Image
 
 from export.stereo.surfaces import Surface, is_held_out, project_mesh, random_rotation, read_mesh
 from lighting.geometry import Floats
-from lighting.stereo.grid_search import Pose, camera_to_world, sample_visible_normals, world_to_camera
 from lighting.stereo.light_vectors import Skies, sky_light_vectors, sun_light_vectors
+from lighting.stereo.solver import Pose, camera_to_world, sample_visible_normals, world_to_camera
 
 FloatImage = NDArray[np.float32]
 

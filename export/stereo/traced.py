@@ -13,8 +13,8 @@ from export.stereo.dataset import CaptureDay
 from export.stereo.surfaces import TriangleMesh, read_mesh
 from lighting.errors import require_extra
 from lighting.geometry import Floats
-from lighting.stereo.grid_search import world_to_camera
 from lighting.stereo.light_vectors import Skies
+from lighting.stereo.solver import world_to_camera
 
 _SIDE = 96  # pixels each way
 _SAMPLES = 256  # paths for each pixel

@@ -18,9 +18,8 @@ from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
     from lighting.stereo.output import NormalsOptions, NormalsProgress, NormalsResult
-    from lighting.stereo.plan_records import Plan, Window
     from lighting.stereo.planner import PlanSkies
-    from lighting.stereo.schedule import DayProgress
+    from lighting.stereo.schedule import DayProgress, Plan, Window
     from lighting.stereo.solver import Network
 
 
@@ -97,8 +96,8 @@ def _plan(
     Compares windows of 1, 2, 3 and 6 hours of a day, or of the best day of a range. It prints how far the normals
     will be off.
     """
-    from lighting.stereo.plan_records import PlanRequest
     from lighting.stereo.planner import plan_photos, plan_record
+    from lighting.stereo.schedule import PlanRequest
 
     check_json(as_json, [output])
     overwrite = options.pop("overwrite")
@@ -168,8 +167,8 @@ def _format_plan(skies: "PlanSkies", plan: "Plan") -> str:
 
 
 def _line(window: "Window") -> str:
-    from lighting.stereo.plan_records import format_clock
     from lighting.stereo.planner import format_angle_error
+    from lighting.stereo.schedule import format_clock
 
     gain = f"{window.gain:.1f}" if window.gain < 1e4 else "infinite"
     return (

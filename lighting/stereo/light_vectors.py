@@ -1,4 +1,4 @@
-"""Mean light vectors of measured and modelled skies.
+"""Mean light vectors of measured and modelled skies, and the skies of a day.
 
 A patch of unit normal n and albedo rho is under radiance L. Its brightness is b = rho / pi x the integral of L(w)
 <w, n> over the hemisphere above the patch. So b = <l, x>, with x = rho n and the mean light vector l(n). The term is of
@@ -13,11 +13,13 @@ hemisphere has brightness 1.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from datetime import date
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from lighting.color import LUMINANCE_WEIGHTS
 from lighting.envmap.latlong import remove_sun, row_irradiance
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions, latlong_solid_angle
@@ -26,7 +28,21 @@ from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_ra
 from lighting.sky.perez import overcast_luminance
 from lighting.solar_position import sun_position
 
+Weather = Literal["clear", "overcast", "mixed"]
+
 _CHUNK_WEIGHTS = 1 << 22  # weights of pixels held at once
+
+SKY_HEIGHT = 64  # rows of a modelled map
+TURBIDITY = 3.0  # of a clear day in the country
+OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
+BROKEN_COVER = 0.5  # share of the sky under broken cloud
+_DISC_POINTS = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
+CLOUD_SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
+CLOUD_DRAWS = 32  # of the clouds of a mixed day
+DAY_MINUTES = 24 * 60  # min
+SPELLS = int(DAY_MINUTES / CLOUD_SPELL)
+ONE_SKY = np.zeros((1, SPELLS), dtype=np.intp)  # the clouds of a day that has one variant
+FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
 
 
 @dataclass(frozen=True)
@@ -161,14 +177,6 @@ def sun_light_vectors(sun_direction: Floats, sun_irradiance: Floats, normals: Fl
 
 # Modelled skies.
 
-SKY_HEIGHT = 64  # rows of a modelled map
-TURBIDITY = 3.0  # of a clear day in the country
-OVERCAST_SHARE = 0.25  # of the clear sky's irradiance under full cloud (Kasten and Czeplak, Solar Energy 24, 1980)
-BROKEN_COVER = 0.5  # share of the sky under broken cloud
-_DISC_POINTS = (8, 24)  # rings and spokes of points that the disc's irradiance is summed over, good to 1e-3
-
-CLOUD_SPELL = 15.0  # min that a cloud or a gap between clouds stands before the sun
-
 
 def sun_directions(times: ArrayLike, latitude: float, longitude: float) -> Floats:
     """Return unit vectors (T, 3) to the sun, also below the horizon.
@@ -206,7 +214,7 @@ def clear_skies(
     return Skies(_add_ground(sky, level, ground_albedo), directions, disc)
 
 
-def overcast_skies(clear: Skies) -> Skies:
+def _overcast_skies(clear: Skies) -> Skies:
     """Model CIE standard overcast skies at the moments of clear ones, in their channels.
 
     Args:
@@ -223,7 +231,7 @@ def overcast_skies(clear: Skies) -> Skies:
     return Skies(_add_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, np.zeros_like(clear.sun_irradiance))
 
 
-def broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
+def _broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
     """Model broken cloud at the moments of clear skies; a simple model, not a measured one.
 
     The sky is the mean of the clear and the overcast one, weighted by BROKEN_COVER; the ground is lit by sky and disc.
@@ -233,7 +241,7 @@ def broken_skies(clear: Skies, shines: ArrayLike) -> Skies:
         shines: (T,), whether the disc is whole (see `draw_sunshine`) or hidden.
     """
     half = clear.radiance.shape[1] // 2
-    sky = (1 - BROKEN_COVER) * clear.radiance[:, :half] + BROKEN_COVER * overcast_skies(clear).radiance[:, :half]
+    sky = (1 - BROKEN_COVER) * clear.radiance[:, :half] + BROKEN_COVER * _overcast_skies(clear).radiance[:, :half]
     disc = clear.sun_irradiance * np.asarray(shines, dtype=bool)[:, None]
     level = _horizontal_irradiance(sky) + disc * np.maximum(clear.sun_direction[:, 1:2], 0)
     return Skies(_add_ground(sky, level, GROUND_ALBEDO), clear.sun_direction, disc)
@@ -271,3 +279,127 @@ def _add_ground(sky: Floats, level: Floats, albedo: float) -> NDArray[np.float32
     """Whole maps (T, H, 2H, C) of skies (T, H / 2, 2H, C) over ground with irradiance (T, C)."""
     ground = np.broadcast_to(albedo / np.pi * level[:, None, None], sky.shape)
     return np.concatenate([sky, ground], axis=1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class ClockLocation:
+    """A location, and the clock by which its days and times are stated."""
+
+    latitude: float
+    """Deg, positive north."""
+    longitude: float
+    """Deg, positive east."""
+    utc_offset: float
+    """Hours, of the clock that days and times are told by."""
+
+
+@dataclass(frozen=True)
+class SkyDay:
+    """Skies of one day at T moments in one channel, in one variant or in several between which clouds choose."""
+
+    date: date
+    """Date, the day."""
+    minutes: Floats
+    """(T,) since midnight by the clock of the place, ascending."""
+    tolerance: float
+    """Min by which a photo's moment may miss the time wanted."""
+    skies: Skies
+    """Of V x T moments: all of the first variant, then all of the next."""
+    clouds: NDArray[np.intp]
+    """(K, spells of a day), which variant each draw of the clouds shows in each spell."""
+
+    def light(self, normals: Floats) -> Floats:
+        """Return the mean light vectors (N, V x T, 3) of normals.
+
+        Args:
+            normals: (N, 3) unit vectors.
+        """
+        return np.asarray(illumination_matrices(self.skies, normals)[..., 0])
+
+    def moments(self, start: Floats, end: Floats, shots: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
+        """Find the moments of photos spread evenly over windows, both ends in.
+
+        Spells of clouds are counted from the start of each window, so that all windows meet the same clouds.
+
+        Args:
+            start: (W,) min since midnight.
+            end: (W,) min since midnight.
+            shots: photos of each window.
+
+        Returns:
+            Indices (K, W, shots), and whether (W,) every photo finds light within the day's tolerance.
+        """
+        times = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, shots)
+        next_index = np.clip(np.searchsorted(self.minutes, times), 1, len(self.minutes) - 1)
+        is_next = self.minutes[next_index] - times < times - self.minutes[next_index - 1]
+        index = np.where(is_next, next_index, next_index - 1)
+        in_light = np.abs(self.minutes[index] - times) <= self.tolerance
+        spell = ((times - start[:, None]) / CLOUD_SPELL).astype(np.intp) % self.clouds.shape[1]
+        return index + len(self.minutes) * self.clouds[:, spell], np.asarray(in_light.all(axis=1))
+
+
+def modelled_day(location: ClockLocation, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
+    """Model the moments of a day, midnight to midnight, that the sun is up: all of a polar day.
+
+    Args:
+        location: where, and by which clock.
+        day: by that clock.
+        weather: the kind of sky.
+        coarse: half as many moments, in maps of half the size.
+
+    Raises:
+        ParameterError: the sun does not rise.
+    """
+    step, height = (COARSE_STEP, SKY_HEIGHT // 2) if coarse else (FINE_STEP, SKY_HEIGHT)
+    minutes = np.arange(0.0, DAY_MINUTES, step)
+    suns = _sun_path(location, [day], minutes)
+    up = suns[:, 1] > 0
+    if up.sum() < 2:
+        raise ParameterError(_night_sentence(location, day, day), "first", ErrorCode.NIGHT)
+    minutes, suns = minutes[up], suns[up]
+    clear = gray_skies(clear_skies(suns, height=height))
+    if weather != "mixed":
+        return SkyDay(day, minutes, step / 2, clear if weather == "clear" else _overcast_skies(clear), ONE_SKY)
+    variants = Skies.join([_broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True)])
+    return SkyDay(day, minutes, step / 2, variants, draw_sunshine(CLOUD_DRAWS, SPELLS, seed=0).astype(np.intp))
+
+
+def _sun_path(location: ClockLocation, days: Sequence[date], minutes: Floats) -> Floats:
+    """Unit vectors (days x T, 3) to the sun at minutes (T,) since midnight of each day."""
+    midnights = np.array([day.isoformat() for day in days], dtype="datetime64[s]")
+    seconds = np.rint(60 * (minutes - 60 * location.utc_offset)).astype("timedelta64[s]")
+    return sun_directions((midnights[:, None] + seconds).ravel(), location.latitude, location.longitude)
+
+
+def clear_brightness(location: ClockLocation, days: Sequence[date]) -> float:
+    """Return the length of the brightest mean light vector under clear skies: of a patch that faces the highest sun.
+
+    Args:
+        location: where, and by which clock.
+        days: that are compared.
+
+    Raises:
+        ParameterError: the sun does not rise on any.
+    """
+    suns = _sun_path(location, days, np.arange(0.0, DAY_MINUTES, 15.0))
+    highest = suns[np.argmax(suns[:, 1])][None]
+    if highest[0, 1] <= 0:
+        raise ParameterError(_night_sentence(location, days[0], days[-1]), "first", ErrorCode.NIGHT)
+    light = illumination_matrices(gray_skies(clear_skies(highest)), highest)
+    return float(np.linalg.norm(light))
+
+
+def _night_sentence(location: ClockLocation, first: date, last: date) -> str:
+    where = f"{abs(location.latitude):g}° {'N' if location.latitude >= 0 else 'S'}"
+    when = f"on {first}" if first == last else f"from {first} to {last}"
+    return f"The sun does not rise at {where} {when}; it is night all day."
+
+
+def gray_skies(skies: Skies) -> Skies:
+    """Return skies in one channel, luminance.
+
+    Args:
+        skies: in linear Rec.709.
+    """
+    radiance = (skies.radiance @ LUMINANCE_WEIGHTS)[..., None]
+    return Skies(radiance, skies.sun_direction, (skies.sun_irradiance @ LUMINANCE_WEIGHTS)[:, None])

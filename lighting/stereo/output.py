@@ -29,17 +29,19 @@ from lighting.photo.camera import FULL_FRAME_DIAGONAL
 from lighting.photo.linear import Curve
 from lighting.records import GROUND_ALBEDO, Json
 from lighting.stereo.capture import MAX_SIZE, DayPhotos, read_day_photos, read_nearest_skies
-from lighting.stereo.grid_search import Pose, SearchProgress, camera_to_world, ignore_progress
-from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, sun_directions
-from lighting.stereo.schedule import gray_skies
+from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, clear_skies, gray_skies, sun_directions
 from lighting.stereo.solver import (
     MIN_NOISE,
     Network,
     NormalMap,
+    Pose,
+    SearchProgress,
     Session,
+    camera_to_world,
     check_sun_moves,
     find_other_heading,
     fit_turbidity,
+    ignore_progress,
     raise_error,
     solve_normals,
 )

@@ -31,19 +31,27 @@ from lighting.preview.drawing import (
 )
 from lighting.probe.bracket import probes_in
 from lighting.records import Json
-from lighting.stereo.light_vectors import SKY_HEIGHT, Skies, skies_from_maps
-from lighting.stereo.plan_records import Plan, PlanRequest, Window, WindowTable, format_clock
-from lighting.stereo.schedule import (
+from lighting.stereo.light_vectors import (
     ONE_SKY,
+    SKY_HEIGHT,
     ClockLocation,
-    DayProgress,
+    Skies,
     SkyDay,
     Weather,
     clear_brightness,
-    days_between,
     gray_skies,
-    make_plan,
     modelled_day,
+    skies_from_maps,
+)
+from lighting.stereo.schedule import (
+    DayProgress,
+    Plan,
+    PlanRequest,
+    Window,
+    WindowTable,
+    days_between,
+    format_clock,
+    make_plan,
 )
 from lighting.validation import OPTIONAL_RANGES, check_range
 

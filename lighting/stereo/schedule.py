@@ -5,179 +5,396 @@ the brightest mean light vector of the plan's days to length 1, under a clear sk
 Noise is in per cent of that, which is about the brightness of a surface's best lit spot, so that the surface's albedo
 cancels. A window is judged by the median, over the orientations of interest and draws of the clouds, of the expected
 error of the normal.
+
+A patch has brightnesses b = M x, with x = albedo x normal, and noise of standard deviation sigma in each. Least squares
+gives x with covariance sigma^2 (M^T M)^-1. The noise gain of axis k is lambda_k = sqrt of the k-th diagonal of
+(M^T M)^-1. The 95 % interval of the normal's component is +- 1.96 sigma lambda_k / albedo (Hold-Geoffroy et al., What
+Is a Good Day for Outdoor Photometric Stereo?, ICCP 2015). The diagonal depends on the axes chosen; 1 / sigma_min, with
+the least singular value of M, does not and is at least as large. Both fall as 1 / sqrt(photos) and grow as 1 /
+exposure: compare only what shares both. What no light resolves has an infinite gain.
 """
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date, timedelta
-from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from lighting.color import LUMINANCE_WEIGHTS
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats
+from lighting.geometry import Floats, direction
+from lighting.records import Json
 from lighting.stereo.light_vectors import (
-    CLOUD_SPELL,
-    SKY_HEIGHT,
-    Skies,
-    broken_skies,
-    clear_skies,
-    draw_sunshine,
+    DAY_MINUTES,
+    SkyDay,
     illumination_matrices,
-    overcast_skies,
-    sun_directions,
 )
-from lighting.stereo.noise_gain import (
-    angular_error,
-    angular_std,
-    gain_from_inverse,
-    half_sphere_normals,
-    interval_95,
-    named_normals,
-    normals_of_interest,
-    rotation_free_gain,
-    window_gram_inverses,
-)
-from lighting.stereo.plan_records import HOURS, DayScore, Plan, PlanRequest, SurfaceOrientation, Window, WindowTable
+from lighting.validation import check_range
 
-Weather = Literal["clear", "overcast", "mixed"]
+HOURS = (1, 2, 3, 6)  # the lengths of windows compared
+MIN_SHOTS, MAX_SHOTS = 3, 1000
+_NOISE_RANGE = (0.001, 100.0)  # per cent
 
-CLOUD_DRAWS = 32  # of the clouds of a mixed day
-DAY_MINUTES = 24 * 60  # min
-SPELLS = int(DAY_MINUTES / CLOUD_SPELL)
-ONE_SKY = np.zeros((1, SPELLS), dtype=np.intp)  # the clouds of a day that has one variant
-FINE_STEP, COARSE_STEP = 5.0, 10.0  # min between modelled moments
+_Z_95 = 1.96  # standard deviations to either side that hold 95 % of a normal distribution
+_MAX_ERROR = 90.0  # deg, the largest that is stated
+_UPPER_TRIANGLE = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))  # rows and columns of the upper triangle
+_MIN_DETERMINANT = 1e-12  # least determinant of M^T M, of matrices scaled to unit mean diagonal
+
+
+def gram_matrix(matrix: ArrayLike) -> Floats:
+    """Return M^T M (..., 3, 3).
+
+    Args:
+        matrix: (..., T, 3) illumination matrices M.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    return np.asarray(np.swapaxes(m, -1, -2) @ m)
+
+
+def invert_symmetric(grams: ArrayLike) -> Floats:
+    """Invert symmetric positive matrices; infinite on the diagonal where singular.
+
+    Args:
+        grams: (..., 3, 3).
+    """
+    g = np.asarray(grams, dtype=np.float64)
+    return _inverse(np.stack([g[..., row, column] for row, column in _UPPER_TRIANGLE], axis=-1))
+
+
+def _inverse(upper: Floats) -> Floats:
+    """The same of matrices given by their upper triangles (..., 6), by cofactors: a million take a second."""
+    scale = np.maximum((upper[..., 0] + upper[..., 3] + upper[..., 5]) / 3, np.finfo(np.float64).tiny)
+    a, b, c, d, e, f = np.moveaxis(upper / scale[..., None], -1, 0)
+    adjugate = [d * f - e * e, c * e - b * f, b * e - c * d, a * f - c * c, b * c - a * e, a * d - b * b]
+    determinant = a * adjugate[0] + b * adjugate[1] + c * adjugate[2]
+    solvable = determinant > _MIN_DETERMINANT
+    factor = 1 / np.where(solvable, determinant * scale, 1.0)
+    result = np.empty((*upper.shape[:-1], 3, 3))
+    for (row, column), cofactor in zip(_UPPER_TRIANGLE, adjugate, strict=True):
+        value = np.where(solvable, cofactor * factor, np.inf if row == column else 0.0)
+        result[..., row, column] = result[..., column, row] = value
+    return result
+
+
+def noise_gain(matrix: ArrayLike) -> Floats:
+    """Return the noise gain lambda_k (..., 3) of each axis.
+
+    Args:
+        matrix: (..., T, 3) illumination matrices.
+    """
+    return _gain_from_inverse(invert_symmetric(gram_matrix(matrix)))
+
+
+def largest_gain(matrix: ArrayLike) -> Floats:
+    """Return the largest noise gain of the three axes, lambda_max (...).
+
+    Args:
+        matrix: (..., T, 3) illumination matrices.
+    """
+    return np.asarray(noise_gain(matrix).max(axis=-1))
+
+
+def rotation_free_gain(matrix: ArrayLike) -> Floats:
+    """Return the gain along the worst direction, whatever the axes: 1 / sigma_min (...).
+
+    Args:
+        matrix: (..., T, 3) illumination matrices.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    if m.shape[-2] < 3:
+        return np.full(m.shape[:-2], np.inf)
+    least = np.linalg.svd(m, compute_uv=False)[..., -1]
+    with np.errstate(divide="ignore"):
+        return np.asarray(1 / least)
+
+
+def _gain_from_inverse(inverses: Floats) -> Floats:
+    """Return the noise gain (..., 3) of each axis.
+
+    Args:
+        inverses: (..., 3, 3), (M^T M)^-1.
+    """
+    return np.asarray(np.sqrt(np.diagonal(inverses, axis1=-2, axis2=-1)))
+
+
+def _interval_95(gain: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
+    """Return half the width (...) of the 95 % interval of a normal's component.
+
+    Args:
+        gain: (...) noise gains.
+        noise: standard deviation of a pixel.
+        albedo: of the surface, over 0.
+    """
+    return np.asarray(_Z_95 * noise * np.asarray(gain, dtype=np.float64) / albedo)
+
+
+def angular_std(inverses: Floats, normals: ArrayLike) -> Floats:
+    """Return the root mean square rotation [rad] (...) of normals per noise / albedo.
+
+    To first order in the noise, where only what moves x across the normal rotates it.
+
+    Args:
+        inverses: (..., 3, 3), (M^T M)^-1.
+        normals: (..., 3) unit vectors.
+    """
+    n = np.asarray(normals, dtype=np.float64)
+    tangent = np.eye(3) - n[..., :, None] * n[..., None, :]
+    square = np.einsum("...ij,...ij->...", np.where(np.isfinite(inverses), inverses, 0.0), tangent)
+    solvable = np.isfinite(inverses[..., 0, 0])
+    return np.asarray(np.where(solvable, np.sqrt(np.maximum(square, 0.0)), np.inf))
+
+
+def _angular_error(std: ArrayLike, noise: float, albedo: float = 1.0) -> Floats:
+    """Return the expected error [deg] (...) of normals, at most 90.
+
+    Args:
+        std: (...), as `angular_std` returns it.
+        noise: standard deviation of a pixel.
+        albedo: of the surface, over 0.
+    """
+    return np.asarray(np.minimum(np.degrees(noise / albedo * np.asarray(std, dtype=np.float64)), _MAX_ERROR))
+
+
+def _window_gram_inverses(matrix: ArrayLike, moments: NDArray[np.intp]) -> Floats:
+    """Return (M^T M)^-1 (N, ..., 3, 3) of windows of a day.
+
+    Args:
+        matrix: (N, T, 3) illumination matrices of the day.
+        moments: (..., shots) indices of each window's photos, as many in each, so that gains compare.
+    """
+    m = np.asarray(matrix, dtype=np.float64)
+    products = np.stack([m[..., row] * m[..., column] for row, column in _UPPER_TRIANGLE], axis=-1)
+    total = np.zeros((len(m), *moments.shape[:-1], 6))
+    for index in np.moveaxis(moments, -1, 0):
+        total += np.take(products, index, axis=1)
+    return _inverse(total)
+
+
+def _sphere_normals(count: int) -> Floats:
+    """Unit vectors (count, 3) spread evenly over the sphere along a spiral of golden angles."""
+    up = 1 - (2 * np.arange(count) + 1) / count
+    angle = np.pi * (3 - np.sqrt(5)) * np.arange(count)
+    level = np.sqrt(1 - up**2)
+    return np.stack([level * np.sin(angle), up, -level * np.cos(angle)], axis=-1)
+
+
+# Orientations of a surface.
+
+_NamedNormal = tuple[str, float, float]  # name, azimuth [deg clockwise from north], elevation [deg] of the normal
+
+_NORMAL_COUNT = 180  # over the whole sphere, of which those of interest count
+_MAX_VISIBLE_ANGLE = 80.0  # deg from the facing direction, within which a camera sees orientations well
+
+_COMPASS = (("north", 0.0), ("east", 90.0), ("south", 180.0), ("west", 270.0))
+
+
+def normals_of_interest(facing: float | None) -> Floats:
+    """Return the unit normals (N, 3) by which windows are judged.
+
+    Args:
+        facing: deg clockwise from north; normals lie within 80 deg of it. None is all that do not look down.
+    """
+    normals = _sphere_normals(_NORMAL_COUNT)
+    if facing is None:
+        return np.asarray(normals[normals[:, 1] >= 0])
+    return np.asarray(normals[normals @ direction(facing, 0.0) > np.cos(np.radians(_MAX_VISIBLE_ANGLE))])
+
+
+def _named_normals(facing: float | None) -> tuple[list[_NamedNormal], Floats]:
+    """Return the orientations that a plan speaks of, and their unit normals (N, 3).
+
+    Args:
+        facing: deg clockwise from north, where the surface faces; None is all directions and up.
+    """
+    if facing is None:
+        slopes = [("level", 0.0, 90.0), *((f"slope to the {name}", azimuth, 45.0) for name, azimuth in _COMPASS)]
+        orientations = [*slopes, *((f"wall to the {name}", azimuth, 0.0) for name, azimuth in _COMPASS)]
+    else:
+        front, *sides = ((facing + offset) % 360.0 for offset in (0.0, -45.0, 45.0))
+        tilted = [("ahead", front, 0.0), ("45° up", front, 45.0), ("45° down", front, -45.0)]
+        orientations = [*tilted, *((f"towards {azimuth:g}°", azimuth, 0.0) for azimuth in sides)]
+    _, azimuths, elevations = zip(*orientations, strict=True)
+    return orientations, direction(azimuths, elevations)
+
+
+def _half_sphere_normals(facing: float | None, size: int) -> Floats:
+    """Return the unit normals (S, S, 3) of a sphere's pixels as a distant camera sees it.
+
+    Beyond the rim they are those of the rim.
+
+    The camera stands before the surface, upright; or, without a facing direction, above with north at the top.
+
+    Args:
+        facing: deg clockwise from north, where the surface faces; None is up.
+        size: S, pixels.
+    """
+    side = (np.arange(size) + 0.5) / size * 2 - 1
+    x, y = np.meshgrid(side, -side)
+    beyond = np.maximum(np.hypot(x, y), 1.0)
+    x, y = x / beyond, y / beyond
+    normals = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)
+    if facing is None:
+        return np.asarray(normals @ np.stack([direction(90.0, 0.0), direction(0.0, 0.0), direction(0.0, 90.0)]))
+    left = direction(facing - 90.0, 0.0)  # the surface's left is the camera's right
+    return np.asarray(normals @ np.stack([left, direction(0.0, 90.0), direction(facing, 0.0)]))
 
 
 @dataclass(frozen=True)
-class ClockLocation:
-    """A location, and the clock by which its days and times are stated."""
+class PlanRequest:
+    """What is to be photographed, and with how many photos of which noise; raises ParameterError out of range."""
 
-    latitude: float
-    """Deg, positive north."""
-    longitude: float
-    """Deg, positive east."""
-    utc_offset: float
-    """Hours, of the clock that days and times are told by."""
+    facing: float | None = None
+    """Deg clockwise from north, where the surface faces; None: all around and up."""
+    shots: int = 8
+    """Photos of a window."""
+    noise: float = 1.0
+    """Standard deviation of a pixel, per cent of the brightest light."""
+
+    def __post_init__(self) -> None:
+        check_range("shots", self.shots, MIN_SHOTS, MAX_SHOTS)
+        check_range("noise", self.noise, *_NOISE_RANGE)
+        if self.facing is not None:
+            check_range("facing", self.facing, -360.0, 360.0)
 
 
 @dataclass(frozen=True)
-class SkyDay:
-    """Skies of one day at T moments in one channel, in one variant or in several between which clouds choose."""
+class _SurfaceOrientation:
+    """What a window promises for one orientation of the surface; infinite where its light resolves nothing."""
 
-    date: date
-    """Date, the day."""
-    minutes: Floats
-    """(T,) since midnight by the clock of the place, ascending."""
-    tolerance: float
-    """Min by which a photo's moment may miss the time wanted."""
-    skies: Skies
-    """Of V x T moments: all of the first variant, then all of the next."""
-    clouds: NDArray[np.intp]
-    """(K, spells of a day), which variant each draw of the clouds shows in each spell."""
+    name: str
+    """Name, in words."""
+    azimuth: float
+    """Deg clockwise from north, where the normal points."""
+    elevation: float
+    """Deg, of the normal above the horizon."""
+    error: float
+    """Deg, expected (root mean square) error of the normal, 90 at most."""
+    gain: float
+    """Gain, lambda_max."""
+    interval_95: tuple[float, float, float]
+    """+- of the normal's components east, up, south."""
 
-    def light(self, normals: Floats) -> Floats:
-        """Return the mean light vectors (N, V x T, 3) of normals.
-
-        Args:
-            normals: (N, 3) unit vectors.
-        """
-        return np.asarray(illumination_matrices(self.skies, normals)[..., 0])
-
-    def moments(self, start: Floats, end: Floats, shots: int) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-        """Find the moments of photos spread evenly over windows, both ends in.
-
-        Spells of clouds are counted from the start of each window, so that all windows meet the same clouds.
-
-        Args:
-            start: (W,) min since midnight.
-            end: (W,) min since midnight.
-            shots: photos of each window.
-
-        Returns:
-            Indices (K, W, shots), and whether (W,) every photo finds light within the day's tolerance.
-        """
-        times = start[:, None] + (end - start)[:, None] * np.linspace(0.0, 1.0, shots)
-        next_index = np.clip(np.searchsorted(self.minutes, times), 1, len(self.minutes) - 1)
-        is_next = self.minutes[next_index] - times < times - self.minutes[next_index - 1]
-        index = np.where(is_next, next_index, next_index - 1)
-        in_light = np.abs(self.minutes[index] - times) <= self.tolerance
-        spell = ((times - start[:, None]) / CLOUD_SPELL).astype(np.intp) % self.clouds.shape[1]
-        return index + len(self.minutes) * self.clouds[:, spell], np.asarray(in_light.all(axis=1))
+    def to_dict(self) -> Json:
+        """As JSON, null for what the light does not resolve."""
+        return {
+            "name": self.name,
+            "azimuth": self.azimuth,
+            "elevation": self.elevation,
+            "error": _round_finite(self.error),
+            "gain": _round_finite(self.gain),
+            "interval_95": [_round_finite(value) for value in self.interval_95],
+        }
 
 
-def modelled_day(location: ClockLocation, day: date, weather: Weather, *, coarse: bool = False) -> SkyDay:
-    """Model the moments of a day, midnight to midnight, that the sun is up: all of a polar day.
+@dataclass(frozen=True)
+class Window:
+    """A window of a day, and what it promises."""
+
+    hours: int
+    """Hours, its length."""
+    start: float
+    """Minutes since midnight."""
+    end: float
+    """Minutes since midnight."""
+    error: float
+    """Deg, expected error of the normal, median over the orientations of interest, 90 at most."""
+    gain: float
+    """Lambda_max, median."""
+    rotation_free_gain: float
+    """1 / sigma_min, median."""
+    orientations: tuple[_SurfaceOrientation, ...]
+    """Of surfaces, and how well each is told."""
+    sphere: Floats
+    """(S, S), lambda_max over the half sphere seen, see `_half_sphere_normals`."""
+
+    def to_dict(self) -> Json:
+        """As JSON, times by the clock of the place."""
+        return {
+            "hours": self.hours,
+            "start": format_clock(self.start),
+            "end": format_clock(self.end),
+            "error": _round_finite(self.error),
+            "gain": _round_finite(self.gain),
+            "rotation_free_gain": _round_finite(self.rotation_free_gain),
+            "orientations": [orientation.to_dict() for orientation in self.orientations],
+        }
+
+
+@dataclass(frozen=True)
+class WindowTable:
+    """All windows of a day, for a drawing by start and end."""
+
+    step: float
+    """Min between starts and between ends."""
+    start: Floats
+    """(W,) min since midnight."""
+    end: Floats
+    """End, (W,)."""
+    gain: Floats
+    """(W,) lambda_max, median; infinite where nothing is resolved."""
+
+
+@dataclass(frozen=True)
+class _DayScore:
+    """How good a day is."""
+
+    day: date
+    """Day, the date."""
+    errors: tuple[float, ...]
+    """Deg, least of each length of HOURS, 90 where none fits."""
+
+    def to_dict(self) -> Json:
+        """As JSON."""
+        return {"date": self.day.isoformat(), "errors": [_round_finite(error) for error in self.errors]}
+
+
+@dataclass(frozen=True)
+class Plan:
+    """The best of several days, and its windows."""
+
+    day: date
+    """Day, the best."""
+    question: PlanRequest
+    """What was asked."""
+    windows: tuple[Window, ...]
+    """The best of each length of HOURS that fits the day."""
+    days: tuple[_DayScore, ...]
+    """Each day's score."""
+    table: WindowTable
+    """All windows of the day."""
+
+    def to_dict(self) -> Json:
+        """As JSON: angles in deg, times by the clock of the place, null for what the light does not resolve."""
+        question = self.question
+        return {
+            "date": self.day.isoformat(),
+            "facing": question.facing,
+            "shots": question.shots,
+            "noise": question.noise,
+            "windows": [window.to_dict() for window in self.windows],
+            "days": [score.to_dict() for score in self.days],
+        }
+
+
+def format_clock(minutes: float) -> str:
+    """Format a time of day, such as "10:45".
 
     Args:
-        location: where, and by which clock.
-        day: by that clock.
-        weather: the kind of sky.
-        coarse: half as many moments, in maps of half the size.
-
-    Raises:
-        ParameterError: the sun does not rise.
+        minutes: since midnight.
     """
-    step, height = (COARSE_STEP, SKY_HEIGHT // 2) if coarse else (FINE_STEP, SKY_HEIGHT)
-    minutes = np.arange(0.0, DAY_MINUTES, step)
-    suns = _sun_path(location, [day], minutes)
-    up = suns[:, 1] > 0
-    if up.sum() < 2:
-        raise ParameterError(_night_sentence(location, day, day), "first", ErrorCode.NIGHT)
-    minutes, suns = minutes[up], suns[up]
-    clear = gray_skies(clear_skies(suns, height=height))
-    if weather != "mixed":
-        return SkyDay(day, minutes, step / 2, clear if weather == "clear" else overcast_skies(clear), ONE_SKY)
-    variants = Skies.join([broken_skies(clear, np.full(len(clear), shines)) for shines in (False, True)])
-    return SkyDay(day, minutes, step / 2, variants, draw_sunshine(CLOUD_DRAWS, SPELLS, seed=0).astype(np.intp))
+    whole = round(minutes)
+    return f"{whole // 60:02d}:{whole % 60:02d}"
 
 
-def _sun_path(location: ClockLocation, days: Sequence[date], minutes: Floats) -> Floats:
-    """Unit vectors (days x T, 3) to the sun at minutes (T,) since midnight of each day."""
-    midnights = np.array([day.isoformat() for day in days], dtype="datetime64[s]")
-    seconds = np.rint(60 * (minutes - 60 * location.utc_offset)).astype("timedelta64[s]")
-    return sun_directions((midnights[:, None] + seconds).ravel(), location.latitude, location.longitude)
-
-
-def clear_brightness(location: ClockLocation, days: Sequence[date]) -> float:
-    """Return the length of the brightest mean light vector under clear skies: of a patch that faces the highest sun.
-
-    Args:
-        location: where, and by which clock.
-        days: that are compared.
-
-    Raises:
-        ParameterError: the sun does not rise on any.
-    """
-    suns = _sun_path(location, days, np.arange(0.0, DAY_MINUTES, 15.0))
-    highest = suns[np.argmax(suns[:, 1])][None]
-    if highest[0, 1] <= 0:
-        raise ParameterError(_night_sentence(location, days[0], days[-1]), "first", ErrorCode.NIGHT)
-    light = illumination_matrices(gray_skies(clear_skies(highest)), highest)
-    return float(np.linalg.norm(light))
-
-
-def _night_sentence(location: ClockLocation, first: date, last: date) -> str:
-    where = f"{abs(location.latitude):g}° {'N' if location.latitude >= 0 else 'S'}"
-    when = f"on {first}" if first == last else f"from {first} to {last}"
-    return f"The sun does not rise at {where} {when}; it is night all day."
-
-
-def gray_skies(skies: Skies) -> Skies:
-    """Return skies in one channel, luminance.
-
-    Args:
-        skies: in linear Rec.709.
-    """
-    radiance = (skies.radiance @ LUMINANCE_WEIGHTS)[..., None]
-    return Skies(radiance, skies.sun_direction, (skies.sun_irradiance @ LUMINANCE_WEIGHTS)[:, None])
+def _round_finite(value: float) -> float | None:
+    """Four digits of it; None where it is infinite."""
+    return float(f"{value:.4g}") if math.isfinite(value) else None
 
 
 # Windows of a day, scored.
 
-START_STEP = 15.0  # min between the starts of windows
+_START_STEP = 15.0  # min between the starts of windows
 MIN_WINDOW = 30.0  # min
 _CHUNK = 1 << 16  # matrices held at once: what of them is summed stays in a processor's cache
 
@@ -210,7 +427,7 @@ def list_windows(day: SkyDay, hours: float, shots: int) -> _Windows:
         hours: the windows' length.
         shots: photos of each.
     """
-    start = np.arange(0.0, DAY_MINUTES - 60 * hours + 1e-6, START_STEP)
+    start = np.arange(0.0, DAY_MINUTES - 60 * hours + 1e-6, _START_STEP)
     return _windows_in_light(day, start, start + 60 * hours, shots)
 
 
@@ -233,9 +450,9 @@ def _score_windows(windows: _Windows, light: Floats, normals: Floats) -> _Window
     step = max(1, _CHUNK // (len(windows.moments) * len(normals)))
     scores = _WindowScores(np.empty(len(windows)), np.empty(len(windows)))
     for chunk in (slice(start, start + step) for start in range(0, len(windows), step)):
-        inverses = window_gram_inverses(light, windows.moments[:, chunk])
+        inverses = _window_gram_inverses(light, windows.moments[:, chunk])
         scores.angular_std[chunk] = np.median(angular_std(inverses, normals[:, None, None]), axis=(0, 1))
-        scores.gain[chunk] = np.median(gain_from_inverse(inverses).max(axis=-1), axis=(0, 1))
+        scores.gain[chunk] = np.median(_gain_from_inverse(inverses).max(axis=-1), axis=(0, 1))
     return scores
 
 
@@ -247,10 +464,10 @@ def _windows_in_light(day: SkyDay, start: Floats, end: Floats, shots: int) -> _W
 # The plan of the best day.
 
 DayProgress = Callable[[Sequence[date]], Iterable[date]]
-DayReader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
+_DayReader = Callable[[date, bool], SkyDay]  # a day's light; coarse for a first look at one of many, else fine
 
-MAX_DAYS = 366  # of a plan: a leap year
-SPHERE_SIZE = 31  # normals across a drawn half sphere
+_MAX_DAYS = 366  # of a plan: a leap year
+_SPHERE_SIZE = 31  # normals across a drawn half sphere
 
 
 def days_between(first: date, last: date) -> list[date]:
@@ -261,20 +478,20 @@ def days_between(first: date, last: date) -> list[date]:
         last: the last day, included.
 
     Raises:
-        ParameterError: they are reversed or more than MAX_DAYS.
+        ParameterError: they are reversed or more than 366.
     """
     count = (last - first).days + 1
     if count < 1:
         raise ParameterError(f"The last day, {last}, is before the first, {first}.", "last", ErrorCode.CONTRADICTION)
-    if count > MAX_DAYS:
-        sentence = f"From {first} to {last} are {count} days; a plan covers {MAX_DAYS} at most."
+    if count > _MAX_DAYS:
+        sentence = f"From {first} to {last} are {count} days; a plan covers {_MAX_DAYS} at most."
         raise ParameterError(sentence, "last", ErrorCode.OUT_OF_RANGE)
     return [first + timedelta(days=i) for i in range(count)]
 
 
 def make_plan(
     days: Sequence[date],
-    read: DayReader,
+    read: _DayReader,
     question: PlanRequest,
     reference: float | None = None,
     progress: DayProgress = iter,
@@ -297,15 +514,15 @@ def make_plan(
     if not any(summary.has_window for summary in summaries):
         raise ParameterError(summaries[0].objection, "first", ErrorCode.INSUFFICIENT)
     scale = reference or max(summary.brightest for summary in summaries)
-    errors = angular_error(np.stack([summary.angular_std for summary in summaries]) * scale, question.noise / 100)
+    errors = _angular_error(np.stack([summary.angular_std for summary in summaries]) * scale, question.noise / 100)
     burden = np.log(errors).sum(axis=1) + np.where([summary.has_window for summary in summaries], 0, np.inf)
     chosen = int(np.argmin(burden))
     best = summaries[chosen].day_light or read(days[chosen], False)
-    scores = tuple(DayScore(day, tuple(map(float, row))) for day, row in zip(days, errors, strict=True))
+    scores = tuple(_DayScore(day, tuple(map(float, row))) for day, row in zip(days, errors, strict=True))
     normals = normals_of_interest(question.facing)
     light = best.light(normals) / scale
     windows = tuple(_best_windows(best, light, normals, question, scale))
-    step = START_STEP if len(best.clouds) == 1 else 2 * START_STEP
+    step = _START_STEP if len(best.clouds) == 1 else 2 * _START_STEP
     listed = _all_windows(best, question.shots, step)
     table = WindowTable(step, listed.start, listed.end, _score_windows(listed, light, normals).gain)
     return Plan(best.date, question, windows, scores, table)
@@ -322,7 +539,7 @@ class _DaySummary:
     day_light: SkyDay | None = None  # its light, if it is fine
 
 
-def _summarize_day(day: date, read: DayReader, question: PlanRequest, *, coarse: bool) -> _DaySummary:
+def _summarize_day(day: date, read: _DayReader, question: PlanRequest, *, coarse: bool) -> _DaySummary:
     try:
         day_light = read(day, coarse)
     except ParameterError as error:
@@ -346,7 +563,7 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
         best = int(np.argmin(scores.angular_std))
         moments = windows.moments[:, best]
         start, end, gain = (float(each[best]) for each in (windows.start, windows.end, scores.gain))
-        error = float(angular_error(scores.angular_std[best], question.noise / 100))
+        error = float(_angular_error(scores.angular_std[best], question.noise / 100))
         free_gain = float(np.median(rotation_free_gain(light[:, moments])))
         orientations = tuple(_predict_orientations(day, moments, question, scale))
         sphere = _sphere_gains(day, moments, question, scale)
@@ -355,25 +572,25 @@ def _best_windows(day: SkyDay, light: Floats, normals: Floats, question: PlanReq
 
 def _predict_orientations(
     day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float
-) -> Iterator[SurfaceOrientation]:
+) -> Iterator[_SurfaceOrientation]:
     """What each named orientation gets of photos at moments (K, shots)."""
-    names, normals = named_normals(question.facing)
+    names, normals = _named_normals(question.facing)
     inverses, noise = _gram_inverses(day, moments, normals, scale), question.noise / 100
-    error = np.median(angular_error(angular_std(inverses, normals[:, None]), noise), axis=1)
-    gain = np.median(gain_from_inverse(inverses), axis=1)
-    for name, e, g, interval in zip(names, error, gain, interval_95(gain, noise), strict=True):
+    error = np.median(_angular_error(angular_std(inverses, normals[:, None]), noise), axis=1)
+    gain = np.median(_gain_from_inverse(inverses), axis=1)
+    for name, e, g, interval in zip(names, error, gain, _interval_95(gain, noise), strict=True):
         east, up, south = map(float, interval)
-        yield SurfaceOrientation(*name, float(e), float(g.max()), (east, up, south))
+        yield _SurfaceOrientation(*name, float(e), float(g.max()), (east, up, south))
 
 
 def _sphere_gains(day: SkyDay, moments: NDArray[np.intp], question: PlanRequest, scale: float) -> Floats:
-    normals = half_sphere_normals(question.facing, SPHERE_SIZE).reshape(-1, 3)
-    gain = gain_from_inverse(_gram_inverses(day, moments, normals, scale)).max(axis=-1)
-    return np.asarray(np.median(gain, axis=1).reshape(SPHERE_SIZE, SPHERE_SIZE))
+    normals = _half_sphere_normals(question.facing, _SPHERE_SIZE).reshape(-1, 3)
+    gain = _gain_from_inverse(_gram_inverses(day, moments, normals, scale)).max(axis=-1)
+    return np.asarray(np.median(gain, axis=1).reshape(_SPHERE_SIZE, _SPHERE_SIZE))
 
 
 def _gram_inverses(day: SkyDay, moments: NDArray[np.intp], normals: Floats, scale: float) -> Floats:
     """(M^T M)^-1 (N, K, 3, 3) of photos at moments (K, shots) for normals (N, 3)."""
     used, index = np.unique(moments, return_inverse=True)
     light = illumination_matrices(day.skies.at(used), normals)[..., 0] / scale
-    return window_gram_inverses(light, index.reshape(moments.shape))
+    return _window_gram_inverses(light, index.reshape(moments.shape))

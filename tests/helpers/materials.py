@@ -19,8 +19,8 @@ from lighting.probe.develop import Moment
 from lighting.probe.fisheye import make_lens
 from lighting.scene.records import Scene, make_placeholder
 from lighting.scene.writer import write_scene
-from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import clear_skies, sun_directions
+from lighting.stereo.solver import Pose
 from tests.helpers.clips import write_clip
 from tests.helpers.engines import run_in_chroot
 from tests.helpers.pages import ROOT

@@ -16,9 +16,9 @@ from starlette.testclient import TestClient
 
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr
-from lighting.stereo.grid_search import Pose
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.output import _write_png16
+from lighting.stereo.solver import Pose
 from server import job_kinds
 from server.app import create_app
 from server.job_kinds import MAX_FILES, RESULT_FILE, UploadError

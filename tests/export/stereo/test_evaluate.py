@@ -26,9 +26,8 @@ from export.stereo.renders import Subject
 from export.stereo.surfaces import _of_height, rotate_surface
 from lighting.errors import LightingError
 from lighting.geometry import angle_between
-from lighting.stereo.light_vectors import clear_skies, sun_directions
-from lighting.stereo.noise_gain import normals_of_interest
-from lighting.stereo.schedule import gray_skies
+from lighting.stereo.light_vectors import clear_skies, gray_skies, sun_directions
+from lighting.stereo.schedule import normals_of_interest
 from lighting.stereo.solver import Network, Session
 
 
@@ -44,7 +43,7 @@ class Errors:
 
 def test_a_cell_holds_median_and_mean_over_all_shapes() -> None:
     shapes = [Errors([1.0, 2.0], [1.0, 1.0]), Errors([3.0, 10.0, 4.0], [1.0, 1.0, 6.0])]
-    assert _cell(cast(list[_Result], shapes)) == "3.0 / 4.0, 1.0 / 2.0"
+    assert _cell(cast("list[_Result]", shapes)) == "3.0 / 4.0, 1.0 / 2.0"
 
 
 def test_a_row_changes_its_season() -> None:
@@ -60,7 +59,7 @@ def test_a_row_changes_its_season() -> None:
 def test_every_table_has_a_name_and_a_folder_without_shapes_is_refused(tmp_path: Path) -> None:
     assert TABLES == ("seasons", "wrong", "photos", "heading", "turbidity", "gloss", "expected")
     with pytest.raises(LightingError, match="no scanned_objects and no meshes"):
-        evaluate_normals(tmp_path, cast(Network, None), print)
+        evaluate_normals(tmp_path, cast("Network", None), print)
 
 
 def test_one_and_three_channels_with_and_without_the_network(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -24,9 +24,9 @@ from lighting.stereo.capture import (
     read_day_photos,
     read_nearest_skies,
 )
-from lighting.stereo.grid_search import Pose
-from lighting.stereo.light_vectors import TURBIDITY, Skies, clear_skies, overcast_skies, sun_directions
+from lighting.stereo.light_vectors import TURBIDITY, Skies, _overcast_skies, clear_skies, sun_directions
 from lighting.stereo.output import _write_picture, _write_png16
+from lighting.stereo.solver import Pose
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, plain_dng
 from tests.helpers.skies import JUNE, LATITUDE, ball, gray_blocks, june_suns, photos, write_photo
 
@@ -335,7 +335,7 @@ def clear(times: np.ndarray = JUNE) -> Skies:
 def test_a_clear_day_is_varied_and_an_overcast_one_is_not(noise: float) -> None:
     normals, mask, _ = ball()
     assert _light_varies(photos(normals, mask, clear(), Pose(), noise), mask)
-    assert not _light_varies(photos(normals, mask, overcast_skies(clear()), Pose(), noise), mask)
+    assert not _light_varies(photos(normals, mask, _overcast_skies(clear()), Pose(), noise), mask)
 
 
 def test_two_hours_of_a_clear_day_are_varied() -> None:

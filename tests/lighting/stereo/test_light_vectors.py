@@ -13,12 +13,12 @@ from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sun_disc_points
 from lighting.stereo.light_vectors import (
     Skies,
+    _broken_skies,
     _horizontal_irradiance,
-    broken_skies,
+    _overcast_skies,
     clear_skies,
     draw_sunshine,
     illumination_matrices,
-    overcast_skies,
     skies_from_maps,
     sky_light_vectors,
     sun_directions,
@@ -159,7 +159,7 @@ def test_level_ground_sees_its_horizontal_irradiance() -> None:
 
 def test_overcast_skies_follow_the_cie_and_hold_a_quarter_of_the_light() -> None:
     clear = clear_skies(SUNS)
-    dull = overcast_skies(clear)
+    dull = _overcast_skies(clear)
     assert not dull.sun_irradiance.any()
     zenith, horizon = dull.radiance[:, 0].mean(axis=1), dull.radiance[:, 31].mean(axis=1)
     np.testing.assert_allclose(zenith / horizon, 3.0, rtol=0.06)  # the lowest row's centre is 1.4 deg up
@@ -169,14 +169,14 @@ def test_overcast_skies_follow_the_cie_and_hold_a_quarter_of_the_light() -> None
 
 
 def test_an_overcast_day_turns_no_mean_light_vector() -> None:
-    vectors = illumination_matrices(overcast_skies(clear_skies(SUNS)), direction(40.0, 30.0))[..., 1]
+    vectors = illumination_matrices(_overcast_skies(clear_skies(SUNS)), direction(40.0, 30.0))[..., 1]
     unit = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     np.testing.assert_allclose(unit, unit[:1].repeat(3, axis=0), atol=1e-5)
 
 
 def test_broken_skies_hide_the_sun_in_some_spells() -> None:
     clear = clear_skies(SUNS)
-    skies = broken_skies(clear, [True, False, True])
+    skies = _broken_skies(clear, [True, False, True])
     np.testing.assert_array_equal(skies.sun_irradiance[1], 0)
     np.testing.assert_array_equal(skies.sun_irradiance[[0, 2]], clear.sun_irradiance[[0, 2]])
     level = _horizontal_irradiance(skies.radiance[:, :32]) + skies.sun_irradiance * SUNS[:, 1:2]

@@ -13,7 +13,6 @@ from lighting.errors import PhotoError
 from lighting.files.exr import read_exr, write_exr
 from lighting.geometry import latlong_directions, latlong_solid_angle
 from lighting.stereo.capture import _read_day_photo
-from lighting.stereo.grid_search import Pose, camera_to_world
 from lighting.stereo.light_vectors import clear_skies
 from lighting.stereo.output import (
     NormalsOptions,
@@ -24,7 +23,7 @@ from lighting.stereo.output import (
     estimate_normals,
     integrate_normals,
 )
-from lighting.stereo.solver import NormalMap
+from lighting.stereo.solver import NormalMap, Pose, camera_to_world
 from tests.helpers.skies import JUNE, angles, ball, june_suns, photos
 
 
