@@ -10,7 +10,7 @@ import click
 
 from export import CLIP_KINDS, FILE, PATH, PHOTO_SET_PARTS
 from export.stereo import stereo_group
-from lighting.cli.commands import Group
+from lighting.cli import Group
 from lighting.errors import LightingError
 
 Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]

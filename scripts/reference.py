@@ -13,8 +13,7 @@ from annotated_types import Ge, Gt, Le
 
 import lighting
 import lighting.errors as errors
-from lighting.cli import cli
-from lighting.cli.commands import Command, Group
+from lighting.cli import Command, Group, cli
 from lighting.documentation import field_docstrings, member_docstrings
 from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError

@@ -6,7 +6,7 @@ from typing import Any
 import click
 
 from export import FILE, PATH
-from lighting.cli.commands import Group
+from lighting.cli import Group
 
 
 @click.group("stereo", cls=Group)

@@ -3,15 +3,22 @@
 A command's module is imported when it is called, and nothing heavy before it is needed. Results go to stdout; progress,
 errors and counts to stderr. Exit status 0: all went well; 1: something failed, in one sentence; 2: wrong usage;
 3: with --strict, a photo is probably not of outdoors by daylight.
+
+Commands and groups show examples in their help, know old names of options, and suggest what was probably meant.
 """
 
+import os
+import shlex
+from collections.abc import Mapping, Sequence
+from difflib import get_close_matches
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import click
 
-from lighting.cli.commands import Group
 from lighting.cli.console import escape_control_chars, format_error, is_broken_pipe
+from lighting.deprecation import OLD_NAMES
 from lighting.errors import LightingError
 from lighting.version import __version__
 
@@ -32,8 +39,158 @@ _HOME = {  # the module of each command, in the order of use; a call imports no 
     "doctor": "info",
 }
 
-
 _NO_ARGUMENTS: Any = getattr(click.exceptions, "NoArgsIsHelpError", ())  # from click 8.2 on
+_OLD_OPTIONS = {f"--{no}{old}": f"--{no}{new}" for old, new in OLD_NAMES.items() for no in ("", "no-")}
+_NEAR = 0.6  # share of the letters that a suggestion has in common with what was typed
+_CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp"])
+
+
+class Command(click.Command):
+    """A command whose help ends with examples, and that knows the old names of its options."""
+
+    def __init__(
+        self, *args: Any, examples: Sequence[str] = (), renamed: Mapping[str, str] | None = None, **kwargs: Any
+    ) -> None:
+        """Make a command.
+
+        Args:
+            args: of click.
+            examples: command lines, which the help shows as they are.
+            renamed: options' names by the old ones, which still work until 0.3.0 and which no help shows.
+            kwargs: of click.
+        """
+        super().__init__(*args, **kwargs)
+        self.examples, self.renamed = tuple(examples), {**_OLD_OPTIONS, **(renamed or {})}
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the examples.
+
+        Args:
+            ctx: of click.
+            formatter: takes the lines.
+        """
+        _write_examples(self.examples, formatter)
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Read the arguments; UsageError for one too many.
+
+        Args:
+            ctx: of click.
+            args: as the user typed them.
+        """
+        ctx.allow_extra_args = True  # for a sentence of our own about them
+        extra = super().parse_args(ctx, self._with_new_names(args))
+        if extra and not ctx.resilient_parsing:
+            takes = " and ".join(p.make_metavar(ctx) for p in self.params if isinstance(p, click.Argument))
+            needs = f"takes only {takes}" if takes else "takes no file"
+            raise click.UsageError(f"`{ctx.command_path}` {needs}; {extra[0]!r} is too much.", ctx)
+        return extra
+
+    def _with_new_names(self, args: Sequence[str]) -> list[str]:
+        """The arguments with the new names of options that were renamed."""
+        read = [] if "--" not in args else list(args[args.index("--") :])
+        options = [self._with_new_name(word) for word in args[: len(args) - len(read)]]
+        if options[-1:] == ["--sun"]:  # which once stood alone: its check says what it is now
+            options.append("")
+        return options + read
+
+    def _with_new_name(self, word: str) -> str:
+        name, equals, value = word.partition("=")
+        return self.renamed.get(name, name) + equals + value
+
+
+class Group(click.Group):
+    """Commands whose help ends with examples; an unknown one is answered by what was probably meant."""
+
+    command_class = Command
+
+    def __init__(self, *args: Any, examples: Sequence[str] = (), **kwargs: Any) -> None:
+        """Make a group.
+
+        Args:
+            args: of click.
+            examples: command lines, which the help shows as they are.
+            kwargs: of click.
+        """
+        super().__init__(*args, **kwargs)
+        self.examples = tuple(examples)
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
+        """Write the examples.
+
+        Args:
+            ctx: of click.
+            formatter: takes the lines.
+        """
+        _write_examples(self.examples, formatter)
+
+    def list_commands(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """The commands in the order of their definition, which is that of their use.
+
+        Args:
+            ctx: of click.
+        """
+        return list(self.commands)
+
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command; UsageError with a suggestion for a word that is none.
+
+        Args:
+            ctx: of click.
+            args: the command's name and its arguments.
+        """
+        name = args[0]
+        if not ctx.resilient_parsing and not name.startswith("-") and self.get_command(ctx, name) is None:
+            raise click.UsageError(_describe_unknown(name, ctx.command_path, self.list_commands(ctx)), ctx)
+        return super().resolve_command(ctx, args)
+
+
+Group.group_class = Group  # of a group's groups
+
+
+def _write_examples(examples: Sequence[str], formatter: click.HelpFormatter) -> None:
+    """Write examples at the end of a help, each in a line of its own, however long.
+
+    Args:
+        examples: command lines.
+        formatter: takes the lines.
+    """
+    if not examples:
+        return
+    with formatter.section("Examples"):
+        for line in examples:
+            formatter.write(f"{'':{formatter.current_indent}}{line}\n")
+
+
+def _describe_unknown(name: str, program: str, commands: Sequence[str]) -> str:
+    """What to type in place of a word that is no command, in one sentence or two."""
+    known = get_close_matches(name.lower(), commands, n=1, cutoff=_NEAR)
+    if known:
+        return f"There is no command {name!r}. Did you mean {known[0]}?"
+    if program == "lighting" and (line := _command_for_file(name)):
+        return escape_control_chars(line)
+    return f"There is no command {name!r}. `{program} --help` lists all."
+
+
+def _command_for_file(name: str) -> str | None:
+    """What to do with a file or a folder whose name stands where a command should; None for any other word."""
+    from lighting.batch.results import PHOTO_SUFFIXES
+
+    path, word = Path(name), shlex.quote(name)
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return f"{name} is a folder, not a command: try `lighting batch {word}`."
+    if suffix in PHOTO_SUFFIXES:
+        return f"{name} is a photo, not a command: try `lighting envmap {word}` or `lighting estimate {word}`."
+    if suffix in _CLIPS:
+        return f"{name} is a clip, not a command: try `lighting video {word}`."
+    if suffix == ".json":
+        return f"{name} is a record, not a command: try `lighting render {word}`."
+    if suffix in (".exr", ".hdr", ".onnx") or path.is_file() or os.sep in name:
+        return f"{name} is a file, not a command: try `lighting info {word}`."
+    return None
 
 
 class _Program(Group):

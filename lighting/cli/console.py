@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, TextIO
 
 import click
 
-import lighting.errors as errors
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
 from lighting.formatting import (
     escape_undecodable,
@@ -197,21 +196,6 @@ def report_warnings(name: str, warnings: Sequence[str], quiet: bool = False) -> 
         click.echo(f"Warning: {escape_path(name)}: {warning}", err=True)
 
 
-def warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:
-    """Say on stderr where photos could have been registered with each other, and what is missing for it.
-
-    Args:
-        quiet: say nothing.
-        together: whether the photos are of one place and light.
-        headings: deg, that the user stated; None without.
-    """
-    from lighting.registration.features import has_opencv
-
-    if together and headings is None and not quiet and not has_opencv():
-        reason = f"because OpenCV is not installed: {errors.install_command('all')}."
-        click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
-
-
 def escape_path(name: str) -> str:
     """Return the name of a file for a terminal, without anything that the terminal would obey.
 
@@ -319,20 +303,6 @@ def path_of(name: str) -> str | None:
         name: of the file; "-" is stdin.
     """
     return None if name == "-" else name
-
-
-def read_photo_file(name: str, target: int | None = None) -> "Photo":
-    """Read the photo in a file.
-
-    Args:
-        name: of the file; "-" is stdin.
-        target: pixels of its longer side to keep; None keeps what the network needs.
-    """
-    from lighting.photo.reader import read_photo
-
-    data = read_photo_bytes(name)
-    path = path_of(name)
-    return read_photo(data, path=path) if target is None else read_photo(data, target=target, path=path)
 
 
 def _stdin() -> BinaryIO:
@@ -502,24 +472,6 @@ def map_context(
         return read_photo(data, target=side).pixels
 
     return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings, detail=detail)
-
-
-def check_exr_options(output: str, compression: str | None, colours: str | None) -> None:
-    """Raise UsageError for a compression or colours where no file takes them.
-
-    Args:
-        output: the map's file.
-        compression: that the user stated; None without.
-        colours: the same.
-    """
-    from lighting.files import MAP_FORMATS
-
-    suffixes = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
-    if compression is not None and output != "-" and not output.lower().endswith(tuple(suffixes)):
-        raise click.UsageError(f"--compression needs an output in {' or '.join(suffixes)}.")
-    headed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.has_header]
-    if colours is not None and output != "-" and not output.lower().endswith(tuple(headed)):
-        raise click.UsageError(f"--colours needs an output in {' or '.join(headed)}.")
 
 
 def write_output_map(

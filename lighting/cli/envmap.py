@@ -1,17 +1,20 @@
 """The commands that make pictures of a light: envmap, preview, render; and light probes for engines and phones."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from lighting.cli import cli, console, outputs, photos
 from lighting.cli import options as common
-from lighting.cli.photos import PhotoOptions
+from lighting.cli.photos import PhotoOptions, choose_sun, estimate_file, photo_estimator
 
 if TYPE_CHECKING:
+    from lighting.envmap.surroundings import PhotoContext
     from lighting.fusion.user_input import UserInput
     from lighting.light_probe import LightProbe
+    from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
 
 
@@ -34,7 +37,7 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **
     names = outputs.choose_files(chosen.photos, chosen.output, outputs.MAPS, overwrite=chosen.overwrite)
     _check_preview(chosen, names, preview)
     for name in names:
-        console.check_exr_options(name, view["compression"], view["colours"])
+        _check_exr_options(name, view["compression"], view["colours"])
     estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, console.warm_up)
     sun = photos.choose_sun(chosen.sun, chosen.adjustments)
 
@@ -42,11 +45,11 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **
         data, picture, answer = photos.estimate_file(estimate, photo)
         context = console.map_context(data, picture, answer, view["height"], chosen.surroundings, chosen.detail)
         lighting, output = chosen.adjust(answer.lighting), names[number]
-        outputs.make_parent(output)
+        _make_parent(output)
         console.write_output_map(output, lighting, sun=sun, context=context, **view)
         files = {"output": output}
         if preview:
-            photos.write_preview(preview, data, answer, lighting, chosen)
+            _write_preview(preview, data, answer, lighting, chosen)
             files["preview"] = preview
         chosen.print_estimate(photo, answer, lighting, answer.warnings, files)
         return answer.lighting, list(files.values())
@@ -88,8 +91,8 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
     def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
         data, _, answer = photos.estimate_file(estimate, photo)
         lighting, output = chosen.adjust(answer.lighting), names[number]
-        outputs.make_parent(output)
-        photos.write_preview(output, data, answer, lighting, chosen)
+        _make_parent(output)
+        _write_preview(output, data, answer, lighting, chosen)
         warnings = (*answer.warnings, *spot_warnings(lighting))
         files = {"output": output}
         chosen.print_estimate(photo, answer, lighting, warnings, files)
@@ -135,7 +138,7 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     stored = console.read_lighting(record) if output is None else None  # whose error says more than one of the output
     (name,) = outputs.choose_files([record], output, outputs.MAPS, overwrite=overwrite)
     outputs.check_apart(sources, [name])
-    console.check_exr_options(name, options["compression"], options["colours"])
+    _check_exr_options(name, options["compression"], options["colours"])
     as_json, quiet, adjustments = (options.pop(key) for key in ("as_json", "quiet", "adjustments"))
     photos.check_json(as_json, [name])
     options["sun"] = photos.choose_sun(options["sun"], adjustments)
@@ -143,7 +146,7 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     if photo is None:
         _refuse_place(**place)
     lighting = photos.adjust_light(stored or console.read_lighting(record), adjustments)
-    context = None if photo is None else photos.context_of_record(photo, options["height"], **place)
+    context = None if photo is None else _context_of_record(photo, options["height"], **place)
     console.write_output_map(name, lighting, context=context, **options)
     probe = None
     if as_json:
@@ -230,3 +233,65 @@ def _probe_of_record(
     if model is not None or surroundings is not None or user_input != NO_USER_INPUT:
         raise click.UsageError("A record holds the light already; leave out the options about a photo.")
     return compute_light_probe(console.read_lighting(source), sun=sun)
+
+
+def _check_exr_options(output: str, compression: str | None, colours: str | None) -> None:
+    """Raise UsageError for a compression or colours where no file takes them.
+
+    Args:
+        output: the map's file.
+        compression: that the user stated; None without.
+        colours: the same.
+    """
+    from lighting.files import MAP_FORMATS
+
+    suffixes = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.takes_compression]
+    if compression is not None and output != "-" and not output.lower().endswith(tuple(suffixes)):
+        raise click.UsageError(f"--compression needs an output in {' or '.join(suffixes)}.")
+    headed = [f".{name}" for name, entry in MAP_FORMATS.items() if entry.has_header]
+    if colours is not None and output != "-" and not output.lower().endswith(tuple(headed)):
+        raise click.UsageError(f"--colours needs an output in {' or '.join(headed)}.")
+
+
+def _make_parent(name: str) -> None:
+    """Make the folder of an output where it is missing, if its own folder is there; "-" is stdout."""
+    if name != "-":
+        Path(name).parent.mkdir(exist_ok=True)
+
+
+def _write_preview(output: str, photo: bytes, estimate: "Estimate", lighting: "Lighting", chosen: PhotoOptions) -> None:
+    """Draw a photo, its light and three spheres lit by it.
+
+    Args:
+        output: the PNG's file; "-" is stdout.
+        photo: its bytes.
+        estimate: of its light.
+        lighting: that light, perhaps changed since.
+        chosen: says whether sun, place and detail are in its map.
+    """
+    from lighting.photo.reader import read_photo
+    from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, encode_preview_png
+
+    pixels = read_photo(photo, target=PHOTO_SIDE).pixels
+    sun = choose_sun(chosen.sun, chosen.adjustments)
+    picture = draw_preview_pixels(
+        pixels, estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
+    )
+    console.write_png(output, encode_preview_png(picture))
+
+
+def _context_of_record(
+    photo: str, height: int, user_input: "UserInput", model: str | None, surroundings: bool | None, detail: bool
+) -> "PhotoContext | None":
+    """Return what a map of a stored light shows of the place: the network says it again of the photo.
+
+    Args:
+        photo: name of the file of which the record is; "-" is stdin.
+        height: rows of the map.
+        user_input: what the user states of the photo.
+        model: a network's file; None is the one in this package.
+        surroundings: whether the map shows the place; None where the network predicts it.
+        detail: whether the map then has detail all around the photo.
+    """
+    data, picture, answer = estimate_file(photo_estimator([photo], user_input, model), photo)
+    return console.map_context(data, picture, answer, height, surroundings, detail)

@@ -5,8 +5,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+import lighting.errors as errors
 from lighting.cli import cli, console
 from lighting.cli import options as common
+from lighting.cli.console import path_of, read_photo_bytes
+from lighting.cli.options import usage_errors
 from lighting.cli.photos import check_stdin, strict_status
 from lighting.errors import ParameterError, PhotoError
 
@@ -38,7 +41,7 @@ def _answers(
     estimator = console.load_estimator(model)
     if together:
         return lambda photos: _estimate_views(estimator, photos, user_input, headings)
-    return lambda photos: _estimate_each(photos, lambda name: estimator(console.read_photo_file(name), user_input))
+    return lambda photos: _estimate_each(photos, lambda name: estimator(_read_photo_file(name), user_input))
 
 
 def _estimate_each(names: Iterable[str], estimate: "Callable[[str], Estimate]") -> Answers:
@@ -62,7 +65,7 @@ def _estimate_views(
     read: dict[int, tuple[str, Photo]] = {}
     for i, name in enumerate(names):
         try:
-            read[i] = name, console.read_photo_file(name, MAX_SIDE if register else None)
+            read[i] = name, _read_photo_file(name, MAX_SIDE if register else None)
         except (PhotoError, OSError) as error:
             yield name, error
     if not read:
@@ -109,8 +112,8 @@ def _estimate(
     stop the others; the exit status is 1 then.
     """
     check_stdin(photos)
-    common.check_together(len(photos), user_input, **taken_together)
-    console.warn_unregistered(quiet, **taken_together)
+    _check_together(len(photos), user_input, **taken_together)
+    _warn_unregistered(quiet, **taken_together)
     lights = list["Lighting"]()
     failed, answers_of = 0, _answers(model, photos, user_input, **taken_together)
     with console.photo_progress(photos, quiet) as progress:
@@ -130,3 +133,51 @@ def _estimate(
     if failed and len(photos) > 1:
         click.echo(f"{failed} of {len(photos)} photos failed.", err=True)
     ctx.exit(1 if failed else strict_status(lights, strict))
+
+
+def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | None) -> None:
+    """Say on stderr where photos could have been registered with each other, and what is missing for it.
+
+    Args:
+        quiet: say nothing.
+        together: whether the photos are of one place and light.
+        headings: deg, that the user stated; None without.
+    """
+    from lighting.registration.features import has_opencv
+
+    if together and headings is None and not quiet and not has_opencv():
+        reason = f"because OpenCV is not installed: {errors.install_command('all')}."
+        click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
+
+
+def _read_photo_file(name: str, target: int | None = None) -> "Photo":
+    """Read the photo in a file.
+
+    Args:
+        name: of the file; "-" is stdin.
+        target: pixels of its longer side to keep; None keeps what the network needs.
+    """
+    from lighting.photo.reader import read_photo
+
+    data = read_photo_bytes(name)
+    path = path_of(name)
+    return read_photo(data, path=path) if target is None else read_photo(data, target=target, path=path)
+
+
+def _check_together(photos: int, user_input: "UserInput", together: bool, headings: list[float] | None) -> None:
+    """Raise UsageError where what is stated of several photos does not fit their number.
+
+    Args:
+        photos: their number.
+        user_input: of all photos.
+        together: whether they are of one place and light.
+        headings: deg, one a photo; None where not stated.
+    """
+    if together and photos < 2:
+        raise click.UsageError("--together needs two photos or more.")
+    if headings is not None and not together:
+        raise click.UsageError("--headings needs --together.")
+    from lighting.fusion.user_input import check_headings
+
+    with usage_errors():
+        check_headings(photos, headings, user_input.heading)

@@ -17,7 +17,6 @@ from lighting.sky import SKY_MODELS, format_sky_models
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
-    from lighting.fusion.user_input import UserInput
 
 Command = TypeVar("Command", bound=Callable[..., None])
 
@@ -458,22 +457,3 @@ def check_coordinates(latitude: float | None, longitude: float | None) -> None:
     if (latitude is None) != (longitude is None):
         stated, missing = ("--lat", "--lon") if longitude is None else ("--lon", "--lat")
         raise click.UsageError(f"{stated} needs {missing} too, such as --lat 48.14 --lon 11.58.")
-
-
-def check_together(photos: int, user_input: "UserInput", together: bool, headings: list[float] | None) -> None:
-    """Raise UsageError where what is stated of several photos does not fit their number.
-
-    Args:
-        photos: their number.
-        user_input: of all photos.
-        together: whether they are of one place and light.
-        headings: deg, one a photo; None where not stated.
-    """
-    if together and photos < 2:
-        raise click.UsageError("--together needs two photos or more.")
-    if headings is not None and not together:
-        raise click.UsageError("--headings needs --together.")
-    from lighting.fusion.user_input import check_headings
-
-    with usage_errors():
-        check_headings(photos, headings, user_input.heading)

@@ -24,7 +24,7 @@ Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
 
 
 @dataclass(frozen=True)
-class OutputKind:
+class _OutputKind:
     """What a command writes of one source."""
 
     ending: str
@@ -49,13 +49,13 @@ class OutputKind:
         return ("stdin" if source == "-" else Path(source).stem) + self.ending
 
 
-MAPS = OutputKind(".exr", tuple(f".{name}" for name in MAP_FORMATS))
-PREVIEWS = OutputKind("-preview.png", (".png",))
+MAPS = _OutputKind(".exr", tuple(f".{name}" for name in MAP_FORMATS))
+PREVIEWS = _OutputKind("-preview.png", (".png",))
 
 overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that are there.")
 
 
-def file_output(kind: OutputKind, *, several: bool = False) -> Decorator:
+def file_output(kind: _OutputKind, *, several: bool = False) -> Decorator:
     """Add -o for a file, and --overwrite.
 
     Args:
@@ -111,7 +111,7 @@ def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | No
     return name
 
 
-def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *, overwrite: bool) -> list[str]:
+def choose_files(sources: Sequence[str], output: str | None, kind: _OutputKind, *, overwrite: bool) -> list[str]:
     """Return the file for each source, before any work: where it could not be written later, an error says so.
 
     Args:
@@ -143,7 +143,7 @@ def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *
     return names
 
 
-def _default_file(source: str, kind: OutputKind) -> str:
+def _default_file(source: str, kind: _OutputKind) -> str:
     if source == "-":
         raise click.UsageError("What is read from stdin needs an output: -o FILE, or -o - for stdout.")
     name = str(kind.beside(source))
@@ -152,7 +152,7 @@ def _default_file(source: str, kind: OutputKind) -> str:
     return name
 
 
-def _check_folder(output: str, kind: OutputKind) -> None:
+def _check_folder(output: str, kind: _OutputKind) -> None:
     if output.lower().endswith(kind.suffixes) and not is_folder(output):
         raise click.UsageError(f"Several photos need a folder: -o FOLDER/, not {output}.")
     check_parent(output)
@@ -275,16 +275,6 @@ def choose_folder(source: str, output: str | None, ending: str) -> str:
     if source == "-":
         raise click.UsageError("What is read from stdin needs an output: -o FOLDER.")
     return str(Path(source).with_name(Path(source).stem + ending))
-
-
-def make_parent(name: str) -> None:
-    """Make the folder of an output where it is missing, if its own folder is there.
-
-    Args:
-        name: of the file or folder; "-" is stdout.
-    """
-    if name != "-":
-        Path(name).parent.mkdir(exist_ok=True)
 
 
 def open_command(name: str) -> str:

@@ -13,7 +13,6 @@ from lighting.errors import LightingError
 
 if TYPE_CHECKING:
     from lighting.envmap.relighting import Adjustments
-    from lighting.envmap.surroundings import PhotoContext
     from lighting.fusion.user_input import UserInput
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
@@ -197,27 +196,6 @@ def estimate_file(estimate: EstimatePhoto, name: str) -> "tuple[bytes, Photo, Es
         return data, *estimate(name, data)
 
 
-def write_preview(output: str, photo: bytes, estimate: "Estimate", lighting: "Lighting", chosen: PhotoOptions) -> None:
-    """Draw a photo, its light and three spheres lit by it.
-
-    Args:
-        output: the PNG's file; "-" is stdout.
-        photo: its bytes.
-        estimate: of its light.
-        lighting: that light, perhaps changed since.
-        chosen: says whether sun, place and detail are in its map.
-    """
-    from lighting.photo.reader import read_photo
-    from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, encode_preview_png
-
-    pixels = read_photo(photo, target=PHOTO_SIDE).pixels
-    sun = choose_sun(chosen.sun, chosen.adjustments)
-    picture = draw_preview_pixels(
-        pixels, estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
-    )
-    console.write_png(output, encode_preview_png(picture))
-
-
 def process_photos(
     ctx: click.Context,
     chosen: PhotoOptions,
@@ -256,23 +234,6 @@ def process_photos(
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
     outputs.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
     ctx.exit(1 if failed else strict_status(lights, chosen.strict))
-
-
-def context_of_record(
-    photo: str, height: int, user_input: "UserInput", model: str | None, surroundings: bool | None, detail: bool
-) -> "PhotoContext | None":
-    """Return what a map of a stored light shows of the place: the network says it again of the photo.
-
-    Args:
-        photo: name of the file of which the record is; "-" is stdin.
-        height: rows of the map.
-        user_input: what the user states of the photo.
-        model: a network's file; None is the one in this package.
-        surroundings: whether the map shows the place; None where the network predicts it.
-        detail: whether the map then has detail all around the photo.
-    """
-    data, picture, answer = estimate_file(photo_estimator([photo], user_input, model), photo)
-    return console.map_context(data, picture, answer, height, surroundings, detail)
 
 
 def strict_status(lights: Sequence["Lighting"], strict: bool) -> int:

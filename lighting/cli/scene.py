@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import cli, console, outputs, photos
+from lighting.cli import Command, cli, console, outputs, photos
 from lighting.cli import options as common
-from lighting.cli.commands import Command
 from lighting.cli.photos import PhotoOptions
 from lighting.scene import EXPORTERS, opening_command, unsupported_options
 

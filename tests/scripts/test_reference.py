@@ -6,7 +6,7 @@ import click
 import pytest
 
 import lighting
-from lighting.cli.commands import Command
+from lighting.cli import Command
 from lighting.errors import ErrorCode
 from lighting.records import WarningCode
 from lighting.scene import EXPORTERS

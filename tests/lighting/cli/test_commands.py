@@ -11,8 +11,7 @@ from pathlib import Path
 import click
 import pytest
 
-from lighting.cli import cli
-from lighting.cli.commands import Command, Group
+from lighting.cli import Command, Group, cli
 from lighting.envmap.render import render
 from lighting.files.exr import write_exr
 from tests.helpers.processes import LIGHTING, error_of, invoke_command, list_commands
