@@ -9,23 +9,18 @@ from typing import Any
 from anyio import create_task_group, to_thread
 from fastapi import APIRouter, Depends, FastAPI, Request, Response
 from fastapi.routing import APIRoute
-from starlette.middleware.cors import CORSMiddleware
 
 from lighting.estimator import Estimator
 from lighting.records import Json
 from lighting.version import __version__
 from server import job_routes, middleware, pages, problems, routes
-from server.auth import BrowserGuardMiddleware, SecurityHeadersMiddleware, enforce_rate_limit, require_api_key
-from server.dependencies import Service
-from server.middleware import DrainBodyMiddleware
+from server.dependencies import Service, enforce_rate_limit, require_api_key
 from server.query_params import refuse_duplicates
 from server.request_body import FORM_TYPE, PHOTO_FIELD
-from server.responses import WARNINGS_HEADER, tagged_json_response
+from server.responses import tagged_json_response
 from server.schemas import LightingRecord, Problem
 from server.settings import Settings, read_settings
 from server.tracing import NO_TELEMETRY
-
-_EXPOSED_HEADERS = ("ETag", "Location", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
 
 log = logging.getLogger(__name__)
 
@@ -61,7 +56,7 @@ def create_app(settings: Settings | None = None, estimator: Estimator | None = N
     app.state.service = service
     problems.install_handlers(app)
     _add_routes(app, service)
-    _add_middleware(app, service)
+    middleware.add_middleware(app, service)
     _complete_document(app, service.settings)
     return app
 
@@ -87,25 +82,6 @@ def _add_routes(app: FastAPI, service: Service) -> None:
     app.include_router(_router)
     app.include_router(pages.make_page_router(photo=service.settings.opened_photo))
     app.include_router(pages.make_book_router())
-
-
-def _add_middleware(app: FastAPI, service: Service) -> None:
-    """Middleware, from the inside out."""
-    app.add_middleware(middleware.ExceptionMiddleware)
-    app.add_middleware(middleware.HeadAsGetMiddleware)
-    if service.settings.cors_origins:
-        app.add_middleware(
-            CORSMiddleware,
-            allow_origins=service.settings.cors_origins,
-            allow_methods=["GET", "POST", "DELETE"],
-            allow_headers=["Authorization", "Content-Type", "If-None-Match", "X-Request-ID"],
-            expose_headers=_EXPOSED_HEADERS,
-        )
-    app.add_middleware(BrowserGuardMiddleware, settings=service.settings)
-    app.add_middleware(SecurityHeadersMiddleware, frame_origins=service.settings.frame_origins)
-    app.add_middleware(middleware.AccessLogMiddleware, service=service)
-    app.add_middleware(DrainBodyMiddleware)
-    app.add_middleware(middleware.SliceMiddleware)
 
 
 @asynccontextmanager

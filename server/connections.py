@@ -21,8 +21,8 @@ import h11
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server import problems
-from server.auth import SECURITY_HEADERS
 from server.limits import PLACE_BYTES, UNKNOWN, Client, ConnectionLimiter, PendingResponses, client_of_address
+from server.middleware import SECURITY_HEADERS
 from server.problems import ProblemKind
 from server.settings import PREFIX, SettingsError
 

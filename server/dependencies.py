@@ -12,6 +12,7 @@ import numpy as np
 from anyio import from_thread
 from anyio.from_thread import check_cancelled
 from fastapi import Depends, Request
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from prometheus_client import CollectorRegistry, Counter, Gauge, Histogram
 from starlette.datastructures import Headers
 from starlette.types import Scope
@@ -30,12 +31,14 @@ from lighting.records import CodedWarning, EstimatedLight, Lighting, WarningCode
 from lighting.registration import features, photo_set
 from lighting.tracing import trace_step
 from server import problems
-from server.auth import ApiKeys, CpuLimiter, RateLimiter
 from server.jobs import JobRunner, JobStore
 from server.limits import (
+    ApiKeys,
     Client,
     ConnectionLimiter,
+    CpuLimiter,
     PendingResponses,
+    RateLimiter,
     UploadLimiter,
     client_of_address,
     client_of_key,
@@ -376,3 +379,44 @@ async def _read_uploads(request: AdmissionDep) -> list[Upload]:
 
 
 UploadsDep = Annotated[list[Upload], Depends(_read_uploads)]
+
+
+_bearer = HTTPBearer(auto_error=False, description="One of the service's API keys")
+
+_Credentials = Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+
+
+async def require_api_key(request: Request, credentials: _Credentials) -> None:
+    """Refuse a request without a valid API key.
+
+    Args:
+        request: its app holds the service with the valid keys.
+        credentials: the bearer token; None if there is none.
+
+    Raises:
+        ProblemError: 401 without a key, 403 with a wrong one.
+    """
+    challenge = {"WWW-Authenticate": "Bearer"}
+    if credentials is None or not credentials.credentials:
+        detail = "Send one of the service's API keys: Authorization: Bearer KEY."
+        raise ProblemError(problems.UNAUTHORIZED, detail, challenge)
+    if request.app.state.service.keys.find(credentials.credentials) is None:
+        raise ProblemError(
+            problems.FORBIDDEN, "The service does not know this API key; ask its operator for one.", challenge
+        )
+
+
+async def enforce_rate_limit(request: Request) -> None:
+    """Refuse a request that exceeds its client's limits in requests or processor time.
+
+    Args:
+        request: its app holds the service with the limits.
+
+    Raises:
+        ProblemError: 429, with the seconds to wait.
+    """
+    service, client = request.app.state.service, client_of_request(request)
+    wait = service.cpu_limiter.seconds_to_wait(client) or service.rate_limiter.seconds_to_wait(client)
+    if wait:
+        detail = f"The rate limit is reached; wait {wait} s."
+        raise ProblemError(problems.TOO_MANY_REQUESTS, detail, {"Retry-After": str(wait)})

@@ -1,18 +1,25 @@
-"""Who asks, a client by its API key or its address; and limits on uploads, unsent answers and connections.
+"""Who asks, a client by its API key or its address; and limits on what clients may use, in all and each.
 
-Each limit is in all and for each client.
+Those are requests, processor time, uploads, answers that wait to be taken, and connections.
 """
 
+import hmac
 import logging
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import lru_cache
+from hashlib import sha256
 from ipaddress import IPv4Address, IPv6Address, IPv6Network, ip_address
+from math import ceil
 from typing import NamedTuple, Protocol, TypeVar
 
+from limits import RateLimitItem
+from limits.storage import MemoryStorage
+from limits.strategies import MovingWindowRateLimiter
 from starlette.requests import HTTPConnection
 
 K = TypeVar("K")
@@ -134,6 +141,133 @@ def _add(sums: dict[K, float], key: K, amount: float) -> None:
     sums[key] = sums.get(key, 0.0) + amount
     if not sums[key]:
         del sums[key]
+
+
+class ApiKeys:
+    """API keys, stored as digests; without keys everybody may call."""
+
+    def __init__(self, keys: Iterable[str]) -> None:
+        self._digests = [sha256(key.encode()).digest() for key in keys]
+
+    def __bool__(self) -> bool:
+        return bool(self._digests)
+
+    def find(self, key: str) -> int | None:
+        """The number of a key, from 0; None if it is none of them. The time does not depend on the key.
+
+        Args:
+            key: what a client sent.
+        """
+        digest = sha256(key.encode()).digest()
+        equal = [hmac.compare_digest(digest, valid) for valid in self._digests]
+        return equal.index(True) if any(equal) else None
+
+
+class RateLimiter:
+    """Rate limits for each client, in requests; larger groups of addresses have larger ones."""
+
+    def __init__(self, limits: list[RateLimitItem]) -> None:
+        self.limits = limits
+        self._windows = MovingWindowRateLimiter(MemoryStorage())
+
+    def __bool__(self) -> bool:
+        return bool(self.limits)
+
+    def seconds_to_wait(self, client: Client) -> int:
+        """Seconds until the client may send another request; if 0, this request is counted.
+
+        Args:
+            client: who asks.
+        """
+        windows = [
+            (type(limit)(limit.amount * share, limit.multiples, limit.namespace), group)
+            for limit in self.limits
+            for group, share in zip(client.groups, GROUP_SHARES, strict=False)
+        ]
+        waits = [self._reset_seconds(limit, group) for limit, group in windows if not self._windows.test(limit, group)]
+        if not waits:
+            for limit, group in windows:
+                self._windows.hit(limit, group)
+        return max(waits, default=0)
+
+    def _reset_seconds(self, limit: RateLimitItem, group: str) -> int:
+        return max(1, round(self._windows.get_window_stats(limit, group).reset_time - time.time()))
+
+
+class CpuLimiter:
+    """Limits for each client, in seconds of processor time that its requests took.
+
+    Args:
+        limits: their amounts are seconds.
+        clock: seconds.
+    """
+
+    _PARTS = 60  # of a window, each with one sum
+
+    def __init__(self, limits: list[RateLimitItem], clock: Callable[[], float] = time.monotonic) -> None:
+        self.limits = limits
+        self._clock = clock
+        self._sums: dict[tuple[int, str], deque[tuple[int, float]]] = {}  # by limit and group: part, and seconds in it
+        self._purged = clock()
+
+    def __bool__(self) -> bool:
+        return bool(self.limits)
+
+    def charge(self, client: Client, seconds: float) -> None:
+        """Count what a request took.
+
+        Args:
+            client: who asked.
+            seconds: of processor time.
+        """
+        for number, limit in enumerate(self.limits):
+            part = self._part(limit)
+            for group in client.groups:
+                sums = self._sums.setdefault((number, group), deque())
+                before = sums.pop()[1] if sums and sums[-1][0] == part else 0.0
+                sums.append((part, before + seconds))
+        self._purge()
+
+    def seconds_to_wait(self, client: Client) -> int:
+        """Seconds until the client may send another request.
+
+        Args:
+            client: who asks.
+        """
+        groups = list(zip(client.groups, GROUP_SHARES, strict=False))
+        return max((self._wait(n, group, share) for n in range(len(self.limits)) for group, share in groups), default=0)
+
+    def _wait(self, number: int, group: str, share: int) -> int:
+        """Seconds until the oldest sums have left the window, so that the rest is less than the limit."""
+        limit = self.limits[number]
+        oldest = self._part(limit) - self._PARTS
+        sums = [entry for entry in self._sums.get((number, group), ()) if entry[0] > oldest]
+        excess = sum(seconds for _, seconds in sums) - limit.amount * share
+        last = None
+        for part, seconds in sums:
+            if excess < 0:
+                break
+            excess -= seconds
+            last = part
+        return 0 if last is None else self._seconds_until(limit, last)
+
+    def _seconds_until(self, limit: RateLimitItem, part: int) -> int:
+        """Seconds until a part leaves the window, rounded up."""
+        length = limit.get_expiry() / self._PARTS
+        return max(1, ceil((part + self._PARTS) * length - self._clock()))
+
+    def _part(self, limit: RateLimitItem) -> int:
+        return int(self._clock() / limit.get_expiry() * self._PARTS)
+
+    def _purge(self) -> None:
+        """Forget, now and then, the sums of which nothing counts any more."""
+        longest = max((limit.get_expiry() for limit in self.limits), default=0)
+        if self._clock() - self._purged > longest:
+            self._purged = self._clock()
+            for number, limit in enumerate(self.limits):
+                first = self._part(limit) - self._PARTS
+                for key in [k for k, sums in self._sums.items() if k[0] == number and sums[-1][0] <= first]:
+                    del self._sums[key]
 
 
 class BusyError(Exception):

@@ -1,20 +1,43 @@
-"""Middleware (request id, access log, metrics, HEAD, errors, rest of a body), and the routes for operators."""
+"""Middleware: what browsers are told and refused, request id, access log, metrics, HEAD, errors, rest of a body."""
 
 import asyncio
 import logging
 import re
 import secrets
 import time
+from collections.abc import Sequence
+from ipaddress import ip_address
+from urllib.parse import urlsplit
 
 from anyio import move_on_after
-from fastapi import Request
+from fastapi import FastAPI, Request
 from starlette.datastructures import Headers, MutableHeaders
+from starlette.middleware.cors import CORSMiddleware
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server import problems
 from server.dependencies import Service
 from server.limits import BusyError
-from server.problems import route_path
+from server.problems import ProblemError, route_path
+from server.responses import WARNINGS_HEADER
+from server.settings import Settings
+
+_EXPOSED_HEADERS = ("ETag", "Location", "Retry-After", "X-Request-ID", "Lighting-Model", WARNINGS_HEADER)
+_NO_FRAMES = "frame-ancestors 'none'"
+
+_CONTENT_SECURITY_POLICY = (
+    "default-src 'none'; script-src 'self' 'wasm-unsafe-eval'; style-src 'self'; img-src 'self' blob: data:; "
+    "connect-src 'self' blob: data:; worker-src 'self' blob:; font-src 'self'; manifest-src 'self'; "
+    f"base-uri 'none'; form-action 'none'; {_NO_FRAMES}"
+)
+
+SECURITY_HEADERS = {
+    "Content-Security-Policy": _CONTENT_SECURITY_POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Permissions-Policy": "camera=(), geolocation=(), microphone=()",
+}
 
 _UNMEASURED_ROUTES = ("/livez", "/readyz", "/metrics", "/v2/health/live", "/v2/health/ready")
 _SHUTDOWN_DETAIL = "The service shut down before this request was finished; send it again."
@@ -27,6 +50,30 @@ _REQUEST_ID = re.compile(r"[\w.\-]{1,64}", re.ASCII)
 access_log = logging.getLogger("server.access")
 
 
+def add_middleware(app: FastAPI, service: Service) -> None:
+    """Wrap an app in its middleware, from the inside out.
+
+    Args:
+        app: with its routes.
+        service: its settings, clients and metrics.
+    """
+    app.add_middleware(_ExceptionMiddleware)
+    app.add_middleware(_HeadAsGetMiddleware)
+    if service.settings.cors_origins:
+        app.add_middleware(
+            CORSMiddleware,
+            allow_origins=service.settings.cors_origins,
+            allow_methods=["GET", "POST", "DELETE"],
+            allow_headers=["Authorization", "Content-Type", "If-None-Match", "X-Request-ID"],
+            expose_headers=_EXPOSED_HEADERS,
+        )
+    app.add_middleware(_BrowserGuardMiddleware, settings=service.settings)
+    app.add_middleware(_SecurityHeadersMiddleware, frame_origins=service.settings.frame_origins)
+    app.add_middleware(_AccessLogMiddleware, service=service)
+    app.add_middleware(_DrainBodyMiddleware)
+    app.add_middleware(_SliceMiddleware)
+
+
 class _Middleware:
     """What lies around an ASGI app."""
 
@@ -34,7 +81,7 @@ class _Middleware:
         self.app = app
 
 
-class AccessLogMiddleware(_Middleware):
+class _AccessLogMiddleware(_Middleware):
     """Gives each request an id, counts and logs it.
 
     The log holds its route and the name of its problem, never its query, body or file names.
@@ -103,7 +150,7 @@ def _request_id(headers: Headers) -> str:
     return client_id if _REQUEST_ID.fullmatch(client_id) else secrets.token_hex(8)
 
 
-class ExceptionMiddleware(_Middleware):
+class _ExceptionMiddleware(_Middleware):
     """Answers 500 without internal details for errors that nothing else handled, and logs them.
 
     A request that outlasts the time of a shutdown is answered 503.
@@ -127,7 +174,7 @@ class ExceptionMiddleware(_Middleware):
             await response(scope, receive, send)
 
 
-class HeadAsGetMiddleware(_Middleware):
+class _HeadAsGetMiddleware(_Middleware):
     """Answers HEAD like GET, without the body."""
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
@@ -143,7 +190,7 @@ class HeadAsGetMiddleware(_Middleware):
             scope.update({name: inner.get(name) for name in ("route", "endpoint", "problem")})
 
 
-class DrainBodyMiddleware(_Middleware):
+class _DrainBodyMiddleware(_Middleware):
     """Reads and drops the rest of a body before a connection closes that the client wants closed after the answer.
 
     A connection that is closed with bytes unread takes its answer with it; one that stays open is read on anyway.
@@ -177,7 +224,7 @@ class DrainBodyMiddleware(_Middleware):
         await self.app(scope, receive_noting_end, send_after_draining)
 
 
-class SliceMiddleware(_Middleware):
+class _SliceMiddleware(_Middleware):
     """Sends large bodies in slices, each when the one before has been taken, so that other connections have their turn.
 
     The bytes of a body that are not yet sent stand in the scope, where the connection counts them.
@@ -206,3 +253,110 @@ def _closes_connection(scope: Scope) -> bool:
     headers = Headers(scope=scope)
     closes = scope["http_version"] == "1.0" or "close" in headers.get("connection", "").lower()
     return closes and "expect" not in headers
+
+
+class _SecurityHeadersMiddleware(_Middleware):
+    """Adds SECURITY_HEADERS to every response.
+
+    Args:
+        app: the ASGI app inside.
+        frame_origins: whose pages may show a response in a frame; empty: nobody's.
+    """
+
+    def __init__(self, app: ASGIApp, frame_origins: Sequence[str] = ()) -> None:
+        super().__init__(app)
+        self._headers = dict(SECURITY_HEADERS)
+        if frame_origins:
+            del self._headers["X-Frame-Options"]  # which can name no origin
+            policy = _CONTENT_SECURITY_POLICY.replace(_NO_FRAMES, f"frame-ancestors {' '.join(frame_origins)}")
+            self._headers["Content-Security-Policy"] = policy
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        async def with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                MutableHeaders(scope=message).update(self._headers)
+            await send(message)
+
+        await self.app(scope, receive, with_headers)
+
+
+class _BrowserGuardMiddleware(_Middleware):
+    """Refuses what a web page of somebody else would have the service do.
+
+    Browsers send forms and load pictures across origins without asking first, and reach a local service by any name
+    that a page's owner lets point to it (DNS rebinding).
+
+    Args:
+        app: the ASGI app inside.
+        settings: the names of the service, the origins that may call, and the proxies that check names themselves.
+    """
+
+    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+        super().__init__(app)
+        self.settings = settings
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        error = self._find_error(scope, Headers(scope=scope)) if scope["type"] == "http" else None
+        app = self.app if error is None else await problems.problem_response(Request(scope), error)
+        await app(scope, receive, send)
+
+    def _find_error(self, scope: Scope, headers: Headers) -> ProblemError | None:
+        host = _host_name(headers.get("host", ""))
+        if not self._is_own_name(scope, headers, host):
+            return ProblemError(problems.WRONG_HOST, problems.WRONG_HOST.example)
+        if "*" not in self.settings.cors_origins and self._is_foreign(scope, headers, host):
+            detail = "Web pages of other origins are refused; the operator can add this one to LIGHTING_CORS_ORIGINS."
+            return ProblemError(problems.FOREIGN_ORIGIN, detail)
+        return None
+
+    def _is_own_name(self, scope: Scope, headers: Headers, host: str) -> bool:
+        """Whether a request names a host that no stranger can let point here: an address, or one of the service's."""
+        if "." not in host or _is_address(host) or host.endswith(".localhost"):
+            return True  # nobody outside can have a name without a dot
+        if host in self.settings.hosts:
+            return True
+        peer = scope.get("state", {}).get("peer") or (scope.get("client") or ("",))[0]
+        if "x-forwarded-for" in headers and self.settings.is_trusted_proxy(peer):
+            return not (self.settings.hosts and _is_loopback(peer))  # a browser of this machine could say so itself
+        return not self.settings.hosts and not _is_loopback((scope.get("server") or ("",))[0])
+
+    def _is_foreign(self, scope: Scope, headers: Headers, host: str) -> bool:
+        """Whether another origin's page asks for work; where it says so only in part, on this machine alone."""
+        origin, site = headers.get("origin", ""), headers.get("sec-fetch-site", "")
+        if site == "same-origin" or origin in self.settings.cors_origins:
+            return False
+        if scope["method"] not in ("GET", "HEAD", "OPTIONS"):
+            return bool(origin) and _netloc(urlsplit(origin).netloc) != _netloc(headers.get("host", ""))
+        if scope["method"] == "OPTIONS" or not problems.route_path(scope).startswith("/v1/"):
+            return False
+        navigated = headers.get("sec-fetch-mode") == "navigate" and headers.get("sec-fetch-dest") == "document"
+        return site in ("cross-site", "same-site") and not navigated and _is_loopback(host)
+
+
+def _netloc(text: str) -> str:
+    """Host and port in lower case, without the port of http or https."""
+    text = text.lower()
+    return text.removesuffix(":80").removesuffix(":443")
+
+
+def _host_name(host: str) -> str:
+    """The host of a Host header in lower case, without its port, brackets and a dot at its end."""
+    name = host.lower()
+    if name.startswith("["):
+        return name[1:].partition("]")[0]
+    return name.partition(":")[0].removesuffix(".")
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_loopback(host: str) -> bool:
+    if _is_address(host):
+        address = ip_address(host)
+        return bool((getattr(address, "ipv4_mapped", None) or address).is_loopback)
+    return host == "localhost" or host.endswith(".localhost")

@@ -17,7 +17,6 @@ import pytest
 from starlette.types import Receive, Scope, Send
 
 from server import connections
-from server.auth import SECURITY_HEADERS
 from server.connections import (
     _READ_BYTES,
     MAX_CHUNKS,
@@ -29,6 +28,7 @@ from server.connections import (
     bind_listeners,
 )
 from server.limits import ConnectionLimiter, PendingResponses
+from server.middleware import SECURITY_HEADERS
 from server.schemas import Problem
 from tests.helpers.processes import serve_app
 

@@ -1,7 +1,10 @@
-"""Who is one client, and what each may use."""
+"""Who is one client, by key or address, and what each may use."""
 
+import hmac
 import json
+import logging
 import sys
+from pathlib import Path
 from typing import Any
 
 import anyio
@@ -17,10 +20,13 @@ from server.limits import (
     GROUP_SHARES,
     PLACE_BYTES,
     UNKNOWN,
+    ApiKeys,
     ArrivingBody,
     BusyError,
     ConnectionLimiter,
+    CpuLimiter,
     PendingResponses,
+    RateLimiter,
     ShareTakenError,
     Tally,
     TooManyUploadsError,
@@ -30,7 +36,7 @@ from server.limits import (
     count_possible_connections,
 )
 from server.limits import Client as Asker
-from server.settings import Settings
+from server.settings import Settings, SettingsError
 from tests.server.conftest import SKY, Client, client_of, jpeg_headers, problem, service_of, until
 
 LARGE = bytes(3 * PLACE_BYTES)  # of a body that needs a place
@@ -395,3 +401,192 @@ def test_connections_need_files(monkeypatch: pytest.MonkeyPatch) -> None:
     for limit, least, most in ((1024, 700, 900), (resource.RLIM_INFINITY, sys.maxsize, sys.maxsize), (64, 8, 8)):
         monkeypatch.setattr(resource, "getrlimit", lambda _, limit=limit: (limit, limit))
         assert least <= count_possible_connections(4) <= most
+
+
+OPEN = ("/", "/favicon.ico", "/livez", "/readyz", "/metrics", "/openapi.json")
+
+
+JPEG = {"Content-Type": "image/jpeg"}
+
+
+@pytest.fixture
+def guarded(estimator: Estimator, tmp_path: Path) -> TestClient:
+    file = tmp_path / "keys"
+    file.write_text("# who: the robot\nfrom-file  # until May\n\n  also-from-file\n", encoding="utf-8")
+    client = client_of(estimator, api_keys="first, second", api_keys_file=file)
+    client.app.state.service.warm_up()  # type: ignore[attr-defined]
+    return client
+
+
+@pytest.mark.parametrize("key", ["first", "second", "from-file", "also-from-file"])
+def test_each_key_opens(guarded: TestClient, key: str) -> None:
+    assert guarded.get("/v1/model", headers={"Authorization": f"Bearer {key}"}).status_code == 200
+
+
+@pytest.mark.parametrize(
+    ("header", "status"), [
+        (None, 401), ("", 401), ("Bearer", 401), ("Bearer ", 401), ("Basic first", 401), ("first", 401),
+        ("Bearer third", 403), ("Bearer FIRST", 403), ("Bearer first,", 403), ("Bearer # who: the robot", 403),
+        ("Bearer until May", 403), ("Bearer é", 403),
+    ],
+)  # fmt: skip
+def test_nothing_else_does_and_a_wrong_key_is_told_from_none(
+    guarded: TestClient, header: str | None, status: int
+) -> None:
+    headers = {} if header is None else {b"Authorization": header.encode("latin-1")}
+    for answer in (
+        guarded.get("/v1/model", headers=headers),
+        guarded.get("/v1/envmap?sun=perhaps", headers=headers),
+        guarded.post("/v1/lighting", content=b"no photo", headers=headers),
+    ):
+        body = problem(answer, status, {401: "unauthorised", 403: "forbidden"}[status])
+        assert ("does not know this API key" in body["detail"]) == (status == 403)
+        assert answer.headers["www-authenticate"] == "Bearer"
+
+
+def test_operations_and_the_page_need_no_key(guarded: TestClient) -> None:
+    assert {path: guarded.get(path).status_code for path in OPEN} == dict.fromkeys(OPEN, 200)
+
+
+def test_maps_behind_a_key_are_kept_by_nobody_else(guarded: TestClient) -> None:
+    answer = guarded.get("/v1/envmap", params={**SKY, "height": 16}, headers={"Authorization": "Bearer first"})
+    assert answer.headers["cache-control"].startswith("private")
+
+
+def test_the_document_tells_of_keys_and_rates_where_they_apply(guarded: TestClient, client: TestClient) -> None:
+    path = "/v1/lighting"
+    closed, free = (c.get("/openapi.json").json()["paths"][path]["post"] for c in (guarded, client))
+    assert closed["security"]
+    assert {"401", "403"} <= set(closed["responses"])
+    assert "security" not in free
+    assert "401" not in free["responses"]
+
+
+def test_keys_are_compared_in_constant_time_and_all_of_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    compared = []
+    original = hmac.compare_digest
+
+    def compare(a: bytes, b: bytes) -> bool:
+        compared.append((a, b))
+        return bool(original(a, b))
+
+    monkeypatch.setattr(hmac, "compare_digest", compare)
+    assert ApiKeys(["a", "b", "c"]).find("a") == 0
+    assert len(compared) == 3
+    assert {len(part) for pair in compared for part in pair} == {32}
+
+
+def test_keys_are_in_no_text(estimator: Estimator, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.DEBUG):
+        client = client_of(estimator, api_keys="hush-hush")
+        client.get("/v1/model", headers={"Authorization": "Bearer hush-hush"})
+    service = client.app.state.service  # type: ignore[attr-defined]
+    assert "hush" not in caplog.text + repr(service.settings) + str(vars(service.keys))
+
+
+def test_the_rate_of_each_client_is_limited(estimator: Estimator) -> None:
+    client = client_of(estimator, rate_limit="2/minute")
+    assert [client.get("/v1/model").status_code for _ in range(2)] == [200, 200]
+    answer = client.get("/v1/model")
+    problem(answer, 429, "too-many-requests")
+    assert 0 < int(answer.headers["retry-after"]) <= 60
+    assert client.get("/livez").status_code == 200
+    other = TestClient(client.app, client=("192.0.2.7", 5000))
+    assert other.get("/v1/model").status_code == 200
+
+
+def test_keys_cannot_be_guessed_faster_than_the_rate(estimator: Estimator) -> None:
+    client = client_of(estimator, rate_limit="2/minute", api_keys="right")
+    guesses = [client.get("/v1/model", headers={"Authorization": f"Bearer {key}"}).status_code for key in "abc"]
+    assert guesses == [403, 403, 429]
+
+
+ME = Asker(("me",))
+
+
+def test_a_home_s_networks_share_a_larger_limit() -> None:
+    rate = RateLimiter(Settings(rate_limit="2/minute").rate_limits)
+    home = [client_of_address(f"2001:db8:0:{network:x}::1") for network in (0x100, 0x101, 0x102)]
+    assert [rate.seconds_to_wait(home[0]) > 0 for _ in range(3)] == [False, False, True]
+    assert [rate.seconds_to_wait(home[1]) > 0 for _ in range(2)] == [False, False]
+    assert rate.seconds_to_wait(home[2]) > 0  # the /56 has twice the limit
+    assert rate.seconds_to_wait(client_of_address("2001:db8:0:200::1")) == 0
+
+
+class Clock:
+    now = 1000.0
+
+    def __call__(self) -> float:
+        return self.now
+
+
+def test_processor_time_is_limited_in_a_window_that_moves() -> None:
+    clock = Clock()
+    limiter = CpuLimiter(Settings(cpu_limit="10/minute; 15/hour").cpu_limits, clock)
+    assert limiter
+    assert limiter.seconds_to_wait(ME) == 0
+    limiter.charge(ME, 6.0)
+    clock.now += 20
+    assert limiter.seconds_to_wait(ME) == 0
+    limiter.charge(ME, 5.0)
+    assert 39 <= limiter.seconds_to_wait(ME) <= 41  # until the first six have left the minute
+    assert limiter.seconds_to_wait(Asker(("you",))) == 0
+    clock.now += limiter.seconds_to_wait(ME)
+    assert limiter.seconds_to_wait(ME) == 0
+    limiter.charge(ME, 4.0)
+    assert 3400 < limiter.seconds_to_wait(ME) <= 3600
+    clock.now += 7200
+    limiter.charge(Asker(("you",)), 1.0)
+    assert limiter.seconds_to_wait(ME) == 0
+
+
+def test_a_client_that_used_its_processor_time_waits(estimator: Estimator, jpeg: bytes) -> None:
+    client = client_of(estimator, cpu_limit="1/minute")
+    service = client.app.state.service  # type: ignore[attr-defined]
+    assert client.post("/v1/lighting", content=jpeg, headers=jpeg_headers()).status_code == 200
+    used = service.limiter.usage.load(UNKNOWN)
+    assert 0 < used < 1
+    service.cpu_limiter.charge(UNKNOWN, 1 - used / 2)
+    answer = client.post("/v1/lighting", content=jpeg, headers=jpeg_headers())
+    problem(answer, 429, "too-many-requests")
+    assert 0 < int(answer.headers["retry-after"]) <= 60
+    assert TestClient(client.app, client=("192.0.2.7", 5000)).get("/v1/model").status_code == 200
+
+
+def test_who_has_a_key_is_known_by_it(estimator: Estimator) -> None:
+    client = client_of(estimator, rate_limit="1/minute", api_keys="one two")
+    bearers = [{"Authorization": f"Bearer {key}"} for key in ("one", "one", "two", "wrong", "other")]
+    statuses = [client.get("/v1/model", headers=headers).status_code for headers in bearers]
+    assert statuses == [200, 429, 200, 403, 429]
+
+
+def test_several_limits_apply_together() -> None:
+    rate = RateLimiter(Settings(rate_limit="5/second; 2/hour").rate_limits)
+    waits = [rate.seconds_to_wait(ME) for _ in range(3)]
+    assert waits[:2] == [0, 0]
+    assert 3000 < waits[2] <= 3600
+    assert rate.seconds_to_wait(Asker(("you",))) == 0
+
+
+def test_a_refused_request_counts_for_no_limit() -> None:
+    rate = RateLimiter(Settings(rate_limit="1/minute; 3/hour").rate_limits)
+    waits = [rate.seconds_to_wait(ME) for _ in range(9)]
+    assert waits[0] == 0
+    assert all(0 < wait <= 60 for wait in waits[1:])
+
+
+@pytest.mark.parametrize("text", ["", "# keys go here\n", "\n \n"])
+def test_a_file_without_keys_does_not_open_the_service(text: str, tmp_path: Path) -> None:
+    file = tmp_path / "keys"
+    file.write_text(text)
+    with pytest.raises(SettingsError, match="holds no key"):
+        Settings(api_keys_file=file).all_keys()
+    file.write_bytes(b"\xff\xfe")
+    with pytest.raises(SettingsError, match="is not a text file"):
+        Settings(api_keys_file=file).all_keys()
+
+
+def test_an_empty_list_of_keys_does_not_open_the_service(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("LIGHTING_API_KEYS", " , ")
+    with pytest.raises(ValueError, match="holds no key"):
+        Settings()

@@ -1,4 +1,4 @@
-"""Tests of middleware."""
+"""Middleware: what browsers are told and refused, readiness, errors, rests of bodies; nothing personal in the log."""
 
 import asyncio
 import logging
@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from http.client import HTTPConnection
 from pathlib import Path
+from typing import Any
 
 import anyio
 import pytest
@@ -17,11 +18,14 @@ from starlette.types import Message, Receive, Scope, Send
 from lighting.errors import ModelError
 from lighting.estimator import Estimator
 from server import middleware
-from server.app import _EXPOSED_HEADERS, create_app
-from server.middleware import SLICE_BYTES, DrainBodyMiddleware, SliceMiddleware
+from server.app import create_app
+from server.middleware import _EXPOSED_HEADERS, SECURITY_HEADERS, SLICE_BYTES, _DrainBodyMiddleware, _SliceMiddleware
 from server.settings import Settings, SettingsError
 from tests.helpers.processes import serve_app
-from tests.server.conftest import client_of, problem, sample
+from tests.server.conftest import SKY, client_of, jpeg_headers, problem, sample
+
+OPEN = ("/", "/favicon.ico", "/livez", "/readyz", "/metrics", "/openapi.json")
+
 
 JPEG = {"Content-Type": "image/jpeg"}
 
@@ -113,7 +117,7 @@ async def refusing(_scope: Scope, _receive: Receive, send: Send) -> None:
 
 @pytest.fixture(scope="module")
 def port() -> Iterator[int]:
-    with serve_app(DrainBodyMiddleware(refusing), "h11") as number:
+    with serve_app(_DrainBodyMiddleware(refusing), "h11") as number:
         yield number
 
 
@@ -132,7 +136,7 @@ def answered(scope: Scope, receive: Receive) -> list[Message]:
     async def send(message: Message) -> None:
         sent.append(message)
 
-    anyio.run(DrainBodyMiddleware(refusing), scope, receive, send)
+    anyio.run(_DrainBodyMiddleware(refusing), scope, receive, send)
     return sent
 
 
@@ -187,7 +191,7 @@ def test_large_bodies_are_sent_in_slices_and_the_rest_is_known(size: int) -> Non
     async def receive() -> Message:
         raise AssertionError
 
-    anyio.run(SliceMiddleware(app), scope, receive, send)
+    anyio.run(_SliceMiddleware(app), scope, receive, send)
     assert b"".join(part for part, _, _ in sent) == body
     assert [more for _, more, _ in sent] == [True] * (len(sent) - 1) + [False]
     assert max(len(part) for part, _, _ in sent) <= SLICE_BYTES
@@ -209,7 +213,7 @@ def test_others_run_between_the_slices_of_a_body() -> None:
 
     async def answer() -> None:
         asyncio.get_running_loop().call_soon(events.append, "other")
-        await SliceMiddleware(app)({"type": "http"}, receive, send)
+        await _SliceMiddleware(app)({"type": "http"}, receive, send)
 
     asyncio.run(answer())
     assert events == ["slice", "other", "slice", "slice"]
@@ -260,3 +264,149 @@ def test_the_document_holds_the_schemas_of_bodies_and_errors(app: FastAPI) -> No
     schemas = app.openapi()["components"]["schemas"]
     assert {"Problem", "LightingRecord", "LightingEstimate", "SunPart", "PlacePart"} <= set(schemas)
     assert app.openapi()["info"]["license"]["identifier"] == "Apache-2.0"
+
+
+@pytest.mark.parametrize("path", [*OPEN, "/v1/model", "/nothing", "/v1/envmap"])
+def test_security_headers_are_on_every_answer(client: TestClient, path: str) -> None:
+    headers = client.get(path).headers
+    assert {name: headers[name] for name in SECURITY_HEADERS} == SECURITY_HEADERS
+
+
+def test_the_page_may_be_shown_in_frames_of_origins_that_are_set(estimator: Estimator) -> None:
+    headers = client_of(estimator, frame_origins="https://huggingface.co https://example.org").get("/v1/model").headers
+    own = SECURITY_HEADERS["Content-Security-Policy"].removesuffix("'none'")
+    assert headers["Content-Security-Policy"] == f"{own}https://huggingface.co https://example.org"
+    assert "X-Frame-Options" not in headers
+
+
+def test_the_policy_names_no_other_host() -> None:
+    policy = SECURITY_HEADERS["Content-Security-Policy"]
+    assert policy.startswith("default-src 'none'")
+    assert "http" not in policy
+    assert "'unsafe-inline'" not in policy
+    assert "'unsafe-eval'" not in policy
+
+
+def test_other_origins_are_refused_unless_set(client: TestClient, estimator: Estimator) -> None:
+    origin = {"Origin": "https://example.org"}
+    assert "access-control-allow-origin" not in client.get("/v1/model", headers=origin).headers
+    sharing = client_of(estimator, cors_origins="https://example.org https://example.net")
+    answer = sharing.get("/v1/model", headers=origin)
+    assert answer.headers["access-control-allow-origin"] == "https://example.org"
+    assert "ETag" in answer.headers["access-control-expose-headers"]
+    assert "access-control-allow-origin" not in sharing.get("/v1/model", headers={"Origin": "https://evil.org"}).headers
+    preflight = {**origin, "Access-Control-Request-Method": "POST"}
+    assert sharing.options("/v1/lighting", headers=preflight).status_code == 200
+
+
+def test_the_log_holds_no_query_no_file_name_and_no_position(
+    client: TestClient, jpeg: bytes, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.DEBUG):
+        client.get("/v1/envmap", params={**SKY, "latitude": "48.137"})
+        client.post("/v1/lighting?probability=true", files={"photo": ("holiday-at-home.jpg", jpeg, "image/jpeg")})
+        client.get("/v1/private-path%0A48.137", headers={"X-Request-ID": "forged\nline"})
+    records = [record for record in caplog.records if record.name in ("server.access", "server.problems")]
+    text = "\n".join(record.getMessage() for record in records)
+    assert text.count("\n") == 2
+    assert "POST /v1/lighting 200" in text
+    for secret in ("48.137", "holiday", "probability", "private", "forged", "41.2"):
+        assert secret not in text
+
+
+FOREIGN = "https://evil.example"
+
+
+NAVIGATED = {"Sec-Fetch-Mode": "navigate"}
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"),
+    [
+        ({"Origin": FOREIGN}, 403),
+        ({"Origin": "null"}, 403),
+        ({"Origin": "http://testserver:3000"}, 403),
+        ({"Origin": "https://testserver"}, 200),
+        ({"Origin": "http://TESTSERVER:80"}, 200),
+        ({"Origin": "https://light.example.org", "Sec-Fetch-Site": "same-origin"}, 200),  # behind a proxy
+        ({}, 200),
+    ],
+)
+def test_a_form_of_another_origin_is_refused(
+    client: TestClient, jpeg: bytes, headers: dict[str, str], status: int
+) -> None:
+    answer = client.post("/v1/lighting", files={"photo": ("a.jpg", jpeg, "image/jpeg")}, headers=headers)
+    if status == 200:
+        assert answer.status_code == 200
+    else:
+        problem(answer, 403, "foreign-origin")
+
+
+def test_a_form_of_an_origin_that_may_call_is_taken(estimator: Estimator, jpeg: bytes) -> None:
+    for origins, status in (("https://example.org", 200), ("*", 200), ("https://example.net", 403)):
+        client = client_of(estimator, cors_origins=origins)
+        answer = client.post("/v1/lighting", content=jpeg, headers={**jpeg_headers(), "Origin": "https://example.org"})
+        assert answer.status_code == status
+
+
+@pytest.mark.parametrize(
+    ("host", "headers", "status"),
+    [
+        ("127.0.0.1:8000", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}, 403),
+        ("[::1]:8000", {"Sec-Fetch-Site": "same-site", "Sec-Fetch-Mode": "no-cors"}, 403),
+        ("localhost", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "iframe"}, 403),
+        (
+            "localhost",
+            {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "navigate", "Sec-Fetch-Dest": "document"},
+            200,
+        ),
+        ("localhost", {"Sec-Fetch-Site": "same-origin"}, 200),
+        ("localhost", {"Sec-Fetch-Site": "none"}, 200),
+        ("light.example.org", {"Sec-Fetch-Site": "cross-site", "Sec-Fetch-Mode": "no-cors"}, 200),
+    ],
+)
+def test_pictures_in_other_pages_cost_a_local_service_nothing(
+    client: TestClient, host: str, headers: dict[str, str], status: int
+) -> None:
+    assert client.get("/v1/model", headers={"Host": host, **headers}).status_code == status
+    assert client.get("/livez", headers={"Host": host, **headers}).status_code == 200
+
+
+def status_for_host(estimator: Estimator, host: str, server: str = "127.0.0.1", **settings: Any) -> int:
+    """The status of a request for a host on a connection to an address, from 10.0.0.1 for 192.0.2.7."""
+    app = create_app(Settings(**settings), estimator)
+    client = TestClient(app, base_url=f"http://{server}:8000", client=("10.0.0.1", 5000))
+    answer = client.get("/v1/model", headers={"Host": host, "X-Forwarded-For": "192.0.2.7"})
+    if answer.status_code != 200:
+        problem(answer, 421, "wrong-host")
+    return answer.status_code
+
+
+@pytest.mark.parametrize(
+    "host", ["127.0.0.1:8000", "localhost:8000", "[::1]:8000", "LocalHost.", "a.localhost", "lamp", "10.1.1.1"]
+)
+def test_a_local_service_is_called_by_address(estimator: Estimator, host: str) -> None:
+    assert status_for_host(estimator, host) == 200
+
+
+@pytest.mark.parametrize(
+    "host", ["evil.example:8000", "localhost.evil.example", "127.0.0.1.evil.example", "lamp.local"]
+)
+def test_names_that_may_point_anywhere_are_refused_by_a_local_service(estimator: Estimator, host: str) -> None:
+    assert status_for_host(estimator, host) == 421
+    assert status_for_host(estimator, host, hosts="lamp.example") == 421
+    assert status_for_host(estimator, host, "192.0.2.1", hosts="lamp.example") == 421
+    assert status_for_host(estimator, host, hosts=host.partition(":")[0]) == 200
+    assert status_for_host(estimator, host, "192.0.2.1") == 200
+    assert status_for_host(estimator, host, trusted_proxies="10.0.0.1") == 200
+    assert status_for_host(estimator, host, trusted_proxies="10.0.0.1", hosts="lamp.example") == 200
+    assert status_for_host(estimator, host, trusted_proxies="10.0.0.2") == 421
+
+
+def test_a_proxy_of_this_machine_passes_the_service_s_names_alone(estimator: Estimator) -> None:
+    """A page in a browser of this machine could send the proxy's headers itself."""
+    app = create_app(Settings(trusted_proxies="127.0.0.1", hosts="lamp.example"), estimator)
+    client = TestClient(app, base_url="http://127.0.0.1:8000", client=("127.0.0.1", 5000))
+    for host, status in (("lamp.example", 200), ("evil.example", 421)):
+        headers = {"Host": host, "X-Forwarded-For": "192.0.2.7"}
+        assert client.get("/v1/model", headers=headers).status_code == status
