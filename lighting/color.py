@@ -206,20 +206,6 @@ def chromaticities_to_rec709(chromaticities: Sequence[float]) -> NDArray[np.floa
     return np.asarray(matrix, dtype=np.float32)
 
 
-def convert_colors(linear: NDArray[np.float32], space: str) -> NDArray[np.float32]:
-    """Return linear Rec.709 colors (..., 3) in another space of COLOR_SPACES; white stays (1, 1, 1).
-
-    Args:
-        linear: (..., 3), Rec.709.
-        space: its name.
-    """
-    matrix = chromaticities_to_rec709(COLOR_SPACES[space][0])
-    if matrix is None:
-        return linear
-    inverse = np.linalg.inv(matrix.astype(np.float64)).astype(np.float32)
-    return np.ascontiguousarray(linear @ inverse.T)
-
-
 def _to_xyz(xy: Floats) -> Floats:
     """The matrix (3, 3) from red, green and blue to XYZ, of the primaries and the white (4, 2); white has Y = 1."""
     columns = np.stack([_xyz(primary) for primary in xy[:3]], axis=1)

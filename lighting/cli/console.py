@@ -24,10 +24,6 @@ from lighting.formatting import (
 from lighting.start import exit_on_interrupt
 
 if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from lighting.envmap.surroundings import PhotoContext
     from lighting.estimator import Estimator
     from lighting.fusion.estimate import PhotoPrediction
     from lighting.fusion.user_input import UserInput
@@ -442,81 +438,18 @@ def _predict(network: "Model", photo: "Photo", user_input: "UserInput") -> "Phot
     return predict_with_metadata(network, photo, user_input)
 
 
-def warm_up() -> None:
-    """Render and pack a small map, so that all it takes is imported and read."""
-    from lighting.envmap.render import render
-    from lighting.files import encode_envmap
-    from lighting.records import MIN_HEIGHT, Lighting
-
-    light = Lighting(sun_azimuth=0.0, sun_elevation=45.0, turbidity=3.0, exposure=1.0)
-    encode_envmap(render(light, MIN_HEIGHT), light)
-
-
-def map_context(
-    data: bytes, photo: "Photo", estimate: "Estimate", height: int, surroundings: bool | None, detail: bool
-) -> "PhotoContext | None":
-    """Return the surroundings for a photo's map, as `photo_context_for_height` does.
+def write_bytes(output: str, data: bytes) -> None:
+    """Write a file that is whole or not at all.
 
     Args:
-        data: the photo's bytes.
-        photo: decoded.
-        estimate: of its light.
-        height: rows of the map.
-        surroundings: whether the map shows them; None where the network predicts them.
-        detail: whether the map then has detail all around the photo.
-    """
-    from lighting.envmap.surroundings import photo_context_for_height
-    from lighting.photo.reader import read_photo
-
-    def finer(side: int) -> "NDArray[np.uint8]":
-        return read_photo(data, target=side).pixels
-
-    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings, detail=detail)
-
-
-def write_output_map(
-    output: str, lighting: "Lighting", compression: str | None, colours: str | None, **view_options: Any
-) -> None:
-    """Render a map and write it; with a yaw, the record in the file is rotated with the map.
-
-    Args:
-        output: the map's file; "-" is stdout.
-        lighting: what is rendered.
-        compression: of an EXR; None is zip.
-        colours: of an EXR; None is rec709.
-        view_options: of `render_view`.
-    """
-    from lighting.envmap.surroundings import render_view
-    from lighting.files import MAP_FORMATS, check_map_name, encode_envmap, write_envmap
-    from lighting.light_probe import compute_light_probe
-
-    probe = None
-    if output == "-" or MAP_FORMATS[check_map_name(output)].has_header:
-        probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
-    image, lighting = render_view(lighting, **view_options)
-    file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe, "overwrite": True}
-    if output == "-":
-        _write_stdout(encode_envmap(image, lighting, "exr", **file))
-    else:
-        write_envmap(output, image, lighting, **file)
-
-
-def write_png(output: str, data: bytes) -> None:
-    """Write a PNG.
-
-    Args:
-        output: its file; "-" is stdout.
-        data: its bytes.
+        output: its name; "-" is stdout.
+        data: what it holds.
     """
     from lighting.files.atomic import atomic_write
 
     if output == "-":
-        _write_stdout(data)
+        sys.stdout.buffer.write(data)
+        sys.stdout.buffer.flush()
     else:
         with atomic_write(output) as path:
             path.write_bytes(data)
-
-
-def _write_stdout(data: bytes) -> None:
-    sys.stdout.buffer.write(data)
-    sys.stdout.buffer.flush()

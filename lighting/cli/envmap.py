@@ -11,9 +11,13 @@ from lighting.cli import options as common
 from lighting.cli.photos import PhotoOptions, choose_sun, estimate_file, photo_estimator
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from lighting.envmap.surroundings import PhotoContext
     from lighting.fusion.user_input import UserInput
     from lighting.light_probe import LightProbe
+    from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
 
@@ -38,15 +42,15 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **
     _check_preview(chosen, names, preview)
     for name in names:
         _check_exr_options(name, view["compression"], view["colours"])
-    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, console.warm_up)
+    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, _warm_up)
     sun = photos.choose_sun(chosen.sun, chosen.adjustments)
 
     def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
         data, picture, answer = photos.estimate_file(estimate, photo)
-        context = console.map_context(data, picture, answer, view["height"], chosen.surroundings, chosen.detail)
+        context = _map_context(data, picture, answer, view["height"], chosen.surroundings, chosen.detail)
         lighting, output = chosen.adjust(answer.lighting), names[number]
         _make_parent(output)
-        console.write_output_map(output, lighting, sun=sun, context=context, **view)
+        _write_output_map(output, lighting, sun=sun, context=context, **view)
         files = {"output": output}
         if preview:
             _write_preview(preview, data, answer, lighting, chosen)
@@ -147,7 +151,7 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
         _refuse_place(**place)
     lighting = photos.adjust_light(stored or console.read_lighting(record), adjustments)
     context = None if photo is None else _context_of_record(photo, options["height"], **place)
-    console.write_output_map(name, lighting, context=context, **options)
+    _write_output_map(name, lighting, context=context, **options)
     probe = None
     if as_json:
         from lighting.light_probe import compute_light_probe
@@ -277,7 +281,7 @@ def _write_preview(output: str, photo: bytes, estimate: "Estimate", lighting: "L
     picture = draw_preview_pixels(
         pixels, estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
     )
-    console.write_png(output, encode_preview_png(picture))
+    console.write_bytes(output, encode_preview_png(picture))
 
 
 def _context_of_record(
@@ -294,4 +298,63 @@ def _context_of_record(
         detail: whether the map then has detail all around the photo.
     """
     data, picture, answer = estimate_file(photo_estimator([photo], user_input, model), photo)
-    return console.map_context(data, picture, answer, height, surroundings, detail)
+    return _map_context(data, picture, answer, height, surroundings, detail)
+
+
+def _warm_up() -> None:
+    """Render and pack a small map, so that all it takes is imported and read."""
+    from lighting.envmap.render import render
+    from lighting.files import encode_envmap
+    from lighting.records import MIN_HEIGHT, Lighting
+
+    light = Lighting(sun_azimuth=0.0, sun_elevation=45.0, turbidity=3.0, exposure=1.0)
+    encode_envmap(render(light, MIN_HEIGHT), light)
+
+
+def _map_context(
+    data: bytes, photo: "Photo", estimate: "Estimate", height: int, surroundings: bool | None, detail: bool
+) -> "PhotoContext | None":
+    """Return the surroundings for a photo's map, as `photo_context_for_height` does.
+
+    Args:
+        data: the photo's bytes.
+        photo: decoded.
+        estimate: of its light.
+        height: rows of the map.
+        surroundings: whether the map shows them; None where the network predicts them.
+        detail: whether the map then has detail all around the photo.
+    """
+    from lighting.envmap.surroundings import photo_context_for_height
+    from lighting.photo.reader import read_photo
+
+    def finer(side: int) -> "NDArray[np.uint8]":
+        return read_photo(data, target=side).pixels
+
+    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings, detail=detail)
+
+
+def _write_output_map(
+    output: str, lighting: "Lighting", compression: str | None, colours: str | None, **view_options: Any
+) -> None:
+    """Render a map and write it; with a yaw, the record in the file is rotated with the map.
+
+    Args:
+        output: the map's file; "-" is stdout.
+        lighting: what is rendered.
+        compression: of an EXR; None is zip.
+        colours: of an EXR; None is rec709.
+        view_options: of `render_view`.
+    """
+    from lighting.envmap.surroundings import render_view
+    from lighting.files import MAP_FORMATS, check_map_name, encode_envmap, write_envmap
+    from lighting.light_probe import compute_light_probe
+
+    probe = None
+    if output == "-" or MAP_FORMATS[check_map_name(output)].has_header:
+        probe = compute_light_probe(lighting, **{name: v for name, v in view_options.items() if name != "height"})
+    image, lighting = render_view(lighting, **view_options)
+    file: Any = {"compression": compression or "zip", "colours": colours or "rec709", "probe": probe, "overwrite": True}
+    if output == "-":
+        console.write_bytes(output, encode_envmap(image, lighting, "exr", **file))
+    else:
+        write_envmap(output, image, lighting, **file)

@@ -77,6 +77,12 @@ def _estimate_views(
     yield from zip((name for name, _ in read.values()), estimates, strict=True)
 
 
+def _refuse_fit(_ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
+    """End the use of an option that is gone with a sentence about what to use."""
+    if value is not None:
+        raise click.UsageError("--fit was removed: --together with time and place says where each camera looks.")
+
+
 @cli.command(
     "estimate",
     examples=(
@@ -90,7 +96,7 @@ def _estimate_views(
 @common.strict_option
 @common.together_option
 @common.headings_option
-@common.removed_option("--fit", "--together with time and place says where each camera looks")
+@click.option("--fit", hidden=True, expose_value=False, is_eager=True, callback=_refuse_fit, help="Removed.")
 @common.user_input_options
 @common.model_option
 @common.silent_option

@@ -151,21 +151,6 @@ def _compressions() -> Iterable[str]:
     return COMPRESSIONS
 
 
-def removed_option(name: str, instead: str) -> Callable[[Command], Command]:
-    """Make an option that is gone and that no help shows: its use ends with a sentence about what to use.
-
-    Args:
-        name: such as "--fit".
-        instead: the rest of the sentence.
-    """
-
-    def refuse(_ctx: click.Context, _param: click.Parameter, value: str | None) -> None:
-        if value is not None:
-            raise click.UsageError(f"{name} was removed: {instead}.")
-
-    return click.option(name, hidden=True, expose_value=False, is_eager=True, callback=refuse, help="Removed.")
-
-
 height_option = click.option(
     "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
 )

@@ -124,7 +124,7 @@ def choose_files(sources: Sequence[str], output: str | None, kind: _OutputKind, 
         click.UsageError: the outputs are no such files.
         click.ClickException: a file is there.
     """
-    folder = output is not None and output != "-" and (len(sources) > 1 or is_folder(output))
+    folder = output is not None and output != "-" and (len(sources) > 1 or _is_folder(output))
     if folder:
         assert output is not None
         _check_folder(output, kind)
@@ -153,7 +153,7 @@ def _default_file(source: str, kind: _OutputKind) -> str:
 
 
 def _check_folder(output: str, kind: _OutputKind) -> None:
-    if output.lower().endswith(kind.suffixes) and not is_folder(output):
+    if output.lower().endswith(kind.suffixes) and not _is_folder(output):
         raise click.UsageError(f"Several photos need a folder: -o FOLDER/, not {output}.")
     check_parent(output)
 
@@ -213,7 +213,7 @@ def join_words(words: Sequence[str], link: str = "or") -> str:
     return f" {link} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
-def is_folder(name: str) -> bool:
+def _is_folder(name: str) -> bool:
     """Tell whether a name is that of a folder, which may not be there yet.
 
     Args:
@@ -306,7 +306,7 @@ def report_written(
     """
     if quiet or not names or "-" in names or not sys.stdout.writable():
         return
-    first, *others = (escape_path(name) + "/" * (is_folder(name) and not name.endswith("/")) for name in names)
+    first, *others = (escape_path(name) + "/" * (_is_folder(name) and not name.endswith("/")) for name in names)
     shown = f"{first} and {len(others)} more" if len(others) > 1 else " and ".join([first, *others])
     chosen = next((name for name in names if not name.lower().endswith(_MAPS_OF_PROGRAMS)), names[0])
     it = escape_path(Path(chosen).name) if others else "it"

@@ -10,7 +10,7 @@ import click
 
 from lighting.cli import cli, outputs
 from lighting.cli import options as common
-from lighting.cli.console import escape_path, write_png
+from lighting.cli.console import escape_path, write_bytes
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
 from lighting.cli.photos import check_json
 from lighting.formatting import escape_undecodable
@@ -149,7 +149,7 @@ def _draw(output: str, skies: "PlanSkies", plan: "Plan") -> None:
     from lighting.stereo.planner import draw_plan, plan_conditions, plan_title
 
     headline = f"When to photograph: {plan_title(skies, plan)}"
-    write_png(output, encode_png(draw_plan(plan, headline, plan_conditions(skies, plan.question))))
+    write_bytes(output, encode_png(draw_plan(plan, headline, plan_conditions(skies, plan.question))))
 
 
 def _format_plan(skies: "PlanSkies", plan: "Plan") -> str:

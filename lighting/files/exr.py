@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709, convert_colors
+from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files.atomic import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
@@ -258,7 +258,7 @@ def write_exr(
         )
     chromaticities, interop_id = _color_space(colours)
     packing, pixels = prepare_compression(
-        convert_colors(check_envmap(image), colours), compression, overwrite=overwrite
+        _convert_colors(check_envmap(image), colours), compression, overwrite=overwrite
     )
     header = {
         "compression": packing,
@@ -565,3 +565,17 @@ def _end_of_header(data: bytes) -> int:
             raise ValueError("negative length")
         position += 4 + length
     return position + 1
+
+
+def _convert_colors(linear: NDArray[np.float32], space: str) -> NDArray[np.float32]:
+    """Return linear Rec.709 colors (..., 3) in another space of COLOR_SPACES; white stays (1, 1, 1).
+
+    Args:
+        linear: (..., 3), Rec.709.
+        space: its name.
+    """
+    matrix = chromaticities_to_rec709(COLOR_SPACES[space][0])
+    if matrix is None:
+        return linear
+    inverse = np.linalg.inv(matrix.astype(np.float64)).astype(np.float32)
+    return np.ascontiguousarray(linear @ inverse.T)

@@ -94,7 +94,7 @@ _LANDSCAPE, _PORTRAIT = (1, 3), (6, 8)  # orientations that keep the sensor's lo
 
 
 @dataclass(frozen=True)
-class CameraTilt:
+class _CameraTilt:
     """Elevation and roll of a camera."""
 
     elevation: float
@@ -343,7 +343,7 @@ def _is_apple_panorama(main: Tags, camera: Tags) -> bool:
 # The tilt and the heading.
 
 
-def read_tilt(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> CameraTilt | None:
+def read_tilt(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> _CameraTilt | None:
     """The camera's tilt, by the first source that has it; None where none does. Never raises.
 
     Args:
@@ -358,7 +358,7 @@ def read_tilt(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size:
 
 def _tilt_from_accelerometer(
     tags: Mapping[int, Any], orientation: int | None, size: tuple[int, int]
-) -> CameraTilt | None:
+) -> _CameraTilt | None:
     """Tilt by the maker note of an iPhone or iPad; None for front cameras, whose pictures are mirrored.
 
     Raises what arithmetic, indexing and struct raise where the note is damaged.
@@ -380,7 +380,7 @@ def _tilt_from_accelerometer(
     return _camera_tilt(_rotate_most_upright(in_sensor, orientation, size), std, "accelerometer")
 
 
-def _tilt_from_gimbal(xmp: Mapping[str, str], orientation: int | None) -> CameraTilt | None:
+def _tilt_from_gimbal(xmp: Mapping[str, str], orientation: int | None) -> _CameraTilt | None:
     """Tilt by the XMP properties of DJI's drones, or of Pix4D's tags, as others write them; None without.
 
     Args:
@@ -432,7 +432,7 @@ def heading_from_gimbal(pitch: float, roll: float, yaw: float) -> float:
     return (yaw + 180.0 * upside_down) % 360.0
 
 
-def _tilt_from_elevation_angle(tags: Mapping[int, Any]) -> CameraTilt | None:
+def _tilt_from_elevation_angle(tags: Mapping[int, Any]) -> _CameraTilt | None:
     """Tilt by EXIF's CameraElevationAngle, which says nothing of the roll; None where it is unknown.
 
     Args:
@@ -441,7 +441,7 @@ def _tilt_from_elevation_angle(tags: Mapping[int, Any]) -> CameraTilt | None:
     angle = tags[ExifTags.Base.CameraElevationAngle]
     elevation = float(angle)
     valid = getattr(angle, "denominator", 1) not in _UNKNOWN and abs(elevation) <= 90.0  # False for what is no number
-    return CameraTilt(elevation, None, TILT_STD, "elevation angle") if valid else None
+    return _CameraTilt(elevation, None, TILT_STD, "elevation angle") if valid else None
 
 
 def _rotate_to_upright(up: _Vector, orientation: int) -> _Vector:
@@ -466,11 +466,11 @@ def _rotate_most_upright(up: _Vector, orientation: int | None, size: tuple[int, 
     return max((_rotate_to_upright(up, one) for one in possible), key=lambda vector: vector[1])
 
 
-def _camera_tilt(up: _Vector, std: float, source: str) -> CameraTilt:
+def _camera_tilt(up: _Vector, std: float, source: str) -> _CameraTilt:
     right, top, into = up
     elevation = math.degrees(math.asin(max(-1.0, min(1.0, into))))
     roll = None if abs(elevation) > MIN_STEEP_ELEVATION else math.degrees(math.atan2(-right, top)) + 0.0
-    return CameraTilt(elevation + 0.0, roll, std, source)
+    return _CameraTilt(elevation + 0.0, roll, std, source)
 
 
 def _apple_note(note: Any) -> dict[int, Any]:
