@@ -26,7 +26,7 @@ from server.problems import ProblemError, problem_responses
 from server.query_params import AdjustQuery, UserInputQuery, refuse_parameters
 from server.request_body import FILE_TYPES, FORM_TYPE, UPLOAD_FIELD, BodyLimits, FormRoute, RequestBody
 from server.responses import ZIP_TYPE
-from server.schemas import JobLinks, JobRecord
+from server.schemas import JobRecord
 
 _UPLOAD_SECONDS = 3600.0  # for an upload, which may have hundreds of megabytes
 _UPLOAD_PART = 2  # an upload may have this part of a job's bytes
@@ -220,7 +220,7 @@ def _answer_job(request: Request, jobs: JobRunner, number: str, status: int) -> 
         warnings=list(job.warnings),
         error=job.error or None,
         code=job.code or None,
-        links=JobLinks(self=address, result=f"{address}/result" if finished else None),
+        links=JobRecord.JobLinks(self=address, result=f"{address}/result" if finished else None),
     )
     headers = {"Cache-Control": "no-store"} | ({"Location": address} if status == 202 else {})
     headers |= {} if ended else {"Retry-After": _POLL_SECONDS}

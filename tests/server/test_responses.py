@@ -21,7 +21,7 @@ from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
 from server.responses import _envmap_link, _sun_probability, estimate_to_json, is_fresh, read_accuracy
-from server.schemas import Accuracy, CropRecord, LightingEstimate
+from server.schemas import LightingEstimate, ModelCard
 from tests.conftest import TINY
 
 GRID = "fibonacci:64"
@@ -113,7 +113,7 @@ def test_what_lies_inside_a_border_is_told() -> None:
     told = estimate_to_json(replace(ESTIMATE, crop=PhotoCrop(0, 131, 1920, 818, 1920, 1080)), query, "")
     sizes = {"width": 1920, "height": 818, "picture_width": 1920, "picture_height": 1080}
     assert told["crop"] == {"left": 0, "top": 131, **sizes}
-    assert LightingEstimate.model_validate(told).crop == CropRecord(left=0, top=131, **sizes)
+    assert LightingEstimate.model_validate(told).crop == LightingEstimate.CropRecord(left=0, top=131, **sizes)
     assert "crop" not in estimate_to_json(ESTIMATE, query, "")
 
 
@@ -137,7 +137,7 @@ def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path, network: P
     figures: dict[str, Figures] = {"phone": measured, "paper": {**measured, "sun_median": None}}
     write_metrics(collect_metrics(network, tmp_path, "", figures, "tiny"), tmp_path)
     assert read_accuracy(TINY, tmp_path) == {"phone": measured}  # nothing is stated of a protocol without suns to score
-    assert set(measured) == set(Accuracy.model_fields)
+    assert set(measured) == set(ModelCard.Accuracy.model_fields)
 
 
 def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
@@ -146,7 +146,7 @@ def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
     metrics, stated = read_metrics(folder / METRICS), read_accuracy(Model.load().spec, folder)
     assert set(stated) == {"paper", "phone"}
     for protocol, numbers in stated.items():
-        assert set(numbers) == set(Accuracy.model_fields)
+        assert set(numbers) == set(ModelCard.Accuracy.model_fields)
         for column, name in SUN.items():
             assert metrics.figure(f"Protocol `{protocol}`", "Sun [", metrics.row, column) == numbers[name]
 
