@@ -40,18 +40,18 @@ _WORK_SHARE = 0.9  # of a job's progress; the rest packs the result
 _READ_SHARE = 0.2  # of the progress of normals, for reading the photos
 
 
-class UploadError(LightingError):
+class _UploadError(LightingError):
     """An upload that is no ZIP of photos, or holds too much."""
 
     default_code = ErrorCode.UNREADABLE
 
 
 @dataclass(frozen=True)
-class JobKind:
+class _JobKind:
     """A kind of job."""
 
     upload: str  # what it takes, for people
-    options: frozenset[str]  # fields of JobQuery that count, of UserInput by their names there
+    options: frozenset[str]  # fields of _JobQuery that count, of UserInput by their names there
     work: Callable[[Json, Report], Sequence[str]]  # takes the request; returns warnings
     processes: bool = False  # whether it starts some, which decode its photos
 
@@ -207,22 +207,22 @@ def _only_folder(folder: Path) -> Path:
 
 
 def _unpack(archive: Path, max_bytes: int) -> None:
-    """Unpack a ZIP of photos into _PHOTOS, whatever its names and sizes say; raises UploadError."""
+    """Unpack a ZIP of photos into _PHOTOS, whatever its names and sizes say; raises _UploadError."""
     left = max_bytes
     try:
         with zipfile.ZipFile(archive) as source:
             files = [info for info in source.infolist() if not info.is_dir() and not _is_link(info)]
             if len(files) > MAX_FILES:
-                raise UploadError(f"The ZIP holds {len(files)} files; at most {MAX_FILES} are taken.")
+                raise _UploadError(f"The ZIP holds {len(files)} files; at most {MAX_FILES} are taken.")
             for info in files:
                 with source.open(info) as packed, _create_file(info.filename) as target:
                     while block := packed.read(min(_SLICE, left + 1)):
                         left -= len(block)
                         if left < 0:
-                            raise UploadError(f"The ZIP holds more than {max_bytes / 1e6:g} MB of photos.")
+                            raise _UploadError(f"The ZIP holds more than {max_bytes / 1e6:g} MB of photos.")
                         target.write(block)
     except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError, ValueError) as error:
-        raise UploadError("The upload is no ZIP that can be read.") from error
+        raise _UploadError("The upload is no ZIP that can be read.") from error
     _PHOTOS.mkdir(exist_ok=True)
 
 
@@ -238,24 +238,24 @@ def _create_file(name: str) -> BinaryIO:
         path.parent.mkdir(parents=True, exist_ok=True)
         return path.open("xb")
     except OSError as error:
-        raise UploadError("The ZIP holds a name that is no file's, or one twice.") from error
+        raise _UploadError("The ZIP holds a name that is no file's, or one twice.") from error
 
 
 _USER_INPUT = frozenset({"metadata", "time", "utc_offset", "latitude", "longitude", "heading", "vertical_fov"})
 MAP_OPTIONS = frozenset({"height", "detail", "sun", "exposure", "haze", "overcast"})
 JOB_KINDS = {
-    "video": JobKind(
+    "video": _JobKind(
         "a clip",
         _USER_INPUT | MAP_OPTIONS | {"camera_height", "keep_location", "every", "for", "preview"},
         _process_clip,
     ),
-    "photos": JobKind(
+    "photos": _JobKind(
         "a ZIP of photos, each by itself",
         _USER_INPUT - {"time", "heading"} | MAP_OPTIONS | {"camera_height", "keep_location", "envmap"},
         _estimate_photos,
         processes=True,
     ),
-    "normals": JobKind(
+    "normals": _JobKind(
         "a ZIP of photos of one day, from a camera that did not move",
         frozenset({"latitude", "longitude", "heading", "utc_offset", "camera_elevation", "camera_roll"}),
         _estimate_normals,

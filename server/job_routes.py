@@ -51,7 +51,7 @@ _OFF = "This service takes no jobs; its operator can turn them on by LIGHTING_JO
 router = APIRouter(prefix="/v1/jobs", tags=["jobs"], route_class=FormRoute)
 
 
-class JobQuery(UserInputQuery, AdjustQuery):
+class _JobQuery(UserInputQuery, AdjustQuery):
     """What a job does, and what is known of its photos."""
 
     kind: Annotated[str, RegistryName(JOB_KINDS)] = Field(
@@ -145,8 +145,8 @@ UploadDep = Annotated[Any, Depends(_receive_upload)]
     responses=problem_responses(404, 408, 413, 415, 429, 500, 503),
     openapi_extra=_UPLOAD_BODY,
 )
-async def submit_job(
-    request: Request, jobs: JobsDep, service: ServiceDep, upload: UploadDep, query: Annotated[JobQuery, Query()]
+async def _submit_job(
+    request: Request, jobs: JobsDep, service: ServiceDep, upload: UploadDep, query: Annotated[_JobQuery, Query()]
 ) -> JSONResponse:
     """Upload a clip, or a ZIP of photos; the answer comes at once, and the result later.
 
@@ -168,7 +168,7 @@ async def submit_job(
     responses=problem_responses(404, 500),
     dependencies=[Depends(refuse_parameters)],
 )
-async def describe_job(request: Request, jobs: JobsDep, job: JobDep) -> JSONResponse:
+async def _describe_job(request: Request, jobs: JobsDep, job: JobDep) -> JSONResponse:
     """Ask again after `Retry-After` seconds until `state` is `finished` or `failed`."""
     return _answer_job(request, jobs, job.id, 200)
 
@@ -181,7 +181,7 @@ async def describe_job(request: Request, jobs: JobsDep, job: JobDep) -> JSONResp
     responses={200: {"content": {ZIP_TYPE: {"schema": _BINARY}}}, **problem_responses(404, 409, 500)},
     dependencies=[Depends(refuse_parameters)],
 )
-async def download_result(jobs: JobsDep, job: JobDep) -> Response:
+async def _download_result(jobs: JobsDep, job: JobDep) -> Response:
     """It is kept for a day after the job has finished."""
     if job.state is not JobState.FINISHED:
         raise ProblemError(problems.NO_RESULT, job.error or f"The job is {job.state.value}; ask again.")
@@ -197,7 +197,7 @@ async def download_result(jobs: JobsDep, job: JobDep) -> Response:
     responses=problem_responses(404, 500),
     dependencies=[Depends(refuse_parameters)],
 )
-async def delete_job(jobs: JobsDep, job: JobDep) -> Response:
+async def _delete_job(jobs: JobsDep, job: JobDep) -> Response:
     """A job at work is ended; its upload and its result are deleted."""
     await jobs.remove(job.id)
     return Response(status_code=204)

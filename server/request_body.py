@@ -56,7 +56,7 @@ def announced_size(request: Request) -> int:
     return int(length) if length.isdecimal() else 0
 
 
-class FormRequest(Request):
+class _FormRequest(Request):
     """A request whose parameters may stand in its form as well as in its URL."""
 
     @property
@@ -72,7 +72,7 @@ class FormRoute(APIRoute):
         handle = super().get_route_handler()
 
         async def handle_form(request: Request) -> Response:
-            return await handle(FormRequest(request.scope, request.receive))
+            return await handle(_FormRequest(request.scope, request.receive))
 
         return handle_form
 

@@ -36,7 +36,7 @@ _FORGET_SECONDS = 300.0  # after which clients that used as good as nothing are 
 _NO_SECONDS = 1e-6  # of processor time
 
 
-class CpuUsage:
+class _CpuUsage:
     """The processor time that clients used lately; it counts half after HALF_LIFE.
 
     Args:
@@ -91,7 +91,7 @@ def _decay(seconds: float) -> float:
 
 
 @dataclass(eq=False)
-class Job:
+class _Job:
     """An admitted request."""
 
     client: Client
@@ -147,13 +147,13 @@ class WorkLimiter:
         self.workers = workers
         self.capacity = workers + queue
         self._queue_bytes = queue * max_bytes
-        self.usage = CpuUsage(clock)
+        self.usage = _CpuUsage(clock)
         self._charge = charge
         self._clock = clock
         self._held = Tally()
-        self._jobs: set[Job] = set()  # that run or wait
-        self._waiting: list[Job] = []
-        self._running: list[Job] = []
+        self._jobs: set[_Job] = set()  # that run or wait
+        self._waiting: list[_Job] = []
+        self._running: list[_Job] = []
         self._expected: dict[str, float] = {}  # processor time [s] by route
         self._long_from = clock()  # the time from which a long request may begin while short ones wait
         self._last: dict[Client, float] = {}  # when a client's work last began or ended, if that is recent
@@ -192,7 +192,7 @@ class WorkLimiter:
             raise self._refusal(client)
 
     @contextmanager
-    def admission(self, client: Client = UNKNOWN, route: str = "", size: int = 0) -> Iterator[Job]:
+    def admission(self, client: Client = UNKNOWN, route: str = "", size: int = 0) -> Iterator[_Job]:
         """Count a request until the end of the block.
 
         Args:
@@ -206,7 +206,7 @@ class WorkLimiter:
         """
         if self.admitted >= self.capacity:
             self._make_room(client, route, size)
-        job = Job(client, route, self._expect(route), self._clock(), size)
+        job = _Job(client, route, self._expect(route), self._clock(), size)
         self.usage.add(client, job.expected)
         self._held.add(client, 1)
         self._jobs.add(job)
@@ -215,7 +215,7 @@ class WorkLimiter:
         finally:
             self._release(job)
 
-    def _release(self, job: Job) -> None:
+    def _release(self, job: _Job) -> None:
         """Count a request no more, and charge what it took in place of what was expected."""
         if job in self._jobs:
             self._jobs.remove(job)
@@ -245,7 +245,7 @@ class WorkLimiter:
         bodies = sum(job.size for job in waiting) + size
         return bodies < self._queue_bytes and seconds <= _QUEUE_SECONDS * self.workers
 
-    def _evict(self, job: Job, demand: _Demand) -> None:
+    def _evict(self, job: _Job, demand: _Demand) -> None:
         """Send away a waiting request for another with a demand."""
         job.had_more = self._held.load(job.client) > demand.requests
         self._waiting.remove(job)
@@ -258,9 +258,9 @@ class WorkLimiter:
         length = self._expect(route)
         return _Demand(self._held.load(client, 1), length, self.usage.load(client, length))
 
-    def _find_greediest(self, demand: "_Demand") -> Job | None:
+    def _find_greediest(self, demand: "_Demand") -> _Job | None:
         """The newest waiting request of the client that demands most, of those that exceed a demand."""
-        now, newest = self._clock(), dict[tuple[Client, str], Job]()
+        now, newest = self._clock(), dict[tuple[Client, str], _Job]()
         for job in reversed(self._waiting):
             newest.setdefault((job.client, job.route), job)
         demands = {
@@ -281,7 +281,7 @@ class WorkLimiter:
             return ShareTakenError("The queue is full, and this client has its share of it.")
         return BusyError()
 
-    async def run(self, job: Job, receive: Receive, work: Callable[[], T]) -> T:
+    async def run(self, job: _Job, receive: Receive, work: Callable[[], T]) -> T:
         """Run work in a thread in the client's turn.
 
         Args:
@@ -296,7 +296,7 @@ class WorkLimiter:
         """
         return await _run_unless_disconnected(receive, lambda: self._run_in_turn(job, work))
 
-    async def _run_in_turn(self, job: Job, work: Callable[[], T]) -> T:
+    async def _run_in_turn(self, job: _Job, work: Callable[[], T]) -> T:
         self._waiting.append(job)
         self._start_jobs()
         try:
@@ -307,7 +307,7 @@ class WorkLimiter:
         finally:
             self._finish(job)
 
-    def _finish(self, job: Job) -> None:
+    def _finish(self, job: _Job) -> None:
         if job in self._waiting:
             self._waiting.remove(job)
         if job.started:
@@ -317,7 +317,7 @@ class WorkLimiter:
                 self._pause_long_jobs(job, job.began, self._clock() - job.began)
             self._start_jobs()
 
-    def _note(self, job: Job) -> None:
+    def _note(self, job: _Job) -> None:
         """Learn and charge what a request took."""
         self._last[job.client] = self._clock()
         if job.seconds is None:
@@ -338,14 +338,14 @@ class WorkLimiter:
                 self._pause_long_jobs(job, max(job.began, self._long_from), self._expect(job.route))
             job.turn.set()
 
-    def _next_job(self) -> Job | None:
+    def _next_job(self) -> _Job | None:
         """The waiting request of the client that used least, of the long ones or of the short ones."""
         now = self._clock()
         short = [job for job in self._waiting if not self._is_long(job)]
         jobs = [] if short and now < self._long_from else self._long_jobs()
         return min(jobs or short, key=lambda job: self.usage.load(job.client, now=now), default=None)
 
-    def _long_jobs(self) -> list[Job]:
+    def _long_jobs(self) -> list[_Job]:
         """The long requests that may begin; they leave a thread to other clients."""
         jobs = [job for job in self._waiting if self._is_long(job)]
         if jobs and self.workers > 1 and sum(map(self._is_long, self._running)) >= self.workers - 1:
@@ -353,10 +353,10 @@ class WorkLimiter:
             return [job for job in jobs if not self._has_others(job)]
         return jobs
 
-    def _is_long(self, job: Job) -> bool:
+    def _is_long(self, job: _Job) -> bool:
         return self._expect(job.route) > LONG_SECONDS
 
-    def _pause_long_jobs(self, job: Job, began: float, seconds: float) -> None:
+    def _pause_long_jobs(self, job: _Job, began: float, seconds: float) -> None:
         """Set when the next long request may begin while short ones wait.
 
         Args:
@@ -369,7 +369,7 @@ class WorkLimiter:
         clients = self._last.keys() | long | {other.client for other in self._waiting}
         self._long_from = max(self._long_from, began + seconds * len(clients) / (len(long) * self.workers))
 
-    def _has_others(self, job: Job) -> bool:
+    def _has_others(self, job: _Job) -> bool:
         """Whether other clients work or worked a moment ago."""
         return bool(self._last.keys() - {job.client})
 
@@ -381,7 +381,7 @@ class WorkLimiter:
         return self._expected.get(route, _FIRST_SECONDS)
 
 
-def _measure(job: Job, work: Callable[[], T]) -> T:
+def _measure(job: _Job, work: Callable[[], T]) -> T:
     """Do the work, and note its processor time, whether it succeeds or not."""
     began = runtime.thread_seconds()
     try:

@@ -21,7 +21,7 @@ from lighting.stereo.output import _write_png16
 from lighting.stereo.solver import Pose
 from server import job_kinds
 from server.app import create_app
-from server.job_kinds import MAX_FILES, RESULT_FILE, UploadError
+from server.job_kinds import MAX_FILES, RESULT_FILE, _UploadError
 from server.jobs import RESULT_SECONDS, JobState, JobStore, StoredJob
 from server.limits import BusyError, ShareTakenError, client_of_address
 from server.request_body import RequestBody
@@ -279,7 +279,7 @@ def test_a_zip_stays_in_its_folder_and_within_its_bytes(tmp_path: Path, monkeypa
         ({"y": b"1", "y/z": b"2"}, "no file's"),
     ):
         archive.write_bytes(pack(**files))
-        with pytest.raises(UploadError, match=words):
+        with pytest.raises(_UploadError, match=words):
             job_kinds._unpack(archive, 100)
         for path in sorted(Path("photos").rglob("*"), reverse=True):
             path.rmdir() if path.is_dir() else path.unlink()
