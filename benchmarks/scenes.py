@@ -58,7 +58,7 @@ from lighting.photo.reader import Photo
 from lighting.preview.drawing import TextStyle, draw_text
 from lighting.preview.spheres import DIFFUSE, PITCH, VERTICAL_FOV, render_spheres, sphere_centers
 from lighting.records import Lighting
-from lighting.scene.records import Scene, make_placeholder, make_scene
+from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import write_scene
 
 SUN = (-125.0, 33.0)  # deg, azimuth and elevation
@@ -130,7 +130,7 @@ def renders(
 
 
 def _picture(scene: Scene, pixels: NDArray[np.uint8]) -> Picture:
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     ball, foot = scene.spot + placeholder.ball_center, scene.spot + placeholder.stick_foot
     shadow = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     heights = np.arange(0, placeholder.stick_height, placeholder.stick_radius)[:, None]

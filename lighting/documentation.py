@@ -35,24 +35,16 @@ def describe_fields(record: type[Record]) -> type[Record]:
 
 
 def field_docstrings(record: type) -> dict[str, str]:
-    """Return the docstrings of a dataclass's fields, by name, those of its bases too; none where there is no source.
+    """Return the docstrings of a record's fields, by name, those of its bases too; none where there is no source.
 
     Args:
-        record: a dataclass.
+        record: a dataclass, or an enumeration, whose members count.
     """
     found: dict[str, str] = {}
     for owner in reversed(record.__mro__):
         found |= _own_docstrings(owner)
-    return {field.name: found[field.name] for field in fields(_as_dataclass(record)) if field.name in found}
-
-
-def member_docstrings(codes: type[Enum]) -> dict[str, str]:
-    """Return the docstrings of an enumeration's members, by name; none where there is no source.
-
-    Args:
-        codes: an enumeration whose members have docstrings below them.
-    """
-    return _own_docstrings(codes)
+    names = record.__members__ if issubclass(record, Enum) else [field.name for field in fields(_as_dataclass(record))]
+    return {name: found[name] for name in names if name in found}
 
 
 def _as_dataclass(record: type) -> Any:

@@ -14,7 +14,7 @@ from annotated_types import Ge, Gt, Le
 import lighting
 import lighting.errors as errors
 from lighting.cli import Command, Group, cli
-from lighting.documentation import field_docstrings, member_docstrings
+from lighting.documentation import field_docstrings
 from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError
 from lighting.light_probe import LightProbe, MainLight
@@ -196,7 +196,7 @@ def _bases(kind: type) -> str:
 
 def _members(codes: type[StrEnum]) -> list[str]:
     """The table of an enumeration's values."""
-    told = member_docstrings(codes)
+    told = field_docstrings(codes)
     return write_table(("code", "meaning"), ((f"`{code}`", escape_marks(told[code.name])) for code in codes))
 
 

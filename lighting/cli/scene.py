@@ -10,7 +10,7 @@ import click
 from lighting.cli import Command, cli, console, outputs, photos
 from lighting.cli import options as common
 from lighting.cli.photos import PhotoOptions
-from lighting.scene import EXPORTERS, opening_command, unsupported_options
+from lighting.scene import EXPORTERS, unsupported_options
 
 if TYPE_CHECKING:
     from lighting.records import Lighting
@@ -104,7 +104,7 @@ def _scene(
         chosen.print_estimate(photo, answer, lighting, scene.warnings, files)
         return answer.lighting, [folders[number]]
 
-    photos.process_photos(ctx, chosen, work, lambda folder: opening_command(tool, folder))
+    photos.process_photos(ctx, chosen, work, EXPORTERS[tool].opening_command)
 
 
 def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:

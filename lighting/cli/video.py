@@ -14,7 +14,7 @@ from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
 from lighting.cli.photos import choose_sun, strict_status
 from lighting.formatting import escape_undecodable, format_side, format_sun_elevation
-from lighting.scene import animated_tools, opening_command
+from lighting.scene import EXPORTERS, animated_tools
 
 if TYPE_CHECKING:
     from lighting.fusion.user_input import UserInput
@@ -112,7 +112,7 @@ def _how_to_open(folder: str, options: "Json") -> str:
     if options["film"]:
         return outputs.open_command(str(Path(folder, "preview.mp4")))
     if options["tool"]:
-        return opening_command(options["tool"], str(Path(folder, f"shot-1-{options['tool']}")))
+        return EXPORTERS[options["tool"]].opening_command(str(Path(folder, f"shot-1-{options['tool']}")))
     return f"{shlex.quote(str(Path(folder, 'shot-1.exr')))} {outputs.open_command('shot-1.exr')}"
 
 

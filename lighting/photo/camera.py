@@ -107,6 +107,18 @@ class _CameraTilt:
     """"accelerometer", "gimbal" or "elevation angle"."""
 
 
+@dataclass(frozen=True)
+class _CameraPose:
+    """How a camera stood; None is unknown."""
+
+    tilt: _CameraTilt | None
+    """Of the upright photo."""
+    heading: float | None
+    """Deg clockwise from true north; of the picture's upper edge where a drone looks down."""
+    height: float | None
+    """Meters above where a drone took off."""
+
+
 def vertical_fov_from_focal_length(focal_length: float, width: float, height: float) -> float:
     """Vertical field of view of an upright photo in deg, clamped to 5 to 120.
 
@@ -343,8 +355,8 @@ def _is_apple_panorama(main: Tags, camera: Tags) -> bool:
 # The tilt and the heading.
 
 
-def read_tilt(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> _CameraTilt | None:
-    """The camera's tilt, by the first source that has it; None where none does. Never raises.
+def read_pose(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size: tuple[int, int]) -> _CameraPose:
+    """How a photo's camera stood, by the first source of each. Never raises.
 
     Args:
         tags: of EXIF's directory of the camera.
@@ -353,7 +365,8 @@ def read_tilt(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size:
         size: width and height of the upright photo in pixels.
     """
     by_phone = try_read(lambda t: _tilt_from_accelerometer(t, orientation, size), tags)
-    return by_phone or _tilt_from_gimbal(xmp, orientation) or try_read(_tilt_from_elevation_angle, tags)
+    tilt = by_phone or _tilt_from_gimbal(xmp, orientation) or try_read(_tilt_from_elevation_angle, tags)
+    return _CameraPose(tilt, _heading_from_xmp(xmp), _height_from_xmp(xmp))
 
 
 def _tilt_from_accelerometer(
@@ -394,7 +407,7 @@ def _tilt_from_gimbal(xmp: Mapping[str, str], orientation: int | None) -> _Camer
     return None
 
 
-def heading_from_xmp(xmp: Mapping[str, str]) -> float | None:
+def _heading_from_xmp(xmp: Mapping[str, str]) -> float | None:
     """Heading of a drone's camera in deg clockwise from north; of its picture's upper edge where it looks down.
 
     Args:
@@ -406,7 +419,7 @@ def heading_from_xmp(xmp: Mapping[str, str]) -> float | None:
     return None
 
 
-def height_from_xmp(xmp: Mapping[str, str]) -> float | None:
+def _height_from_xmp(xmp: Mapping[str, str]) -> float | None:
     """Height of a DJI drone's camera in m above where it took off; None where it says none, or stands there.
 
     Args:

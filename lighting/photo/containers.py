@@ -305,16 +305,32 @@ def _directory_cost(block: bytes | memoryview, offset: int, layout: _Layout) -> 
     return _DirectoryCost(count, size, inner)
 
 
-def check_scans(data: bytes) -> None:
-    """Raise PhotoError for a JPEG of more than 40 scans, 16 EXIF or 4096 segments of any kind; other bytes pass.
+def check_structure(data: bytes) -> None:
+    """Raise PhotoError for a file of more parts than cameras and editors write; other bytes pass.
 
-    What follows the scan of a picture that is decoded row by row is not read: a decoder refuses another scan.
+    Those are 40 scans, 16 EXIF or 4096 segments of any kind of a JPEG, and 20,000 chunks of a PNG.
 
     Args:
         data: of any file.
     """
-    if not data.startswith(b"\xff\xd8\xff"):
-        return
+    if data.startswith(b"\xff\xd8\xff"):
+        _check_scans(data)
+    elif data.startswith(_PNG_SIGNATURE):
+        _check_chunks(data)
+
+
+def _check_chunks(data: bytes) -> None:
+    position = len(_PNG_SIGNATURE)
+    for _ in range(_MAX_CHUNKS):
+        if position >= len(data):
+            return
+        position += _CHUNK_OVERHEAD + int.from_bytes(data[position : position + 4])
+    if position < len(data):
+        raise PhotoError(f"The PNG has more than {_MAX_CHUNKS} chunks, which no camera or editor writes.")
+
+
+def _check_scans(data: bytes) -> None:
+    """What follows the scan of a picture that is decoded row by row is not read: a decoder refuses another scan."""
     scans, blocks, frame = 0, 0, None
     for number, (marker, position) in enumerate(_segments(data), 1):
         blocks += marker == _APP1 and data[position + 4 : position + 8] == b"Exif"
@@ -514,23 +530,6 @@ def open_exif_source(data: bytes, preview: Image.Image) -> Image.Image:
         return Image.open(BytesIO(data), formats=["TIFF"]) if is_moderate(data) else preview
     except Exception:
         return preview
-
-
-def check_chunks(data: bytes) -> None:
-    """Raise PhotoError for a PNG of more than 20,000 chunks; other bytes pass.
-
-    Args:
-        data: of any file.
-    """
-    if not data.startswith(_PNG_SIGNATURE):
-        return
-    position = len(_PNG_SIGNATURE)
-    for _ in range(_MAX_CHUNKS):
-        if position >= len(data):
-            return
-        position += _CHUNK_OVERHEAD + int.from_bytes(data[position : position + 4])
-    if position < len(data):
-        raise PhotoError(f"The PNG has more than {_MAX_CHUNKS} chunks, which no camera or editor writes.")
 
 
 def webp_size(data: bytes) -> tuple[int, int] | None:

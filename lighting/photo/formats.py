@@ -16,8 +16,9 @@ from typing import Any, Literal
 
 from PIL import ExifTags, Image
 
-HeifKind = Literal["HEIF", "AVIF"]
+_HeifKind = Literal["HEIF", "AVIF"]
 
+_FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")  # that Pillow opens
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs"}
 _AVIF_BRANDS = {b"avif", b"avis"}
 _ANY_CODEC_BRANDS = {b"mif1", b"msf1", b"mif2", b"miaf"}
@@ -28,7 +29,7 @@ _MAX_ITEMS = 1 << 16  # whose properties are read; a tile of a picture is an ite
 _Box = tuple[bytes, int, int]  # kind, and where its content begins and ends
 
 
-def heif_kind(data: bytes) -> HeifKind | None:
+def _heif_kind(data: bytes) -> _HeifKind | None:
     """Which kind of HEIF a file is, by its brands; None for what is none that is read.
 
     Args:
@@ -54,14 +55,20 @@ def _ftyp_brands(data: bytes) -> list[bytes]:
     return [data[8:12], *(data[start : start + 4] for start in range(16, end, 4))]
 
 
-def open_heif(data: bytes) -> Image.Image:
-    """The picture of a HEIC, not decoded; its EXIF orientation is what is left to be done.
+def open_image(data: bytes) -> Image.Image:
+    """The picture of a file, not decoded; of a HEIC its EXIF orientation is what is left to be done.
 
     No plugin is registered with Pillow, where a program that uses this one may have registered its own.
 
     Args:
-        data: of a HEIC; SyntaxError where it cannot be read.
+        data: of a JPEG, PNG, WebP, TIFF, HEIC or AVIF.
+
+    Raises:
+        UnidentifiedImageError: it is no such file, or a damaged one.
+        SyntaxError: it is a damaged HEIC.
     """
+    if _heif_kind(data) != "HEIF":
+        return Image.open(BytesIO(data), formats=_FORMATS)
     from pi_heif import HeifImageFile
 
     image: Image.Image = HeifImageFile(BytesIO(data))
@@ -74,8 +81,10 @@ def complete_avif(image: Image.Image, data: bytes) -> None:
 
     Args:
         image: opened by Pillow; changed in place.
-        data: of its file.
+        data: of its file; others than an AVIF pass.
     """
+    if _heif_kind(data) != "AVIF":
+        return
     import pi_heif
 
     try:
@@ -236,7 +245,7 @@ def unreadable_sentence(data: bytes) -> str:
             return f"The {photo} is damaged or cut short."
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
         return "The WebP is damaged or cut short."
-    if kind := heif_kind(data):
+    if kind := _heif_kind(data):
         return f"The {'HEIC' if kind == 'HEIF' else kind} is damaged or cut short."
     if name := _raw_name(data):
         return f"This is {name}, an unsupported RAW photo; convert it to JPEG or TIFF, for example with darktable-cli."
@@ -255,7 +264,7 @@ def kind_name(data: bytes) -> str | None:
     Args:
         data: the first bytes of a file.
     """
-    if kind := heif_kind(data):
+    if kind := _heif_kind(data):
         return "a HEIC" if kind == "HEIF" else "an AVIF"
     if data[:4] == b"RIFF" and data[8:12] == b"WEBP":
         return "a WebP"

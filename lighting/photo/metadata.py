@@ -19,14 +19,13 @@ from PIL import ExifTags, Image
 
 from lighting.documentation import describe_fields
 from lighting.geometry import wrap_azimuth
-from lighting.photo.camera import PhotoFrame, heading_from_xmp, height_from_xmp, read_lens, read_tilt
+from lighting.photo.camera import PhotoFrame, read_lens, read_pose
 from lighting.photo.clock import read_clock, read_gps_time
 from lighting.photo.tags import (
     EXIF_NAMESPACE,
     Tags,
     read_ifd,
     read_iptc,
-    read_main_tags,
     read_number,
     read_packet,
     read_text,
@@ -253,16 +252,17 @@ def read_metadata(
         is_inside: whether the photo lies inside a border of the picture.
     """
     camera, gps = (read_ifd(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
-    main, xmp = read_main_tags(image), {**(beside or {}), **read_packet(image)}
+    main, xmp = read_ifd(image), {**(beside or {}), **read_packet(image)}
     locations = _read_locations(gps, xmp)
     latitude, longitude = locations[0] if len(locations) == 1 else (None, None)
     stamp = read_clock(camera, main, xmp, read_iptc(image), is_located=bool(locations))
     local_time, utc_offset = (stamp.time, stamp.utc_offset) if stamp else (None, None)
     gps_time = read_gps_time(gps, xmp, local_time, longitude)
-    heading, reference = _read_heading(gps, xmp)
-    if heading is None and (heading := heading_from_xmp(xmp)) is not None:
-        reference = HeadingReference.TRUE
     orientation = read_orientation(image)
+    pose = read_pose(camera, xmp, orientation, (width, height))
+    heading, reference = _read_heading(gps, xmp)
+    if heading is None and pose.heading is not None:
+        heading, reference = pose.heading, HeadingReference.TRUE
     lens = read_lens(main, camera, xmp, PhotoFrame(width, height, orientation in (5, 6, 7, 8), is_inside))
     known = PhotoMetadata(local_time, utc_offset, gps_time, latitude, longitude, heading, reference, lens.focal_length)
     known = replace(
@@ -273,10 +273,10 @@ def read_metadata(
         is_lens_consistent=lens.is_consistent or not lens.vertical_fovs,
         is_panorama=lens.is_panorama,
         exposure_value=try_read(_exposure_value, camera),
-        camera_height=height_from_xmp(xmp),
+        camera_height=pose.height,
         orientation=orientation,
     )
-    tilt = read_tilt(camera, xmp, orientation, (width, height)) if lens.is_whole else None
+    tilt = pose.tilt if lens.is_whole else None
     if tilt is None:
         return known
     roll = None if tilt.roll is None else float(wrap_azimuth(tilt.roll + lens.turn))
@@ -302,7 +302,7 @@ def read_orientation(image: Image.Image) -> int | None:
     Args:
         image: opened by Pillow.
     """
-    value = read_main_tags(image).get(ExifTags.Base.Orientation)
+    value = read_ifd(image).get(ExifTags.Base.Orientation)
     return value if isinstance(value, int) else None
 
 

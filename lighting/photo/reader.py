@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from io import BytesIO, TextIOBase
+from io import TextIOBase
 from math import ceil
 from numbers import Integral
 from pathlib import Path
@@ -29,7 +29,7 @@ from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLarge
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
 from lighting.photo.containers import add_raw_exif
-from lighting.photo.formats import complete_avif, heif_kind, open_heif, unreadable_sentence
+from lighting.photo.formats import complete_avif, open_image, unreadable_sentence
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
 from lighting.photo.tags import read_sidecar
@@ -51,7 +51,6 @@ _STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixe
 _COLLAGE = "Probably a collage of several photos: do not trust this result."
 _WARNING_FILTERS = threading.Lock()
 _CHUNK_BYTES = 1 << 22  # read at once, so that small files need no buffer of the limit's size
-_FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")
 _ARRAY_FORMAT = "PIXELS"  # the Photo's `format`
 
 # Memory of decoders, so that one photo takes a stated amount at most.
@@ -365,23 +364,20 @@ def open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
         data: of a photo, no RAW file.
         max_pixels: as in `read_photo`.
     """
-    kind = heif_kind(data)
-    containers.check_scans(data)
-    containers.check_chunks(data)
+    containers.check_structure(data)
     data = containers.without_costly_exif(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:
         with _no_warnings():
-            image = open_heif(data) if kind == "HEIF" else Image.open(BytesIO(data), formats=_FORMATS)
+            image = open_image(data)
     except (UnidentifiedImageError, SyntaxError) as error:
         raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
     check_bit_depth(image)
     _check_size(*image.size, *pixel_limit(image, data, max_pixels))
-    if kind == "AVIF":
-        complete_avif(image, data)
+    complete_avif(image, data)
     return image
 
 

@@ -132,27 +132,19 @@ def _later_exif(image: Image.Image) -> Iterator[Image.Exif]:
             yield _load_exif(_EXIF_PREFIX + block)
 
 
-def read_ifd(image: Image.Image, ifd: int) -> Tags:
+def read_ifd(image: Image.Image, ifd: int | None = None) -> Tags:
     """The tags of one directory of an image's EXIF blocks; empty where it cannot be read. Never raises.
 
-    Args:
-        image: opened by Pillow.
-        ifd: number of the directory, of `ExifTags.IFD`.
-    """
-    return _merge_tags(image, lambda exif: dict(exif.get_ifd(ifd)))
-
-
-def read_main_tags(image: Image.Image) -> Tags:
-    """The tags of the main directory of an image's EXIF blocks; empty where it cannot be read. Never raises.
+    Of two tags with one number, in different blocks, the first counts.
 
     Args:
         image: opened by Pillow.
+        ifd: number of the directory, of `ExifTags.IFD`; None: the main one.
     """
-    return _merge_tags(image, dict)
 
+    def read(exif: Image.Exif) -> dict[int, Any]:
+        return dict(exif if ifd is None else exif.get_ifd(ifd))
 
-def _merge_tags(image: Image.Image, read: Callable[[Image.Exif], dict[int, Any]]) -> Tags:
-    """The tags of all EXIF blocks; of two with one number the first counts."""
     merged: dict[int, Any] = {}
     with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
         merged = read(_read_exif(image))

@@ -43,6 +43,15 @@ class Exporter:
     opened_by: str = "open {file}"
     """How to open the scene: {file} is the first of `files`, {folder} the folder."""
 
+    def opening_command(self, folder: str) -> str:
+        """Say how to open a scene, as a command where there is one.
+
+        Args:
+            folder: of the scene.
+        """
+        file = shlex.quote(os.path.join(folder, self.files[0]))  # noqa: PTH118  # pathlib would import more
+        return self.opened_by.format(file=file, folder=shlex.quote(folder))
+
 
 def _import_function(module: str, name: str) -> Callable[..., Any]:
     """A function of a module, which is imported when it is first called.
@@ -132,18 +141,6 @@ def unsupported_options(options: Collection[str], tool: str) -> dict[str, str]:
     """
     others = set(options) - set(EXPORTERS[tool].options)
     return {name: owner for owner, entry in EXPORTERS.items() for name in entry.options if name in others}
-
-
-def opening_command(tool: str, folder: str) -> str:
-    """Say how to open a scene, as a command where there is one.
-
-    Args:
-        tool: its name in EXPORTERS.
-        folder: of the scene.
-    """
-    entry = EXPORTERS[tool]
-    file = shlex.quote(os.path.join(folder, entry.files[0]))  # noqa: PTH118  # pathlib would import more
-    return entry.opened_by.format(file=file, folder=shlex.quote(folder))
 
 
 def animated_tools() -> list[str]:

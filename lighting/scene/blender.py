@@ -109,7 +109,7 @@ def _native_sky(scene: records.Scene) -> Json:
 
 def _placeholder(scene: records.Scene) -> Json:
     """The stick's foot is relative to the spot."""
-    placeholder = records.make_placeholder(scene)
+    placeholder = scene.placeholder
     return {
         "spot": to_z_up(scene.spot).tolist(),
         "ball_radius": placeholder.ball_radius,

@@ -28,7 +28,7 @@ from lighting.files.exr import SOFTWARE
 from lighting.geometry import Floats
 from lighting.light_probe import CONDON_SHORTLEY, COSINE_FACTORS, project_latlong
 from lighting.records import Json, record_with_coefficients
-from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
+from lighting.scene.records import FAR, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import Folder, encode_lit_ground, encode_plate
 
 FILE = "scene.glb"
@@ -86,7 +86,7 @@ def write_gltf(scene: Scene, folder: Folder) -> None:
 
 def _nodes(scene: Scene) -> list[Json]:
     """Camera, plate, sun, ground, and the spot for the user's object with the placeholder."""
-    placeholder, plate = make_placeholder(scene), scene.camera_matrix
+    placeholder, plate = scene.placeholder, scene.camera_matrix
     plate[:3, 3] += _plate_distance(scene) * scene.camera_axes[2]
     return [
         {"name": "Camera", "camera": 0, "matrix": _columns(scene.camera_matrix)},
@@ -126,7 +126,7 @@ def _columns(matrix: NDArray[Any]) -> list[float]:
 def _plate_distance(scene: Scene) -> float:
     """Metres along the camera's axis."""
     to_spot = float(np.linalg.norm(scene.spot - scene.camera_position))
-    return _BEHIND * (to_spot + _GROUND_IN_BALLS * make_placeholder(scene).ball_radius)
+    return _BEHIND * (to_spot + _GROUND_IN_BALLS * scene.placeholder.ball_radius)
 
 
 def _sun(scene: Scene) -> Json:
@@ -188,7 +188,7 @@ def _diffuse(name: str, albedo: list[float]) -> Json:
 
 
 def _meshes(scene: Scene, binary: "_Binary") -> list[Json]:
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     height = 2 * _plate_distance(scene) * float(np.tan(np.radians(scene.vertical_fov) / 2))
     parts = [
         ("Ball", _ball(placeholder.ball_radius), _PLACEHOLDER),

@@ -52,7 +52,7 @@ def _window(scene: records.Scene) -> dict[str, object]:
 
 def _values(scene: records.Scene) -> dict[str, object]:
     """The values of the placeholders in data/godot_scene.tscn."""
-    placeholder = records.make_placeholder(scene)
+    placeholder = scene.placeholder
     color, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "environment": ENVIRONMENT,

@@ -8,7 +8,7 @@ import numpy as np
 
 from lighting.geometry import Floats, direction
 from lighting.scene import ENVIRONMENT
-from lighting.scene.records import GROUND_RADIUS, PLACEHOLDER_ALBEDO, SUN_ANGLE, Scene, make_placeholder
+from lighting.scene.records import GROUND_RADIUS, PLACEHOLDER_ALBEDO, SUN_ANGLE, Scene
 from lighting.scene.writer import Folder, fill_template, read_data_text, write_shared_files
 
 SCENE, CAMERA, LIGHT, OBJECT, COMPOSITE = "scene.xml", "camera.xml", "light.xml", "object.xml", "composite.py"
@@ -60,7 +60,7 @@ def _light_values(scene: Scene) -> dict[str, object]:
 
 
 def _object_values(scene: Scene) -> dict[str, object]:
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     foot = scene.spot + placeholder.stick_foot
     return {
         "spot": _numbers(scene.spot),

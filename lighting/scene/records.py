@@ -44,6 +44,39 @@ _SHADED_SPOT = "The object is in the photo's shade: the scene keeps the sun off 
 _HIDDEN_SPOT = "The object would stand {:.0f} m ahead, below the picture's edge."
 
 
+@dataclass(frozen=True, eq=False)
+class _Placeholder:
+    """What is on the spot until the user puts an object there: a ball and, to its right, an upright stick.
+
+    Lengths in meters, points (3,) from the scene's spot, +Y up.
+    """
+
+    ball_radius: float
+
+    @property
+    def ball_center(self) -> Floats:
+        """The ball rests on the spot."""
+        return np.array([0.0, self.ball_radius, 0.0])
+
+    @property
+    def stick_foot(self) -> Floats:
+        """The middle of the stick's lower end."""
+        return np.array([2.5 * self.ball_radius, 0.0, 0.0])
+
+    @property
+    def stick_center(self) -> Floats:
+        """Halfway up the stick."""
+        return np.array([self.stick_foot[0], self.stick_height / 2, 0.0])
+
+    @property
+    def stick_height(self) -> float:
+        return 2.5 * self.ball_radius
+
+    @property
+    def stick_radius(self) -> float:
+        return 0.06 * self.ball_radius
+
+
 @describe_fields
 @dataclass(frozen=True, eq=False)
 class Scene:
@@ -154,6 +187,13 @@ class Scene:
         slope = max(-sight[1] / max(float(np.linalg.norm(ahead)), 1e-3), _MIN_DESCENT)
         return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-3) * self.lighting.camera_height / slope)
 
+    @property
+    def placeholder(self) -> _Placeholder:
+        """What stands on the spot; it takes up the same part of each picture where that is no giant."""
+        distance = float(np.linalg.norm(self.spot - self.camera_position))
+        radius = 2 * BALL * distance * float(np.tan(np.radians(self.vertical_fov) / 2))
+        return _Placeholder(min(radius, max_object_meters(self.lighting.camera_height)))
+
     @cached_property
     def spot_in_shade(self) -> bool:
         """Whether what stands on the spot is in shade, by the rule of `envmap.shadow_mask`."""
@@ -245,47 +285,3 @@ def make_scene(
     light = context.light_at_exposure(lighting) if context else lighting
     lit = ground_shadow_mask(photo.pixels, light, sun=shines, segments=segments)
     return Scene(lighting, photo.pixels, environment, direct, sky_irradiance(lighting), lit, segments)
-
-
-@dataclass(frozen=True, eq=False)
-class _Placeholder:
-    """What is on the spot until the user puts an object there: a ball and, to its right, an upright stick.
-
-    Lengths in meters, points (3,) from the scene's spot, +Y up.
-    """
-
-    ball_radius: float
-
-    @property
-    def ball_center(self) -> Floats:
-        """The ball rests on the spot."""
-        return np.array([0.0, self.ball_radius, 0.0])
-
-    @property
-    def stick_foot(self) -> Floats:
-        """The middle of the stick's lower end."""
-        return np.array([2.5 * self.ball_radius, 0.0, 0.0])
-
-    @property
-    def stick_center(self) -> Floats:
-        """Halfway up the stick."""
-        return np.array([self.stick_foot[0], self.stick_height / 2, 0.0])
-
-    @property
-    def stick_height(self) -> float:
-        return 2.5 * self.ball_radius
-
-    @property
-    def stick_radius(self) -> float:
-        return 0.06 * self.ball_radius
-
-
-def make_placeholder(scene: Scene) -> _Placeholder:
-    """The placeholder of a scene, which takes up the same part of each picture where that is no giant.
-
-    Args:
-        scene: made by `make_scene`.
-    """
-    distance = float(np.linalg.norm(scene.spot - scene.camera_position))
-    radius = 2 * BALL * distance * float(np.tan(np.radians(scene.vertical_fov) / 2))
-    return _Placeholder(min(radius, max_object_meters(scene.lighting.camera_height)))

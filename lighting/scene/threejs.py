@@ -11,7 +11,7 @@ from lighting.color import color_and_intensity
 from lighting.envmap.relighting import rotate_envmap
 from lighting.files import encode_envmap
 from lighting.records import Json, record_with_coefficients
-from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene, make_placeholder
+from lighting.scene.records import FAR, GROUND_RADIUS, NEAR, PLACEHOLDER_ALBEDO, Scene
 from lighting.scene.writer import (
     Folder,
     encode_ground_mask,
@@ -43,7 +43,7 @@ def write_threejs(scene: Scene, folder: Folder) -> None:
 
 def _description(scene: Scene) -> Json:
     """The values that viewer.js reads, in metres and degrees; three.js has the frame of geometry.py."""
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     color, intensity = color_and_intensity(scene.sun_irradiance)
     return {
         "width": scene.width,

@@ -106,7 +106,7 @@ def _texture_meta(*, cube: bool = False) -> str:
 def _description(scene: records.Scene) -> Json:
     """The SceneNumbers of data/LightFromPhoto.cs: meters and degrees, in Unity's frame."""
     color, intensity = color_and_intensity(scene.sun_irradiance)
-    made = records.make_placeholder(scene)
+    made = scene.placeholder
     right, up, forward = scene.camera_axes
     side = direction(scene.lighting.sun_azimuth - 90.0, 0.0)  # to the right of the sun's rays
     return {

@@ -92,7 +92,7 @@ def _backdrop(scene: records.Scene) -> Json:
 
 
 def _placeholder(scene: records.Scene) -> Json:
-    made, upright = records.make_placeholder(scene), [0.0, 0.0, 0.0]
+    made, upright = scene.placeholder, [0.0, 0.0, 0.0]
     ball, stick = (_CENTIMETERS * 2 * radius for radius in (made.ball_radius, made.stick_radius))
     return {
         "albedo": records.PLACEHOLDER_ALBEDO,

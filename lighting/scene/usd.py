@@ -185,7 +185,7 @@ def _ground_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
 
 
 def _object_values(scene: records.Scene, to_stage: ToStage) -> dict[str, str]:
-    placeholder = records.make_placeholder(scene)
+    placeholder = scene.placeholder
     corner = np.array([placeholder.stick_radius, placeholder.stick_height / 2, placeholder.stick_radius])
     return {
         "object_colour": _vector([records.PLACEHOLDER_ALBEDO] * 3),

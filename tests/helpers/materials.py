@@ -17,7 +17,7 @@ from lighting.geometry import Floats, wrap_azimuth
 from lighting.probe.alignment import yaw_rotation
 from lighting.probe.develop import Moment
 from lighting.probe.fisheye import make_lens
-from lighting.scene.records import Scene, make_placeholder
+from lighting.scene.records import Scene
 from lighting.scene.writer import write_scene
 from lighting.stereo.light_vectors import clear_skies, sun_directions
 from lighting.stereo.solver import Pose
@@ -147,7 +147,7 @@ def shadow_error(scene: Scene, pixels: Floats) -> float:
         scene: that was rendered.
         pixels: (h, w, 3) of level ground with the placeholder, linear; relative to the plate where it is no plain one.
     """
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     expected = float(wrap_azimuth(scene.lighting.sun_azimuth + 180.0))
     length = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     camera = (scene.vertical_fov, scene.lighting.camera_elevation, scene.lighting.camera_roll, scene.camera_position)

@@ -11,7 +11,7 @@ from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.render import render
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.records import Lighting
-from lighting.scene import EXPORTERS, opening_command
+from lighting.scene import EXPORTERS
 from tests.helpers.processes import LIGHTING, error_of, invoke_command
 
 SMALL = ("--height", "16")
@@ -142,7 +142,7 @@ def test_the_last_line_says_how_to_open_what_was_written(record_path: Path, tmp_
         result.stdout.splitlines()[-1]
         == f"Wrote {tmp_path / 'a.png'}. Open it: {open_command(str(tmp_path / 'a.png'))}"
     )
-    assert opening_command("blender", "my scene") == "blender --python 'my scene/scene.py'"
+    assert EXPORTERS["blender"].opening_command("my scene") == "blender --python 'my scene/scene.py'"
     assert all(tool.opened_by.format(file="a", folder="b") for tool in EXPORTERS.values())
 
 

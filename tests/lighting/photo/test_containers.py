@@ -21,8 +21,7 @@ from lighting.photo.containers import (
     _MAX_SCANS,
     _MAX_SEGMENTS,
     _MAX_TAGS,
-    check_chunks,
-    check_scans,
+    check_structure,
     dct_coefficients_per_pixel,
     embedded_preview,
     is_moderate,
@@ -63,10 +62,10 @@ def repeated(times: int) -> bytes:
 
 def test_real_files_pass() -> None:
     for options in ({}, {"progressive": True}, {"progressive": True, "optimize": True}, {"restart_marker_blocks": 1}):
-        check_scans(encode(SCENE, **options))
+        check_structure(encode(SCENE, **options))
     cmyk = encode(Image.fromarray(SCENE).convert("CMYK"), progressive=True)
     assert len(scans(cmyk)) == 18
-    check_scans(cmyk)
+    check_structure(cmyk)
 
 
 def test_one_scan_many_times_is_refused_in_a_sentence() -> None:
@@ -87,14 +86,14 @@ def sequential(times: int, components: int = 3) -> bytes:
 
 
 def test_further_scans_behind_a_sequential_picture_are_left_to_the_decoder_which_refuses_them() -> None:
-    check_scans(sequential(5000))
+    check_structure(sequential(5000))
     with pytest.raises(PhotoError, match="broken data stream"):
         read_photo(sequential(5000))
 
 
 def test_a_whole_scan_behind_one_that_lacks_a_component_hides_none() -> None:
     with pytest.raises(PhotoError, match="scans"):
-        check_scans(sequential(100, components=1))
+        check_structure(sequential(100, components=1))
 
 
 def test_what_hides_scans_from_a_reader_does_not_hide_them() -> None:
@@ -103,7 +102,7 @@ def test_what_hides_scans_from_a_reader_does_not_hide_them() -> None:
     first = bad.index(SOS)
     for between in (b"\xff\xff\xff", b"\xff\xd3", b"\xff\x01", b"\0\0\0", bytes(700)):
         with pytest.raises(PhotoError, match="scans"):
-            check_scans(bad[:first] + between + bad[first:])
+            check_structure(bad[:first] + between + bad[first:])
 
 
 def test_pictures_inside_and_behind_do_not_count() -> None:
@@ -111,9 +110,9 @@ def test_pictures_inside_and_behind_do_not_count() -> None:
     exif = b"\xff\xe1" + (2 + len(thumbnail)).to_bytes(2) + thumbnail
     plain = encode(SCENE)
     data = plain[:2] + exif * 5 + plain[2:]
-    check_scans(data)
+    check_structure(data)
     assert read_photo(data).width == 160
-    check_scans(plain + SOS * 1000)  # a phone's video behind its photo holds any bytes
+    check_structure(plain + SOS * 1000)  # a phone's video behind its photo holds any bytes
     pictures = [Image.fromarray(SCENE)] * 12
     stream = BytesIO()
     pictures[0].save(stream, "MPO", save_all=True, append_images=pictures[1:], progressive=True)
@@ -129,7 +128,7 @@ def test_too_many_segments_are_refused() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"\xff", b"\xff\xd8", b"\xff\xd8\xff", b"\xff\xd8\xff\xe1\xff", b"\x89PNG"])
 def test_what_is_no_whole_jpeg_passes(data: bytes) -> None:
-    check_scans(data)
+    check_structure(data)
 
 
 @pytest.mark.parametrize(
@@ -302,14 +301,14 @@ def test_as_many_chunks_as_libpng_writes_are_read() -> None:
 
 @pytest.mark.parametrize("data", [b"", b"text", b"\x89PNG\r\n\x1a\n", GOOD[:40], GOOD, b"\xff\xd8\xff" * 9])
 def test_other_bytes_pass(data: bytes) -> None:
-    check_chunks(data)
+    check_structure(data)
 
 
 def test_chunks_are_counted_to_the_last() -> None:
     count = flooded(0).count(b"IDAT") + 2  # IHDR, IEND
-    check_chunks(flooded(_MAX_CHUNKS - count))
+    check_structure(flooded(_MAX_CHUNKS - count))
     with pytest.raises(PhotoError):
-        check_chunks(flooded(_MAX_CHUNKS - count + 1))
+        check_structure(flooded(_MAX_CHUNKS - count + 1))
 
 
 DNG_VERSION, RAW_SUBFILE = 0xC612, 0xFE

@@ -11,7 +11,14 @@ import pytest
 from PIL import Image
 
 from lighting.errors import PhotoError
-from lighting.photo.formats import UNREADABLE, _turns_picture, complete_avif, heif_kind, open_heif, unreadable_sentence
+from lighting.photo.formats import (
+    UNREADABLE,
+    _heif_kind,
+    _turns_picture,
+    complete_avif,
+    open_image,
+    unreadable_sentence,
+)
 from lighting.photo.linear import read_linear
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, exif, scene
@@ -194,7 +201,7 @@ def test_a_heic_that_its_container_turns_is_turned_once(orientation: int) -> Non
     data = encode(HEIF_SCENE, "HEIF", exif=block.tobytes(), **LOSSLESS["HEIF"])
     assert _turns_picture(data)
     assert read_photo(data).pixels.shape == np.rot90(HEIF_SCENE, {3: 2, 6: 3, 8: 1}[orientation]).shape
-    assert open_heif(data).getexif().get(ORIENTATION, 1) == 1
+    assert open_image(data).getexif().get(ORIENTATION, 1) == 1
 
 
 def test_the_colours_of_an_avif_are_known() -> None:
@@ -207,13 +214,13 @@ def test_the_colours_of_an_avif_are_known() -> None:
 def test_kinds_by_brands() -> None:
     def kind(main: bytes, *others: bytes) -> str | None:
         body = main + bytes(4) + b"".join(others)
-        return heif_kind((8 + len(body)).to_bytes(4) + b"ftyp" + body)
+        return _heif_kind((8 + len(body)).to_bytes(4) + b"ftyp" + body)
 
     assert kind(b"heic", b"mif1", b"avif") == "HEIF"
     assert kind(b"mif1", b"heix", b"miaf") == kind(b"heix") == kind(b"msf1", b"hevc") == "HEIF"
     assert kind(b"mif1", b"avif") == kind(b"avif") == kind(b"avis", b"msf1") == "AVIF"
     assert kind(b"isom", b"avif") is None
-    assert heif_kind(b"") is heif_kind(HEIC[:7]) is None
+    assert _heif_kind(b"") is _heif_kind(HEIC[:7]) is None
 
 
 @pytest.mark.parametrize("cut", range(0, 400, 7))

@@ -17,7 +17,7 @@ from lighting.color import luminance, srgb_decode
 from lighting.envmap.projection import photo_camera
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
-from lighting.scene.records import Scene, make_placeholder
+from lighting.scene.records import Scene
 from tests.helpers.scenes import LIGHT, half_shaded_scene, shaded_spot_scene, sunlit_scene
 
 mi: Any = mitsuba_renderer
@@ -65,9 +65,7 @@ def shown(picture: NDArray[Any], scene: Scene, points: NDArray[Any], reach: int 
 @pytest.mark.slow
 def test_open_ground_has_the_radiance_of_the_map(picture: NDArray[np.float32]) -> None:
     scene = sunlit_scene()
-    open_ground = (
-        scene.spot + np.array([[-6.0, 0, 0], [-5.0, 0, -1.0], [0, 0, -8.0]]) * make_placeholder(scene).ball_radius
-    )
+    open_ground = scene.spot + np.array([[-6.0, 0, 0], [-5.0, 0, -1.0], [0, 0, -8.0]]) * scene.placeholder.ball_radius
     expected = luminance(scene.environment[-1, 0])
     assert shown(picture, scene, open_ground, 3).mean() == pytest.approx(float(expected), rel=0.03)
 
@@ -76,7 +74,7 @@ def test_open_ground_has_the_radiance_of_the_map(picture: NDArray[np.float32]) -
 def test_the_shadow_lies_opposite_the_sun(picture: NDArray[np.float32]) -> None:
     scene = sunlit_scene()
     turn = np.arange(-36, 37, 3.0)  # the stick's shadow stays outside
-    ring = scene.spot + 2.2 * make_placeholder(scene).ball_radius * direction(LIGHT.sun_azimuth + 180.0 + turn, 0.0)
+    ring = scene.spot + 2.2 * scene.placeholder.ball_radius * direction(LIGHT.sun_azimuth + 180.0 + turn, 0.0)
     light = shown(picture, scene, ring, 0)
     dark = np.clip(0.8 - light / light.max(), 0, None)
     assert (dark * turn).sum() / dark.sum() == pytest.approx(0.0, abs=2.5)
@@ -135,7 +133,7 @@ def test_an_object_in_the_photos_shade_is_in_shade(tmp_path: Path) -> None:
 
 def ball_pixel(scene: Scene) -> tuple[int, int]:
     """Where the plate's camera sees the ball's centre."""
-    center = scene.spot + make_placeholder(scene).ball_center - scene.camera_position
+    center = scene.spot + scene.placeholder.ball_center - scene.camera_position
     x, y = camera_pixel(center, photo_camera(scene.lighting, scene.width, scene.height))
     return int(x), int(y)
 

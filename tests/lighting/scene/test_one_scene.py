@@ -20,7 +20,7 @@ from lighting.estimator import Estimator
 from lighting.geometry import Floats, camera_pixel
 from lighting.photo.reader import read_photo
 from lighting.scene import EXPORTERS
-from lighting.scene.records import Scene, make_placeholder, make_scene
+from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import write_scene
 from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
 from tests.helpers.exported import READERS, ExportedScene
@@ -71,7 +71,7 @@ def test_every_tool_has_the_scene(exported: ExportedScene, scene: Scene, tool: s
     assert exported.spot == pytest.approx(scene.spot, abs=1e-3)
     # The sun, and the tip of the shadow of what is as tall as the stick.
     assert exported.sun_direction == pytest.approx(scene.sun_direction, abs=1e-5)
-    height = make_placeholder(scene).stick_height
+    height = scene.placeholder.stick_height
     tips = [s.spot - s.sun_direction * height / s.sun_direction[1] for s in (exported, scene)]
     assert tips[0] == pytest.approx(tips[1], abs=0.002)
     # The shade rule.
@@ -132,7 +132,7 @@ def test_mitsuba_lights_and_shades_the_ground_as_the_scene_says(scene: Scene, tm
     level = scene.sky_irradiance + scene.sun_irradiance * scene.sun_direction[1]
     away = -scene.sun_direction * [1, 0, 1] / np.hypot(*scene.sun_direction[[0, 2]])
     aside = np.array([-away[2], 0.0, away[0]]) * np.sign(away[2])  # to the left, where no stick's shadow falls
-    ball = make_placeholder(scene).ball_radius
+    ball = scene.placeholder.ball_radius
     middle = scene.spot + away * ball / np.tan(np.arcsin(scene.sun_direction[1]))  # of the ball's shadow
     places = [0.0, 0.9, 1.1]  # across it, in radii
     points = np.array([*(middle + place * ball * aside for place in places), scene.spot - 30 * ball * away])
@@ -172,7 +172,7 @@ def test_blender_renders_each_photos_shadow(scene: Scene) -> None:
 def most_visible(scene: Scene, points: Floats) -> Floats:
     """That one of points (N, 3) which the camera sees farthest from the ball."""
     sights = points - scene.camera_position
-    center = scene.spot + make_placeholder(scene).ball_center - scene.camera_position
+    center = scene.spot + scene.placeholder.ball_center - scene.camera_position
     gap = np.linalg.norm(np.cross(sights / np.linalg.norm(sights, axis=1, keepdims=True), center), axis=1)
     return np.asarray(points[np.argmax(gap)])
 
@@ -181,7 +181,7 @@ def check_shadow(scene: Scene, share: Floats) -> None:
     """Check the ball's shadow in a picture / open ground: the sky's share, or none where the spot is in shade."""
     away = -scene.sun_direction * [1, 0, 1] / np.hypot(*scene.sun_direction[[0, 2]])
     aside = np.array([-away[2], 0.0, away[0]]) * np.sign(away[2])  # to the left, where no stick's shadow falls
-    ball, height = make_placeholder(scene).ball_radius, scene.sun_direction[1]
+    ball, height = scene.placeholder.ball_radius, scene.sun_direction[1]
     middle = scene.spot + away * ball / np.tan(np.arcsin(height))
     turn = np.linspace(0, 2 * np.pi, 24, endpoint=False)[:, None]
     rim = ball * (np.cos(turn) * away / height + np.sin(turn) * aside)  # of the ball's shadow, from its middle

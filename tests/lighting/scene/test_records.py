@@ -27,7 +27,7 @@ from lighting.geometry import (
 )
 from lighting.photo.reader import Photo
 from lighting.preview.spheres import DIFFUSE_REFLECTANCE
-from lighting.scene.records import PLACEHOLDER_ALBEDO, make_placeholder, make_scene
+from lighting.scene.records import PLACEHOLDER_ALBEDO, make_scene
 from lighting.segmentation import SurfaceClass
 from tests.helpers.scenes import LIGHT, PLAIN, half_shaded_scene, plain_scene, shaded_spot_scene, sunlit_scene
 
@@ -139,8 +139,8 @@ def test_no_shadow_falls_on_what_stands_before_the_ground() -> None:
 def test_the_placeholder_is_no_giant() -> None:
     """From 80 m above, the ball would be as large as a house in the share of the picture that it has on a street."""
     scene = plain_scene(camera_height=80.0, camera_elevation=-40.0)
-    assert make_placeholder(scene).ball_radius == 1.0
-    assert make_placeholder(plain_scene()).ball_radius < 0.7
+    assert scene.placeholder.ball_radius == 1.0
+    assert plain_scene().placeholder.ball_radius < 0.7
 
 
 # Light
@@ -231,12 +231,12 @@ def test_the_ball_always_has_the_same_size_in_the_picture() -> None:
     for scene in (plain_scene(), plain_scene(vertical_fov=25.0), plain_scene(camera_elevation=-40.0)):
         distance = np.linalg.norm(scene.spot - scene.camera_position)
         half_picture = distance * np.tan(np.radians(scene.vertical_fov) / 2)
-        assert make_placeholder(scene).ball_radius / half_picture == pytest.approx(0.16)
+        assert scene.placeholder.ball_radius / half_picture == pytest.approx(0.16)
 
 
 @pytest.mark.parametrize("elevation", [-90.0, -12.0, 0.0, 90.0])
 def test_both_stand_on_the_ground_apart_from_each_other(elevation: float) -> None:
-    placeholder = make_placeholder(plain_scene(camera_elevation=elevation))
+    placeholder = plain_scene(camera_elevation=elevation).placeholder
     assert placeholder.ball_radius > 0.05
     assert placeholder.ball_center[1] == placeholder.ball_radius
     assert placeholder.stick_foot[1] == 0.0

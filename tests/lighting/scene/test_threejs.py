@@ -28,7 +28,7 @@ from lighting.geometry import (
 )
 from lighting.records import record_with_coefficients
 from lighting.scene import gltf, threejs
-from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene, make_placeholder
+from lighting.scene.records import PLACEHOLDER_ALBEDO, Scene
 from tests.helpers.drawings import drawings
 from tests.helpers.scenes import half_shaded_scene, shaded_spot_scene, sunlit_scene
 
@@ -119,7 +119,7 @@ def shadow_azimuth(picture: NDArray[Any], scene: Scene) -> float:
     """Azimuth [deg] of the stick's shadow: the darkness' centroid on arcs around its foot."""
     expected = scene.lighting.sun_azimuth + 180.0
     offsets = np.linspace(-8, 8, 401)
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     length = placeholder.stick_height / np.tan(np.radians(scene.lighting.sun_elevation))
     reach = length * np.linspace(0.4, 0.9, 40)[:, None, None]
     light = luminance(
@@ -167,14 +167,14 @@ def test_the_sticks_shadow_points_away_from_the_sun(pictures: Pictures, view: st
 def test_the_shadow_keeps_the_skys_share_of_the_light(pictures: Pictures) -> None:
     scene = sunlit_scene()
     away = -scene.sun_direction * [1, 0, 1] / scene.sun_direction[1]
-    inside = scene.spot + make_placeholder(scene).ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
+    inside = scene.spot + scene.placeholder.ball_radius * (1.0 + 0.3 / scene.sun_direction[1]) * away
     ratio = pixel_at(pictures["page"], scene, inside) / pixel_at(scene.plate, scene, inside)
     assert ratio == pytest.approx(scene.shadow * open_share(scene, inside), rel=0.03)
 
 
 def open_share(scene: Scene, point: Floats) -> float:
     """The share of the sky that a ball in the place of the placeholder's box leaves a point of the ground."""
-    radius = make_placeholder(scene).ball_radius
+    radius = scene.placeholder.ball_radius
     middle = scene.spot + radius * np.array([0.78, 1.25, 0.0])
     return float(1 - 1.25 * radius**3 / np.linalg.norm(point - middle) ** 3)
 
@@ -193,7 +193,7 @@ def test_an_object_in_the_photos_shade_is_in_shade_until_it_is_moved_into_the_su
     shade_pictures: Pictures, pictures: Pictures
 ) -> None:
     scene, pictures_of = shaded_spot_scene(), {"shade": shade_pictures, "sun": pictures}
-    center, radius = scene.spot + make_placeholder(scene).ball_center, make_placeholder(scene).ball_radius
+    center, radius = scene.spot + scene.placeholder.ball_center, scene.placeholder.ball_radius
     to_camera = scene.camera_position - center
     normal = to_camera / np.linalg.norm(to_camera)
     dark = scene.environment.copy()
@@ -239,7 +239,7 @@ MOVED = """{
 def test_the_ball_is_a_diffuse_surface_under_sun_and_sky(pictures: Pictures, view: str) -> None:
     """Where the camera sees it in the sun, and where it faces away from the sun."""
     scene = sunlit_scene()
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     center = scene.spot + placeholder.ball_center
     to_camera = scene.camera_position - center
     to_camera /= np.linalg.norm(to_camera)

@@ -16,7 +16,7 @@ from lighting.color import srgb_decode
 from lighting.files.exr import read_exr
 from lighting.geometry import Floats, camera_pixel
 from lighting.scene import unity
-from lighting.scene.records import Scene, make_placeholder
+from lighting.scene.records import Scene
 from tests.helpers.engines import folder_in_chroot, needs_engines, run_in_chroot
 from tests.helpers.pages import ROOT
 from tests.helpers.scenes import LIGHT, plain_scene, shaded_spot_scene, sunlit_scene
@@ -116,7 +116,7 @@ def test_the_camera_is_the_photos(numbers: dict[str, Any]) -> None:
 
 def test_the_spot_and_what_stands_on_it(numbers: dict[str, Any]) -> None:
     scene = sunlit_scene()
-    made = make_placeholder(scene)
+    made = scene.placeholder
     assert vector(numbers["spot"]) == pytest.approx(scene.spot)
     assert vector(numbers["ballCenter"]) == pytest.approx(made.ball_center)
     assert numbers["ballRadius"] == pytest.approx(made.ball_radius)

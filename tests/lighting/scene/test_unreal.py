@@ -12,7 +12,7 @@ from PIL import Image
 from lighting.color import srgb_decode
 from lighting.geometry import Floats
 from lighting.scene import unreal
-from lighting.scene.records import Scene, make_placeholder
+from lighting.scene.records import Scene
 from tests.helpers import unreal as stand_in
 from tests.helpers.scenes import half_shaded_scene, plain_scene, shaded_spot_scene, sunlit_scene
 
@@ -105,7 +105,7 @@ def test_the_backdrop_faces_the_camera_and_fills_its_picture(level: stand_in.Lev
 
 def test_ball_and_stick_stand_on_the_spot(level: stand_in.Level) -> None:
     scene = sunlit_scene()
-    made = make_placeholder(scene)
+    made = scene.placeholder
     for label, centre, size in (
         ("Ball", made.ball_center, [2 * made.ball_radius] * 3),
         ("Stick", made.stick_center, [2 * made.stick_radius] * 2 + [made.stick_height]),

@@ -15,7 +15,6 @@ from lighting.errors import SceneError
 from lighting.files.exr import read_exr
 from lighting.geometry import latlong_directions
 from lighting.scene import EXPORTERS, usd
-from lighting.scene.records import make_placeholder
 from tests.helpers.scenes import shaded_spot_scene, sunlit_scene
 
 BOTH_AXES = pytest.mark.parametrize("up_axis", EXPORTERS["usd"].options["up_axis"].choices)
@@ -146,7 +145,7 @@ def test_the_dome_shows_each_direction_where_it_is(tmp_path: Path, up_axis: str)
 @BOTH_AXES
 def test_ground_and_placeholder_lie_where_the_scene_has_them(tmp_path: Path, up_axis: str) -> None:
     scene = sunlit_scene()
-    placeholder = make_placeholder(scene)
+    placeholder = scene.placeholder
     stage = opened(tmp_path, up_axis)
     ball = to_world(stage, "/World/YourObject/Ball").ExtractTranslation()
     assert ours(ball, up_axis) == pytest.approx(scene.spot + placeholder.ball_center, abs=1e-6)
