@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from lighting.version import __version__
+__version__ = "0.2.0"  # of the package; the network's is its own, `records.ModelSpec`
 
 if TYPE_CHECKING:
     from lighting.estimator import Estimator, estimate

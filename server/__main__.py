@@ -12,9 +12,9 @@ from functools import partial
 from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from lighting import __version__
 from lighting.errors import LightingError
 from lighting.runtime import keep_memory
-from lighting.version import __version__
 
 if TYPE_CHECKING:
     from fastapi import FastAPI

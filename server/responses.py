@@ -12,6 +12,7 @@ import numpy as np
 from fastapi import Request, Response
 from fastapi.responses import JSONResponse
 
+from lighting import __version__
 from lighting.envmap.latlong import Image
 from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
@@ -21,7 +22,6 @@ from lighting.records import Json, Lighting, ModelSpec, SunDistribution, record_
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
 from lighting.validation import COLOR_RANGES, round_significant
-from lighting.version import __version__
 from server.dependencies import RESULT_TAG, PhotoAnswer, Service, tag_bytes
 from server.query_params import LightingQuery, Query
 

@@ -16,6 +16,7 @@ from fastapi import APIRouter, Depends, Query, Request, Response
 from fastapi.responses import JSONResponse
 from prometheus_client import CONTENT_TYPE_LATEST, generate_latest
 
+from lighting import __version__
 from lighting.envmap.relighting import adjust_lighting
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
@@ -23,7 +24,6 @@ from lighting.records import Json, Lighting, ModelSpec
 from lighting.registration import features
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
-from lighting.version import __version__
 from server import problems, responses, tasks
 from server import query_params as queries
 from server.dependencies import AdmissionDep, PhotoDep, PhotoOrLightingDep, Service, ServiceDep, UploadsDep

@@ -17,10 +17,10 @@ from typing import Any
 
 import click
 
+from lighting import __version__
 from lighting.cli.console import escape_control_chars, format_error, is_broken_pipe
 from lighting.deprecation import OLD_NAMES
 from lighting.errors import LightingError
-from lighting.version import __version__
 
 _HOME = {  # the module of each command, in the order of use; a call imports no other
     "open": "serve",

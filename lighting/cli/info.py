@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from lighting import __version__
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import (
@@ -31,7 +32,6 @@ from lighting.cli.options import FileName
 from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
 from lighting.formatting import escape_undecodable
 from lighting.start import silence_libraries
-from lighting.version import __version__
 
 if TYPE_CHECKING:
     import numpy as np

@@ -24,13 +24,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
+from lighting import __version__
 from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.files.atomic import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
 from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
-from lighting.version import __version__
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe

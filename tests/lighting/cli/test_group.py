@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from lighting.version import __version__
+from lighting import __version__
 from tests.helpers.processes import invoke_command, list_commands, run_command
 
 COMMANDS = ["estimate", "envmap", "render", "preview", "info"]
