@@ -24,7 +24,7 @@ import click
 from PIL import Image
 
 from lighting import estimate
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from scripts.book import read_code_blocks
 from scripts.figures import draw_axes, draw_stereo_normals, draw_stereo_plan
 from scripts.gallery import EXAMPLES, GALLERY, ROOT, draw_gallery_row, draw_moving_picture

@@ -13,8 +13,7 @@ from lighting.envmap.relighting import adjust_lighting, edit_lighting
 from lighting.envmap.shadow_mask import ground_shadow_mask
 from lighting.envmap.surroundings import PhotoContext, photo_context, render_view, surroundings_gain
 from lighting.errors import PhotoError
-from lighting.files import MAP_FORMATS, encode_envmap
-from lighting.files.atomic import encode_jpeg, encode_png
+from lighting.files import MAP_FORMATS, encode_envmap, encode_jpeg, encode_png
 from lighting.ground import draw_ground_mask, find_lit_spot
 from lighting.light_probe import compute_light_probe, encode_light_probe
 from lighting.photo.reader import TARGET, Photo

@@ -20,7 +20,7 @@ from PIL import Image, UnidentifiedImageError
 from lighting.color import SRGB_LINEAR
 from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import LightingError
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 
 
 class DataError(LightingError):

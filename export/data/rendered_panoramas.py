@@ -12,7 +12,7 @@ from PIL import Image
 
 from export.data.panoramas import RENDERED, Panorama, write_index
 from lighting.color import luminance, tone_map
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.geometry import (
     Floats,
     angle_between,

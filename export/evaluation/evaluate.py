@@ -27,7 +27,7 @@ from export.evaluation.predictions import (
 from export.evaluation.relighting import relight
 from export.evaluation.report import format_report, in_view_report, photo_report, stated_figures
 from lighting.color import tone_map
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.model import Model
 
 PROTOCOLS = ("paper", "phone")  # of cameras

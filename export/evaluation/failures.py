@@ -32,7 +32,7 @@ from export.evaluation.metrics import (
 from export.evaluation.predictions import View
 from export.evaluation.reliability import draw_reliability, reliability_curves, reliability_report, temperature_report
 from lighting.color import tone_map
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.records import Prediction
 

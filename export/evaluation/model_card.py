@@ -12,7 +12,7 @@ from export.data.panoramas import DataError, read_index
 from export.evaluation.failures import RELIABILITY_FILE
 from export.evaluation.metrics import markdown_table
 from export.evaluation.metrics_file import Cell, NetworkMetrics, read_metrics, write_metrics
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.model import METRICS, MODEL_CARD, network_sha256, packaged_model
 
 ROOT = Path(__file__).parents[2]

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
 from lighting.decoding import bayes_direction
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.geometry import Floats
 from lighting.model import Model
 from lighting.photo.preprocess import fit_size, preprocess

@@ -19,7 +19,7 @@ from export.evaluation.multi_view import place_halves
 from export.evaluation.predictions import MIN_DENSITY, sun_nll
 from export.evaluation.report import IN_VIEW, sun_bins
 from lighting.decoding import bayes_direction, sun_from_prediction
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.geometry import Floats, angle_between
 from lighting.records import Prediction
 from lighting.sun_grid import cumulative_by_angle, grid_directions, grid_solid_angle

@@ -27,7 +27,7 @@ from lighting.color import tone_map
 from lighting.decoding import lighting_from_prediction
 from lighting.envmap.relighting import rotate_envmap
 from lighting.envmap.render import render
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.fusion.estimate import predict_photo
 from lighting.geometry import Floats, latlong_directions, latlong_solid_angle
 from lighting.model import Model

@@ -14,7 +14,7 @@ from torch import Tensor, nn
 from export.networks.backbone import Backbone, conv_batch_norm, load_imagenet
 from export.networks.onnx_export import add_metadata, store_small, strip_origin, trace_onnx
 from lighting.errors import ModelError
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.segmentation import CELL_PIXELS, INPUT_SIZE, Segmenter, SurfaceClass
 
 MEAN, STD = 127.0, 128.0  # of the input's sRGB values, as the ImageNet weights expect them

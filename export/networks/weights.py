@@ -15,7 +15,7 @@ from torch import Tensor, nn
 
 from export.data.panoramas import DataError
 from export.networks.outdoor import build_network, load_weights
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.records import Json, ModelSpec
 
 RECORD = "config.json"  # settings, spec, the panoramas that the run learnt from, the runs that it continues

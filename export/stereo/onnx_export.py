@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from export.stereo.train import NormalsNetwork, averaged_network
 from lighting.errors import ModelError
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.stereo.solver import BY_IMAGE, SHARED, Network, NormalFeatures
 
 OPSET = 18

@@ -25,7 +25,7 @@ from torch.nn import functional as F
 from export.data.panoramas import DataError
 from export.networks.weights import CHECKPOINT, read_checkpoint
 from export.stereo.dataset import Sample, generate_samples, read_meshes
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.stereo.solver import BY_IMAGE, SHARED
 
 # The network of normals: images of a day with their suns, and what the search says, to normals.

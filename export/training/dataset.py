@@ -36,7 +36,7 @@ from export.data.town_dataset import LABELS
 from export.networks.outdoor import LIGHT, network_specs
 from export.training.config import TrainConfig
 from lighting.color import tone_map
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.geometry import Floats
 from lighting.photo.preprocess import pad_to_input
 from lighting.records import ModelSpec

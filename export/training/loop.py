@@ -26,7 +26,7 @@ from export.training.config import MAY_CHANGE, PATH_SETTINGS, TrainConfig
 from export.training.dataset import Batch, TrainingCrops, synthetic_sources, training_panoramas, training_photos
 from export.training.distillation import TeacherEnsemble, blended_shares, mixup, with_mirror_images
 from export.training.losses import training_losses
-from lighting.files.atomic import atomic_write, stale_temporaries
+from lighting.files import atomic_write, stale_temporaries
 from lighting.records import Json
 
 _MAX_GRADIENT = 5.0  # norm

@@ -27,7 +27,7 @@ from export.data.photos import read_photo_rows
 from export.networks.outdoor import Outdoor
 from export.networks.weights import CHECKPOINT, read_checkpoint, read_network, read_spec
 from export.training.dataset import split_places
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.geometry import Floats
 from lighting.photo.preprocess import pad_to_input, resize_to_input
 from lighting.photo.reader import read_photo

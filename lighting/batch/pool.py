@@ -26,7 +26,7 @@ from typing import Generic, TypeVar
 from lighting.batch import job as jobs
 from lighting.batch.results import JOURNAL, SETTINGS, TABLE, Journal, check_table, has_lights, open_journal
 from lighting.errors import BatchError, EnvironmentMapError
-from lighting.files.atomic import atomic_write, stale_temporaries
+from lighting.files import atomic_write, stale_temporaries
 from lighting.records import json_line
 from lighting.runtime import ONE_THREAD
 from lighting.tracing import Step, listen_to_steps, report_step

@@ -19,7 +19,7 @@ from types import NoneType, UnionType
 from typing import Any, BinaryIO, get_args, get_origin
 
 from lighting.errors import BatchError, ParameterError, require_extra
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.photo.linear import RAW_SUFFIXES
 from lighting.records import Json, Lighting
 

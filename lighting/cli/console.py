@@ -445,7 +445,7 @@ def write_bytes(output: str, data: bytes) -> None:
         output: its name; "-" is stdout.
         data: what it holds.
     """
-    from lighting.files.atomic import atomic_write
+    from lighting.files import atomic_write
 
     if output == "-":
         sys.stdout.buffer.write(data)

@@ -145,7 +145,7 @@ def _progress(quiet: bool, stderr: TextIO) -> "DayProgress":
 
 
 def _draw(output: str, skies: "PlanSkies", plan: "Plan") -> None:
-    from lighting.files.atomic import encode_png
+    from lighting.files import encode_png
     from lighting.stereo.planner import draw_plan, plan_conditions, plan_title
 
     headline = f"When to photograph: {plan_title(skies, plan)}"

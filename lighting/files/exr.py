@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 from lighting import __version__
 from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
 from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES

@@ -12,7 +12,7 @@ from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
 from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.surroundings import photo_context, render_view
-from lighting.files.atomic import encode_png
+from lighting.files import encode_png
 from lighting.files.exr import check_envmap
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel

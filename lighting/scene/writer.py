@@ -19,8 +19,7 @@ from PIL import Image
 
 from lighting.color import SRGB_LINEAR, srgb_bytes
 from lighting.errors import ErrorCode, SceneError
-from lighting.files import encode_envmap
-from lighting.files.atomic import encode_png, output_folder_error
+from lighting.files import encode_envmap, encode_png, output_folder_error
 from lighting.ground import draw_ground_mask
 from lighting.records import record_with_coefficients
 from lighting.scene import ENVIRONMENT, EXPORTERS, GROUND, LIT_GROUND, PLATE, RECORD

@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
-from lighting.files.atomic import atomic_write, output_folder_error
+from lighting.files import atomic_write, output_folder_error
 from lighting.files.exr import SOFTWARE
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats

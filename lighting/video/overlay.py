@@ -14,7 +14,7 @@ from lighting.color import luminance
 from lighting.envmap.latlong import Image
 from lighting.envmap.relighting import rotate_envmap, scale_exposure
 from lighting.envmap.render import add_sun, render
-from lighting.files.atomic import atomic_write
+from lighting.files import atomic_write
 from lighting.geometry import wrap_azimuth
 from lighting.preview.drawing import (
     SUN,

@@ -1,4 +1,4 @@
-"""Tests of atomic."""
+"""Files that appear whole, folders for results, and names of maps."""
 
 import io
 import os
@@ -12,8 +12,15 @@ from PIL import Image
 from lighting.color import tone_map
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError
-from lighting.files import check_map_name, encode_envmap, write_envmap
-from lighting.files.atomic import atomic_write, encode_jpeg, encode_png, stale_temporaries
+from lighting.files import (
+    atomic_write,
+    check_map_name,
+    encode_envmap,
+    encode_jpeg,
+    encode_png,
+    stale_temporaries,
+    write_envmap,
+)
 from lighting.files.exr import read_exr
 from lighting.records import Lighting
 
