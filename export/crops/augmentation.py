@@ -20,8 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageFilter
 
-from export.crops.cameras import Camera, pinhole_camera
-from export.crops.crops import Crop, Source
+from export.crops.crops import Camera, Crop, Source, pinhole_camera
 from lighting.color import luminance, tone_map
 from lighting.geometry import Floats, camera_directions, wrap_azimuth
 

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.crops.cameras import PHONE_ASPECTS, Camera
-from export.crops.crops import VISIBILITY, Crop, Source, balanced_weights, sampling_weights
+from export.crops.crops import PHONE_ASPECTS, VISIBILITY, Camera, Crop, Source, balanced_weights, sampling_weights
 from export.data.labels import read_labels_of
 from export.data.panoramas import decode_srgb, read_index
 from export.data.photos import PhotoRow, require_photo_rows

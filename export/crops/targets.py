@@ -15,8 +15,7 @@ from functools import lru_cache
 import numpy as np
 from PIL import Image
 
-from export.crops.cameras import Camera
-from export.crops.crops import NOT_STRETCHED, Crop, Source, Stretch, resize
+from export.crops.crops import NOT_STRETCHED, Camera, Crop, Source, Stretch, resize
 from export.data.panoramas import linearize
 from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, sample_latlong

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from export.crops.augmentation import augment
-from export.crops.cameras import paper_camera, training_camera
-from export.crops.crops import crop_panorama, crop_rng, load_sources
+from export.crops.crops import crop_panorama, crop_rng, load_sources, paper_camera, training_camera
 from export.crops.targets import clear_sun_to_sky_ratio, panorama_irradiance
 from export.data.panoramas import DataError, read_index
 from export.data.photos import require_photo_rows

@@ -11,8 +11,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from export.crops.cameras import pinhole_camera
-from export.crops.crops import Crop
+from export.crops.crops import Crop, pinhole_camera
 from lighting import geometry
 from lighting.color import luminance
 from lighting.envmap.latlong import row_irradiance, shrink_envmap

@@ -6,8 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
-from export.crops.cameras import PROTOCOLS, Camera, aimed_camera, pinhole_camera
-from export.crops.crops import Crop, Source, crop_panorama, crop_rng, native_longer_side
+from export.crops.crops import (
+    PROTOCOLS,
+    Camera,
+    Crop,
+    Source,
+    aimed_camera,
+    crop_panorama,
+    crop_rng,
+    native_longer_side,
+    pinhole_camera,
+)
 from export.data.panoramas import DataError, Panorama
 from export.evaluation.metrics import Answers, Truth
 from lighting.color import tone_map

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from tqdm import tqdm
 
 from export import PHOTO_SET_PARTS
-from export.crops.cameras import Camera, pinhole_camera
-from export.crops.crops import auto_exposure_gain, crop_rng
+from export.crops.crops import Camera, auto_exposure_gain, crop_rng, pinhole_camera
 from export.data.panoramas import DataError, Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from lighting.color import tone_map

@@ -43,7 +43,7 @@ def _train(out: Path, meshes: Path | None, minutes: float, seed: int, threads: i
 @click.option("--out", type=FILE, default=None, help="File to write. [RUN/normals-VERSION.onnx]")
 def _onnx(run: Path, version: str, out: Path | None) -> None:
     """Write the averaged network of a run as ONNX; compare it with torch."""
-    from export.stereo.onnx_export import export_normals
+    from export.stereo.train import export_normals
 
     target = out or run / f"normals-{version}.onnx"
     difference = export_normals(run, target, version)

@@ -1,4 +1,4 @@
-"""Network and its training.
+"""The network of normals: its training, and its ONNX file for any number of images and any size.
 
 A run's folder holds config.json, log.csv and checkpoint.pt; a run that was stopped goes on where it was.
 
@@ -9,8 +9,10 @@ candidates by what is around a pixel and adds a correction. Before any training 
 
 import csv
 import json
+import logging
 import math
 import time
+import warnings
 from collections import deque
 from dataclasses import asdict, dataclass, field
 from itertools import islice
@@ -25,8 +27,9 @@ from torch.nn import functional as F
 from export.data.panoramas import DataError
 from export.networks.weights import CHECKPOINT, read_checkpoint
 from export.stereo.dataset import Sample, generate_samples, read_meshes
+from lighting.errors import ModelError
 from lighting.files import atomic_write
-from lighting.stereo.solver import BY_IMAGE, SHARED
+from lighting.stereo.solver import BY_IMAGE, SHARED, Network, NormalFeatures
 
 # The network of normals: images of a day with their suns, and what the search says, to normals.
 
@@ -35,9 +38,11 @@ _WIDTHS = (24, 48, 64, 96)  # planes at each scale
 _TRUST = 3.0  # how much the search's best normal weighs at first, as a logit
 _CANDIDATES = 3  # best, mean and other normal, the first planes of the shared ones
 _SPREAD = 11  # the shared plane with the search's spread, in units of 30 deg
+OPSET = 18
+TOLERANCE = 2e-3  # largest difference between torch and onnxruntime, of normals and of errors [rad]
 
 
-class NormalsNetwork(nn.Module):
+class _NormalsNetwork(nn.Module):
     """Planes to unit normals (N, 3, H, W) and their expected error (N, 1, H, W) [rad]; H and W are multiples of 8."""
 
     def __init__(self) -> None:
@@ -120,7 +125,7 @@ class Config:
 class _Run:
     """The state of a run; a checkpoint holds all but the log."""
 
-    network: NormalsNetwork
+    network: _NormalsNetwork
     average: dict[str, Tensor]
     optimiser: torch.optim.Optimizer
     step: int = 0
@@ -225,7 +230,7 @@ def _remember(run: _Run) -> None:
 
 def _resumed(folder: Path, config: Config) -> _Run:
     torch.manual_seed(config.seed)
-    network = NormalsNetwork()
+    network = _NormalsNetwork()
     optimiser = torch.optim.Adam(network.parameters(), lr=config.learning_rate)
     run = _Run(network, {k: v.clone() for k, v in network.state_dict().items()}, optimiser)
     if (folder / CHECKPOINT).exists():
@@ -239,7 +244,7 @@ def _resumed(folder: Path, config: Config) -> _Run:
 def _saved(folder: Path) -> dict[str, Any]:
     """What the checkpoint of a run of this network holds; DataError for a damaged one and for another network's."""
     saved = read_checkpoint(folder)
-    if not isinstance(saved.get("average"), dict) or saved["average"].keys() != NormalsNetwork().state_dict().keys():
+    if not isinstance(saved.get("average"), dict) or saved["average"].keys() != _NormalsNetwork().state_dict().keys():
         raise DataError(f"{folder / CHECKPOINT} is not of the network of normals.")
     return saved
 
@@ -263,7 +268,7 @@ def _write_log(folder: Path, run: _Run) -> None:
     run.log.clear()
 
 
-def averaged_network(folder: Path) -> NormalsNetwork:
+def _averaged_network(folder: Path) -> _NormalsNetwork:
     """The network with a run's averaged weights, ready to answer.
 
     Args:
@@ -272,6 +277,83 @@ def averaged_network(folder: Path) -> NormalsNetwork:
     Raises:
         DataError: for what is no such run.
     """
-    network = NormalsNetwork()
+    network = _NormalsNetwork()
     network.load_state_dict(_saved(folder)["average"])
     return network.eval()
+
+
+class _Served(nn.Module):
+    """The network where every image is present."""
+
+    def __init__(self, network: _NormalsNetwork) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, by_image: Tensor, shared: Tensor) -> tuple[Tensor, Tensor]:
+        """Normals and errors of planes (1, T, BY_IMAGE, H, W) and (1, SHARED, H, W)."""
+        normal, error = self.network(by_image, torch.ones_like(by_image[:, :, 0, 0, 0]), shared)
+        return normal, error
+
+
+def export_normals(run: Path, target: Path, version: str) -> float:
+    """Write the averaged network of a run; returns the largest difference to torch.
+
+    Args:
+        run: folder of the run.
+        target: ONNX file to write.
+        version: of the network.
+
+    Raises:
+        ModelError: where torch and onnxruntime differ by more than TOLERANCE.
+    """
+    import onnx
+
+    network = _averaged_network(run)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    with atomic_write(target) as path:
+        model = _trace(_Served(network).eval())
+        known = {"name": "normals", "version": version, "license": "Apache-2.0"}
+        known["training"] = json.dumps(json.loads((run / "config.json").read_text()) | {"out": "", "meshes": ""})
+        for key, value in known.items():
+            entry = model.metadata_props.add()
+            entry.key, entry.value = key, value
+        onnx.checker.check_model(model)
+        onnx.save_model(model, str(path), save_as_external_data=False)
+        difference = _parity(network, path)
+    if not difference <= TOLERANCE:
+        raise ModelError(f"torch and onnxruntime differ by {difference:.2e}, more than {TOLERANCE:.0e}.")
+    return difference
+
+
+def _trace(served: _Served) -> Any:
+    logging.getLogger("torch.onnx").setLevel(logging.ERROR)
+    side, moments = torch.export.Dim("side", min=2, max=4096), torch.export.Dim("moments", min=2, max=512)
+    tall = torch.export.Dim("tall", min=2, max=4096)
+    shapes = {"by_image": {1: moments, 3: 8 * tall, 4: 8 * side}, "shared": {2: 8 * tall, 3: 8 * side}}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of the exporter's own use of torch
+        program = torch.onnx.export(
+            served,
+            (torch.zeros(1, 8, BY_IMAGE, 32, 48), torch.ones(1, SHARED, 32, 48)),
+            input_names=["by_image", "shared"],
+            output_names=["normal", "error"],
+            dynamic_shapes=shapes,
+            opset_version=OPSET,
+            dynamo=True,
+            verbose=False,
+        )
+    assert program is not None
+    return program.model_proto
+
+
+def _parity(network: _NormalsNetwork, path: Path) -> float:
+    """Largest difference between torch and onnxruntime on fixed inputs of another size and number of images."""
+    rng = np.random.default_rng(0)
+    by_image = rng.normal(0, 0.5, (5, BY_IMAGE, 56, 72)).astype(np.float32)
+    shared = rng.normal(0, 0.5, (SHARED, 56, 72)).astype(np.float32)
+    shared[-1] = 1
+    with torch.inference_mode():
+        expected = _Served(network)(torch.from_numpy(by_image)[None], torch.from_numpy(shared)[None])
+    normal, error = Network.load(path, threads=1).predict(NormalFeatures(by_image, shared))
+    answer = (np.moveaxis(normal, -1, 0), np.radians(error))
+    return float(max(np.abs(a[0].numpy() - b).max() for a, b in zip(expected, answer, strict=True)))

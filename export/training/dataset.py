@@ -14,19 +14,22 @@ from torch import Tensor
 from torch.utils.data import Dataset
 
 from export.crops.augmentation import augment, cutmix, cutmix_partners, matching_camera
-from export.crops.cameras import Camera, aimed_camera, paper_camera, training_camera
 from export.crops.crops import (
     NOT_STRETCHED,
+    Camera,
     Crop,
     Source,
     Stretch,
+    aimed_camera,
     anisotropic_scale,
     crop_panorama,
     crop_rng,
     is_resolved,
     load_sources,
+    paper_camera,
     random_stretch,
     sampling_weights,
+    training_camera,
 )
 from export.crops.photos import PhotoSource, crop_photo, load_photos, photo_sun_likelihood, photo_weights
 from export.crops.targets import CELLS, coarse_radiance, panorama_irradiance, sun_in_view_target, surroundings_in_camera

@@ -18,8 +18,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from export.crops.augmentation import augment
-from export.crops.cameras import training_camera
-from export.crops.crops import Source, crop_panorama, crop_rng, load_sources
+from export.crops.crops import Source, crop_panorama, crop_rng, load_sources, training_camera
 from export.crops.negatives import Picture, read_unsuitable, unsuitable_pictures
 from export.crops.photos import crop_photo, load_photos, photo_weights
 from export.data.panoramas import DataError, read_index, read_table

@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from export.crops.cameras import Camera
-from export.crops.crops import Crop, Source
+from export.crops.crops import Camera, Crop, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
 from export.data.path_tracing import HEIGHT, Sky

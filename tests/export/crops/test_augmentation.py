@@ -18,8 +18,7 @@ from export.crops.augmentation import (
     cutmix_partners,
     matching_camera,
 )
-from export.crops.cameras import Camera
-from export.crops.crops import Crop, Source, crop_panorama, crop_rng
+from export.crops.crops import Camera, Crop, Source, crop_panorama, crop_rng
 from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, brightest, crop, label, source
 
 

@@ -7,28 +7,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.crops.cameras import (
+from export.crops.crops import (
     _MAX_TILTED_ROLL,
     MAX_HORIZONTAL_FOV,
-    Camera,
-    _phone_camera,
-    aimed_camera,
-    paper_camera,
-    training_camera,
-)
-from export.crops.crops import (
     MAX_OCTAVES_ALONG,
     MAX_OCTAVES_UPWARDS,
     NOT_STRETCHED,
+    Camera,
     Source,
     Stretch,
     _load_source,
+    _phone_camera,
+    aimed_camera,
     anisotropic_scale,
     crop_panorama,
     crop_rng,
     is_resolved,
+    paper_camera,
     random_stretch,
     sampling_weights,
+    training_camera,
 )
 from export.crops.targets import COLUMNS, ROWS, coarse_radiance, surroundings_in_camera
 from export.data.labels import Label

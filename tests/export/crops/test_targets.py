@@ -6,8 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from export.crops.cameras import Camera
-from export.crops.crops import Source
+from export.crops.crops import Camera, Source
 from export.crops.targets import (
     _COVERED_SUN,
     CELLS,

@@ -7,8 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from export.__main__ import export_cli
-from export.crops.cameras import Camera
-from export.crops.crops import _load_source, crop_panorama
+from export.crops.crops import Camera, _load_source, crop_panorama
 from export.data import procedural_towns, town_dataset
 from export.data.labels import read_labels, write_labels
 from export.data.panoramas import read_index

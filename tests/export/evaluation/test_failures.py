@@ -9,8 +9,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from export.crops.cameras import Camera
-from export.crops.crops import Source
+from export.crops.crops import Camera, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
 from export.evaluation.baselines import CONSTANT

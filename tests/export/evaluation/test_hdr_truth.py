@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from export.crops.cameras import Camera
-from export.crops.crops import Crop
+from export.crops.crops import Camera, Crop
 from export.evaluation.hdr_truth import (
     HEIGHT,
     PLANE_ALBEDO,

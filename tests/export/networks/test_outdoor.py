@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from export.crops.cameras import Camera
-from export.crops.crops import Crop
+from export.crops.crops import Camera, Crop
 from export.crops.targets import CELL, CELLS, sun_in_view_target
 from export.data.panoramas import DataError
 from export.networks.backbone import _InvertedResidual, conv_batch_norm, empty_output

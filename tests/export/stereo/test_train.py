@@ -17,15 +17,23 @@ from export.stereo.dataset import (
     generate_samples,
     utc_times,
 )
-from export.stereo.onnx_export import TOLERANCE, _parity, _Served
-from export.stereo.train import Config, NormalsNetwork, _batch, averaged_network, train_normals
+from export.stereo.train import (
+    TOLERANCE,
+    Config,
+    _averaged_network,
+    _batch,
+    _NormalsNetwork,
+    _parity,
+    _Served,
+    train_normals,
+)
 from lighting.stereo.solver import BY_IMAGE, SHARED, _packaged_network
 
 
 def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None:
     chosen = list(islice(generate_samples([], seed=3), 2))
     by_image, present, shared, _ = _batch(chosen)
-    network = NormalsNetwork().eval()
+    network = _NormalsNetwork().eval()
     with torch.inference_mode():
         normal, error = network(by_image, present, shared)
     inside = shared[:, -1] > 0
@@ -45,7 +53,7 @@ def test_a_run_resumes(tmp_path: Path) -> None:
     after = torch.load(train_normals(Config(out=str(tmp_path), minutes=longer, batch=2, first=2)), weights_only=True)
     assert after["step"] > before["step"]
     assert after["seconds"] > before["seconds"]
-    assert isinstance(averaged_network(tmp_path), NormalsNetwork)
+    assert isinstance(_averaged_network(tmp_path), _NormalsNetwork)
 
 
 @pytest.mark.parametrize("saved", [None, {"average": {"module.features.0.weight": torch.zeros(1)}}, {"step": 3}])
@@ -58,7 +66,7 @@ def test_a_checkpoint_that_is_none_of_normals_is_refused_and_stays(
     else:
         torch.save(saved, file)
     before = file.read_bytes()
-    for work in (lambda: train_normals(Config(out=str(tmp_path), minutes=0.001)), lambda: averaged_network(tmp_path)):
+    for work in (lambda: train_normals(Config(out=str(tmp_path), minutes=0.001)), lambda: _averaged_network(tmp_path)):
         with pytest.raises(DataError, match=r"is cut short or damaged|is not of the network of normals"):
             work()
     assert [path.name for path in tmp_path.iterdir()] == ["checkpoint.pt"]
@@ -74,12 +82,12 @@ def test_a_folder_without_meshes_to_learn_from_is_refused(tmp_path: Path) -> Non
 
 
 def test_a_file_of_another_network_differs() -> None:
-    assert _parity(NormalsNetwork().eval(), _packaged_network()) > 10 * TOLERANCE
+    assert _parity(_NormalsNetwork().eval(), _packaged_network()) > 10 * TOLERANCE
 
 
 def test_what_is_served_has_every_image() -> None:
     torch.manual_seed(0)
-    network = NormalsNetwork().eval()
+    network = _NormalsNetwork().eval()
     by_image, shared = torch.randn(1, 4, BY_IMAGE, 16, 16), torch.rand(1, SHARED, 16, 16)
     with torch.inference_mode():
         served, whole = _Served(network)(by_image, shared), network(by_image, torch.ones(1, 4), shared)
