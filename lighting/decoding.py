@@ -9,12 +9,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import luminance
+from lighting.fields import clip_color, clip_to_range, round_significant
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
 from lighting.sky import PAINTED_SKY
 from lighting.sky.hosek_wilkie import sun_radiance
 from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions
-from lighting.validation import clip_color, clip_to_range, round_significant
 
 _CANDIDATE_CELLS = 64  # the likeliest; only they may be the answer, so that it never lies between two modes
 _MIN_CANDIDATE_SHARE = 0.05  # least probability of such a cell, as a share of the likeliest cell's

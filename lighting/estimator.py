@@ -15,6 +15,7 @@ from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError
+from lighting.fields import clip_color
 from lighting.fusion.estimate import PhotoPrediction, build_estimate, predict_with_metadata
 from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
 from lighting.fusion.multi_view import fuse_views
@@ -26,7 +27,6 @@ from lighting.photo.reader import Photo, Source, check_photo, photo_from_array, 
 from lighting.photo_estimate import Estimate
 from lighting.records import EstimatedLight, Lighting, Prediction, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
-from lighting.validation import clip_color
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 import lighting.geometry as geometry
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import shadow_receivers, stands_in_sun
+from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
 from lighting.records import EstimatedLight, Lighting
 from lighting.segmentation import Segments, SurfaceClass, class_share, packaged_segmenter, pixel_share
-from lighting.validation import round_significant
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
 ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii

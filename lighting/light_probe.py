@@ -20,16 +20,15 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
-from lighting.documentation import describe_fields
 from lighting.envmap.relighting import rotate_lighting, scale_exposure
 from lighting.envmap.render import level_irradiance, render, sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import describe_fields, round_all, round_significant
 from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
 from lighting.records import Json, Lighting, check_lighting
 from lighting.sky import SKY_MODEL
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
-from lighting.validation import round_significant
 
 COUNT = 9  # of functions
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
@@ -132,8 +131,8 @@ class MainLight:
     def to_dict(self) -> Json:
         """Return it as JSON."""
         return {
-            "direction": _rounded(self.direction),
-            "irradiance": _rounded(self.irradiance),
+            "direction": round_all(self.direction),
+            "irradiance": round_all(self.irradiance),
             "lux": round_significant(self.lux),
             "kelvin": None if self.kelvin is None else round(self.kelvin),
         }
@@ -159,7 +158,7 @@ class LightProbe:
 
     def to_dict(self) -> Json:
         """Return it as `light_probe` of a JSON record."""
-        return {"coefficients": [_rounded(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
+        return {"coefficients": [round_all(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
 
 
 def compute_light_probe(
@@ -247,24 +246,24 @@ def _webxr(probe: LightProbe) -> Json:
     x, y, z = light.direction if light.irradiance.any() else (0.0, 1.0, 0.0)
     red, green, blue = light.irradiance
     return {
-        "sphericalHarmonicsCoefficients": _rounded(probe.coefficients),
+        "sphericalHarmonicsCoefficients": round_all(probe.coefficients),
         "primaryLightDirection": _point(x, y, z, 0.0),
         "primaryLightIntensity": _point(red, green, blue, 1.0),
     }
 
 
 def _point(x: float, y: float, z: float, w: float) -> Json:
-    return dict(zip("xyzw", _rounded(np.array([x, y, z, w])), strict=True))
+    return dict(zip("xyzw", round_all(np.array([x, y, z, w])), strict=True))
 
 
 def _threejs(probe: LightProbe) -> Json:
     """What LightProbe.sh.fromArray takes, and a DirectionalLight's position, linear color and intensity."""
     color, intensity = color_and_intensity(probe.main_light.irradiance)
     return {
-        "lightProbe": {"sh": _rounded(probe.coefficients)},
+        "lightProbe": {"sh": round_all(probe.coefficients)},
         "directionalLight": {
-            "position": _rounded(probe.main_light.direction),
-            "color": _rounded(color),
+            "position": round_all(probe.main_light.direction),
+            "color": round_all(color),
             "intensity": round_significant(intensity),
         },
     }
@@ -273,9 +272,9 @@ def _threejs(probe: LightProbe) -> Json:
 def _arcore(probe: LightProbe) -> Json:
     """The three answers of a LightEstimate in mode ENVIRONMENTAL_HDR; the seventh number is that of 3z² - 1."""
     return {
-        "environmentalHdrAmbientSphericalHarmonics": _rounded(probe.coefficients),
-        "environmentalHdrMainLightDirection": _rounded(probe.main_light.direction),
-        "environmentalHdrMainLightIntensity": _rounded(probe.main_light.irradiance),
+        "environmentalHdrAmbientSphericalHarmonics": round_all(probe.coefficients),
+        "environmentalHdrMainLightDirection": round_all(probe.main_light.direction),
+        "environmentalHdrMainLightIntensity": round_all(probe.main_light.irradiance),
     }
 
 
@@ -284,8 +283,8 @@ def _arkit(probe: LightProbe) -> Json:
     light = probe.main_light
     level = probe.irradiance(np.array([0.0, 1.0, 0.0])) + light.irradiance * max(float(light.direction[1]), 0.0)
     return {
-        "sphericalHarmonicsCoefficients": _rounded(probe.coefficients.T),
-        "primaryLightDirection": _rounded(-light.direction),
+        "sphericalHarmonicsCoefficients": round_all(probe.coefficients.T),
+        "primaryLightDirection": round_all(-light.direction),
         "primaryLightIntensity": _lumens(light.irradiance),
         "ambientIntensity": _lumens(level),
         "ambientColorTemperature": round(color_temperature(level) or 6500.0),
@@ -301,10 +300,10 @@ def _unity(probe: LightProbe) -> Json:
     light = probe.main_light
     color, intensity = color_and_intensity(light.irradiance / math.pi)
     return {
-        "sphericalHarmonicsL2": [_rounded(row) for row in (shader_harmonics(probe.coefficients) * _MIRRORED).T],
+        "sphericalHarmonicsL2": [round_all(row) for row in (shader_harmonics(probe.coefficients) * _MIRRORED).T],
         "light": {
-            "forward": _rounded(light.direction * [-1, -1, 1]),
-            "color": _rounded(color),
+            "forward": round_all(light.direction * [-1, -1, 1]),
+            "color": round_all(color),
             "intensity": round_significant(intensity),
             "lux": round_significant(light.lux),
             "colorTemperature": None if light.kelvin is None else round(light.kelvin),
@@ -316,10 +315,10 @@ def _filament(probe: LightProbe) -> Json:
     """What IndirectLight.Builder.irradiance(3, sh) takes, as in cmgen's sh.txt, and a sun for exposure 1."""
     color, intensity = color_and_intensity(probe.main_light.irradiance)
     return {
-        "indirectLight": {"irradiance": _rounded(shader_harmonics(probe.coefficients)), "intensity": 1.0},
+        "indirectLight": {"irradiance": round_all(shader_harmonics(probe.coefficients)), "intensity": 1.0},
         "sun": {
-            "direction": _rounded(-probe.main_light.direction),
-            "color": _rounded(color),
+            "direction": round_all(-probe.main_light.direction),
+            "color": round_all(color),
             "intensity": round_significant(intensity),
             "lux": round_significant(probe.main_light.lux),
         },
@@ -330,10 +329,10 @@ def _babylon(probe: LightProbe) -> Json:
     """Radiance for SphericalHarmonics.FromArray, in a scene with useRightHandedSystem, and a DirectionalLight."""
     color, intensity = color_and_intensity(probe.main_light.irradiance)
     return {
-        "sphericalHarmonics": [_rounded(row) for row in CONDON_SHORTLEY[:, None] * probe.coefficients],
+        "sphericalHarmonics": [round_all(row) for row in CONDON_SHORTLEY[:, None] * probe.coefficients],
         "directionalLight": {
-            "direction": _rounded(-probe.main_light.direction),
-            "diffuse": _rounded(color),
+            "direction": round_all(-probe.main_light.direction),
+            "diffuse": round_all(color),
             "intensity": round_significant(intensity),
         },
     }
@@ -345,24 +344,19 @@ def _godot(probe: LightProbe) -> Json:
     color, intensity = color_and_intensity(light.irradiance / math.pi)
     ambient, energy = color_and_intensity(np.maximum(probe.coefficients[0] * BASIS_FACTORS[0], 0.0))
     return {
-        "probe_sh": [_rounded(row) for row in probe.coefficients / math.pi],
+        "probe_sh": [round_all(row) for row in probe.coefficients / math.pi],
         "environment": {
-            "ambient_light_color": _rounded(srgb_encode(ambient)),
+            "ambient_light_color": round_all(srgb_encode(ambient)),
             "ambient_light_energy": round_significant(energy),
         },
         "directional_light": {
-            "direction": _rounded(-light.direction),
-            "light_color": _rounded(srgb_encode(color)),
+            "direction": round_all(-light.direction),
+            "light_color": round_all(srgb_encode(color)),
             "light_energy": round_significant(intensity),
             "light_intensity_lux": round_significant(light.lux),
             "light_temperature": None if light.kelvin is None else round(light.kelvin),
         },
     }
-
-
-def _rounded(values: Floats) -> list[float]:
-    """All numbers of an array, one after the other, as records hold them."""
-    return list(map(round_significant, (np.ravel(values) + 0.0).tolist()))  # without -0.0
 
 
 LIGHT_PROBE_FORMATS: dict[str, Callable[[LightProbe], Json]] = {

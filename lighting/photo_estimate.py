@@ -9,13 +9,12 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import RANGES, check_range, describe_fields
 from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
 from lighting.photo.reader import Photo, reread_photo
 from lighting.records import EstimatedLight, Lighting, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
-from lighting.validation import RANGES, check_range
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -14,22 +14,22 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ModelError, ParameterError
-from lighting.geometry import EYE_HEIGHT, Floats, direction
-from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
-from lighting.sky.hosek_wilkie import sky_coefficients
-from lighting.validation import (
+from lighting.fields import (
     COLOR_RANGES,
     OPTIONAL_RANGES,
     RANGES,
     RECORD_PATHS,
-    check_color,
+    are_finite,
+    check_fields,
     check_range,
     convert_numpy_numbers,
-    is_finite,
+    describe_fields,
     record_path,
 )
+from lighting.geometry import EYE_HEIGHT, Floats, direction
+from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
+from lighting.sky.hosek_wilkie import sky_coefficients
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe
@@ -144,7 +144,7 @@ class ModelSpec:
         for name in ("width", "height"):
             _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
         for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and all(map(is_finite, getattr(self, name))))
+            _check_spec(name, len(getattr(self, name)) == 3 and are_finite(getattr(self, name)))
         _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
@@ -305,12 +305,7 @@ class Lighting:
 
     def __post_init__(self) -> None:
         convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, *_SPOT, "camera_heading_probability")
-        for name, limits in _PLAIN_RANGES.items():
-            if name in RANGES or getattr(self, name) is not None:
-                check_range(name, getattr(self, name), *limits)
-        for name, limits in COLOR_RANGES.items():
-            if getattr(self, name) is not None:
-                check_color(name, getattr(self, name), *limits)
+        check_fields(self, _PLAIN_RANGES | COLOR_RANGES)
         _check_headings(self.camera_heading_probability)
         for name in ("model_name", "model_version"):
             if not isinstance(text := getattr(self, name), str):

@@ -18,12 +18,12 @@ from pydantic_core import CoreSchema, PydanticCustomError, PydanticKnownError, c
 
 from lighting.envmap.relighting import Adjustments, parse_sun
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
 from lighting.files import MAP_FORMATS
 from lighting.fusion.user_input import read_headings
 from lighting.photo.clock import parse_time, parse_utc_offset
 from lighting.records import GROUND_ALBEDO, MIN_HEIGHT
 from lighting.sky import SKY_MODELS
-from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES, parameter_name
 
 MAX_HEIGHT = 2048  # rows; rendering that many takes about 0.5 GB
 

@@ -16,8 +16,8 @@ from starlette.requests import ClientDisconnect
 from starlette.types import Scope
 
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.fields import parameter_name
 from lighting.records import Json
-from lighting.validation import parameter_name
 from server.limits import BusyError, ShareTakenError, TooManyUploadsError
 
 INFERENCE_PREFIX = "/v2"  # of the routes of the Open Inference Protocol

@@ -13,6 +13,7 @@ from lighting.color import COLOR_SPACES
 from lighting.deprecation import OLD_NAMES, SHORT_FORMS
 from lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import parameter_name
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS
 from lighting.fusion.user_input import UserInput, check_headings, read_headings
@@ -21,7 +22,6 @@ from lighting.photo.reader import MIN_SIDE
 from lighting.records import GROUND_ALBEDO, Color, Json, Lighting
 from lighting.scene import EXPORTERS, unsupported_options
 from lighting.scene.records import PLATE_SIDE
-from lighting.validation import parameter_name
 from server import field_types as types
 from server.field_types import InRange, NotNull, RegistryName, field_error, parameter_range
 from server.problems import InvalidField, invalid_field_error, invalid_fields_error

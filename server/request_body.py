@@ -18,8 +18,8 @@ from starlette.datastructures import FormData, QueryParams, UploadFile
 from starlette.formparsers import MultiPartException, MultiPartParser
 
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import record_path
 from lighting.records import MAX_RECORD_BYTES, Lighting, reject_duplicate_keys, unwrap_record
-from lighting.validation import record_path
 from server import problems
 from server.limits import PLACE_BYTES, ArrivingBody, client_of_request
 from server.problems import FORM_PARAMETERS, InvalidField, ProblemError

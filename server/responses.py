@@ -14,6 +14,7 @@ from fastapi.responses import JSONResponse
 
 from lighting import __version__
 from lighting.envmap.latlong import Image
+from lighting.fields import COLOR_RANGES, round_all
 from lighting.files import MAP_FORMATS
 from lighting.geometry import angles
 from lighting.model import METRICS
@@ -21,7 +22,6 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.records import Json, Lighting, ModelSpec, SunDistribution, record_with_coefficients, warning_code
 from lighting.sky import SKY_MODEL
 from lighting.sun_grid import grid_directions
-from lighting.validation import COLOR_RANGES, round_significant
 from server.dependencies import RESULT_TAG, PhotoAnswer, Service, tag_bytes
 from server.query_params import LightingQuery, Query
 
@@ -98,7 +98,7 @@ def _sun_probability(sun: SunDistribution) -> Json:
         "grid": sun.grid,
         "azimuth": np.round(azimuth, 3).tolist(),
         "elevation": np.round(elevation, 3).tolist(),
-        "probability": [round_significant(float(value)) for value in sun.probability],
+        "probability": round_all(sun.probability),
     }
 
 

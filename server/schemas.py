@@ -5,12 +5,12 @@ from typing import Annotated, Any, Literal
 from pydantic import AwareDatetime, BaseModel, ConfigDict, FailFast, Field
 
 from lighting.errors import ErrorCode
+from lighting.fields import OPTIONAL_RANGES
 from lighting.files import MAP_FORMATS
 from lighting.geometry import EYE_HEIGHT
 from lighting.records import GROUND_ALBEDO, EvidenceKind, Lighting, WarningCode
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODEL, SKY_MODELS
-from lighting.validation import OPTIONAL_RANGES
 from server import field_types as types
 from server.field_types import InRange, parameter_range
 

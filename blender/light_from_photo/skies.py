@@ -9,9 +9,9 @@ import numpy as np
 from .lighting.color import color_and_intensity, luminance
 from .lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments, adjust_lighting
 from .lighting.envmap.render import render, sky_irradiance, sun_irradiance
+from .lighting.fields import RANGES
 from .lighting.geometry import to_z_up
 from .lighting.records import Lighting
-from .lighting.validation import RANGES
 
 HEIGHT = 512  # rows of the map, as in the scenes
 SLIDERS = {  # by the names of the command line, of HTTP and of Python; `exposure` in EV against the estimate

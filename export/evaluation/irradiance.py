@@ -20,6 +20,7 @@ from lighting.color import luminance, tone_map
 from lighting.envmap.render import level_irradiance, render, sky_irradiance, sun_irradiance, with_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import apply_photo_colors
+from lighting.fields import clip_color
 from lighting.fusion.estimate import build_estimate, predict_photo
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import fuse
@@ -29,7 +30,6 @@ from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array
 from lighting.records import EstimatedLight, Lighting, ModelSpec
-from lighting.validation import clip_color
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
 MIN_SUN_SHARE = 0.1  # of the sky's level irradiance, from which a sun counts as painted

@@ -427,7 +427,7 @@ def usage_errors(kind: type[LightingError] = ParameterError) -> Iterator[None]:
     try:
         yield
     except kind as error:
-        from lighting.validation import option_name
+        from lighting.fields import option_name
 
         raise click.UsageError(str(error.renamed(option_name))) from error
 

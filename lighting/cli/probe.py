@@ -149,8 +149,8 @@ def _check_output(output: str, series: bool) -> None:
 
 def _check_lens(options: "Json") -> None:
     """Raise UsageError for an option that the lens does not have."""
+    from lighting.fields import option_name
     from lighting.probe.fisheye import UNUSED_LENS_OPTIONS
-    from lighting.validation import option_name
 
     kind = options["kind"]
     for name in UNUSED_LENS_OPTIONS.get(kind, ()):

@@ -9,13 +9,12 @@ from typing import Any
 import numpy as np
 
 from lighting.color import luminance
-from lighting.documentation import describe_fields
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image
 from lighting.envmap.render import clear_irradiance, disc_power, sky_irradiance, with_irradiance
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import RANGES, check_range, clip_color, convert_numpy_numbers, describe_fields, round_significant
 from lighting.geometry import Floats, Pinhole, angles, direction, wrap_azimuth
 from lighting.records import MIN_SPOT_DESCENT, Color, Lighting, check_lighting
-from lighting.validation import RANGES, check_range, clip_color, convert_numpy_numbers, round_significant
 
 _WHOLE_PIXEL = 1e-6  # pixels; a yaw this close to a whole number of pixels counts as one
 _ANGLE_DIGITS = 6  # behind the point, of rotated angles in degrees; records of estimates have fewer

@@ -2,7 +2,7 @@
 
 Environment maps are R, G, B with the lighting that made them in the header: half floats by `zip` where they fit, else
 32-bit floats. Attributes: `envmap`, `chromaticities`, `colorInteropID`, `software`; `lighting.<name>` for each number
-of a Lighting that is not None, with the names and units of validation.py; `lighting.sky_model`, `lighting.sky_painted`,
+of a Lighting that is not None, with the names and units of fields.py; `lighting.sky_model`, `lighting.sky_painted`,
 `lighting.sun_direction`, `lighting.evidence`; `lighting.json`, the record. Of a light probe:
 `light_probe.coefficients`, 27 numbers, RGB by RGB; `light_probe.direction`, `light_probe.irradiance`,
 `light_probe.lux` and `light_probe.kelvin` of its main light.
@@ -27,10 +27,10 @@ from numpy.typing import NDArray
 from lighting import __version__
 from lighting.color import CHROMATICITIES, COLOR_SPACES, chromaticities_to_rec709
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
+from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from lighting.files import atomic_write
 from lighting.records import Lighting, check_lighting, record_with_coefficients
 from lighting.runtime import available_cpus
-from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from lighting.calibration import calibrate_from_lines
 from lighting.decoding import correct_sun_color, lighting_from_prediction, predicted_sun_elevation
+from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.consistency import choose_lens
 from lighting.fusion.instants import Instant
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
@@ -26,7 +27,6 @@ from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.preprocess import is_blank, is_panorama, preprocess
 from lighting.photo.reader import Photo
 from lighting.records import MIN_SUITABLE, CodedWarning, EstimatedLight, EvidenceKind, Lighting, Prediction, WarningCode
-from lighting.validation import clip_to_range, round_significant
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
 _PANORAMA = "The file says that this is a panorama: do not trust this result."

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import RANGES
 from lighting.fusion.instants import Instant, PhotoInstants, resolve_instants, resolve_together
 from lighting.fusion.single_view import COMPASS_STD, Gravity, Observations, daylight_candidates
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import EYE_HEIGHT, SUN_RADIUS, angle_between, direction
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.solar_position import ASTRONOMICAL_TWILIGHT, CIVIL_TWILIGHT, NAUTICAL_TWILIGHT, sun_position
-from lighting.validation import RANGES
 
 if TYPE_CHECKING:
     from pygeomag import GeoMag

@@ -23,6 +23,7 @@ import lighting.geometry as geometry
 from lighting.color import luminance
 from lighting.decoding import bayes_direction, sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import RANGES
 from lighting.formatting import format_tilt
 from lighting.fusion.consistency import consistency_warnings
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
@@ -38,7 +39,6 @@ from lighting.sun_grid import (
     splat_to_grid,
     von_mises,
 )
-from lighting.validation import RANGES
 
 COMPASS_STD = 25.0  # deg: phones' compasses err by 17 deg in the median
 COMPASS_OUTLIER_RATE = 0.1  # share of compass headings that say nothing: the uniform part of the prior

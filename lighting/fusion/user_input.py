@@ -9,10 +9,9 @@ from datetime import datetime
 import numpy as np
 
 from lighting.deprecation import warn_of_old_name
-from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
 from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
-from lighting.validation import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers
 
 _RANGES = {"utc_offset": UTC_OFFSET_RANGE, "heading": (-360.0, 360.0), "vertical_fov": RANGES["vertical_fov"]}
 _RANGES["camera_height"] = RANGES["camera_height"]

@@ -17,7 +17,7 @@ from typing import Any
 
 from PIL import ExifTags, Image
 
-from lighting.documentation import describe_fields
+from lighting.fields import describe_fields
 from lighting.geometry import wrap_azimuth
 from lighting.photo.camera import PhotoFrame, read_lens, read_pose
 from lighting.photo.clock import read_clock, read_gps_time

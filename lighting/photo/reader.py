@@ -24,8 +24,8 @@ from PIL import Image, UnidentifiedImageError
 
 import lighting.photo.containers as containers
 from lighting.color import check_pixels
-from lighting.documentation import describe_fields
 from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
 from lighting.photo.containers import add_raw_exif

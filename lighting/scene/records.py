@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
-from lighting.documentation import describe_fields
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance, sun_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.fields import describe_fields
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import find_sunny_ground, is_in_sun, max_object_meters, spot_warnings
 from lighting.light_probe import LightProbe, main_light, project_latlong

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
+from lighting.fields import check_location
 from lighting.files import atomic_write, output_folder_error
 from lighting.files.exr import SOFTWARE
 from lighting.fusion.user_input import UserInput
@@ -46,7 +47,6 @@ from lighting.stereo.solver import (
     solve_normals,
 )
 from lighting.tracing import trace_step
-from lighting.validation import check_location
 
 Image = NDArray[np.float32]
 

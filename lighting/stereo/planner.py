@@ -15,6 +15,7 @@ from PIL import Image
 from lighting.color import luminance
 from lighting.envmap.latlong import shrink_envmap
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
+from lighting.fields import OPTIONAL_RANGES, check_range
 from lighting.files.exr import read_envmap
 from lighting.geometry import Floats, latlong_directions
 from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE
@@ -53,7 +54,6 @@ from lighting.stereo.schedule import (
     format_clock,
     make_plan,
 )
-from lighting.validation import OPTIONAL_RANGES, check_range
 
 MAX_PROBE_GAP = 20.0  # min between two probes that photos may be planned in
 

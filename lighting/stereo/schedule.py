@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ErrorCode, ParameterError
+from lighting.fields import check_range
 from lighting.geometry import Floats, direction
 from lighting.records import Json
 from lighting.stereo.light_vectors import (
@@ -30,7 +31,6 @@ from lighting.stereo.light_vectors import (
     SkyDay,
     illumination_matrices,
 )
-from lighting.validation import check_range
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
 MIN_SHOTS, MAX_SHOTS = 3, 1000

@@ -23,10 +23,10 @@ from lighting.decoding import (
     sun_from_rings,
     with_dappled_sun,
 )
+from lighting.fields import RANGES
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.records import Light, Lighting, Prediction
 from lighting.sun_grid import HEADINGS, grid_directions, soft_label, von_mises
-from lighting.validation import RANGES
 from tests.conftest import TINY
 
 FINE = "fibonacci:1024"

@@ -32,6 +32,7 @@ from lighting.errors import (
     require_extra,
 )
 from lighting.estimator import Estimator
+from lighting.fields import check_range, option_name, record_path
 from lighting.files import write_envmap
 from lighting.files.exr import write_exr
 from lighting.model import Model
@@ -41,7 +42,6 @@ from lighting.preview.picture import _draw_preview, draw_preview_pixels
 from lighting.records import Lighting
 from lighting.scene.records import make_scene
 from lighting.scene.writer import write_scene, zip_scene
-from lighting.validation import check_range, option_name, record_path
 from tests.helpers.scenes import estimate, outdoors, photo, plain_scene, small_map
 
 LIGHT = outdoors(30.0, 40.0)

@@ -14,6 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from lighting.errors import ModelError, ParameterError
+from lighting.fields import OPTIONAL_RANGES, RANGES, clip_color
 from lighting.geometry import direction
 from lighting.records import (
     CodedWarning,
@@ -27,7 +28,6 @@ from lighting.records import (
     warning_code,
 )
 from lighting.sky.hosek_wilkie import sky_coefficients
-from lighting.validation import OPTIONAL_RANGES, RANGES, clip_color
 from tests.conftest import TINY
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, ground_albedo=0.2)

@@ -10,8 +10,8 @@ from starlette.testclient import TestClient
 
 from lighting.errors import LightingError, ModelError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.estimator import Estimator
+from lighting.fields import RANGES
 from lighting.scene import EXPORTERS
-from lighting.validation import RANGES
 from server import problems
 from server.problems import MAX_ERRORS
 from tests.server.conftest import SKY, client_of, problem

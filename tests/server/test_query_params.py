@@ -17,12 +17,12 @@ from lighting.cli.options import _OPTIONS
 from lighting.envmap.relighting import Adjustments, adjust_lighting
 from lighting.envmap.render import render
 from lighting.estimator import Estimator
+from lighting.fields import OPTIONAL_RANGES, RANGES
 from lighting.files.exr import read_exr
 from lighting.fusion.user_input import UserInput
 from lighting.photo.reader import read_photo
 from lighting.records import record_with_coefficients
 from lighting.registration.features import has_opencv
-from lighting.validation import OPTIONAL_RANGES, RANGES
 from server.problems import ProblemError
 from server.query_params import (
     SUN_BY_DEFAULT,

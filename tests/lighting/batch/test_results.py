@@ -24,8 +24,8 @@ from lighting.batch.results import (
     write_parquet,
 )
 from lighting.errors import BatchError, MissingExtraError
+from lighting.fields import RANGES
 from lighting.records import Lighting
-from lighting.validation import RANGES
 from tests.conftest import encode, munich, scene
 from tests.helpers.processes import read_records, run_batch
 

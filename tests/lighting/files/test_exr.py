@@ -23,6 +23,7 @@ from lighting import __version__
 from lighting.color import COLOR_SPACES
 from lighting.envmap.render import render
 from lighting.errors import EnvironmentMapError, ParameterError
+from lighting.fields import RANGES
 from lighting.files.exr import (
     _MANTISSA_BITS,
     _SET_EFFORT,
@@ -35,7 +36,6 @@ from lighting.files.exr import (
 )
 from lighting.geometry import latlong_solid_angle
 from lighting.records import Lighting, record_with_coefficients
-from lighting.validation import RANGES
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=50.0)
 EXACT = ("none",)

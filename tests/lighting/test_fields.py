@@ -1,4 +1,4 @@
-"""Every field of a public record says what it is, with its unit and range."""
+"""Fields of records: their docstrings, and old names."""
 
 import ast
 import pydoc
@@ -12,9 +12,9 @@ import pytest
 
 import lighting
 from lighting.deprecation import RENAMED
-from lighting.documentation import describe_fields, field_docstrings
 from lighting.envmap.relighting import Adjustments
 from lighting.estimator import Estimator
+from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, describe_fields, field_docstrings
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.light_probe import LightProbe, MainLight
 from lighting.model import Model
@@ -30,7 +30,6 @@ from lighting.records import (
     SunEstimate,
 )
 from lighting.scene.records import CameraMotion, Scene
-from lighting.validation import COLOR_RANGES, OPTIONAL_RANGES, RANGES
 from tests.helpers.pages import ROOT
 
 RECORDS: list[type] = [

@@ -1,12 +1,19 @@
-"""The ranges and units of what describes a light, checks of values against them, and values clipped to them.
+"""The fields of records: ranges and units of a light's, checks against them, values clipped to them, and docstrings.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables. JSON groups them
-(RECORD_PATHS). Some have other names where people type them (SHORT_NAMES).
+(RECORD_PATHS). Some have other names where people type them (SHORT_NAMES). Python itself keeps the docstrings of fields
+nowhere; `describe_fields` gives them to `help`.
 """
 
+import ast
+import inspect
 import math
 import reprlib
-from typing import TypeGuard
+import textwrap
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
+from enum import Enum
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -88,6 +95,7 @@ SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call othe
     "first": "date",
     "last": "until",
 }
+Record = TypeVar("Record")
 
 
 def record_path(field: str) -> str:
@@ -117,12 +125,16 @@ def option_name(field: str) -> str:
     return "--" + parameter_name(field).replace("_", "-")
 
 
-def is_finite(value: object) -> TypeGuard[int | float]:
-    """Tell whether a value is a finite number that a float can hold; a bool is not a number.
+def are_finite(values: Iterable[object]) -> bool:
+    """Tell whether all values are finite numbers that a float can hold; a bool is not a number.
 
     Args:
-        value: any.
+        values: any.
     """
+    return all(map(_is_finite, values))
+
+
+def _is_finite(value: object) -> TypeGuard[int | float]:
     try:
         return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     except OverflowError:  # an integer of hundreds of digits
@@ -139,7 +151,7 @@ def check_range(field: str, value: object, low: float, high: float, subject: str
         high: largest allowed value, in the field's unit.
         subject: how the sentence begins; None is with the field's name.
     """
-    if not is_finite(value):
+    if not _is_finite(value):
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         predicate = f"must be a finite number, not {reprlib.repr(value)}."
         code = ErrorCode.OUT_OF_RANGE if is_number else ErrorCode.WRONG_TYPE
@@ -152,19 +164,26 @@ def check_range(field: str, value: object, low: float, high: float, subject: str
     raise ParameterError.about(field, predicate, code)
 
 
-def check_color(field: str, color: object, low: float, high: float) -> None:
-    """Raise a one-sentence ParameterError unless a field holds three numbers in [low, high].
+def check_fields(record: object, ranges: Mapping[str, tuple[float, float]]) -> None:
+    """Raise a one-sentence ParameterError unless fields of a light lie in their ranges.
+
+    Those that are not in RANGES may be None.
 
     Args:
-        field: as Python names it.
-        color: what should be a tuple of red, green and blue.
-        low: least allowed value.
-        high: largest allowed value.
+        record: whose fields they are: numbers, and red, green and blue where COLOR_RANGES has them.
+        ranges: least and largest allowed value, by field.
     """
-    if not isinstance(color, tuple) or len(color) != 3:
-        raise ParameterError.about(field, "must be three numbers: red, green and blue.", ErrorCode.WRONG_TYPE)
-    for value in color:
-        check_range(field, value, low, high)
+    for name, limits in ranges.items():
+        value = getattr(record, name)
+        if value is None and name not in RANGES:
+            continue
+        if name not in COLOR_RANGES:
+            check_range(name, value, *limits)
+        elif not isinstance(value, tuple) or len(value) != 3:
+            raise ParameterError.about(name, "must be three numbers: red, green and blue.", ErrorCode.WRONG_TYPE)
+        else:
+            for part in value:
+                check_range(name, part, *limits)
 
 
 def check_location(latitude: float | None, longitude: float | None) -> None:
@@ -186,6 +205,15 @@ def round_significant(value: float) -> float:
         value: finite.
     """
     return float(f"{value:.6g}")
+
+
+def round_all(values: ArrayLike) -> list[float]:
+    """Round all values of an array, one after the other, as `round_significant` does; there is no -0.
+
+    Args:
+        values: finite.
+    """
+    return [round_significant(value) for value in (np.ravel(values) + 0.0).tolist()]
 
 
 def clip_to_range(name: str, value: float) -> float:
@@ -222,3 +250,65 @@ def convert_numpy_numbers(record: object, *names: str) -> None:
             object.__setattr__(record, name, value.item())
         elif isinstance(value, list | tuple | np.ndarray):
             object.__setattr__(record, name, tuple(v.item() if isinstance(v, np.generic) else v for v in value))
+
+
+class _RecordDoc:
+    """A class's `__doc__` that lists the fields; the source is read when somebody asks for it."""
+
+    def __init__(self, summary: str) -> None:
+        self._summary = summary
+        self._text: str | None = None
+
+    def __get__(self, _instance: object, owner: type) -> str:
+        if self._text is None:
+            self._text = _list_fields(owner, inspect.cleandoc(self._summary))
+        return self._text
+
+
+def describe_fields(record: type[Record]) -> type[Record]:
+    """Let `help` list the fields of a dataclass with their docstrings.
+
+    Args:
+        record: a dataclass; the decorator stands above `dataclass`.
+    """
+    record.__doc__ = _RecordDoc(record.__doc__ or "")  # type: ignore[assignment]  # Python asks it, as any descriptor
+    return record
+
+
+def field_docstrings(record: type) -> dict[str, str]:
+    """Return the docstrings of a record's fields, by name, those of its bases too; none where there is no source.
+
+    Args:
+        record: a dataclass, or an enumeration, whose members count.
+    """
+    found: dict[str, str] = {}
+    for owner in reversed(record.__mro__):
+        found |= _own_docstrings(owner)
+    names = record.__members__ if issubclass(record, Enum) else [field.name for field in fields(_as_dataclass(record))]
+    return {name: found[name] for name in names if name in found}
+
+
+def _as_dataclass(record: type) -> Any:
+    return record
+
+
+def _own_docstrings(owner: type) -> dict[str, str]:
+    """The docstrings below the names of a class."""
+    try:
+        source = inspect.getsource(owner)
+    except (OSError, TypeError):  # of a class that C defines, or a program without its sources
+        return {}
+    (definition,) = ast.parse(textwrap.dedent(source)).body
+    return dict(_attribute_docstrings(definition)) if isinstance(definition, ast.ClassDef) else {}
+
+
+def _attribute_docstrings(definition: ast.ClassDef) -> Iterator[tuple[str, str]]:
+    for statement, below in zip(definition.body, definition.body[1:], strict=False):
+        match statement, below:
+            case ((ast.AnnAssign(ast.Name(name)) | ast.Assign([ast.Name(name)])), ast.Expr(ast.Constant(str(text)))):
+                yield name, inspect.cleandoc(text)
+
+
+def _list_fields(record: type, summary: str) -> str:
+    lines = [f"    {name}: {text}" for name, text in field_docstrings(record).items()]
+    return "\n".join([summary, "", "Fields:", *lines]) if lines else summary
