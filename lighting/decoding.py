@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import luminance
 from lighting.fields import clip_color, clip_to_range, round_significant
-from lighting.geometry import Floats, angles, direction, wrap_azimuth
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
 from lighting.sky import PAINTED_SKY
 from lighting.sky.hosek_wilkie import sun_radiance
@@ -18,8 +18,10 @@ from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credibl
 
 _CANDIDATE_CELLS = 64  # the likeliest; only they may be the answer, so that it never lies between two modes
 _MIN_CANDIDATE_SHARE = 0.05  # least probability of such a cell, as a share of the likeliest cell's
-_MAX_ERROR = 60.0  # deg; larger errors count as this one. 45 gave the same accuracy on unseen scenes
-_REFINEMENT_ANGLE = 25.0  # deg from the best cell over which the answer is averaged
+_MAX_ERROR = 45.0  # deg; larger errors count as this one
+_REFINEMENT_ANGLE = 40.0  # deg from the best cell, at which the biweight of the answer's mean has fallen to 0
+_HIGH_ELEVATION = 55.0  # deg, over which a broad answer is too high
+_NEAR_ANGLE = 25.0  # deg from the best cell; the probability within says how broad the answer is
 _TARGET_STD = 4.0  # deg, of the lobes about true suns that networks are trained to predict
 
 _MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
@@ -46,22 +48,30 @@ _EPSILON_IRRADIANCE = 1e-6  # stands for none where logarithms are averaged
 def bayes_direction(probability: ArrayLike, layout: str) -> Floats:
     """The sun's direction (3,), a Bayes estimate under bounded errors.
 
-    Of the likeliest cells it takes the one with the least expected error. Errors over 60 deg count as 60 deg, because
-    an unbounded error would pull the answer between two modes, where no sun is likely. The weighted mean of the cells
-    within 25 deg of that cell then removes the error of the grid. Near the horizon that mean is too high.
+    Of the likeliest cells it takes the one with the least expected error. Errors over 45 deg count as 45 deg, because
+    an unbounded error would pull the answer between two modes, where no sun is likely. The mean of the cells about
+    that cell, with the biweight [1], then removes the error of the grid. Near the horizon that mean is too high. High
+    in the sky it is too high where the distribution is broad. So what it has over 55 deg shrinks to the share of the
+    probability near that cell.
 
     Args:
         probability: (N,) of the cells.
         layout: of the sun grid.
+
+    References:
+        [1] Beaton and Tukey, The Fitting of Power Series, Technometrics 1974.
     """
     p = np.asarray(probability, dtype=np.float64)
     cells = grid_directions(layout)
     candidates = np.argpartition(p, -min(_CANDIDATE_CELLS, len(p)))[-_CANDIDATE_CELLS:]
     candidates = candidates[p[candidates] >= _MIN_CANDIDATE_SHARE * p.max()]
-    center = cells[candidates[int(np.argmin(_bounded_errors(layout)[candidates] @ p.astype(np.float32)))]]
-    near = p * (cells @ center >= np.cos(np.radians(_REFINEMENT_ANGLE)))
-    azimuth, elevation = angles(near @ cells)
-    return direction(azimuth, np.interp(elevation, *_lobe_elevations()))
+    center = candidates[int(np.argmin(_bounded_errors(layout)[candidates] @ p.astype(np.float32)))]
+    distance = angle_between(cells, cells[center])
+    biweight = np.maximum(1.0 - (distance / _REFINEMENT_ANGLE) ** 2, 0.0) ** 2
+    azimuth, elevation = angles((p * biweight) @ cells)
+    elevation = np.interp(elevation, *_lobe_elevations())
+    near = p[distance <= _NEAR_ANGLE].sum() / p.sum()
+    return direction(azimuth, elevation - (1.0 - near) * max(elevation - _HIGH_ELEVATION, 0.0))
 
 
 @lru_cache(maxsize=1)

@@ -70,7 +70,7 @@ def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
     assert angle_between(bayes_direction(p, FINE), modes[0]) < 35.0
 
 
-def test_errors_beyond_sixty_degrees_count_alike() -> None:
+def test_errors_beyond_a_bound_count_alike() -> None:
     """By the mean error the strongest mode would lose to two far away from it, either of which is weaker."""
     modes = [direction(az, 20.0) for az in (0.0, 110.0, 155.0)]
     p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.42, 0.29, 0.29))
@@ -95,6 +95,12 @@ def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
     """With every azimuth as likely, the direction that errs least would be the zenith, where no sun is."""
     ring = soft_label(direction(np.arange(-180.0, 180.0, 2.0), np.full(180, el)), CONCENTRATION, FINE).mean(axis=0)
     assert abs(float(angles(bayes_direction(ring, FINE))[1]) - el) < 6.0
+
+
+@pytest.mark.parametrize(("spread", "low", "high"), [(4.0, 74.5, 75.5), (12.0, 70.0, 75.0), (30.0, 55.0, 65.0)])
+def test_a_broad_answer_high_in_the_sky_is_lowered(spread: float, low: float, high: float) -> None:
+    broad = soft_label(direction(40.0, 75.0), math.radians(spread) ** -2, FINE)
+    assert low < float(angles(bayes_direction(broad, FINE))[1]) < high
 
 
 def prediction(**values: Any) -> Prediction:
