@@ -8,9 +8,9 @@ edges run in two headings at right angles that nobody knows beforehand; those of
 both together tell the lens. Each edge is a mixture, for some are neither (the Manhattan world of [3]), and the mean
 over the headings counts.
 
-Both are likelihoods over a grid of elevation, roll and lens, times a heavy-tailed prior about the network's answer. The
-network knows where the horizon lies in the picture better than it knows the lens: where the lens is another, so is the
-elevation.
+Both are likelihoods over a grid of elevation, roll and lens, times a heavy-tailed prior about the network's answer.
+Among verticals, a level camera is likelier still. The network knows where the horizon lies in the picture better than
+it knows the lens: where the lens is another, so is the elevation.
 
 References:
     [1] Burns, Hanson and Riseman, Extracting Straight Lines, PAMI 1986.
@@ -44,9 +44,11 @@ _MAX_BIN_DIFFERENCE = round(40.0 / 360.0 * _DIRECTION_BINS)  # between the gradi
 
 _ELEVATION_OFFSETS = np.arange(-9.0, 9.1, 1.5)  # deg from the network's answer for each lens
 _ROLL_OFFSETS = np.arange(-4.0, 4.1, 0.5)  # deg from it
-_LOG_LENS_OFFSETS = np.arange(-0.2, 0.21, 0.1)  # from it, logarithm of the tangent of half the field of view
-_ELEVATION_STD, _LOG_LENS_STD = 2.3, 0.1  # of the network's answers, in the same units
+_LOG_LENS_OFFSETS = np.arange(-0.3, 0.31, 0.1)  # from it, logarithm of the tangent of half the field of view
+_ELEVATION_STD, _LOG_LENS_STD = 2.3, 0.12  # of the network's answers, in the same units
 _ROLL_STD_RANGE = (0.2, 2.0)  # deg: that of small rolls is their own size, for the network knows level cameras best
+_LEVEL_ODDS = 12.0  # by which a level camera is likelier than a rolled one by people's habit
+_LEVEL_STD = 0.3  # deg, of the roll of level cameras
 _DEGREES_OF_FREEDOM = 4.0  # of Student's t distribution, which those errors have
 _LENS_EXPONENT = 0.5  # power of the lens with which the elevation, as a tangent, goes; 1 keeps its horizon in place
 
@@ -279,7 +281,8 @@ def _posterior_mean(cameras: _Cameras, edges: _Edges, height: int) -> tuple[floa
     """Elevation and roll [deg] and lens in the mean of the posterior, the lens as `cameras` has it."""
     log = _log_prior(cameras)
     if len(edges.upright.length):
-        log = log + _with_outliers(_log_likelihood_of_verticals(edges.upright, height, cameras))
+        verticals = _log_likelihood_of_verticals(edges.upright, height, cameras)
+        log = log + _with_outliers(verticals) + _log_level_prior(cameras.roll)
     p = _normalize(log)
     if len(edges.other.length):
         roll = float(p.sum(axis=(0, 1)) @ cameras.roll)
@@ -309,6 +312,11 @@ def _log_prior(cameras: _Cameras) -> Floats:
     freedom = _DEGREES_OF_FREEDOM
     elevation, roll, lens = (-0.5 * (freedom + 1) * np.log1p(z**2 / freedom) for z in standardized)
     return np.asarray(lens[:, None, None] + elevation[:, None] + roll)
+
+
+def _log_level_prior(roll: Floats) -> Floats:
+    """Logarithm of the density (R,) of rolls [deg] by people's habit to hold cameras level, up to a constant."""
+    return np.asarray(np.log1p(_LEVEL_ODDS * np.exp(-0.5 * (roll / _LEVEL_STD) ** 2)))
 
 
 def _log_likelihood_of_horizontals(lines: _Lines, height: int, cameras: _Cameras, roll: float) -> Floats:
