@@ -47,7 +47,7 @@ from benchmarks.common import (
     run_lighting,
 )
 from export.data.panoramas import DataError
-from export.data.path_tracing import find_llvm
+from export.data.rendered_towns import find_llvm
 from lighting.calibration import MAX_SIDE, calibrate_from_lines
 from lighting.envmap.projection import size_in_envmap
 from lighting.envmap.render import render

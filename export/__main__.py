@@ -79,7 +79,7 @@ def _list(data: Path, out: Path, taught: tuple[tuple[str, Path], ...]) -> None:
 @_option("--samples", "JPEG file to write: one crop of each of the first 48 places.", FILE)
 def _synthesize(out: Path, count: int, val: float, height: int, samples: Path | None) -> None:
     """Render places with exact labels to train on; each takes two to three seconds on two cores."""
-    from export.data.town_dataset import render_towns as run
+    from export.data.rendered_towns import render_towns as run
 
     run(out, count, height, val)
     if samples:

@@ -1,4 +1,4 @@
-"""Ordinary photos: crops of them, the likelihood of their suns, and the prior of elevations."""
+"""Ordinary photos whose true sun is known: their table, crops and suns' likelihoods, and the prior of elevations."""
 
 import math
 from collections.abc import Sequence
@@ -12,14 +12,15 @@ from PIL import Image
 
 from export.crops.crops import PHONE_ASPECTS, VISIBILITY, Camera, Crop, Source, balanced_weights, sampling_weights
 from export.data.labels import read_labels_of
-from export.data.panoramas import decode_srgb, read_index
-from export.data.photos import PhotoRow, require_photo_rows
+from export.data.panoramas import DataError, decode_srgb, is_permissive, read_index, read_table
 from lighting.geometry import Floats, angles, wrap_azimuth
 from lighting.photo.preprocess import fit_size
 from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
+PHOTOS = "photos_train.csv"
+COLUMNS = ("file", "group", "sun_azimuth", "sun_elevation", "direct", "hfov", "expected_azimuth_error")
 _MIN_SHARE = 0.6  # of the largest crop of an aspect ratio
 _MAX_ROTATION = 5.0  # deg, either way
 _ELEVATION_STD = 3.0  # deg; time and place are exact, but what is learnt from so few photos need not be
@@ -30,14 +31,69 @@ _BILINEAR = Image.Resampling.BILINEAR
 
 
 @dataclass(frozen=True)
+class _PhotoRow:
+    """One row; NaN where it does not tell. Angles in deg."""
+
+    path: Path
+    group: str  # one scene and hour of one photographer
+    sun_azimuth: float  # relative to the camera, positive right
+    sun_elevation: float
+    azimuth_std: float
+    direct: str  # "yes", "partly", "no", or "" where not known
+    horizontal_fov: float
+    licence: str = ""
+
+
+def read_photo_rows(folder: str | Path) -> list[_PhotoRow]:
+    """The rows of a folder's photos, none if it has no such table; DataError if a row cannot be used.
+
+    Args:
+        folder: with `photos_train.csv`.
+    """
+    table = Path(folder) / PHOTOS
+    if not table.exists():
+        return []
+    return [_row(row, table, line) for line, row in enumerate(read_table(table, COLUMNS), start=2)]
+
+
+def require_photo_rows(folder: str | Path, *, licensed_only: bool = False) -> list[_PhotoRow]:
+    """As `read_photo_rows`, for those who cannot do without photos; DataError if there is none.
+
+    Args:
+        folder: with `photos_train.csv`.
+        licensed_only: keep the rows that `is_permissive` accepts.
+    """
+    rows = [row for row in read_photo_rows(folder) if not licensed_only or is_permissive(row.licence)]
+    if not rows:
+        which = "photo with a permissive licence" if licensed_only else "photo"
+        raise DataError(f"There is no {which} to learn from in {Path(folder) / PHOTOS}.")
+    return rows
+
+
+def _row(row: dict[str, str], table: Path, line: int) -> _PhotoRow:
+    try:
+        numbers = {name: float(row[name] or "nan") for name in COLUMNS[2:] if name != "direct"}
+    except ValueError as error:
+        raise DataError(f"{table}, line {line}: {error}.") from error
+    if math.isnan(numbers["sun_elevation"]):
+        raise DataError(f"{table}, line {line}: sun_elevation is empty.")
+    path = table.parent / row["file"]
+    if not path.is_file():
+        raise DataError(f"{table}, line {line}: there is no photo {path}.")
+    direct = row["direct"] if row["direct"] in ("yes", "partly", "no") else ""
+    azimuth, elevation, fov, azimuth_std = numbers.values()
+    return _PhotoRow(path, row["group"], azimuth, elevation, azimuth_std, direct, fov, row.get("licence", ""))
+
+
+@dataclass(frozen=True)
 class PhotoSource:
     """A photo in memory with its row."""
 
-    row: PhotoRow
+    row: _PhotoRow
     pixels: NDArray[np.uint8]  # (H, W, 3) upright sRGB
 
 
-def load_photos(rows: Sequence[PhotoRow]) -> list[PhotoSource]:
+def load_photos(rows: Sequence[_PhotoRow]) -> list[PhotoSource]:
     """Read photos.
 
     Args:

@@ -11,9 +11,9 @@ import numpy as np
 
 from export.crops.augmentation import augment
 from export.crops.crops import crop_panorama, crop_rng, load_sources, paper_camera, training_camera
+from export.crops.photos import require_photo_rows
 from export.crops.targets import clear_sun_to_sky_ratio, panorama_irradiance
 from export.data.panoramas import DataError, read_index
-from export.data.photos import require_photo_rows
 from export.evaluation.irradiance import (
     WEATHER,
     HdrCrops,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from export.crops.crops import auto_exposure_gain
-from export.data.path_tracing import RenderedTown, random_sky
 from export.data.procedural_towns import random_town
+from export.data.rendered_towns import RenderedTown, random_sky
 from export.evaluation.metrics import figures_table, percentage
 from lighting.color import SRGB_LINEAR, luminance, tone_map
 from lighting.envmap.latlong import row_irradiance

@@ -31,11 +31,17 @@ from export.crops.crops import (
     sampling_weights,
     training_camera,
 )
-from export.crops.photos import PhotoSource, crop_photo, load_photos, photo_sun_likelihood, photo_weights
+from export.crops.photos import (
+    PhotoSource,
+    crop_photo,
+    load_photos,
+    photo_sun_likelihood,
+    photo_weights,
+    require_photo_rows,
+)
 from export.crops.targets import CELLS, coarse_radiance, panorama_irradiance, sun_in_view_target, surroundings_in_camera
 from export.data.panoramas import DataError, Panorama, read_index
-from export.data.photos import require_photo_rows
-from export.data.town_dataset import LABELS
+from export.data.rendered_towns import LABELS
 from export.networks.outdoor import LIGHT, network_specs
 from export.training.config import TrainConfig
 from lighting.color import tone_map

@@ -20,9 +20,8 @@ from torch import Tensor, nn
 from export.crops.augmentation import augment
 from export.crops.crops import Source, crop_panorama, crop_rng, load_sources, training_camera
 from export.crops.negatives import Picture, read_unsuitable, unsuitable_pictures
-from export.crops.photos import crop_photo, load_photos, photo_weights
+from export.crops.photos import crop_photo, load_photos, photo_weights, read_photo_rows
 from export.data.panoramas import DataError, read_index, read_table
-from export.data.photos import read_photo_rows
 from export.networks.outdoor import Outdoor
 from export.networks.weights import CHECKPOINT, read_checkpoint, read_network, read_spec
 from export.training.dataset import split_places

@@ -9,8 +9,8 @@ from PIL import Image
 from export.crops.crops import Camera, Crop, Source
 from export.data.labels import Label
 from export.data.panoramas import Panorama
-from export.data.path_tracing import HEIGHT, Sky
 from export.data.procedural_towns import Mesh, _box
+from export.data.rendered_towns import HEIGHT, _Sky
 from export.evaluation.failures import _Failure
 from export.evaluation.metrics import Answers, Truth, answers_from_sun
 from export.networks.outdoor import network_specs
@@ -165,11 +165,11 @@ def plain(size: float = 400.0) -> Mesh:
 NOTHING = _box(np.array([900.0, 900.0]), np.ones(3), 0, np.array(ALBEDO))
 
 
-def clear(elevation: float = 40.0, sunlight: float = 1.0) -> Sky:
+def clear(elevation: float = 40.0, sunlight: float = 1.0) -> _Sky:
     lighting = Lighting(sun_azimuth=60.0, sun_elevation=elevation, turbidity=3.0, exposure=0.02)
     radiance = render(lighting, HEIGHT, sun=False)
     radiance[HEIGHT // 2 :] = 0.0
-    return Sky(radiance, lighting, sunlight)
+    return _Sky(radiance, lighting, sunlight)
 
 
 # The light of an HDR panorama.

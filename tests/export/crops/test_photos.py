@@ -18,25 +18,29 @@ from export.crops.negatives import (
     unsuitable_pictures,
 )
 from export.crops.photos import (
+    COLUMNS,
+    PHOTOS,
     PhotoSource,
     _fit_scale,
+    _PhotoRow,
     crop_photo,
     fit_elevation_prior,
     load_photos,
     photo_sun_likelihood,
     photo_weights,
+    read_photo_rows,
+    require_photo_rows,
 )
 from export.data.panoramas import DataError
-from export.data.photos import COLUMNS, PhotoRow
 from lighting.color import tone_map
 from lighting.geometry import angles
 from lighting.sun_grid import grid_directions
 from tests.helpers.panoramas import EXAMPLES_SPEC, source
 
-ROW = PhotoRow(Path("a.jpg"), "a_1", 30.0, 20.0, 10.0, "yes", 60.0)
+ROW = _PhotoRow(Path("a.jpg"), "a_1", 30.0, 20.0, 10.0, "yes", 60.0)
 
 
-def photo(row: PhotoRow = ROW) -> PhotoSource:
+def photo(row: _PhotoRow = ROW) -> PhotoSource:
     """A picture whose red tells the column and whose green tells the row."""
     y, x = np.mgrid[0:300, 0:400]
     return PhotoSource(row, np.stack([x * 0.6, y * 0.8, np.full_like(x, 90)], axis=-1).astype(np.uint8))
@@ -70,7 +74,9 @@ def test_the_likelihood_is_widest_where_least_is_known() -> None:
     behind = np.abs(np.abs(azimuth - crop.sun_azimuth) - 180) < 30
     assert 0 < weight[behind].sum() < 0.05
     unknown = crop_photo(
-        photo(PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)), np.random.default_rng(0), EXAMPLES_SPEC
+        photo(_PhotoRow(Path("a"), "a", math.nan, 20.0, math.nan, "", math.nan)),
+        np.random.default_rng(0),
+        EXAMPLES_SPEC,
     )
     ring = photo_sun_likelihood(unknown, EXAMPLES_SPEC.sun_grid)
     near = np.abs(elevation - 20.0) < 3.0
@@ -93,7 +99,7 @@ def test_a_stretched_photo_is_taller_and_has_a_higher_sun() -> None:
 
 def test_photos_are_read_and_low_suns_and_small_groups_count_more(data: Path) -> None:
     path = next((data / "panoramas").iterdir()) if (data / "panoramas").exists() else next(data.glob("*.png"))
-    rows = [PhotoRow(path, g, 0.0, e, 10.0, "yes", 60.0) for g, e in (("a", 50), ("a", 50), ("b", 50), ("c", 5))]
+    rows = [_PhotoRow(path, g, 0.0, e, 10.0, "yes", 60.0) for g, e in (("a", 50), ("a", 50), ("b", 50), ("c", 5))]
     weights = photo_weights([PhotoSource(row, np.zeros((8, 8, 3), np.uint8)) for row in rows])
     assert weights.sum() == pytest.approx(1.0)
     assert weights[0] == weights[1] < weights[2] < weights[3]
@@ -168,3 +174,49 @@ def test_every_kind_gets_its_turn() -> None:
         kind for kind, _ in unsuitable_pictures([_Unsuitable("indoor", "somebody", CROP)], crops, 3, EXAMPLES_SPEC)
     ]
     assert kinds == ["indoor"] * 3 + [*SYNTHETIC_KINDS] * 2
+
+
+def table(folder: Path, *rows: str) -> None:
+    (folder / PHOTOS).write_text("\n".join([",".join(COLUMNS), *rows]) + "\n", encoding="utf-8")
+    (folder / "a.jpg").write_bytes(b"")
+
+
+def test_rows_keep_what_they_know(tmp_path: Path) -> None:
+    table(tmp_path, "a.jpg,x_1,-35.9,51.2,yes,53.1,15", "a.jpg,x_2,,4.0,unclear,,")
+    one, other = read_photo_rows(tmp_path)
+    assert (one.sun_azimuth, one.sun_elevation, one.direct, one.azimuth_std) == (-35.9, 51.2, "yes", 15.0)
+    assert math.isnan(other.sun_azimuth)
+    assert math.isnan(other.horizontal_fov)
+    assert other.direct == ""
+
+
+def test_a_folder_without_the_table_has_no_photos(tmp_path: Path) -> None:
+    assert read_photo_rows(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("a.jpg,x,1,,yes,50,15", "sun_elevation is empty"),
+        ("b.jpg,x,1,2,yes,50,15", "no photo"),
+        ("a.jpg,x,w,2,,,", "'w'"),
+    ],
+)
+def test_a_row_that_cannot_be_used_is_named(tmp_path: Path, row: str, words: str) -> None:
+    table(tmp_path, row)
+    with pytest.raises(DataError, match=f"line 2: .*{words}"):
+        read_photo_rows(tmp_path)
+
+
+def test_photos_that_are_needed_are_there_and_permissive_where_that_is_asked(tmp_path: Path) -> None:
+    with pytest.raises(DataError, match=r"There is no photo to learn from in .*photos_train\.csv\.$"):
+        require_photo_rows(tmp_path)
+    table(tmp_path, "a.jpg,x_1,1,2,yes,50,15")
+    assert len(require_photo_rows(tmp_path)) == 1
+    with pytest.raises(DataError, match="no photo with a permissive licence"):
+        require_photo_rows(tmp_path, licensed_only=True)
+    lines = [",".join([*COLUMNS, "licence"])]
+    lines += [f"a.jpg,{licence},1,2,yes,50,15,{licence}" for licence in ("none stated", "GPL", "CC-BY 4.0", "")]
+    (tmp_path / PHOTOS).write_text("\n".join(lines), encoding="utf-8")
+    assert [row.group for row in require_photo_rows(tmp_path, licensed_only=True)] == ["CC-BY 4.0"]
+    assert len(require_photo_rows(tmp_path)) == 4

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from export.__main__ import FITS as NAMES
+from export.crops.photos import PHOTOS
 from export.crops.targets import clear_sun_to_sky_ratio
 from export.data.panoramas import DataError
-from export.data.photos import PHOTOS
 from export.evaluation import fit_constants as module
 from export.evaluation.fit_constants import (
     FITS,

@@ -9,9 +9,9 @@ import torch
 from PIL import Image
 
 from export.crops.crops import load_sources
-from export.data import town_dataset
+from export.crops.photos import COLUMNS, PHOTOS
+from export.data import rendered_towns
 from export.data.panoramas import DataError, Panorama, read_index
-from export.data.photos import COLUMNS, PHOTOS
 from export.training import dataset
 from export.training.config import TrainConfig
 from export.training.dataset import TrainingCrops, split_places, training_photos
@@ -42,7 +42,7 @@ def test_the_light_around_two_places_that_share_a_crop_is_in_the_exposure_of_eac
 @pytest.mark.usefixtures("llvm")
 def test_samples_are_one_crop_of_each_place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(dataset, "DOWN", 1)
-    town_dataset.render_towns(tmp_path / "towns", 8, 16)
+    rendered_towns.render_towns(tmp_path / "towns", 8, 16)
     dataset.write_samples(tmp_path / "towns", tmp_path / "samples.jpg")
     with Image.open(tmp_path / "samples.jpg") as picture:
         assert picture.size == (8 * 224, 168)

@@ -1,14 +1,21 @@
-"""Tests of path tracing."""
+"""Rendered towns: LLVM, skies, light and shadows, and the folder of panoramas."""
 
 from pathlib import Path
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
-from export.data.panoramas import DataError
-from export.data.path_tracing import HEIGHT, VARIABLE, RenderedTown, Sky, _despeckle, find_llvm, random_sky
+from export.__main__ import export_cli
+from export.crops.crops import Camera, _load_source, crop_panorama
+from export.data import rendered_towns
+from export.data.labels import read_labels, write_labels
+from export.data.panoramas import DataError, read_index
 from export.data.procedural_towns import EYE, _box, _join
+from export.data.rendered_towns import HEIGHT, VARIABLE, RenderedTown, _despeckle, _Sky, find_llvm, random_sky
+from export.networks.outdoor import network_specs
 from lighting.geometry import angle_between, direction, latlong_directions
+from lighting.probe.sky_fit import find_sun
 from tests.helpers.panoramas import ALBEDO, NOTHING, clear, plain
 
 
@@ -58,10 +65,10 @@ def test_the_sky_is_seen_where_it_is() -> None:
 def test_level_ground_shines_by_lambert_s_law() -> None:
     """Under an even sky L: albedo x L. Under the sun alone: albedo / pi x E x sin(elevation)."""
     even = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0).repeat(3, axis=2).astype(np.float32)
-    overcast = Sky(even, clear().lighting, 0.0)
+    overcast = _Sky(even, clear().lighting, 0.0)
     below = RenderedTown(plain(), NOTHING, overcast).panorama(32, 1)[22:28]
     np.testing.assert_allclose(below.mean(axis=(0, 1)), ALBEDO, rtol=0.02)
-    sunny = Sky(np.zeros_like(even) + 1e-6, clear().lighting, 1.0)
+    sunny = _Sky(np.zeros_like(even) + 1e-6, clear().lighting, 1.0)
     lit = RenderedTown(plain(), NOTHING, sunny).panorama(32, 1)[22:28].mean(axis=(0, 1))
     np.testing.assert_allclose(
         lit, np.array(ALBEDO) / np.pi * sunny.sun_irradiance * np.sin(np.radians(40.0)), rtol=0.02
@@ -118,3 +125,45 @@ def test_the_disc_holds_the_sun_s_irradiance() -> None:
     weight = np.pi / height * np.cos(np.radians(90 - (np.arange(height) + 0.5) * 180 / height)) * np.pi / height
     flux = (sky.disc(height) * weight[:, None, None]).sum(axis=(0, 1))
     np.testing.assert_allclose(flux, sky.sun_irradiance, rtol=0.02)
+
+
+@pytest.mark.usefixtures("llvm")
+def test_a_folder_is_filled_gone_on_with_and_read(tmp_path: Path) -> None:
+    run = CliRunner().invoke
+    folder = tmp_path / "towns"
+    command = ["synthesize", "--out", str(folder), "--height", "32", "--count"]
+    assert run(export_cli, [*command, "2"]).exit_code == 0
+    before = (folder / "panoramas" / "town_00000.exr").stat().st_mtime_ns
+    assert run(export_cli, [*command, "4"]).exit_code == 0
+    assert (folder / "panoramas" / "town_00000.exr").stat().st_mtime_ns == before
+    panoramas, labels = read_index(folder, "train"), read_labels(folder / rendered_towns.LABELS)
+    assert [p.name for p in panoramas] == [label.name for label in labels] == [f"town_{i:05d}" for i in range(4)]
+    write_labels(labels[:2], folder / rendered_towns.LABELS)  # as if killed between the index and the labels
+    assert run(export_cli, [*command, "4"]).exit_code == 0
+    assert len(read_index(folder, "train")) == len(read_labels(folder / rendered_towns.LABELS)) == 4
+    again = rendered_towns._render_town(1, 32)
+    assert again.label.sun_elevation == pytest.approx(labels[1].sun_elevation, rel=1e-5)
+    crop = crop_panorama(
+        _load_source(panoramas[1], labels[1]), Camera(20, 0, 0, 60, 4 / 3), network_specs("0")["outdoor"]
+    )
+    assert np.isfinite(crop.linear).all()
+
+
+@pytest.mark.parametrize(
+    ("share", "numbers"), [(0.2, [4, 9]), (0.5, [1, 3, 5, 7, 9]), (0.0, []), (1.0, list(range(10)))]
+)
+def test_a_share_of_the_towns_is_held_out_evenly(share: float, numbers: list[int]) -> None:
+    assert [number for number in range(10) if rendered_towns._split_of(number, share) == "val"] == numbers
+
+
+@pytest.mark.usefixtures("llvm")
+def test_visible_suns_are_found_where_the_labels_have_them() -> None:
+    errors = []
+    for number in range(7):
+        rendered = rendered_towns._render_town(number, 64)
+        label, found = rendered.label, find_sun(rendered.radiance)
+        if rendered.sun_visible:
+            assert found is not None
+            errors.append(angle_between(found.direction, direction(label.sun_azimuth, label.sun_elevation)))
+    assert len(errors) >= 4
+    assert np.median(errors) < 1.5

@@ -1,4 +1,6 @@
-"""Path traced towns: random skies, and Mitsuba 3 scenes of colored quads under them.
+"""Rendered towns: random skies, Mitsuba 3 scenes of colored quads under them, and a folder of such panoramas.
+
+The folder has the format of any other folder of panoramas, with exact labels.
 
 Skies are clear, cloudy or overcast; the clear part and the sun are Hosek-Wilkie's. Sunlight and skylight are traced
 separately: if sampled together, the sun would take most paths and the shade would be noisy.
@@ -7,17 +9,20 @@ separately: if sampled together, the sun would take most paths and the shade wou
 import os
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from tqdm import tqdm
 
-from export.data.panoramas import DataError
-from export.data.procedural_towns import EYE, Mesh
+from export.data.labels import Label, read_labels, write_labels
+from export.data.panoramas import RENDERED, DataError, Panorama, read_index, write_index
+from export.data.procedural_towns import EYE, Mesh, random_town
 from lighting.color import luminance
 from lighting.envmap.render import render
+from lighting.files.exr import write_exr
 from lighting.geometry import Floats, Pinhole, camera_directions, direction, latlong_directions
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sun_radiance
@@ -29,7 +34,7 @@ _OPACITY = 4.0  # a cloud hides the sun more than it hides the sky
 
 
 @dataclass(frozen=True)
-class Sky:
+class _Sky:
     """The light over a place, with the truth about it."""
 
     radiance: NDArray[np.float32]  # (HEIGHT, 2 HEIGHT, 3) without the sun, black below the horizon
@@ -59,7 +64,7 @@ class Sky:
         return np.asarray(sun * self.sunlight, dtype=np.float32)
 
 
-def random_sky(rng: np.random.Generator) -> Sky:
+def random_sky(rng: np.random.Generator) -> _Sky:
     """A sky with any sun from 2 to 80 deg above the horizon and any turbidity from 1.8 to 9.
 
     Args:
@@ -73,10 +78,10 @@ def random_sky(rng: np.random.Generator) -> Sky:
     )
     draw = rng.random()
     if draw < _OVERCAST:
-        return Sky(_overcast_dome(lighting, rng), lighting, 0.0)
+        return _Sky(_overcast_dome(lighting, rng), lighting, 0.0)
     clear = render(lighting, HEIGHT, sun=False)
     clear[HEIGHT // 2 :] = 0.0
-    return _add_clouds(clear, lighting, rng) if draw < _OVERCAST + _CLOUDY else Sky(clear, lighting, 1.0)
+    return _add_clouds(clear, lighting, rng) if draw < _OVERCAST + _CLOUDY else _Sky(clear, lighting, 1.0)
 
 
 def _overcast_dome(lighting: Lighting, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -89,7 +94,7 @@ def _overcast_dome(lighting: Lighting, rng: np.random.Generator) -> NDArray[np.f
     return dome.astype(np.float32)
 
 
-def _add_clouds(clear: NDArray[np.float32], lighting: Lighting, rng: np.random.Generator) -> Sky:
+def _add_clouds(clear: NDArray[np.float32], lighting: Lighting, rng: np.random.Generator) -> _Sky:
     """White clouds before a clear sky, brighter towards the sun, gray where they are thick."""
     rays = latlong_directions(HEIGHT)
     up, cosine = rays[..., 1:2], (rays @ lighting.sun_direction)[..., None]
@@ -100,7 +105,7 @@ def _add_clouds(clear: NDArray[np.float32], lighting: Lighting, rng: np.random.G
     cloud = white * (1 + 2.5 * np.exp(6 * (cosine - 1))) * (1 - rng.uniform(0, 0.5) * alpha**2)
     row, column = np.unravel_index(int(np.argmax(cosine)), cosine.shape[:2])
     sunlight = float((1 - alpha[row, column, 0]) ** _OPACITY)
-    return Sky((clear * (1 - alpha) + cloud * alpha).astype(np.float32), lighting, sunlight)
+    return _Sky((clear * (1 - alpha) + cloud * alpha).astype(np.float32), lighting, sunlight)
 
 
 def _noise(rng: np.random.Generator, up: Floats) -> Floats:
@@ -193,7 +198,7 @@ class _TracedPhoto:
 class RenderedTown:
     """A town under a sky, loaded into Mitsuba."""
 
-    def __init__(self, matte: Mesh, glossy: Mesh, sky: Sky) -> None:
+    def __init__(self, matte: Mesh, glossy: Mesh, sky: _Sky) -> None:
         find_llvm()
         import mitsuba as mi
 
@@ -344,3 +349,85 @@ def _mesh(mi: Any, mesh: Mesh, bsdf: dict[str, Any]) -> Any:
     values["faces"] = triangles.ravel().astype(np.uint32)
     values.update()
     return quads
+
+
+LABELS = "labels.csv"
+_SAVE_EVERY = 20  # places
+_ROUNDING = 1e-9  # so that five times 0.2 is one
+_GROUND_RADIUS = 12.0  # m around the camera, where sunlight on the ground counts
+_GROUND_POINTS = 400
+_MIN_DIRECT, _MIN_PARTLY = 0.25, 0.03  # shares of the sunlight for direct light to be "yes" and "partly"
+_MIN_SUNLIGHT = 0.5  # share of the sunlight for turbidity and exposure to be visible in the sky
+
+
+@dataclass(frozen=True)
+class _TownPanorama:
+    """A panorama of a rendered place with the truth about it."""
+
+    name: str
+    radiance: Floats  # (H, 2H, 3) linear
+    label: Label
+    sun_visible: bool
+
+
+def _render_town(number: int, height: int) -> _TownPanorama:
+    """Town `number`; the same number gives the same town in every run."""
+    rng = np.random.default_rng([8, number])
+    sky = random_sky(rng)
+    scene = RenderedTown(*random_town(rng), sky)
+    while not scene.is_clear():
+        scene = RenderedTown(*random_town(rng), sky)
+    ground = rng.uniform(-1, 1, (_GROUND_POINTS, 3)) * [_GROUND_RADIUS, 0, _GROUND_RADIUS] + [0, 0.3, 0]
+    lit = scene.sunlit_share(ground) * sky.sunlight
+    visible = scene.is_sun_visible() and sky.sunlight > _MIN_SUNLIGHT
+    name = f"town_{number:05d}"
+    return _TownPanorama(name, scene.panorama(height, 2 * number), _make_label(name, sky, lit), visible)
+
+
+def _make_label(name: str, sky: _Sky, lit: float) -> Label:
+    label = Label(name, direct="yes" if lit > _MIN_DIRECT else "partly" if lit > _MIN_PARTLY else "no")
+    light = sky.lighting
+    if not sky.is_overcast:
+        label = replace(label, sun_azimuth=light.sun_azimuth, sun_elevation=light.sun_elevation)
+        label = replace(label, sun_uncertainty=1.0, sun_source="given")
+    if sky.sunlight <= _MIN_SUNLIGHT:
+        return label
+    return replace(label, turbidity=light.turbidity, exposure=light.exposure, fit_residual=0.0, fit_ok=True)
+
+
+def render_towns(folder: Path, count: int, height: int, val: float = 0.0) -> None:
+    """Render towns until the folder holds `count`; continues where an earlier call stopped.
+
+    Args:
+        folder: to fill.
+        count: towns in all.
+        height: rows of each panorama.
+        val: share of the towns that are of the split `val`, 0 to 1, evenly over their numbers.
+    """
+    root = folder.resolve()
+    (root / "panoramas").mkdir(parents=True, exist_ok=True)
+    labels = read_labels(root / LABELS) if (root / LABELS).exists() else []
+    panoramas = read_index(root)[: len(labels)] if labels else []  # the index is written first: it may hold more
+    for number in tqdm(range(len(labels), count), initial=len(labels), total=count, unit="place"):
+        rendered = _render_town(number, height)
+        panoramas.append(_index_row(rendered, root, _split_of(number, val)))
+        labels.append(rendered.label)
+        write_exr(panoramas[-1].path, rendered.radiance)
+        if number + 1 == count or (number + 1) % _SAVE_EVERY == 0:
+            write_index(panoramas, root)
+            write_labels(labels, root / LABELS)
+
+
+def _split_of(number: int, val: float) -> str:
+    """The split of town `number`, the same however many towns there will be."""
+    return "val" if int((number + 1) * val + _ROUNDING) > int(number * val + _ROUNDING) else "train"
+
+
+def _index_row(rendered: _TownPanorama, root: Path, split: str) -> Panorama:
+    label = rendered.label
+    has_sun = label.sun_source != "none"
+    path = root / "panoramas" / f"{rendered.name}.exr"
+    sun = "none" if not has_sun else "visible" if rendered.sun_visible else "inferred"
+    azimuth, elevation, std = (label.sun_azimuth, label.sun_elevation, 1.0) if has_sun else (None, None, None)
+    name, more = rendered.name, (label.direct, *RENDERED)
+    return Panorama(name, path, "hdr", name, split, sun, azimuth, elevation, std, *more)
