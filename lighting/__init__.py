@@ -47,7 +47,7 @@ if not TYPE_CHECKING:  # a type checker knows the names above, and no other
         if name in _HOMES:
             module, _, own_name = _HOMES[name].partition(":")
             return getattr(import_module(f"lighting.{module}"), own_name or name)
-        return import_module("lighting.deprecation").replacement("lighting", name)
+        return import_module("lighting.errors").replacement("lighting", name)
 
 
 def __dir__() -> list[str]:

@@ -157,7 +157,7 @@ class Estimator:
             headings: as there.
             match: `register` there.
         """
-        from lighting.deprecation import warn_of_old_name
+        from lighting.errors import warn_of_old_name
 
         warn_of_old_name("lighting.Estimator.together")
         return self.estimate_views(photos, given, headings, register=match)

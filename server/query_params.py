@@ -10,9 +10,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, create_model,
 from pydantic_core import PydanticCustomError
 
 from lighting.color import COLOR_SPACES
-from lighting.deprecation import OLD_NAMES, SHORT_FORMS
 from lighting.envmap.relighting import EXPOSURE_RANGE, Adjustments
-from lighting.errors import ErrorCode, ParameterError
+from lighting.errors import OLD_NAMES, SHORT_FORMS, ErrorCode, ParameterError
 from lighting.fields import parameter_name
 from lighting.files import MAP_FORMATS
 from lighting.files.exr import COMPRESSIONS

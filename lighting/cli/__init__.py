@@ -19,8 +19,7 @@ import click
 
 from lighting import __version__
 from lighting.cli.console import escape_control_chars, format_error, is_broken_pipe
-from lighting.deprecation import OLD_NAMES
-from lighting.errors import LightingError
+from lighting.errors import OLD_NAMES, LightingError
 
 _HOME = {  # the module of each command, in the order of use; a call imports no other
     "open": "serve",

@@ -8,8 +8,7 @@ from datetime import datetime
 
 import numpy as np
 
-from lighting.deprecation import warn_of_old_name
-from lighting.errors import ErrorCode, ParameterError
+from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fields import OPTIONAL_RANGES, RANGES, check_location, check_range, convert_numpy_numbers, describe_fields
 from lighting.photo.clock import UTC_OFFSET_RANGE, YEAR_RANGE, parse_time, parse_utc_offset
 

@@ -18,7 +18,6 @@ from PIL import ExifTags, Image
 
 _HeifKind = Literal["HEIF", "AVIF"]
 
-_FORMATS = ("JPEG", "PNG", "WEBP", "TIFF", "AVIF")  # that Pillow opens
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs"}
 _AVIF_BRANDS = {b"avif", b"avis"}
 _ANY_CODEC_BRANDS = {b"mif1", b"msf1", b"mif2", b"miaf"}
@@ -55,20 +54,20 @@ def _ftyp_brands(data: bytes) -> list[bytes]:
     return [data[8:12], *(data[start : start + 4] for start in range(16, end, 4))]
 
 
-def open_image(data: bytes) -> Image.Image:
-    """The picture of a file, not decoded; of a HEIC its EXIF orientation is what is left to be done.
+def open_heif(data: bytes) -> Image.Image:
+    """The picture of a HEIC or AVIF, not decoded; of a HEIC its EXIF orientation is what is left to be done.
 
     No plugin is registered with Pillow, where a program that uses this one may have registered its own.
 
     Args:
-        data: of a JPEG, PNG, WebP, TIFF, HEIC or AVIF.
+        data: of an ISO media file.
 
     Raises:
-        UnidentifiedImageError: it is no such file, or a damaged one.
-        SyntaxError: it is a damaged HEIC.
+        UnidentifiedImageError: it is neither.
+        SyntaxError: it is a HEIC that cannot be read.
     """
     if _heif_kind(data) != "HEIF":
-        return Image.open(BytesIO(data), formats=_FORMATS)
+        return Image.open(BytesIO(data), formats=["AVIF"])
     from pi_heif import HeifImageFile
 
     image: Image.Image = HeifImageFile(BytesIO(data))
@@ -81,10 +80,8 @@ def complete_avif(image: Image.Image, data: bytes) -> None:
 
     Args:
         image: opened by Pillow; changed in place.
-        data: of its file; others than an AVIF pass.
+        data: of its file.
     """
-    if _heif_kind(data) != "AVIF":
-        return
     import pi_heif
 
     try:

@@ -12,7 +12,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from io import TextIOBase
+from io import BytesIO, TextIOBase
 from math import ceil
 from numbers import Integral
 from pathlib import Path
@@ -29,7 +29,6 @@ from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
 from lighting.photo.containers import add_raw_exif
-from lighting.photo.formats import complete_avif, open_image, unreadable_sentence
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
 from lighting.photo.tags import read_sidecar
@@ -51,6 +50,7 @@ _STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixe
 _COLLAGE = "Probably a collage of several photos: do not trust this result."
 _WARNING_FILTERS = threading.Lock()
 _CHUNK_BYTES = 1 << 22  # read at once, so that small files need no buffer of the limit's size
+_FORMATS = ("JPEG", "PNG", "WEBP", "TIFF")  # that Pillow opens, beside ISO media files
 _ARRAY_FORMAT = "PIXELS"  # the Photo's `format`
 
 # Memory of decoders, so that one photo takes a stated amount at most.
@@ -135,7 +135,7 @@ class Photo:
     @property
     def facts(self) -> PhotoMetadata:
         """The old name of `metadata`; warns of it."""
-        from lighting.deprecation import warn_of_old_name
+        from lighting.errors import warn_of_old_name
 
         warn_of_old_name("lighting.photo.reader.Photo.facts")
         return self.metadata
@@ -370,15 +370,29 @@ def open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:
         with _no_warnings():
-            image = open_image(data)
+            image = _open_image(data)
     except (UnidentifiedImageError, SyntaxError) as error:
+        from lighting.photo.formats import unreadable_sentence
+
         raise PhotoError(_UNREADABLE_TIFF if data.startswith(_TIFF) else unreadable_sentence(data)) from error
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
     check_bit_depth(image)
     _check_size(*image.size, *pixel_limit(image, data, max_pixels))
-    complete_avif(image, data)
+    if image.format == "AVIF":
+        from lighting.photo.formats import complete_avif
+
+        complete_avif(image, data)
     return image
+
+
+def _open_image(data: bytes) -> Image.Image:
+    """The picture of a file, not decoded; HEIC and AVIF are ISO media files, whose boxes are another module's."""
+    if data[4:8] != b"ftyp":
+        return Image.open(BytesIO(data), formats=_FORMATS)
+    from lighting.photo.formats import open_heif
+
+    return open_heif(data)
 
 
 def _size_sentence(photo: str, limit: int) -> str:

@@ -453,5 +453,6 @@ def _load_decoders() -> None:
     Image.preinit()
     for name in _MODULES:
         import_module(f"PIL.{name}")
+    import_module("lighting.photo.formats")
     for encoding in _XML_ENCODINGS:
         codecs.lookup(encoding)

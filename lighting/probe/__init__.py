@@ -3,6 +3,6 @@
 
 def __getattr__(name: str) -> object:
     """What an old public name of this package means now; AttributeError for others."""
-    from lighting.deprecation import replacement
+    from lighting.errors import replacement
 
     return replacement(__name__, name)

@@ -18,9 +18,8 @@ from numpy.typing import NDArray
 
 from lighting.color import check_pixels, luminance
 from lighting.decoding import with_ground_color
-from lighting.deprecation import warn_of_old_name
 from lighting.envmap.relighting import scale_exposure
-from lighting.errors import ErrorCode, ParameterError
+from lighting.errors import ErrorCode, ParameterError, warn_of_old_name
 from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior

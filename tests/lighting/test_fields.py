@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 import lighting
-from lighting.deprecation import RENAMED
 from lighting.envmap.relighting import Adjustments
+from lighting.errors import RENAMED
 from lighting.estimator import Estimator
 from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, describe_fields, field_docstrings
 from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt

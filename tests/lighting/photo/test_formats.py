@@ -16,7 +16,7 @@ from lighting.photo.formats import (
     _heif_kind,
     _turns_picture,
     complete_avif,
-    open_image,
+    open_heif,
     unreadable_sentence,
 )
 from lighting.photo.linear import read_linear
@@ -201,7 +201,7 @@ def test_a_heic_that_its_container_turns_is_turned_once(orientation: int) -> Non
     data = encode(HEIF_SCENE, "HEIF", exif=block.tobytes(), **LOSSLESS["HEIF"])
     assert _turns_picture(data)
     assert read_photo(data).pixels.shape == np.rot90(HEIF_SCENE, {3: 2, 6: 3, 8: 1}[orientation]).shape
-    assert open_image(data).getexif().get(ORIENTATION, 1) == 1
+    assert open_heif(data).getexif().get(ORIENTATION, 1) == 1
 
 
 def test_the_colours_of_an_avif_are_known() -> None:
