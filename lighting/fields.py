@@ -1,4 +1,4 @@
-"""The fields of records: ranges and units of a light's, checks against them, values clipped to them, and docstrings.
+"""The fields of records: ranges and units of a light's, checks against them, values clipped to them, words.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables. JSON groups them
 (RECORD_PATHS). Some have other names where people type them (SHORT_NAMES). Python itself keeps the docstrings of fields
@@ -312,3 +312,63 @@ def _attribute_docstrings(definition: ast.ClassDef) -> Iterator[tuple[str, str]]
 def _list_fields(record: type, summary: str) -> str:
     lines = [f"    {name}: {text}" for name, text in field_docstrings(record).items()]
     return "\n".join([summary, "", "Fields:", *lines]) if lines else summary
+
+
+# In words, the same wherever they are printed or drawn.
+
+
+def format_azimuth(azimuth: float, digits: int = 0) -> str:
+    """Say where an azimuth lies for the camera: "straight ahead", "41° left" or "120° right (behind)".
+
+    Args:
+        azimuth: deg, positive to the right, in (-180, 180].
+        digits: behind the point.
+    """
+    size = round(abs(azimuth), digits)
+    if size == 0:
+        return "straight ahead"
+    if size == 180:
+        return "straight behind"
+    return f"{format_side(azimuth, digits)}{' (behind)' if size > 90 else ''}"
+
+
+def format_side(azimuth: float, digits: int = 0) -> str:
+    """Say an azimuth as an angle to one side of anything: "41° left".
+
+    Args:
+        azimuth: deg, positive to the right, in (-180, 180].
+        digits: behind the point.
+    """
+    return f"{abs(azimuth):.{digits}f}° {'left' if azimuth < 0 else 'right'}"
+
+
+def format_sun_elevation(elevation: float, digits: int = 0) -> str:
+    """Say how high the sun stands: "33° high" or "3° below the horizon".
+
+    Args:
+        elevation: deg above the horizon, -90 to 90.
+        digits: behind the point.
+    """
+    height = round(elevation, digits)
+    return f"{height + 0.0:.{digits}f}° high" if height >= 0 else f"{-height:.{digits}f}° below the horizon"
+
+
+def format_tilt(elevation: float, digits: int = 0) -> str:
+    """Say a camera's elevation: "3° down"; a level one looks "0° up".
+
+    Args:
+        elevation: deg, positive looks up, -90 to 90.
+        digits: behind the point.
+    """
+    tilt = round(elevation, digits)
+    return f"{abs(tilt):.{digits}f}° {'up' if tilt >= 0 else 'down'}"
+
+
+def format_utc_offset(hours: float) -> str:
+    """Say an offset from UTC: "+05:45".
+
+    Args:
+        hours: local minus universal time.
+    """
+    minutes = round(abs(hours) * 60)
+    return f"{'-' if hours < 0 else '+'}{minutes // 60:02d}:{minutes % 60:02d}"

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import RANGES, check_range, describe_fields
-from lighting.formatting import format_azimuth, format_sun_elevation, format_tilt
+from lighting.fields import RANGES, check_range, describe_fields, format_azimuth, format_sun_elevation, format_tilt
 from lighting.photo.reader import Photo, reread_photo
 from lighting.records import EstimatedLight, Lighting, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD

@@ -16,7 +16,7 @@ from lighting.cli import cli, outputs
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.photos import UNSUITABLE_STATUS, choose_sun
-from lighting.formatting import escape_undecodable
+from lighting.files import escape_undecodable
 
 if TYPE_CHECKING:
     from lighting.batch.job import BatchJob, Summary

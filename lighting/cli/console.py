@@ -14,13 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, TextIO
 import click
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
-from lighting.formatting import (
-    escape_undecodable,
-    format_azimuth,
-    format_sun_elevation,
-    format_tilt,
-    format_utc_offset,
-)
+from lighting.files import escape_undecodable
 from lighting.start import exit_on_interrupt
 
 if TYPE_CHECKING:
@@ -136,6 +130,8 @@ def _format_summary(name: str, lighting: "Lighting") -> str:
         name: of the photo.
         lighting: its light.
     """
+    from lighting.fields import format_azimuth, format_sun_elevation, format_tilt
+
     roll = round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
         f"{escape_path(name)}: sun {format_azimuth(lighting.sun_azimuth, 1)}, "
@@ -170,6 +166,8 @@ def _format_time(lighting: "Lighting") -> str:
     """When the photo was taken, as the answer believes, on the clock of its offset from UTC."""
     if lighting.utc_time is None:
         return ""
+    from lighting.fields import format_utc_offset
+
     offset = timedelta(hours=lighting.utc_offset or 0.0)
     local = lighting.utc_time.astimezone(timezone(offset))
     source = f" ({lighting.time_source})" if lighting.time_source else ""

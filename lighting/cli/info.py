@@ -30,7 +30,7 @@ from lighting.cli.console import (
 )
 from lighting.cli.options import FileName
 from lighting.errors import ErrorCode, LightingError, PhotoError, install_command
-from lighting.formatting import escape_undecodable
+from lighting.files import escape_undecodable
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:

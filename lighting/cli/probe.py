@@ -12,7 +12,7 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
 from lighting.cli.options import FiniteRange, Number
 from lighting.errors import ProbeError
-from lighting.formatting import escape_undecodable, format_side
+from lighting.files import escape_undecodable
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
@@ -284,6 +284,8 @@ def _fit(sky: str, sun: tuple[float, float] | None, as_json: bool, quiet: bool) 
 
     PROBE is an EXR file, or a panorama of 8 or 16 bits, which tells them roughly.
     """
+    from lighting.fields import format_side
+
     state = _state(sky, sun, quiet)
     if as_json:
         click.echo(json.dumps({"file": escape_undecodable(sky), **state.to_dict()}))

@@ -20,7 +20,7 @@ import click
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.formatting import escape_undecodable
+from lighting.files import escape_undecodable
 
 _LOOPBACK, _PORT = "127.0.0.1", 8000  # where the service listens, if nothing else is said
 _ALL_ADDRESSES = {"0.0.0.0": _LOOPBACK, "::": "::1"}  # where this machine finds a service that listens on all

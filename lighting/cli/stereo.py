@@ -13,7 +13,7 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_bytes
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
 from lighting.cli.photos import check_json
-from lighting.formatting import escape_undecodable
+from lighting.files import escape_undecodable
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:

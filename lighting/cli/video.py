@@ -13,7 +13,7 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
 from lighting.cli.photos import choose_sun, strict_status
-from lighting.formatting import escape_undecodable, format_side, format_sun_elevation
+from lighting.files import escape_undecodable
 from lighting.scene import EXPORTERS, animated_tools
 
 if TYPE_CHECKING:
@@ -168,6 +168,7 @@ def _report(clip: str, result: "VideoResult", quiet: bool) -> None:
 
 def _format_shot(number: int, shot: "Shot") -> str:
     """One line for people about a shot."""
+    from lighting.fields import format_side, format_sun_elevation
     from lighting.video.shot import shot_lighting
 
     path, light = shot.path, shot_lighting(shot)

@@ -282,3 +282,14 @@ def output_folder_error(
         return f"There is no folder {parent}."
     closed = (path for path in (parent, folder) if path.exists() and not os.access(path, os.W_OK | os.X_OK))
     return next((f"The folder {path} cannot be written to." for path in closed), None)
+
+
+def escape_undecodable(name: str) -> str:
+    """Return the name of a file, or a text that holds one, for JSON: bytes that are not UTF-8 as escapes as \\xe9.
+
+    JSON could hold such a byte only as half a surrogate pair, which many programs refuse.
+
+    Args:
+        name: as the user typed it.
+    """
+    return os.fsencode(name).decode("utf-8", "backslashreplace")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
 
 import lighting.fusion.timezones as timezones
-from lighting.formatting import format_utc_offset
+from lighting.fields import format_utc_offset
 from lighting.fusion.timezones import ZONE_OF_PLACE
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import MAX_CLOCK_DIFFERENCE, nearest_utc_offset, to_utc

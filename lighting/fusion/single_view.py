@@ -23,8 +23,7 @@ import lighting.geometry as geometry
 from lighting.color import luminance
 from lighting.decoding import bayes_direction, sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
-from lighting.fields import RANGES
-from lighting.formatting import format_tilt
+from lighting.fields import RANGES, format_tilt
 from lighting.fusion.consistency import consistency_warnings
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribution, SunEstimate, WarningCode

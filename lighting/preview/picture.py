@@ -12,9 +12,9 @@ from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
 from lighting.envmap.latlong import EPSILON_IRRADIANCE
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.surroundings import photo_context, render_view
+from lighting.fields import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.files import encode_png
 from lighting.files.exr import check_envmap
-from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, fit_in_box, latlong_pixel
 from lighting.ground import spot_warnings
 from lighting.preview import drawing

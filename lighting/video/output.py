@@ -31,9 +31,8 @@ from lighting.envmap.relighting import Adjustments, radiance_gain, rotate_envmap
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
-from lighting.files import atomic_write, encode_png, output_folder_error, write_envmap
+from lighting.files import atomic_write, encode_png, escape_undecodable, output_folder_error, write_envmap
 from lighting.files.exr import read_exr_attributes
-from lighting.formatting import escape_undecodable
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes
 from lighting.light_probe import LightProbe, compute_light_probe

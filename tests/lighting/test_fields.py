@@ -14,8 +14,17 @@ import lighting
 from lighting.envmap.relighting import Adjustments
 from lighting.errors import RENAMED
 from lighting.estimator import Estimator
-from lighting.fields import COLOR_RANGES, OPTIONAL_RANGES, RANGES, describe_fields, field_docstrings
-from lighting.formatting import format_azimuth, format_side, format_sun_elevation, format_tilt
+from lighting.fields import (
+    COLOR_RANGES,
+    OPTIONAL_RANGES,
+    RANGES,
+    describe_fields,
+    field_docstrings,
+    format_azimuth,
+    format_side,
+    format_sun_elevation,
+    format_tilt,
+)
 from lighting.light_probe import LightProbe, MainLight
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
