@@ -24,7 +24,7 @@ SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to 
 SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
 _DATA = Path(__file__).parent.parent / "data" / "hosek_wilkie.f32"
-# Of the arrays in the file, one behind the other; export/data/hosek_wilkie_table.py names their axes.
+# Of the arrays in the file, one behind the other; export/data/sky_tables.py names their axes.
 _SHAPES = {"sky": (10, 2, 6, 3, 9), "sky_radiance": (10, 2, 6, 3), "sun": (10, 45, 3, 4, 6)}
 _RANGES = {"sun elevation": (0.0, 90.0), "turbidity": (1.0, 10.0), "albedo": (0.0, 1.0)}
 _ROUNDING = 1e-3  # how far beyond the ends of its range a value may lie, for angles that went through float32
@@ -188,7 +188,7 @@ def _disc_radiance(elevation: Floats, limb: Floats, turbidity: float) -> Floats:
 
 @lru_cache(maxsize=1)
 def _load_tables() -> dict[str, Floats]:
-    """The published coefficients; export/data/hosek_wilkie_table.py made the file."""
+    """The published coefficients; export/data/sky_tables.py made the file."""
     values = np.fromfile(_DATA, "<f4").astype(np.float64)
     ends = np.cumsum([math.prod(shape) for shape in _SHAPES.values()])
     parts = np.split(values, ends[:-1])

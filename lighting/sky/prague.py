@@ -30,7 +30,7 @@ ZENITH_ANGLES = np.concatenate(  # deg
     [[0, 1, 2, 4, 7, 10, 14], np.arange(18, 59, 5), [62, 66], np.arange(70, 84, 2), np.arange(84, 90.1, 0.5)]
 )
 
-_DATA = Path(__file__).parent.parent / "data" / "prague.f16"  # export/data/prague_table.py made it
+_DATA = Path(__file__).parent.parent / "data" / "prague.f16"  # export/data/sky_tables.py made it
 _CLEAREST, _HAZIEST = 4.0, 10.0  # turbidities of the largest and the least visibility
 _ROUNDING = 1e-3  # deg below the lowest sun, for angles that went through float32
 

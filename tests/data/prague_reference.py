@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from export.data.prague_table import _PragueData, _read_prague, _read_sky, _rgb_weights
+from export.data.sky_tables import _PragueData, _read_prague, _read_sky, _rgb_weights
 from lighting.geometry import Floats, direction
 
 REFERENCE = Path(__file__).with_suffix(".npz")

