@@ -128,22 +128,30 @@ export class ServiceError extends Error {
   }
 
   /** The same with the file's name, where the file is what was refused. */
-  withFileName(file: File): ServiceError {
+  withFileName(name: string): ServiceError {
     const isAboutFile = [400, 413, 415].includes(this.status);
-    return isAboutFile ? new ServiceError(this.status, this.title, `${file.name}: ${this.message}`) : this;
+    return isAboutFile ? new ServiceError(this.status, this.title, `${name}: ${this.message}`) : this;
   }
 }
 
-/** The light of photos of one location, one estimate for each. */
-export async function estimatePhotos(photos: Blob[], userInput: UserInput, signal: AbortSignal): Promise<Estimate[]> {
+/** The light of photos of one location, one estimate for each; errors name the file. */
+export async function estimatePhotos(photos: File[], userInput: UserInput, signal: AbortSignal): Promise<Estimate[]> {
   const query = userInputQuery(userInput, photos.length);
   query.set("probability", "true");
   query.set("photo_metadata", "true");
   const ask = async (route: string): Promise<unknown> =>
     (await request(`${route}?${query}`, { method: "POST", body: buildForm(photos), signal })).json();
-  if (photos.length === 1) return [(await ask("v1/lighting")) as Estimate];
+  const [photo, ...others] = photos;
+  if (photo && others.length === 0) return [(await ask("v1/lighting").catch(nameFile(photo))) as Estimate];
   return ((await ask("v1/lightings")) as { lightings: Estimate[] }).lightings;
 }
+
+/** Throws an error of the service again, with the name of the only file; of several, the service names the one. */
+const nameFile =
+  ({ name }: File) =>
+  (error: unknown): never => {
+    throw error instanceof ServiceError ? error.withFileName(name) : error;
+  };
 
 /** The photo upright, as JPEG, for browsers that cannot decode the file. */
 export const fetchUprightPhoto = (photo: Blob, signal?: AbortSignal): Promise<Blob> =>

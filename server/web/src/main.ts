@@ -1,24 +1,25 @@
 /** The page: photos go to the service, its answers to the views, and the controls change light and object on show. */
 
-import { apiKey, debounceLatest, estimatePhotos, type LightParameters, modelInfo, ServiceError, storeKey } from "./api";
+import { debounceLatest, estimatePhotos, type LightParameters, modelInfo, ServiceError, storeKey } from "./api";
 import { byId, fitDrawing } from "./dom";
 import type { Angles } from "./geometry/angles";
 import { currentGesture, listenForUndo, showUndo } from "./history";
 import {
   aspectRatio,
-  cropPhoto,
   type DecodedPhoto,
   decodePhoto,
   loadGroundMask,
   type PhotoSource,
+  preparePhoto,
   sourceInMemory,
-  turnUpright,
 } from "./photo";
 import { SkyClient } from "./sky/client";
+import type { SkyAnswer } from "./sky/worker";
 import {
   createView,
   currentState,
   type EditState,
+  isChanged,
   type PhotoView,
   parametersFromRecord,
   photoFiles,
@@ -27,17 +28,8 @@ import {
 } from "./state";
 import { buildHeadline } from "./text/format";
 import { NO_USER_INPUT, type UserInput } from "./text/metadata";
-import type { SnippetInput } from "./text/snippets";
 import { Dome } from "./views/dome";
-import {
-  Downloads,
-  hideSnippet,
-  isChanged,
-  lightOverrides,
-  listenForCopies,
-  mapHeight,
-  offerPreview,
-} from "./views/downloads";
+import { Downloads, hideSnippet, offerPreview } from "./views/downloads";
 import { EnvmapView } from "./views/envmap";
 import { listenForLocation } from "./views/location";
 import { drawMapMarkers, drawPhotoMarkers, SunHandle } from "./views/markers";
@@ -53,59 +45,22 @@ interface EstimateRequest {
 
 let session: Session | undefined;
 let lastRequest: EstimateRequest | undefined;
+let lastQuestion: [PhotoView, string] | undefined; // whose light was asked for last, and which
+let lastLight = ""; // the photo and the light that were shown last
 
 const result = byId("result");
 const status = byId("status");
-const currentView = (): PhotoView | undefined => session?.views[session.index];
-const editLight = (part: Partial<LightParameters>, kind: string): void => {
-  const view = currentView();
-  if (view) editState({ parameters: { ...currentState(view).parameters, ...part } }, kind);
-};
-
-const moveSun =
-  (kind: string) =>
-  ({ azimuth, elevation }: Angles): void =>
-    editLight({ sun_azimuth: azimuth, sun_elevation: elevation }, kind);
-const dome = new Dome(byId("dome"), byId("readout"), moveSun("dome"));
-const sunHandle = new SunHandle(moveSun("sun in the picture"));
+const dome = new Dome(byId("dome"), byId("readout"), (sun) => moveSun(sun, "dome"));
+const sunHandle = new SunHandle((sun) => moveSun(sun, "sun in the picture"));
 const sliders = new Sliders(editLight);
 const downloads = new Downloads(settleLight, showError);
-const object = new ObjectView(editState, showError, () => {
-  const view = currentView();
-  if (session && view) envmap.request(view, session); // its light may have come before it
-});
+const object = new ObjectView(editState, showError, requestMap);
 const metadata = new MetadataView(
   (userInput) => session && submitPhotos(photoFiles(session).map(sourceInMemory), userInput),
 );
+const envmap = new EnvmapView(() => object.isDrawn, showExported);
+const sky = new SkyClient(showLight, showError);
 const debouncedEstimate = debounceLatest<EstimateRequest>(runEstimate, 0, failRequest);
-const sky = new SkyClient(({ light, picture }) => {
-  const view = currentView();
-  if (!view) return;
-  view.irradiances = { sun: light.sun, sky: light.sky };
-  showSliders(view);
-  if (session && !envmap.request(view, session)) envmap.drawDraft(picture);
-  countLight(view);
-  object.light(light, view);
-}, showError);
-const envmap = new EnvmapView(
-  () => object.isDrawn,
-  (view) => {
-    if (view !== currentView()) return;
-    sky.setExported(view.exported?.light ?? null);
-    sky.request(skyRequest(view));
-  },
-);
-
-let lastLight = ""; // the photo and the light that were shown last
-
-/** How often the light on show has changed, for tests. */
-function countLight(view: PhotoView): void {
-  const light = JSON.stringify([view.photo.url, currentState(view).parameters]);
-  const { dataset } = byId("envmap");
-  if (light !== lastLight) dataset.lights = String(Number(dataset.lights ?? 0) + 1);
-  lastLight = light;
-}
-
 const drawPhotoMarks = fitDrawing(byId<SVGSVGElement>("marks"), (width, height) => {
   const view = currentView();
   if (!view || !byId<HTMLInputElement>("show-marks").checked) return [];
@@ -113,30 +68,37 @@ const drawPhotoMarks = fitDrawing(byId<SVGSVGElement>("marks"), (width, height) 
 });
 const drawMapMarks = fitDrawing(byId<SVGSVGElement>("map-marks"), (width, height) => {
   const view = currentView();
-  return view
-    ? drawMapMarkers(view.estimate, currentState(view).parameters, aspectRatio(view.photo), width, height)
-    : [];
+  if (!view) return [];
+  return drawMapMarkers(view.estimate, currentState(view).parameters, aspectRatio(view.photo), width, height);
 });
 
 listenForUploads((sources) => submitPhotos(sources, NO_USER_INPUT), takeModel, showError);
 listenForLocation();
+listenForUndo(() => currentView()?.history, refresh);
+listenForKey();
 watchViewer();
 byId("unfold").addEventListener("click", () => foldResult(false));
-listenForUndo(() => currentView()?.history, refresh);
-listenForCopies(snippetInput);
-void offerByService();
-byId("key-form").addEventListener("submit", (event) => {
-  event.preventDefault();
-  const stored = storeKey(byId<HTMLInputElement>("key").value);
-  byId("key-note").hidden = stored;
-  if (stored && lastRequest) submitPhotos(lastRequest.sources, lastRequest.userInput);
-});
 byId("reset").addEventListener("click", () => {
   const view = currentView();
   if (view) editState({ parameters: parametersFromRecord(view.estimate) }, "reset");
 });
 byId("show-marks").addEventListener("change", drawPhotoMarks);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => dome.paint());
+void offerByService();
+
+function currentView(): PhotoView | undefined {
+  return session?.views[session.index];
+}
+
+/** Keeps the API key that the user types, and asks once more what was refused without it. */
+function listenForKey(): void {
+  byId("key-form").addEventListener("submit", (event) => {
+    event.preventDefault();
+    const stored = storeKey(byId<HTMLInputElement>("key").value);
+    byId("key-note").hidden = stored;
+    if (stored && lastRequest) submitPhotos(lastRequest.sources, lastRequest.userInput);
+  });
+}
 
 /** What the service can do, once it has answered that. */
 async function offerByService(): Promise<void> {
@@ -170,40 +132,41 @@ function setBusy(busy: boolean): void {
 async function runEstimate({ sources, userInput }: EstimateRequest, signal: AbortSignal): Promise<void> {
   const files = await Promise.all(sources.map(({ load }) => load(signal)));
   const startTime = performance.now();
-  const decoding = decodePhotos(files, signal);
+  const decoding = Promise.all(files.map((file) => decodePhoto(file, signal)));
   decoding.catch(() => {}); // thrown below: the service's error comes first, for it names the photo
-  const answers = await estimatePhotos(files, userInput, signal).catch((error: unknown) => {
-    const [file, ...others] = files; // of several, the service names the one
-    throw error instanceof ServiceError && file && others.length === 0 ? error.withFileName(file) : error;
-  });
-  const upright = (await decoding).map((photo, i) =>
-    turnUpright(photo, answers[i]?.photo_metadata?.orientation, signal),
+  const estimates = await estimatePhotos(files, userInput, signal);
+  const decoded = await decoding;
+  const views = await Promise.all(
+    estimates.map(async (estimate, i) => {
+      const photo = await preparePhoto(decoded[i] as DecodedPhoto, estimate, signal);
+      return createView(photo, estimate, userInput, files.length > 1);
+    }),
   );
-  const photos = await Promise.all((await Promise.all(upright)).map((photo, i) => cropPhoto(photo, answers[i]?.crop)));
   if (signal.aborted) return;
+  showSession({ views, index: 0 });
+  const seconds = ((performance.now() - startTime) / 1000).toFixed(1);
+  const note = views.some(({ photo }) => photo.byService) ? " The service decoded it for this browser." : "";
+  status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${note}`;
+  await Promise.all(views.map((view) => showGround(view, signal)));
+}
+
+/** Shows the photos of an answer in place of those before. */
+function showSession(answered: Session): void {
   for (const { photo } of session?.views ?? []) URL.revokeObjectURL(photo.url);
-  const views = photos.map((photo, i) => createView(photo, answers[i] as (typeof answers)[number], userInput));
-  session = { views, index: 0, userInput };
+  session = answered;
   clearErrors();
   document.body.toggleAttribute("data-answered", true);
   result.hidden = false;
   setBusy(false);
   void offerByService();
   showPhoto(0);
-  const seconds = ((performance.now() - startTime) / 1000).toFixed(1);
-  const note = photos.some(({ byService }) => byService) ? " The service decoded it for this browser." : "";
-  status.textContent = `${files.map(({ name }) => name).join(", ")}: answered in ${seconds} s.${note}`;
-  await Promise.all(views.map((view) => showGround(view, userInput, signal)));
 }
 
 /** Where the photo's ground lies in the sun, once the service has said it. */
-async function showGround(view: PhotoView, userInput: UserInput, signal: AbortSignal): Promise<void> {
-  view.groundMask = await loadGroundMask(view.photo.file, userInput, signal);
+async function showGround(view: PhotoView, signal: AbortSignal): Promise<void> {
+  view.groundMask = await loadGroundMask(view.photo.file, view.userInput, signal);
   if (view === currentView()) object.show(currentState(view));
 }
-
-const decodePhotos = (files: File[], signal: AbortSignal): Promise<DecodedPhoto[]> =>
-  Promise.all(files.map((file) => decodePhoto(file, signal)));
 
 /** Shows one of the photos. */
 function showPhoto(index: number): void {
@@ -226,7 +189,7 @@ function showPhoto(index: number): void {
   dome.show(estimate, aspectRatio(photo));
   object.open(view);
   sky.setExported(view.exported?.light ?? null);
-  requested = undefined;
+  lastQuestion = undefined;
   refresh();
 }
 
@@ -249,6 +212,15 @@ function showSliders(view: PhotoView): void {
   sliders.show({ parameters, estimate: parametersFromRecord(view.estimate), irradiances: view.irradiances });
 }
 
+function editLight(part: Partial<LightParameters>, kind: string): void {
+  const view = currentView();
+  if (view) editState({ parameters: { ...currentState(view).parameters, ...part } }, kind);
+}
+
+function moveSun({ azimuth, elevation }: Angles, kind: string): void {
+  editLight({ sun_azimuth: azimuth, sun_elevation: elevation }, kind);
+}
+
 /** Changes light or object of the photo on show; `kind` says which steps may be undone together. */
 function editState(part: Partial<EditState>, kind: string): void {
   const view = currentView();
@@ -261,14 +233,14 @@ function editState(part: Partial<EditState>, kind: string): void {
 /** Brings everything to the state that the history holds. */
 function refresh(): void {
   const view = currentView();
-  if (!view || !session) return;
+  if (!view) return;
   const state = currentState(view);
   hideSnippet();
   showSliders(view);
   sunHandle.show(view.estimate.camera, state.parameters);
   byId<HTMLButtonElement>("reset").disabled = !isChanged(view);
   showUndo(view.history);
-  offerPreview(view, session);
+  offerPreview(view);
   dome.mark(state.parameters);
   drawPhotoMarks();
   drawMapMarks();
@@ -276,35 +248,51 @@ function refresh(): void {
   requestLight(view);
 }
 
-let requested: [PhotoView, string] | undefined; // whose light was asked for last, and which
-
 /** Asks for the light of a view, unless it is the one that was asked for last, as when only the object moves. */
 function requestLight(view: PhotoView): void {
   const question = skyRequest(view);
   const text = JSON.stringify(question);
-  if (requested?.[0] === view && requested[1] === text) return;
-  requested = [view, text];
+  if (lastQuestion?.[0] === view && lastQuestion[1] === text) return;
+  lastQuestion = [view, text];
   sky.request(question);
 }
 
-/** What is shown, once its light is known; undefined where it cannot be, which is shown as an error. */
-async function settleLight(): Promise<Session | undefined> {
-  clearErrors();
-  return (await sky.settled()) ? session : undefined;
+/** Shows a light that the worker has rendered, and the sky alone until the service has rendered the map. */
+function showLight({ light, picture }: SkyAnswer): void {
+  const view = currentView();
+  if (!view) return;
+  view.irradiances = { sun: light.sun, sky: light.sky };
+  showSliders(view);
+  if (!envmap.request(view)) envmap.drawDraft(picture);
+  countLight(view);
+  object.light(light, view);
 }
 
-async function snippetInput(): Promise<SnippetInput | undefined> {
-  const session = await settleLight();
-  const view = session?.views[session.index];
-  if (!view || !session) return undefined;
-  return {
-    origin: new URL(".", location.href).href,
-    photo: view.photo.file.name,
-    userInput: session.userInput,
-    overrides: lightOverrides(view, session),
-    height: mapHeight(),
-    keyed: apiKey() !== null,
-  };
+/** How often the light on show has changed, for tests. */
+function countLight(view: PhotoView): void {
+  const light = JSON.stringify([view.photo.url, currentState(view).parameters]);
+  const { dataset } = byId("envmap");
+  if (light !== lastLight) dataset.lights = String(Number(dataset.lights ?? 0) + 1);
+  lastLight = light;
+}
+
+/** The map that lights the object, once there is a stage for it: its light may have come before. */
+function requestMap(): void {
+  const view = currentView();
+  if (view) envmap.request(view);
+}
+
+/** Lights the object by the map that the service has exported for a view. */
+function showExported(view: PhotoView): void {
+  if (view !== currentView()) return;
+  sky.setExported(view.exported?.light ?? null);
+  sky.request(skyRequest(view));
+}
+
+/** What is shown, once its light is known; undefined where it cannot be, which is shown as an error. */
+async function settleLight(): Promise<PhotoView | undefined> {
+  clearErrors();
+  return (await sky.settled()) ? currentView() : undefined;
 }
 
 /** Takes an error away, with the notes beside it, when something else is tried. */

@@ -1,6 +1,6 @@
 /** The photos: where they come from, decoded, the way up that the service reads them, and without their border. */
 
-import { fetchExample, fetchGroundMask, fetchUprightPhoto, type PhotoCrop } from "./api";
+import { type Estimate, fetchExample, fetchGroundMask, fetchUprightPhoto, type PhotoCrop } from "./api";
 import type { Pixels } from "./geometry/color";
 import { type GroundMask, groundMaskFromPixels, SUNLIT } from "./geometry/placement";
 import type { UserInput } from "./text/metadata";
@@ -66,11 +66,17 @@ export async function decodePhoto(file: File, signal: AbortSignal): Promise<Deco
   return image ? { file, image, byService: false } : decodeByService(file, signal);
 }
 
-/**
- * A photo the way up that the service reads it. Browsers turn a JPEG as its metadata say; what they do with another
- * format, as with a WebP, differs.
- */
-export async function turnUpright(photo: DecodedPhoto, orientation = 1, signal: AbortSignal): Promise<DecodedPhoto> {
+/** The photo that an estimate is of: the way up that the service reads it, and what lies inside its border. */
+export async function preparePhoto(
+  decoded: DecodedPhoto,
+  { crop, photo_metadata }: Estimate,
+  signal: AbortSignal,
+): Promise<Photo> {
+  return cropPhoto(await turnUpright(decoded, photo_metadata?.orientation, signal), crop);
+}
+
+/** Browsers turn a JPEG as its metadata say; what they do with another format, as with a WebP, differs. */
+async function turnUpright(photo: DecodedPhoto, orientation = 1, signal: AbortSignal): Promise<DecodedPhoto> {
   if (orientation === 1 || photo.byService || (await isJpeg(photo.file))) return photo;
   URL.revokeObjectURL(photo.image.src);
   return decodeByService(photo.file, signal);
@@ -87,8 +93,7 @@ async function isJpeg(file: Blob): Promise<boolean> {
   return first === 0xff && second === 0xd8;
 }
 
-/** The photo that an answer is of: what lies inside the border. */
-export async function cropPhoto(decoded: DecodedPhoto, crop: PhotoCrop | undefined): Promise<Photo> {
+async function cropPhoto(decoded: DecodedPhoto, crop: PhotoCrop | undefined): Promise<Photo> {
   const { image, ...rest } = decoded;
   const cropped = decoded.byService ? undefined : crop;
   const part = imagePart(cropped, image.naturalWidth, image.naturalHeight);

@@ -8,7 +8,7 @@ import { aspectRatio, type Photo } from "./photo";
 import { coverOf, type SkyRequest } from "./sky/lighting";
 import type { ExportedLight } from "./sky/worker";
 import { isSunny } from "./text/format";
-import { NO_USER_INPUT, type UserInput } from "./text/metadata";
+import type { UserInput } from "./text/metadata";
 
 export const SHAPES = ["sphere", "teapot", "knot", "box", "own"] as const; // own: the user's file
 export const FINISHES = ["mirror", "glossy", "matte", "original"] as const; // original: of the user's file
@@ -29,6 +29,7 @@ export interface EditState {
 export interface PhotoView {
   photo: Photo;
   userInput: UserInput; // of its estimate
+  together: boolean; // whether it was estimated together with others
   estimate: Estimate;
   history: History<EditState>;
   irradiances: Irradiances; // of the light on show
@@ -47,10 +48,9 @@ interface ExportedMap {
 export interface Session {
   views: PhotoView[];
   index: number;
-  userInput: UserInput;
 }
 
-export function createView(photo: Photo, estimate: Estimate, userInput: UserInput = NO_USER_INPUT): PhotoView {
+export function createView(photo: Photo, estimate: Estimate, userInput: UserInput, together: boolean): PhotoView {
   const { camera, ground } = estimate;
   const placement = initialPlacement(camera, aspectRatio(photo), ground?.spot?.direction ?? null);
   const initial: EditState = {
@@ -61,9 +61,9 @@ export function createView(photo: Photo, estimate: Estimate, userInput: UserInpu
     inSun: false,
   };
   return {
-    ...{ photo, estimate, history: new History(initial), irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] } },
+    ...{ photo, userInput, together, estimate, history: new History(initial) },
+    irradiances: { sun: [0, 0, 0], sky: [0, 0, 0] },
     groundMask: SUNLIT,
-    userInput,
   };
 }
 
@@ -103,9 +103,8 @@ export function parametersFromRecord({ sun, sky, ...rest }: Lighting): LightPara
   };
 }
 
-export function sameParameters(a: LightParameters, b: LightParameters): boolean {
-  return JSON.stringify(a) === JSON.stringify(b);
-}
+export const sameParameters = (a: LightParameters, b: LightParameters): boolean =>
+  JSON.stringify(a) === JSON.stringify(b);
 
 /** A light by the names that the service has for one that replaces a photo's. */
 export function overridesFromParameters({ exposure, ...rest }: LightParameters): LightOverrides {
@@ -129,6 +128,22 @@ export function statedOverrides(
     ...(sky.cover === undefined && !isToned(parameters) ? {} : { sky_cover: coverOf(sky.cover, parameters) }),
     ...(ground?.color ? { ground_color: ground.color } : {}),
   };
+}
+
+/** Whether the light on show is another than the service gives for this photo alone. */
+export const isChanged = (view: PhotoView): boolean =>
+  !sameParameters(currentState(view).parameters, parametersFromRecord(view.estimate));
+
+/**
+ * The light on show where the service would not give the same for this photo alone; of photos estimated together it
+ * knows neither sun nor sky nor camera. Its irradiances are those of a settled sky.
+ */
+export function lightOverrides(view: PhotoView): LightOverrides | undefined {
+  const { parameters } = currentState(view);
+  if (view.together)
+    return { ...statedOverrides(view.estimate, parameters, view.irradiances), ...cameraOverrides(view.estimate) };
+  if (isToned(parameters)) return statedOverrides(view.estimate, parameters, view.irradiances);
+  return isChanged(view) ? overridesFromParameters(parameters) : undefined;
 }
 
 /** Whether a light has a warmth or a softness of its own, which the service knows as irradiances alone. */

@@ -64,7 +64,7 @@ describe("the service", () => {
     stubAnswer("{}", 200);
     stored.set("lighting-api-key", "secret");
     const answers = await estimatePhotos(
-      [new Blob(["x"], { type: "image/jpeg" })],
+      [new File(["x"], "street.jpg", { type: "image/jpeg" })],
       NO_USER_INPUT,
       new AbortController().signal,
     );
@@ -77,7 +77,7 @@ describe("the service", () => {
 
   it("gets several photos of one place in one form, with what is said of them", async () => {
     stubAnswer(JSON.stringify({ lightings: [{ evidence: ["pixels"] }, { evidence: [] }] }), 200);
-    const photos = [new Blob(["x"]), new Blob(["y"])];
+    const photos = [new File(["x"], "street.jpg"), new File(["y"], "lake.jpg")];
     const userInput = { ...NO_USER_INPUT, metadata: false, headings: "0,45", heading: "7", vertical_fov: "50" };
     const answers: Estimate[] = await estimatePhotos(photos, userInput, new AbortController().signal);
     expect(answers.map(({ evidence }) => evidence.length)).toEqual([1, 0]);
@@ -115,6 +115,18 @@ describe("the service", () => {
     stubAnswer(JSON.stringify({ title: "Too large", detail: "Send less." }), 413);
     const refusal = await catchError();
     expect([refusal.status, refusal.title, refusal.message]).toEqual([413, "Too large", "Send less."]);
+  });
+
+  it("names the file that it refuses, but no file where it was not asked properly", async () => {
+    const estimate = (): Promise<string> =>
+      estimatePhotos([new File(["x"], "notes.txt")], NO_USER_INPUT, new AbortController().signal).then(
+        () => expect.fail("no refusal"),
+        ({ message }: ServiceError) => message,
+      );
+    stubAnswer(JSON.stringify({ title: "No photo", detail: "It is text." }), 415);
+    expect(await estimate()).toBe("notes.txt: It is text.");
+    stubAnswer(JSON.stringify({ title: "No key", detail: "Send a key." }), 401);
+    expect(await estimate()).toBe("Send a key.");
   });
 
   it("says what it has against the photos, not that a parameter is wrong", async () => {

@@ -1,22 +1,11 @@
 /** The light on show, as files and as text. Files are fetched: links carry no API key and say no errors. */
 
-import { type Adjustments, fetchEnvmap, fetchPreview, fetchScene, type LightOverrides, type ModelInfo } from "../api";
+import { type Adjustments, apiKey, fetchEnvmap, fetchPreview, fetchScene, type ModelInfo } from "../api";
 import { byId, createElement } from "../dom";
-import {
-  buildRecord,
-  cameraOverrides,
-  currentState,
-  isToned,
-  overridesFromParameters,
-  type PhotoView,
-  parametersFromRecord,
-  type Session,
-  sameParameters,
-  statedOverrides,
-} from "../state";
+import { buildRecord, currentState, isChanged, isToned, lightOverrides, type PhotoView } from "../state";
 import { type SnippetInput, writeCurl, writePython } from "../text/snippets";
 
-type FetchFile = (view: PhotoView, session: Session) => Promise<Blob>;
+type FetchFile = (view: PhotoView) => Promise<Blob>;
 
 /** What the primary button downloads: a scene for a tool, or a map. */
 interface Target {
@@ -35,21 +24,25 @@ const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps 
 const TONED_NOTE = "The preview cannot show your sun's color or softness. Press Reset first.";
 const TOGETHER_NOTE = "No preview: these photos were estimated together, and it shows one photo's estimate.";
 
-/** The buttons that save files; `settle` gives what is on show when one is pressed. */
+/** The buttons that save files and copy text; `settle` gives what is on show when one is pressed. */
 export class Downloads {
   private readonly select = byId<HTMLSelectElement>("download-for");
   private targets: Target[] = [];
 
   constructor(
-    private readonly settle: () => Promise<Session | undefined>,
+    private readonly settle: () => Promise<PhotoView | undefined>,
     private readonly onError: (error: unknown) => void,
   ) {
     this.listen(byId("get-json"), () => ({ suffix: ".json", fetchFile: createRecordFile }));
     this.listen(byId("get-preview"), () => ({
       suffix: "-preview.png",
-      fetchFile: (view, { userInput }) => fetchPreview(view.photo.file, userInput, adjustmentsOf(view)),
+      fetchFile: (view) => fetchPreview(view.photo.file, view.userInput, adjustmentsOf(view)),
     }));
     this.listen(byId("download"), () => this.targets.find(({ value }) => value === this.select.value));
+    byId("size").addEventListener("change", hideSnippet);
+    for (const kind of Object.keys(SNIPPETS) as SnippetKind[]) {
+      byId(`copy-${kind}`).addEventListener("click", () => this.copy(kind));
+    }
     this.select.addEventListener("change", () => {
       localStorage.setItem(CHOSEN_TARGET, this.select.value);
       this.nameButton();
@@ -74,17 +67,21 @@ export class Downloads {
     byId("download").textContent = chosen ? `Download ${chosen.isMap ? "" : "for "}${chosen.label}` : "Download";
   }
 
+  private async copy(kind: SnippetKind): Promise<void> {
+    const view = await this.settle();
+    if (view) copySnippet(SNIPPETS[kind](snippetInput(view)), kind);
+  }
+
   private listen(button: HTMLElement, target: () => Pick<Target, "suffix" | "fetchFile"> | undefined): void {
     button.addEventListener("click", async () => {
-      const session = await this.settle();
-      const view = session?.views[session.index];
+      const view = await this.settle();
       const wanted = target();
-      if (!session || !view || !wanted) return;
+      if (!view || !wanted) return;
       const name = `${view.photo.file.name.replace(/\.\w+$/, "") || "photo"}${wanted.suffix}`;
       button.setAttribute("aria-busy", "true");
       byId("saved").textContent = `Making ${name}…`;
       try {
-        const blob = await wanted.fetchFile(view, session);
+        const blob = await wanted.fetchFile(view);
         saveFile(blob, name);
         byId("saved").textContent = `Saved ${name} (${formatSize(blob.size)}).`;
       } catch (error) {
@@ -101,7 +98,7 @@ const sceneTarget = (tool: string): Target => ({
   label: TOOL_LABELS[tool] ?? tool,
   isMap: false,
   suffix: `-${tool}.zip`,
-  fetchFile: (view, session) => fetchSceneOf(view, session, tool),
+  fetchFile: (view) => fetchScene(view.photo.file, view.userInput, tool, lightOverrides(view)),
 });
 
 const mapTarget = (format: string): Target => ({
@@ -109,42 +106,14 @@ const mapTarget = (format: string): Target => ({
   label: `map (.${format})`,
   isMap: true,
   suffix: `.${format}`,
-  fetchFile: (view, session) => fetchMap(view, session, format),
+  fetchFile: (view) =>
+    fetchEnvmap(view.photo.file, view.userInput, { format, height: mapHeight() }, lightOverrides(view)),
 });
 
 const formatSize = (bytes: number): string =>
   bytes < 1e6 ? `${Math.max(1, Math.round(bytes / 1e3))}\u00a0kB` : `${(bytes / 1e6).toFixed(1)}\u00a0MB`;
 
-export const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").value);
-
-/** Whether the light on show is another than the service gives for this photo alone. */
-export const isChanged = (view: PhotoView): boolean =>
-  !sameParameters(currentState(view).parameters, parametersFromRecord(view.estimate));
-
-function fetchMap(view: PhotoView, session: Session, format: string): Promise<Blob> {
-  return fetchEnvmap(
-    view.photo.file,
-    session.userInput,
-    { format, height: mapHeight() },
-    lightOverrides(view, session),
-  );
-}
-
-function fetchSceneOf(view: PhotoView, session: Session, tool: string): Promise<Blob> {
-  return fetchScene(view.photo.file, session.userInput, tool, lightOverrides(view, session));
-}
-
-/**
- * The light on show where the service would not give the same for this photo alone; of photos estimated together it
- * knows neither sun nor sky nor camera. Its irradiances are those of a settled sky.
- */
-export function lightOverrides(view: PhotoView, { views }: Session): LightOverrides | undefined {
-  const { parameters } = currentState(view);
-  if (views.length > 1)
-    return { ...statedOverrides(view.estimate, parameters, view.irradiances), ...cameraOverrides(view.estimate) };
-  if (isToned(parameters)) return statedOverrides(view.estimate, parameters, view.irradiances);
-  return isChanged(view) ? overridesFromParameters(parameters) : undefined;
-}
+const mapHeight = (): number => Number(byId<HTMLSelectElement>("size").value);
 
 /** What the light on show changes of the estimate. */
 function adjustmentsOf(view: PhotoView): Adjustments | undefined {
@@ -158,8 +127,8 @@ function adjustmentsOf(view: PhotoView): Adjustments | undefined {
 }
 
 /** The preview is of one photo alone, whose sun has the estimate's color and softness. */
-export function offerPreview(view: PhotoView, session: Session): void {
-  const note = session.views.length > 1 ? TOGETHER_NOTE : isToned(currentState(view).parameters) ? TONED_NOTE : "";
+export function offerPreview(view: PhotoView): void {
+  const note = view.together ? TOGETHER_NOTE : isToned(currentState(view).parameters) ? TONED_NOTE : "";
   byId<HTMLButtonElement>("get-preview").disabled = note !== "";
   byId("preview-note").hidden = note === "";
   byId("preview-note").textContent = note;
@@ -179,15 +148,14 @@ function saveFile(blob: Blob, name: string): void {
 const SNIPPETS = { curl: writeCurl, python: writePython } as const;
 type SnippetKind = keyof typeof SNIPPETS;
 
-export function listenForCopies(createInput: () => Promise<SnippetInput | undefined>): void {
-  byId("size").addEventListener("change", hideSnippet);
-  for (const kind of Object.keys(SNIPPETS) as SnippetKind[]) {
-    byId(`copy-${kind}`).addEventListener("click", async () => {
-      const input = await createInput();
-      if (input) copySnippet(SNIPPETS[kind](input), kind);
-    });
-  }
-}
+const snippetInput = (view: PhotoView): SnippetInput => ({
+  origin: new URL(".", location.href).href,
+  photo: view.photo.file.name,
+  userInput: view.userInput,
+  overrides: lightOverrides(view),
+  height: mapHeight(),
+  keyed: apiKey() !== null,
+});
 
 /** Takes a copied text away once another light, photo or size is on show. */
 export function hideSnippet(): void {

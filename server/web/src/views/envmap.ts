@@ -3,8 +3,7 @@
 import { debounceLatest, fetchEnvmap } from "../api";
 import { byId } from "../dom";
 import { LIGHT_ROWS, type MapPicture } from "../sky/render";
-import { type PhotoView, type Session, skyRequest } from "../state";
-import { lightOverrides } from "./downloads";
+import { lightOverrides, type PhotoView, skyRequest } from "../state";
 
 const REST = 350; // ms without a change of the light
 const PICTURE_ROWS = [256, 512] as const; // of the map for people, in narrow and in wide places
@@ -15,7 +14,6 @@ const PENDING = "The service renders the map in this light…";
 
 interface Wanted {
   view: PhotoView;
-  session: Session;
   key: string; // of the light
 }
 
@@ -29,7 +27,7 @@ export class EnvmapView {
   private pending = ""; // what is being fetched
   private failed = ""; // what could not be
   private inSight = false;
-  private latest: [PhotoView, Session] | undefined;
+  private latest: PhotoView | undefined;
 
   /** `hasObject` tells whether a map has an object to light; `onLight` gets the view whose map has come for that. */
   constructor(
@@ -39,22 +37,22 @@ export class EnvmapView {
     new IntersectionObserver(
       ([entry]) => {
         this.inSight = entry?.isIntersecting ?? false;
-        if (this.inSight && this.latest) this.request(...this.latest);
+        if (this.inSight && this.latest) this.request(this.latest);
       },
       { rootMargin: NEARLY_IN_SIGHT },
     ).observe(this.canvas);
   }
 
   /** Whether the picture of the light on show is here; what is missing, and in sight, is fetched. */
-  request(view: PhotoView, session: Session): boolean {
-    this.latest = [view, session];
-    const key = JSON.stringify([view.photo.url, lightOverrides(view, session) ?? "estimate"]);
+  request(view: PhotoView): boolean {
+    this.latest = view;
+    const key = JSON.stringify([view.photo.url, lightOverrides(view) ?? "estimate"]);
     if (view.exported?.key !== key) this.note(PENDING, true);
     const needed = `${key} ${this.needsLight(view, key)} ${this.needsPicture(view, key)}`;
     if (needed.endsWith("false false")) this.pending = "";
     else if (needed !== this.pending && needed !== this.failed) {
       this.pending = needed;
-      this.fetch({ view, session, key });
+      this.fetch({ view, key });
     }
     const picture = view.exported?.key === key ? view.exported.picture : undefined;
     if (picture) this.draw(picture);
@@ -75,11 +73,11 @@ export class EnvmapView {
     this.canvas.getContext("2d")?.putImageData(new ImageData(data, width, height), 0, 0);
   }
 
-  private async load({ view, session, key }: Wanted, signal: AbortSignal): Promise<void> {
+  private async load({ view, key }: Wanted, signal: AbortSignal): Promise<void> {
     const question = skyRequest(view);
-    const overrides = lightOverrides(view, session);
+    const overrides = lightOverrides(view);
     const get = (format: string, height: number): Promise<Blob> =>
-      fetchEnvmap(view.photo.file, session.userInput, { format, height }, overrides, signal);
+      fetchEnvmap(view.photo.file, view.userInput, { format, height }, overrides, signal);
     if (this.needsLight(view, key)) {
       const { decodeHdr } = await import("../scene/stage");
       const map = await decodeHdr(await get("hdr", LIGHT_ROWS));

@@ -42,7 +42,7 @@ export class MetadataView {
     byId("forget").addEventListener("click", () => onSubmit(NO_USER_INPUT));
   }
 
-  show({ views, userInput }: Session, { estimate: answer }: PhotoView): void {
+  show({ views }: Session, { estimate: answer, userInput }: PhotoView): void {
     this.metadata = answer.photo_metadata ?? {};
     const others = views.map(({ estimate }) => estimate.photo_metadata ?? {});
     const rows = [
