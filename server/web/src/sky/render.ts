@@ -4,7 +4,7 @@
  */
 
 import type { LightParameters } from "../api";
-import { angleBetween, clamp, direction, radians } from "../geometry/angles";
+import { angleBetween, clamp, degrees, direction, radians } from "../geometry/angles";
 import { CHANNELS, linearToSrgb, rgbLuminance, type Triple } from "../geometry/color";
 import { toMap } from "../geometry/sphere";
 import type { SceneLight } from "./lighting";
@@ -20,7 +20,7 @@ export interface Latlong {
 export const LIGHT_ROWS = 128; // of maps that light the object: finer ones take phones too long to prefilter
 const LOBE_STEPS = 4096; // of the table over the angle to the sun
 
-/** What a sky is painted from beside its shape. */
+/** How a Hosek-Wilkie sky is painted. */
 interface SkyOptions {
   azimuth: number; // of the sun, degrees
   elevation: number;
@@ -28,42 +28,41 @@ interface SkyOptions {
   cover: number; // 0 clear to 1 overcast
 }
 
+/** Radiance of one channel along a row of a map, by the angle to the sun in radians. */
+type RowRadiance = (sunAngle: number) => number;
+
 /** A map whose upper half is the sky without the sun's disc; the lower half is black. */
-export function renderHosekWilkieSky(height: number, shape: HosekWilkieSky, painting: SkyOptions): Latlong {
-  const width = 2 * height;
-  const data = new Float32Array(4 * width * height);
-  const lobes = shape.coefficients.map((coefficients) =>
-    Float32Array.from({ length: LOBE_STEPS + 1 }, (_, i) => lobe(coefficients, (Math.PI * i) / LOBE_STEPS)),
-  ) as [Float32Array, Float32Array, Float32Array];
-  const sun = radians(painting.elevation);
-  const columns = Float64Array.from({ length: width }, (_, x) => {
-    const azimuth = ((x + 0.5) / width) * 360 - 180;
-    return Math.sin(radians(azimuth - painting.azimuth) / 2) ** 2;
+export function renderHosekWilkieSky(height: number, sky: HosekWilkieSky, options: SkyOptions): Latlong {
+  const { azimuth, elevation, gain, cover } = options;
+  const lobes = CHANNELS.map((c) =>
+    Float32Array.from({ length: LOBE_STEPS + 1 }, (_, i) => lobe(sky.coefficients[c], (Math.PI * i) / LOBE_STEPS)),
+  );
+  const map = renderSky(height, azimuth, elevation, (rowElevation, c) => {
+    const [factor, offset] = gradation(sky.coefficients[c], Math.sin(rowElevation));
+    return (sunAngle) => {
+      const lobeValue = interpolate(lobes[c] as Float32Array, (sunAngle / Math.PI) * LOBE_STEPS);
+      return Math.max((lobeValue + offset) * factor * sky.radiance[c], 0) * gain[c];
+    };
   });
-  for (let y = 0; y < height / 2; y++) {
-    const elevation = Math.PI / 2 - ((y + 0.5) * Math.PI) / height;
-    const vertical = Math.sin((elevation - sun) / 2) ** 2;
-    const horizontal = Math.cos(elevation) * Math.cos(sun);
-    const terms = shape.coefficients.map((coefficients) => gradation(coefficients, Math.sin(elevation)));
-    for (let x = 0; x < width; x++) {
-      const half = Math.sqrt(Math.min(vertical + horizontal * (columns[x] as number), 1));
-      const step = ((2 * Math.asin(half)) / Math.PI) * LOBE_STEPS;
-      const at = 4 * (y * width + x);
-      for (const c of CHANNELS) {
-        const [factor, offset] = terms[c] as [number, number];
-        const value = (interpolate(lobes[c], step) + offset) * factor * shape.radiance[c];
-        data[at + c] = Math.max(value, 0) * painting.gain[c];
-      }
-      data[at + 3] = 1;
-    }
-  }
-  const map = { width, height, data };
-  if (painting.cover > 0) mixOvercast(map, painting.cover);
+  if (cover > 0) mixOvercast(map, cover);
   return map;
 }
 
-/** A map whose upper half is the sky of the Prague model, at any scale; the lower half is black. */
+/** The same by the Prague model, at any scale. */
 export function renderPragueSky(height: number, sky: PragueSky, sunAzimuth: number, sunElevation: number): Latlong {
+  return renderSky(height, sunAzimuth, sunElevation, (rowElevation, c) => {
+    const radiance = pragueRow(sky, 90 - degrees(rowElevation), c);
+    return (sunAngle) => radiance(degrees(sunAngle));
+  });
+}
+
+/** A map whose upper half is a sky; `rowRadiance` is of a row's elevation in radians and of a channel. */
+function renderSky(
+  height: number,
+  sunAzimuth: number,
+  sunElevation: number,
+  rowRadiance: (rowElevation: number, channel: 0 | 1 | 2) => RowRadiance,
+): Latlong {
   const width = 2 * height;
   const data = new Float32Array(4 * width * height);
   const sun = radians(sunElevation);
@@ -75,12 +74,11 @@ export function renderPragueSky(height: number, sky: PragueSky, sunAzimuth: numb
     const elevation = Math.PI / 2 - ((y + 0.5) * Math.PI) / height;
     const vertical = Math.sin((elevation - sun) / 2) ** 2;
     const horizontal = Math.cos(elevation) * Math.cos(sun);
-    const rows = CHANNELS.map((c) => pragueRow(sky, ((y + 0.5) * 180) / height, c));
+    const row = CHANNELS.map((c) => rowRadiance(elevation, c));
     for (let x = 0; x < width; x++) {
-      const half = Math.sqrt(Math.min(vertical + horizontal * (columns[x] as number), 1));
-      const sunAngle = (360 / Math.PI) * Math.asin(half);
+      const sunAngle = 2 * Math.asin(Math.sqrt(Math.min(vertical + horizontal * (columns[x] as number), 1)));
       const at = 4 * (y * width + x);
-      for (const c of CHANNELS) data[at + c] = rows[c]?.(sunAngle) ?? 0;
+      for (const c of CHANNELS) data[at + c] = (row[c] as RowRadiance)(sunAngle);
       data[at + 3] = 1;
     }
   }
