@@ -18,7 +18,6 @@ from lighting.errors import ErrorCode, ParameterError, PhotoError
 from lighting.fields import clip_color
 from lighting.fusion.estimate import PhotoPrediction, build_estimate, predict_with_metadata
 from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
-from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
 from lighting.ground import describe_ground
@@ -135,6 +134,8 @@ class Estimator:
         if headings is None and register:
             register_views = register if callable(register) else _register_here
             views = register_views(list(map(_view, photos, predictions, observations)))
+        from lighting.fusion.multi_view import fuse_views
+
         posteriors = fuse_views(predictions, observations, headings, views)
         estimates = list(map(build_estimate, posteriors, observed))
         aerial = [one.is_aerial for one in observed]

@@ -28,7 +28,7 @@ from lighting.photo.reader import TARGET, Photo, PhotoCrop
 from lighting.photo.sandbox import read_photo_isolated, start_decoder_pool
 from lighting.photo_estimate import Estimate
 from lighting.records import CodedWarning, EstimatedLight, Lighting, WarningCode
-from lighting.registration import features, photo_set
+from lighting.registration import photo_set, two_view
 from lighting.tracing import trace_step
 from server import problems
 from server.jobs import JobRunner, JobStore
@@ -113,12 +113,12 @@ class PhotoMatcher:
     @property
     def target(self) -> int:
         """Pixels along the longer side that the photos should have."""
-        return features.MAX_SIDE if features.has_opencv() else TARGET
+        return two_view.MAX_SIDE if two_view.has_opencv() else TARGET
 
     def __call__(self, views: Sequence[photo_set.View]) -> Sequence[photo_set.RegisteredView] | None:
         """The registered views; None if that failed. Stops with its request when the client disconnects."""
         try:
-            if features.has_opencv():
+            if two_view.has_opencv():
                 return photo_set.register_views_isolated(views, self.seconds, check_cancelled)
             self.failure = NO_OPENCV
         except MissingExtraError:

@@ -21,7 +21,7 @@ from lighting.envmap.relighting import adjust_lighting
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
 from lighting.records import Json, Lighting, ModelSpec
-from lighting.registration import features
+from lighting.registration import two_view
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import problems, responses, tasks
@@ -304,7 +304,7 @@ async def _describe_model(request: Request, service: ServiceDep) -> Response:
         licence=spec.licence,
         grid=spec.sun_grid,
         accuracy=responses.read_accuracy(spec, service.model_folder),
-        matching=features.has_opencv(),
+        matching=two_view.has_opencv(),
         jobs=service.jobs is not None,
         **names,
     )

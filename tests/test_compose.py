@@ -9,7 +9,7 @@ import uvicorn
 
 from lighting.photo.reader import memory_budget
 from lighting.registration import photo_set
-from lighting.registration.features import MAX_SIDE
+from lighting.registration.two_view import MAX_SIDE
 from lighting.scene.records import PLATE_SIDE
 from scripts.book import read_code_blocks
 from server.connections import MAX_HEADER_BYTES

@@ -20,11 +20,9 @@ from lighting.color import luminance
 from lighting.envmap.render import render, sun_irradiance
 from lighting.geometry import Floats, angle_between, latlong_directions
 from lighting.photo.linear import LinearPhoto
-from lighting.probe.alignment import Scan, yaw_rotation
-from lighting.probe.bracket import make_bracket
-from lighting.probe.develop import BracketSettings, Moment, make_probe
+from lighting.probe.bracket import clipped_mask, make_bracket
+from lighting.probe.develop import BracketSettings, Moment, Scan, make_probe, yaw_rotation
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens, resample_to_latlong, unproject_from_lens
-from lighting.probe.hdr_merge import clipped_mask
 from lighting.records import Lighting
 from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.solar_position import sun_position

@@ -31,7 +31,7 @@ from lighting.geometry import (
 from lighting.model import Model
 from lighting.records import SunEstimate
 from lighting.video.decode import Frame
-from lighting.video.keyframes import smooth_parabolic
+from lighting.video.intrinsics import smooth_parabolic
 from lighting.video.observation import NETWORK_INTERVAL, FrameObservation, ShotLight, estimate_frame, observe_shots
 from lighting.video.shot import Shot, solve_shot
 from lighting.video.tracking import ClipMetadata

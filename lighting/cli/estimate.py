@@ -59,7 +59,7 @@ def _estimate_views(
 
     Without headings they are registered with each other where OpenCV is installed.
     """
-    from lighting.registration.features import MAX_SIDE, has_opencv
+    from lighting.registration.two_view import MAX_SIDE, has_opencv
 
     register = headings is None and has_opencv()
     read: dict[int, tuple[str, Photo]] = {}
@@ -149,7 +149,7 @@ def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | 
         together: whether the photos are of one place and light.
         headings: deg, that the user stated; None without.
     """
-    from lighting.registration.features import has_opencv
+    from lighting.registration.two_view import has_opencv
 
     if together and headings is None and not quiet and not has_opencv():
         reason = f"because OpenCV is not installed: {errors.install_command('all')}."

@@ -19,21 +19,19 @@ import lighting.envmap.detail as map_detail
 import lighting.envmap.latlong as latlong
 from lighting.color import check_pixels, luminance
 from lighting.envmap.latlong import (
+    CLIPPED,
     EPSILON_IRRADIANCE,
     Image,
+    PhotoProjection,
     column_blocks,
+    continue_photo,
     irradiance_by_columns,
     irradiance_from_rows,
     multiply_cells,
-    scale_colors,
-    scale_columns,
-)
-from lighting.envmap.projection import (
-    CLIPPED,
-    PhotoProjection,
-    continue_photo,
     project_photo,
     sample_photo,
+    scale_colors,
+    scale_columns,
     size_in_envmap,
 )
 from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting

@@ -2,16 +2,19 @@
 
 The offset from UTC is, in this order, the user's, the file's, that of clock against GPS, that of other photos, and
 that of the zone of the place. Where clock and GPS contradict each other, both are kept with weights; the pixels choose.
+
+The zone tells the hemisphere of a place whose file states none, for photos are taken on land. A place without north or
+south, east or west is up to four places. Three of Munich's four lie in the sea, and of those on land few keep the zone
+that the clock shows.
 """
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
+from functools import lru_cache
 
-import lighting.fusion.timezones as timezones
 from lighting.fields import format_utc_offset
-from lighting.fusion.timezones import ZONE_OF_PLACE
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import MAX_CLOCK_DIFFERENCE, nearest_utc_offset, to_utc
 from lighting.photo.metadata import PhotoMetadata
@@ -36,6 +39,201 @@ _LAST_YEAR_WITHOUT_GPS = 1990  # of clocks that are wrong beside a GPS time
 # old, weeks that count from 0 again, a clock that was reset.
 _SURE, _AGREED, _LIKELY, _EVEN, _UNLIKELY = 0.99, 0.95, 0.9, 0.5, 0.25
 
+ZONE_OF_PLACE = "zone of the place"  # where an offset from UTC comes from, as the record says it
+
+_AT_SEA = "Etc/"  # how the names of the zones begin that ships keep
+_SEA_WEIGHTS = {0: 2.0, -1: 1.0, 1: 1.0}  # of the clocks so many hours from the zone of the longitude
+_COAST_WEIGHT = 4.0  # of all zones of the coasts around
+_COAST_DISTANCES = (1.0, 3.0)  # deg, from which ships bring their clocks
+_CLAIMED_TOO = {  # zones that people in disputed places keep besides
+    "Europe/Simferopol": ("Europe/Kyiv",),
+    "Asia/Urumqi": ("Asia/Shanghai",),
+    "Asia/Hebron": ("Asia/Jerusalem",),
+    "Asia/Gaza": ("Asia/Jerusalem",),
+    "Africa/El_Aaiun": ("Africa/Casablanca", "Africa/Nouakchott"),
+    "Asia/Famagusta": ("Asia/Nicosia", "Europe/Istanbul"),
+}
+_CLAIMED_BOXES = (  # south, west, north and east [deg] of such places, and the zone
+    ((46.8, 37.0, 50.1, 40.3), "Europe/Kyiv", "Europe/Moscow"),  # Donetsk and Luhansk
+    ((42.4, 40.0, 43.6, 42.2), "Asia/Tbilisi", "Europe/Moscow"),  # Abkhazia
+    ((41.9, 43.3, 42.7, 44.6), "Asia/Tbilisi", "Europe/Moscow"),  # South Ossetia
+)
+
+
+@dataclass(frozen=True)
+class _ZoneOffset:
+    """An offset from UTC that clocks at a place may have at a local time."""
+
+    hours: float
+    """Local minus universal time."""
+    name: str
+    """Of the zone, the same for all photos of one clock."""
+    weight: float
+    """Share of the clocks, 0 to 1."""
+
+
+def _offsets_of_place(latitude: float, longitude: float, local_time: datetime) -> tuple[_ZoneOffset, ...]:
+    """The offsets from UTC that clocks at a place follow at a local time, summer time and history included.
+
+    There is one, but at sea, in disputed places, and in the hours that summer time repeats or leaves out.
+
+    Args:
+        latitude: deg, positive north.
+        longitude: deg, positive east.
+        local_time: naive.
+    """
+    from zoneinfo import ZoneInfo
+
+    found = []
+    for name, weight in _zones_of_place(round(latitude, 4), round(longitude, 4)):
+        zone = ZoneInfo(name)
+        hours = [_hours(local_time.replace(tzinfo=zone, fold=fold)) for fold in (0, 1)]
+        for fold, offset in enumerate(dict.fromkeys(hours)):
+            found.append(_ZoneOffset(offset, f"{name} {fold}", weight / len(set(hours))))
+    return tuple(found)
+
+
+def offset_at(latitude: float, longitude: float, utc_time: datetime) -> float:
+    """The offset from UTC [h] of the clocks at a place, the likeliest.
+
+    Args:
+        latitude: deg, positive north.
+        longitude: deg, positive east.
+        utc_time: aware.
+    """
+    from zoneinfo import ZoneInfo
+
+    name = max(_zones_of_place(round(latitude, 4), round(longitude, 4)), key=lambda zone: zone[1])[0]
+    return _hours(utc_time.astimezone(ZoneInfo(name)))
+
+
+def is_at_sea(latitude: float, longitude: float) -> bool:
+    """Whether a place is of no country's zone.
+
+    Args:
+        latitude: deg, positive north.
+        longitude: deg, positive east.
+    """
+    return all(name.startswith(_AT_SEA) for name in _names_at(latitude, longitude))
+
+
+def _hours(time: datetime) -> float:
+    offset = time.utcoffset()
+    assert offset is not None
+    return offset / timedelta(hours=1)
+
+
+@lru_cache(maxsize=64)
+def _zones_of_place(latitude: float, longitude: float) -> tuple[tuple[str, float], ...]:
+    """Names and weights, which sum to 1, of the IANA zones at a place."""
+    names = _names_at(latitude, longitude)
+    if is_at_sea(latitude, longitude):
+        weights = dict(_sea_zones(latitude, longitude, names))
+    else:
+        claimed = (zone for name in names for zone in _CLAIMED_TOO.get(name, ()))
+        boxed = (also for box, name, also in _CLAIMED_BOXES if name in names and _is_within(latitude, longitude, box))
+        weights = dict.fromkeys((*names, *claimed, *boxed), 1.0)
+    total = sum(weights.values())
+    return tuple((name, weight / total) for name, weight in weights.items())
+
+
+def _sea_zones(latitude: float, longitude: float, names: list[str]) -> Iterator[tuple[str, float]]:
+    """The zones of ships: the longitude's, its neighbours, and those of the coasts around."""
+    ahead = _nautical_hours(names[0])
+    for hours, weight in _SEA_WEIGHTS.items():
+        if -12 <= ahead + hours <= 14:
+            yield f"Etc/GMT{-(ahead + hours):+d}" if ahead + hours else "Etc/GMT", weight
+    steps = [(north, east) for north in (-1, 0, 1) for east in (-1, 0, 1) if north or east]
+    around = [
+        name
+        for distance in _COAST_DISTANCES
+        for north, east in steps
+        for name in _names_at(
+            min(max(latitude + distance * north, -90.0), 90.0), (longitude + distance * east + 540.0) % 360.0 - 180.0
+        )
+        if not name.startswith(_AT_SEA)
+    ]
+    coasts = dict.fromkeys(around)
+    yield from ((name, _COAST_WEIGHT / len(coasts)) for name in coasts)
+
+
+def _nautical_hours(name: str) -> int:
+    """Hours ahead of UTC of "Etc/GMT-12", whose sign is that of old Unix."""
+    digits = name.removeprefix("Etc/GMT")
+    return -int(digits) if digits.lstrip("+-").isdigit() else 0
+
+
+def _names_at(latitude: float, longitude: float) -> list[str]:
+    import tzfpy
+
+    return sorted(tzfpy.get_tzs(longitude, latitude)) or ["Etc/GMT"]
+
+
+def _is_within(latitude: float, longitude: float, box: tuple[float, float, float, float]) -> bool:
+    south, west, north, east = box
+    return south <= latitude <= north and west <= longitude <= east
+
+
+# How far a clock is ahead of UTC, by the file.
+
+
+def _stated_offset(metadata: PhotoMetadata) -> float | None:
+    """The offset from UTC [h] that the file states."""
+    return metadata.utc_offset
+
+
+def _offset_by_gps(metadata: PhotoMetadata) -> float | None:
+    """The difference of clock and GPS time [h], where some zone's clocks have it."""
+    if metadata.local_time is None or metadata.gps_time is None:
+        return None
+    return nearest_utc_offset(metadata.local_time - metadata.gps_time.replace(tzinfo=None))
+
+
+_OffsetRule = Callable[[PhotoMetadata], float | None]
+OFFSET_RULES: dict[str, _OffsetRule] = {  # how a photo tells its clock's offset from UTC; the first that answers counts
+    "offset in the file": _stated_offset,
+    "GPS": _offset_by_gps,
+}
+
+
+def offset_in_file(metadata: PhotoMetadata) -> tuple[float, str] | None:
+    """How far a photo's clock is ahead of UTC [h], and the name of the first of OFFSET_RULES that knows it.
+
+    Args:
+        metadata: what the photo's file says.
+    """
+    answers = ((rule(metadata), name) for name, rule in OFFSET_RULES.items())
+    return next(((hours, name) for hours, name in answers if hours is not None), None)
+
+
+_MAX_OFFSET_ERROR = 0.01  # h
+_ANY_TIME = datetime(2024, 7, 1, 12)  # for a place whose zone's name alone counts
+_CHOSEN = "The file names no hemisphere: the place on land in the clock's zone was used."
+_DROPPED = "The file names no hemisphere: its place was not used."
+
+
+def resolve_hemisphere(metadata: PhotoMetadata) -> tuple[PhotoMetadata, tuple[CodedWarning, ...]]:
+    """The metadata with the one place that fits the clock, or without a place; and what is to be said of it.
+
+    Args:
+        metadata: of a photo's file.
+    """
+    if not metadata.locations or metadata.location is not None:
+        return metadata, ()
+    stated, time = offset_in_file(metadata), metadata.local_time or _ANY_TIME
+    on_land = [place for place in metadata.locations if not is_at_sea(*place)]
+    fitting = [place for place in on_land if stated and _keeps(_offsets_of_place(*place, time), stated[0])] or on_land
+    known = replace(metadata, locations=())
+    if len(fitting) != 1:
+        return known, (CodedWarning(_DROPPED, WarningCode.LOCATION_OPEN),)
+    latitude, longitude = fitting[0]
+    return replace(known, latitude=latitude, longitude=longitude), (CodedWarning(_CHOSEN, WarningCode.LOCATION_OPEN),)
+
+
+def _keeps(zones: tuple[_ZoneOffset, ...], utc_offset: float) -> bool:
+    """Whether clocks of one of the zones are as far ahead of UTC [h]."""
+    return any(abs(zone.hours - utc_offset) < _MAX_OFFSET_ERROR for zone in zones)
+
 
 @dataclass(frozen=True)
 class Instant:
@@ -54,7 +252,7 @@ class Instant:
 
 
 @dataclass(frozen=True)
-class ClockConflict:
+class _ClockConflict:
     """Clock and GPS that contradict each other."""
 
     sentence: str
@@ -80,7 +278,7 @@ class PhotoInstants:
 
     instants: tuple[Instant, ...] = ()
     """Weights sum to 1; none where the time or its zone is unknown."""
-    conflict: ClockConflict | None = None
+    conflict: _ClockConflict | None = None
     """How GPS and clock contradict each other. None: they do not."""
     warnings: tuple[str, ...] = ()
     """Sentences for people."""
@@ -136,7 +334,7 @@ def _instants_of_stated_offset(metadata: PhotoMetadata, utc_offset: float) -> Ph
     """The instant of the file's local time at the user's offset, which replaces the file's."""
     assert metadata.local_time is not None
     instant = Instant(to_utc(metadata.local_time, utc_offset), utc_offset, USER)
-    in_file = timezones.offset_in_file(metadata)
+    in_file = offset_in_file(metadata)
     if in_file is None or abs(in_file[0] - utc_offset) * timedelta(hours=1) <= MAX_CLOCK_DIFFERENCE:
         return PhotoInstants((instant,))
     stated, replaced = format_utc_offset(utc_offset), format_utc_offset(in_file[0])
@@ -148,7 +346,7 @@ def _instants_of_clock(metadata: PhotoMetadata, shared_offset: float | None) -> 
     """The instants by the photo's own clock."""
     if metadata.local_time is None:
         return ()
-    if (in_file := timezones.offset_in_file(metadata)) is not None:
+    if (in_file := offset_in_file(metadata)) is not None:
         hours, source = in_file
         return (Instant(to_utc(metadata.local_time, hours), hours, source, clock="file"),)
     if shared_offset is not None:
@@ -160,7 +358,7 @@ def _instants_in_zones(metadata: PhotoMetadata) -> tuple[Instant, ...]:
     """The instants of a local time in the zones of its place; none without a place."""
     if metadata.local_time is None or metadata.location is None:
         return ()
-    zones = timezones.offsets_of_place(*metadata.location, metadata.local_time)
+    zones = _offsets_of_place(*metadata.location, metadata.local_time)
     return tuple(
         Instant(to_utc(metadata.local_time, zone.hours), zone.hours, ZONE_OF_PLACE, zone.weight, zone.name)
         for zone in zones
@@ -175,7 +373,7 @@ def _instants_of_gps(metadata: PhotoMetadata, gps_time: datetime) -> PhotoInstan
 
 
 def _gps_instant(metadata: PhotoMetadata, gps_time: datetime, weight: float = 1.0) -> Instant:
-    offset = None if metadata.location is None else timezones.offset_at(*metadata.location, gps_time)
+    offset = None if metadata.location is None else offset_at(*metadata.location, gps_time)
     return Instant(gps_time, offset, GPS, weight, GPS)
 
 
@@ -193,7 +391,7 @@ def _reconcile(
         sentence = f"The GPS date is off by {name}"
         free = metadata.utc_offset is None and abs(shift) >= _ROLLOVER
         if agreeing := _agreeing(clock, shifted) or (_clock_by_gps(local_time, shifted) if free else ()):
-            return PhotoInstants(agreeing, ClockConflict(sentence))
+            return PhotoInstants(agreeing, _ClockConflict(sentence))
     return _without_impossible(metadata, clock, gps_time, local_time) or _weigh(metadata, clock, gps_time, local_time)
 
 
@@ -218,12 +416,12 @@ def _without_impossible(
         sentence = _format_conflict(by_clock - gps_time)
     else:
         return None
-    return PhotoInstants((_gps_instant(metadata, gps_time),), ClockConflict(sentence))
+    return PhotoInstants((_gps_instant(metadata, gps_time),), _ClockConflict(sentence))
 
 
 def _clock_alone(clock: tuple[Instant, ...], sentence: str) -> PhotoInstants:
     """The instants of a clock beside a GPS time that a sentence doubts; none where its zone is unknown."""
-    return PhotoInstants(clock, ClockConflict(sentence)) if clock else _without_time(sentence)
+    return PhotoInstants(clock, _ClockConflict(sentence)) if clock else _without_time(sentence)
 
 
 def _without_time(sentence: str) -> PhotoInstants:
@@ -242,7 +440,7 @@ def _believed_together(metadata: PhotoMetadata, agreeing: tuple[Instant, ...], g
     share = _AGREED if agreeing[0].utc_offset else _EVEN  # some programs write the local time in place of GPS's
     instants = (replace(agreeing[0], weight=share), *(replace(z, weight=z.weight * (1.0 - share)) for z in zones))
     sentence = _format_conflict(zones[0].utc_time - gps_time)
-    return PhotoInstants(instants, ClockConflict(sentence, agreed=agreeing[0].clock))
+    return PhotoInstants(instants, _ClockConflict(sentence, agreed=agreeing[0].clock))
 
 
 def _is_day_apart(time: datetime, gps_time: datetime) -> bool:
@@ -290,7 +488,7 @@ def _weigh(
     by_clock = max(clock, key=lambda instant: instant.weight)
     share = _gps_weight(metadata, by_clock, gps_time, local_time)
     instants = (*(replace(m, weight=m.weight * (1.0 - share)) for m in clock), _gps_instant(metadata, gps_time, share))
-    return PhotoInstants(instants, ClockConflict(_format_conflict(by_clock.utc_time - gps_time)))
+    return PhotoInstants(instants, _ClockConflict(_format_conflict(by_clock.utc_time - gps_time)))
 
 
 def _gps_weight(metadata: PhotoMetadata, by_clock: Instant, gps_time: datetime, local_time: datetime) -> float:

@@ -14,7 +14,7 @@ from PIL import Image
 
 import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR, srgb_bytes
-from lighting.envmap.projection import photo_camera
+from lighting.envmap.latlong import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
 from lighting.geometry import Floats, Pinhole
 from lighting.ground import object_radius

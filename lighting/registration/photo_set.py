@@ -33,7 +33,6 @@ from numpy.typing import NDArray
 import lighting.runtime as runtime
 from lighting.errors import ErrorCode, LightingError, TurnsError
 from lighting.geometry import Floats, wrap_azimuth
-from lighting.registration.features import Features, Matches, detect_features, import_opencv, match_features
 from lighting.registration.rotations import (
     camera_up,
     consensus_up,
@@ -45,7 +44,15 @@ from lighting.registration.rotations import (
     rotation_about,
     rotation_vector,
 )
-from lighting.registration.two_view import RelativeRotation, estimate_rotation
+from lighting.registration.two_view import (
+    Features,
+    Matches,
+    RelativeRotation,
+    detect_features,
+    estimate_rotation,
+    import_opencv,
+    match_features,
+)
 from lighting.sun_grid import weighted_median
 
 if TYPE_CHECKING:

@@ -4,23 +4,13 @@ A focal length here is in units of half the picture's diagonal, so that one lens
 
 A camera's own frame has x right and y up; it looks along -z. Orientations are rotations (3, 3) from one such frame,
 common to all, to a camera's own.
-
-RANSAC [1] finds a rotation and a zoom that many matches obey, and robust least squares refine them.
-
-References:
-    [1] Fischler and Bolles, "Random sample consensus", CACM 1981.
-    [2] Torr and Zisserman, "MLESAC", CVIU 2000.
 """
 
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from lighting.geometry import MIN_STEEP_ELEVATION, Floats, angles, camera_axes, direction, wrap_azimuth
-from lighting.registration.features import Matches
 
 
 def focal_from_fov(vertical_fov: float, width: float, height: float) -> float:
@@ -68,23 +58,6 @@ def project_points(vectors: Floats, focal: float) -> Floats:
     """
     ahead = np.maximum(-vectors[..., 2:], 1e-3)
     return np.asarray(focal * vectors[..., :2] / ahead)
-
-
-def transfer_errors(a: Floats, b: Floats, rotation: Floats, focal: tuple[float, float]) -> Floats:
-    """How far (2, M, 2) points are from where a rotation puts their matches: in the second photo, then in the first.
-
-    Args:
-        a: (M, 2) half diagonals, in the first photo.
-        b: (M, 2) in the second.
-        rotation: (3, 3) directions in the first camera's frame to the second's.
-        focal: both focal lengths in half diagonals.
-
-    Returns:
-        half diagonals.
-    """
-    forward = project_points(rays_through(a, focal[0]) @ rotation.T, focal[1]) - b
-    backward = project_points(rays_through(b, focal[1]) @ rotation, focal[0]) - a
-    return np.stack([forward, backward])
 
 
 def rotation_about(vector: Floats) -> Floats:
@@ -221,130 +194,3 @@ def heading_elevation_roll(orientations: Floats, leveled: Floats) -> tuple[Float
     level_up = np.cross(level_right, forward)
     cosine, sine = np.sum(right * level_right, axis=1), -np.sum(right * level_up, axis=1)
     return heading, elevation, np.asarray(np.degrees(np.arctan2(sine, cosine)))
-
-
-TOLERANCE = 3.0  # pixels within which a match obeys
-SAMPLES = 300  # pairs of matches tried for each focal length
-SCORED = 250  # matches, the surest, that each trial is scored on
-
-_STEP = 1e-6  # of each parameter, for the derivatives
-_MAX_STEPS = 25
-
-Residuals = Callable[[Floats], Floats]
-
-
-@dataclass(frozen=True, eq=False)
-class LeastSquaresResult:
-    """Where the residuals are least, and how sure that is."""
-
-    parameters: Floats
-    """Parameters, (P,)."""
-    covariance: Floats
-    """(P, P) of them, from the scatter of the residuals."""
-    residuals: Floats
-    """(N,) at the parameters."""
-
-
-def least_squares(
-    residuals: Residuals, start: Floats, scale: float, prior: Floats | None = None, expected: Floats | None = None
-) -> LeastSquaresResult:
-    """The parameters (P,) at which residuals are least, those beyond `scale` ever less weighted.
-
-    Args:
-        residuals: function of parameters (P,) to residuals (N,).
-        start: (P,) parameters to begin with.
-        scale: of the residuals, from which they count less.
-        prior: (P,) inverse variances of the parameters, for residuals of variance 1; None for no prior.
-        expected: (P,) parameters around which the prior lies; None for `start`.
-    """
-    at, damping = np.asarray(start, dtype=np.float64), 1e-3
-    prior_weight = np.zeros(len(at)) if prior is None else prior * scale * scale
-    center = at.copy() if expected is None else expected
-    value = residuals(at)
-    for _ in range(_MAX_STEPS):
-        slope, weight = _slope(residuals, at, value), _weights(value, scale)
-        normal = (slope * weight[:, None]).T @ slope + np.diag(prior_weight)
-        gradient = slope.T @ (weight * value) + prior_weight * (at - center)
-        step = -np.linalg.solve(normal + damping * np.diag(np.diag(normal) + 1e-12), gradient)
-        candidate = residuals(at + step)
-        if (
-            _cost(candidate, scale) + prior_weight @ (at + step - center) ** 2
-            < _cost(value, scale) + prior_weight @ (at - center) ** 2
-        ):
-            at, value, damping = at + step, candidate, 0.2 * damping
-        else:
-            damping *= 10.0
-        if np.abs(step).max() < 1e-8 or damping > 1e8:
-            break
-    return LeastSquaresResult(at, _covariance(_slope(residuals, at, value), value, scale, prior_weight), value)
-
-
-def _slope(residuals: Residuals, at: Floats, value: Floats) -> Floats:
-    """Derivatives (N, P)."""
-    return np.stack([(residuals(at + step) - value) / _STEP for step in _STEP * np.eye(len(at))], axis=1)
-
-
-def _weights(value: Floats, scale: float) -> Floats:
-    return np.asarray(1.0 / (1.0 + np.square(value / scale)))
-
-
-def _cost(value: Floats, scale: float) -> float:
-    return float(scale * scale * np.sum(np.log1p(np.square(value / scale))))
-
-
-def _covariance(slope: Floats, value: Floats, scale: float, prior_weight: Floats) -> Floats:
-    """Covariance (P, P) of the parameters: the weighted scatter of the residuals times the inverse normal matrix."""
-    weight = _weights(value, scale)
-    scatter = float(weight @ np.square(value) / max(weight.sum() - len(prior_weight), 1.0))
-    normal = (slope * weight[:, None]).T @ slope / max(scatter, 1e-18) + np.diag(prior_weight) / (scale * scale)
-    return np.asarray(np.linalg.pinv(normal, hermitian=True))
-
-
-@dataclass(frozen=True, eq=False)
-class _RansacResult:
-    """The best trial."""
-
-    rotation: Floats  # (3, 3) directions in the first camera's frame to the second's
-    zoom: float  # both focal lengths times this
-
-
-def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequence[float]) -> _RansacResult:
-    """The rotation and the zoom that most of the surest matches obey.
-
-    Args:
-        matches: two or more.
-        focal: both focal lengths in half diagonals.
-        zooms: factors on both focal lengths to try.
-    """
-    rng = np.random.default_rng(0)  # the same answer every time
-    best, result = -np.inf, _RansacResult(np.eye(3), 1.0)
-    for zoom in zooms:
-        a, b = rays_through(matches.a[:SCORED], zoom * focal[0]), rays_through(matches.b[:SCORED], zoom * focal[1])
-        pairs = _pairs(len(a), rng)  # two rays each, which a trial takes as nearly as can be from `a` to `b`
-        trials = _frame(b[pairs]) @ np.swapaxes(_frame(a[pairs]), -1, -2)
-        scores = _scores(trials, a, b, TOLERANCE * matches.pixel / (zoom * max(focal)))
-        if scores.max() > best:
-            best, result = float(scores.max()), _RansacResult(trials[int(np.argmax(scores))], zoom)
-    return result
-
-
-def _pairs(count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Indices (SAMPLES, 2) of two different matches each."""
-    first = rng.integers(0, count, SAMPLES)
-    return np.stack([first, (first + rng.integers(1, count, SAMPLES)) % count], axis=1)
-
-
-def _frame(two: Floats) -> Floats:
-    """Right-handed axes as columns (T, 3, 3), decided by two rays (T, 2, 3) alike."""
-    along = two[:, 0] + two[:, 1]
-    across = np.cross(two[:, 0], two[:, 1])
-    x = along / np.linalg.norm(along, axis=1, keepdims=True)
-    y = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-12)
-    return np.stack([x, y, np.cross(x, y)], axis=-1)
-
-
-def _scores(trials: Floats, a: Floats, b: Floats, tolerance: float) -> Floats:
-    """For each rotation (T, 3, 3), how well rays (M, 3) are taken to theirs: each counts up to 1 (MSAC [2])."""
-    rotated = np.einsum("tij,mj->tmi", trials, a)
-    squared_errors = np.sum(np.square(rotated - b), axis=2) / (tolerance * tolerance)
-    return np.asarray(np.sum(np.maximum(1.0 - squared_errors, 0.0), axis=1))

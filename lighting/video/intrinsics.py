@@ -15,11 +15,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from lighting.geometry import Floats, zoomed_fov
-from lighting.registration.features import Matches
 from lighting.registration.rotations import cross_matrix, focal_from_fov, rays_through, rotation_about
-from lighting.registration.two_view import RelativeRotation, estimate_rotation
-from lighting.video.keyframes import GAP_KEYFRAMES, match_keyframes, smooth_parabolic
-from lighting.video.tracking import TOLERANCE, ClipMetadata, FrameEstimate, Keyframe, ShotObservations, TrackedFrame
+from lighting.registration.two_view import Matches, RelativeRotation, estimate_rotation
+from lighting.video.tracking import (
+    GAP_KEYFRAMES,
+    TOLERANCE,
+    ClipMetadata,
+    FrameEstimate,
+    Keyframe,
+    ShotObservations,
+    TrackedFrame,
+    match_keyframes,
+)
 
 MAX_PAIRS = 10  # of keyframes, from which the lens is learnt
 MIN_PAIRS = 4  # fewer keyframes tell too little of the lens
@@ -39,6 +46,7 @@ _START_FACTORS = (1.0, 0.8, 1.25)  # times that lens, from where the zoom is fol
 _ONE_LENS = 0.06  # logarithm of the ratio of two focal lengths up to which they may be those of one lens
 _PASSES = 4  # the zoom is followed by the lens, and the lens known by the zoom
 _REWEIGHTINGS = 8  # of re-weighting, from eight times the tolerance down to it
+SMOOTHING_WINDOW = 5  # frames that a parabola is fitted to; tracking trembles faster than hands do
 
 
 def fit_fov(tracked: ShotObservations, clip: ClipMetadata) -> tuple[float, float]:
@@ -314,3 +322,23 @@ def _fit_rotation_and_zoom(
         fitted, factor = rotation_about(step[:3]) @ fitted, factor * float(np.exp(np.clip(step[3], -0.2, 0.2)))
     agreeing = np.mean(np.sum(np.square(error), axis=1) < (2.0 * reach) ** 2)
     return (fitted, factor) if agreeing >= least else None
+
+
+def smooth_parabolic(time: Floats, values: Floats, window: int = SMOOTHING_WINDOW) -> Floats:
+    """Replace each value by the parabola through its neighbours.
+
+    Args:
+        time: (N,) s, rising.
+        values: (N,).
+        window: neighbours that a parabola is fitted to, odd.
+    """
+    count = len(time)
+    if count < window:
+        return values
+    first = np.clip(np.arange(count) - window // 2, 0, count - window)
+    neighbors = first[:, None] + np.arange(window)
+    offset = time[neighbors] - time[:, None]
+    scale = np.maximum(np.abs(offset).max(axis=1, keepdims=True), 1e-9)
+    basis = np.stack([np.ones_like(offset), offset / scale, (offset / scale) ** 2], axis=-1)
+    fitted = np.linalg.pinv(basis) @ values[neighbors][..., None]
+    return np.asarray(fitted[:, 0, 0])

@@ -1,9 +1,19 @@
-"""From a clip to its shots: the lens, the camera's path, the one sun of each, and a record of each frame."""
+"""From a clip to its shots: the lens, the camera's path, the one sun of each, and a record of each frame.
+
+Errors of a chain of rotations add up. Where the camera comes back to what it saw, features of keyframes are matched and
+the loop is closed. Orientations then are those with the least sum of squared differences to all rotations (rotation
+averaging, Chatterjee and Govindu 2013), rotations far off counting little.
+
+Orientations are rotations (3, 3) from the frame of the shot's first camera (x right, y up, it looks along -z) to that
+of a later one.
+"""
 
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -17,13 +27,21 @@ from lighting.fusion.estimate import build_estimate
 from lighting.fusion.metadata_prior import MetadataPrior
 from lighting.fusion.single_view import Posterior
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
-from lighting.geometry import Floats, wrap_azimuth, zoomed_fov
+from lighting.geometry import Floats, angle_between, wrap_azimuth, zoomed_fov
 from lighting.light_probe import LightProbe, compute_light_probe, main_light, rotate_harmonics
 from lighting.model import Model
 from lighting.records import Lighting, record_with_coefficients
-from lighting.registration.rotations import leveling_rotation
+from lighting.registration.rotations import (
+    camera_up,
+    consensus_up,
+    focal_from_fov,
+    heading_elevation_roll,
+    leveling_rotation,
+    rotation_about,
+    rotation_vector,
+)
 from lighting.sun_grid import circular_mean
-from lighting.video.decode import Clip
+from lighting.video.decode import Clip, Gimbal
 from lighting.video.intrinsics import (
     MAX_FOV_STDS,
     MIN_ZOOMED_FRAMES,
@@ -32,18 +50,21 @@ from lighting.video.intrinsics import (
     fit_fov,
     prior_fov,
     remove_zoom,
-)
-from lighting.video.keyframes import (
-    CameraPath,
-    estimate_frame_rotations,
-    estimate_orientations,
-    estimate_up,
-    make_camera_path,
-    sample_gimbal,
+    smooth_parabolic,
 )
 from lighting.video.observation import NETWORK_INTERVAL, FrameObservation, ShotLight, observe_shots
-from lighting.video.telemetry import Gimbal
-from lighting.video.tracking import ClipMetadata, FrameEstimate, FrameRotation, ShotObservations, chain_gains
+from lighting.video.tracking import (
+    GAP_KEYFRAMES,
+    ClipMetadata,
+    FrameEstimate,
+    FrameRotation,
+    Keyframe,
+    ShotObservations,
+    chain_gains,
+    estimate_frame_rotation,
+    is_reliable,
+    match_keyframes,
+)
 
 MIN_AGREEMENT = 0.45  # share of the points that must agree in the median frame, or the answer says that it is not sure
 _SUITABLE_TOLERANCE = 0.1  # below the most suitable frame's probability, within which the sharpest frame is chosen
@@ -52,9 +73,240 @@ _ZOOM_LOST = "The zoom is unknown in {:.0f} % of the frames: headings may be off
 _FEW_AGREE = "Only {:.0f} % of the points agree in most frames: headings may be off."
 _ODD_LENS = "The points show a field of view of {:.0f}°, not {:.0f}°: headings may be off."
 
+MIN_LOOP_KEYFRAMES = 5  # keyframes; those nearer in time need no loop
+MAX_LOOP_ANGLE = 0.5  # of the vertical field of view, up to which two keyframes are compared
+MAX_LOOPS = 60  # compared in a shot
+MAX_AVERAGED_KEYFRAMES = 1200  # beyond which the chain is left as it is: the graph would take too much memory
+_MAX_ROUNDS = 12  # of the averaging, at most
+_OUTLIER_ANGLE = 0.5  # deg, beyond which a rotation counts for ever less
+
 
 @dataclass(frozen=True, eq=False)
-class ShotView:
+class _Link:
+    """A rotation between two keyframes."""
+
+    a: int
+    b: int
+    rotation: Floats  # (3, 3) directions in a's camera to b's
+    weight: float = 1.0
+
+
+def _chain_orientations(count: int, links: Sequence[_Link]) -> tuple[Floats, NDArray[np.intp]]:
+    """Orientations (K, 3, 3) along the links, and which part (K,) each keyframe belongs to.
+
+    Each part's first keyframe has the identity.
+    """
+    orientation, part = np.tile(np.eye(3), (count, 1, 1)), np.full(count, -1)
+    neighbors: list[list[tuple[int, Floats]]] = [[] for _ in range(count)]
+    for link in links:
+        neighbors[link.a].append((link.b, link.rotation))
+        neighbors[link.b].append((link.a, link.rotation.T))
+    for start in range(count):
+        queue = [start] if part[start] < 0 else []
+        part[queue] = start
+        while queue:
+            current = queue.pop(0)
+            for other, rotation in neighbors[current]:
+                if part[other] < 0:
+                    part[other], orientation[other] = start, rotation @ orientation[current]
+                    queue.append(other)
+    return orientation, part
+
+
+def _average_rotations(orientation: Floats, links: Sequence[_Link], fixed: NDArray[np.bool_]) -> Floats:
+    """Orientations (K, 3, 3) that fit the links best, from ones nearby; those `fixed` (K,) stay."""
+    count = len(orientation)
+    if len(links) < count or count > MAX_AVERAGED_KEYFRAMES:
+        return orientation
+    a, b = (np.array([getattr(link, end) for link in links]) for end in ("a", "b"))
+    rotations, link_weight = np.stack([link.rotation for link in links]), np.array([link.weight for link in links])
+    for _ in range(_MAX_ROUNDS):
+        error = np.swapaxes(orientation[b], 1, 2) @ rotations @ orientation[a]
+        residual = np.stack([rotation_vector(r) for r in error])
+        weight = link_weight / (1.0 + np.sum(residual**2, axis=1) / np.radians(_OUTLIER_ANGLE) ** 2)
+        step = _rotation_steps(a, b, residual, weight, fixed)
+        orientation = orientation @ rotation_about(step)
+        if np.abs(step).max() < 1e-7:
+            break
+    return orientation
+
+
+def _rotation_steps(
+    a: NDArray[np.intp], b: NDArray[np.intp], residual: Floats, weight: Floats, fixed: NDArray[np.bool_]
+) -> Floats:
+    """Small rotation vectors (K, 3) in the first camera's frame, by which orientations are to be turned."""
+    count = len(fixed)
+    laplacian, right = np.zeros((count, count)), np.zeros((count, 3))
+    for row, column, entry in ((a, a, weight), (b, b, weight), (a, b, -weight), (b, a, -weight)):
+        np.add.at(laplacian, (row, column), entry)
+    np.add.at(right, b, weight[:, None] * residual)
+    np.add.at(right, a, -weight[:, None] * residual)
+    laplacian[fixed] = 0.0
+    laplacian[fixed, fixed] = 1.0
+    right[fixed] = 0.0
+    return np.linalg.solve(laplacian + 1e-9 * np.eye(count), right)
+
+
+def _close_loops(
+    keys: Sequence[Keyframe], orientation: Floats, part: NDArray[np.intp], vertical_fov: float
+) -> list[_Link]:
+    """Rotations by features between keyframes that look nearly the same way and are not neighbours."""
+    pairs = list(_near_pairs(orientation, part, MAX_LOOP_ANGLE * vertical_fov))
+    step = max(1, math.ceil(len(pairs) / MAX_LOOPS))
+    rotations = [(i, j, match_keyframes(keys[i], keys[j], vertical_fov)) for i, j in pairs[::step]]
+    return [_Link(i, j, rotation.rotation, 0.5) for i, j, rotation in rotations if rotation is not None]
+
+
+def _near_pairs(orientation: Floats, part: NDArray[np.intp], within: float) -> Iterator[tuple[int, int]]:
+    """Pairs of keyframes that look the same way to an angle [deg], each with the nearest of those long before it."""
+    for j in range(MIN_LOOP_KEYFRAMES, len(orientation)):
+        older = np.flatnonzero(part[: j - MIN_LOOP_KEYFRAMES + 1] == part[j])
+        angle = angle_between(orientation[older, 2], orientation[j, 2])
+        if angle.min(initial=np.inf) < within:
+            yield int(older[int(np.argmin(angle))]), j
+
+
+# Orientations of all frames, and up.
+
+GIMBAL_INTERVAL = 0.5  # s between the gimbal's angles that count
+
+
+def _estimate_orientations(
+    tracked: ShotObservations, rotations: Sequence[FrameRotation], fov: float
+) -> tuple[Floats, NDArray[np.bool_]]:
+    """Estimate the frames' orientations from all rotations between keyframes and frames.
+
+    Args:
+        tracked: a shot.
+        rotations: those of `_estimate_frame_rotations`, one a frame.
+        fov: deg, vertical field of view.
+
+    Returns:
+        Orientations (N, 3, 3) against the shot's first camera, and which of them are to be used (N,).
+
+    References:
+        [1] Chatterjee and Govindu, Efficient and robust large-scale rotation averaging, ICCV 2013.
+    """
+    lowest = tracked.steps[0].key
+    numbers = [n for s in tracked.steps for n in (s.key, s.next_key) if n is not None]
+    count = max(numbers) - lowest + 1
+    steps = zip(tracked.steps, rotations, strict=True)
+    ends = [(s.key - lowest, s.next_key - lowest, r.rotation) for s, r in steps if s.next_key is not None]
+    chain = [*(_Link(*end, 2.0) for end in ends), *_bridge_gaps(tracked, lowest, fov)]
+    orientation, part = _chain_orientations(count, chain)
+    keys = sorted(tracked.keys.values(), key=lambda k: k.number)
+    where = np.array([k.number - lowest for k in keys], dtype=np.intp)
+    loops = _close_loops(keys, orientation[where], part[where], fov) if len(keys) > 3 else []
+    closed = [replace(link, a=int(where[link.a]), b=int(where[link.b])) for link in loops]
+    orientation = _average_rotations(orientation, [*chain, *closed], part == np.arange(count))
+    key_index = np.array([step.key - lowest for step in tracked.steps])
+    frames = np.stack([t.rotation for t in rotations]) @ orientation[key_index]
+    main = np.bincount(part[key_index]).argmax()
+    reliable = [is_reliable(t, is_start=s.is_start) for t, s in zip(rotations, tracked.steps, strict=True)]
+    is_used = np.array(reliable) & (part[key_index] == main)
+    return frames @ frames[int(np.argmax(is_used))].T, is_used
+
+
+def _estimate_frame_rotations(tracked: ShotObservations, fov: float) -> list[FrameRotation]:
+    """Estimate each frame's rotation against its keyframe.
+
+    Args:
+        tracked: a shot.
+        fov: deg, vertical field of view.
+    """
+    focal = focal_from_fov(fov, *tracked.size)
+    result: list[FrameRotation] = []
+    last = -1
+    for step in tracked.steps:
+        if step.is_start or not len(step.matches):
+            result.append(FrameRotation(np.eye(3), 1.0 if step.is_start else 0.0, len(step.matches)))
+        else:
+            guess = result[-1].rotation if step.key == last else np.eye(3)
+            result.append(estimate_frame_rotation(step.matches, focal, guess))
+        last = step.key
+    return result
+
+
+def _bridge_gaps(tracked: ShotObservations, lowest: int, fov: float) -> Iterator[_Link]:
+    """Rotations over the gaps between stretches."""
+    stretches = sorted({k.stretch for k in tracked.keys.values()})
+    keys = {s: [k for k in tracked.keys.values() if k.stretch == s] for s in stretches}
+    for before, after in pairwise(stretches):
+        for a, b in product(keys[before][-GAP_KEYFRAMES:], keys[after][:GAP_KEYFRAMES]):
+            if (rotation := match_keyframes(a, b, fov)) is not None:
+                yield _Link(a.number - lowest, b.number - lowest, rotation.rotation)
+
+
+def _estimate_up(tracked: ShotObservations, orientation: Floats, time: Floats, gimbal: Gimbal) -> Floats:
+    """Estimate up (3,) in the shot's first camera: by the gimbal if there is one, else what most estimates agree upon.
+
+    Args:
+        tracked: a shot with one estimate or more.
+        orientation: (N, 3, 3) of the frames against the first camera.
+        time: (N,) s, of the frames, rising.
+        gimbal: may be empty.
+    """
+    if samples := _sample_gimbal(gimbal, time):
+        ups = np.stack([camera_up(elevation, roll) for _, (_, elevation, roll) in samples])
+        return consensus_up(orientation[[i for i, _ in samples]], ups)
+    position = {step.frame: i for i, step in enumerate(tracked.steps)}
+    predictions = [estimate.prediction for estimate in tracked.estimates.values()]
+    ups = np.stack([camera_up(p.camera_elevation, p.camera_roll) for p in predictions])
+    return consensus_up(orientation[[position[f] for f in tracked.estimates]], ups)
+
+
+def _sample_gimbal(gimbal: Gimbal, time: Floats) -> list[tuple[int, tuple[float, float, float]]]:
+    """Read a gimbal every GIMBAL_INTERVAL.
+
+    Args:
+        gimbal: may be empty.
+        time: (N,) s, of the frames, rising.
+
+    Returns:
+        Indices into `time`, each with heading, elevation and roll, deg.
+    """
+    first = np.unique((time - time[0]) // GIMBAL_INTERVAL, return_index=True)[1]
+    return [(int(i), angles) for i in first if (angles := gimbal.at(float(time[i]))) is not None]
+
+
+# The camera's path.
+
+
+@dataclass(frozen=True, eq=False)
+class _CameraPath:
+    """How the camera pointed, frame by frame."""
+
+    time: Floats
+    """Time, (N,) s."""
+    heading: Floats
+    """(N,) deg clockwise from the first frame's, continuous: it may pass 180."""
+    elevation: Floats
+    """Elevation, (N,) deg."""
+    roll: Floats
+    """Roll, (N,) deg."""
+    bridged: NDArray[np.bool_]
+    """(N,) where nothing could be followed and the neighbours tell."""
+
+
+def _make_camera_path(time: Floats, orientations: Floats, is_used: NDArray[np.bool_], leveling: Floats) -> _CameraPath:
+    """Make a camera's path: gaps bridged, trembling smoothed.
+
+    Args:
+        time: (N,) s, rising.
+        orientations: (N, 3, 3) against the shot's first camera.
+        is_used: (N,), which of them are reliable; at least one.
+        leveling: (3, 3) rotation that levels the first camera.
+    """
+    heading, elevation, roll = heading_elevation_roll(orientations, leveling)
+    heading, elevation, roll = heading[is_used], elevation[is_used], roll[is_used]
+    heading, roll = (np.degrees(np.unwrap(np.radians(angle))) for angle in (heading, roll))
+    interpolated = (np.interp(time, time[is_used], angle) for angle in (heading, elevation, roll))
+    heading, elevation, roll = (smooth_parabolic(time, v) for v in interpolated)
+    return _CameraPath(time, heading, np.clip(elevation, -90.0, 90.0), roll, ~is_used)
+
+
+@dataclass(frozen=True, eq=False)
+class _ShotView:
     """The frame of a shot that its maps show."""
 
     index: int
@@ -69,7 +321,7 @@ class Shot:
 
     frames: NDArray[np.intp]
     """(N,) indices in the clip."""
-    path: CameraPath
+    path: _CameraPath
     """How the camera moved."""
     gains: Floats
     """(N, 3) of the linear values, relative to the shot's first frame."""
@@ -87,7 +339,7 @@ class Shot:
     """What the metadata say."""
     north: float | None
     """Deg clockwise from true north, where azimuth 0 points; None unknown."""
-    view: ShotView | None = None
+    view: _ShotView | None = None
     """The frame that maps show; None where the network predicts no surroundings."""
 
 
@@ -108,11 +360,11 @@ def solve_shot(tracked: ShotObservations, clip_metadata: ClipMetadata) -> Shot:
         lens = fit_fov(tracked, clip_metadata)
         unzoomed = UnzoomedShot(tracked.with_fixed_lens(), np.ones(len(tracked.steps)), lens)
     tracked, fov = unzoomed.tracked, unzoomed.lens[0]
-    rotations = estimate_frame_rotations(tracked, fov)
-    orientation, reliable = estimate_orientations(tracked, rotations, fov)
+    rotations = _estimate_frame_rotations(tracked, fov)
+    orientation, reliable = _estimate_orientations(tracked, rotations, fov)
     time = np.array([step.time for step in tracked.steps])
-    up = estimate_up(tracked, orientation, time, clip_metadata.gimbal)
-    path = make_camera_path(time, orientation, reliable, leveling_rotation(up))
+    up = _estimate_up(tracked, orientation, time, clip_metadata.gimbal)
+    path = _make_camera_path(time, orientation, reliable, leveling_rotation(up))
     warnings = tuple(_tracking_warnings(unzoomed, clip_metadata, rotations))
     return _light_shot(unzoomed, clip_metadata, path, chain_gains(tracked.steps), warnings)
 
@@ -133,7 +385,7 @@ def _tracking_warnings(
 
 
 def _light_shot(
-    unzoomed: UnzoomedShot, clip_metadata: ClipMetadata, path: CameraPath, gains: Floats, warnings: tuple[str, ...]
+    unzoomed: UnzoomedShot, clip_metadata: ClipMetadata, path: _CameraPath, gains: Floats, warnings: tuple[str, ...]
 ) -> Shot:
     """The shot along a path with gains (N, 3): the light of its estimates, with `warnings`."""
     tracked, (fov, fov_std) = unzoomed.tracked, unzoomed.lens
@@ -159,7 +411,7 @@ def _light_shot(
     return Shot(frames, path, gains, fov, fov_std, unzoomed.zoom, posterior, light.ground, first, north, view)
 
 
-def _choose_view(estimates: Mapping[int, FrameEstimate], path: CameraPath) -> ShotView | None:
+def _choose_view(estimates: Mapping[int, FrameEstimate], path: _CameraPath) -> _ShotView | None:
     """The sharpest of the most suitable frames, the first of equals; estimates are by their index in the shot."""
     lights = {i: light for i, seen in estimates.items() if (light := seen.prediction.light) is not None}
     panoramas = {i: light.surroundings for i, light in lights.items() if light.surroundings is not None}
@@ -168,12 +420,12 @@ def _choose_view(estimates: Mapping[int, FrameEstimate], path: CameraPath) -> Sh
         return None
     least = max(lights[i].suitable for i in followed) - _SUITABLE_TOLERANCE
     index = max((i for i in followed if lights[i].suitable >= least), key=lambda i: estimates[i].sharpness)
-    return ShotView(index, panoramas[index])
+    return _ShotView(index, panoramas[index])
 
 
-def _compass_heading(path: CameraPath, gimbal: Gimbal) -> float | None:
+def _compass_heading(path: _CameraPath, gimbal: Gimbal) -> float | None:
     """Where azimuth 0 points by the gimbal, deg clockwise from north; None without one."""
-    if not (samples := sample_gimbal(gimbal, path.time)):
+    if not (samples := _sample_gimbal(gimbal, path.time)):
         return None
     return circular_mean([heading - path.heading[i] for i, (heading, *_) in samples]) % 360.0
 

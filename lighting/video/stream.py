@@ -39,7 +39,6 @@ from lighting.registration.rotations import (
 from lighting.registration.two_view import RelativeRotation
 from lighting.video.decode import FRAME_SIDE, Frame
 from lighting.video.intrinsics import GUESSED_FOV_STD, MIN_FOV_STD, NETWORK_FOV_STD, constrains_fov, is_zoomed
-from lighting.video.keyframes import match_keyframes
 from lighting.video.observation import FrameObservation, ShotLight, estimate_frame, is_dark
 from lighting.video.shot import estimate_north, lighting_in_camera
 from lighting.video.tracking import (
@@ -50,6 +49,7 @@ from lighting.video.tracking import (
     TrackedFrame,
     estimate_frame_rotation,
     is_reliable,
+    match_keyframes,
 )
 
 MAX_TIME = 1e10  # s of a stream, 317 years: no clock that counts seconds is beyond it, and calendars can follow

@@ -23,11 +23,22 @@ from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, shrink_size
 from lighting.photo.metadata import HeadingReference, PhotoMetadata
 from lighting.records import Prediction
-from lighting.registration.features import Features, Matches, detect_features, import_opencv, resize_to, to_centered
-from lighting.registration.rotations import nearest_rotation, ransac_rotation, rays_through
-from lighting.registration.two_view import essential_motion, prefers_translation
-from lighting.video.decode import Frame
-from lighting.video.telemetry import Gimbal
+from lighting.registration.rotations import nearest_rotation, rays_through
+from lighting.registration.two_view import (
+    Features,
+    Matches,
+    RelativeRotation,
+    detect_features,
+    essential_motion,
+    estimate_rotation,
+    import_opencv,
+    match_features,
+    prefers_translation,
+    ransac_rotation,
+    resize_to,
+    to_centered,
+)
+from lighting.video.decode import Frame, Gimbal
 
 MAX_POINTS = 200  # sought in a keyframe
 MIN_POINTS = 24  # followed, below which a frame counts as lost
@@ -56,6 +67,7 @@ _LIGHT_SIDE = 160  # pixels of the longer side in which a gain is measured
 _MIN_LIT_SHARE = 0.02  # share of the picture that must be neither black nor clipped
 _CODES = np.arange(256)
 _LINEAR_TABLE = np.where((_CODES > 8) & (_CODES < 248), SRGB_LINEAR, np.float32(np.nan))  # NaN where black or clipped
+GAP_KEYFRAMES = 2  # keyframes to either side of a gap that are compared
 
 
 @dataclass(frozen=True, eq=False)
@@ -384,3 +396,20 @@ class ClipMetadata:
         if seconds > 0.0:  # what the user states, too
             user_input = replace(user_input, heading=None)
         return observations_from_metadata(metadata, user_input, self.subject, allow_night=seconds != 0.0)
+
+
+def match_keyframes(
+    a: Keyframe, b: Keyframe, vertical_fov: float | None, fov_std: float = 0.0
+) -> RelativeRotation | None:
+    """Estimate the rotation from one keyframe to another by their features; None where too little is common.
+
+    Args:
+        a: the first keyframe.
+        b: the second one.
+        vertical_fov: deg, of both; None is unknown.
+        fov_std: deg, of that; 0 is exact.
+    """
+    if a.picture.shape != b.picture.shape:
+        return None
+    size = (a.picture.shape[1], a.picture.shape[0])
+    return estimate_rotation(match_features(a.features, b.features), size, size, (vertical_fov, vertical_fov), fov_std)

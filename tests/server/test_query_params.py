@@ -22,7 +22,7 @@ from lighting.files.exr import read_exr
 from lighting.fusion.user_input import UserInput
 from lighting.photo.reader import read_photo
 from lighting.records import record_with_coefficients
-from lighting.registration.features import has_opencv
+from lighting.registration.two_view import has_opencv
 from server.problems import ProblemError
 from server.query_params import (
     SUN_BY_DEFAULT,

@@ -25,11 +25,18 @@ from lighting.color import luminance
 from lighting.envmap.render import sun_irradiance
 from lighting.errors import ProbeError
 from lighting.geometry import Floats, angle_between, direction
-from lighting.probe.alignment import SUN_CLEARANCE, Scan, _fit_orientation, _log_errors, yaw_rotation
-from lighting.probe.bracket import make_bracket, read_bracket
-from lighting.probe.develop import BracketSettings, Moment, make_probe
+from lighting.probe.bracket import make_bracket, measure_ratios, read_bracket
+from lighting.probe.develop import (
+    SUN_CLEARANCE,
+    BracketSettings,
+    Moment,
+    Scan,
+    _fit_orientation,
+    _log_errors,
+    make_probe,
+    yaw_rotation,
+)
 from lighting.probe.fisheye import make_lens
-from lighting.probe.hdr_merge import measure_ratios
 from lighting.records import GROUND_ALBEDO
 from lighting.sky.hosek_wilkie import sky_radiance
 from lighting.sky.perez import general_luminance, overcast_luminance

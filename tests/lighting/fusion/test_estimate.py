@@ -11,7 +11,7 @@ import pytest
 from numpy.typing import NDArray
 
 from lighting.decoding import bayes_direction
-from lighting.fusion.estimate import build_estimate, predict_photo, refine_camera
+from lighting.fusion.estimate import _choose_lens, build_estimate, predict_photo, refine_camera
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import fuse
@@ -21,7 +21,7 @@ from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.preprocess import preprocess
 from lighting.photo.reader import photo_from_array
-from lighting.records import Light, Lighting, Prediction
+from lighting.records import Light, Lighting, Prediction, warning_code
 from lighting.sun_grid import soft_label
 from tests.conftest import TINY
 from tests.helpers.cameras import poles
@@ -180,3 +180,47 @@ def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> N
 
 def seen_sun(predicted: Prediction) -> Floats:
     return bayes_direction(predicted.sun_probability, predicted.spec.sun_grid)
+
+
+def lens(*fovs: float, is_consistent: bool = True) -> PhotoMetadata:
+    return PhotoMetadata(
+        focal_length=26.0, vertical_fov=fovs[0], other_vertical_fovs=fovs[1:], is_lens_consistent=is_consistent
+    )
+
+
+@pytest.mark.parametrize(
+    ("metadata", "pixel_fov", "chosen"),
+    [
+        (lens(54.0), 60.0, 54.0),
+        (lens(29.0), 66.0, None),
+        (lens(14.0), 34.0, 14.0),  # a long lens, of which the file says more than its 35 mm value
+        (lens(14.0, is_consistent=False), 34.0, None),
+        (lens(14.0), 66.0, None),
+        (lens(7.0, is_consistent=False), 54.0, None),
+        (lens(85.0), 50.0, None),  # the photo was cropped
+        (lens(85.0, 69.0), 68.0, 69.0),
+        (lens(64.0, 35.0), 66.0, 64.0),
+        (lens(120.0, 100.0), 40.0, None),
+    ],
+)
+def test_a_lens_that_the_pixels_exclude_is_not_used(
+    metadata: PhotoMetadata, pixel_fov: float, chosen: float | None
+) -> None:
+    settled, warnings = _choose_lens(metadata, pixel_fov)
+    assert settled.vertical_fov == chosen
+    assert settled.other_vertical_fovs == ()
+    assert settled.focal_length == 26.0
+    code = "lens-contradicted" if chosen is None else "lens-open"
+    assert [warning_code(w) for w in warnings] == [code] * (chosen != metadata.vertical_fov)
+
+
+def test_of_lenses_that_the_pixels_hardly_part_a_warning_tells() -> None:
+    settled, (warning,) = _choose_lens(lens(62.0, 58.0), 64.0)
+    assert settled.vertical_fov in (62.0, 58.0)
+    assert "62° or 58°" in warning
+
+
+def test_a_focal_length_that_a_crop_made_useless_is_told() -> None:
+    _, (warning,) = _choose_lens(PhotoMetadata(focal_length=26.0), 50.0)
+    assert "was cropped" in warning
+    assert _choose_lens(PhotoMetadata(), 50.0) == (PhotoMetadata(), ())

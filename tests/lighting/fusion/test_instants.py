@@ -10,9 +10,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from lighting.errors import ParameterError
-from lighting.fusion.instants import resolve_together
+from lighting.fusion.instants import OFFSET_RULES, _offsets_of_place, resolve_hemisphere, resolve_together
 from lighting.fusion.metadata_prior import observations_from_metadata, observations_multi, share_location
-from lighting.fusion.timezones import OFFSET_RULES, offsets_of_place, resolve_hemisphere
 from lighting.fusion.user_input import UserInput
 from lighting.photo.clock import UTC_OFFSETS
 from lighting.photo.metadata import PhotoMetadata
@@ -39,22 +38,22 @@ from tests.helpers.predictions import METADATA, MORNING, ZONELESS, observations_
     ],
 )
 def test_offsets_of_a_place(place: tuple[float, float], time: datetime, hours: list[float]) -> None:
-    found = offsets_of_place(*place, time)
+    found = _offsets_of_place(*place, time)
     assert [one.hours for one in found] == hours
     assert sum(one.weight for one in found) == pytest.approx(1.0)
 
 
 def test_at_sea_there_are_several_and_the_coasts_count() -> None:
-    off_norway = {one.hours: one.weight for one in offsets_of_place(62.0, 2.5, datetime(2024, 6, 1, 12, 0))}
+    off_norway = {one.hours: one.weight for one in _offsets_of_place(62.0, 2.5, datetime(2024, 6, 1, 12, 0))}
     assert off_norway.keys() >= {-1.0, 0.0, 1.0, 2.0}
-    mid_atlantic = {one.hours for one in offsets_of_place(30.0, -45.0, datetime(2024, 6, 1, 12, 0))}
+    mid_atlantic = {one.hours for one in _offsets_of_place(30.0, -45.0, datetime(2024, 6, 1, 12, 0))}
     assert mid_atlantic == {-4.0, -3.0, -2.0}
 
 
 @given(st.floats(-90, 90), st.floats(-180, 180))
 @settings(max_examples=60, deadline=None)
 def test_every_place_has_a_zone(latitude: float, longitude: float) -> None:
-    found = offsets_of_place(latitude, longitude, datetime(2024, 6, 1, 12, 0))
+    found = _offsets_of_place(latitude, longitude, datetime(2024, 6, 1, 12, 0))
     assert found
     assert sum(one.weight for one in found) == pytest.approx(1.0)
     assert all(one.hours in UTC_OFFSETS for one in found)
