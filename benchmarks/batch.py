@@ -29,8 +29,7 @@ import sys, time
 from pathlib import Path
 from statistics import median
 from PIL import Image
-from lighting.model import Model
-from lighting.photo.preprocess import preprocess
+from lighting.model import Model, preprocess
 from lighting.photo.reader import TARGET, read_photo
 path, count = Path(sys.argv[1]), int(sys.argv[2])
 model = Model.load(threads=1)

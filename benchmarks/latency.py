@@ -55,7 +55,7 @@ from lighting.envmap.surroundings import PhotoContext, photo_context_for_height,
 from lighting.estimator import Estimator
 from lighting.files.exr import prepare_compression, write_exr
 from lighting.geometry import latlong_directions
-from lighting.photo.preprocess import preprocess, resize_to_input
+from lighting.model import preprocess, resize_to_input
 from lighting.photo.reader import TARGET, read_photo
 from lighting.photo.sandbox import read_photo_isolated
 from lighting.records import Lighting

@@ -22,8 +22,7 @@ import onnxruntime
 from numpy.typing import NDArray
 
 from benchmarks.common import ROOT, describe_machine, measure_milliseconds
-from lighting.model import Model, packaged_model
-from lighting.photo.preprocess import preprocess
+from lighting.model import Model, packaged_model, preprocess
 from lighting.photo.reader import read_photo
 
 Batch = NDArray[np.float32]
@@ -147,7 +146,7 @@ def _batches(crops: Any) -> Iterator[tuple[Batch, list[Any]]]:
     """The network's inputs and the crops that they show."""
     from export.crops.crops import crop_panorama
     from lighting.color import tone_map
-    from lighting.photo.preprocess import pad_to_input
+    from lighting.model import pad_to_input
 
     spec = Model.load().spec
     for first in range(0, len(crops), _BATCH):

@@ -1,6 +1,6 @@
 """The network: an ONNX file that carries its own description, run by onnxruntime.
 
-Input `photo`, float32 (N, 3, H, W), is what photo.preprocess makes. Output `sun_probability`, float32 (N, G), sums to 1
+Input `photo`, float32 (N, 3, H, W), is what `preprocess` makes. Output `sun_probability`, float32 (N, G), sums to 1
 over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. Two more outputs
 are optional: `light`, float32 (N, 8), holds LIGHT_OUTPUT in final units, and `around`, float32 (N, 12, 24, 3), the
 radiance of the surroundings without the sun. The metadata key `spec` holds a ModelSpec as JSON.
@@ -8,15 +8,19 @@ radiance of the surroundings without the sun. The metadata key `spec` holds a Mo
 
 import os
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ModelError, ParameterError
+from lighting.geometry import fit_in_box
 from lighting.onnx_session import create_session, describe_onnx_error, packaged_network
 from lighting.records import SURROUNDINGS_SHAPE, Light, ModelSpec, Prediction
 from lighting.sun_grid import grid_directions
+
+if TYPE_CHECKING:
+    from lighting.photo.reader import Photo
 
 PARAMETERS = ("turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov", "sun_visibility")
 # Of output `light`: irradiances in the photo's linear units, then two shares.
@@ -80,7 +84,7 @@ class Model:
         """Run the network on a batch of photos, and return its prediction for each.
 
         Args:
-            batch: (N, 3, H, W), as photo.preprocess returns it; N may be 0.
+            batch: (N, 3, H, W), as `preprocess` returns it; N may be 0.
 
         Raises:
             ValueError: the batch has another shape.
@@ -186,3 +190,61 @@ def _light(row: NDArray[np.float32], panorama: NDArray[np.float32] | None) -> Li
     cover, suitable = np.minimum(positive[6:], 1.0)
     surroundings = None if panorama is None else np.maximum(panorama, np.float32(0))
     return Light(positive[:3], positive[3:6], float(cover), float(suitable), surroundings)
+
+
+# The photo as the input.
+
+
+def fit_size(width: int, height: int, spec: ModelSpec) -> tuple[int, int]:
+    """The largest (width, height) of the photo's aspect ratio inside the network's canvas, at least 1 x 1.
+
+    Args:
+        width: of the photo, pixels.
+        height: of the photo, pixels.
+        spec: of the network.
+    """
+    return fit_in_box(width, height, spec.width, spec.height)
+
+
+def pad_to_input(pixels: NDArray[np.uint8], spec: ModelSpec) -> NDArray[np.float32]:
+    """Canvas (3, H, W) with the normalised pixels at its centre, and 0, the mean color, beside them.
+
+    An odd margin puts the extra row or column after the photo.
+
+    Args:
+        pixels: (h, w, 3) sRGB, no larger than the canvas, else ValueError.
+        spec: of the network.
+    """
+    height, width = pixels.shape[:2]
+    if width > spec.width or height > spec.height:
+        raise ValueError(f"{width} x {height} pixels do not fit the canvas of {spec.width} x {spec.height}.")
+    top, left = (spec.height - height) // 2, (spec.width - width) // 2
+    canvas = np.zeros((3, spec.height, spec.width), dtype=np.float32)
+    inside = canvas[:, top : top + height, left : left + width]
+    mean, std = (np.asarray(value, dtype=np.float32)[:, None, None] for value in (spec.mean, spec.std))
+    np.multiply(pixels.transpose(2, 0, 1), 1 / (np.float32(255.0) * std), out=inside)
+    inside -= mean / std
+    return canvas
+
+
+def resize_to_input(photo: "Photo", spec: ModelSpec) -> NDArray[np.uint8]:
+    """The photo's pixels (h, w, 3) sRGB resized without aliasing to `fit_size`.
+
+    Args:
+        photo: of any size.
+        spec: of the network.
+    """
+    from PIL import Image
+
+    size = fit_size(photo.width, photo.height, spec)
+    return np.asarray(Image.fromarray(photo.pixels).resize(size, Image.Resampling.HAMMING, reducing_gap=1.0))
+
+
+def preprocess(photo: "Photo", spec: ModelSpec) -> NDArray[np.float32]:
+    """The network's input (1, 3, H, W): the resized photo on its canvas.
+
+    Args:
+        photo: of any size.
+        spec: of the network.
+    """
+    return pad_to_input(resize_to_input(photo, spec), spec)[None]

@@ -35,7 +35,7 @@ from lighting.geometry import (
     sample_latlong,
     wrap_azimuth,
 )
-from lighting.photo.preprocess import fit_size
+from lighting.model import fit_size
 from lighting.records import ModelSpec
 
 MAX_HORIZONTAL_FOV = 106.0  # deg, about that of a phone's ultra-wide lens

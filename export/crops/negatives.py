@@ -12,7 +12,7 @@ from export.crops.augmentation import JPEG_SHARE, recompress
 from export.crops.crops import Source
 from export.data.panoramas import read_table
 from lighting.color import tone_map
-from lighting.photo.preprocess import fit_size
+from lighting.model import fit_size
 from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
 

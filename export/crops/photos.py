@@ -14,7 +14,7 @@ from export.crops.crops import PHONE_ASPECTS, VISIBILITY, Camera, Crop, Source, 
 from export.data.labels import read_labels_of
 from export.data.panoramas import DataError, decode_srgb, is_permissive, read_index, read_table
 from lighting.geometry import Floats, angles, wrap_azimuth
-from lighting.photo.preprocess import fit_size
+from lighting.model import fit_size
 from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions

@@ -15,8 +15,7 @@ from PIL import Image, ImageOps
 from lighting.decoding import bayes_direction
 from lighting.files import atomic_write
 from lighting.geometry import Floats
-from lighting.model import Model
-from lighting.photo.preprocess import fit_size, preprocess
+from lighting.model import Model, fit_size, preprocess
 from lighting.photo.reader import Photo, read_photo
 from lighting.sun_grid import grid_directions
 

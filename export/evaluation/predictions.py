@@ -23,8 +23,7 @@ from lighting.color import tone_map
 from lighting.decoding import lighting_from_prediction
 from lighting.fusion.estimate import refine_camera
 from lighting.geometry import Floats, camera_directions
-from lighting.model import Model
-from lighting.photo.preprocess import pad_to_input
+from lighting.model import Model, pad_to_input
 from lighting.photo.reader import TARGET
 from lighting.records import Prediction
 from lighting.sun_grid import nearest_cell_density

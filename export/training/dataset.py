@@ -47,7 +47,7 @@ from export.training.config import TrainConfig
 from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.geometry import Floats
-from lighting.photo.preprocess import pad_to_input
+from lighting.model import pad_to_input
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions, soft_label
 

@@ -27,7 +27,7 @@ from export.networks.weights import CHECKPOINT, read_checkpoint, read_network, r
 from export.training.dataset import split_places
 from lighting.files import atomic_write
 from lighting.geometry import Floats
-from lighting.photo.preprocess import pad_to_input, resize_to_input
+from lighting.model import pad_to_input, resize_to_input
 from lighting.photo.reader import read_photo
 from lighting.records import ModelSpec
 

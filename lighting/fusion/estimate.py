@@ -21,9 +21,9 @@ from lighting.fusion.instants import Instant, resolve_hemisphere
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
-from lighting.model import Model
+from lighting.model import Model, preprocess
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.preprocess import is_blank, is_panorama, preprocess
+from lighting.photo.pixels import is_blank, is_panorama
 from lighting.photo.reader import Photo
 from lighting.records import MIN_SUITABLE, CodedWarning, EstimatedLight, EvidenceKind, Lighting, Prediction, WarningCode
 

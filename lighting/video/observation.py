@@ -40,8 +40,8 @@ from lighting.fusion.single_view import (
     posterior_on_rings,
 )
 from lighting.geometry import Floats, direction
-from lighting.model import Model
-from lighting.photo.preprocess import is_blank, preprocess
+from lighting.model import Model, preprocess
+from lighting.photo.pixels import is_blank
 from lighting.photo.reader import Photo
 from lighting.records import EvidenceKind, Light, Prediction
 from lighting.registration.two_view import Matches, import_opencv, resize_to

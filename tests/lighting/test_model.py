@@ -1,4 +1,4 @@
-"""The ONNX session: what it accepts, what it refuses, what it says."""
+"""The network: its input, what its session accepts, what it refuses, what it says."""
 
 import json
 import os
@@ -9,13 +9,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from lighting import model as model_module
 from lighting.errors import ModelError
-from lighting.model import PARAMETERS, Model, network_sha256, packaged_model, weights_path
+from lighting.model import (
+    PARAMETERS,
+    Model,
+    fit_size,
+    network_sha256,
+    packaged_model,
+    pad_to_input,
+    preprocess,
+    weights_path,
+)
 from lighting.onnx_session import create_session, describe_onnx_error, packaged_network
-from tests.conftest import LIT, TINY, write_network
+from lighting.photo.reader import Photo, read_photo
+from tests.conftest import LIT, TINY, encode, scene, write_network
 
 
 @pytest.fixture(scope="module")
@@ -227,3 +239,58 @@ def test_a_package_holds_one_network_of_a_name(tmp_path: Path) -> None:
 )
 def test_the_reason_is_the_last_clause(message: str, reason: str) -> None:
     assert describe_onnx_error(OSError(message)) == reason
+
+
+@given(st.integers(1, 20_000), st.integers(1, 20_000))
+def test_the_photo_fills_one_side_of_the_canvas(width: int, height: int) -> None:
+    w, h = fit_size(width, height, TINY)
+    assert 1 <= w <= TINY.width
+    assert 1 <= h <= TINY.height
+    assert w == TINY.width or h == TINY.height
+    assert abs(w - width * h / height) <= 0.5 * width / height + 0.5 or min(w, h) == 1
+
+
+@pytest.mark.parametrize(
+    ("size", "fitted"), [((96, 64), (48, 32)), ((64, 96), (21, 32)), ((480, 10), (48, 1)), ((3, 2), (48, 32))]
+)
+def test_fit_size_of_known_shapes(size: tuple[int, int], fitted: tuple[int, int]) -> None:
+    assert fit_size(*size, TINY) == fitted
+
+
+@pytest.mark.parametrize(("width", "height", "left", "top"), [(48, 10, 0, 11), (21, 32, 13, 0), (48, 32, 0, 0)])
+def test_place_centres_the_normalised_photo_on_the_mean(width: int, height: int, left: int, top: int) -> None:
+    pixels = scene(width, height)
+    canvas = pad_to_input(pixels, TINY)
+    assert canvas.shape == (3, 32, 48)
+    assert canvas.dtype == np.float32
+    expected = (pixels / 255.0 - TINY.mean) / TINY.std
+    inside = canvas[:, top : top + height, left : left + width].transpose(1, 2, 0)
+    assert inside == pytest.approx(expected, abs=1e-5)
+    assert np.count_nonzero(canvas) <= 3 * width * height
+
+
+def test_place_refuses_what_does_not_fit() -> None:
+    with pytest.raises(ValueError, match="49 x 10 pixels do not fit the canvas of 48 x 32"):
+        pad_to_input(scene(49, 10), TINY)
+
+
+def test_to_tensor_is_place_of_the_resized_photo() -> None:
+    tensor = preprocess(read_photo(encode(scene(480, 320), "PNG")), TINY)
+    assert tensor.shape == (1, 3, 32, 48)
+    assert np.abs(tensor[0] - pad_to_input(scene(48, 32), TINY)).max() < 0.1
+
+
+def test_to_tensor_does_not_alias() -> None:
+    """A one-pixel chequerboard is grey from afar."""
+    board = (np.indices((640, 960)).sum(axis=0) % 2 * 255).astype(np.uint8)
+    photo = Photo(np.repeat(board[..., None], 3, axis=-1), 960, 640, "PNG")
+    grey = (0.5 - np.array(TINY.mean)) / TINY.std
+    assert preprocess(photo, TINY)[0].transpose(1, 2, 0) == pytest.approx(np.broadcast_to(grey, (32, 48, 3)), abs=0.05)
+
+
+@pytest.mark.parametrize("rotate", [False, True])
+def test_the_scale_of_decoding_hardly_changes_the_tensor(rotate: bool) -> None:
+    pixels = scene(1500, 2000) if rotate else scene(2000, 1500)
+    data = encode(pixels, quality=95)
+    whole, reduced = (preprocess(read_photo(data, target=target), TINY) for target in (None, 200))
+    assert np.abs(whole - reduced).max() < 0.1

@@ -17,9 +17,8 @@ from lighting.fusion.multi_view import fuse_views
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, Pinhole, angle_between, camera_axes, camera_pixel, direction
-from lighting.model import Model
+from lighting.model import Model, preprocess
 from lighting.photo.metadata import PhotoMetadata
-from lighting.photo.preprocess import preprocess
 from lighting.photo.reader import photo_from_array
 from lighting.records import Light, Lighting, Prediction, warning_code
 from lighting.sun_grid import soft_label
