@@ -16,10 +16,10 @@ from lighting import Estimate, estimate, read_photo
 from lighting.envmap.latlong import photo_camera
 from lighting.ground import object_radius
 from lighting.preview.drawing import WHITE, TextStyle, display_srgb, draw_suns, draw_text, sun_mark_color
-from lighting.preview.object_insertion import insert_balls
 from lighting.preview.spheres import (
     SphereScene,
     build_sphere_scene,
+    insert_balls,
     limit_pitch,
     render_sphere_scene,
     sphere_centers,

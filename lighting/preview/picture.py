@@ -31,8 +31,14 @@ from lighting.preview.drawing import (
     rounded_mask,
     text_width,
 )
-from lighting.preview.object_insertion import insert_balls
-from lighting.preview.spheres import SphereScene, build_sphere_scene, limit_pitch, render_sphere_scene, sphere_centers
+from lighting.preview.spheres import (
+    SphereScene,
+    build_sphere_scene,
+    insert_balls,
+    limit_pitch,
+    render_sphere_scene,
+    sphere_centers,
+)
 from lighting.records import MIN_SUITABLE, EstimatedLight, Lighting, SunDistribution, check_estimate
 from lighting.segmentation import Segments
 from lighting.sun_grid import grid_directions

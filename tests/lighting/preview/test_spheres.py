@@ -1,15 +1,27 @@
-"""Spheres under a map, against a path tracer and by their look."""
+"""Spheres under a map, alone and in the photo."""
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
 import mitsuba as mitsuba_renderer
 import numpy as np
 import pytest
+from PIL import Image
 
-from lighting.color import luminance, srgb_encode
+from lighting.color import luminance, srgb_decode, srgb_encode, tone_map
 from lighting.envmap.render import render, sun_irradiance
-from lighting.geometry import Floats, Pinhole, camera_directions, camera_pixel, direction, latlong_directions
+from lighting.geometry import (
+    EYE_HEIGHT,
+    Floats,
+    Pinhole,
+    angle_between,
+    camera_directions,
+    camera_pixel,
+    direction,
+    latlong_directions,
+)
+from lighting.ground import OBJECT_RADIUS
 from lighting.preview import spheres as spheres
 from lighting.preview.spheres import (
     DIFFUSE,
@@ -20,14 +32,22 @@ from lighting.preview.spheres import (
     MIRROR,
     MIRROR_REFLECTANCE,
     SphereScene,
+    _ball_centers,
+    _coarse_ground_points,
+    _ground_radiance,
+    _shade_sphere,
+    _shadow_cells,
+    _shadow_factors,
     _sky_radiance,
+    _visible_sun_share,
     build_sphere_scene,
-    ground_radiance,
+    insert_balls,
     render_spheres,
-    shade_sphere,
-    visible_sun_share,
+    sphere_centers,
 )
 from lighting.records import Lighting
+from lighting.segmentation import SurfaceClass
+from tests.helpers.predictions import stated_light
 from tests.helpers.scenes import outdoors
 
 mi: Any = mitsuba_renderer
@@ -35,6 +55,18 @@ mi: Any = mitsuba_renderer
 SIDE = 0.1  # of a patch, in sphere radii
 GLOSSY_ROUGHNESS = (2 * GLOSSINESS) ** -0.5  # of the Beckmann lobe that spreads reflections as the glossy lobe does
 CENTERS = np.array([[-2.6, 1.0, 0.0], [0.0, 1.0, 0.0], [2.6, 1.0, 0.0]])
+PHOTO_WIDTH, PHOTO_HEIGHT = 160, 120
+BARE = replace(stated_light(40.0), sun_azimuth=-90.0, camera_elevation=-10.0)
+CAMERA = Pinhole(PHOTO_WIDTH, PHOTO_HEIGHT, BARE.vertical_fov, elevation=-10.0)
+SPOT = camera_directions(replace(CAMERA, width=PHOTO_WIDTH + 1))[round(0.8 * PHOTO_HEIGHT), PHOTO_WIDTH // 2]
+LIGHT = replace(BARE, spot_pixel=(80.0, 96.0), spot_direction=tuple(SPOT.tolist()), ground_visible=0.5)
+BALL_CENTERS, RADIUS = _ball_centers(CAMERA, SPOT, EYE_HEIGHT)
+SUNLIT = (
+    np.array(stated_light(40.0).ground_color)
+    / np.pi
+    * (np.array([0.4, 0.5, 0.8]) + np.sin(np.radians(40.0)) * np.array([1.9, 1.5, 0.9]))
+)
+SHADED = np.array([0.12, 0.11, 0.1]) / np.pi * np.array([0.4, 0.5, 0.8])
 
 
 def color(value: Any) -> dict[str, Any]:
@@ -82,7 +114,7 @@ def ours(lighting: Lighting, points: Floats) -> Floats:
     step = (np.arange(4) + 0.5) / 4 * SIDE - SIDE / 2
     offsets = np.stack([*np.meshgrid(step, [0.0], step)], axis=-1).reshape(-1, 3)
     patches = (points[:, None] + offsets).reshape(-1, 3)
-    return np.asarray(ground_radiance(patches, stage).reshape(len(points), -1, 3).mean(axis=1))
+    return np.asarray(_ground_radiance(patches, stage).reshape(len(points), -1, 3).mean(axis=1))
 
 
 def patches(lighting: Lighting) -> Floats:
@@ -222,7 +254,7 @@ def stage() -> SphereScene:
 
 def test_the_suns_disc_is_seen_in_full_beside_a_shadow_and_not_at_all_inside(stage: SphereScene) -> None:
     points = CENTERS[MIRROR] + np.array([[0.0, -1.0, 5.0], [-1.0, -1.0, 0.0]])
-    assert visible_sun_share(points, stage).tolist() == [1.0, 0.0]
+    assert _visible_sun_share(points, stage).tolist() == [1.0, 0.0]
 
 
 def test_the_disc_carries_the_suns_power_whatever_its_size(stage: SphereScene) -> None:
@@ -234,13 +266,13 @@ def test_the_disc_carries_the_suns_power_whatever_its_size(stage: SphereScene) -
 
 
 def test_open_ground_far_away_has_the_radiance_of_the_map(stage: SphereScene) -> None:
-    np.testing.assert_allclose(ground_radiance(np.array([[0.0, 0.0, 400.0]]), stage)[0], stage.ground, rtol=1e-3)
+    np.testing.assert_allclose(_ground_radiance(np.array([[0.0, 0.0, 400.0]]), stage)[0], stage.ground, rtol=1e-3)
 
 
 def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
     normal = np.array([[0.0, 1.0, 0.0]])
     ray = -direction(0.0, 60.0)[None]  # down onto the top, which throws it up and away from the camera
-    radiance = shade_sphere(MIRROR, CENTERS[MIRROR] + normal, ray, stage, mirrored=False)
+    radiance = _shade_sphere(MIRROR, CENTERS[MIRROR] + normal, ray, stage, mirrored=False)
     reflected = ray - 2 * (ray @ normal.T) * normal
     expected: Floats = MIRROR_REFLECTANCE * _sky_radiance(reflected, stage, None)
     np.testing.assert_allclose(radiance, expected, rtol=1e-6)  # spheres are of 32 bits
@@ -248,7 +280,7 @@ def test_a_mirror_shows_the_sky_that_it_reflects(stage: SphereScene) -> None:
 
 def test_the_diffuse_sphere_is_lit_on_the_suns_side(stage: SphereScene) -> None:
     sides = np.array([[0.7, 0.7, 0.0], [-0.7, 0.7, 0.0]])
-    lit, dark = shade_sphere(DIFFUSE, CENTERS[DIFFUSE] + sides, np.zeros((2, 3)), stage, mirrored=False).mean(axis=1)
+    lit, dark = _shade_sphere(DIFFUSE, CENTERS[DIFFUSE] + sides, np.zeros((2, 3)), stage, mirrored=False).mean(axis=1)
     assert lit > 1.5 * dark
 
 
@@ -267,3 +299,176 @@ def test_fewer_rays_on_even_ground_and_sky_change_no_level(azimuth: float, eleva
     )
     assert np.abs(after - before).max() < 0.5
     assert np.any(every != some)
+
+
+@lru_cache(maxsize=1)
+def balls_in_light() -> SphereScene:
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    return build_sphere_scene(render(LIGHT, 64), LIGHT.sun_direction, centers)
+
+
+def drawn(ground: np.ndarray) -> np.ndarray:
+    """Linear values of a picture of one colour with the balls in it."""
+    picture = Image.fromarray(tone_map(np.broadcast_to(ground, (PHOTO_HEIGHT, PHOTO_WIDTH, 3))))
+    return srgb_decode(np.asarray(insert_balls(picture, LIGHT, balls_in_light())) / 255.0)
+
+
+def test_the_balls_stand_side_by_side_on_the_spot() -> None:
+    centers = BALL_CENTERS
+    assert np.ptp(centers[:, 1]) == pytest.approx(0.0, abs=1e-9)
+    assert centers[0, 0] < centers[1, 0] < centers[2, 0]
+    foot = centers[1] - [0.0, 1.0, 0.0]
+    assert angle_between(foot, SPOT) < 1e-6
+    x, y = camera_pixel(centers[1], CAMERA)
+    assert x == pytest.approx(PHOTO_WIDTH / 2, abs=1)
+    assert camera_pixel(foot, CAMERA)[1] - y == pytest.approx(OBJECT_RADIUS * PHOTO_HEIGHT, rel=0.15)
+    assert pytest.approx(OBJECT_RADIUS * PHOTO_HEIGHT) == RADIUS
+
+
+def test_balls_on_far_ground_are_no_giants() -> None:
+    """A metre of radius at most, however high the camera is, and none reaches above the camera."""
+    far = camera_directions(replace(CAMERA, height=1200, width=1600))[420, 800]
+    for height, radius in ((1.6, 0.4 * 1.6), (60.0, 1.0)):
+        centers, pixels = _ball_centers(CAMERA, far, height)
+        assert height / (1 - centers[1, 1]) == pytest.approx(radius)  # its radius, by the camera's height in radii
+        assert pixels < OBJECT_RADIUS * PHOTO_HEIGHT
+
+
+def test_a_picture_without_a_spot_stays_as_it_is() -> None:
+    picture = Image.new("RGB", (80, 60), (90, 120, 160))
+    assert insert_balls(picture, replace(BARE, ground_visible=0.0), balls_in_light()) is picture
+
+
+def test_what_stands_before_the_ground_takes_no_shadow() -> None:
+    """A person where the shadow falls keeps the picture's pixels; without them they are darker."""
+    people = np.zeros((18, 24, 10), dtype=np.float32)
+    people[..., SurfaceClass.GROUND] = 1.0
+    people[8:17, 15:22] = np.eye(10, dtype=np.float32)[SurfaceClass.PERSON]
+    picture = Image.fromarray(tone_map(np.broadcast_to(SUNLIT, (PHOTO_HEIGHT, PHOTO_WIDTH, 3))))
+    before = np.asarray(picture).astype(int)
+    with_people, plain = (
+        np.abs(np.asarray(insert_balls(picture, LIGHT, balls_in_light(), segments)).astype(int) - before)[
+            80:105, 108:124
+        ]
+        for segments in (people, None)
+    )
+    assert plain.max() > 20
+    assert with_people.max() <= 1
+
+
+def test_balls_touch_whatever_the_picture_shows_at_their_feet() -> None:
+    """Leaves, which else take no shadow, are darker beside a ball's foot, also where no sun shines."""
+    leaves = np.zeros((18, 24, 10), dtype=np.float32)
+    leaves[..., SurfaceClass.PLANTS] = 1.0
+    picture = Image.fromarray(tone_map(np.broadcast_to(SUNLIT, (PHOTO_HEIGHT, PHOTO_WIDTH, 3))))
+    shown = np.asarray(insert_balls(picture, replace(LIGHT, sun_visibility=0.05), balls_in_light(), leaves)).astype(int)
+    darker = np.asarray(picture).astype(int) - shown
+    foot = camera_pixel(np.array(LIGHT.spot_direction), CAMERA).astype(int)
+    below = darker[foot[1] + 1 : foot[1] + int(RADIUS / 2), foot[0]]
+    assert below.max() > 20
+    assert np.abs(darker[-2:]).max() <= 1
+
+
+@pytest.mark.parametrize("size", [(32, 256), (256, 32)])
+def test_a_narrow_picture_shows_the_balls(size: tuple[int, int]) -> None:
+    picture = Image.new("RGB", size, (90, 120, 160))
+    pasted = insert_balls(picture, LIGHT, balls_in_light())
+    assert pasted.size == size
+    assert pasted.getpixel((size[0] // 2, round(0.8 * size[1]) - 2)) != (90, 120, 160)
+
+
+def test_a_narrow_picture_has_all_balls_inside() -> None:
+    narrow = Pinhole(32, 256, LIGHT.vertical_fov, elevation=-10.0)
+    centers, radius = _ball_centers(narrow, SPOT, EYE_HEIGHT)
+    x = camera_pixel(centers, narrow)[:, 0]
+    assert radius < OBJECT_RADIUS * 256
+    assert x.min() - radius > 0
+    assert x.max() + radius < 32
+
+
+def test_sunlit_ground_gets_a_shadow_down_to_the_skys_light() -> None:
+    share = drawn(SUNLIT) / SUNLIT
+    right = share[70:110, 100:150, 1]  # the sun stands at the left
+    assert right.min() < 1.4 * SHADED[1] / SUNLIT[1]
+    assert share[:30] == pytest.approx(1.0, abs=0.1)
+    left = share[88:104, 5:40, 1]
+    assert left.min() > 0.8
+
+
+def test_the_edges_of_shadows_are_smooth() -> None:
+    """As with eight times as many rays each way, to a tenth; by a ray for two pixels they would be stairs."""
+    moved = replace(balls_in_light(), centers=BALL_CENTERS)
+    fine = replace(CAMERA, width=8 * PHOTO_WIDTH, height=8 * PHOTO_HEIGHT)
+    dark = _shadow_cells(*_coarse_ground_points(CAMERA, moved), moved)
+    many = (
+        _shadow_factors(fine, moved, np.ones((1, 1), dtype=bool))
+        .reshape(PHOTO_HEIGHT, 8, PHOTO_WIDTH, 8)
+        .mean(axis=(1, 3))
+    )
+    share = _shadow_factors(CAMERA, moved, dark)
+    edge = (many > 0.01) & (many < 0.99)
+    assert edge.sum() > 50
+    assert np.abs(share - many)[edge].mean() < 0.12  # one ray a pixel: 0.21
+    assert np.abs(share - many)[~edge].max() < 0.02
+
+
+def test_ground_in_shade_is_not_darkened_by_the_sun_again() -> None:
+    """The picture's right lies in shade; there the sun at the left throws the balls' shadows."""
+    ground = np.broadcast_to(SUNLIT, (PHOTO_HEIGHT, PHOTO_WIDTH, 3)).copy()
+    ground[:, 104:] = SHADED
+    beside = (drawn(ground) / ground)[70:110, 112:150, 1]
+    assert beside.min() > 0.6
+    assert (drawn(SUNLIT) / SUNLIT)[70:110, 112:150, 1].min() < beside.min() - 0.2
+
+
+def test_balls_on_ground_in_shade_are_in_shade() -> None:
+    """Seen from where the sun is, the grey ball of the shaded picture has the sky's light alone."""
+    behind = replace(LIGHT, sun_azimuth=180.0)
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(behind, 64), behind.sun_direction, centers)
+    x, y = (round(float(v)) for v in camera_pixel(BALL_CENTERS[2], CAMERA))
+    positions = {}
+    for name, under in (("sun", SUNLIT), ("shade", SHADED)):
+        ground = np.broadcast_to(SUNLIT, (PHOTO_HEIGHT, PHOTO_WIDTH, 3)).copy()
+        ground[80:110, 30:130] = under
+        picture = Image.fromarray(tone_map(ground))
+        positions[name] = srgb_decode(np.asarray(insert_balls(picture, behind, lit)) / 255.0)[y, x]
+    sky, sun = np.array([0.4, 0.5, 0.8]), np.array([1.9, 1.5, 0.9])
+    assert positions["shade"][1] < positions["sun"][1] / 2
+    assert positions["shade"] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sky, rel=0.6)
+    assert positions["sun"][1] - positions["shade"][1] == pytest.approx(DIFFUSE_REFLECTANCE / np.pi * sun[1], rel=0.3)
+
+
+def test_the_balls_are_seen() -> None:
+    linear = drawn(SHADED)
+    x, y = (round(float(v)) for v in camera_pixel(BALL_CENTERS[2], CAMERA))
+    assert linear[y - 2, x].mean() > 2 * SHADED.mean()
+
+
+def test_a_light_of_overcast_skies_throws_no_hard_shadow() -> None:
+    dull = Lighting(
+        0.0, 40.0, 3.0, 1.0, camera_elevation=-10.0, sky_cover=1.0, ground_color=(0.12, 0.12, 0.12),
+        sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=(0.8, 0.8, 0.8),
+        spot_pixel=LIGHT.spot_pixel, spot_direction=LIGHT.spot_direction,
+    )  # fmt: skip
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(dull, 64), dull.sun_direction, centers)
+    level = np.full(3, 0.12 / np.pi * 0.8)
+    picture = Image.fromarray(tone_map(np.broadcast_to(level, (PHOTO_HEIGHT, PHOTO_WIDTH, 3))))
+    share = srgb_decode(np.asarray(insert_balls(picture, dull, lit)) / 255.0) / level
+    assert share[70:110, 125:].min() > 0.75
+
+
+def test_soft_light_leaves_a_contact_shadow_at_every_ball() -> None:
+    """Level ground before each foot gets less of the sky: by a third at half a radius, by none at three."""
+    dull = replace(LIGHT, sun_irradiance=(0.0, 0.0, 0.0), sky_irradiance=(0.8, 0.8, 0.8), sky_cover=1.0)
+    centers = sphere_centers(4 / 3, -10.0).astype(np.float64)
+    lit = build_sphere_scene(render(dull, 64), dull.sun_direction, centers)
+    level = np.array(LIGHT.ground_color) / np.pi * 0.8
+    picture = Image.fromarray(tone_map(np.broadcast_to(level, (4 * PHOTO_HEIGHT, 4 * PHOTO_WIDTH, 3))))
+    share = srgb_decode(np.asarray(insert_balls(picture, dull, lit)) / 255.0)[..., 1] / level[1]
+    large = replace(CAMERA, width=4 * PHOTO_WIDTH, height=4 * PHOTO_HEIGHT)
+    for center in BALL_CENTERS:
+        for radii, low, high in ((0.5, 0.2, 0.65), (3.0, 0.9, 1.05)):  # from the foot towards the camera
+            x, y = camera_pixel(center - [0.0, 1.0, 0.0] + [0.0, 0.0, radii], large).round().astype(int)
+            assert low < share[y, x] < high
