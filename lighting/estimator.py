@@ -232,7 +232,7 @@ def _as_photo(source: Any) -> Photo:
 
 @lru_cache(maxsize=1)
 def _packaged_estimator() -> Estimator:
-    """That of the commands for one photo, to the last digit."""
+    """An Estimator that is ready soonest."""
     return Estimator(Model.load(for_one_photo=True))
 
 

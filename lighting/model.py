@@ -45,9 +45,8 @@ class Model:
     ) -> "Model":
         """Read the network in an ONNX file.
 
-        A model for one photo skips the rewriting of its graph, which takes longer than it saves on the first photo. Its
-        sums have another order: the sixth digit of an answer may differ, and a map may show the photo's next pixel in a
-        few places.
+        A model for one photo is loaded sooner and is slower from the second photo on. Both give the same answer to the
+        last bit, with any number of threads.
 
         Args:
             path: the file; None is the network in this package.

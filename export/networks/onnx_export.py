@@ -52,7 +52,7 @@ from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
 MIN_BYTES = 200_000  # elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
-_MIN_HALF = 256  # elements of a tensor that is stored in half precision
+_MIN_HALF = 4096  # elements of a tensor that is stored in half precision
 _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
 _OPSET = 18
 _TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
@@ -60,6 +60,81 @@ ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts 
 
 
 # Changes to the graph: nothing is computed twice, and weights are stored small.
+
+
+def flatten_pointwise(model: Any, min_elements: int = MIN_BYTES) -> None:
+    """Let large pointwise convolutions see their pixels in one row.
+
+    onnxruntime blocks the channels of two-dimensional convolutions whose weights are constant, and then adds in another
+    order. Weights stored as bytes are constant only once they are widened, which takes a single run too long. A
+    convolution along one axis has one order of sums, so that every session gives the same answer to the last bit.
+
+    Args:
+        model: the ONNX model with weights of single precision, changed in place; its pictures have one size.
+        min_elements: of the weights of a convolution that is changed.
+    """
+    graph = model.graph
+    others = {name for node in graph.node if not _is_pointwise(node) for name in node.input}
+    tensors = [t for t in graph.initializer if len(t.dims) == 4 and t.name not in others]
+    weights = {t.name: t for t in tensors if math.prod(t.dims) >= min_elements}
+    large = [node for node in graph.node if _is_pointwise(node) and node.input[1] in weights]
+    _replace(graph.node, _flattened_nodes(graph, {node.output[0] for node in large}, _inferred_shapes(model)))
+    for name in {node.input[1] for node in large}:
+        weights[name].CopyFrom(numpy_helper.from_array(numpy_helper.to_array(weights[name])[..., 0], name))
+
+
+def _flattened_nodes(graph: Any, outputs: set[str], shapes: dict[str, tuple[int, ...]]) -> list[Any]:
+    """Nodes of a graph in which convolutions, by their outputs, and Clips after them have one axis of pixels."""
+    rows = {name: f"{name}.row" for name in outputs & _sole_clips(graph)}
+    nodes: list[Any] = []
+    for node in graph.node:
+        source, target = node.input[0] if node.input else "", node.output[0]
+        if target in outputs:
+            nodes.append(_reshape(graph, source, f"{target}.flat", (0, 0, -1)))
+            inputs, kernel = [f"{target}.flat", *node.input[1:]], {"kernel_shape": [1]}
+        elif source in rows and node.op_type == "Clip":
+            inputs, kernel = [rows[source], *node.input[1:]], {}
+        else:
+            nodes.append(node)
+            continue
+        nodes.append(helper.make_node(node.op_type, inputs, [f"{target}.row"], **kernel))
+        if target not in rows:
+            nodes.append(_reshape(graph, f"{target}.row", target, (0, 0, *shapes[target])))
+    return nodes
+
+
+def _is_pointwise(node: Any) -> bool:
+    """Whether a node is a convolution that sees one pixel at a time, all of them, and every channel."""
+    if node.op_type != "Conv":
+        return False
+    values = {a.name: helper.get_attribute_value(a) for a in node.attribute}
+    ones, zeros = {*values["kernel_shape"], *values.get("strides", [1])}, {*values.get("pads", [0])}
+    return ones == {1} and zeros == {0} and values.get("group", 1) == 1
+
+
+def _inferred_shapes(model: Any) -> dict[str, tuple[int, ...]]:
+    """Rows and columns of each value that has four axes."""
+    graph = onnx.shape_inference.infer_shapes(model).graph
+    values = (*graph.value_info, *graph.output)
+    shapes = {value.name: [d.dim_value for d in value.type.tensor_type.shape.dim] for value in values}
+    return {name: tuple(shape[2:]) for name, shape in shapes.items() if len(shape) == 4}
+
+
+def _sole_clips(graph: Any) -> set[str]:
+    """Names of the values that one Clip takes and nothing else does."""
+    users: dict[str, list[str]] = {}
+    for node in graph.node:
+        for name in node.input:
+            users.setdefault(name, []).append(node.op_type)
+    return {name for name, kinds in users.items() if kinds == ["Clip"]} - {output.name for output in graph.output}
+
+
+def _reshape(graph: Any, source: str, target: str, shape: tuple[int, ...]) -> Any:
+    """A node that gives a value another shape, which is added to the graph's tensors unless it is there."""
+    name = "shape." + ".".join(map(str, shape))
+    if all(tensor.name != name for tensor in graph.initializer):
+        graph.initializer.append(numpy_helper.from_array(np.array(shape, np.int64), name))
+    return helper.make_node("Reshape", [source, name], [target])
 
 
 def _merge_equal_nodes(model: Any) -> None:
@@ -110,7 +185,7 @@ def strip_origin(model: Any) -> None:
 def store_small(model: Any, min_bytes: int = MIN_BYTES) -> None:
     """Store large tensors of weights as bytes with a scale for each output, others in half precision.
 
-    Small tensors stay as they are.
+    Small tensors and those of one axis stay as they are.
 
     Args:
         model: the ONNX model, changed in place.
@@ -120,7 +195,7 @@ def store_small(model: Any, min_bytes: int = MIN_BYTES) -> None:
     tensors, nodes = [], []
     for tensor in model.graph.initializer:
         weights = numpy_helper.to_array(tensor)
-        if weights.dtype != np.float32 or weights.size < _MIN_HALF:
+        if weights.dtype != np.float32 or weights.ndim < 2 or weights.size < _MIN_HALF:
             tensors.append(tensor)
             continue
         stored, widening = _quantize(tensor.name, weights, int(tensor.name in columns), min_bytes)
@@ -284,6 +359,7 @@ def write_onnx(
         _check(_parity(ensemble, path), _TOLERANCE)
         strip_origin(model)
         _merge_equal_nodes(model)
+        flatten_pointwise(model)
         model, difference = _store_as_small_as_agrees(model, ensemble, path)
         add_metadata(model, {"parity": f"{difference:.2e}"})
         _save_graph(model, path)

@@ -241,8 +241,8 @@ def fuse_sun_in_view(sun: Tensor, sun_in_view: Tensor, rays: Tensor, cells: Tens
         cells: (G, 3) unit vectors of the grid.
     """
     concentration = float(np.radians(_DIRECTION_STD) ** -2)
-    lobes = (concentration * (rays @ cells.T - 1)).softmax(dim=2)
-    return sun_in_view[:, :1] * sun + (sun_in_view[:, 1:, None] * lobes).sum(dim=1)
+    lobes = (rays @ (concentration * cells).T).softmax(dim=2)
+    return sun_in_view[:, :1] * sun + (sun_in_view[:, None, 1:] @ lobes)[:, 0]
 
 
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has

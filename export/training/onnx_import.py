@@ -107,8 +107,8 @@ def _weights(network: nn.Module, tensors: dict[str, NDArray[Any]], prefix: str) 
         if isinstance(module, (nn.Conv2d, nn.Linear)):
             for key in ("weight", "bias"):
                 value = _find_tensor(tensors, f"{prefix}{name}.{key}")
-                if value is not None and getattr(module, key) is not None:
-                    state[f"{name}.{key}"] = value
+                if value is not None and (own := getattr(module, key)) is not None:
+                    state[f"{name}.{key}"] = value.reshape(own.shape)  # some convolutions are written with one axis
             bias = _find_tensor(tensors, f"{prefix}{name}.weight_bias")
             if bias is not None:
                 folded[name] = bias

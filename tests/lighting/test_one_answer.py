@@ -1,6 +1,7 @@
-"""One photo has one answer, whichever command, function or process gives it."""
+"""One photo has one answer to the last bit, whichever command, function or process gives it."""
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -8,20 +9,20 @@ import numpy as np
 import pytest
 from starlette.testclient import TestClient
 
+import lighting
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr_attributes
 from lighting.model import Model
+from lighting.photo.preprocess import preprocess
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
 from server.app import create_app
 from server.settings import Settings
 from tests.helpers.processes import run_command
 
-PHOTO = Path(__file__).parents[2] / "examples" / "wide_street.jpg"
-
-
-def answer_of(model: Model) -> dict[str, Any]:
-    return Estimator(model)(read_photo(PHOTO)).lighting.to_dict()
+EXAMPLES = Path(__file__).parents[2] / "examples"
+PHOTOS = [EXAMPLES / "wide_street.jpg", EXAMPLES / "snow_field.jpg"]
+HEIGHT = 64
 
 
 def plain(record: dict[str, Any]) -> dict[str, Any]:
@@ -29,42 +30,49 @@ def plain(record: dict[str, Any]) -> dict[str, Any]:
     return Lighting.from_dict(record).to_dict()
 
 
-def numbers(record: Any) -> list[float]:
-    """All numbers of a record, in its order."""
-    if isinstance(record, dict | list):
-        return [n for part in (record.values() if isinstance(record, dict) else record) for n in numbers(part)]
-    return [float(record)] if isinstance(record, int | float) else []
+def test_a_network_for_one_run_and_one_for_many_give_the_same_bits_on_any_number_of_threads() -> None:
+    loaded = [Model.load(threads=threads, for_one_photo=one) for threads, one in ((1, False), (1, True), (3, True))]
+    for path in PHOTOS:
+        tensor = preprocess(read_photo(path), loaded[0].spec)
+        outputs = [model.session.run(list(model.outputs), {"photo": tensor}) for model in loaded]
+        for other in outputs[1:]:
+            for actual, expected in zip(other, outputs[0], strict=True):
+                np.testing.assert_array_equal(actual, expected)
 
 
 @pytest.mark.slow
-def test_commands_of_one_photo_give_one_answer(tmp_path: Path) -> None:
-    """To the last digit: the network begins early or late, and answers alone."""
-    expected = answer_of(Model.load(for_one_photo=True))
-    printed = json.loads(run_command("estimate", PHOTO, "--json").stdout)["lighting"]
-    assert run_command("envmap", PHOTO, "-o", tmp_path / "sky.exr", "--height", "64").returncode == 0
-    written = json.loads(read_exr_attributes(tmp_path / "sky.exr")["lighting.json"])
-    assert plain(printed) == expected
-    assert plain(written) == expected
+def test_every_door_gives_one_record_and_one_map(tmp_path: Path) -> None:
+    estimator = Estimator(Model.load(threads=1))
+    estimates = [estimator(read_photo(path)) for path in PHOTOS]
+    records = [estimate.lighting.to_dict() for estimate in estimates]
+    assert lighting.estimate(PHOTOS[0]).lighting.to_dict() == records[0]
 
+    # Commands: of one photo, of several, of a folder by two processes.
+    alone = run_command("estimate", PHOTOS[1], "--json").stdout
+    assert run_command("envmap", PHOTOS[0], "-o", tmp_path / "a.exr", "--height", HEIGHT).returncode == 0
+    several = run_command("estimate", *PHOTOS, "--json").stdout
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    for path in PHOTOS:
+        shutil.copy(path, folder)
+    options = ("--workers", 2, "--envmap", "--height", HEIGHT, "-q")
+    assert run_command("batch", folder, tmp_path / "out", *options).returncode == 0
+    batch = [json.loads(line) for line in (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines()]
+    (mapped,) = (tmp_path / "out").rglob("wide_street*.exr")
 
-@pytest.mark.slow
-def test_several_photos_have_the_answer_of_one_that_python_gives(tmp_path: Path) -> None:
-    """A network prepared for many photos gives the same as one for a single photo but for the sixth digit."""
-    expected = answer_of(Model.load())
-    lines = run_command("estimate", PHOTO, PHOTO, "--json").stdout.splitlines()
-    (tmp_path / "photos").mkdir()
-    (tmp_path / "photos" / "a.jpg").write_bytes(PHOTO.read_bytes())
-    assert run_command("batch", tmp_path / "photos", tmp_path / "out", "-q").returncode == 0
-    lines += (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines()
-    assert [plain(json.loads(line)["lighting"]) for line in lines] == [expected] * 3
-    alone = answer_of(Model.load(for_one_photo=True))
-    np.testing.assert_allclose(numbers(alone), numbers(expected), rtol=1e-5, atol=1e-5)
+    assert plain(json.loads(alone)["lighting"]) == records[1]
+    assert plain(json.loads(read_exr_attributes(tmp_path / "a.exr")["lighting.json"])) == records[0]
+    assert [plain(json.loads(line)["lighting"]) for line in several.splitlines()] == records
+    by_name = {line["file"]: plain(line["lighting"]) for line in batch}
+    assert by_name == {path.name: record for path, record in zip(PHOTOS, records, strict=True)}
 
-
-@pytest.mark.slow
-def test_the_service_has_the_answer_of_one_that_python_gives() -> None:
-    model = Model.load()
-    with TestClient(create_app(Settings(), Estimator(model))) as client:
-        answer = client.post("/v1/lighting", files={"photo": (PHOTO.name, PHOTO.read_bytes(), "image/jpeg")})
-    assert answer.status_code == 200
-    assert plain(answer.json()) == answer_of(model)
+    # The service.
+    with TestClient(create_app(Settings(), Estimator(Model.load(threads=2)))) as client:
+        files = [{"photo": (path.name, path.read_bytes(), "image/jpeg")} for path in PHOTOS]
+        told = [client.post("/v1/lighting", files=file).json() for file in files]
+        served = client.post("/v1/envmap", params={"height": HEIGHT}, files=files[0])
+    assert [plain(record) for record in told] == records
+    (tmp_path / "served.exr").write_bytes(served.content)
+    estimates[0].save(tmp_path / "python.exr", HEIGHT)
+    for file in (tmp_path / "a.exr", mapped, tmp_path / "served.exr"):
+        assert file.read_bytes() == (tmp_path / "python.exr").read_bytes(), file

@@ -23,6 +23,7 @@ from export.networks.onnx_export import (
     _merge_equal_nodes,
     _parity,
     _save_graph,
+    flatten_pointwise,
     store_small,
     write_onnx,
 )
@@ -118,6 +119,43 @@ def test_smaller_filters_are_stored_as_halves_and_small_tensors_as_they_are() ->
     assert stored["v.bytes"] == TensorProto.INT8
     assert stored["b"] == TensorProto.FLOAT
     np.testing.assert_allclose(answer(network, x), before, atol=0.02 * np.abs(before).max())
+
+
+def test_large_pointwise_convolutions_run_along_one_axis_and_answer_alike_in_every_session(tmp_path: Path) -> None:
+    """A block of the network: the first keeps its Clip beside it, a depthwise one stays."""
+    shapes = {"expand": (WIDE, LONG, 1, 1), "depthwise": (WIDE, 1, 3, 3), "project": (LONG, WIDE, 1, 1)}
+    values = {"low": np.array(0.0), "high": np.array(6.0)} | {name: RNG.normal(size=s) for name, s in shapes.items()}
+    nodes = [
+        helper.make_node("Conv", ["x", "expand"], ["a"], kernel_shape=[1, 1]),
+        helper.make_node("Clip", ["a", "low", "high"], ["b"]),
+        helper.make_node("Conv", ["b", "depthwise"], ["c"], group=WIDE, kernel_shape=[3, 3], pads=[1, 1, 1, 1]),
+        helper.make_node("Conv", ["c", "project"], ["out"], kernel_shape=[1, 1]),
+    ]
+    tensors = [numpy_helper.from_array(value.astype(np.float32), name) for name, value in values.items()]
+    network = _model(nodes, tensors, ["B", LONG, 7, 7])
+    x = RNG.normal(size=(2, LONG, 7, 7)).astype(np.float32)
+    before = answer(network, x)
+    flatten_pointwise(network)
+    order = [node.op_type for node in network.graph.node]
+    assert order == ["Reshape", "Conv", "Clip", "Reshape", "Conv", "Reshape", "Conv", "Reshape"]
+    axes = {t.name: len(t.dims) for t in network.graph.initializer}
+    assert [axes[name] for name in shapes] == [3, 4, 3]
+    np.testing.assert_allclose(answer(network, x), before, rtol=1e-4, atol=1e-4 * np.abs(before).max())
+    store_small(network)
+    file = tmp_path / "n.onnx"
+    _save_graph(network, file)
+    sessions = [create_session(file, threads, for_one_run=one) for threads, one in ((1, False), (1, True), (3, True))]
+    answers = [session.run(None, {"x": x})[0] for session in sessions]
+    np.testing.assert_array_equal(answers[1], answers[0])
+    np.testing.assert_array_equal(answers[2], answers[0])
+
+
+def test_an_exported_network_gives_the_same_bits_in_every_session(trained_network: Path) -> None:
+    loaded = [Model.load(trained_network, threads, for_one_photo=one) for threads, one in ((1, False), (3, True))]
+    photo = RNG.normal(size=(1, 3, loaded[0].spec.height, loaded[0].spec.width)).astype(np.float32)
+    answers = [model.session.run(list(model.outputs), {"photo": photo}) for model in loaded]
+    for one, other in zip(*answers, strict=True):
+        np.testing.assert_array_equal(one, other)
 
 
 def test_an_output_without_weights_stays_zero() -> None:
