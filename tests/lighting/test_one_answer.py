@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from lighting.photo.preprocess import preprocess
 from starlette.testclient import TestClient
 
 import lighting
 from lighting.estimator import Estimator
 from lighting.files.exr import read_exr_attributes
-from lighting.model import Model
+from lighting.model import Model, preprocess
 from lighting.photo.reader import read_photo
 from lighting.records import Lighting
 from server.app import create_app
