@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR
-from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import (
     SUN_RADIUS,
     Floats,
@@ -34,7 +33,6 @@ from lighting.segmentation import Segments, SurfaceClass, class_share
 Image = NDArray[np.float32]
 
 MAX_RADIANCE = 65280.0  # of what is painted: 255 x 256, the largest value of RGBE up to 65504, where half floats end
-_CAP_STEPS, _CAP_TOLERANCE = 50, 1e-3  # attempts to keep an irradiance, and the share of it that may be missing
 _BAND_ROWS = 32  # that are multiplied at once
 _BLOCK_PIXELS = 1 << 20  # of a map that are worked on at once, where much is computed of each
 _BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of matrices keep their bits
@@ -108,35 +106,6 @@ def irradiance_by_columns(levels: Floats, rows: Image) -> Image:
     count, width = rows.shape[:2]
     columns = np.einsum("r,rx->x", np.asarray(levels, dtype=np.float32), rows.reshape(count, 3 * width))
     return np.asarray(columns.reshape(width, 3))
-
-
-def cap_radiance(levels: Floats, rows: Image) -> None:
-    """Bring some rows of a map to at most MAX_RADIANCE in place; their irradiance of level ground stays.
-
-    Args:
-        levels: (R,) the `row_irradiance` of these rows.
-        rows: (R, W, 3) linear radiance, contiguous in memory.
-
-    Raises:
-        ParameterError: so much light does not fit.
-    """
-    limit = np.float32(MAX_RADIANCE)
-    if rows.max() <= limit:
-        return
-    target = irradiance_from_rows(levels, rows)
-    for _ in range(_CAP_STEPS):
-        np.minimum(rows, limit, out=rows)
-        short = target / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE)
-        if short.max() <= 1 + _CAP_TOLERANCE:
-            return
-        scale_colors(rows, short)
-    raise too_bright()
-
-
-def too_bright() -> ParameterError:
-    """Return the error of a light that no map holds whose values end at MAX_RADIANCE."""
-    sentence = f"The light is too bright for a map, whose values end at {MAX_RADIANCE:.0f}; lower the exposure."
-    return ParameterError(sentence, "exposure", ErrorCode.OUT_OF_RANGE)
 
 
 def envmap_irradiance(image: Image, normals: Floats) -> Floats:

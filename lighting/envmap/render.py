@@ -23,11 +23,9 @@ from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     MAX_RADIANCE,
     Image,
-    cap_radiance,
     irradiance_from_rows,
     row_irradiance,
     scale_colors,
-    too_bright,
 )
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import (
@@ -68,6 +66,7 @@ _FITS = 1 - 1e-6  # of MAX_RADIANCE that float32 surely keeps below it
 _MIN_GROWTH, _MAX_GROWTH = 1.03, 1.5  # of its radius between attempts
 _FLATTEST = 3.0  # how much smaller than the radius half its height may be
 _MAX_SLOPE = 0.9  # by which its radiance may differ from above to below
+_CAP_STEPS, _CAP_TOLERANCE = 50, 1e-3  # attempts to keep an irradiance, and the share of it that may be missing
 
 
 def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, disc: bool = True) -> Image:
@@ -135,7 +134,7 @@ def cap_map(image: Image, lighting: Lighting) -> None:
         return
     half, levels = len(image) // 2, row_irradiance(len(image))
     for rows in (slice(0, half), slice(half, None)):
-        cap_radiance(levels[rows], image[rows])
+        _cap_radiance(levels[rows], image[rows])
 
 
 def sky_irradiance(lighting: Lighting) -> Floats:
@@ -234,7 +233,7 @@ def _add_sun_glow(upper: Image, glow: Floats, power: Floats) -> None:
             upper += np.asarray(glow[..., None] * (power / total), dtype=np.float32)
             return
         glow = np.minimum(glow, _PEAK_SHARE * glow.max())
-    raise too_bright()
+    raise _too_bright()
 
 
 def _overcast_rows(rows: int) -> Image:
@@ -350,8 +349,9 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
     return np.asarray(factor, dtype=np.float32), np.asarray(np.stack(offsets), dtype=np.float32)
 
 
+@lru_cache(maxsize=4)  # a photo's light is that of several maps
 def clear_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) of a horizontal surface by the model's clear sky without the disc.
+    """Irradiance (3,) of a horizontal surface by the model's clear sky without the disc, to be read alone.
 
     That of a sun below the horizon is the one of a sun on it, times how much less the Prague sky then gives.
 
@@ -361,10 +361,13 @@ def clear_irradiance(lighting: Lighting) -> Floats:
     if lighting.sun_elevation < 0:
         horizon = replace(lighting, sun_elevation=0.0)
         fading = _painted_irradiance(lighting) / _painted_irradiance(horizon)
-        return np.asarray(clear_irradiance(horizon) * fading)
-    sky = np.empty((_IRRADIANCE_ROWS // 2, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
-    _render_clear_sky(sky, lighting)
-    return _level_irradiance(sky)
+        irradiance = np.asarray(clear_irradiance(horizon) * fading)
+    else:
+        sky = np.empty((_IRRADIANCE_ROWS // 2, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
+        _render_clear_sky(sky, lighting)
+        irradiance = _level_irradiance(sky)
+    irradiance.setflags(write=False)
+    return irradiance
 
 
 def _painted_irradiance(lighting: Lighting) -> Floats:
@@ -427,7 +430,7 @@ def _spread_power(image: Image, pixels: NDArray[np.intp], added: Floats) -> tupl
         if (over := float((image.reshape(-1, 3)[wider] + spread).max()) / MAX_RADIANCE) <= _FITS:
             return wider, spread
         radius *= min(max(math.sqrt(over), _MIN_GROWTH), _MAX_GROWTH)
-    raise too_bright()
+    raise _too_bright()
 
 
 def _even_disc(sun: Floats, radius: float, height: int) -> tuple[NDArray[np.intp], Floats]:
@@ -531,3 +534,32 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
 def _cells_between(start: float, end: float, per_degree: float) -> NDArray[np.intp]:
     """Indices of the cells between two angles [deg]."""
     return np.arange(math.floor(start * per_degree), math.ceil(end * per_degree))
+
+
+def _cap_radiance(levels: Floats, rows: Image) -> None:
+    """Bring some rows of a map to at most MAX_RADIANCE in place; their irradiance of level ground stays.
+
+    Args:
+        levels: (R,) the `row_irradiance` of these rows.
+        rows: (R, W, 3) linear radiance, contiguous in memory.
+
+    Raises:
+        ParameterError: so much light does not fit.
+    """
+    limit = np.float32(MAX_RADIANCE)
+    if rows.max() <= limit:
+        return
+    target = irradiance_from_rows(levels, rows)
+    for _ in range(_CAP_STEPS):
+        np.minimum(rows, limit, out=rows)
+        short = target / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE)
+        if short.max() <= 1 + _CAP_TOLERANCE:
+            return
+        scale_colors(rows, short)
+    raise _too_bright()
+
+
+def _too_bright() -> ParameterError:
+    """Return the error of a light that no map holds whose values end at MAX_RADIANCE."""
+    sentence = f"The light is too bright for a map, whose values end at {MAX_RADIANCE:.0f}; lower the exposure."
+    return ParameterError(sentence, "exposure", ErrorCode.OUT_OF_RANGE)

@@ -54,8 +54,9 @@ def sky_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: floa
     return result
 
 
+@lru_cache(maxsize=8)  # of a photo's sky, that several maps show
 def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tuple[Floats, Floats]:
-    """Coefficients (3, 9) and mean radiance (3,) of a sky, rows r, g, b. ParameterError out of range.
+    """Coefficients (3, 9) and mean radiance (3,) of a sky, rows r, g, b, to be read alone. ParameterError out of range.
 
     Let theta be the angle from the zenith and gamma that from the sun [rad]. A channel's radiance is the product of
     its mean radiance, f and g:
@@ -78,7 +79,10 @@ def sky_parameters(sun_elevation: float, turbidity: float, albedo: float) -> tup
         dark, bright = _interpolate_turbidity(table[name], turbidity)
         return np.asarray(np.tensordot(weight, dark * (1 - share) + bright * share, axes=1))
 
-    return mix("sky"), mix("sky_radiance") / CIE_Y_INTEGRAL
+    coefficients, radiance = mix("sky"), mix("sky_radiance") / CIE_Y_INTEGRAL
+    for values in (coefficients, radiance):
+        values.setflags(write=False)
+    return coefficients, radiance
 
 
 def sky_coefficients(sun_elevation: float, turbidity: float, ground_albedo: float) -> dict[str, list[float]]:
