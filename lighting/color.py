@@ -6,8 +6,9 @@ PQ. What is brighter is clipped, as photos clip it.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
+from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -97,7 +98,7 @@ def _srgb_table() -> NDArray[np.uint8]:
     return np.round(srgb_encode(np.arange(_SRGB_STEPS + 1) / _SRGB_STEPS) * 255.0).astype(np.uint8)
 
 
-def rec709_decode(value: ArrayLike) -> Floats:
+def _rec709_decode(value: ArrayLike) -> Floats:
     """Return scene light of values coded by the curve of Rec.709, which Rec.601 and Rec.2020 share (inverse OETF).
 
     Args:
@@ -111,7 +112,7 @@ def rec709_decode(value: ArrayLike) -> Floats:
     return np.where(v < 4.5 * _REC709_BETA, v / 4.5, powers)
 
 
-def hlg_decode(signal: ArrayLike) -> Floats:
+def _hlg_decode(signal: ArrayLike) -> Floats:
     """Return scene light, 1 at diffuse white, of HLG signals (inverse OETF).
 
     Args:
@@ -128,7 +129,7 @@ def _hlg(signal: Floats) -> Floats:
     return np.where(signal <= 0.5, np.square(signal) / 3.0, bright)
 
 
-def pq_decode(signal: ArrayLike) -> Floats:
+def _pq_decode(signal: ArrayLike) -> Floats:
     """Return display light, 1 at 203 cd/m2, of PQ signals (EOTF).
 
     Args:
@@ -139,6 +140,16 @@ def pq_decode(signal: ArrayLike) -> Floats:
     """
     root = np.asarray(signal, dtype=np.float64) ** (1.0 / _M2)
     return np.asarray((np.maximum(root - _C1, 0.0) / (_C2 - _C3 * root)) ** (1.0 / _M1) * (_PQ_PEAK / _PQ_WHITE))
+
+
+Curve = Literal["srgb", "rec709", "pq", "hlg"]
+DECODE_CURVES: dict[Curve, Callable[[ArrayLike], Floats]] = {
+    "srgb": srgb_decode,
+    "rec709": _rec709_decode,
+    "pq": _pq_decode,
+    "hlg": _hlg_decode,
+}
+"""From coded values in [0, 1] to linear light, 1 at diffuse white, by the name of the curve."""
 
 
 def check_pixels(pixels: ArrayLike) -> NDArray[np.uint8]:

@@ -149,7 +149,11 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     place = {key: options.pop(key) for key in ("surroundings", "detail", "user_input", "model")}
     if photo is None:
         _refuse_place(**place)
-    lighting = photos.adjust_light(stored or console.read_lighting(record), adjustments)
+    lighting = stored or console.read_lighting(record)
+    if adjustments is not None:
+        from lighting.envmap.relighting import adjust_lighting
+
+        lighting = adjust_lighting(lighting, adjustments)
     context = None if photo is None else _context_of_record(photo, options["height"], **place)
     _write_output_map(name, lighting, context=context, **options)
     probe = None

@@ -58,7 +58,11 @@ class PhotoOptions:
         Args:
             lighting: before.
         """
-        return adjust_light(lighting, self.adjustments)
+        if self.adjustments is None:
+            return lighting
+        from lighting.envmap.relighting import adjust_lighting
+
+        return adjust_lighting(lighting, self.adjustments)
 
     def print_estimate(
         self, photo: str, answer: "Estimate", lighting: "Lighting", warnings: Sequence[str], files: dict[str, str]
@@ -78,20 +82,6 @@ class PhotoOptions:
             probe = answer.replace(lighting=lighting).light_probe(sun=sun, surroundings=self.surroundings)
         crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
         console.print_estimate(photo, lighting, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
-
-
-def adjust_light(lighting: "Lighting", adjustments: "Adjustments | None") -> "Lighting":
-    """Return a light as the user adjusts it.
-
-    Args:
-        lighting: before.
-        adjustments: what changes; None: nothing.
-    """
-    if adjustments is None:
-        return lighting
-    from lighting.envmap.relighting import adjust_lighting
-
-    return adjust_lighting(lighting, adjustments)
 
 
 def choose_sun(sun: bool | None, adjustments: "Adjustments | None") -> bool | None:

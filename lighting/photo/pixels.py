@@ -35,13 +35,11 @@ from PIL import ExifTags, Image, ImageCms
 from lighting.color import (
     ADOBE_RGB_CHROMATICITIES,
     ADOBE_RGB_GAMMA,
+    DECODE_CURVES,
     H273_CHROMATICITIES,
+    Curve,
     chromaticities_to_rec709,
-    hlg_decode,
-    pq_decode,
-    rec709_decode,
     srgb_bytes,
-    srgb_decode,
 )
 from lighting.errors import PhotoError
 from lighting.geometry import Floats
@@ -65,7 +63,7 @@ _UPRIGHT = {  # EXIF orientation: what makes rows and columns (h, w, 3) upright,
     7: lambda pixels: pixels[::-1, ::-1].transpose(1, 0, 2),
     8: lambda pixels: pixels[:, ::-1].transpose(1, 0, 2),
 }
-_Curve = float | Literal["srgb", "rec709", "pq", "hlg"]  # a number is the exponent of value^exponent
+_Curve = float | Curve  # a number is the exponent of value^exponent
 _Matrix = NDArray[np.float32]
 _H273_CURVES: Mapping[int, _Curve] = {  # by their numbers; SMPTE 240's differs from Rec.709's by three levels
     **dict.fromkeys((1, 6, 7, 11, 14, 15), "rec709"),
@@ -92,11 +90,7 @@ _NAMED_SPACES: Mapping[str, tuple[_Curve, tuple[float, ...]]] = {  # by what the
 }
 _WITH_DCF = ("JPEG", "MPO", "TIFF", "WEBP")  # formats whose EXIF may state the space
 _INTEROP_INDEX = 1
-_HDR_CURVES: dict[Literal["pq", "hlg"], Callable[[Floats], Floats]] = {"pq": pq_decode, "hlg": hlg_decode}
-_CURVES: Mapping[str, Callable[[Floats], Floats]] = {
-    **{"srgb": srgb_decode, "rec709": rec709_decode},
-    **{"pq": pq_decode, "hlg": hlg_decode},
-}
+_HDR_CURVES: tuple[Literal["pq", "hlg"], ...] = ("pq", "hlg")
 _MIN_CONTRAST = 40.0  # gray levels, of 255, between the darkest and the brightest hundredth; photos in fog have more
 _SAMPLED_SIDE = 320  # rows or columns of the longer side that are sampled
 _ASPECT_TOLERANCE = 0.03  # share by which it may differ from twice as wide as high
@@ -442,7 +436,8 @@ def _hdr_curve(profile: bytes) -> Literal["pq", "hlg"] | None:
     if shown is None:
         return None
     signals = np.array(_HDR_SIGNALS) / 255.0
-    for name, decode in _HDR_CURVES.items():
+    for name in _HDR_CURVES:
+        decode = DECODE_CURVES[name]
         expected = srgb_bytes(decode(signals) / decode(np.ones(1)))
         if np.abs(shown.astype(int) - expected).max() <= _HDR_TOLERANCE:
             return name
@@ -504,7 +499,7 @@ def _curve_table(curve: _Curve, full_range: bool) -> NDArray[np.float32]:
         levels = np.clip((np.arange(256) - _NARROW_BLACK) / (_NARROW_WHITE - _NARROW_BLACK), 0.0, 1.0)
     if isinstance(curve, float):
         return np.asarray(levels**curve, dtype=np.float32)
-    return np.asarray(_CURVES[curve](levels), dtype=np.float32)
+    return np.asarray(DECODE_CURVES[curve](levels), dtype=np.float32)
 
 
 def _hlg_ootf(scene: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -25,10 +25,10 @@ from numpy.typing import NDArray
 
 from lighting.color import (
     CHROMATICITIES,
+    DECODE_CURVES,
     H273_CHROMATICITIES,
+    Curve,
     chromaticities_to_rec709,
-    hlg_decode,
-    pq_decode,
     srgb_bytes,
 )
 from lighting.errors import VideoError, require_extra
@@ -40,7 +40,7 @@ from lighting.photo.reader import MAX_ASPECT, MIN_SIDE
 from lighting.tracing import trace_step
 
 # by the numbers of ITU-T H.273 for transfer characteristics; all others count as sRGB
-TRANSFER_CURVES = {16: "pq", 18: "hlg"}
+TRANSFER_CURVES: dict[int, Curve] = {16: "pq", 18: "hlg"}
 
 _FULL_SIGNAL = 65280  # 255 x 256, which libswscale makes of the largest signal where it converts to 16 bits
 
@@ -280,9 +280,8 @@ def _to_srgb(coded: NDArray[np.uint16], curve: str, primaries: int) -> NDArray[n
 
 
 @lru_cache(maxsize=2)
-def _curve_table(curve: str) -> NDArray[np.float32]:
-    decode = {"hlg": hlg_decode, "pq": pq_decode}[curve]
-    return decode(np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)).astype(np.float32)
+def _curve_table(curve: Curve) -> NDArray[np.float32]:
+    return DECODE_CURVES[curve](np.minimum(np.arange(65536) / _FULL_SIGNAL, 1.0)).astype(np.float32)
 
 
 # From a decoded picture to upright sRGB.

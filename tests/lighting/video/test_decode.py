@@ -11,7 +11,7 @@ import av
 import numpy as np
 import pytest
 
-from lighting.color import hlg_decode, pq_decode, srgb_encode
+from lighting.color import DECODE_CURVES, srgb_encode
 from lighting.errors import VideoError
 from lighting.video import decode
 from lighting.video.decode import (
@@ -509,14 +509,14 @@ def decoded(coded: tuple[float, float, float], weights: tuple[float, float]) -> 
 
 def test_pq_reaches_the_levels_of_bt2408() -> None:
     """Table 1 of the report: 58 % is 203 cd/m2, 75 % 983 cd/m2, 38 % 26 cd/m2 (18 % grey)."""
-    light = pq_decode([0.38, 0.58, 0.75, 1.0]) * 203.0
+    light = DECODE_CURVES["pq"]([0.38, 0.58, 0.75, 1.0]) * 203.0
     np.testing.assert_allclose(light, [26, 203, 983, 10000], rtol=0.03)  # signals are rounded to per cents
 
 
 def test_hlg_is_one_at_diffuse_white_and_twelve_times_its_knee_at_the_top() -> None:
-    assert hlg_decode(0.75) == pytest.approx(1.0)
-    assert hlg_decode(1.0) / hlg_decode(0.5) == pytest.approx(12.0, rel=1e-4)
-    assert hlg_decode(0.38) == pytest.approx(0.18, abs=0.01)  # BT.2408: 18 % grey
+    assert DECODE_CURVES["hlg"](0.75) == pytest.approx(1.0)
+    assert DECODE_CURVES["hlg"](1.0) / DECODE_CURVES["hlg"](0.5) == pytest.approx(12.0, rel=1e-4)
+    assert DECODE_CURVES["hlg"](0.38) == pytest.approx(0.18, abs=0.01)  # BT.2408: 18 % grey
 
 
 @pytest.mark.parametrize("curve", ["hlg", "pq"])
@@ -531,7 +531,7 @@ def test_grey_stays_grey_and_white_is_white(curve: str) -> None:
 
 def test_dark_greys_are_no_darker_than_their_light() -> None:
     coded = np.repeat(np.arange(200, 8000, dtype=np.uint16)[:, None], 3, axis=1)
-    options = 255.0 * srgb_encode(hlg_decode(coded / 65280.0))
+    options = 255.0 * srgb_encode(DECODE_CURVES["hlg"](coded / 65280.0))
     assert np.mean(_to_srgb(coded, "hlg", 1) - options) == pytest.approx(0.0, abs=0.05)
 
 
