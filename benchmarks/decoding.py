@@ -24,7 +24,7 @@ import numpy as np
 from PIL import Image
 
 from benchmarks.common import ROOT, register_heif_writer
-from lighting.photo.reader import MAX_PIXELS, TARGET, open_photo, pixel_limit
+from lighting.photo.reader import MAX_PIXELS, TARGET, _open_photo, _pixel_limit
 
 SIZES = ((2000, 1500), (4000, 3000))  # pixels
 READ = """
@@ -126,7 +126,7 @@ def measured(kind: str, size: tuple[int, int], target: int = TARGET) -> tuple[fl
             path.write_bytes(KINDS[kind](width, height))
         peak, seconds = cost(*paths, target)
         data = paths[0].read_bytes()
-        most, _ = pixel_limit(open_photo(data), data, MAX_PIXELS)
+        most, _ = _pixel_limit(_open_photo(data), data, MAX_PIXELS)
     pixels = size[0] * size[1]
     return peak / pixels, 1e6 * seconds / pixels, most
 

@@ -29,7 +29,7 @@ from benchmarks.common import register_heif_writer
 from benchmarks.decoding import photo
 from lighting.errors import PhotoError
 from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, memory_budget
-from lighting.photo.sandbox import DecodeRequest, DecoderProcess
+from lighting.photo.sandbox import _DecodeRequest, _DecoderProcess
 
 HANG = 5.0  # seconds of processor time
 PATIENCE = 120.0  # seconds until a reader is killed, for machines with other work
@@ -185,7 +185,7 @@ def _checked(data: bytes) -> bytes:
 
 def fuzz(known: Sequence[bytes], chance: random.Random, going: Callable[[int], bool], keep: Path | None) -> Report:
     """Read changed photos while `going` says so of their number."""
-    report, decoder = Report(), DecoderProcess()
+    report, decoder = Report(), _DecoderProcess()
     try:
         while going(report.counts.total()):
             data = changed(chance.choice(known), known, chance)
@@ -199,12 +199,12 @@ def fuzz(known: Sequence[bytes], chance: random.Random, going: Callable[[int], b
     return report
 
 
-def _outcome(decoder: DecoderProcess, data: bytes, report: Report) -> str:
+def _outcome(decoder: _DecoderProcess, data: bytes, report: Report) -> str:
     decoder.prepare()
     pid = decoder.pid
     before, held = _seconds(pid), _rested(pid)
     try:
-        decoder.read(DecodeRequest(len(data), MAX_BYTES, MAX_PIXELS, TARGET, PATIENCE), data)
+        decoder.read(_DecodeRequest(len(data), MAX_BYTES, MAX_PIXELS, TARGET, PATIENCE), data)
         outcome = "read"
     except PhotoError as error:
         outcome = "memory" if "more memory" in str(error) else "refused"

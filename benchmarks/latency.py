@@ -53,7 +53,7 @@ from lighting.envmap.latlong import size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, photo_context_for_height, render_with_surroundings
 from lighting.estimator import Estimator
-from lighting.files.exr import prepare_compression, write_exr
+from lighting.files.exr import _prepare_compression, write_exr
 from lighting.geometry import latlong_directions
 from lighting.model import preprocess, resize_to_input
 from lighting.photo.reader import TARGET, read_photo
@@ -95,7 +95,7 @@ def opencv_detector(pixels: NDArray[np.uint8]) -> Callable[[], Any] | None:
 
 def write_by_openexr(image: NDArray[np.float32]) -> None:
     """OpenEXR's writing of the array, rounded and packed as write_exr does, into memory."""
-    packing, pixels = prepare_compression(image, "zip")
+    packing, pixels = _prepare_compression(image, "zip")
     header = {"compression": packing, "type": OpenEXR.scanlineimage}
     OpenEXR.File(header, {"RGB": pixels}).write(io.BytesIO())
 

@@ -130,13 +130,6 @@ def process_seconds(pid: int) -> float | None:
         return None
 
 
-def ignore_signals() -> None:
-    """Ignore what ends a terminal's or a service's processes together: this one ends with the process that uses it."""
-    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-        if number := getattr(signal, name, None):  # Windows has no SIGHUP
-            signal.signal(number, signal.SIG_IGN)
-
-
 @contextmanager
 def exit_after(seconds: float) -> Iterator[None]:
     """End this process a second after the block took its time, should nobody be left to do so; not on Windows.
@@ -154,8 +147,15 @@ def exit_after(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0)
 
 
-def claim_stdout() -> BinaryIO:
-    """Return the stream of answers; what libraries print on stdout and stderr goes nowhere from now on."""
+def begin_helper() -> BinaryIO:
+    """Make this process one that answers another, and return the stream of its answers.
+
+    What libraries print on stdout and stderr goes nowhere from now on. What ends a terminal's or a service's processes
+    together is ignored: this one ends with the process that uses it.
+    """
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+        if number := getattr(signal, name, None):  # Windows has no SIGHUP
+            signal.signal(number, signal.SIG_IGN)
     answers = os.fdopen(os.dup(1), "wb")
     with Path(os.devnull).open("wb") as nowhere:
         os.dup2(nowhere.fileno(), 1)

@@ -23,7 +23,7 @@ from lighting.envmap.relighting import Adjustments
 from lighting.errors import ErrorCode, LightingError, VideoError
 from lighting.fusion.user_input import UserInput
 from lighting.records import Json
-from lighting.runtime import claim_stdout, confine_to_folder, ignore_signals, limit_address_space
+from lighting.runtime import begin_helper, confine_to_folder, limit_address_space
 from lighting.tracing import listen_to_steps, trace_step
 
 T = TypeVar("T")
@@ -59,8 +59,7 @@ class _JobKind:
 def run_worker() -> None:
     """Carry out the request on stdin."""
     request = json.loads(sys.stdin.buffer.read())
-    answers = claim_stdout()
-    ignore_signals()
+    answers = begin_helper()
     os.chdir(request["folder"])
     _limit_process(request["max_bytes"])
     network = [Path(request["model"])] if request["model"] else []

@@ -82,7 +82,7 @@ def check_exr_compression(compression: str) -> None:
         raise EnvironmentMapError(f"The compression {compression!r} is not known; it must be one of {names}.")
 
 
-def prepare_compression(
+def _prepare_compression(
     image: NDArray[np.float32], compression: str, *, overwrite: bool = False
 ) -> tuple[Any, NDArray[np.floating[Any]]]:
     """OpenEXR's constant of the compression, and the pixels as it is to pack them: rounded by `zip`.
@@ -257,7 +257,7 @@ def write_exr(
             code=ErrorCode.WRONG_TYPE,
         )
     chromaticities, interop_id = _color_space(colours)
-    packing, pixels = prepare_compression(
+    packing, pixels = _prepare_compression(
         _convert_colors(check_envmap(image), colours), compression, overwrite=overwrite
     )
     header = {

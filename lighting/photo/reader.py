@@ -193,7 +193,7 @@ def read_photo(
             raw = containers.is_raw(data)
         page = None if raw else containers.photo_page(data)
         picture = page.as_first(data) if page else containers.embedded_preview(data) if raw else data
-        image = open_photo(picture, max_pixels)
+        image = _open_photo(picture, max_pixels)
         width, height = image.size
         exif_source = containers.open_exif_source(data, image) if raw or (page and not page.has_exif) else image
         side = target or max(image.size)
@@ -286,7 +286,7 @@ def _without_border(photo: Photo) -> Photo:
     return replace(photo, pixels=pixels, width=width, height=height, crop=crop, warnings=(warning,))
 
 
-def pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
+def _pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int, str]:
     """How many pixels a picture of this kind may have, and the kind's name for people.
 
     Args:
@@ -357,7 +357,7 @@ def _read_stream(stream: BinaryIO, limit: int) -> bytes:
     return b"".join(chunks)
 
 
-def open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
+def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     """The image with its header read and its size checked, before anything is decoded; raises as `read_photo`.
 
     Args:
@@ -378,7 +378,7 @@ def open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     except Image.DecompressionBombError as error:
         raise PhotoTooLargeError(_size_sentence("The photo", min(max_pixels, PILLOW_MAX_PIXELS))) from error
     check_bit_depth(image)
-    _check_size(*image.size, *pixel_limit(image, data, max_pixels))
+    _check_size(*image.size, *_pixel_limit(image, data, max_pixels))
     if image.format == "AVIF":
         from lighting.photo.formats import complete_avif
 

@@ -76,7 +76,7 @@ _ERRORS: dict[str, type[LightingError]] = {
 
 
 @dataclass(frozen=True)
-class DecodeRequest:
+class _DecodeRequest:
     """A photo to read, the limits of `read_photo`, and one of time."""
 
     size: int
@@ -120,7 +120,7 @@ def read_photo_isolated(
     data = read_bytes(source, max_bytes)
     if sidecar is None:
         sidecar = {} if isinstance(source, bytes) else read_sidecar(source)
-    request = DecodeRequest(len(data), max_bytes, max_pixels, target, seconds, tuple(sidecar.items()))
+    request = _DecodeRequest(len(data), max_bytes, max_pixels, target, seconds, tuple(sidecar.items()))
     with _borrow_decoder() as decoder:
         return decoder.read(request, data)
 
@@ -137,7 +137,7 @@ def start_decoder_pool(count: int) -> None:
     Args:
         count: of processes that are ready afterwards, at least.
     """
-    started = [DecoderProcess() for _ in range(count - len(_idle))]
+    started = [_DecoderProcess() for _ in range(count - len(_idle))]
     for decoder in started:
         decoder.start()
     for decoder in started:
@@ -145,7 +145,7 @@ def start_decoder_pool(count: int) -> None:
         _idle.append(decoder)
 
 
-class DecoderProcess:
+class _DecoderProcess:
     """One process for one photo at a time."""
 
     def __init__(self) -> None:
@@ -153,7 +153,7 @@ class DecoderProcess:
         self._ready = False
         atexit.register(self.end)
 
-    def read(self, request: DecodeRequest, data: bytes) -> Photo:
+    def read(self, request: _DecodeRequest, data: bytes) -> Photo:
         """The photo of a request; raises as `read_photo_isolated`.
 
         Args:
@@ -211,7 +211,7 @@ class DecoderProcess:
         assert self._process
         return self._process
 
-    def _read_in_time(self, request: DecodeRequest, data: bytes) -> Photo | Exception:
+    def _read_in_time(self, request: _DecodeRequest, data: bytes) -> Photo | Exception:
         """The photo or why there is none; a process that was killed or died is replaced."""
         answer: Photo | Exception | None = None
         death = suppress(EOFError, BrokenPipeError, TypeError, ValueError, RecursionError)  # or an answer that is none
@@ -227,23 +227,23 @@ class DecoderProcess:
         return PhotoError("The photo ended the process that decoded it.")
 
 
-_idle: list[DecoderProcess] = []  # taken and given back by threads; both are single steps
+_idle: list[_DecoderProcess] = []  # taken and given back by threads; both are single steps
 
 
 @contextmanager
-def _borrow_decoder() -> Iterator[DecoderProcess]:
+def _borrow_decoder() -> Iterator[_DecoderProcess]:
     """A decoder that nobody else uses; a new one where all are in use."""
     try:
         decoder = _idle.pop()
     except IndexError:
-        decoder = DecoderProcess()
+        decoder = _DecoderProcess()
     try:
         yield decoder
     finally:
         _idle.append(decoder)
 
 
-def _request_photo(process: "Popen[bytes]", request: DecodeRequest, data: bytes) -> Photo | Exception:
+def _request_photo(process: "Popen[bytes]", request: _DecodeRequest, data: bytes) -> Photo | Exception:
     requests, answers = _open_pipe(process.stdin), _open_pipe(process.stdout)
     requests.write(_json_line(asdict(request)))
     requests.write(data)
@@ -404,8 +404,7 @@ def _open_pipe(stream: Any) -> Any:
 
 def _serve_decoder() -> None:
     """Answer requests until stdin ends."""
-    runtime.ignore_signals()
-    requests, answers = sys.stdin.buffer, runtime.claim_stdout()
+    requests, answers = sys.stdin.buffer, runtime.begin_helper()
     _load_decoders()
     own = runtime.address_space_used()
     runtime.confine_process()
@@ -413,13 +412,13 @@ def _serve_decoder() -> None:
     answers.write(_READY)
     answers.flush()
     while line := requests.readline():
-        request = _parse_record(DecodeRequest, json.loads(line))
+        request = _parse_record(_DecodeRequest, json.loads(line))
         with runtime.exit_after(request.seconds):
             _answer_request(request, requests.read(request.size), answers, own)
             answers.flush()
 
 
-def _answer_request(request: DecodeRequest, data: bytes, answers: BinaryIO, own: int) -> None:
+def _answer_request(request: _DecodeRequest, data: bytes, answers: BinaryIO, own: int) -> None:
     try:
         runtime.limit_address_space(own + memory_budget(len(data), request.max_pixels, request.target))
         photo = read_photo(

@@ -462,8 +462,7 @@ def _read_reply(process: "Popen[bytes]", request: bytes, seconds: float, check: 
 
 def _serve_registration() -> None:
     """Answer the one request on stdin; the process ends with it, or a second after nobody waits for it any more."""
-    runtime.ignore_signals()
-    requests, answers = sys.stdin.buffer, runtime.claim_stdout()
+    requests, answers = sys.stdin.buffer, runtime.begin_helper()
     pickle.dump(_answer(requests), answers)
     answers.flush()
 

@@ -28,7 +28,7 @@ from lighting.files.exr import (
     _MANTISSA_BITS,
     _SET_EFFORT,
     COMPRESSIONS,
-    prepare_compression,
+    _prepare_compression,
     read_envmap,
     read_exr,
     set_compression_threads,
@@ -95,7 +95,7 @@ def test_pxr24_changes_values_by_no_more_than_is_said(image: NDArray[np.float32]
 @pytest.mark.parametrize("contrast", [0.01, 0.05, 0.2, 1.0])
 def test_texture_keeps_its_light(contrast: float) -> None:
     pixels = textured(contrast=contrast)
-    packing, rounded = prepare_compression(pixels, "zip")
+    packing, rounded = _prepare_compression(pixels, "zip")
     assert packing == OpenEXR.ZIP_COMPRESSION
     assert rounded.dtype == np.float16
     back = rounded.astype(np.float32)
@@ -111,7 +111,7 @@ def test_flat_light_that_rounding_would_change_stays() -> None:
     """Stripes whose every value lies below the nearest one."""
     pixels = np.empty((256, 512, 3), np.float32)
     pixels[:, ::2], pixels[:, 1::2] = 0.5 * (1 + 7 / 1024), 0.25 * (1 + 7 / 1024)
-    back = prepare_compression(pixels, "zip")[1].astype(np.float32)
+    back = _prepare_compression(pixels, "zip")[1].astype(np.float32)
     assert (back[0, 0] != pixels[0, 0]).all()
     kept, whole = (one.mean(axis=(0, 1), dtype=np.float64) for one in (back, pixels))
     np.testing.assert_allclose(kept, whole, rtol=1e-3)
@@ -121,7 +121,7 @@ def test_flat_light_that_rounding_would_change_stays() -> None:
 def test_what_half_floats_do_not_hold_stays_32_bits_wide(wrong: float) -> None:
     pixels = textured()
     pixels[3, 4, 1] = wrong
-    rounded = prepare_compression(pixels, "zip")[1]
+    rounded = _prepare_compression(pixels, "zip")[1]
     assert rounded.dtype == np.float32
     np.testing.assert_allclose(rounded, pixels, rtol=2.0**-14)
 
@@ -134,7 +134,7 @@ def test_rounding_shrinks_the_file(image: NDArray[np.float32]) -> None:
 def test_rounding_leaves_what_has_no_neighbour() -> None:
     largest = np.finfo(np.float32).max
     values = np.array([0.0, -0.0, 1.0, -1.5, np.inf, -np.inf, np.nan, largest, -largest, 1e-42], dtype=np.float32)
-    out = prepare_compression(values.reshape(1, -1, 1), "zip")[1].reshape(-1)
+    out = _prepare_compression(values.reshape(1, -1, 1), "zip")[1].reshape(-1)
     np.testing.assert_array_equal(out[:9], values[:9])
     assert np.signbit(out[1])
     assert abs(out[9] - values[9]) < 1e-42
@@ -183,7 +183,7 @@ def test_the_number_of_threads_that_was_asked_for_stays(image: NDArray[np.float3
 def test_the_first_map_does_not_undo_it() -> None:
     code = (
         "import OpenEXR, numpy as np\nfrom lighting.files import exr as c\nc.set_compression_threads(1)\n"
-        "c.prepare_compression(np.zeros((2, 4, 3), np.float32), 'zip')\nprint(OpenEXR.global_thread_count())"
+        "c._prepare_compression(np.zeros((2, 4, 3), np.float32), 'zip')\nprint(OpenEXR.global_thread_count())"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=True)
     assert done.stdout.strip() == "0"
@@ -230,7 +230,7 @@ RECORDED_LIGHT = Lighting(
 @pytest.fixture(scope="module")
 def rounded_map() -> NDArray[np.float32]:
     """Rounded as `zip` does, which then changes nothing."""
-    return prepare_compression(render(RECORDED_LIGHT, 32), "zip")[1].astype(np.float32)
+    return _prepare_compression(render(RECORDED_LIGHT, 32), "zip")[1].astype(np.float32)
 
 
 @pytest.fixture(scope="module")

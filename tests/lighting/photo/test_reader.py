@@ -30,10 +30,10 @@ from lighting.photo.reader import (
     MAX_PIXELS,
     Photo,
     Source,
+    _open_photo,
+    _pixel_limit,
     memory_budget,
-    open_photo,
     photo_from_array,
-    pixel_limit,
     read_photo,
 )
 from tests.conftest import encode, scene
@@ -134,7 +134,7 @@ def test_a_decoder_needs_no_more_than_the_table_says(kind: str, tmp_path: Path) 
 
 
 def limit(data: bytes) -> tuple[int, str]:
-    return pixel_limit(open_photo(data), data, MAX_PIXELS)
+    return _pixel_limit(_open_photo(data), data, MAX_PIXELS)
 
 
 def test_each_kind_stays_within_the_memory_that_is_stated() -> None:

@@ -27,7 +27,7 @@ from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLarge
 from lighting.photo import sandbox
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import TARGET, Photo, read_photo
-from lighting.photo.sandbox import DecodeRequest, DecoderProcess, read_photo_isolated, start_decoder_pool
+from lighting.photo.sandbox import _DecodeRequest, _DecoderProcess, read_photo_isolated, start_decoder_pool
 from lighting.records import warning_code
 from tests.conftest import encode, munich, scene
 from tests.helpers.processes import wait_until_ended
@@ -38,14 +38,14 @@ LARGE = encode(scene(4000, 3000), "PNG", compress_level=1)
 
 
 @pytest.fixture(scope="module")
-def decoder() -> Iterator[DecoderProcess]:
-    made = DecoderProcess()
+def decoder() -> Iterator[_DecoderProcess]:
+    made = _DecoderProcess()
     yield made
     made.end()
 
 
-def request(data: bytes, max_pixels: int = 20_000_000, seconds: float = 60) -> DecodeRequest:
-    return DecodeRequest(len(data), 10**8, max_pixels, TARGET, seconds)
+def request(data: bytes, max_pixels: int = 20_000_000, seconds: float = 60) -> _DecodeRequest:
+    return _DecodeRequest(len(data), 10**8, max_pixels, TARGET, seconds)
 
 
 def test_the_photo_is_the_same(tmp_path: Path) -> None:
@@ -111,7 +111,7 @@ def test_errors_are_the_same(tmp_path: Path) -> None:
     assert absent.value.filename == str(tmp_path / "absent.jpg")
 
 
-def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: DecoderProcess) -> None:
+def test_what_takes_too_long_is_stopped_and_the_next_photo_is_read(decoder: _DecoderProcess) -> None:
     decoder.prepare()
     before = decoder.pid
     began = time.monotonic()
@@ -127,7 +127,7 @@ def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) 
     """A process with so little allowance that 12 megapixels do not fit."""
     frugal = "import lighting.photo.sandbox as d; d.memory_budget = lambda size, *_: size + 2 * 10**7; "
     monkeypatch.setattr(sandbox, "_WORKER_CODE", frugal + sandbox._WORKER_CODE)
-    small = DecoderProcess()
+    small = _DecoderProcess()
     try:
         with pytest.raises(PhotoTooLargeError, match="needs more memory than its limit"):
             small.read(request(LARGE, 10**8), LARGE)
@@ -136,7 +136,7 @@ def test_what_takes_too_much_memory_is_refused(monkeypatch: pytest.MonkeyPatch) 
         small.end()
 
 
-def test_a_process_that_ends_is_replaced(decoder: DecoderProcess) -> None:
+def test_a_process_that_ends_is_replaced(decoder: _DecoderProcess) -> None:
     decoder.prepare()
     before = decoder.pid
     os.kill(before, signal.SIGKILL)
@@ -147,7 +147,7 @@ def test_a_process_that_ends_is_replaced(decoder: DecoderProcess) -> None:
 
 def test_a_photo_that_ends_the_process_fails_alone(monkeypatch: pytest.MonkeyPatch) -> None:
     fatal = "import os, lighting.photo.sandbox as d; d.read_photo = lambda *_, **__: os._exit(9); "
-    mortal = DecoderProcess()
+    mortal = _DecoderProcess()
     with monkeypatch.context() as context:
         context.setattr(sandbox, "_WORKER_CODE", fatal + sandbox._WORKER_CODE)
         mortal.prepare()
@@ -168,8 +168,8 @@ def test_threads_read_at_once() -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 def test_it_ends_with_the_process_that_asks() -> None:
     code = (
-        "from lighting.photo.sandbox import DecoderProcess; import os; "
-        "d = DecoderProcess(); d.prepare(); print(d.pid, flush=True); os.kill(os.getpid(), 9)"
+        "from lighting.photo.sandbox import _DecoderProcess; import os; "
+        "d = _DecoderProcess(); d.prepare(); print(d.pid, flush=True); os.kill(os.getpid(), 9)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     wait_until_ended(int(done.stdout))
@@ -179,12 +179,12 @@ def test_it_ends_with_the_process_that_asks() -> None:
 def test_with_nobody_left_it_ends_when_its_photo_takes_too_long() -> None:
     """A photo that would take a minute, of which the process that asked does not wait for the end."""
     code = (
-        "import os, threading; from lighting.photo import sandbox; from lighting.photo.sandbox import DecoderProcess; "
-        "from lighting.photo.sandbox import DecodeRequest; "
+        "import os, threading; from lighting.photo import sandbox; from lighting.photo.sandbox import _DecoderProcess; "
+        "from lighting.photo.sandbox import _DecodeRequest; "
         "sandbox._WORKER_CODE = 'import time, lighting.photo.sandbox as d; ' "
         "'d.read_photo = lambda *_, **__: time.sleep(60); ' "
-        "+ sandbox._WORKER_CODE; d = DecoderProcess(); d.prepare(); print(d.pid, flush=True); "
-        "threading.Timer(0.5, os.kill, (os.getpid(), 9)).start(); d.read(DecodeRequest(1, 10, 10, 448, 1), b'x')"
+        "+ sandbox._WORKER_CODE; d = _DecoderProcess(); d.prepare(); print(d.pid, flush=True); "
+        "threading.Timer(0.5, os.kill, (os.getpid(), 9)).start(); d.read(_DecodeRequest(1, 10, 10, 448, 1), b'x')"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == -signal.SIGKILL, done.stderr  # else it had its answer
@@ -195,10 +195,10 @@ def test_with_nobody_left_it_ends_when_its_photo_takes_too_long() -> None:
 def test_it_prints_nothing_about_a_photo(capfd: pytest.CaptureFixture[str]) -> None:
     whole = encode(scene(64, 48), "TIFF", compression="tiff_lzw")
     data = whole[:100] + b"\xff" * 500 + whole[600:]
-    decoder = DecoderProcess()
+    decoder = _DecoderProcess()
     try:
         with pytest.raises(Exception, match="damaged"):
-            decoder.read(DecodeRequest(len(data), 10**6, 10**6, 448, 60), data)
+            decoder.read(_DecodeRequest(len(data), 10**6, 10**6, 448, 60), data)
     finally:
         decoder.end()
     assert capfd.readouterr() == ("", "")
@@ -292,7 +292,7 @@ class _Trap:
 def test_nothing_in_an_answer_is_run(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     trap = pickle.dumps(_Trap(tmp_path / "run"), 0) + b"\n"
     lying = f"import lighting.photo.sandbox as d; d._answer_request = lambda r, data, out, own: out.write({trap!r}); "
-    decoder = DecoderProcess()
+    decoder = _DecoderProcess()
     with monkeypatch.context() as context:
         context.setattr(sandbox, "_WORKER_CODE", lying + sandbox._WORKER_CODE)
         decoder.prepare()
@@ -320,7 +320,7 @@ def _annotation(field: Field[Any]) -> str:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
-def test_it_has_given_up_what_it_does_not_need(decoder: DecoderProcess, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_has_given_up_what_it_does_not_need(decoder: _DecoderProcess, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LIGHTING_API_KEYS", "secret")
     decoder.start()
     decoder.prepare()
@@ -341,7 +341,7 @@ def test_every_kind_is_read_by_who_is_no_superuser(monkeypatch: pytest.MonkeyPat
     humble = "import os, resource, lighting.runtime as r; c = r.confine_process; "
     humble += "r.confine_process = lambda: (os.setgroups([]), os.setgid(65534), os.setuid(65534), c()); "
     monkeypatch.setattr(sandbox, "_WORKER_CODE", humble + sandbox._WORKER_CODE)
-    decoder = DecoderProcess()
+    decoder = _DecoderProcess()
     try:
         for data in seeds():
             expected = read_photo(data)
