@@ -39,7 +39,6 @@ from lighting.stereo.solver import (
     SearchProgress,
     Session,
     camera_to_world,
-    check_sun_moves,
     find_other_heading,
     fit_turbidity,
     ignore_progress,
@@ -53,6 +52,7 @@ Image = NDArray[np.float32]
 MESH_FILE, RECORD_FILE = "mesh.ply", "normals.json"
 
 _HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
+_MIN_SUN_MOTION = np.radians(2.0)  # apart, for light to differ
 
 
 def check_normals_folder(folder: Path, *, overwrite: bool) -> None:
@@ -324,7 +324,7 @@ def estimate_normals(
     pose = Pose(_heading(photos, options), options.pitch, options.roll)
     with trace_step("map"):
         skies, turbidity = _skies(photos, options, pose)
-    check_sun_moves(skies)
+    _check_sun_moves(skies)
     session = Session(photos.images, photos.mask, skies, pose)
     with trace_step("network"):
         normals, doubts = _doubt_model(session, solve_normals(session, options.noise, network, progress.pixels))
@@ -444,3 +444,17 @@ def _make_record(normals: NormalMap, names: Sequence[str]) -> Json:
         "by_network": round(float(normals.network[normals.mask].mean()), 3),
         "frame": "x right, y up, z towards the camera; world: x east, y up, z south",
     }
+
+
+def _check_sun_moves(skies: Skies) -> None:
+    """Check that the light of the moments differs.
+
+    Args:
+        skies: of all photos.
+
+    Raises:
+        PhotoError: the sun does not move.
+    """
+    suns = skies.sun_direction
+    if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _MIN_SUN_MOTION:
+        raise PhotoError("The sun is in the same place in all photos; take them over hours.")

@@ -485,7 +485,6 @@ _CHANCE = 2.0  # times the variance that noise alone leaves in an average, which
 _MAX_ERROR = 90.0  # deg
 _HEADING_STEP = 30.0  # deg, between the headings that are compared
 _MAX_ERROR_RATIO = 0.7  # times the search's expected error, below which the network's normal is taken
-_MIN_SUN_MOTION = np.radians(2.0)  # apart, for light to differ
 
 
 @dataclass(frozen=True)
@@ -718,20 +717,6 @@ def apply_network(normals: NormalMap, network: Network, features: NormalFeatures
     better = normals.mask & (error < _MAX_ERROR_RATIO * normals.error)
     normal, error = np.where(better[..., None], normal, normals.normal), np.where(better, error, normals.error)
     return replace(normals, normal=normal, error=error, network=better)
-
-
-def check_sun_moves(skies: Skies) -> None:
-    """Check that the light of the moments differs.
-
-    Args:
-        skies: of all photos.
-
-    Raises:
-        PhotoError: the sun does not move.
-    """
-    suns = skies.sun_direction
-    if np.arccos(np.clip(suns @ suns.T, -1, 1)).max() < _MIN_SUN_MOTION:
-        raise PhotoError("The sun is in the same place in all photos; take them over hours.")
 
 
 TURBIDITIES = (2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.5)  # tried, from very clear to hazy

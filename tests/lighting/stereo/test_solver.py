@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ModelError, PhotoError
 from lighting.stereo.light_vectors import Skies, clear_skies, gray_skies
+from lighting.stereo.output import _check_sun_moves
 from lighting.stereo.solver import (
     BY_IMAGE,
     SHARED,
@@ -28,7 +29,6 @@ from lighting.stereo.solver import (
     _shared_residual,
     apply_network,
     camera_to_world,
-    check_sun_moves,
     fit_turbidity,
     make_candidates,
     normal_features,
@@ -200,7 +200,7 @@ def test_empty_masks_black_photos_and_equal_suns_are_refused() -> None:
     with pytest.raises(PhotoError, match="black"):
         solve_normals(Session(0 * given.images, given.mask, given.skies, given.pose))
     with pytest.raises(PhotoError, match="same place"):
-        check_sun_moves(given.skies.at(np.array([2, 2, 2])))
+        _check_sun_moves(given.skies.at(np.array([2, 2, 2])))
 
 
 def test_noise_shares_nothing_with_its_neighbours_and_a_wrong_model_does() -> None:
