@@ -626,15 +626,14 @@ def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -
     A direction's part along a camera axis is a product plus a term of its row. The product is that of a term of its row
     and one of its column. So no pixel needs an angle.
     """
-    azimuth, elevation = (np.radians(angle) for angle in geometry.latlong_angles(height))
-    azimuth, elevation = azimuth[columns], elevation[rows]
+    axes, focal = camera.axes.astype(np.float32), np.float32(2 * camera.focal_length)
+    angles = geometry.latlong_angles(height)
+    azimuth, elevation = np.radians(angles[0])[columns], np.radians(angles[1])[rows]
     level, up = np.cos(elevation).astype(np.float32)[:, None], np.sin(elevation).astype(np.float32)[:, None]
     side, ahead = np.sin(azimuth).astype(np.float32), -np.cos(azimuth).astype(np.float32)
-    axes = camera.axes.astype(np.float32)
     right, above, depth = (level * (axis[0] * side + axis[2] * ahead) + axis[1] * up for axis in axes)
     behind = depth <= 1e-6
     depth[behind] = 1
-    focal = np.float32(2 * camera.focal_length)
     x, y = right / depth * (focal / camera.width), above / depth * (focal / camera.height)
     x[behind] = y[behind] = 2
     return x, y

@@ -82,17 +82,17 @@ def render(lighting: Lighting, height: int = 512, *, sun: bool | None = None, di
         sun: whether the sun is in the map; None: by `Lighting.sun_painted`.
         disc: False leaves the disc for a light of its own; the sun still lights the ground.
     """
-    check_lighting(lighting)
     check_height(height)
-    painted = lighting.sun_painted if sun is None else sun
+    check_lighting(lighting)
+    painted, sky = lighting.sun_painted if sun is None else sun, lighting.map_sky
     image = np.empty((height, 2 * height, 3), dtype=np.float32)
     upper, lower = image[: height // 2], image[height // 2 :]
-    by_model = lighting.sky_irradiance is None and lighting.map_sky == SKY_MODEL  # others have no unit of their own
+    by_model = lighting.sky_irradiance is None and sky == SKY_MODEL  # others have no unit of their own
     level = sky_irradiance(lighting)
     if by_model:
         _render_clear_sky(upper, lighting)
     else:
-        _render_mixed_sky(upper, lighting, level)
+        _render_mixed_sky(upper, lighting, sky, level)
     if painted:
         level = level + (disc_power(lighting)[1] if by_model else _level_sun_irradiance(lighting))
     lower[0] = ground_reflectance(lighting) / math.pi * level
@@ -201,7 +201,7 @@ def check_height(height: int) -> None:
         raise ParameterError.about("height", predicate, ErrorCode.OUT_OF_RANGE if whole else ErrorCode.WRONG_TYPE)
 
 
-def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> None:
+def _render_mixed_sky(upper: Image, lighting: Lighting, sky: str, irradiance: Floats) -> None:
     """Fill the upper half (H / 2, 2H, 3) of a map whose horizontal irradiance is then (3,), without the sun's disc.
 
     The clear sky and the overcast sky of the CIE contribute shares 1 - cover and cover of it, in each channel.
@@ -210,7 +210,7 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, irradiance: Floats) -> N
     if cover >= 1:
         upper[:] = _overcast_rows(len(upper)) * np.asarray(irradiance, dtype=np.float32)
         return
-    _render_sky_shape(upper, lighting)
+    _render_sky_shape(upper, lighting, sky)
     level = irradiance_from_rows(row_irradiance(2 * len(upper))[: len(upper)], upper)
     scale_colors(upper, (1 - cover) * irradiance / np.maximum(level, EPSILON_IRRADIANCE))
     if cover > 0:
@@ -243,12 +243,12 @@ def _overcast_rows(rows: int) -> Image:
     return np.asarray(radiance / (row_irradiance(2 * rows)[:rows] @ radiance), dtype=np.float32)[:, None, None]
 
 
-def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
-    """Fill the upper half with the model's radiance at any scale."""
-    if lighting.map_sky == SKY_MODEL:
+def _render_sky_shape(upper: Image, lighting: Lighting, sky: str) -> None:
+    """Fill the upper half with the radiance of one of SKY_MODELS at any scale."""
+    if sky == SKY_MODEL:
         _render_clear_sky(upper, lighting)
         return
-    if (by_angles := SKY_MODELS[lighting.map_sky].by_angles) is not None:
+    if (by_angles := SKY_MODELS[sky].by_angles) is not None:
         _render_by_angles(upper, lighting, by_angles)
         return
     azimuth, elevation = latlong_angles(2 * len(upper))
@@ -256,9 +256,10 @@ def _render_sky_shape(upper: Image, lighting: Lighting) -> None:
     for start in range(0, len(upper), rows):
         part = slice(start, min(start + rows, len(upper)))
         directions = direction(azimuth, elevation[part, None])
-        upper[part] = sky_shape(lighting.map_sky, directions, lighting.sun_direction, weather)
+        upper[part] = sky_shape(sky, directions, lighting.sun_direction, weather)
 
 
+@lru_cache(maxsize=4)  # a photo's light is that of several maps
 def _weather(lighting: Lighting) -> Weather:
     """What shapes the sky. The strength of sun and sky is as stated, else as Hosek and Wilkie's models have it."""
     clear = clear_irradiance(lighting) / lighting.exposure
@@ -349,9 +350,8 @@ def _row_terms(lighting: Lighting, height: int) -> tuple[Image, Image]:
     return np.asarray(factor, dtype=np.float32), np.asarray(np.stack(offsets), dtype=np.float32)
 
 
-@lru_cache(maxsize=4)  # a photo's light is that of several maps
 def clear_irradiance(lighting: Lighting) -> Floats:
-    """Irradiance (3,) of a horizontal surface by the model's clear sky without the disc, to be read alone.
+    """Irradiance (3,) of a horizontal surface by the model's clear sky without the disc.
 
     That of a sun below the horizon is the one of a sun on it, times how much less the Prague sky then gives.
 
@@ -361,13 +361,10 @@ def clear_irradiance(lighting: Lighting) -> Floats:
     if lighting.sun_elevation < 0:
         horizon = replace(lighting, sun_elevation=0.0)
         fading = _painted_irradiance(lighting) / _painted_irradiance(horizon)
-        irradiance = np.asarray(clear_irradiance(horizon) * fading)
-    else:
-        sky = np.empty((_IRRADIANCE_ROWS // 2, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
-        _render_clear_sky(sky, lighting)
-        irradiance = _level_irradiance(sky)
-    irradiance.setflags(write=False)
-    return irradiance
+        return np.asarray(clear_irradiance(horizon) * fading)
+    sky = np.empty((_IRRADIANCE_ROWS // 2, 2 * _IRRADIANCE_ROWS, 3), dtype=np.float32)
+    _render_clear_sky(sky, lighting)
+    return _level_irradiance(sky)
 
 
 def _painted_irradiance(lighting: Lighting) -> Floats:

@@ -141,7 +141,8 @@ def sun_disc_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity:
     """
     d = np.asarray(direction, dtype=np.float64)
     sun = np.asarray(sun_direction, dtype=np.float64)
-    _sun_elevation(sun)  # refuses a sun below the horizon
+    if not sun[1] >= 0:
+        _sun_elevation(sun)  # refuses a sun below the horizon
     half = np.sum((d - sun / np.linalg.norm(sun)) ** 2, axis=-1) / 4  # sin^2 of half the angle from the centre
     limb = 1 - 4 * half * (1 - half) / np.sin(np.radians(SUN_RADIUS)) ** 2
     inside = (half < 0.5) & (limb >= 0) & (d[..., 1] >= 0)

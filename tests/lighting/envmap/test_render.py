@@ -303,7 +303,8 @@ HEIGHT = 32
 
 def upper(**fields: Any) -> np.ndarray:
     image = np.empty((HEIGHT // 2, 2 * HEIGHT, 3), np.float32)
-    _render_mixed_sky(image, replace(stated_light(), **fields), np.array(SKY_IRRADIANCE))
+    light = replace(stated_light(), **fields)
+    _render_mixed_sky(image, light, light.map_sky, np.array(SKY_IRRADIANCE))
     return image
 
 
@@ -342,7 +343,7 @@ def test_no_model_leaves_a_channel_dark(model: str, elevation: float, turbidity:
 def test_tables_by_angle_paint_what_the_model_says(elevation: float) -> None:
     light = replace(stated_light(), sky_painted="prague", sun_elevation=elevation, sky_cover=0.0)
     sky = np.empty((32, 128, 3), np.float32)
-    _render_sky_shape(sky, light)
+    _render_sky_shape(sky, light, light.map_sky)
     expected = sky_shape("prague", latlong_directions(64)[:32], light.sun_direction, _weather(light))
     np.testing.assert_allclose(sky, expected, rtol=3e-3)
 
