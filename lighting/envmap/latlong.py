@@ -93,10 +93,10 @@ def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
         levels: (R,) the `row_irradiance` of these rows.
         rows: (R, W, 3) linear radiance.
     """
-    return np.asarray(irradiance_by_columns(levels, rows).mean(axis=0, dtype=np.float64))
+    return np.asarray(_irradiance_by_columns(levels, rows).mean(axis=0, dtype=np.float64))
 
 
-def irradiance_by_columns(levels: Floats, rows: Image) -> Image:
+def _irradiance_by_columns(levels: Floats, rows: Image) -> Image:
     """Irradiance (W, 3) of level ground by some rows of a map, were all its columns as one.
 
     Args:
@@ -476,6 +476,23 @@ class PhotoProjection:
             return ProjectedPhoto(slice(top, bottom), self.columns, *found)
         left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
         return self._pixels(slice(top, bottom), slice(left, right)) if left < right else None
+
+    def irradiances(self, image: Image, rows: slice, gain: float) -> tuple[Floats, Floats]:
+        """Irradiance (3,) of level ground by the photo in some rows of a map, and that by what it hides there.
+
+        Args:
+            image: (H, 2H, 3) the map.
+            rows: of the map, some of which it reaches.
+            gain: of the photo, over 0.
+        """
+        levels, shown, hidden = row_irradiance(self.height), [], []
+        for block in self.blocks(rows):
+            weight = block.weight[..., None].repeat(3, axis=2)
+            shown.append(_irradiance_by_columns(levels[block.rows], weight * block.over(image, gain).linear))
+            hidden.append(_irradiance_by_columns(levels[block.rows], weight * image[block.rows, block.columns]))
+        share = (self.columns.stop - self.columns.start) / image.shape[1]
+        by_photo, behind = (np.concatenate(part).mean(axis=0, dtype=np.float64) * share for part in (shown, hidden))
+        return by_photo, behind
 
     @cached_property
     def whole(self) -> ProjectedPhoto:

@@ -25,7 +25,6 @@ from lighting.envmap.latlong import (
     PhotoProjection,
     column_blocks,
     continue_photo,
-    irradiance_by_columns,
     irradiance_from_rows,
     multiply_cells,
     project_photo,
@@ -197,9 +196,9 @@ def render_with_surroundings(
         sun: whether the sun is in it; None: by `Lighting.sun_painted`.
         disc: False leaves the sun's disc for a light of its own.
     """
-    check_lighting(lighting)
-    check_height(height)
     _check_context(context)
+    check_height(height)
+    check_lighting(lighting)
     detailed = context.detail and height >= map_detail.MIN_ROWS
     with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
         projection = pool.submit(_project_photo, lighting, context, height, detailed)
@@ -398,8 +397,8 @@ def _halves(height: int) -> tuple[slice, slice]:
 
 def _half_irradiances(image: Image) -> tuple[Floats, Floats]:
     """Irradiances (3,) of level ground from above and from below."""
-    levels = latlong.row_irradiance(len(image))
-    above, below = (irradiance_from_rows(levels[rows], image[rows]) for rows in _halves(len(image)))
+    levels = np.split(latlong.row_irradiance(len(image)), 2)
+    above, below = map(irradiance_from_rows, levels, np.split(image, 2))
     return above, below
 
 
@@ -439,14 +438,7 @@ def _rest_scale(
     image: Image, half: slice, target: Floats, photo: PhotoProjection, gain: float
 ) -> tuple[Floats, Floats]:
     """The gain (3,) of what the photo leaves open in one half of a map, and the irradiance (3,) that it then has."""
-    levels = latlong.row_irradiance(len(image))
-    total = irradiance_from_rows(levels[half], image[half])
-    shown, behind = [], []
-    for block in photo.blocks(half):
-        weight = block.weight[..., None].repeat(3, axis=2)
-        shown.append(irradiance_by_columns(levels[block.rows], weight * block.over(image, gain).linear))
-        behind.append(irradiance_by_columns(levels[block.rows], weight * image[block.rows, block.columns]))
-    share = (photo.columns.stop - photo.columns.start) / image.shape[1]
-    from_photo, hidden = (np.concatenate(part).mean(axis=0, dtype=np.float64) * share for part in (shown, behind))
+    total = irradiance_from_rows(latlong.row_irradiance(len(image))[half], image[half])
+    from_photo, hidden = photo.irradiances(image, half, gain)
     rest = np.clip((target - from_photo) / np.maximum(total - hidden, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
     return rest, rest * (total - hidden) + from_photo
