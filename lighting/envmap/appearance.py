@@ -243,7 +243,8 @@ def _free_of_things(segments: Segments | None, shape: tuple[int, ...]) -> list[N
     """Which pixels (h, w) of a photo may count as ground, the better choice first."""
     if segments is None:
         return [np.ones(shape, dtype=bool)]
-    hidden = (pixel_share(segments, shape[1], shape[0], *classes) for classes in (THINGS, _NEVER_GROUND))
+    height, width = shape
+    hidden = pixel_share(segments, width, height, *THINGS), pixel_share(segments, width, height, *_NEVER_GROUND)
     return [share < _MAX_HIDDEN for share in hidden]
 
 
