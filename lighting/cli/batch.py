@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from click.core import ParameterSource
 
-from lighting.cli import cli, outputs
+import lighting.cli.console as console
+from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.photos import UNSUITABLE_STATUS, choose_sun
@@ -80,8 +81,8 @@ class _Options:
     ),
 )
 @click.argument("input", type=common.FileName())
-@click.argument("out", required=False, type=common.FileName(), callback=outputs.check_folder_name)
-@click.option("-o", "--output", metavar="OUT", callback=outputs.check_folder_name, help="The same as OUT.")
+@click.argument("out", required=False, type=common.FileName(), callback=console.check_folder_name)
+@click.option("-o", "--output", metavar="OUT", callback=console.check_folder_name, help="The same as OUT.")
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @common.map_options
 @common.adjustment_options
@@ -123,7 +124,7 @@ def _batch(ctx: click.Context, /, **options: Any) -> None:
     from lighting.batch.results import JOURNAL, TABLE
 
     results = Path(chosen.out, TABLE if chosen.engine == "ray" else JOURNAL)
-    outputs.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json, err=True)
+    console.report_written([str(results)], _describe_results, quiet=chosen.quiet or chosen.as_json, err=True)
     ctx.exit(1 if summary.failed else UNSUITABLE_STATUS if chosen.strict and _holds_unsuitable(results) else 0)
 
 
@@ -134,7 +135,7 @@ def _choose_out(source: str, out: str | None, output: str | None) -> str:
     stated = out if output is None else output
     if stated is None and ("://" in source or not Path(source).is_dir()):
         raise click.UsageError("Say where the results go: lighting batch INPUT OUT.")
-    return outputs.choose_folder(str(Path(source)), stated, "-lighting")
+    return console.choose_folder(str(Path(source)), stated, "-lighting")
 
 
 def _describe_results(name: str) -> str:
@@ -155,7 +156,7 @@ def _refuse_idle_options(ctx: click.Context) -> None:
     explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
     options = {param.name: param.opts[0] for param in ctx.command.params}
     if not ctx.params["envmap"] and (idle := [options[name] for name in options if name in explicit & _OF_MAPS]):
-        raise click.UsageError(f"{outputs.join_words(idle, 'and')} {'needs' if len(idle) == 1 else 'need'} --envmap.")
+        raise click.UsageError(f"{console.join_words(idle, 'and')} {'needs' if len(idle) == 1 else 'need'} --envmap.")
     if ctx.params["engine"] == "pool" and "address" in explicit:
         raise click.UsageError("--address needs --engine ray.")
     if ctx.params["engine"] == "ray" and "parquet" in explicit:

@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import cli, console, outputs, photos
+import lighting.cli.console as console
+import lighting.cli.photos as photos
+from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.photos import PhotoOptions, choose_sun, estimate_file, photo_estimator
 
@@ -30,15 +32,15 @@ if TYPE_CHECKING:
         "lighting envmap *.jpg -o maps/ --height 1024        # a map of each photo",
     ),
 )
-@outputs.file_output(outputs.MAPS, several=True)
+@console.file_output(console.MAPS, several=True)
 @common.map_options
 @photos.photo_options
-@click.option("--preview", metavar="FILE.png", callback=outputs.check_file_name, help="Also draw the preview.")
+@click.option("--preview", metavar="FILE.png", callback=console.check_file_name, help="Also draw the preview.")
 @click.pass_context
 def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **view: Any) -> None:
     """Render the environment map of each PHOTO."""
     photos.check_stdin(chosen.photos)
-    names = outputs.choose_files(chosen.photos, chosen.output, outputs.MAPS, overwrite=chosen.overwrite)
+    names = console.choose_files(chosen.photos, chosen.output, console.MAPS, overwrite=chosen.overwrite)
     _check_preview(chosen, names, preview)
     for name in names:
         _check_exr_options(name, view["compression"], view["colours"])
@@ -66,9 +68,9 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str | No
     if preview is not None:
         if len(chosen.photos) > 1:
             raise click.UsageError("--preview is of one photo; `lighting preview` draws those of several.")
-        outputs.check_file(preview, outputs.PREVIEWS.suffixes, "'--preview'")
-        outputs.check_apart(chosen.photos, (*names, preview))
-        outputs.check_absent([preview], overwrite=chosen.overwrite)
+        console.check_file(preview, console.PREVIEWS.suffixes, "'--preview'")
+        console.check_apart(chosen.photos, (*names, preview))
+        console.check_absent([preview], overwrite=chosen.overwrite)
     photos.check_json(chosen.as_json, (*names, preview))
 
 
@@ -80,7 +82,7 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str | No
         "lighting preview *.jpg -o previews/                 # one of each photo",
     ),
 )
-@outputs.file_output(outputs.PREVIEWS, several=True)
+@console.file_output(console.PREVIEWS, several=True)
 @photos.photo_options
 @click.pass_context
 def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
@@ -88,7 +90,7 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
     from lighting.ground import spot_warnings
 
     photos.check_stdin(chosen.photos)
-    names = outputs.choose_files(chosen.photos, chosen.output, outputs.PREVIEWS, overwrite=chosen.overwrite)
+    names = console.choose_files(chosen.photos, chosen.output, console.PREVIEWS, overwrite=chosen.overwrite)
     photos.check_json(chosen.as_json, names)
     estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model)
 
@@ -114,12 +116,12 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
     ),
 )
 @click.argument("record", metavar="LIGHTING.json", type=common.FileName())
-@outputs.file_output(outputs.MAPS)
+@console.file_output(console.MAPS)
 @click.option(
     "--photo",
     metavar="PHOTO",
     type=common.FileName(),
-    callback=outputs.check_file_name,
+    callback=console.check_file_name,
     help="The record's photo: the map then shows the place. Without it, sky and ground.",
 )
 @common.map_options
@@ -140,8 +142,8 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     if sources.count("-") > 1:
         raise click.UsageError("The record and the photo cannot both be stdin.")
     stored = console.read_lighting(record) if output is None else None  # whose error says more than one of the output
-    (name,) = outputs.choose_files([record], output, outputs.MAPS, overwrite=overwrite)
-    outputs.check_apart(sources, [name])
+    (name,) = console.choose_files([record], output, console.MAPS, overwrite=overwrite)
+    console.check_apart(sources, [name])
     _check_exr_options(name, options["compression"], options["colours"])
     as_json, quiet, adjustments = (options.pop(key) for key in ("as_json", "quiet", "adjustments"))
     photos.check_json(as_json, [name])
@@ -164,7 +166,7 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     console.print_estimate(record, lighting, (), {"output": name}, probe=probe, as_json=as_json, quiet=quiet)
     if photo is None and place["surroundings"] is None and not quiet:
         click.echo("Sky only: the place needs the photo (--photo PHOTO).", err=True)
-    outputs.report_written([name], quiet=quiet or as_json)
+    console.report_written([name], quiet=quiet or as_json)
 
 
 def _refuse_place(surroundings: bool | None, detail: bool, user_input: "UserInput", model: str | None) -> None:
@@ -226,7 +228,7 @@ def _light_probe(
     else:
         with console.prefix_errors(source):
             data = console.read_photo_bytes(source)
-            _, estimate = console.estimate_photo(source, data, user_input, model)
+            _, estimate = photos.estimate_photo(source, data, user_input, model)
         probe = estimate.light_probe(sun=sun, surroundings=surroundings)
         console.report_warnings(source, estimate.warnings, quiet)
     click.echo(encode_light_probe(probe, format))

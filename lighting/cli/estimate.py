@@ -10,7 +10,7 @@ from lighting.cli import cli, console
 from lighting.cli import options as common
 from lighting.cli.console import path_of, read_photo_bytes
 from lighting.cli.options import usage_errors
-from lighting.cli.photos import check_stdin, strict_status
+from lighting.cli.photos import check_stdin, estimate_photo, load_estimator, strict_status
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -36,9 +36,9 @@ def _answers(
     """
     if len(names) == 1:
         return lambda photos: _estimate_each(
-            photos, lambda name: console.estimate_photo(name, console.read_photo_bytes(name), user_input, model)[1]
+            photos, lambda name: estimate_photo(name, console.read_photo_bytes(name), user_input, model)[1]
         )
-    estimator = console.load_estimator(model)
+    estimator = load_estimator(model)
     if together:
         return lambda photos: _estimate_views(estimator, photos, user_input, headings)
     return lambda photos: _estimate_each(photos, lambda name: estimator(_read_photo_file(name), user_input))

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from lighting.cli.outputs import check_file_name
+from lighting.cli.console import check_file_name
 from lighting.errors import LightingError, ParameterError
 from lighting.sky import SKY_MODELS, format_sky_models
 

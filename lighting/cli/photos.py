@@ -7,13 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import console, outputs
+import lighting.cli.console as console
 from lighting.cli import options as common
+from lighting.cli.console import path_of
 from lighting.errors import LightingError
+from lighting.start import exit_on_interrupt
 
 if TYPE_CHECKING:
     from lighting.envmap.relighting import Adjustments
+    from lighting.estimator import Estimator
+    from lighting.fusion.estimate import PhotoPrediction
     from lighting.fusion.user_input import UserInput
+    from lighting.model import Model
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
@@ -162,8 +167,8 @@ def photo_estimator(
         meanwhile: what to do while the network runs on the one photo.
     """
     if len(photos) == 1:
-        return lambda name, data: console.estimate_photo(name, data, user_input, model, meanwhile)
-    estimator = console.load_estimator(model)
+        return lambda name, data: estimate_photo(name, data, user_input, model, meanwhile)
+    estimator = load_estimator(model)
 
     def estimate(name: str, data: bytes) -> "tuple[Photo, Estimate]":
         from lighting.photo.reader import read_photo
@@ -190,7 +195,7 @@ def process_photos(
     ctx: click.Context,
     chosen: PhotoOptions,
     work: "Callable[[int, str], tuple[Lighting, list[str]]]",
-    how_to_open: Callable[[str], str] = outputs.open_command,
+    how_to_open: Callable[[str], str] = console.open_command,
 ) -> None:
     """Work on each photo, say what was written, and end the command with its status.
 
@@ -222,7 +227,7 @@ def process_photos(
             written += files
     if failed:
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
-    outputs.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
+    console.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
     ctx.exit(1 if failed else strict_status(lights, chosen.strict))
 
 
@@ -237,3 +242,71 @@ def strict_status(lights: Sequence["Lighting"], strict: bool) -> int:
 
     unfit = strict and any(light.suitable is not None and light.suitable < MIN_SUITABLE for light in lights)
     return UNSUITABLE_STATUS if unfit else 0
+
+
+def load_estimator(model: str | None) -> "Estimator":
+    """Load an estimator for many photos.
+
+    Args:
+        model: a network's file; None is the one in this package.
+    """
+    from lighting.estimator import Estimator
+    from lighting.model import Model
+
+    return Estimator(Model.load(model))
+
+
+def estimate_photo(
+    name: str, data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
+) -> "tuple[Photo, Estimate]":
+    """Decode a photo and estimate its light.
+
+    The network is loaded in a thread while the photo is decoded. While it answers, what comes after it is imported, and
+    `meanwhile` is called. One network at a time is in memory: the second is loaded after the first is gone. Ctrl-C
+    ends the process at once, for nothing is written yet.
+
+    Args:
+        name: of the photo's file, beside which sidecars may lie; "-" is stdin.
+        data: the photo's bytes.
+        user_input: what the user states of it.
+        model: a network's file; None is the one in this package.
+        meanwhile: what to do while the network runs.
+    """
+    picture, predicted = _read_and_predict(name, data, user_input, model, meanwhile)
+    from lighting.estimator import estimate_from_prediction  # imported while the network ran
+
+    return picture, estimate_from_prediction(picture, predicted, user_input)
+
+
+def _read_and_predict(
+    name: str, data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object]
+) -> "tuple[Photo, PhotoPrediction]":
+    """The photo, and the network's prediction for it; on return the network is gone."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    with exit_on_interrupt(), ThreadPoolExecutor(1) as pool:
+        network = pool.submit(_load_for_one_photo, model)
+        from lighting.photo.reader import read_photo
+
+        picture = read_photo(data, path=path_of(name))
+        predicted = pool.submit(lambda: _predict(network.result(), picture, user_input))
+        import lighting.estimator  # noqa: F401 - of what comes after it
+
+        meanwhile()
+    return picture, predicted.result()
+
+
+def _load_for_one_photo(model: str | None) -> "Model":
+    from lighting.model import Model, packaged_model
+    from lighting.start import started_session
+
+    started = started_session() if model is None else None
+    if started is None:
+        return Model.load(model, for_one_photo=True)
+    return Model.from_session(started, packaged_model())
+
+
+def _predict(network: "Model", photo: "Photo", user_input: "UserInput") -> "PhotoPrediction":
+    from lighting.fusion.estimate import predict_with_metadata  # in the thread that waits for the network
+
+    return predict_with_metadata(network, photo, user_input)

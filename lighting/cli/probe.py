@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import cli, outputs
+import lighting.cli.console as console
+from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, prefix_errors
 from lighting.cli.options import FiniteRange, Number
@@ -95,7 +96,7 @@ def _pair(text: str, what: str) -> tuple[float, float]:
     metavar="PATH",
     help="A file .exr, or a folder to fill.  [default: FIRST-probe.exr, of a series FIRST-probes]",
 )
-@outputs.overwrite_option
+@console.overwrite_option
 @common.json_option
 @common.quiet_option
 def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet: bool, **options: Any) -> None:
@@ -110,7 +111,7 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet:
 
     as_json, overwrite = options.pop("as_json"), options.pop("overwrite")
     ending = "-probes" if series else "-probe.exr"
-    output = outputs.choose_folder(str(exposures[0]), output, ending)
+    output = console.choose_folder(str(exposures[0]), output, ending)
     _check_output(output, series)
     _check_lens(options)
     common.check_coordinates(options["latitude"], options["longitude"])
@@ -127,7 +128,7 @@ def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet:
         path = write_probe(probe, output)
         _report(probe, path, as_json, quiet)
         written.append(str(path))
-    outputs.report_written(written, quiet=quiet or as_json)
+    console.report_written(written, quiet=quiet or as_json)
 
 
 def _check_output(output: str, series: bool) -> None:
@@ -175,7 +176,7 @@ def _check_targets(shots: Sequence["BracketFiles"], moments: Sequence["Moment"],
         raise click.UsageError("The input and the outputs must be different files.")
     if len(set(targets)) < len(targets):
         raise click.UsageError("Two brackets are of the same second, so their probes would be one file.")
-    outputs.check_absent(list(map(str, targets)), overwrite=overwrite)
+    console.check_absent(list(map(str, targets)), overwrite=overwrite)
 
 
 def _files(exposures: Sequence[Path]) -> list[Path]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import Command, cli, console, outputs, photos
+import lighting.cli.console as console
+from lighting.cli import Command, cli, photos
 from lighting.cli import options as common
 from lighting.cli.photos import PhotoOptions
 from lighting.scene import EXPORTERS, unsupported_options
@@ -58,7 +59,7 @@ def _tool_options() -> list[click.Option]:
 @click.option(
     "--for", "tool", required=True, type=common.RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
 )
-@outputs.folder_output(
+@console.folder_output(
     "PHOTO-TOOL", "Must be new or empty without --overwrite. Several photos get a folder each in it."
 )
 @click.option(
@@ -66,7 +67,7 @@ def _tool_options() -> list[click.Option]:
     "record",
     metavar="LIGHTING.json",
     type=common.FileName(),
-    callback=outputs.check_file_name,
+    callback=console.check_file_name,
     help="Take the light from this record. PHOTO gives the background and the ground.",
 )
 @common.height_option
@@ -112,12 +113,12 @@ def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
     from lighting.scene.writer import check_scene_folder
 
     if len(chosen.photos) > 1 and chosen.output is not None:
-        outputs.check_parent(chosen.output)
+        console.check_parent(chosen.output)
         folders = [str(Path(chosen.output, "stdin" if name == "-" else Path(name).stem)) for name in chosen.photos]
         Path(chosen.output).mkdir(exist_ok=True)
     else:
-        folders = [outputs.choose_folder(name, chosen.output, f"-{options.tool}") for name in chosen.photos]
-    outputs.check_apart((), folders)
+        folders = [console.choose_folder(name, chosen.output, f"-{options.tool}") for name in chosen.photos]
+    console.check_apart((), folders)
     for folder, photo in zip(folders, chosen.photos, strict=True):
         if chosen.output is not None or Path(photo).exists():  # else the photo's error says more
             check_scene_folder(Path(folder), overwrite=chosen.overwrite)
@@ -139,5 +140,5 @@ def _check_inputs(folder: str, chosen: PhotoOptions, options: _SceneOptions) -> 
     """Raise UsageError where a file of the scene would replace one that is read."""
     sources = filter(None, (*chosen.photos, options.record, chosen.model))
     for source, name in product(sources, EXPORTERS[options.tool].files):
-        if outputs.is_same_file(str(Path(folder, name)), source):
+        if console.is_same_file(str(Path(folder, name)), source):
             raise click.UsageError(f"The scene would replace {console.escape_path(source)}; choose another folder.")

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
-from lighting.cli import cli, outputs
+import lighting.cli.console as console
+from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_bytes
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
@@ -83,9 +84,9 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
     help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
 @click.option(
-    "-o", "--output", metavar="FILE.png", callback=outputs.check_file_name, help='Also draw it; "-" is stdout.'
+    "-o", "--output", metavar="FILE.png", callback=console.check_file_name, help='Also draw it; "-" is stdout.'
 )
-@outputs.overwrite_option
+@console.overwrite_option
 @common.json_option
 @quiet_option
 def _plan(
@@ -102,8 +103,8 @@ def _plan(
     check_json(as_json, [output])
     overwrite = options.pop("overwrite")
     if output is not None:
-        outputs.check_file(output, outputs.PREVIEWS.suffixes)
-        outputs.check_absent([output], overwrite=overwrite)
+        console.check_file(output, console.PREVIEWS.suffixes)
+        console.check_absent([output], overwrite=overwrite)
     common.check_coordinates(options["latitude"], options["longitude"])
     with usage_errors():
         skies, question = _skies(**options), PlanRequest(facing, shots, noise)
@@ -115,7 +116,7 @@ def _plan(
         click.echo(json.dumps(plan_record(skies, plan), indent=2, allow_nan=False))
     elif output != "-" and not (quiet and output):
         click.echo(_format_plan(skies, plan))
-    outputs.report_written([output] if output else [], quiet=quiet or as_json)
+    console.report_written([output] if output else [], quiet=quiet or as_json)
 
 
 def _skies(
@@ -198,7 +199,7 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
     ),
 )
 @click.argument("day", type=_FOLDER)
-@outputs.folder_output("DAY-normals")
+@console.folder_output("DAY-normals")
 @click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
 @click.option("--longitude", "--lon", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
 @click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")
@@ -230,7 +231,7 @@ def _normals(
     from lighting.stereo.output import check_normals_folder, estimate_normals, write_normals
 
     common.check_coordinates(options["latitude"], options["longitude"])
-    folder = Path(outputs.choose_folder(str(day), output, "-normals"))
+    folder = Path(console.choose_folder(str(day), output, "-normals"))
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
     check_normals_folder(folder, overwrite=overwrite)
@@ -246,12 +247,12 @@ def _normals(
         click.echo(json.dumps(record))
     elif not quiet:
         click.echo(_format_normals(day, folder, result))
-    outputs.report_written([str(folder)], _describe_normals, quiet=quiet or as_json)
+    console.report_written([str(folder)], _describe_normals, quiet=quiet or as_json)
 
 
 def _describe_normals(folder: str) -> str:
     """How to open the best of what a folder holds."""
-    return outputs.open_command(str(Path(folder, "normals_camera.png")))
+    return console.open_command(str(Path(folder, "normals_camera.png")))
 
 
 def _normals_options(sky: str | None, noise: float | None, size: int | None, **options: Any) -> "NormalsOptions":  # noqa: ARG001

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli import cli, outputs
+import lighting.cli.console as console
+from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     ),
 )
 @click.argument("clip", metavar="SHOT.mp4", type=common.FileName())
-@outputs.folder_output("SHOT-lighting")
+@console.folder_output("SHOT-lighting")
 @click.option(
     "--every",
     type=FiniteRange(0.04, 60.0),
@@ -86,10 +87,10 @@ def _video(
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
     options["sun"] = choose_sun(options["sun"], options["adjustments"])
-    folder = Path(outputs.choose_folder(clip, output, "-lighting"))
+    folder = Path(console.choose_folder(clip, output, "-lighting"))
     job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
     results.check_video_folder(job.folder, overwrite=overwrite)
-    outputs.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])
+    console.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])
     network = Model.load(model)
     try:
         with _progress(clip, quiet) as bar:
@@ -103,17 +104,17 @@ def _video(
         click.echo(json.dumps(_result_record(clip, folder, result), allow_nan=False))
     _report(clip, result, quiet=quiet or as_json)
     if result.lights:
-        outputs.report_written([str(folder)], lambda name: _how_to_open(name, options), quiet=quiet or as_json)
+        console.report_written([str(folder)], lambda name: _how_to_open(name, options), quiet=quiet or as_json)
     ctx.exit(1 if result.failed else strict_status(result.lights, strict))
 
 
 def _how_to_open(folder: str, options: "Json") -> str:
     """How to open the best of what a folder holds."""
     if options["film"]:
-        return outputs.open_command(str(Path(folder, "preview.mp4")))
+        return console.open_command(str(Path(folder, "preview.mp4")))
     if options["tool"]:
         return EXPORTERS[options["tool"]].opening_command(str(Path(folder, f"shot-1-{options['tool']}")))
-    return f"{shlex.quote(str(Path(folder, 'shot-1.exr')))} {outputs.open_command('shot-1.exr')}"
+    return f"{shlex.quote(str(Path(folder, 'shot-1.exr')))} {console.open_command('shot-1.exr')}"
 
 
 def _result_record(clip: str, folder: Path, result: "VideoResult") -> "Json":

@@ -118,15 +118,15 @@ print("still here")
 """
 INTERRUPTED = """
 import os, signal, sys, threading
-from lighting.cli import console
+from lighting.cli import photos
 from lighting.fusion.user_input import UserInput
 signal.signal(signal.SIGINT, signal.default_int_handler)
-console._load_for_one_photo = lambda _: threading.Event().wait()
+photos._load_for_one_photo = lambda _: threading.Event().wait()
 class Lost:
     def __del__(self):
         os.kill(os.getpid(), signal.SIGINT)
         sum(range(10))
-console.estimate_photo("-", open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
+photos.estimate_photo("-", open(sys.argv[1], "rb").read(), UserInput(), None, lambda: Lost() and None)
 """
 
 
