@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from lighting.decoding import with_dappled_sun, with_ground_color
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance, snow_gain
-from lighting.envmap.relighting import scale_exposure
 from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError
@@ -291,7 +290,11 @@ def _with_ground_light(photo: Photo, estimate: EstimatedLight) -> Lighting:
     if (dapple := dappled_sunlight(photo.pixels, light)) is not None:
         light = with_dappled_sun(light, *dapple)
     gain = snow_gain(photo.pixels, light, estimate.segments)
-    return light if gain == 1 else scale_exposure(light, np.full(3, gain))
+    if gain == 1:
+        return light
+    from lighting.envmap.relighting import scale_exposure
+
+    return scale_exposure(light, np.full(3, gain))
 
 
 def _check_arguments(photos: object, user_input: object) -> None:

@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
-from lighting.envmap.relighting import rotate_lighting, scale_exposure
 from lighting.envmap.render import level_irradiance, render, sun_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.errors import ErrorCode, ParameterError
@@ -184,7 +183,11 @@ def compute_light_probe(
     lighting = lighting if sky is None else replace(lighting, sky_model=SKY_MODEL, sky_painted=sky)
     level = float(level_irradiance(lighting).max())
     gain = min(_MAX_LEVEL / level, 1.0) if level > 0 else 1.0  # maps end at what half floats hold; probes do not
-    dimmed = scale_exposure(lighting, np.full(3, gain)) if gain < 1.0 else lighting
+    dimmed = lighting
+    if gain < 1.0:
+        from lighting.envmap.relighting import scale_exposure
+
+        dimmed = scale_exposure(lighting, np.full(3, gain))
     if context is None:
         image = render(dimmed, _MAP_HEIGHT, sun=sun, disc=False)
     else:
@@ -192,6 +195,8 @@ def compute_light_probe(
         image = render_with_surroundings(dimmed, plain, _MAP_HEIGHT, sun=sun, disc=False)
     coefficients = project_latlong(image) / gain
     if yaw:
+        from lighting.envmap.relighting import rotate_lighting
+
         lighting, coefficients = rotate_lighting(lighting, yaw), rotate_harmonics(coefficients, yaw)
     return LightProbe(coefficients, main_light(lighting, sun=sun))
 

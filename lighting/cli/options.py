@@ -268,10 +268,12 @@ def _parsed(read: Callable[[str], Any], text: str) -> Any:
 
 
 def _sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
     from lighting.envmap.relighting import parse_sun
 
     try:
-        return None if text is None else parse_sun(text)
+        return parse_sun(text)
     except ParameterError as error:
         sentence = (
             "it moves the sun, and needs AZIMUTH,ELEVATION in degrees: --sun 40,25. "
@@ -281,6 +283,8 @@ def _sun(_ctx: click.Context, _param: click.Parameter, text: str | None) -> tupl
 
 
 def _exposure(_ctx: click.Context, _param: click.Parameter, text: str) -> float:
+    if text == _NO_EXPOSURE:
+        return 0.0
     from lighting.envmap.relighting import parse_exposure
 
     try:
@@ -316,6 +320,7 @@ def adjustment_options(command: Callable[..., None]) -> Callable[..., None]:
 
 
 Decorator = Callable[[Callable[..., None]], Callable[..., None]]
+_NO_EXPOSURE = "0"
 
 _ADJUSTMENTS: tuple[Decorator, ...] = (
     click.option(
@@ -328,7 +333,7 @@ _ADJUSTMENTS: tuple[Decorator, ...] = (
     click.option(
         "--exposure",
         metavar="EV",
-        default="0",
+        default=_NO_EXPOSURE,
         callback=_exposure,
         help="Brighten by so many EV: +1 is twice as bright.",
     ),

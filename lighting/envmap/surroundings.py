@@ -33,7 +33,6 @@ from lighting.envmap.latlong import (
     scale_columns,
     size_in_envmap,
 )
-from lighting.envmap.relighting import edit_lighting, rotate_envmap, rotate_lighting
 from lighting.envmap.render import add_sun, cap_map, check_height, render
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
@@ -94,7 +93,11 @@ class PhotoContext:
         Args:
             lighting: that may have changed since.
         """
-        return lighting if self.exposure is None else edit_lighting(lighting, {"exposure": self.exposure})
+        if self.exposure is None:
+            return lighting
+        from lighting.envmap.relighting import edit_lighting
+
+        return edit_lighting(lighting, {"exposure": self.exposure})
 
 
 def photo_context(
@@ -179,7 +182,11 @@ def render_view(
     lighting = lighting if sky is None else replace(lighting, sky_model=SKY_MODEL, sky_painted=sky)
     paint = render if context is None else partial(render_with_surroundings, context=context)
     image = paint(lighting, height=height, sun=sun, disc=disc)
-    return (rotate_envmap(image, yaw), rotate_lighting(lighting, yaw)) if yaw else (image, lighting)
+    if not yaw:
+        return image, lighting
+    from lighting.envmap.relighting import rotate_envmap, rotate_lighting
+
+    return rotate_envmap(image, yaw), rotate_lighting(lighting, yaw)
 
 
 def render_with_surroundings(
