@@ -3,6 +3,9 @@
 AUC of errors is as in GeoCalib (Veicht et al., ECCV 2024). The horizon's error and its AUC are as in HLW (Workman et
 al., BMVC 2016). That error is the largest distance between the true and the estimated horizon inside the picture, over
 its height.
+
+References:
+    [1] Hold-Geoffroy et al., A perceptual measure for deep single image camera calibration, CVPR 2018.
 """
 
 import math
@@ -13,7 +16,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from export.evaluation.perception import fov_noticed, horizon_noticed, roll_noticed
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import SunEstimate
 
@@ -216,7 +218,7 @@ HORIZON_UP_TO = 0.25  # of the picture's height
 def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
     """Scores [%] of the camera, the horizon's median error [% of the picture's height], and who notices the errors.
 
-    "Noticed" is the mean share of people who prefer the true value, by `evaluation.perception`; 50 is chance.
+    "Noticed" is the mean share of people who prefer the true value, by a study [1]; 50 is chance.
 
     Args:
         truth: of N crops.
@@ -232,9 +234,9 @@ def camera_scores(truth: Truth, answers: Answers) -> dict[str, float]:
         **scores,
         "horizon AUC": _recall_area(horizon, HORIZON_UP_TO),
         "horizon off %": 100 * median(horizon),
-        "horizon noticed %": float(np.mean(horizon_noticed(horizon))),
-        "roll noticed %": float(np.mean(roll_noticed(truth.camera[:, 1], answers.camera[:, 1]))),
-        "fov noticed %": float(np.mean(fov_noticed(*(_horizontal_fov(c, truth.aspect) for c in cameras)))),
+        "horizon noticed %": float(np.mean(_horizon_noticed(horizon))),
+        "roll noticed %": float(np.mean(_roll_noticed(truth.camera[:, 1], answers.camera[:, 1]))),
+        "fov noticed %": float(np.mean(_fov_noticed(*(_horizontal_fov(c, truth.aspect) for c in cameras)))),
     }
 
 
@@ -257,6 +259,43 @@ def _horizon_ends(camera: Floats, aspect: Floats) -> Floats:
     focal = 0.5 / np.tan(fov / 2)
     sides = np.stack([-aspect / 2, aspect / 2], axis=1)
     return np.asarray((np.sin(roll)[:, None] * sides - (focal * np.tan(elevation))[:, None]) / np.cos(roll)[:, None])
+
+
+# How many people notice a wrong camera in a composite, after a study in which people saw two pictures of an object in a
+# photo, one with the true camera and one with another [1]. The share that prefers the true one is 50 % where nobody
+# notices and 100 % where all do. Lines are fitted here to the study's shares: each error adds to 50 % in proportion, by
+# a slope that depends on the true value.
+
+_HORIZON_SLOPE = 0.8  # % of people for each % of the picture's height, wherever the horizon lies
+_LEVEL_ROLL_SLOPE = 3.5  # % of people for each deg, of a camera that is level
+_ROLLED = 11.0  # deg, of a rolled camera, whose slopes are:
+_TOO_LEVEL_SLOPE, _TOO_ROLLED_SLOPE = 2.8, 1.1  # % of people for each deg
+_FOVS = (55.0, 75.0)  # deg, of the horizontal fields of view whose slopes are:
+_TOO_NARROW_SLOPES, _TOO_WIDE_SLOPES = (0.81, 0.465), (0.0, 0.17)  # % of people for each deg
+
+
+def _horizon_noticed(error: Floats) -> Floats:
+    """Share (N,) [%] of people who prefer the true horizon, 50 to 100."""
+    return _share(_HORIZON_SLOPE * 100 * np.abs(error))
+
+
+def _roll_noticed(true: Floats, estimate: Floats) -> Floats:
+    """Share (N,) [%] of people who prefer the true roll, 50 to 100."""
+    is_too_level = np.abs(estimate) < np.abs(true)
+    rolled = np.where(is_too_level, _TOO_LEVEL_SLOPE, _TOO_ROLLED_SLOPE)
+    way = np.clip(np.abs(true) / _ROLLED, 0.0, 1.0)
+    slope = _LEVEL_ROLL_SLOPE + way * (rolled - _LEVEL_ROLL_SLOPE)
+    return _share(slope * np.abs(estimate - true))
+
+
+def _fov_noticed(true: Floats, estimate: Floats) -> Floats:
+    """Share (N,) [%] of people who prefer the true field of view, 50 to 100."""
+    narrow, wide = (np.interp(true, _FOVS, slopes) for slopes in (_TOO_NARROW_SLOPES, _TOO_WIDE_SLOPES))
+    return _share(np.where(estimate < true, narrow, wide) * np.abs(estimate - true))
+
+
+def _share(beyond_chance: Floats) -> Floats:
+    return np.asarray(np.clip(50.0 + beyond_chance, 50.0, 100.0))
 
 
 # Tables in Markdown.

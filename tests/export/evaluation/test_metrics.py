@@ -8,8 +8,11 @@ import pytest
 from export.evaluation.baselines import _best_constant, _place_weights, place_figures, visibility_by_place
 from export.evaluation.metrics import (
     _bootstrap,
+    _fov_noticed,
     _horizon_ends,
+    _horizon_noticed,
     _recall_area,
+    _roll_noticed,
     answers_from_sun,
     auc,
     azimuth_error,
@@ -174,3 +177,24 @@ def test_a_place_of_many_panoramas_counts_as_one_of_few() -> None:
     assert figures["low, bias"] == pytest.approx(0.0, abs=1e-6)
     truth.visibility[:] = np.where(small, 0.0, 1.0)
     assert visibility_by_place(truth, said) == 1.0
+
+
+@pytest.mark.parametrize(("error", "share"), [(0.0, 50), (0.06, 55), (0.125, 60), (0.31, 75), (-0.31, 75), (2.0, 100)])
+def test_horizon_is_noticed_as_in_the_study(error: float, share: float) -> None:
+    assert _horizon_noticed(np.array([error])) == pytest.approx([share], abs=1)
+
+
+@pytest.mark.parametrize(
+    ("true", "error", "share"),
+    [(0, 1.4, 55), (0, -2.8, 60), (0, 7.1, 75), (11, -3.5, 60), (-11, 8.5, 75), (11, 4.5, 55), (-11, -9.5, 60)],
+)
+def test_roll_is_noticed_sooner_where_it_makes_a_picture_too_level(true: float, error: float, share: float) -> None:
+    assert _roll_noticed(np.array([true]), np.array([true + error])) == pytest.approx([share], abs=1.5)
+
+
+@pytest.mark.parametrize(
+    ("true", "error", "share"),
+    [(55, -6.2, 55), (55, -31, 75), (55, 60, 50), (75, -10.7, 55), (75, -54, 75), (75, 30, 55), (75, 59, 60)],
+)
+def test_fov_is_noticed_where_it_is_too_narrow(true: float, error: float, share: float) -> None:
+    assert _fov_noticed(np.array([float(true)]), np.array([true + error])) == pytest.approx([share], abs=1)
