@@ -4,19 +4,22 @@ Beside each network stand answers without one: the mean map of the training pano
 oracles. Oracles are our own answer with parts of the truth put in.
 """
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
-from export.crops.crops import Crop, Source, crop_panorama, load_sources
+from export.crops.crops import Crop, Source, crop_panorama, load_sources, pinhole_camera
 from export.data.panoramas import DataError, Panorama, linearize, read_index
-from export.evaluation import hdr_truth
 from export.evaluation.metrics import Names, markdown_table
 from export.evaluation.predictions import CROPS_EACH, View, load_models, protocol_views
-from export.evaluation.relighting import OBJECTS, object_errors, render_object, rgb_angle
+from export.evaluation.relighting import HEIGHT, OBJECTS, object_errors, pool_map, render_object, rgb_angle
 from lighting.color import luminance, tone_map
+from lighting.envmap.latlong import row_irradiance, shrink_envmap
+from lighting.envmap.relighting import rotate_envmap
 from lighting.envmap.render import level_irradiance, render, sky_irradiance, sun_irradiance, with_irradiance
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.estimator import apply_photo_colors
@@ -25,11 +28,148 @@ from lighting.fusion.estimate import build_estimate, predict_photo
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.single_view import fuse
 from lighting.fusion.user_input import NO_USER_INPUT
-from lighting.geometry import Floats, angles, direction
+from lighting.geometry import (
+    Floats,
+    angle_between,
+    angles,
+    camera_pixel,
+    direction,
+    latlong_angles,
+    latlong_directions,
+    latlong_solid_angle,
+)
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, photo_from_array
 from lighting.records import EstimatedLight, Lighting, ModelSpec
+
+# What light is in an HDR panorama: its sun, its sky and its ground as a crop's exposure has them.
+
+ROWS = 256  # of the maps in which suns are split off, at least: pixels are joined whole
+
+_SEARCH = 6.0  # deg around the label's sun in which the brightest pixel counts as the sun
+_REACH = 2.5  # deg around that pixel over which the sun's light is summed: lenses spread it
+_RING = (3.0, 6.0)  # deg around it whose median is the sky before the sun
+
+
+@dataclass(frozen=True, eq=False)
+class _TrueLight:
+    """The light of one crop; maps have HEIGHT rows and the crop's azimuth 0 in the middle."""
+
+    image: Floats  # (HEIGHT, 2 HEIGHT, 3)
+    sun_direction: Floats | None  # (3,), None without direct sun
+    sun_irradiance: Floats  # (3,) of a surface that faces the sun; 0 without direct sun
+    sky_irradiance: Floats  # (3,) of a level surface from above, without the sun
+    ground: Floats  # (3,) radiance, the mean that a level surface facing down receives
+
+
+@dataclass(frozen=True, eq=False)
+class _Split:
+    """A panorama at ROWS rows or a few more with its sun split off, in the panorama's frame and units."""
+
+    image: Floats  # (R, 2R, 3)
+    sunless: Floats
+    sun_azimuth: float  # deg, NaN without direct sun
+    sun_elevation: float
+    sun_irradiance: Floats  # (3,)
+
+
+def _split_sun(image: NDArray[np.float32], near: Floats | None) -> _Split:
+    """A panorama with its sun split off.
+
+    Args:
+        image: (H, 2H, 3) linear.
+        near: (3,) direction near which the sun is; None where no direct light reaches the camera.
+    """
+    small = shrink_envmap(image, len(image) // max(1, len(image) // ROWS))
+    if near is None:
+        return _Split(small, small, math.nan, math.nan, np.zeros(3))
+    sunless, sun, power = _without_true_sun(small, near)
+    azimuth, elevation = (float(angle) for angle in angles(sun))
+    return _Split(small, sunless, azimuth, elevation, power)
+
+
+def _true_light(panorama: _Split, azimuth: float, gain: float) -> _TrueLight:
+    """The light of a camera in a panorama.
+
+    Args:
+        panorama: of `_split_sun`.
+        azimuth: deg of the panorama to which the camera looks.
+        gain: factor of the camera's exposure.
+    """
+    image, sunless = (rotate_envmap(m.astype(np.float32), -azimuth) * gain for m in (panorama.image, panorama.sunless))
+    sun = direction(panorama.sun_azimuth - azimuth, panorama.sun_elevation)
+    above, below = _level_irradiances(sunless)
+    visible_sun = sun if math.isfinite(sun[0]) else None
+    return _TrueLight(pool_map(image), visible_sun, panorama.sun_irradiance * gain, above, below / math.pi)
+
+
+def _without_true_sun(image: Floats, near: Floats) -> tuple[Floats, Floats, Floats]:
+    """The map with the sky beside the sun in the sun's place, the sun's direction (3,), and its irradiance (3,)."""
+    height = len(image)
+    rays = latlong_directions(height)
+    bright = np.where(angle_between(rays, near) < _SEARCH, luminance(image), -1.0)
+    sun = rays[np.unravel_index(int(np.argmax(bright)), bright.shape)]
+    away = angle_between(rays, sun)
+    ring = (away > _RING[0]) & (away < _RING[1]) & (rays[..., 1] > 0)
+    disc = (away <= _REACH) & (rays[..., 1] > 0)
+    beside = np.median(image[ring], axis=0)
+    weight = np.broadcast_to(latlong_solid_angle(height)[:, None], disc.shape)[disc]
+    power = weight @ np.maximum(image[disc] - beside, 0.0)
+    rest = np.array(image)
+    rest[disc] = np.minimum(rest[disc], beside)
+    return rest, sun, np.asarray(power)
+
+
+def _level_irradiances(image: Floats) -> tuple[Floats, Floats]:
+    """Irradiance (3,) of level surfaces that face up and down.
+
+    Args:
+        image: (H, 2H, 3) linear, row 0 is the zenith.
+    """
+    rows = row_irradiance(len(image))[:, None] * image.mean(axis=1, dtype=np.float64)
+    half = len(image) // 2
+    return np.asarray(rows[:half].sum(axis=0)), np.asarray(rows[half:].sum(axis=0))
+
+
+def _mirror_photo(crop: Crop) -> Floats:
+    """The map (HEIGHT, 2 HEIGHT, 3) of a picture that is mirrored at its edges until it fills the sphere.
+
+    The picture's angles are those of its true camera; what is brighter than white is clipped, as in a photo.
+
+    Args:
+        crop: a picture and its camera.
+    """
+    height, width = crop.linear.shape[:2]
+    camera = pinhole_camera(crop.camera, width, height)
+    across = math.degrees(2 * math.atan(width / 2 / camera.focal_length))
+    azimuth, elevation = latlong_angles(HEIGHT)
+    tilt = crop.camera.elevation
+    folded = tilt + _folded(elevation - tilt, camera.vertical_fov)
+    inside = direction(_folded(azimuth, across)[None, :], folded[:, None])
+    x, y = np.moveaxis(camera_pixel(inside, camera), -1, 0)
+    column = np.clip(np.nan_to_num(x), 0, width - 1).astype(int)
+    row = np.clip(np.nan_to_num(y), 0, height - 1).astype(int)
+    return np.asarray(np.clip(crop.linear, 0, 1)[row, column])
+
+
+def _folded(angle: Floats, span: float) -> Floats:
+    """Angles [deg] folded like a fan into -span / 2 to span / 2."""
+    shifted = np.mod(angle + span / 2, 2 * span)
+    return np.asarray(np.where(shifted < span, shifted, 2 * span - shifted) - span / 2)
+
+
+def _mean_light_map(lights: Sequence[_TrueLight]) -> Floats:
+    """The mean of maps over panoramas and over azimuth (HEIGHT, 2 HEIGHT, 3).
+
+    Args:
+        lights: at least one.
+    """
+    mean = np.mean([light.image.mean(axis=1, keepdims=True) for light in lights], axis=0)
+    return np.asarray(mean.repeat(2 * HEIGHT, axis=1))
+
+
+# What the networks and other methods say of it.
 
 WEATHER = {("visible", "yes"): "sunny", ("unknown", "no"): "overcast", ("none", "no"): "overcast"}  # by sun, direct
 MIN_SUN_SHARE = 0.1  # of the sky's level irradiance, from which a sun counts as painted
@@ -55,7 +195,7 @@ class HdrCrops:
 
     views: tuple[View, ...]
     crops: tuple[Crop, ...]
-    truth: tuple[hdr_truth.TrueLight, ...]
+    truth: tuple[_TrueLight, ...]
     weather: Names  # (N,) "sunny" or "overcast"
 
     @property
@@ -93,11 +233,11 @@ def take_crops_of(panoramas: Sequence[Panorama], labels: Path, spec: ModelSpec, 
         each: crops of a panorama, up to CROPS_EACH.
     """
     sources = load_sources(panoramas, labels)
-    split = {s.panorama.name: hdr_truth.split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
+    split = {s.panorama.name: _split_sun(linearize(s.panorama, s.levels[0]), _sun_of(s)) for s in sources}
     views = [view for i, view in enumerate(protocol_views(sources, "paper")) if i % CROPS_EACH < each]
     crops = [crop_panorama(source, camera, spec) for source, camera in views]
     taken = [(split[s.panorama.name], camera.azimuth, c.gain) for (s, camera), c in zip(views, crops, strict=True)]
-    truth = [hdr_truth.true_light(*one) for one in taken]
+    truth = [_true_light(*one) for one in taken]
     kind = np.array([WEATHER[source.panorama.sun, source.panorama.direct] for source, _ in views])
     return HdrCrops(tuple(views), tuple(crops), tuple(truth), kind)
 
@@ -139,38 +279,38 @@ def _guesses(name: str, model: Model, crops: HdrCrops) -> dict[str, _Guess]:
     """A network's bare sky, the same with the place, and the oracles."""
     answers = estimate_crops(model, crops.crops)
     lights = tuple(with_irradiance(estimate.lighting) for estimate, _ in answers)
-    bare = np.stack([render(estimate.lighting, hdr_truth.HEIGHT) for estimate, _ in answers])
-    full = np.stack([render_with_surroundings(e.lighting, context, hdr_truth.HEIGHT) for e, context in answers])
+    bare = np.stack([render(estimate.lighting, HEIGHT) for estimate, _ in answers])
+    full = np.stack([render_with_surroundings(e.lighting, context, HEIGHT) for e, context in answers])
     guesses = {name: _Guess(bare, lights), f"{name}, surroundings": _Guess(full, lights)}
     for what, change in ORACLES.items():
         changed = tuple(change(light, truth) for light, truth in zip(lights, crops.truth, strict=True))
-        guesses[f"{name}, {what}"] = _Guess(np.stack([render(light, hdr_truth.HEIGHT) for light in changed]), changed)
+        guesses[f"{name}, {what}"] = _Guess(np.stack([render(light, HEIGHT) for light in changed]), changed)
     return guesses
 
 
-def _true_direction(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
+def _true_direction(light: Lighting, truth: _TrueLight) -> Lighting:
     if truth.sun_direction is None:
         return light
     azimuth, elevation = (float(angle) for angle in angles(truth.sun_direction))
     return replace(light, sun_azimuth=azimuth, sun_elevation=max(elevation, 0.0))
 
 
-def _true_power(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
+def _true_power(light: Lighting, truth: _TrueLight) -> Lighting:
     sun = clip_color(truth.sun_irradiance, "sun_irradiance")
     return replace(light, sun_irradiance=sun, sky_irradiance=clip_color(truth.sky_irradiance, "sky_irradiance"))
 
 
-def _true_both(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
+def _true_both(light: Lighting, truth: _TrueLight) -> Lighting:
     return _true_power(_true_direction(light, truth), truth)
 
 
-def _true_ground(light: Lighting, truth: hdr_truth.TrueLight) -> Lighting:
+def _true_ground(light: Lighting, truth: _TrueLight) -> Lighting:
     light = _true_both(light, truth)
     level = np.maximum(level_irradiance(light), 1e-9)
     return replace(light, ground_color=clip_color(np.pi * truth.ground / level, "ground_color"))
 
 
-ORACLES: dict[str, Callable[[Lighting, hdr_truth.TrueLight], Lighting]] = {
+ORACLES: dict[str, Callable[[Lighting, _TrueLight], Lighting]] = {
     "true direction": _true_direction,
     "true power and colour": _true_power,
     "both": _true_both,
@@ -193,8 +333,8 @@ def light_report(data: Path, labels: Path, paths: Sequence[Path]) -> str:
     for name, model in models.items():
         methods |= _guesses(name, model, crops)
     training = take_hdr_crops(data, labels, spec, "train", each=1).truth
-    methods["mean map"] = _Guess(np.stack([hdr_truth.mean_light_map(training)] * len(crops.crops)))
-    methods["photo mirrored around"] = _Guess(np.stack([hdr_truth.mirror_photo(crop) for crop in crops.crops]))
+    methods["mean map"] = _Guess(np.stack([_mean_light_map(training)] * len(crops.crops)))
+    methods["photo mirrored around"] = _Guess(np.stack([_mirror_photo(crop) for crop in crops.crops]))
     return "\n\n".join(_section(crops, methods, str(kind)) for kind in ("sunny", "overcast") if kind in crops.weather)
 
 
@@ -207,13 +347,13 @@ def _section(crops: HdrCrops, methods: dict[str, _Guess], kind: str) -> str:
     return "\n\n".join([title, NOTE, _strengths_table(truth, part), _objects_table(truth, part)])
 
 
-def _strengths_table(truth: Sequence[hdr_truth.TrueLight], methods: dict[str, _Guess]) -> str:
+def _strengths_table(truth: Sequence[_TrueLight], methods: dict[str, _Guess]) -> str:
     """Irradiance, ratio of sun to sky, and ground of each method."""
     header = ["", "level irradiance", "size", "sky", "sun", "sun / sky", "sun painted", "ground", "size", "colour"]
     rows = []
     for name, guess in methods.items():
-        up, down = zip(*(hdr_truth.level_irradiances(image) for image in guess.maps), strict=True)
-        level = _stops(up, [hdr_truth.level_irradiances(t.image)[0] for t in truth])
+        up, down = zip(*(_level_irradiances(image) for image in guess.maps), strict=True)
+        level = _stops(up, [_level_irradiances(t.image)[0] for t in truth])
         ground = _stops(down, [np.pi * t.ground for t in truth])
         tint = rgb_angle(np.array(down), np.array([t.ground for t in truth]))
         rows.append(
@@ -225,7 +365,7 @@ def _strengths_table(truth: Sequence[hdr_truth.TrueLight], methods: dict[str, _G
     return markdown_table(header, rows)
 
 
-def _parts(truth: Sequence[hdr_truth.TrueLight], guess: _Guess) -> list[str]:
+def _parts(truth: Sequence[_TrueLight], guess: _Guess) -> list[str]:
     """Bias of sky, sun and their ratio, and the share of painted suns; "-" where a method or the truth has none."""
     if not guess.lights:
         return ["-"] * 4
@@ -246,7 +386,7 @@ def _stops(estimates: Sequence[Floats], truth: Sequence[Floats]) -> Floats:
     return np.asarray(np.log2(ratio))
 
 
-def _objects_table(truth: Sequence[hdr_truth.TrueLight], methods: dict[str, _Guess]) -> str:
+def _objects_table(truth: Sequence[_TrueLight], methods: dict[str, _Guess]) -> str:
     """Errors of each method on each object."""
     header = ["", *(column for kind in OBJECTS for column in (f"{kind}: RMSE", "scaled", "angle"))]
     lit = np.stack([t.image for t in truth])

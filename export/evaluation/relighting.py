@@ -3,8 +3,9 @@
 The measures are those of Hold-Geoffroy et al. (CVPR 2017): RMSE, scale-invariant RMSE, and the angle between RGB
 vectors.
 
-A diffuse, a glossy and a mirror ball as a distant camera at azimuth 0 sees them, and the plane with the shadow of
-hdr_truth.py. Light is linear, so one matrix for each takes a map of HEIGHT rows to a picture.
+A bumpy diffuse sphere stands on a plane; it casts a shadow, and light bounces once. A diffuse, a glossy and a mirror
+ball are as a distant camera at azimuth 0 sees them. Light is linear, so one matrix for each takes a map of HEIGHT rows
+to a picture.
 """
 
 import math
@@ -20,7 +21,6 @@ from PIL import Image
 from export.crops.crops import Crop, crop_panorama, load_sources
 from export.data.labels import Label, read_labels_of
 from export.data.panoramas import DataError, read_index
-from export.evaluation.hdr_truth import HEIGHT, SIZE, pool_map, relight_scene, scene_points, transfer_matrix
 from export.evaluation.metrics import Names, difference_interval, format_interval, markdown_table
 from export.evaluation.predictions import View, load_models, protocol_views
 from lighting.color import tone_map
@@ -29,10 +29,83 @@ from lighting.envmap.relighting import rotate_envmap
 from lighting.envmap.render import render
 from lighting.files import atomic_write
 from lighting.fusion.estimate import predict_photo
-from lighting.geometry import Floats, latlong_directions, latlong_solid_angle
+from lighting.geometry import Floats, direction, latlong_directions, latlong_solid_angle, ray_sphere
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 from lighting.records import Lighting, ModelSpec
+
+# The scene: its points, and the matrix that lights them.
+
+HEIGHT = 64  # rows of the maps that light the scene
+SIZE = 64  # pixels of the square picture
+HALF_WIDTH = 2.2  # of the view, in radii of the sphere
+VIEW_ELEVATION = -25.0  # deg: the scene is seen from above
+SPHERE_ALBEDO, PLANE_ALBEDO = 0.8, 0.5
+BUMPS = ((7.0, 2.0, 3.0), (-4.0, 6.0, 5.0), (3.0, -8.0, 6.0), (9.0, 5.0, -4.0))  # wave vectors, per radius
+BUMP_HEIGHT = 0.018  # radii, of each wave
+
+
+@lru_cache(maxsize=1)
+def _transfer_matrix() -> NDArray[np.float32]:
+    """Matrix (SIZE², 2 HEIGHT²) from a map's pixels to the radiance that the camera sees."""
+    points, normals, smooth, albedo = _scene_points()
+    rays = latlong_directions(HEIGHT).reshape(-1, 3)
+    solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)
+    cosine = np.maximum(normals @ rays.T, 0) * (smooth @ rays.T > 0) * ~_shadowed(points, rays)
+    return np.asarray(albedo[:, None] / np.pi * cosine * solid_angle, dtype=np.float32)
+
+
+def _scene_points() -> tuple[Floats, Floats, Floats, Floats]:
+    """The point that each pixel shows: positions (P, 3), bumpy and smooth normals (P, 3), albedo (P,).
+
+    The unit sphere at the origin stands on the plane y = -1.
+    """
+    forward = direction(0.0, VIEW_ELEVATION)
+    right, up = np.array([1.0, 0.0, 0.0]), direction(0.0, VIEW_ELEVATION + 90)
+    steps = ((np.arange(SIZE) + 0.5) / SIZE * 2 - 1) * HALF_WIDTH
+    start = (steps[None, :, None] * right - steps[:, None, None] * up).reshape(-1, 3) - 10 * forward
+    to_sphere = ray_sphere(start, forward, np.zeros(3))
+    on_sphere = np.isfinite(to_sphere)
+    distance = np.where(on_sphere, to_sphere, (-1 - start[:, 1]) / forward[1])
+    points = start + distance[:, None] * forward
+    smooth = np.where(on_sphere[:, None], points, [0.0, 1.0, 0.0])
+    bumpy = np.where(on_sphere[:, None], _bumpy(points), smooth)
+    return points, bumpy, smooth, np.where(on_sphere, SPHERE_ALBEDO, PLANE_ALBEDO)
+
+
+def _bumpy(points: Floats) -> Floats:
+    """Normals (P, 3) of the unit sphere with waves on it: the smooth ones minus the waves' tangential slope."""
+    waves = np.array(BUMPS)
+    slope = BUMP_HEIGHT * np.cos(points @ waves.T) @ waves
+    normals = points - (slope - np.sum(slope * points, axis=1, keepdims=True) * points)
+    return np.asarray(normals / np.linalg.norm(normals, axis=1, keepdims=True))
+
+
+def _shadowed(points: Floats, rays: Floats) -> NDArray[np.bool_]:
+    """Which rays (R, 3) from points (P, 3) meet the sphere; one point at a time, for memory's sake."""
+    return np.array([np.isfinite(ray_sphere(point, rays, np.zeros(3))) for point in points])
+
+
+def _relight_scene(light: Floats) -> Floats:
+    """The scene (SIZE, SIZE, 3) under an environment map.
+
+    Args:
+        light: (H, 2H, 3) linear; HEIGHT divides H.
+    """
+    return np.asarray(_transfer_matrix() @ pool_map(light).reshape(-1, 3).astype(np.float32)).reshape(SIZE, SIZE, 3)
+
+
+def pool_map(light: Floats) -> Floats:
+    """A map at HEIGHT rows; means by solid angle, so that the sun keeps its power.
+
+    Args:
+        light: (H, 2H, 3) linear; HEIGHT divides H.
+    """
+    factor = light.shape[0] // HEIGHT
+    weight = latlong_solid_angle(light.shape[0])[:, None, None]
+    blocks = (light * weight).reshape(HEIGHT, factor, 2 * HEIGHT, factor, 3).sum(axis=(1, 3))
+    return np.asarray(blocks / (factor * weight.reshape(HEIGHT, factor, 1).sum(axis=1)[..., None]))
+
 
 # Relighting error: a sphere lit by the panorama itself and by the light estimated from a crop of it.
 
@@ -120,12 +193,14 @@ def relight(data: Path, labels: Path, models: Sequence[Path], out: Path) -> str:
     """
     loaded = load_models(models)
     lit = _lit_crops(data, labels, next(iter(loaded.values())).spec)
-    truth = [relight_scene(light) for light in lit.truth]
-    pictures = {name: [relight_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()}
+    truth = [_relight_scene(light) for light in lit.truth]
+    pictures = {
+        name: [_relight_scene(li) for li in _estimated_maps(model, lit.views)] for name, model in loaded.items()
+    }
     known = read_labels_of(read_index(data, "train"), labels)
     training = [la for la in known if la.fit_ok and math.isfinite(la.sun_elevation)]
-    pictures["mean training sky"] = [relight_scene(_mean_sky(training))] * len(truth)
-    constants = [relight_scene(sky) for sky in _constant_skies(training)]
+    pictures["mean training sky"] = [_relight_scene(_mean_sky(training))] * len(truth)
+    constants = [_relight_scene(sky) for sky in _constant_skies(training)]
     rmse = [float(np.median([_errors(t, sky)[0] for t in truth])) for sky in constants]
     pictures["best constant sky"] = [constants[int(np.argmin(rmse))]] * len(truth)
     _draw(lit, truth, pictures, out / "relight.png")
@@ -187,8 +262,8 @@ _MIRROR = 1500.0  # concentration of the mirror's lobe, about one pixel of the m
 def _matrix(kind: str) -> NDArray[np.float32]:
     """Matrix (P, 2 HEIGHT²) from a map's pixels to what is seen of an object of OBJECTS, reflecting all light."""
     if kind == "plane":
-        beside_ball = np.linalg.norm(scene_points()[0], axis=1) > 1 + 1e-6
-        return np.asarray(transfer_matrix()[beside_ball][::_PLANE_STEP], dtype=np.float32)
+        beside_ball = np.linalg.norm(_scene_points()[0], axis=1) > 1 + 1e-6
+        return np.asarray(_transfer_matrix()[beside_ball][::_PLANE_STEP], dtype=np.float32)
     normals = _normals()
     rays = latlong_directions(HEIGHT).reshape(-1, 3)
     solid_angle = np.repeat(latlong_solid_angle(HEIGHT), 2 * HEIGHT)

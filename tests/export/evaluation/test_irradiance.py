@@ -1,84 +1,41 @@
-"""Tests of hdr truth."""
-
-import math
+"""The true light of HDR panoramas, and the tables of what is estimated."""
 
 import numpy as np
 import pytest
 
 from export.crops.crops import Camera, Crop
-from export.evaluation.hdr_truth import (
-    HEIGHT,
-    PLANE_ALBEDO,
-    SIZE,
-    TrueLight,
-    level_irradiances,
-    mean_light_map,
-    mirror_photo,
-    pool_map,
-    relight_scene,
-    split_sun,
-    true_light,
+from export.evaluation.irradiance import (
+    ORACLES,
+    _Guess,
+    _level_irradiances,
+    _mean_light_map,
+    _mirror_photo,
+    _objects_table,
+    _split_sun,
+    _strengths_table,
+    _true_light,
+    _TrueLight,
 )
-from export.evaluation.irradiance import ORACLES, _Guess, _objects_table, _strengths_table
+from export.evaluation.relighting import HEIGHT
 from lighting.envmap.render import render
-from lighting.geometry import angle_between, direction, latlong_directions, latlong_solid_angle
+from lighting.geometry import angle_between, direction
 from lighting.records import Lighting
 from tests.helpers.panoramas import GROUND_COLOR, HDR_LIGHT, HDR_PANORAMA, SKY_IRRADIANCE, SUN_IRRADIANCE
 
-CORNER = (2, 2)  # a pixel of the plane, far behind the sphere
-
-
-def lamp(azimuth: float, elevation: float) -> np.ndarray:
-    """A dark map but for the pixel towards a direction, which gives unit irradiance on a surface facing it."""
-    light = np.zeros((HEIGHT, 2 * HEIGHT, 3), np.float32)
-    row, column = np.unravel_index(
-        np.argmax(latlong_directions(HEIGHT) @ direction(azimuth, elevation)), light.shape[:2]
-    )
-    light[row, column] = 1 / latlong_solid_angle(HEIGHT)[row]
-    return light
-
-
-@pytest.mark.slow
-def test_a_white_sky_lights_the_plane_by_its_albedo() -> None:
-    sky = np.where(latlong_directions(HEIGHT)[..., 1:2] > 0, 1.0, 0.0) * np.ones(3)
-    seen = relight_scene(sky)[CORNER]
-    assert (seen < PLANE_ALBEDO).all()  # the sphere hides some of the sky
-    np.testing.assert_allclose(seen, PLANE_ALBEDO, rtol=0.06)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("azimuth", [-120.0, 30.0, 90.0])
-def test_the_shadow_falls_away_from_the_sun(azimuth: float) -> None:
-    seen = relight_scene(lamp(azimuth, 40.0))[..., 1]
-    lit = PLANE_ALBEDO / math.pi * math.sin(math.radians(40.0))
-    assert seen[CORNER] == pytest.approx(lit, rel=0.05)
-    columns = np.nonzero(seen < 0.01 * lit)[1]
-    across = (columns.mean() + 0.5) / SIZE * 2 - 1
-    assert np.sign(across) == -np.sign(math.sin(math.radians(azimuth)))
-
-
-@pytest.mark.slow
-def test_pooling_keeps_the_power_of_the_sun() -> None:
-    fine = render(Lighting(20.0, 30.0, 3.0, 1.0), 512, sun=True)
-    small = pool_map(fine)
-    power = [np.einsum("hwc,h->c", m, latlong_solid_angle(m.shape[0])) for m in (fine, small)]
-    np.testing.assert_allclose(power[0], power[1], rtol=1e-5)
-    assert small.shape == (HEIGHT, 2 * HEIGHT, 3)
-
 
 def test_sun_sky_and_ground_are_told_apart_in_the_crops_frame_and_exposure() -> None:
-    light = true_light(split_sun(HDR_PANORAMA, direction(71.0, 41.0)), 30.0, 2.0)
+    light = _true_light(_split_sun(HDR_PANORAMA, direction(71.0, 41.0)), 30.0, 2.0)
     assert light.sun_direction is not None
     assert angle_between(light.sun_direction, direction(40.0, 40.0)) < 0.6
     assert light.sun_irradiance == pytest.approx(2 * np.array(SUN_IRRADIANCE), rel=0.03)
     assert light.sky_irradiance == pytest.approx(2 * np.array(SKY_IRRADIANCE), rel=0.03)
     level = np.array(SKY_IRRADIANCE) + np.sin(np.radians(40.0)) * np.array(SUN_IRRADIANCE)
     assert light.ground == pytest.approx(2 * np.array(GROUND_COLOR) / np.pi * level, rel=1e-3)
-    assert level_irradiances(light.image)[0] == pytest.approx(2 * level, rel=0.02)
+    assert _level_irradiances(light.image)[0] == pytest.approx(2 * level, rel=0.02)
 
 
 def test_without_direct_light_the_whole_sky_is_sky() -> None:
-    light = true_light(split_sun(HDR_PANORAMA, None), 0.0, 1.0)
+    light = _true_light(_split_sun(HDR_PANORAMA, None), 0.0, 1.0)
     assert light.sun_direction is None
     assert not light.sun_irradiance.any()
     assert light.sky_irradiance == pytest.approx(
@@ -91,7 +48,7 @@ def test_a_mirrored_photo_repeats_itself_all_around() -> None:
     linear[:30], linear[30:] = 0.8, 0.2
     linear[0, 0] = 5.0
     crop = Crop(linear, Camera(0.0, 0.0, 0.0, 50.0, 4 / 3), 0.0, 30.0, 1.0, 1.0, 3.0, 1.0)
-    image = mirror_photo(crop)
+    image = _mirror_photo(crop)
     assert image.shape == (HEIGHT, 2 * HEIGHT, 3)
     assert image.max() <= 1
     assert image[HEIGHT // 2 - 2].mean() == pytest.approx(0.8, abs=0.02)
@@ -100,11 +57,11 @@ def test_a_mirrored_photo_repeats_itself_all_around() -> None:
 
 def test_the_mean_map_knows_no_azimuth() -> None:
     ramp = np.broadcast_to(np.linspace(0, 1, 2 * HEIGHT)[None, :, None], (HEIGHT, 2 * HEIGHT, 3))
-    light = TrueLight(ramp, None, np.zeros(3), np.ones(3), np.ones(3))
-    assert mean_light_map([light, light]) == pytest.approx(0.5)
+    light = _TrueLight(ramp, None, np.zeros(3), np.ones(3), np.ones(3))
+    assert _mean_light_map([light, light]) == pytest.approx(0.5)
 
 
-TRUTH = [true_light(split_sun(HDR_PANORAMA, HDR_LIGHT.sun_direction), 0.0, 1.0)] * 3
+TRUTH = [_true_light(_split_sun(HDR_PANORAMA, HDR_LIGHT.sun_direction), 0.0, 1.0)] * 3
 
 
 def guess(light: Lighting) -> _Guess:
