@@ -9,8 +9,7 @@ import numpy as np
 from export.crops.crops import Source, crop_panorama, load_sources
 from export.data.labels import Label, read_labels_of
 from export.data.panoramas import read_index, write_table
-from export.evaluation.baselines import baseline_answers
-from export.evaluation.failures import ScoredCrops, diagnostic_sections
+from export.evaluation.diagnostics import ScoredCrops, diagnostic_sections
 from export.evaluation.irradiance import light_report
 from export.evaluation.metadata import evidence_report, in_view_evidence, simulate_metadata
 from export.evaluation.metrics import select_crops, sun_error
@@ -25,7 +24,7 @@ from export.evaluation.predictions import (
     sun_centered_views,
 )
 from export.evaluation.relighting import relight
-from export.evaluation.report import format_report, in_view_report, photo_report, stated_figures
+from export.evaluation.report import baseline_answers, format_report, in_view_report, photo_report, stated_figures
 from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.model import Model
@@ -48,14 +47,14 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Evaluation:
+class _Evaluation:
     """The report in Markdown, and all its figures."""
 
     report: str
     metrics: NetworkMetrics
 
 
-def evaluate_networks(options: Options) -> Evaluation:
+def evaluate_networks(options: Options) -> _Evaluation:
     """Score the networks on the `val` split; write the report, and its figures as metrics.json.
 
     Args:
@@ -83,7 +82,7 @@ def evaluate_networks(options: Options) -> Evaluation:
     figures = {p: stated_figures(c.truth, c.answers[ours]) for p, c in crops.items()}
     metrics = collect_metrics(options.models[0], options.data, text, figures, ours)
     write_metrics(metrics, options.out)
-    return Evaluation(text, metrics)
+    return _Evaluation(text, metrics)
 
 
 def _score(models: dict[str, Model], training: list[Label], sources: list[Source], protocol: str) -> ScoredCrops:

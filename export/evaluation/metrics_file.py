@@ -18,7 +18,7 @@ _METADATA = ("commit", "networks", "parity", "temperature", "elevation_scale")  
 
 
 @dataclass(frozen=True)
-class FigureTable:
+class _FigureTable:
     """One table: its caption, and its cells by row and column; an interval is a list of two numbers."""
 
     caption: str
@@ -26,12 +26,12 @@ class FigureTable:
 
 
 @dataclass(frozen=True)
-class FigureSection:
+class _FigureSection:
     """A part of the report: its title, what it says beside the tables, and these."""
 
     title: str
     notes: tuple[str, ...]
-    tables: tuple[FigureTable, ...]
+    tables: tuple[_FigureTable, ...]
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class NetworkMetrics:
     data: dict[str, int]  # panoramas and places of the folder
     labels: tuple[str, ...]  # how well suns and skies that are found agree with known ones; with the card alone
     accuracy: dict[str, Figures]  # by protocol, as `GET /v1/model` answers them
-    sections: tuple[FigureSection, ...]
+    sections: tuple[_FigureSection, ...]
 
     def figure(self, section: str, table: str, row: str, column: str) -> Cell:
         """One cell; None where the report has no such table, row or column.
@@ -110,7 +110,7 @@ def read_metrics(path: Path) -> NetworkMetrics:
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
         sections = [
-            FigureSection(s["title"], tuple(s["notes"]), tuple(FigureTable(**table) for table in s["tables"]))
+            _FigureSection(s["title"], tuple(s["notes"]), tuple(_FigureTable(**table) for table in s["tables"]))
             for s in values.pop("sections")
         ]
         return NetworkMetrics(**{**values, "labels": tuple(values["labels"])}, sections=tuple(sections))
@@ -120,7 +120,7 @@ def read_metrics(path: Path) -> NetworkMetrics:
         raise DataError(f"{path} holds no figures of an evaluation; run `python -m export evaluate`.") from error
 
 
-def _read_sections(report: str) -> Iterator[FigureSection]:
+def _read_sections(report: str) -> Iterator[_FigureSection]:
     """The sections of a report with their tables.
 
     Args:
@@ -129,14 +129,14 @@ def _read_sections(report: str) -> Iterator[FigureSection]:
     for section in re.split(r"^## ", report, flags=re.MULTILINE)[1:]:
         title, _, body = section.partition("\n")
         notes: list[str] = []
-        tables: list[FigureTable] = []
+        tables: list[_FigureTable] = []
         for paragraph in filter(None, (part.strip() for part in body.split("\n\n"))):
             if paragraph.startswith("|"):
                 caption = notes.pop() if notes else ""
-                tables.append(FigureTable(caption, _read_rows(paragraph)))
+                tables.append(_FigureTable(caption, _read_rows(paragraph)))
             else:
                 notes.append(" ".join(paragraph.split()))
-        yield FigureSection(title.strip(), tuple(notes), tuple(tables))
+        yield _FigureSection(title.strip(), tuple(notes), tuple(tables))
 
 
 def _read_rows(table: str) -> dict[str, dict[str, Cell]]:

@@ -9,7 +9,7 @@ from textwrap import fill
 
 from export.data.labels import check_rendered, read_labels, sun_agreement
 from export.data.panoramas import DataError, read_index
-from export.evaluation.failures import RELIABILITY_FILE
+from export.evaluation.diagnostics import RELIABILITY_FILE
 from export.evaluation.metrics import markdown_table
 from export.evaluation.metrics_file import Cell, NetworkMetrics, read_metrics, write_metrics
 from lighting.files import atomic_write

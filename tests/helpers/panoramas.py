@@ -11,7 +11,7 @@ from export.data.labels import Label
 from export.data.panoramas import Panorama
 from export.data.procedural_towns import Mesh, _box
 from export.data.rendered_towns import HEIGHT, _Sky
-from export.evaluation.failures import _Failure
+from export.evaluation.diagnostics import _Failure
 from export.evaluation.metrics import Answers, Truth, answers_from_sun
 from export.networks.outdoor import network_specs
 from lighting.color import tone_map

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from export.evaluation.baselines import _best_constant, _place_weights, place_figures, visibility_by_place
 from export.evaluation.metrics import (
     _bootstrap,
     _fov_noticed,
@@ -27,6 +26,7 @@ from export.evaluation.metrics import (
     sun_error,
     sun_figures,
 )
+from export.evaluation.report import _best_constant, _place_figures, _place_weights, _visibility_by_place
 from lighting.geometry import Pinhole, angle_between, angles, camera_directions, direction
 from tests.helpers.panoramas import said, truth, truth_of
 
@@ -170,13 +170,13 @@ def test_a_place_of_many_panoramas_counts_as_one_of_few() -> None:
     said = answers_from_sun(
         direction(azimuth + np.where(small, 60.0, 1.0), elevation), visibility=np.where(small, 0.2, 0.9)
     )
-    figures = place_figures(truth, said, {"low": small})
+    figures = _place_figures(truth, said, {"low": small})
     assert figures["places"] == 2
     assert figures["< 45° %"] == pytest.approx(50.0)
     assert figures["low"] > 45
     assert figures["low, bias"] == pytest.approx(0.0, abs=1e-6)
     truth.visibility[:] = np.where(small, 0.0, 1.0)
-    assert visibility_by_place(truth, said) == 1.0
+    assert _visibility_by_place(truth, said) == 1.0
 
 
 @pytest.mark.parametrize(("error", "share"), [(0.0, 50), (0.06, 55), (0.125, 60), (0.31, 75), (-0.31, 75), (2.0, 100)])
