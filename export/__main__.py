@@ -229,9 +229,10 @@ def _onnx(
 @_flag("--card", "Also write the model card, metrics.json, and the pages' figures and diagram.")
 def _evaluate(model: Path | None, compare: tuple[Path, ...], card: bool, **settings: Any) -> None:
     """Print the accuracy on the `val` split, whose places training never saw."""
+    from export.data.labels import check_labels
     from export.evaluation.evaluate import Options
     from export.evaluation.evaluate import evaluate_networks as run
-    from export.evaluation.model_card import check_labels, publish_evaluation
+    from export.evaluation.model_card import publish_evaluation
     from lighting.model import packaged_model
 
     ours = model or packaged_model()

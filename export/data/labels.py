@@ -168,7 +168,7 @@ class _RenderedCheck:
         )
 
 
-def sun_agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> _Agreement:
+def _sun_agreement(panoramas: Iterable[Panorama], labels: Iterable[Label]) -> _Agreement:
     """Detected suns against those of the index, over the panoramas whose sun it states as visible or as none.
 
     Args:
@@ -191,7 +191,7 @@ def _sun_error(label: Label) -> float:
     return float(angle_between(direction(label.found_azimuth, label.found_elevation), true))
 
 
-def check_rendered(count: int = 60, height: int = 128) -> _RenderedCheck:
+def _check_rendered(count: int = 60, height: int = 128) -> _RenderedCheck:
     """Label rendered clear skies, clipped to 8 bits like a photo, half of them with buildings and trees.
 
     Args:
@@ -211,6 +211,19 @@ def check_rendered(count: int = 60, height: int = 128) -> _RenderedCheck:
     return _RenderedCheck(len(scenes), len(sun_errors), medians[0], len(turbidity), medians[1], medians[2])
 
 
+def check_labels(data: Path, labels: Path) -> tuple[str, ...]:
+    """Sentences about how well suns and skies that are found agree with known ones.
+
+    Args:
+        data: folder of panoramas.
+        labels: CSV file of `label`.
+    """
+    return (
+        f"Given suns: {_sun_agreement(read_index(data), read_labels(labels))}",
+        f"Skies that the project renders: {_check_rendered()}",
+    )
+
+
 def label_folder(data: Path, out: Path, workers: int = 2) -> None:
     """Label a folder of panoramas, write the labels and print how accurate they are.
 
@@ -226,13 +239,13 @@ def label_folder(data: Path, out: Path, workers: int = 2) -> None:
     trusted = [label for label in labels if label.fit_ok]
     by_eye = [panorama for panorama in panoramas if "machine" not in panorama.label]
     print(f"{out}: {len(labels)} panoramas, {sum(label.sun_source != 'none' for label in labels)} with a sun")
-    print(f"found suns against given ones: {sun_agreement(panoramas, labels)}")
-    print(f"  against those that people alone gave: {sun_agreement(by_eye, labels)}")
+    print(f"found suns against given ones: {_sun_agreement(panoramas, labels)}")
+    print(f"  against those that people alone gave: {_sun_agreement(by_eye, labels)}")
     print(
         f"trusted sky fits: {len(trusted)}; turbidity {_quartiles([label.turbidity for label in trusted])}, "
         f"exposure {_quartiles([label.exposure for label in trusted])}"
     )
-    print(f"rendered skies: {check_rendered()}")
+    print(f"rendered skies: {_check_rendered()}")
 
 
 def _quartiles(values: Sequence[float]) -> str:

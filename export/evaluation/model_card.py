@@ -7,8 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 from textwrap import fill
 
-from export.data.labels import check_rendered, read_labels, sun_agreement
-from export.data.panoramas import DataError, read_index
+from export.data.panoramas import DataError
 from export.evaluation.diagnostics import RELIABILITY_FILE
 from export.evaluation.metrics import markdown_table
 from export.evaluation.metrics_file import Cell, NetworkMetrics, read_metrics, write_metrics
@@ -59,19 +58,6 @@ def publish_evaluation(evaluation: Path, labels: Sequence[str] = ()) -> Path:
         with atomic_write(ROOT / RELIABILITY) as path:
             shutil.copyfile(diagram, path)
     return write_card()
-
-
-def check_labels(data: Path, labels: Path) -> tuple[str, ...]:
-    """Sentences about how well suns and skies that are found agree with known ones.
-
-    Args:
-        data: folder of panoramas.
-        labels: CSV file of `label`.
-    """
-    return (
-        f"Given suns: {sun_agreement(read_index(data), read_labels(labels))}",
-        f"Skies that the project renders: {check_rendered()}",
-    )
 
 
 def write_card() -> Path:

@@ -8,11 +8,11 @@ import pytest
 
 from export.data.labels import (
     Label,
+    _check_rendered,
     _label_panorama,
-    check_rendered,
+    _sun_agreement,
     label_folder,
     read_labels,
-    sun_agreement,
     write_labels,
 )
 from export.data.panoramas import DataError, Panorama, read_index
@@ -85,7 +85,7 @@ def test_labels_that_cannot_be_read_are_refused(tmp_path: Path, text: str | None
 
 @pytest.mark.slow
 def test_rendered_skies_are_labelled_well() -> None:
-    check = check_rendered(60)
+    check = _check_rendered(60)
     assert check.rendered > 50
     assert check.detected > 0.85 * check.rendered
     assert check.sun_error < 1.0
@@ -102,7 +102,7 @@ def test_agreement_counts_suns_and_overcast_skies() -> None:
     wrong = dataclasses.replace(LABEL, name="c", found_azimuth=170.0)
     none = dataclasses.replace(missed, name="d", sun_source="none", sun_azimuth=math.nan)
     suns = [panorama("a", "visible"), panorama("b", "visible"), panorama("c", "visible"), panorama("d", "none")]
-    result = sun_agreement(suns, [LABEL, missed, wrong, none])
+    result = _sun_agreement(suns, [LABEL, missed, wrong, none])
     assert (result.visible, result.detected, result.overcast, result.rejected) == (3, 2, 1, 1)
     assert result.outlier_rate == 0.5
     assert result.error_25 < result.error_50 < result.error_75
@@ -112,7 +112,7 @@ def test_agreement_counts_suns_and_overcast_skies() -> None:
 def test_a_folder_is_labelled_whole(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("export.data.labels.check_rendered", lambda: check_rendered(4, 32))
+    monkeypatch.setattr("export.data.labels._check_rendered", lambda: _check_rendered(4, 32))
     _write_dataset(tmp_path, 8, 64)
     label_folder(tmp_path, tmp_path / "labels.csv", workers=2)
     labels = read_labels(tmp_path / "labels.csv")
