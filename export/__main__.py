@@ -116,7 +116,7 @@ def _synthesize(out: Path, count: int, val: float, height: int, samples: Path | 
 def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, ...], **settings: Any) -> None:
     """Train a network, or resume a run that was stopped. Uses a GPU if there is one."""
     from export.networks.outdoor import TARGET_WIDTH
-    from export.training.config import TrainConfig
+    from export.training.dataset import TrainConfig
     from export.training.loop import train_network as run
 
     one_head = settings["only_seen"] or settings["only_camera"]
@@ -144,7 +144,7 @@ def _train(out: Path | None, network: str, scratch: bool, teacher: tuple[Path, .
 @_option("--out", "Folder to write; `train --start` continues from it.", required=True)
 def _unpack(file: Path, number: int, data: Path, labels: Path, out: Path) -> None:
     """Read network NUMBER (from 0) of the ONNX file FILE back, so that its training can go on."""
-    from export.training.config import TrainConfig
+    from export.training.dataset import TrainConfig
     from export.training.onnx_import import unpack_network as run
 
     run(file, number, TrainConfig(str(data), str(labels), str(out), aimed=0.2))

@@ -1,8 +1,9 @@
-"""Training crops as tensors: the processed pictures and the targets that the losses compare with."""
+"""Training crops as tensors: the processed pictures, the targets that the losses compare with, and a run's settings."""
 
 import hashlib
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
@@ -42,14 +43,57 @@ from export.crops.photos import (
 from export.crops.targets import CELLS, coarse_radiance, panorama_irradiance, sun_in_view_target, surroundings_in_camera
 from export.data.panoramas import DataError, Panorama, read_index
 from export.data.rendered_towns import LABELS
-from export.networks.outdoor import LIGHT, network_specs
-from export.training.config import TrainConfig
+from export.networks.outdoor import LIGHT, TARGET_WIDTH, network_specs
 from lighting.color import tone_map
 from lighting.files import atomic_write
 from lighting.geometry import Floats
 from lighting.model import pad_to_input
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions, soft_label
+
+PATH_SETTINGS = ("data", "labels", "start", "synthetic", "teachers")  # however the paths are written
+MAY_CHANGE = ("out", "workers", "checkpoint_minutes")  # when a run is resumed: its folder may have moved
+
+
+@dataclass(frozen=True)
+class TrainConfig:
+    """Everything a training run depends on besides the data; config.json has the same names."""
+
+    data: str  # folder of panoramas
+    labels: str  # CSV of `python -m export label`
+    out: str  # folder for config.json, log.jsonl and checkpoint.pt
+    network: str = "outdoor"  # or "cvpr2017"
+    version: str = "1.0.0"
+    crops: int = 100_000  # drawn in all
+    batch: int = 32
+    learning_rate: float = 8e-4
+    weight_decay: float = 0.05
+    warmup: float = 0.03  # share of the run
+    ema: float = 0.998  # decay per step of the averaged weights, which are the result
+    target_width: float = TARGET_WIDTH["outdoor"]  # deg per axis of the sun target, besides the label's uncertainty
+    tune_share: float = 0.08  # of the training places, held out for the log
+    aimed: float = 0.2  # of the crops of panoramas that show the sun, aimed at it
+    joined: float = 0.0  # of the crops, divided by a line between two places under the same sun
+    stretched: float = 0.0  # of the crops, that show a stretched world under another sun
+    surroundings: bool = False  # also learn the light all around the camera and its power
+    sharpness: float = 0.45  # smallest share of the canvas's resolution that a crop keeps
+    licensed_only: bool = False  # train on permissively licensed panoramas and photos alone
+    pretrained: bool = True
+    only_seen: bool = False  # train only the head that says where in the picture the sun is seen
+    only_camera: bool = False  # train for the camera's angles alone, all layers
+    teachers: tuple[str, ...] = ()  # folders of finished runs, whose mean answer is a second target of every crop
+    blended: float = 0.4  # of the crops that teachers answer, blended with another; of mirror images twice as many
+    mirrored: bool = False  # learn from every crop's mirror image, too: of it the camera is known, the sun by teachers
+    start: str = ""  # folder of an earlier run: start from its averaged weights, with other crops
+    synthetic: str = ""  # folder of `python -m export synthesize`, mixed in
+    synthetic_share: float = 0.3  # of the crops, if there is such a folder
+    photos_share: float = 0.0  # of the crops, of the folder's ordinary photos
+    workers: int = 2
+    checkpoint_minutes: float = 4.0
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "teachers", tuple(self.teachers))  # JSON has them as a list
+
 
 _TUNE_EACH = 8  # crops of each held-out panorama
 ACROSS, DOWN = 8, 6  # crops in the picture of samples, one of each of the first places

@@ -20,8 +20,7 @@ from export.crops.crops import load_sources
 from export.data.panoramas import DataError
 from export.networks.outdoor import HEADS, Outdoor, build_network
 from export.networks.weights import check_new, write_run
-from export.training.config import TrainConfig
-from export.training.dataset import TrainingCrops, training_panoramas
+from export.training.dataset import TrainConfig, TrainingCrops, training_panoramas
 from lighting.records import Json, ModelSpec
 
 _GROUPS = ("networks", "cameras")  # in the order in which a file's networks are numbered

@@ -13,7 +13,7 @@ from export.data.panoramas import DataError, read_index
 from export.data.rendered_panoramas import _write_dataset
 from export.data.rendered_towns import find_llvm
 from export.networks.onnx_export import write_onnx
-from export.training.config import TrainConfig
+from export.training.dataset import TrainConfig
 from export.training.loop import train_network
 
 

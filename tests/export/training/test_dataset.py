@@ -13,8 +13,7 @@ from export.crops.photos import COLUMNS, PHOTOS
 from export.data import rendered_towns
 from export.data.panoramas import DataError, Panorama, read_index
 from export.training import dataset
-from export.training.config import TrainConfig
-from export.training.dataset import TrainingCrops, split_places, training_photos
+from export.training.dataset import TrainConfig, TrainingCrops, split_places, training_photos
 from export.training.loop import _Run
 from tests.helpers.panoramas import EXAMPLES_SPEC, source
 

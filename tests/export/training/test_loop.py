@@ -14,21 +14,40 @@ import torch
 from export.crops.crops import load_sources
 from export.crops.targets import CELLS
 from export.data.panoramas import DataError, read_index
+from export.networks.backbone import NetworkOutput
 from export.networks.onnx_export import write_onnx
-from export.networks.outdoor import TARGET_WIDTH, network_specs
+from export.networks.outdoor import (
+    TARGET_WIDTH,
+    camera_bin_targets,
+    decode_parameters,
+    encode_parameters,
+    mean_of_camera_bins,
+    network_specs,
+)
 from export.networks.weights import (
     CHECKPOINT,
     RECORD,
     average_weights,
     averaged_weights,
+    read_network,
     read_record,
     training_history,
     write_run,
 )
-from export.training.config import MAY_CHANGE, TrainConfig
-from export.training.dataset import TrainingCrops
-from export.training.loop import _earlier_commits, _learning_rate, _Run, train_network
+from export.training.dataset import MAY_CHANGE, Batch, TrainConfig, TrainingCrops
+from export.training.loop import (
+    _blended_shares,
+    _earlier_commits,
+    _learning_rate,
+    _mixup,
+    _Run,
+    _TeacherEnsemble,
+    _training_losses,
+    _with_mirror_images,
+    train_network,
+)
 from export.training.onnx_import import _make_record, _read_onnx_network
+from lighting.errors import LightingError
 
 
 def test_a_run_leaves_what_reproduces_it(trained: Path, config: TrainConfig) -> None:
@@ -254,3 +273,163 @@ def test_settings_are_plain_values_that_json_keeps() -> None:
 def test_what_may_change_decides_no_crop_and_no_weight() -> None:
     assert set(MAY_CHANGE) <= {field.name for field in fields(TrainConfig)}
     assert not set(MAY_CHANGE) & {"data", "crops", "batch", "learning_rate", "start", "synthetic"}
+
+
+def test_unknown_targets_cost_nothing() -> None:
+    nan = float("nan")
+    parameters = torch.tensor([[nan, nan, 5.0, 1.0, 50.0, nan], [3.0, 2.0, 5.0, 1.0, 50.0, 1.0]])
+    sun = torch.tensor([[0.0, 0.0], [0.5, 0.5]])
+    raw = torch.cat([encode_parameters(torch.nan_to_num(parameters[:, :5], nan=1.0)), torch.zeros(2, 1)], dim=1)
+    raw[0, :2] = 100.0
+    raw.requires_grad_()
+    logits = torch.tensor([[50.0, -50.0], [1.0, 1.0]])
+    nothing = logits[:, :0]
+    batch = Batch(torch.zeros(2, 3, 1, 1), sun, parameters, sun, nothing, nothing, torch.tensor([False, False]))
+    predicted = NetworkOutput(logits, raw, logits, nothing, nothing, nothing, nothing)
+    parts = _training_losses(predicted, batch)
+    costs = {name: part.item() for name, part in parts.items()}
+    expected = {"sun": np.log(2), "parameters": 0.0, "visibility": np.log(2), "seen": np.log(2)}
+    assert costs == pytest.approx(expected, abs=1e-6)
+    assert "seen" not in _training_losses(predicted._replace(sun_in_view=nothing), batch)
+    torch.autograd.backward(sum(parts.values(), torch.zeros(())))
+    assert raw.grad is not None
+    assert torch.isfinite(raw.grad).all()
+    assert (raw.grad[0, [0, 1, 5]] == 0).all()
+
+
+def test_a_likelihood_is_met_by_any_sharp_answer_inside_it() -> None:
+    """Two of four cells agree with what is known: a sure answer of one of them costs as little as an even one."""
+    known = torch.tensor([[0.5, 0.5, 0.0, 0.0]])
+    costs = {}
+    for name, logits in {"sure": [30.0, 0, 0, 0], "even": [30.0, 30.0, 0, 0], "wrong": [0, 0, 30.0, 0]}.items():
+        predicted = NetworkOutput(torch.tensor([logits]), torch.zeros(1, 6), *[torch.zeros(1, 0)] * 5)
+        nan = torch.full((1, 6), float("nan"))
+        batch = Batch(
+            torch.zeros(1, 3, 1, 1), known, nan, known[:, :0], known[:, :0], known[:, :0], torch.tensor([True])
+        )
+        costs[name] = _training_losses(predicted, batch)["sun"].item()
+    assert costs["sure"] == pytest.approx(costs["even"], abs=1e-4)
+    assert costs["wrong"] > costs["sure"] + 10
+
+
+def test_light_and_camera_cost_nothing_where_they_are_right_or_unknown() -> None:
+    raw = torch.zeros(1, 6)
+    parameters = decode_parameters(raw)
+    empty = torch.zeros(1, 0)
+    light = torch.tensor([[0.1, 0.2, 0.3, -1.0, -1.1, -1.2, float("nan")]])
+    around = torch.zeros(1, 6)
+    bins = camera_bin_targets(raw[:, 2:5]).clamp_min(1e-9).log()
+    predicted = NetworkOutput(empty, raw, empty, around, bins, light.nan_to_num(), empty)
+    batch = Batch(torch.zeros(1, 3, 1, 1), empty, parameters, empty, around, light, torch.tensor([False]))
+    parts = _training_losses(predicted, batch)
+    assert parts["light"].item() == pytest.approx(0.0, abs=1e-6)
+    assert parts["around"].item() == pytest.approx(0.0, abs=1e-6)
+    off = _training_losses(predicted._replace(camera=bins.flip(2).roll(9, 2)), batch)
+    assert off["camera"].item() > parts["camera"].item() + 0.5
+
+
+@pytest.mark.parametrize("around", [float("nan"), 3.0])
+def test_the_light_around_the_camera_changes_no_other_cost(around: float) -> None:
+    raw = torch.tensor([[0.1, -0.2, 0.3, -0.4, 0.5, 0.0]])
+    empty = torch.zeros(1, 0)
+    light = torch.full((1, 7), 0.1)
+    bins = torch.linspace(-1, 1, camera_bin_targets(raw[:, 2:5]).numel()).reshape(1, 3, -1)
+    predicted = NetworkOutput(empty, raw, empty, torch.zeros(1, 6), bins, light, empty)
+    target = torch.full((1, 6), around)
+    batch = Batch(torch.zeros(1, 3, 1, 1), empty, decode_parameters(raw), empty, target, light, torch.tensor([False]))
+    parts = _training_losses(predicted, batch)
+    without = _training_losses(predicted._replace(surroundings=empty), batch)
+    assert set(parts) == {*without, "around"}
+    for name, cost in without.items():
+        assert parts[name].item() == pytest.approx(cost.item()), name
+        assert np.isfinite(cost.item())
+
+
+@pytest.fixture
+def batch(config: TrainConfig) -> Batch:
+    run = _Run(config)
+    sources = load_sources(read_index(config.data, "train"), config.labels)
+    return next(run.batches(TrainingCrops(sources, run.spec, replace(config, surroundings=True))))
+
+
+def test_the_target_is_the_mean_of_the_teachers_answers(trained: Path, batch: Batch) -> None:
+    network = read_network(trained)
+    spec = _Run(TrainConfig("", "", "")).spec
+    alone = _TeacherEnsemble([trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
+    with torch.inference_mode():
+        predicted = network(batch.photo)
+    torch.testing.assert_close(alone.sun, (predicted.sun / 0.9).softmax(dim=1))
+    torch.testing.assert_close(alone.parameters[:, 2:5], _camera(predicted))
+    assert alone.surroundings.shape == alone.light.shape == (len(batch.photo), 0)
+    twice = _TeacherEnsemble([trained, trained], spec, batch.photo.device, surroundings=False).targets(batch.photo)
+    torch.testing.assert_close(twice.sun, alone.sun)
+
+
+def _camera(predicted: NetworkOutput) -> torch.Tensor:
+    return decode_parameters(
+        torch.cat([predicted.raw[:, :2], mean_of_camera_bins(predicted.camera), predicted.raw[:, 5:]], dim=1)
+    )[:, 2:5]
+
+
+def test_of_blended_pictures_nothing_is_known_and_of_the_others_all(batch: Batch) -> None:
+    torch.manual_seed(0)
+    mixed = _mixup(batch, _blended_shares(len(batch.photo), 0.5, mirrored=False))
+    same = (mixed.photo == batch.photo).flatten(1).all(dim=1)
+    assert 0 < int(same.sum()) < len(same)
+    for name in ("sun", "parameters", "sun_in_view", "surroundings", "light"):
+        torch.testing.assert_close(getattr(mixed, name)[same], getattr(batch, name)[same], equal_nan=True)
+    assert (mixed.sun[~same] == 0).all()
+    assert (mixed.sun_in_view[~same] == 0).all()
+    assert mixed.parameters[~same].isnan().all()
+    assert mixed.light[~same].isnan().all()
+    torch.testing.assert_close(_mixup(batch, torch.zeros(len(batch.photo))).photo, batch.photo)
+
+
+def test_of_a_mirror_image_the_camera_is_known_and_the_sun_is_not(batch: Batch) -> None:
+    count = len(batch.photo)
+    both = _with_mirror_images(batch)
+    for one, doubled in zip(batch, both, strict=True):
+        torch.testing.assert_close(doubled[:count], one, equal_nan=True)
+    torch.testing.assert_close(both.photo[count:], batch.photo.flip(3))
+    signs = torch.tensor([1.0, 1, 1, -1, 1, 1])  # the roll alone turns round
+    torch.testing.assert_close(both.parameters[count:], signs * batch.parameters, equal_nan=True)
+    assert not both.sun[count:].any()
+    assert not both.sun_in_view[count:].any()
+    assert both.surroundings[count:].isnan().all()
+    assert both.light[count:].isnan().all()
+    torch.testing.assert_close(_blended_shares(4, 0.4, mirrored=True), torch.tensor([0.4, 0.4, 0.8, 0.8]))
+
+
+def test_a_network_that_answers_as_its_teacher_has_nothing_to_learn_from_it(trained: Path, batch: Batch) -> None:
+    network = read_network(trained)
+    taught = _TeacherEnsemble([trained], _Run(TrainConfig("", "", "")).spec, batch.photo.device, surroundings=False)
+    answers = taught.targets(batch.photo)
+    predicted = network(batch.photo)
+    cooled = predicted._replace(sun=predicted.sun / 0.9)
+    loss = _training_losses(cooled, answers)["sun"]
+    entropy = -(answers.sun * answers.sun.log()).sum(dim=1).mean()
+    assert loss.item() == pytest.approx(entropy.item(), rel=1e-3)
+    (slope,) = torch.autograd.grad(loss, predicted.sun)
+    assert slope.abs().max() < 1e-6
+
+
+def test_a_run_is_taught_and_says_by_whom(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    taught_config = replace(
+        config, out=str(tmp_path), teachers=(str(trained),), crops=8, batch=4, tune_share=0.0, mirrored=True
+    )
+    train_network(taught_config)
+    logged = json.loads((tmp_path / "log.jsonl").read_text())
+    assert logged["taught sun"] > 0
+    assert [run["crops"] for run in training_history(read_record(tmp_path))] == [16, 8]
+    train_network(replace(taught_config, workers=0))  # a finished run is taken up again with the same teachers
+    with pytest.raises(DataError, match="another teachers"):
+        train_network(replace(taught_config, teachers=()))
+
+
+def test_who_has_not_learnt_it_cannot_teach_it(config: TrainConfig, trained: Path, tmp_path: Path) -> None:
+    taught_config = replace(config, out=str(tmp_path), teachers=(str(trained),))
+    with pytest.raises(LightingError, match="cannot teach --surroundings"):
+        train_network(replace(taught_config, surroundings=True))
+    for settings in ({"teachers": (str(tmp_path / "none"),)}, {"start": str(tmp_path / "none"), "teachers": ()}):
+        with pytest.raises(LightingError, match="not the folder of a training run"):
+            train_network(replace(taught_config, **settings))

@@ -16,7 +16,7 @@ from export.networks.backbone import Backbone
 from export.networks.onnx_export import write_onnx
 from export.networks.outdoor import Outdoor, build_network, network_specs
 from export.networks.weights import CHECKPOINT, read_network, read_record, training_history, write_run
-from export.training.config import TrainConfig
+from export.training.dataset import TrainConfig
 from export.training.onnx_import import _make_record, _read_onnx_network, _recalibrate_batch_norm, unpack_network
 from lighting.model import packaged_model
 
