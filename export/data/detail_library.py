@@ -95,17 +95,18 @@ def _may_ship(panorama: Panorama) -> bool:
     return LICENCE in licence and "cc0" in licence
 
 
-def balance_library(costs: NDArray[np.floating]) -> NDArray[np.float32]:
+def balance_library(costs: NDArray[np.floating], least: NDArray[np.floating] | None = None) -> NDArray[np.float32]:
     """What each panorama of the library must cost, so that none is chosen for more than a share of photos.
 
     Without it some, whose features are mean ones, suit too many photos (hubness [1]), and maps look alike.
 
     Args:
         costs: (V, N) of each panorama for each of V photos.
+        least: (N,) that each costs anyway; None: nothing.
 
     References: [1] Radovanovic et al., Hubs in Space, JMLR 2010.
     """
-    extra = np.zeros(costs.shape[1])
+    extra = np.zeros(costs.shape[1]) if least is None else np.array(least, dtype=np.float64)
     for _ in range(_BALANCE_STEPS):
         used = np.bincount((costs + extra).argmin(axis=1), minlength=len(extra))
         often = used > max(1, _MOST_USED * len(costs))

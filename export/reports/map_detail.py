@@ -21,7 +21,8 @@ from export.evaluation import map_quality
 from export.evaluation.map_quality import MapErrors
 from export.evaluation.metrics import figures_table
 from lighting.color import luminance, tone_map
-from lighting.envmap.detail_library import LIBRARY_PATH, choice_costs
+from lighting.envmap.detail import DetailSource, PhotoFeatures
+from lighting.envmap.detail_library import LIBRARY_PATH, cheapest_choice, choice_costs
 from lighting.envmap.latlong import project_photo, shrink_envmap
 from lighting.envmap.relighting import rotate_envmap
 from lighting.envmap.surroundings import PhotoContext, describe_place, render_with_surroundings
@@ -36,6 +37,11 @@ from lighting.segmentation import packaged_segmenter
 
 MAP_ROWS = 512
 CROP_WIDTH, CROP_HEIGHT, CROP_FOV = 800, 600, 60.0  # pixels; deg, vertical
+
+_TRIED = 7  # panoramas of the library for each crop, the cheapest
+_UNLIKE_COST = 0.05  # of a thousandth by which a map's views are unlike true ones
+_FEW = 5  # maps with a panorama, beside which those of its own count half
+
 DETAIL_NOTE = (
     "`KID`: kernel inception distance x 1000 of mirror balls, and of views at 90, 180 and -90 deg, to those of true "
     "panoramas of other places. `mirror`, `roughness`: relative RMSE of balls, clipped to what a screen shows; "
@@ -93,6 +99,8 @@ def report_map_detail(data: Path, model: Model, count: int, split: str, cache: P
 def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
     """Write into the library of detail what its panoramas cost, by crops of `train`; what it then is, in a sentence.
 
+    A panorama costs the more the less real maps with it look, and what keeps it from being chosen too often.
+
     Args:
         data: folder of panoramas.
         model: the network to ask.
@@ -100,17 +108,52 @@ def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
         cache: folder for estimates and truths.
     """
     panoramas, files = _prepare_views(data, model, count, "train", cache)
-    costs = []
-    for view in _read_views(files, panoramas):
-        features = describe_place(view.lighting, view.context)
-        cost = choice_costs(features.target, features.weight, features.sun_azimuth, features.snow)
-        costs.append(cost.min(axis=(0, 2)))
-    extra = balance_library(np.stack(costs))
+    features = _imagenet_features()
+    true = _measure_truth(files, panoramas, features).features[:, 1:]
+    cheapest = np.stack([_place_costs(view)[1].min(axis=(0, 2)) for view in _read_views(files, panoramas)])
+    order = np.argsort(cheapest + balance_library(cheapest), axis=1, kind="stable")[:, :_TRIED]
+    looks = [
+        _look_with(view, indices, features) for view, indices in zip(_read_views(files, panoramas), order, strict=True)
+    ]
+    extra = balance_library(cheapest, _cost_of_unlike(order, np.stack(looks), true, cheapest.shape[1]))
     with np.load(LIBRARY_PATH) as stored:
         arrays = {**stored, "cost": extra}
     np.savez_compressed(LIBRARY_PATH, allow_pickle=False, **arrays)
-    used = np.bincount((np.stack(costs) + extra).argmin(axis=1))
+    used = np.bincount((cheapest + extra).argmin(axis=1))
     return f"{LIBRARY_PATH}: {np.count_nonzero(used)} of {len(extra)} panoramas suit {len(files)} crops."
+
+
+def _place_costs(view: _TrueView) -> tuple[PhotoFeatures, Floats]:
+    """By what the detail for a view is chosen, and what each choice costs (2, N, turns)."""
+    found = describe_place(view.lighting, view.context)
+    return found, choice_costs(found.target, found.weight, found.sun_azimuth, found.snow)
+
+
+def _look_with(view: _TrueView, indices: NDArray[np.intp], features: Features) -> Floats:
+    """Features (T, V, F) of a map's views with each of T panoramas of the library."""
+    found, cost = _place_costs(view)
+    looks = []
+    for index in indices:
+        others = np.arange(cost.shape[1])[:, None] != index
+        source = DetailSource(cheapest_choice(np.where(others, np.inf, cost)), found.saturation)
+        image = render_with_surroundings(view.lighting, replace(view.context, detail=True, source=source), MAP_ROWS)
+        looks.append(features(map_quality.looked_at(image)[1:]))
+    return np.stack(looks)
+
+
+def _cost_of_unlike(order: NDArray[np.intp], looks: Floats, true: Floats, count: int) -> Floats:
+    """What each of `count` panoramas costs by how unlike true views those of maps with it are.
+
+    Args:
+        order: (N, T) the panoramas that were tried for each crop, the cheapest first.
+        looks: (N, T, V, F) features of the views of maps with them.
+        true: (N, V, F) features of the true views.
+        count: of panoramas.
+    """
+    size = looks.shape[-1]
+    unlike = map_quality.tell_apart(looks.reshape(-1, size), looks[:, 0].reshape(-1, size), true.reshape(-1, size))
+    total = np.bincount(order.reshape(-1), unlike.reshape(*looks.shape[:3]).mean(axis=2).reshape(-1), count)
+    return _UNLIKE_COST * np.maximum(total / (np.bincount(order.reshape(-1), minlength=count) + _FEW), 0)
 
 
 def _prepare_views(data: Path, model: Model, count: int, split: str, cache: Path) -> tuple[list[Panorama], list[Path]]:

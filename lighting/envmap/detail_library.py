@@ -65,7 +65,7 @@ class DetailLibrary:
     snow: NDArray[np.bool_]
     """(N,) whether snow covers the ground."""
     cost: Floats
-    """(N,) in squared logarithms, of what would else be chosen too often."""
+    """(N,) in squared logarithms, of what maps least look real with, and of what would be chosen too often."""
 
 
 @dataclass(frozen=True)
@@ -165,7 +165,15 @@ def choose_detail(
         library: likewise.
     """
     library = _load_detail_library() if library is None else library
-    cost = choice_costs(target, weight, sun_azimuth, snow, library) + library.cost[:, None]
+    return cheapest_choice(choice_costs(target, weight, sun_azimuth, snow, library) + library.cost[:, None])
+
+
+def cheapest_choice(cost: Floats) -> DetailChoice:
+    """What costs least.
+
+    Args:
+        cost: (2, N, turns), as of `choice_costs`.
+    """
     way, index, turn = np.unravel_index(int(np.argmin(cost)), cost.shape)
     return DetailChoice(int(index), bool(way), float(wrap_azimuth(int(turn) * 180.0 / FEATURE_ROWS)))
 

@@ -75,6 +75,8 @@ class PhotoContext:
     """What the photo shows, of `segmentation`; None: unknown."""
     detail: bool = False
     """Whether the map has detail all around."""
+    source: map_detail.DetailSource | None = None
+    """What its detail is taken from; None: what suits the photo."""
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "photo", check_pixels(self.photo))
@@ -257,8 +259,10 @@ def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_
 
 
 def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> map_detail.LibraryDetail:
-    """The detail of the library that suits a photo."""
-    return map_detail.LibraryDetail(map_detail.choose_source(describe_place(lighting, context)), height)
+    """The detail of the library for a photo."""
+    source = context.source
+    source = map_detail.choose_source(describe_place(lighting, context)) if source is None else source
+    return map_detail.LibraryDetail(source, height)
 
 
 def describe_place(lighting: Lighting, context: PhotoContext) -> map_detail.PhotoFeatures:
