@@ -39,7 +39,8 @@ MAP_ROWS = 512
 CROP_WIDTH, CROP_HEIGHT, CROP_FOV = 800, 600, 60.0  # pixels; deg, vertical
 
 _TRIED = 7  # panoramas of the library for each crop, the cheapest
-_UNLIKE_COST = 0.05  # of a thousandth by which a map's views are unlike true ones
+_SEEN_CROPS = 100  # of those by which panoramas are chosen, whose maps are looked at
+_UNLIKE_COST = 0.03  # of a thousandth by which a map's views are unlike true ones
 _FEW = 5  # maps with a panorama, beside which those of its own count half
 
 DETAIL_NOTE = (
@@ -108,14 +109,13 @@ def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
         cache: folder for estimates and truths.
     """
     panoramas, files = _prepare_views(data, model, count, "train", cache)
-    features = _imagenet_features()
-    true = _measure_truth(files, panoramas, features).features[:, 1:]
     cheapest = np.stack([_place_costs(view)[1].min(axis=(0, 2)) for view in _read_views(files, panoramas)])
-    order = np.argsort(cheapest + balance_library(cheapest), axis=1, kind="stable")[:, :_TRIED]
-    looks = [
-        _look_with(view, indices, features) for view, indices in zip(_read_views(files, panoramas), order, strict=True)
-    ]
-    extra = balance_library(cheapest, _cost_of_unlike(order, np.stack(looks), true, cheapest.shape[1]))
+    features, seen, seen_files = _imagenet_features(), panoramas[:_SEEN_CROPS], files[:_SEEN_CROPS]
+    true = _measure_truth(seen_files, seen, features).features[:, 1:]
+    order = np.argsort(cheapest + balance_library(cheapest[:_SEEN_CROPS]), axis=1, kind="stable")[:_SEEN_CROPS, :_TRIED]
+    views = zip(_read_views(seen_files, seen), order, strict=True)
+    looks = np.stack([_look_with(view, indices, features) for view, indices in views])
+    extra = balance_library(cheapest, _cost_of_unlike(order, looks, true, cheapest.shape[1]))
     with np.load(LIBRARY_PATH) as stored:
         arrays = {**stored, "cost": extra}
     np.savez_compressed(LIBRARY_PATH, allow_pickle=False, **arrays)

@@ -42,7 +42,7 @@ _WATER = slice(11, 16)  # rows around the horizon and below it
 # What places have all around: buildings and plants in the band, water, and plants above the band. A constant, and
 # factors of what a photo of 60 deg shows of buildings, plants and water; fitted to crops of `train` and `val`.
 _EXPECTED = ((0.05, 0.6, 0.08, 0.0), (0.08, 0.1, 0.68, 0.0), (0.04, 0.0, 0.0, 0.35), (0.03, 0.15, 0.7, 0.0))
-_AROUND_WEIGHT = 6.0  # cost of squared differences from that
+_AROUND_WEIGHTS = (30.0, 6.0, 6.0, 6.0)  # cost of squared differences from each
 _WIDE_CELLS = 36, 45  # cells of the band, and of water's rows, that a photo must show to count in full
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
@@ -211,7 +211,7 @@ def _around_cost(library: DetailLibrary, target: Image, weight: Image) -> Floats
     shown, known = _class_shares(target, weight[FEATURES.index("plants")] > 0)
     building, plants, water, _ = map(float, shown)
     expected = np.array(_EXPECTED) @ [1.0, building, plants, water]
-    return np.asarray(_AROUND_WEIGHT * (shares - expected) ** 2 @ known)
+    return np.asarray((shares - expected) ** 2 @ (np.array(_AROUND_WEIGHTS) * known))
 
 
 def _class_shares(features: Image, seen: NDArray[np.bool_]) -> tuple[list[Floats], Floats]:

@@ -85,3 +85,11 @@ def test_no_panorama_is_chosen_for_too_many_photos() -> None:
     assert used[7] > 0
     assert extra.argmax() == 7
     assert np.median(extra) == 0
+
+
+def test_what_a_panorama_costs_anyway_stays() -> None:
+    costs = np.random.default_rng(2).random((200, 60))
+    least = np.linspace(0, 0.3, 60)
+    extra = balance_library(costs, least)
+    assert (extra >= least.astype(np.float32)).all()
+    assert np.bincount((costs + extra).argmin(axis=1), minlength=60).max() <= _MOST_USED * 200

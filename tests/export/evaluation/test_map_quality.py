@@ -95,6 +95,14 @@ def test_the_kernel_distance_is_unbiased() -> None:
     assert map_quality._kernel_distance(a, b) > np.mean(same) + 10 * np.std(same)
 
 
+def test_pictures_are_told_apart_by_which_set_they_are_like() -> None:
+    rng = np.random.default_rng(0)
+    maps, true = rng.normal(1.0, 1.0, (40, 16)), rng.normal(-1.0, 1.0, (40, 16))
+    assert (map_quality.tell_apart(maps, maps, true) > 0).all()
+    assert (map_quality.tell_apart(true, maps, true) < 0).all()
+    assert map_quality.tell_apart(maps, true, true) == pytest.approx(0)
+
+
 def test_places_are_in_one_half_only() -> None:
     rng = np.random.default_rng(0)
     features = np.repeat(rng.normal(size=(10, 1, 8)), 4, axis=0)  # four like pictures of each of ten places
