@@ -51,6 +51,11 @@ _MIN_SNOW_SHARE = 0.7  # of the ground's pixels that are white
 _MIN_SNOW_LUMINANCE = 0.25  # of a white pixel
 _MAX_SNOW_SATURATION = 0.3  # of it: what its least channel lacks of its largest
 _MAX_SNOW_TINT = 1.4  # of the largest reflectance over the least
+_MIN_SHADED_LUMINANCE = 0.2  # of a pixel of snow that may lie in shade
+_MAX_BLUE_SATURATION = 0.6  # of it where it is blue
+_BLUE_TOLERANCE = 0.03  # of green, by which red may be over it and blue under it
+_MAX_BLUE_TINT = 1.7
+_MAX_WARM_TINT = 1.25  # warmer ground is pavement
 _MAX_SNOW_GAIN = 4.0
 # The last two by `python -m export fit ground`, on places that a network never saw.
 _NETWORK_SHARE = 0.6  # how far the brightness goes, under a clear sky, to that of the network's panorama
@@ -205,19 +210,36 @@ def shows_snow(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments
     """
     if segments is not None and float(class_share(segments, SurfaceClass.BUILDING).mean()) > _MAX_SNOW_BUILDING:
         return False
-    reflectance = _snow_reflectance(pixels, lighting, segments)
+    reflectance = _snow_reflectance(pixels, lighting, segments, shaded=True)
     return reflectance is not None and float(luminance(reflectance)) > _MIN_SNOW_REFLECTANCE
 
 
-def _snow_reflectance(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None) -> Floats | None:
-    """Reflectance (3,) of ground that is bright and hardly colored; None where the photo shows no such ground."""
+def _snow_reflectance(
+    pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None, *, shaded: bool = False
+) -> Floats | None:
+    """Reflectance (3,) of ground that is bright and hardly colored; None where the photo shows no such ground.
+
+    Args:
+        pixels: (h, w, 3) sRGB.
+        lighting: of the photo.
+        segments: which pixels are no ground; None: unknown.
+        shaded: whether it may be blue, as in shade, but hardly warm.
+    """
     ground = None if lighting.sky_irradiance is None else _ground_pixels(pixels, lighting, segments)
     if ground is None:
         return None
     high = max_channel(ground)
-    white = (luminance(ground) > _MIN_SNOW_LUMINANCE) & (high - ground.min(axis=1) < _MAX_SNOW_SATURATION * high)
+    spread = high - ground.min(axis=1)
+    pale = spread < _MAX_SNOW_SATURATION * high
+    if shaded:
+        cool = (np.diff(ground, axis=1) > -_BLUE_TOLERANCE * ground[:, 1:2]).all(axis=1)
+        pale |= cool & (spread < _MAX_BLUE_SATURATION * high)
+    white = (luminance(ground) > (_MIN_SHADED_LUMINANCE if shaded else _MIN_SNOW_LUMINANCE)) & pale
     reflectance = np.pi * _middle_mean(ground) / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
-    if white.mean() < _MIN_SNOW_SHARE or reflectance.max() > _MAX_SNOW_TINT * reflectance.min():
+    tint = _MAX_SNOW_TINT
+    if shaded:
+        tint = _MAX_WARM_TINT if reflectance[0] > reflectance[2] else _MAX_BLUE_TINT
+    if white.mean() < _MIN_SNOW_SHARE or reflectance.max() > tint * reflectance.min():
         return None
     return np.asarray(reflectance)
 

@@ -122,6 +122,8 @@ def test_snow_is_white_ground_without_buildings() -> None:
     assert shows_snow(white, stated_light(), ground)
     assert not shows_snow(white, stated_light(), buildings)
     assert not shows_snow(photo([0.3, 0.3, 0.3]), stated_light())
+    assert shows_snow(photo([0.65, 0.75, 1.0]), stated_light())  # in shade
+    assert not shows_snow(photo([0.9, 0.75, 0.65]), stated_light())  # pavement
 
 
 SKY = np.array(SKY_IRRADIANCE)
