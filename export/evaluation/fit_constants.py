@@ -22,7 +22,7 @@ from export.evaluation.irradiance import (
     take_crops_of,
     take_hdr_crops,
 )
-from export.evaluation.metrics import Bools, Names, clustered_error, markdown_table
+from export.evaluation.metrics import Bools, Names, markdown_table
 from lighting.color import luminance, tone_map
 from lighting.decoding import blend_to_clear_sun, lighting_from_prediction
 from lighting.envmap.appearance import estimate_ground_albedo, ground_luminance, sky_color_ratio
@@ -105,9 +105,15 @@ def _fit_ground_share(grounds: _GroundSamples) -> tuple[float, float]:
     darker = errors.mean(axis=-1).argmin(axis=1)  # the best stops of each share
     at_best = errors[np.arange(len(GROUND_SHARES)), darker]
     best = at_best[at_best.mean(axis=1).argmin()]
-    good = (at_best - best).mean(axis=1) <= [clustered_error(row - best, grounds.place) for row in at_best]
+    good = (at_best - best).mean(axis=1) <= [_clustered_error(row - best, grounds.place) for row in at_best]
     share = int(np.flatnonzero(good)[0])
     return float(GROUND_SHARES[share]), float(GROUND_STOPS[darker[share]])
+
+
+def _clustered_error(values: Floats | Bools, places: Names) -> float:
+    """The standard error of a mean of values (N,) of which those of one place are not independent."""
+    _, index = np.unique(places, return_inverse=True)
+    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))
 
 
 def _report_ground(model: Model, data: Path, labels: Path, seen: Path | None = None) -> str:

@@ -385,14 +385,3 @@ def difference_interval(ours: Floats, theirs: Floats, units: Names) -> tuple[flo
         units: (N,) panoramas or places, which are drawn as a whole.
     """
     return _bootstrap(units, lambda i: float(np.median(ours[i]) - np.median(theirs[i])))
-
-
-def clustered_error(values: Floats | Bools, places: Names) -> float:
-    """The standard error of a mean of values of which those of one place are not independent.
-
-    Args:
-        values: (N,).
-        places: (N,).
-    """
-    _, index = np.unique(places, return_inverse=True)
-    return float(np.sqrt(np.sum(np.bincount(index, values - values.mean()) ** 2)) / len(values))

@@ -62,7 +62,7 @@ ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts 
 # Changes to the graph: nothing is computed twice, and weights are stored small.
 
 
-def flatten_pointwise(model: Any, min_elements: int = MIN_BYTES) -> None:
+def _flatten_pointwise(model: Any, min_elements: int = MIN_BYTES) -> None:
     """Let large pointwise convolutions see their pixels in one row.
 
     onnxruntime blocks the channels of two-dimensional convolutions whose weights are constant, and then adds in another
@@ -359,7 +359,7 @@ def write_onnx(
         _check(_parity(ensemble, path), _TOLERANCE)
         strip_origin(model)
         _merge_equal_nodes(model)
-        flatten_pointwise(model)
+        _flatten_pointwise(model)
         model, difference = _store_as_small_as_agrees(model, ensemble, path)
         add_metadata(model, {"parity": f"{difference:.2e}"})
         _save_graph(model, path)

@@ -12,7 +12,9 @@ cameras level, and straighten what is not. [1] draws a third of their photos lev
 distribution of 0.1 rad. Of the ordinary photos that training sees, the networks tell that nearly all are within 4 deg.
 Here a fifth is level, so that a camera which is rolled on purpose is not made level.
 
-References: [1] Hold-Geoffroy et al., A perceptual measure for deep single image camera calibration, CVPR 2018.
+References:
+    [1] Hold-Geoffroy et al., A perceptual measure for deep single image camera calibration, CVPR 2018.
+    [2] Hold-Geoffroy et al., Deep outdoor illumination estimation, CVPR 2017.
 """
 
 import math
@@ -24,7 +26,6 @@ from torch import Tensor, nn
 from export.crops.targets import CELL, CELLS
 from export.data.panoramas import DataError
 from export.networks.backbone import Backbone, NetworkOutput, conv_batch_norm, empty_output, load_imagenet
-from export.networks.cvpr2017 import DeepOutdoor
 from lighting.model import PARAMETERS
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
@@ -248,6 +249,41 @@ def fuse_sun_in_view(sun: Tensor, sun_in_view: Tensor, rays: Tensor, cells: Tens
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
 
 
+_CONVOLUTIONS = (  # kernel, channels, stride
+    (7, 64, 2),
+    (5, 128, 2),
+    (3, 256, 2),
+    (3, 256, 1),
+    (3, 256, 2),
+    (3, 256, 1),
+    (3, 256, 2),
+)
+
+
+class _DeepOutdoor(nn.Module):
+    """The baseline: the network of table 1 in [2]; it predicts no light."""
+
+    light: nn.Module | None = None
+
+    def __init__(self, spec: ModelSpec, cells: int) -> None:
+        super().__init__()
+        layers: list[nn.Module] = []
+        inside = 3
+        for kernel, outside, stride in _CONVOLUTIONS:
+            convolved = nn.Conv2d(inside, outside, kernel, stride, kernel // 2, bias=False)
+            layers += [convolved, nn.BatchNorm2d(outside), nn.ELU()]
+            inside = outside
+        self.convolutions = nn.Sequential(*layers, nn.Flatten())
+        features = 256 * math.ceil(spec.height / 32) * math.ceil(spec.width / 32)
+        self.shared = nn.Sequential(nn.Linear(features, 2048, bias=False), nn.BatchNorm1d(2048), nn.ELU())
+        self.sun = nn.Linear(2048, cells)
+        self.values = nn.Linear(2048, len(PARAMETERS))
+
+    def forward(self, photo: Tensor) -> NetworkOutput:
+        shared = self.shared(self.convolutions(photo))
+        return NetworkOutput(self.sun(shared), self.values(shared), *[empty_output(photo)] * 5)
+
+
 def build_network(
     spec: ModelSpec,
     *,
@@ -267,7 +303,7 @@ def build_network(
     """
     cells = len(grid_directions(spec.sun_grid))
     if spec.name == "cvpr2017":
-        return DeepOutdoor(spec, cells)
+        return _DeepOutdoor(spec, cells)
     network = Outdoor(
         spec, cells, has_sun_in_view=has_sun_in_view, has_camera_bins=has_camera_bins, has_surroundings=has_surroundings
     )

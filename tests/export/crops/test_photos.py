@@ -8,15 +8,6 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from export.crops.negatives import (
-    SYNTHETIC_KINDS,
-    TABLE,
-    _synthesize,
-    _Unsuitable,
-    _vary,
-    read_unsuitable,
-    unsuitable_pictures,
-)
 from export.crops.photos import (
     COLUMNS,
     PHOTOS,
@@ -32,6 +23,15 @@ from export.crops.photos import (
     require_photo_rows,
 )
 from export.data.panoramas import DataError
+from export.training.suitability_head import (
+    SYNTHETIC_KINDS,
+    TABLE,
+    _read_unsuitable,
+    _synthesize,
+    _Unsuitable,
+    _unsuitable_pictures,
+    _vary,
+)
 from lighting.color import tone_map
 from lighting.geometry import angles
 from lighting.sun_grid import grid_directions
@@ -142,12 +142,12 @@ CROP = np.tile(np.linspace(20, 220, 224).astype(np.uint8)[None, :, None], (168, 
 def test_listed_pictures_are_read_and_varied(tmp_path: Path) -> None:
     Image.new("RGB", (80, 60), (10, 90, 200)).save(tmp_path / "a.png")
     (tmp_path / TABLE).write_text("file,kind,source\na.png,indoor,somebody/photos:a.png\n", encoding="utf-8")
-    (picture,) = read_unsuitable(tmp_path)
+    (picture,) = _read_unsuitable(tmp_path)
     assert (picture.kind, picture.group) == ("indoor", "somebody/photos")
     variant = _vary(picture.pixels, np.random.default_rng(0), EXAMPLES_SPEC)
     assert variant.shape == (168, 224, 3)
     assert variant[..., 2].mean() > variant[..., 0].mean()
-    assert read_unsuitable(tmp_path / "elsewhere") == []
+    assert _read_unsuitable(tmp_path / "elsewhere") == []
 
 
 @pytest.mark.parametrize("kind", SYNTHETIC_KINDS)
@@ -171,7 +171,7 @@ def test_what_is_made_is_what_it_is_called() -> None:
 def test_every_kind_gets_its_turn() -> None:
     crops = iter([(CROP, source())] * 2 * len(SYNTHETIC_KINDS))
     kinds = [
-        kind for kind, _ in unsuitable_pictures([_Unsuitable("indoor", "somebody", CROP)], crops, 3, EXAMPLES_SPEC)
+        kind for kind, _ in _unsuitable_pictures([_Unsuitable("indoor", "somebody", CROP)], crops, 3, EXAMPLES_SPEC)
     ]
     assert kinds == ["indoor"] * 3 + [*SYNTHETIC_KINDS] * 2
 

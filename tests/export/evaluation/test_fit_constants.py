@@ -13,6 +13,7 @@ from export.evaluation import fit_constants as module
 from export.evaluation.fit_constants import (
     FITS,
     SUN_POWERS,
+    _clustered_error,
     _fit_ground_share,
     _fit_sky_trust,
     _GroundSamples,
@@ -29,7 +30,6 @@ from export.evaluation.fit_constants import (
     _sun_color_errors,
     _SunSample,
 )
-from export.evaluation.metrics import clustered_error
 from lighting.color import luminance
 from lighting.model import Model
 from tests.conftest import encode, scene
@@ -62,8 +62,8 @@ def test_more_crops_of_the_same_places_leave_as_much_doubt() -> None:
     more = _GroundSamples(photo, network, true, cover, one.weather[again], one.place[again])
     assert _fit_ground_share(more) == _fit_ground_share(one)
     error, expected = one.errors(0.0, 0.0), pytest.approx(one.errors(0.0, 0.0).std() / np.sqrt(500))
-    assert clustered_error(error, one.place) == expected
-    assert clustered_error(error[again], more.place) == expected
+    assert _clustered_error(error, one.place) == expected
+    assert _clustered_error(error[again], more.place) == expected
 
 
 def test_errors_are_sizes_in_stops() -> None:

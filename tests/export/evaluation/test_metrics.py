@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from export.evaluation.fit_constants import _clustered_error
 from export.evaluation.metrics import (
     _bootstrap,
     _fov_noticed,
@@ -16,7 +17,6 @@ from export.evaluation.metrics import (
     auc,
     azimuth_error,
     camera_scores,
-    clustered_error,
     difference_interval,
     elevation_error,
     figures_table,
@@ -133,9 +133,9 @@ def test_an_interval_shows_both_ends() -> None:
 def test_places_that_go_together_make_a_share_less_sure() -> None:
     hit = np.array([True, True, False, False])
     apart, in_pairs = np.array(["a", "b", "c", "d"]), np.array(["a", "a", "b", "b"])
-    assert clustered_error(hit, apart) == pytest.approx(0.25)
-    assert clustered_error(hit, in_pairs) == pytest.approx(0.5**1.5)
-    assert clustered_error(hit, np.array(["a"] * 4)) == pytest.approx(0.0)
+    assert _clustered_error(hit, apart) == pytest.approx(0.25)
+    assert _clustered_error(hit, in_pairs) == pytest.approx(0.5**1.5)
+    assert _clustered_error(hit, np.array(["a"] * 4)) == pytest.approx(0.0)
 
 
 def test_the_best_constant_beats_other_constants() -> None:

@@ -20,10 +20,10 @@ from export.networks.onnx_export import (
     MIN_BYTES,
     ROUNDED_TOLERANCE,
     _Ensemble,
+    _flatten_pointwise,
     _merge_equal_nodes,
     _parity,
     _save_graph,
-    flatten_pointwise,
     store_small,
     write_onnx,
 )
@@ -135,7 +135,7 @@ def test_large_pointwise_convolutions_run_along_one_axis_and_answer_alike_in_eve
     network = _model(nodes, tensors, ["B", LONG, 7, 7])
     x = RNG.normal(size=(2, LONG, 7, 7)).astype(np.float32)
     before = answer(network, x)
-    flatten_pointwise(network)
+    _flatten_pointwise(network)
     order = [node.op_type for node in network.graph.node]
     assert order == ["Reshape", "Conv", "Clip", "Reshape", "Conv", "Reshape", "Conv", "Reshape"]
     axes = {t.name: len(t.dims) for t in network.graph.initializer}
