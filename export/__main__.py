@@ -166,7 +166,7 @@ def _suitable(runs: tuple[Path, ...], data: Path, labels: Path) -> None:
 
 @export_cli.command("segments")
 @_data
-@_option("--out", "ONNX file to write, named segments-VERSION.onnx.", FILE, "runs/segments-1.0.0.onnx")
+@_option("--out", "ONNX file to write, named segments-VERSION.onnx.", FILE, "runs/segments-1.1.0.onnx")
 @_flag("--cross-validate", "Write nothing; print what such networks find on groups that they never saw.")
 def _segments(data: Path, out: Path, cross_validate: bool) -> None:
     """Train the network that says what each part of a photo shows; three minutes on two cores."""

@@ -34,7 +34,7 @@ _ROOM = 2  # cells beside a lit spot that are to be so, too
 
 _ROWS = 72  # of the picture in which the spot is sought
 _MIN_GROUND = 0.5  # probability from which a cell counts as ground
-_MIN_SUPPORT = 0.5  # probability of ground under a ball
+_MIN_SUPPORT = 0.55  # probability of ground under a ball
 _MIN_ROW_SUPPORT = 0.1  # the same under each of three of them side by side
 _FOOT_HEIGHT = 0.7  # radii over and under a foot that must show ground
 _LATERAL_COST = 0.15  # of probability that one is ready to lose for the picture's whole width

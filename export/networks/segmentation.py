@@ -5,6 +5,8 @@ mean, see the whole scene. The stages keep their ImageNet weights, for the label
 learns.
 """
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +22,7 @@ from lighting.segmentation import CELL_PIXELS, INPUT_SIZE, Segmenter, SurfaceCla
 MEAN, STD = 127.0, 128.0  # of the input's sRGB values, as the ImageNet weights expect them
 
 _MIDDLE, _DEEP = Backbone.MIDDLE_BLOCKS, 13  # blocks after which maps are 1/16 and 1/32 of the picture
-_WIDTH = 128  # channels of the head
+_WIDTH = 128  # channels of a head
 _CHANNELS = {"middle": 112, "deep": 192}
 _MIN_BYTES = 20_000  # elements of a tensor that is stored as bytes with scales
 _TOLERANCE = 0.1  # of a probability, largest difference between torch and onnxruntime: weights are stored small
@@ -32,7 +34,13 @@ _DROP = 0.2  # share of the head's channels that training leaves out
 class SegmentationNetwork(nn.Module):
     """Logits (B, classes, H / 16, W / 16) of pictures (B, H, W, 3) in 8-bit sRGB."""
 
-    def __init__(self, *, pretrained: bool = True) -> None:
+    def __init__(self, *, pretrained: bool = True, width: int = _WIDTH) -> None:
+        """Make a network to train.
+
+        Args:
+            pretrained: whether its stages have their ImageNet weights.
+            width: channels of the head.
+        """
         super().__init__()
         backbone = Backbone(drop_path=0.0)
         if pretrained:
@@ -42,10 +50,11 @@ class SegmentationNetwork(nn.Module):
         self.middle = nn.Sequential(*blocks[:_MIDDLE])
         self.deep = nn.Sequential(*blocks[_MIDDLE:_DEEP])
         self.features_drop = nn.Dropout(_FEATURES_DROP)
-        self.near = conv_batch_norm(_CHANNELS["middle"], _WIDTH, 1)
-        self.far = conv_batch_norm(_CHANNELS["deep"], _WIDTH, 1)
-        self.whole = nn.Linear(_CHANNELS["deep"], _WIDTH)
-        self.classes = nn.Sequential(nn.Dropout2d(_DROP), nn.Conv2d(_WIDTH, len(SurfaceClass), 1))
+        self.near = conv_batch_norm(_CHANNELS["middle"], width, 1)
+        self.far = conv_batch_norm(_CHANNELS["deep"], width, 1)
+        self.whole = nn.Linear(_CHANNELS["deep"], width)
+        self.drop = nn.Dropout2d(_DROP)
+        self.classes = nn.Conv2d(width, len(SurfaceClass), 1)
         for part in self._frozen():
             part.requires_grad_(False)
 
@@ -79,11 +88,48 @@ class SegmentationNetwork(nn.Module):
         middle, deep = self.features_drop(middle), self.features_drop(deep)
         far = nn.functional.interpolate(self.far(deep), size=middle.shape[2:], mode="bilinear", align_corners=False)
         x = nn.functional.relu6(self.near(middle) + far + self.whole(deep.mean(dim=(2, 3)))[..., None, None])
-        logits: Tensor = self.classes(x)
+        logits: Tensor = self.classes(self.drop(x))
         return logits
 
     def forward(self, pictures: Tensor) -> Tensor:
         return self.classify(*self.frozen_features(pictures))
+
+
+def join_heads(networks: Sequence[SegmentationNetwork], shares: Sequence[float]) -> SegmentationNetwork:
+    """Return one network whose logits are a weighted mean of those of networks with the same frozen stages.
+
+    Args:
+        networks: trained.
+        shares: of the networks, which sum to 1.
+    """
+    states = [network.state_dict() for network in networks]
+    joined = dict(states[0])
+    for name, value in states[0].items():
+        if name.startswith(("near.", "far.", "whole.")) and value.ndim:
+            joined[name] = torch.cat([state[name] for state in states])
+    joined["classes.weight"] = torch.cat(
+        [share * state["classes.weight"] for share, state in zip(shares, states, strict=True)], dim=1
+    )
+    joined["classes.bias"] = torch.stack(
+        [share * state["classes.bias"] for share, state in zip(shares, states, strict=True)]
+    ).sum(dim=0)
+    network = SegmentationNetwork(pretrained=False, width=joined["whole.bias"].numel())
+    network.load_state_dict(joined)
+    return network.eval()
+
+
+def raise_odds(network: SegmentationNetwork, kind: SurfaceClass, factor: float) -> None:
+    """Make a class likelier everywhere.
+
+    Args:
+        network: changed in place.
+        kind: the class.
+        factor: by which its odds against each other class grow.
+    """
+    bias = network.classes.bias
+    assert bias is not None
+    with torch.no_grad():
+        bias[kind] += math.log(factor)
 
 
 class _Probabilities(nn.Module):

@@ -16,17 +16,17 @@ from torch import Tensor, nn
 
 from export.crops.augmentation import recompress
 from export.data.panoramas import DataError, read_table
-from export.networks.segmentation import SegmentationNetwork, write_segmentation_onnx
+from export.networks.segmentation import SegmentationNetwork, join_heads, raise_odds, write_segmentation_onnx
 from lighting.geometry import Floats
 from lighting.photo.reader import read_photo
 from lighting.segmentation import CELL_PIXELS, INPUT_SIZE, SurfaceClass
 
 TABLE = "ground.csv"
+_MORE = Path(__file__).parents[1] / "data" / "ground_more.csv"  # grids of photos of `train`
 LETTERS = "GUWTBVPOMS"  # of the grid, in the order of SurfaceClass
 
 _COLUMNS = ("file", "split", "columns", "rows", "grid", "weak", "panorama")
 _VARIANTS = 6  # of each picture
-_WHOLE = 2  # times that each picture counts as it is, besides
 _EPOCHS = 2.5  # over all variants
 _BATCH = 16
 _LEARNING_RATE = 2e-3
@@ -39,6 +39,8 @@ _SAMPLES = 4  # of a grid, each way in a cell of the network
 _BLUR = 0.2  # of a cell's label that it has from its neighbours: edges are uncertain by one class
 _RARITY_POWER = 0.15  # of a class's share by which its cells count more
 _GROUND_WEIGHT = 1.0  # of the loss of ground against the rest
+_MORE_SHARE = 0.65  # of the head that more pictures taught; the other learned from the table alone
+_GROUND_ODDS = 1.7  # by which ground is likelier than trained: the further pictures show less of it than photos do
 _FOLDS = 4
 
 
@@ -65,6 +67,17 @@ def read_labelled_pictures(folder: Path, split: str) -> list[LabelledPicture]:
     groups = _groups(folder)
     rows = [row for row in read_table(folder / TABLE, _COLUMNS) if row["split"] == split]
     return [_picture(folder, row, groups) for row in rows]
+
+
+def read_more_pictures(folder: Path) -> list[LabelledPicture]:
+    """The pictures of the folder whose grids lie beside this program; they may train, and judge nothing.
+
+    Args:
+        folder: with the tables of photos, and the pictures.
+    """
+    groups = _groups(folder)
+    rows = [row for row in read_table(_MORE, ("file", "columns", "rows", "grid")) if (folder / row["file"]).exists()]
+    return [_picture(folder, row | {"weak": "", "panorama": ""}, groups) for row in rows]
 
 
 def _groups(folder: Path) -> dict[str, str]:
@@ -118,9 +131,12 @@ def _vary_picture(picture: LabelledPicture, rng: np.random.Generator) -> tuple[N
     part = Image.fromarray(picture.pixels).resize(size, Image.Resampling.BOX, box=(left, top, right, bottom))
     target = _cell_shares(picture.grid, first, shares, (size[1] // CELL_PIXELS, size[0] // CELL_PIXELS))
     pixels = _vary_light(np.asarray(part), rng)
-    if rng.random() < 0.5:
-        return np.ascontiguousarray(pixels[:, ::-1]), np.ascontiguousarray(target[:, ::-1])
-    return pixels, target
+    return _mirror(pixels, target) if rng.random() < 0.5 else (pixels, target)
+
+
+def _mirror(pixels: NDArray[np.uint8], target: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+    """The mirror images of a picture (H, W, 3) and of the shares in its cells (h, w, classes)."""
+    return np.ascontiguousarray(pixels[:, ::-1]), np.ascontiguousarray(target[:, ::-1])
 
 
 def _whole_picture(picture: LabelledPicture) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
@@ -161,11 +177,12 @@ def _vary_light(pixels: NDArray[np.uint8], rng: np.random.Generator) -> NDArray[
 
 
 def _make_variants(network: SegmentationNetwork, pictures: Sequence[LabelledPicture], seed: int) -> list[_Variant]:
-    """_VARIANTS and _WHOLE of each picture but the weak ones."""
+    """_VARIANTS of each picture but the weak ones, the picture as it is, and its mirror image."""
     rng = np.random.default_rng(seed)
     sure = [picture for picture in pictures if not picture.weak]
     varied = [_vary_picture(picture, rng) for picture in sure for _ in range(_VARIANTS)]
-    varied += [_whole_picture(picture) for picture in sure for _ in range(_WHOLE)]
+    whole = [_whole_picture(picture) for picture in sure]
+    varied += whole + [_mirror(*picture) for picture in whole]
     made: dict[int, _Variant] = {}
     for shape in {pixels.shape for pixels, _ in varied}:
         numbers = [number for number, (pixels, _) in enumerate(varied) if pixels.shape == shape]
@@ -249,20 +266,30 @@ def train_segmentation(data: Path, out: Path) -> str:
     Raises:
         DataError: a table is missing, or a grid cannot be read.
     """
-    pictures = read_labelled_pictures(data, "train")
-    network = _train(pictures)
+    pictures, more = read_labelled_pictures(data, "train"), read_more_pictures(data)
+    network = _train(pictures, more)
     version = out.stem.rpartition("-")[2]
     source = "pictures with grids of what they show, most with no stated licence"
-    described = f"from ImageNet weights, {len(pictures)} {source}"
+    described = f"from ImageNet weights, {len(pictures) + len(more)} {source}"
     metadata = {"name": "segments", "version": version, "license": "Apache-2.0", "training_data": described}
     difference = write_segmentation_onnx(network, out, metadata)
     return f"{out}: {out.stat().st_size / 1e6:.2f} MB, largest difference to torch {difference:.2f}"
 
 
-def _train(pictures: Sequence[LabelledPicture]) -> SegmentationNetwork:
+def _train(pictures: Sequence[LabelledPicture], more: Sequence[LabelledPicture]) -> SegmentationNetwork:
+    """A network whose head joins two: one learned from the table's pictures, one from all."""
+    stages = SegmentationNetwork().eval()
+    variants, further = _make_variants(stages, pictures, seed=1), _make_variants(stages, more, seed=2)
+    heads = [_train_head(variants)] + ([_train_head([*variants, *further])] if more else [])
+    network = join_heads(heads, (1 - _MORE_SHARE, _MORE_SHARE) if more else (1.0,))
+    raise_odds(network, SurfaceClass.GROUND, _GROUND_ODDS if more else 1.0)
+    return network
+
+
+def _train_head(variants: Sequence[_Variant]) -> SegmentationNetwork:
     torch.manual_seed(1)
     network = SegmentationNetwork().eval()
-    _fit(network, _make_variants(network, pictures, seed=1))
+    _fit(network, variants)
     return network
 
 
@@ -273,10 +300,11 @@ def cross_validate(data: Path) -> str:
         data: folder with `ground.csv`.
     """
     pictures = [picture for picture in read_labelled_pictures(data, "train") if not picture.weak]
-    folds = _folds(pictures)
+    more, folds = read_more_pictures(data), _folds(pictures)
     ground, right, cells = np.zeros(2), 0, 0
     for fold in range(_FOLDS):
-        network = _train([p for p, number in zip(pictures, folds, strict=True) if number != fold])
+        unseen = {picture.group for picture, number in zip(pictures, folds, strict=True) if number == fold}
+        network = _train(*([p for p in some if p.group not in unseen] for some in (pictures, more)))
         for picture in (p for p, number in zip(pictures, folds, strict=True) if number == fold):
             shares = _predict_grid(network, picture.pixels, (len(picture.grid), picture.grid.shape[1]))
             found, true = shares[..., SurfaceClass.GROUND] > 0.5, picture.grid == SurfaceClass.GROUND

@@ -8,8 +8,8 @@ import torch
 from PIL import Image
 
 import export.training.segmentation as segmentation
-from export.data.panoramas import DataError
-from export.networks.segmentation import SegmentationNetwork
+from export.data.panoramas import DataError, read_table
+from export.networks.segmentation import SegmentationNetwork, join_heads, raise_odds
 from export.reports.ground import _describe_answers, _GroundAnswer
 from export.training.segmentation import LabelledPicture, _predict_grid, _vary_picture, read_labelled_pictures
 from lighting.segmentation import Segmenter, SurfaceClass
@@ -41,6 +41,24 @@ def test_pictures_are_read_with_their_grids_and_groups(tmp_path: Path) -> None:
     assert one.grid[8, [0, 11]].tolist() == [SurfaceClass.GROUND, SurfaceClass.WATER]
     (val,) = read_labelled_pictures(tmp_path, "val")
     assert val.group == "c.png"
+
+
+def test_more_pictures_are_those_that_the_folder_has(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    labelled(tmp_path)
+    table = tmp_path / "more.csv"
+    table.write_text(f"file,columns,rows,grid\nb.png,12,9,{GRID}\nmissing.png,12,9,{GRID}\n")
+    monkeypatch.setattr(segmentation, "_MORE", table)
+    (picture,) = segmentation.read_more_pictures(tmp_path)
+    assert (picture.group, picture.weak, picture.grid.shape) == ("anna", False, (9, 12))
+
+
+def test_the_grids_that_lie_beside_the_program_are_whole() -> None:
+    rows = read_table(segmentation._MORE, ("file", "columns", "rows", "grid"))
+    assert len(rows) == len({row["file"] for row in rows}) == 132
+    for row in rows:
+        lines = row["grid"].split("/")
+        assert (len(lines), {len(line) for line in lines}) == (int(row["rows"]), {int(row["columns"])})
+        assert set(row["grid"]) <= {*segmentation.LETTERS, "/"}
 
 
 @pytest.mark.parametrize("grid", ["SSS", GRID.replace("W", "X"), GRID[:-1]])
@@ -89,6 +107,22 @@ def test_predictions_are_probabilities_of_a_grid() -> None:
     shares = _predict_grid(network, np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
     assert shares.shape == (12, 9, 10)
     assert shares.sum(axis=2) == pytest.approx(1.0)
+
+
+def test_joined_heads_answer_with_the_mean_of_their_logits() -> None:
+    torch.manual_seed(0)
+    one, other = (SegmentationNetwork(pretrained=False).eval() for _ in range(2))
+    for stage in ("stem", "middle", "deep"):
+        getattr(other, stage).load_state_dict(getattr(one, stage).state_dict())
+    picture = torch.randint(0, 256, (1, 64, 96, 3), dtype=torch.uint8)
+    joined = join_heads([one, other], [0.3, 0.7])
+    with torch.inference_mode():
+        mean = 0.3 * one(picture) + 0.7 * other(picture)
+        assert torch.allclose(joined(picture), mean, atol=1e-4)
+        raise_odds(joined, SurfaceClass.WATER, 2.0)
+        assert torch.allclose(
+            (joined(picture) - mean)[0, :, 0, 0], 0.6931 * torch.eye(10)[SurfaceClass.WATER], atol=1e-3
+        )
 
 
 def test_the_report_counts_spots_refusals_and_cells() -> None:
