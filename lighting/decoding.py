@@ -13,7 +13,7 @@ from lighting.fields import clip_color, clip_to_range, round_significant
 from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
 from lighting.sky import PAINTED_SKY
-from lighting.sky.hosek_wilkie import sun_radiance
+from lighting.sky.clear_sky import sun_radiance
 from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions
 
 _CANDIDATE_CELLS = 64  # the likeliest; only they may be the answer, so that it never lies between two modes

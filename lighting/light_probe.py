@@ -27,7 +27,7 @@ from lighting.fields import describe_fields, round_all, round_significant
 from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
 from lighting.records import Json, Lighting, check_lighting
 from lighting.sky import SKY_MODEL
-from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
+from lighting.sky.clear_sky import CIE_Y_INTEGRAL
 
 COUNT = 9  # of functions
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions

@@ -29,7 +29,7 @@ from lighting.fields import (
 )
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
-from lighting.sky.hosek_wilkie import sky_coefficients
+from lighting.sky.clear_sky import sky_coefficients
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe

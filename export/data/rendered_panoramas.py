@@ -23,7 +23,7 @@ from lighting.geometry import (
     ray_sphere,
 )
 from lighting.records import GROUND_ALBEDO
-from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_radiance
+from lighting.sky.clear_sky import SUN_SOLID_ANGLE, sky_radiance, sun_radiance
 
 _MIN_DISTANCE = 1e-3  # m, that counts as a hit
 _CAMERA_HEIGHT = 1.7  # m above the ground, the plane y = 0

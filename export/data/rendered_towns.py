@@ -25,7 +25,7 @@ from lighting.envmap.render import render
 from lighting.files.exr import write_exr
 from lighting.geometry import Floats, Pinhole, camera_directions, direction, latlong_directions
 from lighting.records import Lighting
-from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sun_radiance
+from lighting.sky.clear_sky import SUN_SOLID_ANGLE, sun_radiance
 
 HEIGHT = 256  # rows of the map that lights a place
 _EXPOSURE = 0.02  # of sky radiance; crops are exposed anew

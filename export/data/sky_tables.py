@@ -9,8 +9,8 @@ from the installed `mitsuba` package.
 
 prague.f16 is made of the data set of the Prague sky model [1, 2], which is read in full here. It gives the radiance of
 each of its skies (visibility, sun, wavelength) as a sum of products. Their factors are functions of the angle from the
-sun and of that from the zenith. The table has the skies in RGB: log2 radiance at the nodes of lighting/sky/prague.py,
-as a product of two matrices. Between its suns the set is read at pairs of angles that no direction has under either
+sun and of that from the zenith. The table has the skies in RGB: log2 radiance at the nodes of
+lighting/sky/clear_sky.py, as a product of two matrices. Between its suns the set is read at pairs of angles that no direction has under either
 sun. Some of these hold noise, which shows as coloured arcs. There the table continues what can be seen.
 
 References:
@@ -31,8 +31,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from lighting.geometry import Floats, angle_between, angles
-from lighting.sky.hosek_wilkie import CIE_Y_INTEGRAL
-from lighting.sky.prague import RANK, SUN_ANGLES, SUN_ELEVATIONS, VISIBILITIES, ZENITH_ANGLES
+from lighting.sky.clear_sky import CIE_Y_INTEGRAL, RANK, SUN_ANGLES, SUN_ELEVATIONS, VISIBILITIES, ZENITH_ANGLES
 
 HOSEK_WILKIE_TABLE = Path(__file__).parents[2] / "lighting" / "data" / "hosek_wilkie.f32"
 _FIELDS = {  # name in Mitsuba's file: name in ours, with the meaning of the axes
@@ -161,7 +160,7 @@ class _Reader:
 def _read_sky(
     data: _PragueData, direction: ArrayLike, sun_direction: ArrayLike, visibility: float, *, rgb: Floats | None = None
 ) -> Floats:
-    """Sky radiance (N, 3) in linear Rec.709 by the data set itself, in the units of lighting/sky/hosek_wilkie.py.
+    """Sky radiance (N, 3) in linear Rec.709 by the data set itself, in the units of lighting/sky/clear_sky.py.
 
     Args:
         data: the set.
@@ -245,7 +244,7 @@ def _make_prague_table(data: _PragueData) -> NDArray[np.float16]:
     """The table (V, E, 3, S + Z, RANK): of each sky and channel the factors of log2 radiance by angle.
 
     Args:
-        data: the set, of the visibilities and suns that lighting/sky/prague.py names.
+        data: the set, of the visibilities and suns that lighting/sky/clear_sky.py names.
     """
     if not (
         np.allclose(data.visibilities, VISIBILITIES) and np.allclose(data.sun_elevations, SUN_ELEVATIONS, atol=0.01)

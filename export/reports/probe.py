@@ -24,7 +24,7 @@ from lighting.probe.bracket import clipped_mask, make_bracket
 from lighting.probe.develop import BracketSettings, Moment, Scan, make_probe, yaw_rotation
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens, resample_to_latlong, unproject_from_lens
 from lighting.records import Lighting
-from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
+from lighting.sky.clear_sky import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.solar_position import sun_position
 
 BRACKET_TIMES = tuple(float(time) for time in np.geomspace(1 / 8000, 1, 7))  # s

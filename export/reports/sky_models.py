@@ -17,8 +17,7 @@ from export.evaluation.metrics import Bools, figures_table
 from lighting.color import luminance
 from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance
 from lighting.geometry import Floats, angle_between, direction, latlong_directions
-from lighting.sky.hosek_wilkie import sky_radiance
-from lighting.sky.prague import prague_radiance
+from lighting.sky.clear_sky import prague_radiance, sky_radiance
 
 BANDS = ((0.0, 10.0), (10.0, 25.0), (25.0, 90.0))  # of the sun's elevation, deg
 TURBIDITIES = (2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)

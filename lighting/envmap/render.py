@@ -40,7 +40,7 @@ from lighting.geometry import (
 )
 from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
-from lighting.sky.hosek_wilkie import (
+from lighting.sky.clear_sky import (
     CIE_Y_INTEGRAL,
     sky_gradation,
     sky_lobe,

@@ -50,7 +50,7 @@ from lighting.probe.fisheye import (
 )
 from lighting.probe.sky_fit import Mask, SkyFit, SunBlob, find_sun_blob, fit_sky
 from lighting.records import GROUND_ALBEDO, Lighting
-from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.clear_sky import sky_radiance
 from lighting.solar_position import sun_position
 
 MAX_STOPS = 40.0  # of a filter; one for the sun has 17

@@ -26,7 +26,7 @@ from lighting.geometry import (
     wrap_azimuth,
 )
 from lighting.records import GROUND_ALBEDO, Json
-from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.clear_sky import sky_radiance
 
 Mask = NDArray[np.bool_]
 

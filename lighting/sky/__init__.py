@@ -50,19 +50,19 @@ class SkyModel:
 
 
 def _hosek_wilkie(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
-    from lighting.sky.hosek_wilkie import sky_radiance
+    from lighting.sky.clear_sky import sky_radiance
 
     return sky_radiance(direction, sun_direction, weather.turbidity, weather.ground_albedo)
 
 
 def _prague(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
-    from lighting.sky.prague import prague_radiance
+    from lighting.sky.clear_sky import prague_radiance
 
     return prague_radiance(direction, sun_direction, weather.turbidity)
 
 
 def _prague_by_angles(zenith: "Floats", sun: "Floats", sun_elevation: float, weather: Weather) -> "Floats":
-    from lighting.sky.prague import prague_by_angles
+    from lighting.sky.clear_sky import prague_by_angles
 
     return prague_by_angles(zenith, sun, sun_elevation, weather.turbidity)
 

@@ -24,7 +24,7 @@ from lighting.envmap.latlong import remove_sun, row_irradiance
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions, latlong_solid_angle
 from lighting.records import GROUND_ALBEDO
-from lighting.sky.hosek_wilkie import sky_radiance, sun_disc_points, sun_disc_radiance
+from lighting.sky.clear_sky import sky_radiance, sun_disc_points, sun_disc_radiance
 from lighting.sky.perez import overcast_luminance
 from lighting.solar_position import sun_position
 

@@ -27,7 +27,7 @@ from lighting.records import (
     unwrap_record,
     warning_code,
 )
-from lighting.sky.hosek_wilkie import sky_coefficients
+from lighting.sky.clear_sky import sky_coefficients
 from tests.conftest import TINY
 
 LIGHT = Lighting(sun_azimuth=-41.2, sun_elevation=33.0, turbidity=3.4, exposure=0.02, ground_albedo=0.2)

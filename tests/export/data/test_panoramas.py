@@ -25,7 +25,7 @@ from export.data.rendered_panoramas import _blocked, _Things, _write_dataset, re
 from lighting.color import luminance
 from lighting.geometry import direction, latlong_directions, latlong_pixel
 from lighting.records import GROUND_ALBEDO
-from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.clear_sky import sky_radiance
 from tests.helpers.panoramas import ROW, write_index
 
 PATCH_HEADER = "name,sun,sun_azimuth,sun_elevation,sun_uncertainty,direct,reason"

@@ -18,7 +18,7 @@ from export.data.sky_tables import (
     _rgb_weights,
 )
 from lighting.geometry import Floats, direction
-from lighting.sky.prague import SUN_ANGLES, SUN_ELEVATIONS, VISIBILITIES, ZENITH_ANGLES
+from lighting.sky.clear_sky import SUN_ANGLES, SUN_ELEVATIONS, VISIBILITIES, ZENITH_ANGLES
 
 CHANNELS = 10
 

@@ -38,7 +38,7 @@ from lighting.probe.develop import (
 )
 from lighting.probe.fisheye import make_lens
 from lighting.records import GROUND_ALBEDO
-from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.clear_sky import sky_radiance
 from lighting.sky.perez import general_luminance, overcast_luminance
 
 RAMP = np.linspace(1e-4, 1.0, 300, dtype=np.float32).reshape(10, 10, 3)

@@ -23,7 +23,7 @@ from lighting.color import tone_map
 from lighting.envmap.detail_library import LIBRARY_PATH
 from lighting.geometry import direction, latlong_directions
 from lighting.model import Model
-from lighting.sky.prague import prague_radiance
+from lighting.sky.clear_sky import prague_radiance
 from tests.helpers.predictions import SHADED_GROUND, SUNLIT_GROUND, stated_light
 
 LIGHT = stated_light(40.0, camera_elevation=0.0)

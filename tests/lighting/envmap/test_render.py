@@ -47,7 +47,7 @@ from lighting.geometry import (
 )
 from lighting.records import Lighting, record_with_coefficients
 from lighting.sky import SKY_MODELS, Weather, sky_shape
-from lighting.sky.hosek_wilkie import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
+from lighting.sky.clear_sky import SUN_SOLID_ANGLE, sky_radiance, sun_disc_points, sun_disc_radiance, sun_radiance
 from lighting.sky.perez import lalonde_matthews_sun
 from tests.conftest import scene
 from tests.helpers.predictions import GROUND_COLOR, SKY_IRRADIANCE, SUN_IRRADIANCE, model_light, stated_light

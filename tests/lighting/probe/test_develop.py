@@ -43,7 +43,7 @@ from lighting.probe.develop import (
 from lighting.probe.fisheye import Lens, make_lens, project_to_lens
 from lighting.probe.sky_fit import find_sun_blob
 from lighting.records import Lighting
-from lighting.sky.hosek_wilkie import sky_radiance
+from lighting.sky.clear_sky import sky_radiance
 
 MORNING = Moment(SKY_DAY, *SKY_PLACE)
 SIDE = 200

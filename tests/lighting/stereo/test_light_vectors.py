@@ -10,7 +10,7 @@ from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.errors import EnvironmentMapError, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, direction, latlong_directions
 from lighting.records import Lighting
-from lighting.sky.hosek_wilkie import sun_disc_points
+from lighting.sky.clear_sky import sun_disc_points
 from lighting.stereo.light_vectors import (
     Skies,
     _broken_skies,
