@@ -49,7 +49,7 @@ from benchmarks.common import (
 from export.data.panoramas import DataError
 from export.data.rendered_towns import find_llvm
 from lighting.calibration import MAX_SIDE, calibrate_from_lines
-from lighting.envmap.latlong import size_in_envmap
+from lighting.envmap.projection import size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, photo_context_for_height, render_with_surroundings
 from lighting.estimator import Estimator

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
-from lighting.envmap.latlong import photo_camera
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import shadow_receivers, stands_in_sun
 from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole

@@ -13,7 +13,7 @@ from PIL import Image
 
 import lighting.geometry as geometry
 from lighting import Estimate, estimate, read_photo
-from lighting.envmap.latlong import photo_camera
+from lighting.envmap.projection import photo_camera
 from lighting.ground import object_radius
 from lighting.preview.drawing import WHITE, TextStyle, display_srgb, draw_suns, draw_text, sun_mark_color
 from lighting.preview.spheres import (

@@ -10,8 +10,9 @@ from the installed `mitsuba` package.
 prague.f16 is made of the data set of the Prague sky model [1, 2], which is read in full here. It gives the radiance of
 each of its skies (visibility, sun, wavelength) as a sum of products. Their factors are functions of the angle from the
 sun and of that from the zenith. The table has the skies in RGB: log2 radiance at the nodes of
-lighting/sky/clear_sky.py, as a product of two matrices. Between its suns the set is read at pairs of angles that no direction has under either
-sun. Some of these hold noise, which shows as coloured arcs. There the table continues what can be seen.
+lighting/sky/clear_sky.py, as a product of two matrices. Between its suns the set is read at pairs of angles that no
+direction has under either sun. Some of these hold noise, which shows as coloured arcs. There the table continues what
+can be seen.
 
 References:
     [1] Wilkie et al., A Fitted Radiance and Attenuation Model for Realistic Atmospheres, SIGGRAPH 2021.

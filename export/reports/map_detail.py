@@ -23,7 +23,8 @@ from export.evaluation.metrics import figures_table
 from lighting.color import luminance, tone_map
 from lighting.envmap.detail import DetailSource, PhotoFeatures
 from lighting.envmap.detail_library import LIBRARY_PATH, cheapest_choice, choice_costs
-from lighting.envmap.latlong import project_photo, shrink_envmap
+from lighting.envmap.latlong import shrink_envmap
+from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import rotate_envmap
 from lighting.envmap.surroundings import PhotoContext, describe_place, render_with_surroundings
 from lighting.estimator import Estimator

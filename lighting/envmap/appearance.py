@@ -4,14 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
-from lighting.envmap.latlong import (
-    CLIPPED,
-    EPSILON_IRRADIANCE,
-    irradiance_from_rows,
-    max_channel,
-    row_irradiance,
-    sample_photo,
-)
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, irradiance_from_rows, max_channel, row_irradiance
+from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.geometry import Floats, sample_latlong
 from lighting.records import Lighting

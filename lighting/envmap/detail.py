@@ -28,20 +28,16 @@ from lighting.envmap.detail_library import (
     feature_weights,
 )
 from lighting.envmap.latlong import (
-    CLIPPED,
     Image,
-    PhotoProjection,
-    ProjectedPhoto,
     column_blocks,
-    continue_photo,
     fits_block,
     interpolate_cells,
     max_channel,
     multiply_cells,
-    sample_photo,
     shrink_blocks,
     shrink_envmap,
 )
+from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, continue_photo, sample_photo
 from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.segmentation import Segments

@@ -1,4 +1,4 @@
-"""Lat-long images: row weights, irradiance, resize, blur, remove sun; their cubemaps; where a photo lies in one.
+"""Lat-long images: row weights, irradiance, resize, blur, remove sun; and their cubemaps.
 
 Faces of a cubemap are in the order +X, -X, +Y, -Y, +Z, -Z, with the rows and columns of OpenGL's: seen from outside, as
 all graphics interfaces have them. Mirror images at several roughnesses are those of GGX.
@@ -10,25 +10,19 @@ References:
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-import lighting.geometry as geometry
-from lighting.color import SRGB_LINEAR
 from lighting.geometry import (
     SUN_RADIUS,
     Floats,
-    Pinhole,
     angle_between,
     latlong_directions,
     latlong_solid_angle,
     sample_latlong,
 )
-from lighting.records import Lighting
-from lighting.segmentation import Segments, SurfaceClass, class_share
 
 Image = NDArray[np.float32]
 
@@ -38,19 +32,6 @@ _BLOCK_PIXELS = 1 << 20  # of a map that are worked on at once, where much is co
 _BLOCK_STEP = 64  # columns of which blocks are multiples, so that products of matrices keep their bits
 
 EPSILON_IRRADIANCE = 1e-12  # irradiance, radiance or exposure that stands for none in a divisor
-
-FEATHER = 0.15  # share of the picture's half width and half height over which it fades into its surroundings
-CLIPPED = 0.95  # linear value from which a pixel may have been brighter
-
-# How far a photo goes on beyond its edges, as its own mirror image, in shares of its half width and half height.
-_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM = 0.4, 0.2, 0.4
-
-_MAX_ONCE = 0.15  # probability of a person or a vehicle up to which a cell may be seen twice
-_MIN_UPWARD = 0.5  # probability of plants or sky from which a cell goes on upwards
-
-_SAMPLED_SIDE = 96  # pixels along the longer side at which a photo's colors are sampled
-_WINDOW_ROWS = 48  # rows of a map in which the photo's window is sought
-_MAX_SIDE = 2048  # pixels of the photo's longer side
 
 
 @lru_cache(maxsize=16)
@@ -93,10 +74,10 @@ def irradiance_from_rows(levels: Floats, rows: Image) -> Floats:
         levels: (R,) the `row_irradiance` of these rows.
         rows: (R, W, 3) linear radiance.
     """
-    return np.asarray(_irradiance_by_columns(levels, rows).mean(axis=0, dtype=np.float64))
+    return np.asarray(irradiance_by_columns(levels, rows).mean(axis=0, dtype=np.float64))
 
 
-def _irradiance_by_columns(levels: Floats, rows: Image) -> Image:
+def irradiance_by_columns(levels: Floats, rows: Image) -> Image:
     """Irradiance (W, 3) of level ground by some rows of a map, were all its columns as one.
 
     Args:
@@ -390,272 +371,3 @@ def _blur_ggx(image: Image, alpha: float) -> Image:
         return np.asarray(density * np.maximum(cosine, 0), dtype=np.float32)
 
     return _convolve_envmap(image, lobe)
-
-
-# A photo in a map.
-
-
-@dataclass(frozen=True, eq=False)
-class ProjectedPhoto:
-    """A photo in some rows and columns of a map."""
-
-    rows: slice
-    """Of the map, from 0, that this reaches."""
-    columns: slice
-    """Of the map, from 0, that this reaches."""
-    linear: Image
-    """Linear, (R, C, 3)."""
-    weight: NDArray[np.float32]
-    """(R, C) 1 inside the photo, 0 outside it."""
-    share: NDArray[np.float32]
-    """(R, C) 1 inside the photo, 0 where its mirror image no longer goes on."""
-
-    def over(self, image: Image, gain: float) -> "ProjectedPhoto":
-        """The same times a gain. Where the photo is clipped and the map brighter, the map's value counts.
-
-        Args:
-            image: (H, 2H, 3) the map.
-            gain: over 0.
-        """
-        clipped = max_channel(self.linear) > CLIPPED
-        linear = self.linear * np.float32(gain)
-        np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
-        return replace(self, linear=linear)
-
-
-@dataclass(frozen=True, eq=False)
-class PhotoProjection:
-    """Where a photo lies in a map. Its pixels there are found for a block of columns at a time."""
-
-    rows: slice
-    """Of the map, from 0, that the photo reaches."""
-    columns: slice
-    """Of the map, from 0, that the photo reaches."""
-    height: int
-    """Rows of the map."""
-    picture: NDArray[np.uint8]
-    """(h, w, 3) sRGB, at about the map's resolution."""
-    camera: Pinhole
-    """Of the picture."""
-    continued: bool
-    """Whether it goes on beyond its edges as its own mirror image."""
-    segments: Segments | None
-    """What the photo shows; None: unknown."""
-
-    def reaches(self, rows: slice) -> bool:
-        """Whether it lies in some rows of the map.
-
-        Args:
-            rows: of the map.
-        """
-        return bool(max(self.rows.start, rows.start) < min(self.rows.stop, rows.stop))
-
-    def blocks(self, rows: slice) -> Iterator[ProjectedPhoto]:
-        """Its pixels in some rows of the map, in each block of columns.
-
-        Args:
-            rows: of the map, some of which it reaches.
-        """
-        for columns in column_blocks(self.height):
-            block = self.block(columns, rows)
-            if block is not None:
-                yield block
-
-    def block(self, columns: slice, rows: slice | None = None) -> ProjectedPhoto | None:
-        """Its pixels in some columns of the map; None where it has none. Those of a small map are found once.
-
-        Args:
-            columns: of the map, one of `column_blocks`.
-            rows: of the map, some of which it reaches; None: all that it reaches.
-        """
-        rows = self.rows if rows is None else rows
-        top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
-        if fits_block(self.height):
-            part = slice(top - self.rows.start, bottom - self.rows.start)
-            found = (array[part] for array in (self.whole.linear, self.whole.weight, self.whole.share))
-            return ProjectedPhoto(slice(top, bottom), self.columns, *found)
-        left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
-        return self._pixels(slice(top, bottom), slice(left, right)) if left < right else None
-
-    def irradiances(self, image: Image, rows: slice, gain: float) -> tuple[Floats, Floats]:
-        """Irradiance (3,) of level ground by the photo in some rows of a map, and that by what it hides there.
-
-        Args:
-            image: (H, 2H, 3) the map.
-            rows: of the map, some of which it reaches.
-            gain: of the photo, over 0.
-        """
-        levels, shown, hidden = row_irradiance(self.height), [], []
-        for block in self.blocks(rows):
-            weight = block.weight[..., None].repeat(3, axis=2)
-            shown.append(_irradiance_by_columns(levels[block.rows], weight * block.over(image, gain).linear))
-            hidden.append(_irradiance_by_columns(levels[block.rows], weight * image[block.rows, block.columns]))
-        share = (self.columns.stop - self.columns.start) / image.shape[1]
-        by_photo, behind = (np.concatenate(part).mean(axis=0, dtype=np.float64) * share for part in (shown, hidden))
-        return by_photo, behind
-
-    @cached_property
-    def whole(self) -> ProjectedPhoto:
-        """All its pixels at once."""
-        return self._pixels(self.rows, self.columns)
-
-    def _pixels(self, rows: slice, columns: slice) -> ProjectedPhoto:
-        x, y = _map_to_picture(self.camera, self.height, rows, columns)
-        weight = _inner_weight(x, y)
-        share = self._continue(x, y) if self.continued else np.asarray(weight > 0, dtype=np.float32)
-        return ProjectedPhoto(rows, columns, _pixels_at(self.picture, x, y), weight, share)
-
-    def _continue(self, x: Image, y: Image) -> NDArray[np.float32]:
-        """How far the photo goes on at positions in it; those beyond its edges become those of its mirror image."""
-        above = y > 1
-        vertical = np.where(above, np.float32(_CONTINUED_TOP), np.float32(_CONTINUED_BOTTOM))
-        beyond = np.maximum((np.abs(x) - 1) / np.float32(_CONTINUED_SIDES), (np.abs(y) - 1) / vertical)
-        share = 1 - np.clip(beyond, 0, 1)
-        for position in (x, y):
-            outside = np.abs(position) > 1
-            position[outside] = (2 * np.sign(position) - position)[outside]
-        if self.segments is None:
-            share[above] = 0
-            return np.asarray(share)
-        rows, columns = self.segments.shape[:2]
-        cell = _pixel_index(y, rows, -1) * columns + _pixel_index(x, columns, 1)
-        once = class_share(self.segments, SurfaceClass.PERSON, SurfaceClass.VEHICLE) > _MAX_ONCE
-        upward = class_share(self.segments, SurfaceClass.PLANTS, SurfaceClass.SKY) > _MIN_UPWARD
-        share[(beyond > 0) & (once.reshape(-1)[cell] | above & ~upward.reshape(-1)[cell])] = 0
-        return np.asarray(share)
-
-
-def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
-    """The camera that took a photo; it looks to azimuth 0.
-
-    Args:
-        lighting: with the camera's elevation, roll and field of view.
-        width: pixels at which the photo is projected.
-        height: pixels, as the width.
-    """
-    return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
-
-
-def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> PhotoProjection | None:
-    """A photo in the pixels of a map; None where it is under a few degrees wide.
-
-    Args:
-        lighting: with the photo's camera.
-        photo: (h, w, 3) sRGB.
-        height: rows of the map.
-    """
-    return _find_photo(lighting, photo, height, 0.0, None)
-
-
-def continue_photo(
-    lighting: Lighting, photo: NDArray[np.uint8], height: int, segments: Segments | None = None
-) -> PhotoProjection | None:
-    """`project_photo`, with the photo's mirror image beyond its edges, fading out.
-
-    People and vehicles are not seen twice. Upwards only plants and sky go on.
-
-    Args:
-        lighting: with the photo's camera.
-        photo: (h, w, 3) sRGB.
-        height: rows of the map.
-        segments: what the photo shows; None: unknown, and nothing goes on upwards.
-    """
-    reach = max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM)
-    return _find_photo(lighting, photo, height, reach, segments)
-
-
-def _find_photo(
-    lighting: Lighting, photo: NDArray[np.uint8], height: int, reach: float, segments: Segments | None
-) -> PhotoProjection | None:
-    """Where a photo, and a share of its half sides beyond it, lies in a map."""
-    picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
-    camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
-    window = _find_window(camera, height, reach)
-    return None if window is None else PhotoProjection(*window, height, picture, camera, reach > 0, segments)
-
-
-def _inner_weight(x: Image, y: Image) -> Image:
-    """Weight of a photo at positions in it, each -1 to 1; it falls to 0 at its edges."""
-    ramp = np.clip(np.minimum(1 - np.abs(x), 1 - np.abs(y)) / np.float32(FEATHER), 0, 1)
-    return np.asarray(ramp * ramp * (3 - 2 * ramp))
-
-
-def _pixels_at(picture: NDArray[np.uint8], x: Image, y: Image) -> Image:
-    """Linear values (..., 3) of the pixels at positions in a picture, each -1 to 1."""
-    height, width = picture.shape[:2]
-    index = _pixel_index(y, height, -1) * width + _pixel_index(x, width, 1)
-    return np.asarray(SRGB_LINEAR.take(picture.reshape(-1, 3).take(index, axis=0)))
-
-
-def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Floats]:
-    """Linear values (h, w, 3) of a few of a photo's pixels, and their directions (h, w, 3).
-
-    Args:
-        pixels: (H, W, 3) sRGB.
-        lighting: with the photo's camera.
-    """
-    step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED_SIDE))
-    first = [min(step, count) // 2 for count in pixels.shape[:2]]
-    small = pixels[first[0] :: step, first[1] :: step]
-    return SRGB_LINEAR.take(small), _sample_directions(photo_camera(lighting, small.shape[1], small.shape[0]))
-
-
-@lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are sampled one after the other
-def _sample_directions(camera: Pinhole) -> Floats:
-    """`camera_directions` of the sampled pixels."""
-    directions = geometry.camera_directions(camera)
-    directions.setflags(write=False)  # since others get it as well
-    return directions
-
-
-def size_in_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
-    """Width and height in pixels at which a photo has about the resolution of a map.
-
-    Args:
-        photo: (h, w, 3).
-        vertical_fov: deg, of the photo.
-        height: rows of the map.
-    """
-    camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
-    scale = min(height / np.pi / camera.focal_length * 1.2, _MAX_SIDE / max(photo.shape[:2]))
-    return geometry.scale_size(camera.width, camera.height, scale)
-
-
-def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
-    """The photo at about the map's resolution, so that single pixels may be taken from it."""
-    from PIL import Image as Picture
-
-    size = size_in_envmap(photo, vertical_fov, height)
-    return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
-
-
-def _find_window(camera: Pinhole, height: int, reach: float = 0.0) -> tuple[slice, slice] | None:
-    """Rows and columns of a map (H, 2H) that hold the picture, and a share of its half sides beyond it."""
-    x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
-    right, below = reach / 2 * camera.width, reach / 2 * camera.height
-    inside = (x >= -right) & (x < camera.width + right) & (y >= -below) & (y < camera.height + below)  # false for NaN
-    return geometry.pixel_window(inside, height, 2 * height)
-
-
-def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:
-    """Where the map's pixels lie in the picture, each way -1 to 1 inside it; 2 behind the camera.
-
-    A direction's part along a camera axis is a product plus a term of its row. The product is that of a term of its row
-    and one of its column. So no pixel needs an angle.
-    """
-    axes, focal = camera.axes.astype(np.float32), np.float32(2 * camera.focal_length)
-    angles = geometry.latlong_angles(height)
-    azimuth, elevation = np.radians(angles[0])[columns], np.radians(angles[1])[rows]
-    level, up = np.cos(elevation).astype(np.float32)[:, None], np.sin(elevation).astype(np.float32)[:, None]
-    side, ahead = np.sin(azimuth).astype(np.float32), -np.cos(azimuth).astype(np.float32)
-    right, above, depth = (level * (axis[0] * side + axis[2] * ahead) + axis[1] * up for axis in axes)
-    behind = depth <= 1e-6
-    depth[behind] = 1
-    x, y = right / depth * (focal / camera.width), above / depth * (focal / camera.height)
-    x[behind] = y[behind] = 2
-    return x, y
-
-
-def _pixel_index(position: Image, count: int, sign: int) -> NDArray[np.intp]:
-    """Index of the pixel at a position of -1 to 1; `sign` -1 counts from the other end."""
-    return np.asarray(np.clip((sign * position + 1) * np.float32(count / 2), 0, count - 1), dtype=np.intp)

@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import SRGB_LINEAR, check_pixels, luminance
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, photo_camera
+from lighting.envmap.latlong import EPSILON_IRRADIANCE
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import sky_irradiance, sun_irradiance
 from lighting.geometry import Floats, Pinhole, box_means, camera_directions, camera_pixel, clip_slice, shrink_size
 from lighting.records import Lighting, check_lighting

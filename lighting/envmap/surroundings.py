@@ -19,18 +19,20 @@ import lighting.envmap.detail as map_detail
 import lighting.envmap.latlong as latlong
 from lighting.color import check_pixels, luminance
 from lighting.envmap.latlong import (
-    CLIPPED,
     EPSILON_IRRADIANCE,
     Image,
-    PhotoProjection,
     column_blocks,
-    continue_photo,
     irradiance_from_rows,
     multiply_cells,
-    project_photo,
-    sample_photo,
     scale_colors,
     scale_columns,
+)
+from lighting.envmap.projection import (
+    CLIPPED,
+    PhotoProjection,
+    continue_photo,
+    project_photo,
+    sample_photo,
     size_in_envmap,
 )
 from lighting.envmap.render import add_sun, cap_map, check_height, render

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from lighting.color import srgb_bytes
-from lighting.envmap.latlong import photo_camera
+from lighting.envmap.projection import photo_camera
 from lighting.geometry import Floats, Pinhole, camera_axes, camera_pixel, direction
 from lighting.records import Lighting
 

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import SRGB_LINEAR, check_pixels, srgb_bytes
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, photo_camera
+from lighting.envmap.latlong import EPSILON_IRRADIANCE
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.surroundings import photo_context, render_view
 from lighting.fields import format_azimuth, format_side, format_sun_elevation, format_tilt
 from lighting.files import encode_png

@@ -21,7 +21,8 @@ from PIL import Image
 
 import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR, srgb_bytes
-from lighting.envmap.latlong import blur_envmap, envmap_irradiance, photo_camera, remove_sun, shrink_envmap
+from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
 from lighting.geometry import (
     Floats,

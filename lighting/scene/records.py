@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.geometry as geometry
-from lighting.envmap.latlong import photo_camera
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.render import ground_reflectance, render, sky_irradiance, sun_irradiance
 from lighting.envmap.shadow_mask import ground_shadow_mask, shadow_receivers
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings

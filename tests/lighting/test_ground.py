@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from lighting.envmap.latlong import photo_camera
+from lighting.envmap.projection import photo_camera
 from lighting.envmap.relighting import edit_lighting, rotate_lighting
 from lighting.envmap.shadow_mask import is_in_shade
 from lighting.errors import ModelError, PhotoError

@@ -17,15 +17,8 @@ from lighting.envmap.detail_library import (
     detail_picture,
     feature_weights,
 )
-from lighting.envmap.latlong import (
-    ProjectedPhoto,
-    continue_photo,
-    envmap_irradiance,
-    irradiance_from_rows,
-    project_photo,
-    row_irradiance,
-    shrink_envmap,
-)
+from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
+from lighting.envmap.projection import ProjectedPhoto, continue_photo, project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import angle_between, latlong_angles, latlong_directions

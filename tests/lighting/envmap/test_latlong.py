@@ -12,13 +12,13 @@ from lighting.envmap.latlong import (
     irradiance_from_rows,
     max_channel,
     prefilter_cubemap,
-    project_photo,
     remove_sun,
     row_irradiance,
     scale_colors,
     shrink_envmap,
     to_cubemap,
 )
+from lighting.envmap.projection import project_photo
 from lighting.envmap.render import render
 from lighting.geometry import Pinhole, camera_pixel, direction, latlong_directions, latlong_solid_angle
 from lighting.records import Lighting

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from lighting.color import luminance, srgb_decode
-from lighting.envmap.latlong import photo_camera
+from lighting.envmap.projection import photo_camera
 from lighting.geometry import Pinhole, camera_pixel, direction
 from lighting.scene import mitsuba
 from lighting.scene.records import Scene

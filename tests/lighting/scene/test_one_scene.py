@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from lighting.color import srgb_decode
-from lighting.envmap.latlong import photo_camera
+from lighting.envmap.projection import photo_camera
 from lighting.estimator import Estimator
 from lighting.geometry import Floats, camera_pixel
 from lighting.photo.reader import read_photo
