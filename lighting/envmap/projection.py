@@ -106,10 +106,10 @@ class PhotoProjection:
         """
         rows = self.rows if rows is None else rows
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
-        if fits_block(self.height):
-            part = slice(top - self.rows.start, bottom - self.rows.start)
-            found = (array[part] for array in (self.whole.linear, self.whole.weight, self.whole.share))
-            return ProjectedPhoto(slice(top, bottom), self.columns, *found)
+        if self._is_small:
+            part, whole = slice(top - self.rows.start, bottom - self.rows.start), self.whole
+            pixels = whole.linear[part], whole.weight[part], whole.share[part]
+            return ProjectedPhoto(slice(top, bottom), self.columns, *pixels)
         left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
         return self._pixels(slice(top, bottom), slice(left, right)) if left < right else None
 
@@ -129,6 +129,10 @@ class PhotoProjection:
         share = (self.columns.stop - self.columns.start) / image.shape[1]
         by_photo, behind = (np.concatenate(part).mean(axis=0, dtype=np.float64) * share for part in (shown, hidden))
         return by_photo, behind
+
+    @cached_property
+    def _is_small(self) -> bool:
+        return fits_block(self.height)
 
     @cached_property
     def whole(self) -> ProjectedPhoto:
