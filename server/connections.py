@@ -1,6 +1,6 @@
 """Connections: listening sockets that refuse greedy clients early, and HTTP/1.1 with limits on each connection.
 
-The limits are on the size and the time of heads, chunks and responses. uvicorn's own class has no time limit for a head
+The limits are on the size and the time of heads, chunks and responses. Uvicorn's own class has no time limit for a head
 or a response and answers 400 to a head that is too large. It passes everything that a socket held to h11 at once:
 sixteen times the limit of a head, or forty thousand chunks of a body. A chunk of one byte costs as much time as one of
 a thousand. And a request with two lengths of its body can be read as two different requests (request smuggling).
