@@ -7,23 +7,16 @@ keeps the rest.
 All networks take the normalised canvas (B, 3, H, W) of `lighting.photo` and return `NetworkOutput`. The names of layers
 are the names of weights in checkpoints and ONNX files: they stay.
 
-Photographs are level far more often than training crops, half of which are rolled by up to 10 deg: people hold
-cameras level, and straighten what is not. [1] draws a third of their photos level and the others from a Cauchy
-distribution of 0.1 rad. Of the ordinary photos that training sees, the networks tell that nearly all are within 4 deg.
-Here a fifth is level, so that a camera which is rolled on purpose is not made level.
-
 References:
-    [1] Hold-Geoffroy et al., A perceptual measure for deep single image camera calibration, CVPR 2018.
-    [2] Hold-Geoffroy et al., Deep outdoor illumination estimation, CVPR 2017.
+    [1] Hold-Geoffroy et al., Deep outdoor illumination estimation, CVPR 2017.
 """
 
 import math
 
-import numpy as np
 import torch
 from torch import Tensor, nn
 
-from export.crops.targets import CELL, CELLS
+from export.crops.targets import CELLS
 from export.data.panoramas import DataError
 from export.networks.backbone import Backbone, NetworkOutput, conv_batch_norm, empty_output, load_imagenet
 from lighting.model import PARAMETERS
@@ -193,59 +186,6 @@ def _head(features: int, outputs: int) -> nn.Sequential:
     return nn.Sequential(nn.Dropout(_DROP), first, nn.SiLU(), nn.Dropout(_DROP), last)
 
 
-# How a sun in the picture enters the answer.
-
-# nats; the sun is rarer in photos than in the crops that teach to see it; 0.5 to 1 on crops of `train`
-SUN_IN_VIEW_PRIOR = 1.0
-_DIRECTION_STD = 5.0  # deg per axis, of the directions that a cell stands for: the error of the estimated camera
-
-
-def sun_in_view_probability(logits: Tensor) -> Tensor:
-    """Probabilities (B, 1 + cells) that the sun is nowhere in the picture, and in each cell.
-
-    Args:
-        logits: (B, 1 + cells) of the network.
-    """
-    return (logits - SUN_IN_VIEW_PRIOR * (torch.arange(logits.shape[1], device=logits.device) > 0)).softmax(dim=1)
-
-
-def cell_directions(photo: Tensor, elevation: Tensor, roll: Tensor, vertical_fov: Tensor) -> Tensor:
-    """Unit vectors (B, cells, 3) through the centers of a canvas's cells; signs are those of `lighting.geometry`.
-
-    Args:
-        photo: (B, 3, H, W) canvases; a photo's height is that of its canvas without the zero rows around it.
-        elevation: (B,) deg, of the camera, positive looks up.
-        roll: (B,) deg.
-        vertical_fov: (B,) deg, of the photo.
-    """
-    height, width = photo.shape[2:]
-    photo_height = (photo.abs().amax(dim=(1, 3)) > 0).sum(dim=1).clamp_min(1).to(photo.dtype)
-    focal = (0.5 * photo_height / torch.tan(torch.deg2rad(vertical_fov) / 2))[:, None]
-    y = (0.5 * height - (torch.arange(height // CELL, device=photo.device) + 0.5) * CELL).to(photo.dtype)
-    x = ((torch.arange(width // CELL, device=photo.device) + 0.5) * CELL - 0.5 * width).to(photo.dtype)
-    lateral = x.repeat(len(y))[None] / focal
-    vertical = y.repeat_interleave(len(x))[None] / focal
-    rotation, tilt = torch.deg2rad(roll)[:, None], torch.deg2rad(elevation)[:, None]
-    right = torch.cos(rotation) * lateral + torch.sin(rotation) * vertical
-    up = torch.cos(rotation) * vertical - torch.sin(rotation) * lateral
-    rays = torch.stack([right, torch.sin(tilt) + torch.cos(tilt) * up, torch.sin(tilt) * up - torch.cos(tilt)], dim=2)
-    return nn.functional.normalize(rays, dim=2)
-
-
-def fuse_sun_in_view(sun: Tensor, sun_in_view: Tensor, rays: Tensor, cells: Tensor) -> Tensor:
-    """Probabilities (B, G) over the grid, with those of a sun in the picture mixed in.
-
-    Args:
-        sun: (B, G) probabilities without the picture's cells.
-        sun_in_view: (B, 1 + cells) probabilities of nowhere and of each cell.
-        rays: (B, cells, 3) unit vectors where the cells look.
-        cells: (G, 3) unit vectors of the grid.
-    """
-    concentration = float(np.radians(_DIRECTION_STD) ** -2)
-    lobes = (rays @ (concentration * cells).T).softmax(dim=2)
-    return sun_in_view[:, :1] * sun + (sun_in_view[:, None, 1:] @ lobes)[:, 0]
-
-
 HEADS = ("seen.", "around.", "camera.", "light.", "suitable.")  # that not every run has
 
 
@@ -261,7 +201,7 @@ _CONVOLUTIONS = (  # kernel, channels, stride
 
 
 class _DeepOutdoor(nn.Module):
-    """The baseline: the network of table 1 in [2]; it predicts no light."""
+    """The baseline: the network of table 1 in [1]; it predicts no light."""
 
     light: nn.Module | None = None
 
@@ -327,29 +267,6 @@ def load_weights(network: nn.Module, weights: dict[str, Tensor]) -> None:
     if unknown or not all(name.startswith(HEADS) for name in missing):
         name = [*missing, *unknown][0]
         raise DataError(f"The weights of the run are of another network than this one, which shows in {name}.")
-
-
-# How level photographs are, and the camera's roll that follows from it and from the networks' answers.
-
-_SHARES = torch.tensor([0.20, 0.24, 0.36, 0.20])  # of photographs, by how far they are rolled:
-_ROLL_STD = torch.tensor([0.06, 2.0, 6.0, 25.0])  # deg
-_TRUST = 0.65  # errors over the bins' deviation, less that of their targets; 0.6 and 0.7 on crops of `train`
-_MIN_ERROR = 0.3  # deg, of a network
-
-
-def expected_roll(roll: Tensor, roll_std: Tensor) -> Tensor:
-    """The expected roll (B, 1) [deg] of photographs.
-
-    Args:
-        roll: (B, 1) deg, that a network predicts.
-        roll_std: (B, 1) deg, of its bins.
-    """
-    error = (_TRUST * roll_std).clamp_min(_MIN_ERROR) ** 2
-    prior = _ROLL_STD.to(roll) ** 2
-    total = prior + error
-    likelihood = _SHARES.to(roll) * torch.exp(-0.5 * roll**2 / total) / total.sqrt()
-    share = likelihood / likelihood.sum(dim=1, keepdim=True)
-    return roll * (share * prior / total).sum(dim=1, keepdim=True)
 
 
 # What the networks expect.

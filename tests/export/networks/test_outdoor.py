@@ -8,25 +8,27 @@ from export.crops.crops import Camera, Crop
 from export.crops.targets import CELL, CELLS, sun_in_view_target
 from export.data.panoramas import DataError
 from export.networks.backbone import _InvertedResidual, conv_batch_norm, empty_output
+from export.networks.onnx_export import (
+    SUN_IN_VIEW_PRIOR,
+    _cell_directions,
+    _expected_roll,
+    _fuse_sun_in_view,
+    _sun_in_view_probability,
+)
 from export.networks.outdoor import (
     BINS,
     LIGHT,
     ROLL_SCALE,
-    SUN_IN_VIEW_PRIOR,
     TARGET_WIDTH,
     Outdoor,
     build_network,
     camera_bin_targets,
-    cell_directions,
     decode_parameters,
     encode_parameters,
-    expected_roll,
-    fuse_sun_in_view,
     load_weights,
     mean_of_camera_bins,
     network_specs,
     roll_bins_std,
-    sun_in_view_probability,
 )
 from lighting.color import tone_map
 from lighting.geometry import Pinhole, angle_between, camera_directions, direction
@@ -37,7 +39,7 @@ from tests.helpers.panoramas import EXAMPLES_SPEC, VIEWS, crop
 
 
 def level_roll(roll: float, spread: float) -> float:
-    return float(expected_roll(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
+    return float(_expected_roll(torch.tensor([[roll]]), torch.tensor([[spread]]))[0, 0])
 
 
 def test_a_camera_that_is_nearly_level_is_level() -> None:
@@ -146,7 +148,7 @@ def canvas(one: Crop) -> torch.Tensor:
 
 def rays(one: Crop) -> torch.Tensor:
     c = one.camera
-    return cell_directions(
+    return _cell_directions(
         canvas(one), torch.tensor([c.elevation]), torch.tensor([c.roll]), torch.tensor([c.vertical_fov])
     )
 
@@ -171,7 +173,7 @@ def test_a_target_that_the_network_meets_points_at_the_sun(camera: Camera) -> No
     assert one.sun_pixel
     target = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
     uniform = torch.full((1, len(GRID_DIRECTIONS)), 1 / len(GRID_DIRECTIONS))
-    answer = fuse_sun_in_view(uniform, target, rays(one), GRID_DIRECTIONS)
+    answer = _fuse_sun_in_view(uniform, target, rays(one), GRID_DIRECTIONS)
     assert float(answer.sum()) == pytest.approx(1.0, abs=1e-5)
     assert angle_between((answer @ GRID_DIRECTIONS)[0].numpy(), direction(8.0, 17.0)) < 1.0
 
@@ -181,15 +183,15 @@ def test_what_is_not_seen_changes_nothing_and_half_a_doubt_counts_half() -> None
     sun = torch.rand(1, len(GRID_DIRECTIONS)).softmax(dim=1)
     nowhere = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, False)).float()[None]
     in_view = torch.from_numpy(sun_in_view_target(one, EXAMPLES_SPEC, True)).float()[None]
-    torch.testing.assert_close(fuse_sun_in_view(sun, nowhere, rays(one), GRID_DIRECTIONS), sun)
-    half = fuse_sun_in_view(sun, (nowhere + in_view) / 2, rays(one), GRID_DIRECTIONS)
-    torch.testing.assert_close(half, (sun + fuse_sun_in_view(sun, in_view, rays(one), GRID_DIRECTIONS)) / 2)
+    torch.testing.assert_close(_fuse_sun_in_view(sun, nowhere, rays(one), GRID_DIRECTIONS), sun)
+    half = _fuse_sun_in_view(sun, (nowhere + in_view) / 2, rays(one), GRID_DIRECTIONS)
+    torch.testing.assert_close(half, (sun + _fuse_sun_in_view(sun, in_view, rays(one), GRID_DIRECTIONS)) / 2)
 
 
 def test_suns_in_the_picture_are_as_rare_as_in_photos_not_as_in_training() -> None:
     """Of even odds in training: they fall by SUN_IN_VIEW_PRIOR, and the cells keep theirs among each other."""
     logits = torch.tensor([[2.0, *np.log([0.1, 0.3, 0.6]) + 2.0]], dtype=torch.float32)
-    nowhere, *cells = sun_in_view_probability(logits)[0].tolist()
+    nowhere, *cells = _sun_in_view_probability(logits)[0].tolist()
     assert sum(cells) / nowhere == pytest.approx(np.exp(-SUN_IN_VIEW_PRIOR), rel=1e-5)
     assert cells == pytest.approx(np.array([0.1, 0.3, 0.6]) * (1 - nowhere), rel=1e-5)
 
