@@ -9,9 +9,16 @@ from PIL import Image
 
 import export.training.segmentation as segmentation
 from export.data.panoramas import DataError, read_table
-from export.networks.segmentation import SegmentationNetwork, join_heads, raise_odds
 from export.reports.ground import _describe_answers, _GroundAnswer
-from export.training.segmentation import LabelledPicture, _predict_grid, _vary_picture, read_labelled_pictures
+from export.training.segmentation import (
+    LabelledPicture,
+    _join_heads,
+    _predict_grid,
+    _raise_odds,
+    _SegmentationNetwork,
+    _vary_picture,
+    read_labelled_pictures,
+)
 from lighting.segmentation import Segmenter, SurfaceClass
 
 HEADER = "file,split,columns,rows,grid,weak,panorama,note\n"
@@ -103,7 +110,7 @@ def test_training_learns_and_the_file_answers_the_same(tmp_path: Path, monkeypat
 
 def test_predictions_are_probabilities_of_a_grid() -> None:
     torch.manual_seed(0)
-    network = SegmentationNetwork(pretrained=False).eval()
+    network = _SegmentationNetwork(pretrained=False).eval()
     shares = _predict_grid(network, np.zeros((90, 60, 3), dtype=np.uint8), (12, 9))
     assert shares.shape == (12, 9, 10)
     assert shares.sum(axis=2) == pytest.approx(1.0)
@@ -111,15 +118,15 @@ def test_predictions_are_probabilities_of_a_grid() -> None:
 
 def test_joined_heads_answer_with_the_mean_of_their_logits() -> None:
     torch.manual_seed(0)
-    one, other = (SegmentationNetwork(pretrained=False).eval() for _ in range(2))
+    one, other = (_SegmentationNetwork(pretrained=False).eval() for _ in range(2))
     for stage in ("stem", "middle", "deep"):
         getattr(other, stage).load_state_dict(getattr(one, stage).state_dict())
     picture = torch.randint(0, 256, (1, 64, 96, 3), dtype=torch.uint8)
-    joined = join_heads([one, other], [0.3, 0.7])
+    joined = _join_heads([one, other], [0.3, 0.7])
     with torch.inference_mode():
         mean = 0.3 * one(picture) + 0.7 * other(picture)
         assert torch.allclose(joined(picture), mean, atol=1e-4)
-        raise_odds(joined, SurfaceClass.WATER, 2.0)
+        _raise_odds(joined, SurfaceClass.WATER, 2.0)
         assert torch.allclose(
             (joined(picture) - mean)[0, :, 0, 0], 0.6931 * torch.eye(10)[SurfaceClass.WATER], atol=1e-3
         )
