@@ -245,7 +245,7 @@ def _first_value(tags: _Tags, tag: int) -> int:
     return next(iter(tags.get(tag, ())), 0)
 
 
-def without_costly_exif(data: bytes) -> bytes:
+def _without_costly_exif(data: bytes) -> bytes:
     """A TIFF without those of its EXIF and GPS directories that are not moderate; other bytes as they are.
 
     Args:
@@ -305,8 +305,8 @@ def _directory_cost(block: bytes | memoryview, offset: int, layout: _Layout) -> 
     return _DirectoryCost(count, size, inner)
 
 
-def check_structure(data: bytes) -> None:
-    """Raise PhotoError for a file of more parts than cameras and editors write; other bytes pass.
+def check_structure(data: bytes) -> bytes:
+    """Return a file without EXIF that is costly to read; PhotoError for one of more parts than cameras write.
 
     Those are 40 scans, 16 EXIF or 4096 segments of any kind of a JPEG, and 20,000 chunks of a PNG.
 
@@ -317,6 +317,7 @@ def check_structure(data: bytes) -> None:
         _check_scans(data)
     elif data.startswith(_PNG_SIGNATURE):
         _check_chunks(data)
+    return _without_costly_exif(data)
 
 
 def _check_chunks(data: bytes) -> None:
@@ -472,11 +473,11 @@ def open_raw_header(data: bytes) -> Image.Image:
         preview = Image.new("L", _USUAL_SHAPE)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # what is damaged counts as absent
-        add_raw_exif(preview, data)
+        _add_raw_exif(preview, data)
     return preview
 
 
-def add_raw_exif(preview: Image.Image, data: bytes) -> None:
+def _add_raw_exif(preview: Image.Image, data: bytes) -> None:
     """Give a preview that lacks an EXIF block the one of its RAW file. Never raises; Pillow may warn.
 
     Args:
@@ -522,14 +523,20 @@ def _cr3_block(head: bytes) -> bytes:
 def open_exif_source(data: bytes, preview: Image.Image) -> Image.Image:
     """The picture whose EXIF block counts: the file itself where Pillow reads its tags, else the preview.
 
+    The preview then gets the EXIF block of a RAW file, if it has none. Never raises; Pillow may warn.
+
     Args:
         data: of a RAW or TIFF file.
-        preview: opened.
+        preview: opened; perhaps changed in place.
     """
     try:
-        return Image.open(BytesIO(data), formats=["TIFF"]) if is_moderate(data) else preview
-    except Exception:
-        return preview
+        if is_moderate(data):
+            return Image.open(BytesIO(data), formats=["TIFF"])
+    except Exception:  # nearly anything, on hostile bytes
+        pass
+    if is_raw(data):
+        _add_raw_exif(preview, data)
+    return preview
 
 
 def webp_size(data: bytes) -> tuple[int, int] | None:

@@ -28,7 +28,6 @@ from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLarge
 from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
-from lighting.photo.containers import add_raw_exif
 from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
 from lighting.photo.tags import read_sidecar
@@ -195,12 +194,13 @@ def read_photo(
         picture = page.as_first(data) if page else containers.embedded_preview(data) if raw else data
         image = _open_photo(picture, max_pixels)
         width, height = image.size
-        exif_source = containers.open_exif_source(data, image) if raw or (page and not page.has_exif) else image
+        exif_source = image
+        if raw or (page and not page.has_exif):
+            with _no_warnings():
+                exif_source = containers.open_exif_source(data, image)
         side = target or max(image.size)
         _decode_image(image, side)
         with _no_warnings():
-            if raw and exif_source is image:
-                add_raw_exif(image, data)
             orientation = read_orientation(image if page and page.has_orientation else exif_source)
             encoding = read_color_encoding(image, picture, exif_source)
         pixels = upright_pixels(image, side, orientation, encoding)
@@ -364,8 +364,7 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
         data: of a photo, no RAW file.
         max_pixels: as in `read_photo`.
     """
-    containers.check_structure(data)
-    data = containers.without_costly_exif(data)
+    data = containers.check_structure(data)
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:
