@@ -8,8 +8,10 @@ JSON record of POST /v1/lighting.
 """
 
 import json
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
 from functools import partial
+from hashlib import sha256
+from pathlib import Path
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Query, Request, Response
@@ -20,13 +22,23 @@ from lighting import __version__
 from lighting.envmap.relighting import adjust_lighting
 from lighting.errors import ErrorCode
 from lighting.files import MAP_FORMATS
+from lighting.model import METRICS
 from lighting.records import Json, Lighting, ModelSpec
 from lighting.registration import two_view
 from lighting.scene import EXPORTERS
 from lighting.sky import SKY_MODELS
 from server import problems, responses, tasks
 from server import query_params as queries
-from server.dependencies import AdmissionDep, PhotoDep, PhotoOrLightingDep, Service, ServiceDep, UploadsDep
+from server.dependencies import (
+    RESULT_TAG,
+    AdmissionDep,
+    PhotoDep,
+    PhotoOrLightingDep,
+    Service,
+    ServiceDep,
+    UploadsDep,
+    tag_bytes,
+)
 from server.limits import BusyError
 from server.problems import INFERENCE_PREFIX, ProblemError, invalid_field_error, problem_responses
 from server.query_params import (
@@ -94,7 +106,7 @@ class _TaggedRoute(FormRoute):
 
         async def tag_answer(request: Request) -> Response:
             response = await handle(request)
-            responses.tag_response(request, response)
+            _tag_response(request, response)
             return response
 
         return tag_answer
@@ -157,11 +169,11 @@ async def _estimate_lightings(
 @_get_file("/envmap", summary="The environment map of a sky", responses={200: _MAP_RESPONSE, **_SKY_ANSWERS})
 async def _render_envmap(request: Request, admission: AdmissionDep, query: Annotated[SkyQuery, Query()]) -> Response:
     """The same parameters always give the same map: any cache may keep it."""
-    headers, unchanged = responses.check_cache(request, admission.service, query)
+    headers, unchanged = _check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
     data = await admission.run(tasks.encode_envmap_of_lighting, query.to_lighting(), query)
-    return responses.map_response(data, query.format, headers)
+    return _map_response(data, query.format, headers)
 
 
 @router.post(
@@ -184,7 +196,7 @@ async def _estimate_envmap(
         data = await admission.run(tasks.encode_envmap_of_lighting, lighting, query)
     else:
         data = await admission.run(tasks.encode_envmap_of_photo, admission.service, source, query)
-    return responses.map_response(data, query.format)
+    return _map_response(data, query.format)
 
 
 @_get_file("/light-probe", summary="The light probe of a sky", responses={200: _PROBE_RESPONSE, **_SKY_ANSWERS})
@@ -192,7 +204,7 @@ async def _compute_probe(
     request: Request, admission: AdmissionDep, query: Annotated[SkyProbeQuery, Query()]
 ) -> Response:
     """Nine coefficients of all light but the sun's, and the sun, as an engine takes them."""
-    headers, unchanged = responses.check_cache(request, admission.service, query)
+    headers, unchanged = _check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
     data = await admission.run(tasks.encode_probe_of_lighting, query.to_lighting(), query)
@@ -266,11 +278,11 @@ async def _render_scene(
     request: Request, admission: AdmissionDep, query: Annotated[SkySceneQuery, Query()]
 ) -> Response:
     """Camera, sun, map, ground and a placeholder as a ZIP; a grey picture stands where a photo goes."""
-    headers, unchanged = responses.check_cache(request, admission.service, query)
+    headers, unchanged = _check_cache(request, admission.service, query)
     if unchanged:
         return unchanged
     data, warnings = await admission.run(tasks.zip_scene_of_sky, query)
-    return responses.scene_response(data, warnings, headers)
+    return _scene_response(data, warnings, headers)
 
 
 @_post_photo(
@@ -283,7 +295,7 @@ async def _estimate_scene(
 
     The parameters of a light replace what is estimated.
     """
-    return responses.scene_response(*await admission.run(tasks.zip_scene_of_photo, admission.service, photo, query))
+    return _scene_response(*await admission.run(tasks.zip_scene_of_photo, admission.service, photo, query))
 
 
 @router.get(
@@ -303,7 +315,7 @@ async def _describe_model(request: Request, service: ServiceDep) -> Response:
         version=spec.version,
         licence=spec.licence,
         grid=spec.sun_grid,
-        accuracy=responses.read_accuracy(spec, service.model_folder),
+        accuracy=_read_accuracy(spec, service.model_folder),
         matching=two_view.has_opencv(),
         jobs=service.jobs is not None,
         **names,
@@ -422,3 +434,42 @@ def _parse_request(body: bytes, length: str) -> tuple[Json, bytes]:
         detail = f"The request needs one input {_INPUT} of datatype BYTES and shape [1], as binary data."
         raise invalid_field_error("inputs", detail, "body", ErrorCode.WRONG_TYPE)
     return header, data[_LENGTH_BYTES:]
+
+
+def _map_response(data: bytes, format: str, headers: dict[str, str] | None = None) -> Response:
+    """An environment map as a file."""
+    return Response(data, media_type=MAP_FORMATS[format].media_type, headers=headers)
+
+
+def _scene_response(data: bytes, warnings: Sequence[str], headers: dict[str, str] | None = None) -> Response:
+    """A scene as a ZIP archive, with its warnings in a header."""
+    warned = {responses.WARNINGS_HEADER: json.dumps(warnings)} if warnings else {}  # JSON in ASCII, as a header must be
+    return Response(data, media_type=responses.ZIP_TYPE, headers={**(headers or {}), **warned})
+
+
+def _cache_headers(query: queries.Query, seconds: int, public: bool) -> dict[str, str]:
+    """Headers that let caches keep a map; the tag is weak since the last bit may differ between machines."""
+    digest = sha256(f"{__version__} {query.model_dump_json()}".encode()).hexdigest()[:32]
+    scope = "public" if public else "private"
+    return {"ETag": f'W/"{digest}"', "Cache-Control": f"{scope}, max-age={seconds}"}
+
+
+def _check_cache(request: Request, service: Service, query: queries.Query) -> tuple[dict[str, str], Response | None]:
+    """The headers for caches, and the 304 for a client whose copy is still good."""
+    headers = _cache_headers(query, service.settings.cache_seconds, public=not service.keys)
+    return headers, Response(status_code=304, headers=headers) if responses.is_fresh(request, headers["ETag"]) else None
+
+
+def _tag_response(request: Request, response: Response) -> None:
+    """Give a whole answer to a photo the tag of its bytes: a client sees by it whether the answer is another."""
+    if response.status_code == 200 and isinstance(response.body, bytes) and "ETag" not in response.headers:
+        data, tag = request.scope.get(RESULT_TAG) or (None, "")
+        response.headers["ETag"] = tag if response.body is data else tag_bytes(response.body)
+
+
+def _read_accuracy(spec: ModelSpec, folder: Path) -> Json:
+    """The accuracy of a network by evaluation protocol; empty if it has no published figures."""
+    path = folder / METRICS
+    metrics = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    is_of_network = (metrics.get("name"), metrics.get("version")) == (spec.name, spec.version)
+    return dict(metrics["accuracy"]) if is_of_network else {}

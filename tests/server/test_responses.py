@@ -20,7 +20,8 @@ from lighting.records import EstimatedLight, Lighting, SunDistribution
 from lighting.sun_grid import grid_directions
 from server.dependencies import PhotoAnswer
 from server.query_params import LightingQuery, SkyQuery
-from server.responses import _envmap_link, _sun_probability, estimate_to_json, is_fresh, read_accuracy
+from server.responses import _envmap_link, _sun_probability, estimate_to_json, is_fresh
+from server.routes import _read_accuracy
 from server.schemas import LightingEstimate, ModelCard
 from tests.conftest import TINY
 
@@ -136,14 +137,15 @@ def test_the_service_reads_what_the_evaluation_writes(tmp_path: Path, network: P
     (tmp_path / "panoramas.csv").write_text("name,file,kind,place,split\n", encoding="utf-8")
     figures: dict[str, Figures] = {"phone": measured, "paper": {**measured, "sun_median": None}}
     write_metrics(collect_metrics(network, tmp_path, "", figures, "tiny"), tmp_path)
-    assert read_accuracy(TINY, tmp_path) == {"phone": measured}  # nothing is stated of a protocol without suns to score
+    # nothing is stated of a protocol without suns to score
+    assert _read_accuracy(TINY, tmp_path) == {"phone": measured}
     assert set(measured) == set(ModelCard.Accuracy.model_fields)
 
 
 def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
     """The row of the network in the table of the sun, which the same evaluation wrote."""
     folder = packaged_model().parent
-    metrics, stated = read_metrics(folder / METRICS), read_accuracy(Model.load().spec, folder)
+    metrics, stated = read_metrics(folder / METRICS), _read_accuracy(Model.load().spec, folder)
     assert set(stated) == {"paper", "phone"}
     for protocol, numbers in stated.items():
         assert set(numbers) == set(ModelCard.Accuracy.model_fields)
@@ -152,5 +154,5 @@ def test_the_packaged_network_s_figures_are_those_of_its_tables() -> None:
 
 
 def test_nothing_is_stated_for_a_network_without_figures(tmp_path: Path) -> None:
-    assert read_accuracy(TINY, packaged_model().parent) == {}
-    assert read_accuracy(TINY, tmp_path) == {}
+    assert _read_accuracy(TINY, packaged_model().parent) == {}
+    assert _read_accuracy(TINY, tmp_path) == {}
