@@ -48,6 +48,12 @@ class ExportedScene:
         return np.asarray((self.environment * weight[..., None]).sum(axis=(0, 1)))
 
 
+def _lit_surface(albedo: Path, emission: Path, plate: Path) -> NDArray[np.bool_]:
+    """Where (H, W) what the light takes from a plate is at least half of it."""
+    stays, whole = (srgb_decode(np.asarray(Image.open(file)) / 255.0).sum(axis=-1) for file in (emission, plate))
+    return np.asarray((stays <= 0.5 * whole) & np.asarray(Image.open(albedo)).any(axis=-1))
+
+
 def _mask(file: Path | BytesIO) -> NDArray[np.bool_]:
     return np.asarray(Image.open(file)) >= 128
 
@@ -214,7 +220,7 @@ def _read_unreal(folder: Path) -> ExportedScene:
         camera_position=ours(camera["location"]) / 100,
         vertical_fov=float(2 * np.degrees(np.arctan(camera["sensor"][1] / 2 / camera["focal_length"]))),
         spot=ours(np.array(ball["location"]) - [0, 0, ball["size"][2] / 2]) / 100,
-        lit_ground=np.asarray(np.asarray(Image.open(folder / numbers["albedo"])).any(axis=-1)),
+        lit_ground=_lit_surface(folder / numbers["albedo"], folder / numbers["emission"], folder / numbers["plate"]),
         environment=np.asarray(environment[..., ::-1], dtype=np.float64),
         map_azimuth=float(angles(centre)[0]),
     )
@@ -247,7 +253,7 @@ def _read_unity(folder: Path) -> ExportedScene:
         camera_position=vector("cameraPosition"),
         vertical_fov=numbers["verticalFov"],
         spot=vector("spot"),
-        lit_ground=np.asarray(np.asarray(Image.open(assets / "ground_albedo.png")).any(axis=-1)),
+        lit_ground=_lit_surface(assets / "ground_albedo.png", assets / "ground_emission.png", assets / "plate.png"),
         environment=_read_map(assets / "environment.exr"),
     )
 
