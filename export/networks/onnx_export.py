@@ -48,7 +48,8 @@ from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
 
 MIN_BYTES = 200_000  # elements of a tensor that is stored as bytes with scales: late layers bear the rounding best
-_MIN_HALF = 4096  # elements of a tensor that is stored in half precision
+_MIN_HALF = 8192  # elements of a tensor that is stored in half precision
+_MIN_FLAT = 70_000  # elements of the weights of a convolution that sees its pixels in one row
 _MIN_EXTERNAL = 1024  # bytes of a tensor that lies in the file beside the graph
 _OPSET = 18
 _TOLERANCE = 1e-3  # largest difference between torch and onnxruntime, relative to each output's largest value
@@ -58,23 +59,24 @@ ROUNDED_TOLERANCE = 3e-2  # the same once weights are stored small: that shifts 
 # Changes to the graph: nothing is computed twice, and weights are stored small.
 
 
-def _flatten_pointwise(model: Any, min_elements: int = MIN_BYTES) -> None:
+def _flatten_pointwise(model: Any) -> None:
     """Let large pointwise convolutions see their pixels in one row.
 
     onnxruntime blocks the channels of two-dimensional convolutions whose weights are constant, and then adds in another
     order. Weights stored as bytes are constant only once they are widened, which takes a single run too long. A
-    convolution along one axis has one order of sums, so that every session gives the same answer to the last bit.
+    convolution along one axis has one order of sums, so that every session gives the same answer to the last bit. With
+    fewer outputs than pixels the order would depend on the number of threads: such convolutions stay.
 
     Args:
         model: the ONNX model with weights of single precision, changed in place; its pictures have one size.
-        min_elements: of the weights of a convolution that is changed.
     """
-    graph = model.graph
+    graph, shapes = model.graph, _inferred_shapes(model)
     others = {name for node in graph.node if not _is_pointwise(node) for name in node.input}
     tensors = [t for t in graph.initializer if len(t.dims) == 4 and t.name not in others]
-    weights = {t.name: t for t in tensors if math.prod(t.dims) >= min_elements}
-    large = [node for node in graph.node if _is_pointwise(node) and node.input[1] in weights]
-    _replace(graph.node, _flattened_nodes(graph, {node.output[0] for node in large}, _inferred_shapes(model)))
+    weights = {t.name: t for t in tensors if math.prod(t.dims) >= _MIN_FLAT}
+    pointwise = [node for node in graph.node if _is_pointwise(node) and node.input[1] in weights]
+    large = [n for n in pointwise if weights[n.input[1]].dims[0] >= math.prod(shapes[n.output[0]])]
+    _replace(graph.node, _flattened_nodes(graph, {node.output[0] for node in large}, shapes))
     for name in {node.input[1] for node in large}:
         weights[name].CopyFrom(numpy_helper.from_array(numpy_helper.to_array(weights[name])[..., 0], name))
 
