@@ -103,11 +103,11 @@ def test_weights_are_stored_in_bytes_with_a_scale_for_each_output() -> None:
 
 
 def test_smaller_filters_are_stored_as_halves_and_small_tensors_as_they_are() -> None:
-    depthwise = numpy_helper.from_array(RNG.normal(size=(LONG, 1, 3, 3)).astype(np.float32), "w")
+    depthwise = numpy_helper.from_array(RNG.normal(size=(LONG, 1, 5, 5)).astype(np.float32), "w")
     pointwise = numpy_helper.from_array(RNG.normal(size=(WIDE, LONG, 1, 1)).astype(np.float32), "v")
     bias = numpy_helper.from_array(RNG.normal(size=WIDE).astype(np.float32), "b")
     nodes = [
-        helper.make_node("Conv", ["x", "w"], ["y"], group=LONG, kernel_shape=[3, 3], pads=[1, 1, 1, 1]),
+        helper.make_node("Conv", ["x", "w"], ["y"], group=LONG, kernel_shape=[5, 5], pads=[2, 2, 2, 2]),
         helper.make_node("Conv", ["y", "v", "b"], ["out"], kernel_shape=[1, 1]),
     ]
     network = _model(nodes, [depthwise, pointwise, bias], ["B", "C", 5, 5])
