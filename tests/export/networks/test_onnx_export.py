@@ -36,7 +36,7 @@ from lighting.sun_grid import grid_directions
 
 RNG = np.random.default_rng(5)
 LONG, WIDE = 800, MIN_BYTES // 800 + 1
-FIRST, SECOND, THIRD = (RNG.normal(size=(80, 80)).astype(np.float32) for _ in range(3))
+FIRST, SECOND, THIRD = (RNG.normal(size=(100, 100)).astype(np.float32) for _ in range(3))
 
 
 def model(*branches: tuple[NDArray[np.float32], ...]) -> ModelProto:
@@ -73,7 +73,7 @@ def kinds(network: ModelProto) -> set[int]:
 
 def test_what_begins_alike_begins_once_and_answers_the_same() -> None:
     network = model((FIRST, SECOND), (FIRST, THIRD), (FIRST, SECOND))
-    x = RNG.normal(size=(3, 80)).astype(np.float32)
+    x = RNG.normal(size=(3, 100)).astype(np.float32)
     before = answer(network, x)
     _merge_equal_nodes(network)
     np.testing.assert_array_equal(answer(network, x), before)
@@ -84,9 +84,9 @@ def test_what_begins_alike_begins_once_and_answers_the_same() -> None:
 
 def test_the_models_own_outputs_keep_their_names() -> None:
     nodes = [helper.make_node("Abs", ["x"], [name]) for name in ("y", "out")]
-    network = _model(nodes, [], ["B", 80])
+    network = _model(nodes, [], ["B", 100])
     _merge_equal_nodes(network)
-    assert answer(network, np.full((1, 80), -2.0, np.float32)).max() == 2.0
+    assert answer(network, np.full((1, 100), -2.0, np.float32)).max() == 2.0
 
 
 def test_weights_are_stored_in_bytes_with_a_scale_for_each_output() -> None:
@@ -168,7 +168,7 @@ def test_weights_lie_beside_the_graph_and_answer_the_same(tmp_path: Path) -> Non
     """Writing twice leaves what writing once does, and the model keeps its weights."""
     network = model((FIRST, SECOND))
     store_small(network)
-    x = RNG.normal(size=(3, 80)).astype(np.float32)
+    x = RNG.normal(size=(3, 100)).astype(np.float32)
     before, file = answer(network, x), tmp_path / "n.onnx"
     for _ in range(2):
         _save_graph(network, file)
