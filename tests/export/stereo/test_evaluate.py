@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 import export.stereo.evaluate as evaluation
-from export.stereo import stereo_group
+from export.__main__ import export_cli
 from export.stereo.dataset import CaptureDay, utc_times
 from export.stereo.evaluate import (
     SEASONS,
@@ -111,21 +111,21 @@ def test_angles_are_between_unit_vectors() -> None:
 
 
 def test_the_group_lists_its_commands() -> None:
-    listed = CliRunner().invoke(stereo_group, ["--help"]).stdout
+    listed = CliRunner().invoke(export_cli, ["stereo", "--help"]).stdout
     for name in ("evaluate", "gain", "onnx", "speed", "train"):
         assert f"  {name} " in listed
 
 
 def test_tables_are_checked_and_listed() -> None:
-    result = CliRunner().invoke(stereo_group, ["evaluate", "--data", "shapes", "--table", "seasonal"])
+    result = CliRunner().invoke(export_cli, ["stereo", "evaluate", "--data", "shapes", "--table", "seasonal"])
     assert result.exit_code == 2
     assert "seasonal is no table; give one of seasons, wrong" in result.stderr
-    listed = CliRunner().invoke(stereo_group, ["evaluate", "--help"]).stdout
+    listed = CliRunner().invoke(export_cli, ["stereo", "evaluate", "--help"]).stdout
     assert all(table in listed for table in TABLES)
 
 
 def test_a_folder_without_shapes_is_named(tmp_path: Path) -> None:
-    result = CliRunner().invoke(stereo_group, ["evaluate", "--data", str(tmp_path)])
+    result = CliRunner().invoke(export_cli, ["stereo", "evaluate", "--data", str(tmp_path)])
     assert result.exit_code != 0
     assert "holds no scanned_objects" in str(result.exception)
 
