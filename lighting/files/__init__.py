@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class MapFormat:
+class _MapFormat:
     """How environment maps are written in one format."""
 
     write: Callable[..., None]
@@ -84,10 +84,10 @@ def _write_png(target: "WriteTarget", image: "Floats", _lighting: "Lighting | No
         picture.save(stream, format="png")
 
 
-MAP_FORMATS: dict[str, MapFormat] = {  # by the suffix of a file, without its dot
-    "exr": MapFormat(_write_exr, "image/x-exr", _read_exr, takes_compression=True, has_header=True),
-    "hdr": MapFormat(_write_hdr, "image/vnd.radiance", _read_hdr),
-    "png": MapFormat(_write_png, "image/png"),
+MAP_FORMATS: dict[str, _MapFormat] = {  # by the suffix of a file, without its dot
+    "exr": _MapFormat(_write_exr, "image/x-exr", _read_exr, takes_compression=True, has_header=True),
+    "hdr": _MapFormat(_write_hdr, "image/vnd.radiance", _read_hdr),
+    "png": _MapFormat(_write_png, "image/png"),
 }
 
 

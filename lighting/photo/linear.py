@@ -21,7 +21,6 @@ from lighting.photo.containers import open_raw_header, photo_page
 from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
 from lighting.photo.pixels import (
-    ColorEncoding,
     check_bit_depth,
     gray_16_bit,
     is_gamma_encoded,
@@ -73,7 +72,7 @@ class _Stored:
     header: Image.Image
     exif_source: Image.Image  # whose EXIF block counts
     orientation: int | None  # by EXIF
-    encoding: ColorEncoding  # of which the curve does not count
+    to_rec709: NDArray[np.float32] | None  # (3, 3) by the file's primaries; None: they are Rec.709's
 
 
 def read_linear(path: str | Path, curve: Curve | None = None, *, upright: bool = False) -> LinearPhoto:
@@ -126,7 +125,7 @@ def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto
     full = int(np.iinfo(samples.dtype).max)
     coded = (curve or ("linear" if full > 255 else "srgb")) == "srgb"
     linear = _linearize(samples, coded)
-    if (matrix := stored.encoding.to_rec709) is not None:
+    if (matrix := stored.to_rec709) is not None:
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
     doubtful = full > 255 and curve is None and is_gamma_encoded(stored.header)
     white, step = (float(srgb_decode(_CLIPPED_FROM)), 1 / full / 12.92) if coded else (_CLIPPED_FROM, 1 / full)
@@ -143,12 +142,14 @@ def _read_stored(data: bytes) -> _Stored:
     check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
         samples = _read_samples(image, first_page)
-        return _Stored(samples, image, image, read_orientation(image), read_color_encoding(image, first_page, image))
+        encoding = read_color_encoding(image, first_page, image)
+        return _Stored(samples, image, image, read_orientation(image), encoding.to_rec709)
     exif_source, orientation = _open(first_page if page and page.has_exif else data), read_orientation(image)
     samples = _undo_upright(_read_samples(image, first_page), orientation)  # Pillow has rotated it
     if page and not page.has_orientation:
         orientation = read_orientation(exif_source)
-    return _Stored(samples, image, exif_source, orientation, read_color_encoding(image, first_page, exif_source))
+    encoding = read_color_encoding(image, first_page, exif_source)
+    return _Stored(samples, image, exif_source, orientation, encoding.to_rec709)
 
 
 def _open(data: bytes) -> Image.Image:

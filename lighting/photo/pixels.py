@@ -101,7 +101,7 @@ _MAX_POLE_STD = 15.0  # gray levels, along the first row
 
 
 @dataclass(frozen=True, eq=False)
-class ColorEncoding:
+class _ColorEncoding:
     """What values in [0, 1] mean."""
 
     curve: _Curve = "srgb"
@@ -150,7 +150,7 @@ def _are_misread(image: Any, all_bits: bool) -> bool:
 
 
 def upright_pixels(
-    image: Image.Image, target: int, orientation: int | None, encoding: ColorEncoding | None = None
+    image: Image.Image, target: int, orientation: int | None, encoding: _ColorEncoding | None = None
 ) -> Pixels:
     """Pixels (h, w, 3) of the upright picture, up to MAX_KEPT_PIXELS; PhotoError where it is fully transparent.
 
@@ -160,7 +160,7 @@ def upright_pixels(
         orientation: 1 to 8 by EXIF; None: upright.
         encoding: of its colors; None: sRGB.
     """
-    pixels = _convert_to_srgb(image, _reduction_factor(*image.size, target), (encoding or ColorEncoding()).to_srgb())
+    pixels = _convert_to_srgb(image, _reduction_factor(*image.size, target), (encoding or _ColorEncoding()).to_srgb())
     image.im = None  # type: ignore[assignment]
     return np.ascontiguousarray(make_upright(pixels, orientation))
 
@@ -239,7 +239,7 @@ def gray_16_bit(image: Image.Image, tags: Mapping[int, Any] | None = None) -> ND
 # What the values mean, by the file.
 
 
-def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Image) -> ColorEncoding:
+def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Image) -> _ColorEncoding:
     """How a picture's values are coded, by its file. Never raises.
 
     Args:
@@ -260,7 +260,7 @@ def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Imag
 # Code points.
 
 
-def _by_code_points(primaries: int, curve: int, full_range: bool) -> ColorEncoding | None:
+def _by_code_points(primaries: int, curve: int, full_range: bool) -> _ColorEncoding | None:
     """The encoding of H.273's numbers; None where they say nothing, or a curve that is not known.
 
     Primaries alone have sRGB's curve, and HDR curves alone have Rec.2020's primaries.
@@ -270,7 +270,7 @@ def _by_code_points(primaries: int, curve: int, full_range: bool) -> ColorEncodi
     unstated = _REC2020 if _H273_CURVES.get(curve) in _HDR_CURVES else _UNSPECIFIED
     chromaticities = H273_CHROMATICITIES.get(primaries, H273_CHROMATICITIES.get(unstated))
     matrix = None if chromaticities is None else chromaticities_to_rec709(chromaticities)
-    return ColorEncoding(_H273_CURVES.get(curve, "srgb"), matrix, full_range=full_range)
+    return _ColorEncoding(_H273_CURVES.get(curve, "srgb"), matrix, full_range=full_range)
 
 
 def _png_code_points(data: bytes) -> tuple[int, int, bool] | None:
@@ -310,7 +310,7 @@ def _nclx_code_points(image: Image.Image) -> tuple[int, int, bool] | None:
 # Chunks of a PNG, and EXIF.
 
 
-def _by_png_chunks(info: Mapping[str | tuple[int, int], Any]) -> ColorEncoding | None:
+def _by_png_chunks(info: Mapping[str | tuple[int, int], Any]) -> _ColorEncoding | None:
     if "srgb" in info or not ("gamma" in info or "chromaticity" in info):
         return None
     gamma = float(info.get("gamma", _SRGB_GAMMA))
@@ -320,10 +320,10 @@ def _by_png_chunks(info: Mapping[str | tuple[int, int], Any]) -> ColorEncoding |
         matrix = chromaticities_to_rec709([value for xy in (*primaries, white) for value in xy])
     except (KeyError, ValueError, ArithmeticError):
         matrix = None
-    return ColorEncoding("srgb" if like_srgb else 1 / gamma, matrix)
+    return _ColorEncoding("srgb" if like_srgb else 1 / gamma, matrix)
 
 
-def _by_exif(image: Image.Image, exif_source: Image.Image) -> ColorEncoding | None:
+def _by_exif(image: Image.Image, exif_source: Image.Image) -> _ColorEncoding | None:
     """Adobe RGB where EXIF states it, of the picture itself or of the file that it is embedded in."""
     for source in (image, exif_source):
         if source.format not in _WITH_DCF:
@@ -331,42 +331,42 @@ def _by_exif(image: Image.Image, exif_source: Image.Image) -> ColorEncoding | No
         space = read_ifd(source, ExifTags.IFD.Exif).get(ExifTags.Base.ColorSpace)
         index = try_read(lambda tags: read_text(tags[_INTEROP_INDEX]), read_ifd(source, ExifTags.IFD.Interop))
         if space == _ADOBE_RGB or (space in (_UNCALIBRATED, None) and index == "R03"):
-            return ColorEncoding(ADOBE_RGB_GAMMA, chromaticities_to_rec709(ADOBE_RGB_CHROMATICITIES))
+            return _ColorEncoding(ADOBE_RGB_GAMMA, chromaticities_to_rec709(ADOBE_RGB_CHROMATICITIES))
         if space is not None:
-            return ColorEncoding() if space == _SRGB else None
+            return _ColorEncoding() if space == _SRGB else None
     return None
 
 
 # XMP.
 
 
-def _by_xmp(image: Image.Image, exif_source: Image.Image) -> ColorEncoding:
+def _by_xmp(image: Image.Image, exif_source: Image.Image) -> _ColorEncoding:
     """The space that XMP states or whose profile it names, where neither PNG nor XMP states sRGB; else sRGB."""
     xmp = {**read_packet(exif_source), **read_packet(image)}
     space = xmp.get(f"{EXIF_NAMESPACE} ColorSpace")
     if "srgb" in image.info or space == str(_SRGB):
-        return ColorEncoding()
+        return _ColorEncoding()
     name = "adobergb" if space == str(_ADOBE_RGB) else xmp.get(_XMP_PROFILE, "")
     letters = "".join(filter(str.isalnum, name.lower()))
     for key, (curve, chromaticities) in _NAMED_SPACES.items():
         if key in letters:
-            return ColorEncoding(curve, chromaticities_to_rec709(chromaticities))
-    return ColorEncoding()
+            return _ColorEncoding(curve, chromaticities_to_rec709(chromaticities))
+    return _ColorEncoding()
 
 
 # ICC profiles.
 
 
-def _by_profile(profile: bytes) -> ColorEncoding | None:
+def _by_profile(profile: bytes) -> _ColorEncoding | None:
     """The encoding that an ICC profile describes; None for what is none."""
     icc = _open_profile(profile)
     if icc is None:
         return None
     if _is_srgb(icc):
-        return ColorEncoding()
+        return _ColorEncoding()
     matrix = _profile_to_rec709(profile)
     curve = _hdr_curve(profile)
-    return ColorEncoding(curve, matrix) if curve else ColorEncoding(to_rec709=matrix, profile=profile)
+    return _ColorEncoding(curve, matrix) if curve else _ColorEncoding(to_rec709=matrix, profile=profile)
 
 
 _by_known_profile = lru_cache(maxsize=16)(_by_profile)  # most photos have one of few, and asking lcms takes 4 ms

@@ -13,7 +13,7 @@ from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
 from lighting.photo.reader import Photo
 from lighting.preview.drawing import SUN
 from lighting.records import EstimatedLight, Lighting, SunDistribution
-from lighting.scene import Exporter, ExporterOption
+from lighting.scene import Exporter, _ExporterOption
 from lighting.scene.records import Scene, make_scene
 from lighting.scene.writer import Folder, encode_plate
 from lighting.sky import SkyModel, Weather
@@ -121,4 +121,4 @@ def write_toy(scene: Scene, folder: Folder, *, unit: str = "m") -> None:
 
 
 EASTERN = SkyModel(eastern_luminance)
-TOY = Exporter(write_toy, files=(TEXT, PICTURE), options={"unit": ExporterOption(("m", "cm"), default="m")})
+TOY = Exporter(write_toy, files=(TEXT, PICTURE), options={"unit": _ExporterOption(("m", "cm"), default="m")})
