@@ -21,7 +21,7 @@ from tests.helpers.processes import run_command
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PHOTOS = [EXAMPLES / "wide_street.jpg", EXAMPLES / "snow_field.jpg"]
-HEIGHT = 64
+HEIGHT = "64"
 
 
 def plain(record: dict[str, Any]) -> dict[str, Any]:
@@ -54,7 +54,7 @@ def test_every_door_gives_one_record_and_one_map(tmp_path: Path) -> None:
     folder.mkdir()
     for path in PHOTOS:
         shutil.copy(path, folder)
-    options = ("--workers", 2, "--envmap", "--height", HEIGHT, "-q")
+    options = ("--workers", "2", "--envmap", "--height", HEIGHT, "-q")
     assert run_command("batch", folder, tmp_path / "out", *options).returncode == 0
     batch = [json.loads(line) for line in (tmp_path / "out" / "lighting.jsonl").read_bytes().splitlines()]
     (mapped,) = (tmp_path / "out").rglob("wide_street*.exr")
@@ -72,6 +72,6 @@ def test_every_door_gives_one_record_and_one_map(tmp_path: Path) -> None:
         served = client.post("/v1/envmap", params={"height": HEIGHT}, files=files[0])
     assert [plain(record) for record in told] == records
     (tmp_path / "served.exr").write_bytes(served.content)
-    estimates[0].save(tmp_path / "python.exr", HEIGHT)
+    estimates[0].save(tmp_path / "python.exr", int(HEIGHT))
     for file in (tmp_path / "a.exr", mapped, tmp_path / "served.exr"):
         assert file.read_bytes() == (tmp_path / "python.exr").read_bytes(), file
