@@ -1,6 +1,14 @@
 """What the detail around a map is worth: maps of crops of panoramas against the panoramas, outside the crop's frame.
 
+Realism is the kernel inception distance (KID) [1] of a mirror ball and of perspective views to those of true panoramas.
+It can be cheated by false light or by copies of the photo, so read it with the errors of lit balls [2] and with
+repetition.
+
 Estimates and truths are kept in a folder, so that a second run renders and measures alone.
+
+References:
+    [1] Binkowski et al., Demystifying MMD GANs, ICLR 2018.
+    [2] Hold-Geoffroy et al., Deep outdoor illumination estimation, CVPR 2017.
 """
 
 import io
@@ -9,6 +17,7 @@ import random
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -17,10 +26,9 @@ from PIL import Image
 
 from export.data.detail_library import balance_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
-from export.evaluation import map_quality
-from export.evaluation.map_quality import MapErrors
 from export.evaluation.metrics import figures_table
-from lighting.color import luminance, tone_map
+from export.evaluation.relighting import rgb_angle
+from lighting.color import luminance, srgb_encode, tone_map
 from lighting.envmap.detail import DetailSource, PhotoFeatures
 from lighting.envmap.detail_library import LIBRARY_PATH, cheapest_choice, choice_costs
 from lighting.envmap.latlong import shrink_envmap
@@ -30,11 +38,333 @@ from lighting.envmap.surroundings import PhotoContext, describe_place, render_wi
 from lighting.estimator import Estimator
 from lighting.files.exr import write_exr
 from lighting.fusion.user_input import UserInput
-from lighting.geometry import Floats, Pinhole, camera_directions, sample_latlong
+from lighting.geometry import (
+    Floats,
+    Pinhole,
+    angle_between,
+    camera_directions,
+    latlong_angles,
+    latlong_directions,
+    latlong_pixel,
+    latlong_solid_angle,
+    sample_latlong,
+)
 from lighting.model import Model
 from lighting.photo.reader import photo_from_array
 from lighting.records import Lighting
 from lighting.segmentation import packaged_segmenter
+
+# How like a real place a map looks, and how near objects in it come to the truth.
+
+Images = NDArray[np.float32]
+Sampler = tuple[NDArray[np.intp], NDArray[np.float32]]  # pixels (4, P) of a map and their shares
+
+VIEW_PIXELS = 224  # along each side of a view
+VIEW_AZIMUTHS = (90.0, 180.0, -90.0)  # deg, away from the photo
+VIEW_FOV = 75.0  # deg
+BANDS = {"sky": (15.0, 55.0), "horizon": (-12.0, 15.0), "ground": (-55.0, -15.0)}  # deg of elevation
+FREQUENCIES = (0.07, 0.2, 0.58)  # cycles per degree
+
+_SUPERSAMPLING = 2  # samples along each side of the mirror ball's pixels
+_BALL_RIM = 0.98  # squared radius to which a ball is looked at
+_LIGHT_ROWS = 96  # of the maps that light rough and diffuse balls
+_LIT_PIXELS = 28  # along the side of the picture of a lit ball
+_LOBE_WIDTHS = (3.2, 13.0)  # deg, of normal distributions around the mirror direction, for roughness 0.2 and 0.4
+_HIDDEN = 40.0  # deg of azimuth to either side that the spectrum leaves out: the photo's
+_OCTAVE = 2 ** (1 / 4)  # half width of a band of frequencies
+_WINDOW = 24  # deg, of the piece that is sought elsewhere
+_WINDOW_STARTS = range(60, 300, _WINDOW)  # deg from the seam
+_APART = 20  # deg from which a piece is elsewhere
+_REPETITION_ROWS = slice(72, 102)  # of 180: 18 deg above the horizon to 12 below
+_REPETITION_BLUR = 12.0  # deg; what is coarser is left out
+_LOG_OFFSET = 0.01  # linear value added before a logarithm
+_PATCH_ROWS = 90  # rows of 2 deg
+_SUN_REACH = 20.0  # deg around the sun where the sky may be bright
+_SPLITS = 40  # of the places into halves
+
+
+@dataclass(frozen=True)
+class _MapErrors:
+    """What is wrong with one map, beside the truth or the map without detail."""
+
+    mirror: float  # RMSE of a mirror ball over its root mean square
+    mirror_angle: float  # deg, mean between RGB vectors
+    roughness_2: float  # RMSE of a ball of roughness 0.2
+    roughness_4: float
+    diffuse: float  # scale-invariant RMSE of a diffuse ball
+    repetition: float  # mean best correlation of a window elsewhere
+    power: tuple[float, ...]  # dB, by BANDS and FREQUENCIES
+
+
+def _map_errors(image: Images, truth: Images) -> _MapErrors:
+    """The errors of a map; both are clipped to what a screen shows.
+
+    Args:
+        image: (H, 2H, 3) linear.
+        truth: as `image`.
+    """
+    shown, true = np.clip(image, 0, 1), np.clip(truth, 0, 1)
+    mirror, angle = _mirror_error(shown, true)
+    lit, lit_true = (_pool(one) for one in (shown, true))
+    rough = tuple(_relative_rms(matrix @ lit, matrix @ lit_true) for matrix in map(_lobe_matrix, _LOBE_WIDTHS))
+    diffuse = _scale_invariant_rms(_diffuse_matrix() @ lit, _diffuse_matrix() @ lit_true)
+    return _MapErrors(mirror, angle, rough[0], rough[1], diffuse, _repetition(shown), _band_power(shown))
+
+
+def _diffuse_change(image: Images, before: Images) -> float:
+    """Share by which a diffuse ball changes, in the mean over its points and channels.
+
+    Args:
+        image: (H, 2H, 3) linear.
+        before: as `image`.
+    """
+    lit, lit_before = (_diffuse_matrix() @ _pool(one) for one in (image, before))
+    return float(np.mean(np.abs(lit - lit_before) / np.maximum(lit_before, 1e-6)))
+
+
+def _second_sun(image: Images, before: Images, sun: Floats | None, hidden: NDArray[np.bool_]) -> float:
+    """The brightest 2 deg patch of the sky of a map over that of the map before, away from sun and photo.
+
+    Args:
+        image: (H, 2H, 3) linear.
+        before: as `image`.
+        sun: (3,) unit vector; None without a sun.
+        hidden: (H, 2H) where the photo is.
+    """
+    directions = latlong_directions(_PATCH_ROWS)[: _PATCH_ROWS // 2]
+    away = shrink_envmap(hidden[..., None].astype(np.float32), _PATCH_ROWS)[: len(directions), :, 0] == 0
+    if sun is not None:
+        away &= angle_between(directions, sun) > _SUN_REACH
+    bright, bright_before = (
+        float(luminance(shrink_envmap(one, _PATCH_ROWS)[: len(directions)])[away].max()) for one in (image, before)
+    )
+    return bright / max(bright_before, 1e-6)
+
+
+def _repetition(image: Images) -> float:
+    """Mean of the best correlation of windows of 24 deg at the horizon with others, shifted or flipped.
+
+    Args:
+        image: (H, 2H, 3) linear, 0 to 1; 180 rows at least.
+    """
+    log = shrink_envmap(np.log(luminance(image) + _LOG_OFFSET)[..., None].astype(np.float32), 180)[..., 0]
+    fine = log[_REPETITION_ROWS]
+    band = fine - _blur_band(fine, _REPETITION_BLUR)
+    columns = (np.arange(360)[:, None] + np.arange(_WINDOW)) % 360
+    windows = np.moveaxis(band[:, columns], 1, 0)  # (360, R, W)
+    flipped = _standardize(windows[..., ::-1].reshape(360, -1))
+    plain = _standardize(windows.reshape(360, -1))
+    best = []
+    for start in _WINDOW_STARTS:
+        distance = np.abs((np.arange(360) - start + 180) % 360 - 180)
+        correlation = np.maximum(plain @ plain[start], flipped @ plain[start])
+        best.append(float(correlation[distance >= _APART].max()))
+    return float(np.mean(best))
+
+
+def _blur_band(band: Floats, deg: float) -> Floats:
+    """A band (R, 360) of rows and columns of a degree, blurred; columns wrap and rows are reflected."""
+    rows = np.concatenate([band[::-1], band, band[::-1]])
+    kernels = [np.exp(-0.5 * (np.fft.fftfreq(n, 1 / n) / deg) ** 2) for n in rows.shape]
+    spectrum = np.fft.fft2(rows) * np.outer(*(np.fft.fft(k / k.sum()) for k in kernels))
+    return np.asarray(np.fft.ifft2(spectrum).real[len(band) : 2 * len(band)])
+
+
+def _standardize(windows: Floats) -> Floats:
+    """Windows (N, P) of mean 0 and length 1; zeros where they have no contrast."""
+    centered = windows - windows.mean(axis=1, keepdims=True)
+    length = np.linalg.norm(centered, axis=1, keepdims=True)
+    return np.asarray(np.where(length > 1e-3, centered / np.maximum(length, 1e-9), 0.0))
+
+
+def _band_power(image: Images) -> tuple[float, ...]:
+    """Power [dB] along the rows of the logarithm of luminance, by BANDS and FREQUENCIES, without the photo's columns.
+
+    Args:
+        image: (H, 2H, 3) linear, 0 to 1; 180 rows at least.
+    """
+    height = len(image)
+    azimuth, elevation = latlong_angles(height)
+    log = np.roll(np.log(luminance(image) + _LOG_OFFSET), height, axis=1)  # what lies behind the camera in the middle
+    kept = np.roll(np.abs(azimuth) >= _HIDDEN, height)
+    log = log[:, kept]
+    window = np.hanning(log.shape[1])
+    levels = []
+    for low, high in BANDS.values():
+        rows = (elevation > low) & (elevation < high)
+        values = (log[rows] - log[rows].mean(axis=1, keepdims=True)) * window
+        power = np.abs(np.fft.rfft(values, axis=1)) ** 2 / np.sum(window**2)
+        level = np.cos(np.radians(elevation[rows]))[:, None]
+        frequency = np.fft.rfftfreq(log.shape[1], 180.0 / height)[None] / level
+        for center in FREQUENCIES:
+            inside = (frequency > center / _OCTAVE) & (frequency < center * _OCTAVE)
+            levels.append(float(10 * np.log10(power[inside].mean() + 1e-12)) if inside.any() else float("nan"))
+    return tuple(levels)
+
+
+def _looked_at(image: Images) -> list[Images]:
+    """What is looked at of a map: a mirror ball and views at VIEW_AZIMUTHS, sRGB 0 to 1, VIEW_PIXELS square.
+
+    Args:
+        image: (H, 2H, 3) linear.
+    """
+    ball = _take(np.clip(image, 0, 1), _ball_sampler(len(image)))
+    side = VIEW_PIXELS * _SUPERSAMPLING
+    ball = ball.reshape(VIEW_PIXELS, _SUPERSAMPLING, side // _SUPERSAMPLING, _SUPERSAMPLING, 3).mean(axis=(1, 3))
+    views = [ball * _on_ball(VIEW_PIXELS)[..., None]]
+    for azimuth in VIEW_AZIMUTHS:
+        view = _take(np.clip(image, 0, 1), _view_sampler(len(image), azimuth))
+        views.append(view.reshape(VIEW_PIXELS, VIEW_PIXELS, 3))
+    return [np.asarray(srgb_encode(np.maximum(view, 0)), dtype=np.float32) for view in views]
+
+
+def _kernel_distance(features: Floats, true: Floats) -> float:
+    """KID x 1000 of two sets of features, without bias.
+
+    Args:
+        features: (N, F).
+        true: (M, F).
+    """
+    n, m = len(features), len(true)
+    own, others = _kernel(features, features), _kernel(true, true)
+    within = (own.sum() - np.trace(own)) / (n * (n - 1)) + (others.sum() - np.trace(others)) / (m * (m - 1))
+    return float(1000 * (within - 2 * _kernel(features, true).mean()))
+
+
+def _tell_apart(features: Floats, maps: Floats, true: Floats) -> Floats:
+    """How much more like maps than like panoramas each picture (P,) is: the witness function of KID [3] x 1000.
+
+    Args:
+        features: (P, F) of pictures.
+        maps: (N, F) of maps.
+        true: (M, F) of panoramas.
+
+    References: [3] Gretton et al., A Kernel Two-Sample Test, JMLR 2012.
+    """
+    return np.asarray(1000 * (_kernel(features, maps).mean(axis=1) - _kernel(features, true).mean(axis=1)))
+
+
+def _kernel(a: Floats, b: Floats) -> Floats:
+    """The kernel (N, M) of features (N, F) and (M, F)."""
+    return np.asarray((a @ b.T / a.shape[1] + 1) ** 3)
+
+
+def _distance_by_places(features: Floats, true: Floats, places: NDArray[np.str_]) -> tuple[float, float]:
+    """KID x 1000 between maps of half of the places and panoramas of the other half: mean and standard deviation.
+
+    Args:
+        features: (N, V, F) of V views of each map.
+        true: as `features`, of the panoramas.
+        places: (N,) names.
+    """
+    rng, names = np.random.default_rng(0), np.unique(places)
+    distances = []
+    for _ in range(_SPLITS):
+        half = np.isin(places, rng.permutation(names)[: len(names) // 2])
+        flat = [chosen.reshape(-1, features.shape[-1]) for chosen in (features[half], true[~half])]
+        distances.append(_kernel_distance(*flat))
+    return float(np.mean(distances)), float(np.std(distances))
+
+
+def _mirror_error(shown: Images, true: Images) -> tuple[float, float]:
+    """Relative RMSE and the mean angle [deg] between RGB vectors on a mirror ball."""
+    sampler = _reflection_sampler(len(shown))
+    ball, ball_true = _take(shown, sampler), _take(true, sampler)
+    return _relative_rms(ball, ball_true), float(rgb_angle(ball, ball_true).mean())
+
+
+def _relative_rms(values: Floats, true: Floats) -> float:
+    return float(np.sqrt(np.mean((values - true) ** 2) / np.mean(true**2)))
+
+
+def _scale_invariant_rms(values: Floats, true: Floats) -> float:
+    scale = np.sum(values * true) / max(float(np.sum(values**2)), 1e-12)
+    return _relative_rms(scale * values, true)
+
+
+def _pool(image: Images) -> Images:
+    """The pixels (P, 3) of a map at _LIGHT_ROWS."""
+    return np.asarray(shrink_envmap(image, _LIGHT_ROWS).reshape(-1, 3), dtype=np.float32)
+
+
+@lru_cache(maxsize=3)
+def _lobe_matrix(width: float) -> Images:
+    """Shares (B, P) of the pixels of a map in the light of a glossy ball's points."""
+    concentration = np.radians(width) ** -2
+    return _light_matrix(_ball_rays(_LIT_PIXELS)[1], lambda cosine: np.exp(concentration * (cosine - 1)))
+
+
+@lru_cache(maxsize=1)
+def _diffuse_matrix() -> Images:
+    """The same of a diffuse ball's points."""
+    return _light_matrix(_ball_rays(_LIT_PIXELS)[0], lambda cosine: np.maximum(cosine, 0))
+
+
+def _light_matrix(directions: Floats, lobe: Callable[[Floats], Floats]) -> Images:
+    rays = latlong_directions(_LIGHT_ROWS).reshape(-1, 3).astype(np.float32)
+    weight = lobe(directions.astype(np.float32) @ rays.T) * np.repeat(latlong_solid_angle(_LIGHT_ROWS), 2 * _LIGHT_ROWS)
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)
+
+
+def _ball_positions(pixels: int) -> tuple[Floats, Floats]:
+    steps = (np.arange(pixels) + 0.5) / pixels * 2 - 1
+    x, y = np.meshgrid(steps, -steps)
+    return x, y
+
+
+def _on_ball(pixels: int) -> NDArray[np.bool_]:
+    """Where (S, S) a picture shows the ball."""
+    x, y = _ball_positions(pixels)
+    return np.asarray(x**2 + y**2 < _BALL_RIM)
+
+
+def _ball_rays(pixels: int, whole: bool = False) -> tuple[Floats, Floats]:
+    """Normals and mirror directions (B, 3) of a ball that a distant camera sees; `whole`: of its square picture."""
+    x, y = _ball_positions(pixels)
+    kept = np.ones(x.shape, bool) if whole else _on_ball(pixels)
+    normal = np.stack([x, y, np.sqrt(np.maximum(1 - x**2 - y**2, 0))], axis=-1)[kept]
+    return normal, 2 * normal[:, 2:] * normal - np.array([0.0, 0.0, 1.0])
+
+
+@lru_cache(maxsize=2)
+def _ball_sampler(height: int) -> Sampler:
+    return _sampler(_ball_rays(VIEW_PIXELS * _SUPERSAMPLING, whole=True)[1], height)
+
+
+@lru_cache(maxsize=2)
+def _reflection_sampler(height: int) -> Sampler:
+    return _sampler(_ball_rays(VIEW_PIXELS // 2)[1], height)
+
+
+@lru_cache(maxsize=2 * len(VIEW_AZIMUTHS))
+def _view_sampler(height: int, azimuth: float) -> Sampler:
+    return _sampler(camera_directions(Pinhole(VIEW_PIXELS, VIEW_PIXELS, VIEW_FOV, azimuth)).reshape(-1, 3), height)
+
+
+def _sampler(directions: Floats, height: int) -> Sampler:
+    """Bilinear sampling of directions (P, 3) in a map; columns wrap and rows end."""
+    position = latlong_pixel(directions, height) - 0.5
+    low = np.floor(position).astype(np.intp)
+    share = position - low
+    pixels, shares = [], []
+    for down in (0, 1):
+        row = np.clip(low[:, 1] + down, 0, height - 1)
+        for right in (0, 1):
+            pixels.append(row * 2 * height + (low[:, 0] + right) % (2 * height))
+            shares.append(np.abs(1 - right - share[:, 0]) * np.abs(1 - down - share[:, 1]))
+    return np.stack(pixels), np.stack(shares).astype(np.float32)
+
+
+def _take(image: Images, sampler: Sampler) -> Images:
+    """Values (P, 3) of a map."""
+    flat, (pixels, shares) = image.reshape(-1, 3), sampler
+    total = np.zeros((pixels.shape[1], 3), np.float32)
+    for index, share in zip(pixels, shares, strict=True):
+        total += flat.take(index, axis=0) * share[:, None]
+    return total
+
+
+# The report.
 
 MAP_ROWS = 512
 CROP_WIDTH, CROP_HEIGHT, CROP_FOV = 800, 600, 60.0  # pixels; deg, vertical
@@ -72,7 +402,7 @@ class _Looks:
     """Figures of one way to make maps of N views."""
 
     features: Floats  # (N, V, F)
-    errors: list[MapErrors]
+    errors: list[_MapErrors]
     changes: list[float]  # of a diffuse ball
     suns: list[float]
     seconds: list[float]
@@ -138,7 +468,7 @@ def _look_with(view: _TrueView, indices: NDArray[np.intp], features: Features) -
         others = np.arange(cost.shape[1])[:, None] != index
         source = DetailSource(cheapest_choice(np.where(others, np.inf, cost)), found.saturation)
         image = render_with_surroundings(view.lighting, replace(view.context, detail=True, source=source), MAP_ROWS)
-        looks.append(features(map_quality.looked_at(image)[1:]))
+        looks.append(features(_looked_at(image)[1:]))
     return np.stack(looks)
 
 
@@ -152,7 +482,7 @@ def _cost_of_unlike(order: NDArray[np.intp], looks: Floats, true: Floats, count:
         count: of panoramas.
     """
     size = looks.shape[-1]
-    unlike = map_quality.tell_apart(looks.reshape(-1, size), looks[:, 0].reshape(-1, size), true.reshape(-1, size))
+    unlike = _tell_apart(looks.reshape(-1, size), looks[:, 0].reshape(-1, size), true.reshape(-1, size))
     total = np.bincount(order.reshape(-1), unlike.reshape(*looks.shape[:3]).mean(axis=2).reshape(-1), count)
     return _UNLIKE_COST * np.maximum(total / (np.bincount(order.reshape(-1), minlength=count) + _FEW), 0)
 
@@ -266,9 +596,9 @@ def _measure_truth(files: Sequence[Path], panoramas: Sequence[Panorama], feature
     for file, view in zip(files, _read_views(files, panoramas), strict=True):
         kept = file.with_suffix(".features.npy")
         if not kept.exists():
-            np.save(kept, features(map_quality.looked_at(view.truth)))
+            np.save(kept, features(_looked_at(view.truth)))
         looks.append(np.load(kept))
-        errors.append(map_quality.map_errors(view.truth, view.truth))
+        errors.append(_map_errors(view.truth, view.truth))
     zeros = [0.0] * len(files)
     return _Looks(np.stack(looks), errors, zeros, [1.0] * len(files), zeros, [0] * len(files))
 
@@ -286,10 +616,10 @@ def _measure_maps(views: Iterator[_TrueView], render: Render, features: Features
         if photo is not None:
             hidden[photo.rows, photo.columns] = photo.whole.weight > 0
         sun = view.lighting.sun_direction if view.lighting.sun_painted else None
-        looks.suns.append(map_quality.second_sun(image, plain, sun, hidden))
-        looks.changes.append(map_quality.diffuse_change(image, plain))
-        looks.errors.append(map_quality.map_errors(image, view.truth))
-        found.append(features(map_quality.looked_at(image)))
+        looks.suns.append(_second_sun(image, plain, sun, hidden))
+        looks.changes.append(_diffuse_change(image, plain))
+        looks.errors.append(_map_errors(image, view.truth))
+        found.append(features(_looked_at(image)))
         write_exr(stream := io.BytesIO(), image, view.lighting)
         looks.bytes.append(len(stream.getvalue()))
     return _Looks(np.stack(found), looks.errors, looks.changes, looks.suns, looks.seconds, looks.bytes)
@@ -310,8 +640,8 @@ def _format_looks(looks: dict[str, _Looks], places: NDArray[np.str_]) -> str:
 
 
 def _figures(looks: _Looks, true: _Looks, places: NDArray[np.str_]) -> dict[str, float]:
-    ball, ball_std = map_quality.distance_by_places(looks.features[:, :1], true.features[:, :1], places)
-    view, view_std = map_quality.distance_by_places(looks.features[:, 1:], true.features[:, 1:], places)
+    ball, ball_std = _distance_by_places(looks.features[:, :1], true.features[:, :1], places)
+    view, view_std = _distance_by_places(looks.features[:, 1:], true.features[:, 1:], places)
     errors = {
         "mirror": "mirror",
         "angle": "mirror_angle",
@@ -336,6 +666,6 @@ def _figures(looks: _Looks, true: _Looks, places: NDArray[np.str_]) -> dict[str,
 
 
 def _power_figures(looks: _Looks, true: _Looks) -> dict[str, float]:
-    names = [f"{band} {frequency:g}" for band in map_quality.BANDS for frequency in map_quality.FREQUENCIES]
+    names = [f"{band} {frequency:g}" for band in BANDS for frequency in FREQUENCIES]
     power, true_power = (np.nanmean([e.power for e in one.errors], axis=0) for one in (looks, true))
     return dict(zip(names, (power - true_power).tolist(), strict=True))

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from export.evaluation import map_quality
-from export.evaluation.map_quality import BANDS, FREQUENCIES, VIEW_AZIMUTHS, VIEW_PIXELS
+from export.reports import map_detail
+from export.reports.map_detail import BANDS, FREQUENCIES, VIEW_AZIMUTHS, VIEW_PIXELS
 from lighting.geometry import direction, latlong_angles
 
 HEIGHT = 180
@@ -23,10 +23,10 @@ def sine(amplitude: float, cycles: int, height: int = 512) -> np.ndarray:
 
 def test_the_true_map_has_no_errors_and_a_brighter_one_does() -> None:
     truth = noise()
-    right = map_quality.map_errors(truth, truth)
+    right = map_detail._map_errors(truth, truth)
     errors = (right.mirror, right.roughness_2, right.roughness_4, right.diffuse)
     assert errors == pytest.approx((0, 0, 0, 0), abs=1e-6)
-    brighter = map_quality.map_errors(np.float32(1.1) * truth, truth)
+    brighter = map_detail._map_errors(np.float32(1.1) * truth, truth)
     assert brighter.mirror == pytest.approx(0.1, abs=1e-5)
     assert brighter.roughness_2 == pytest.approx(0.1, abs=1e-5)
     assert brighter.diffuse == pytest.approx(0, abs=1e-5)
@@ -35,13 +35,13 @@ def test_the_true_map_has_no_errors_and_a_brighter_one_does() -> None:
 
 def test_a_mirror_ball_sees_detail_that_a_diffuse_one_does_not() -> None:
     truth = np.full((HEIGHT, 2 * HEIGHT, 3), 0.5, np.float32)
-    errors = map_quality.map_errors(noise(), truth)
+    errors = map_detail._map_errors(noise(), truth)
     assert errors.mirror > 0.2 > 0.05 > errors.roughness_4 > errors.diffuse
 
 
 def test_the_change_of_a_diffuse_ball_is_a_share() -> None:
     before = noise()
-    assert map_quality.diffuse_change(np.float32(1.02) * before, before) == pytest.approx(0.02, rel=1e-3)
+    assert map_detail._diffuse_change(np.float32(1.02) * before, before) == pytest.approx(0.02, rel=1e-3)
 
 
 def test_a_second_sun_counts_away_from_sun_and_photo() -> None:
@@ -49,23 +49,23 @@ def test_a_second_sun_counts_away_from_sun_and_photo() -> None:
     image, hidden = before.copy(), np.zeros((180, 360), bool)
     image[40:42, 100:102] = 2.0  # azimuth -79, elevation 49
     sun = direction(-79.0, 45.0)
-    assert map_quality.second_sun(image, before, None, hidden) == pytest.approx(4.0)
-    assert map_quality.second_sun(image, before, sun, hidden) == pytest.approx(1.0)
+    assert map_detail._second_sun(image, before, None, hidden) == pytest.approx(4.0)
+    assert map_detail._second_sun(image, before, sun, hidden) == pytest.approx(1.0)
     hidden[40:42, 100:102] = True
-    assert map_quality.second_sun(image, before, None, hidden) == pytest.approx(1.0)
+    assert map_detail._second_sun(image, before, None, hidden) == pytest.approx(1.0)
 
 
 def test_repetition_is_one_for_copies_and_less_for_noise() -> None:
     piece = noise()[:, :90]
     copies = np.concatenate([piece, piece[:, ::-1], piece, piece[:, ::-1]], axis=1)
-    assert map_quality.repetition(copies) > 0.99
-    assert map_quality.repetition(noise()) < 0.5
-    assert map_quality.repetition(np.full((HEIGHT, 2 * HEIGHT, 3), 0.5, np.float32)) == 0.0
+    assert map_detail._repetition(copies) > 0.99
+    assert map_detail._repetition(noise()) < 0.5
+    assert map_detail._repetition(np.full((HEIGHT, 2 * HEIGHT, 3), 0.5, np.float32)) == 0.0
 
 
 def test_power_lies_at_its_frequency_and_grows_by_6_db_with_twice_the_amplitude() -> None:
     cycles = 72  # around the horizon: 0.2 a degree there, where the middle band of the horizon lies
-    low, high = map_quality._band_power(sine(0.1, cycles)), map_quality._band_power(sine(0.2, cycles))
+    low, high = map_detail._band_power(sine(0.1, cycles)), map_detail._band_power(sine(0.2, cycles))
     at = list(BANDS).index("horizon") * len(FREQUENCIES) + FREQUENCIES.index(0.2)
     assert high[at] - low[at] == pytest.approx(6.02, abs=0.1)
     assert low[at] > low[at - 1] + 20
@@ -77,7 +77,7 @@ def test_views_show_what_lies_there() -> None:
     image = np.zeros((HEIGHT, 2 * HEIGHT, 3), np.float32)
     image[:, np.abs(azimuth) > 150] = [1, 0, 0]  # behind the camera
     image[:, np.abs(azimuth - 90) < 20] = [0, 1, 0]
-    ball, *views = map_quality.looked_at(image)
+    ball, *views = map_detail._looked_at(image)
     middle = VIEW_PIXELS // 2
     assert np.allclose(ball[middle, middle], [1, 0, 0], atol=1e-5)
     assert (ball[0] == 0).all()
@@ -89,24 +89,24 @@ def test_views_show_what_lies_there() -> None:
 
 def test_the_kernel_distance_is_unbiased() -> None:
     rng = np.random.default_rng(0)
-    same = [map_quality._kernel_distance(*rng.normal(size=(2, 40, 16))) for _ in range(200)]
+    same = [map_detail._kernel_distance(*rng.normal(size=(2, 40, 16))) for _ in range(200)]
     assert abs(np.mean(same)) < 3 * np.std(same) / np.sqrt(len(same))
     a, b = rng.normal(size=(40, 16)), rng.normal(1.0, 1.0, (40, 16))
-    assert map_quality._kernel_distance(a, b) > np.mean(same) + 10 * np.std(same)
+    assert map_detail._kernel_distance(a, b) > np.mean(same) + 10 * np.std(same)
 
 
 def test_pictures_are_told_apart_by_which_set_they_are_like() -> None:
     rng = np.random.default_rng(0)
     maps, true = rng.normal(1.0, 1.0, (40, 16)), rng.normal(-1.0, 1.0, (40, 16))
-    assert (map_quality.tell_apart(maps, maps, true) > 0).all()
-    assert (map_quality.tell_apart(true, maps, true) < 0).all()
-    assert map_quality.tell_apart(maps, true, true) == pytest.approx(0)
+    assert (map_detail._tell_apart(maps, maps, true) > 0).all()
+    assert (map_detail._tell_apart(true, maps, true) < 0).all()
+    assert map_detail._tell_apart(maps, true, true) == pytest.approx(0)
 
 
 def test_places_are_in_one_half_only() -> None:
     rng = np.random.default_rng(0)
     features = np.repeat(rng.normal(size=(10, 1, 8)), 4, axis=0)  # four like pictures of each of ten places
     places = np.repeat(np.array([f"p{i}" for i in range(10)]), 4)
-    mean, std = map_quality.distance_by_places(features, features, places)
+    mean, std = map_detail._distance_by_places(features, features, places)
     assert mean > -1000 * 0.5  # the same place on both sides would be far below
     assert std > 0
