@@ -14,8 +14,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from export.stereo.dataset import CaptureDay, utc_times
-from export.stereo.renders import Material, Subject, cast_shadows, read_subjects, shade_surface
+from export.stereo.renders import CaptureDay, Material, Subject, cast_shadows, read_subjects, shade_surface, utc_times
 from export.stereo.surfaces import Surface, is_held_out, random_rotation
 from export.stereo.traced import trace_mesh
 from lighting.errors import LightingError

@@ -5,7 +5,7 @@ itself; the ground below the horizon lights it.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,14 @@ from PIL import Image
 
 from export.stereo.surfaces import Surface, is_held_out, project_mesh, random_rotation, read_mesh
 from lighting.geometry import Floats
-from lighting.stereo.light_vectors import Skies, sky_light_vectors, sun_light_vectors
+from lighting.stereo.light_vectors import (
+    TURBIDITY,
+    Skies,
+    clear_skies,
+    sky_light_vectors,
+    sun_directions,
+    sun_light_vectors,
+)
 from lighting.stereo.solver import Pose, camera_to_world, sample_visible_normals, world_to_camera
 
 FloatImage = NDArray[np.float32]
@@ -26,6 +33,37 @@ _GRID = 600  # normals at which the skies' light is integrated, where it is to b
 
 
 Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class CaptureDay:
+    """When, where and under what a thing is photographed."""
+
+    times: NDArray[np.datetime64]  # (T,), UTC
+    latitude: float  # deg
+    longitude: float = 0.0  # deg
+    turbidity: float = TURBIDITY
+    ground_albedo: float = 0.3
+    pose: Pose = field(default_factory=Pose)
+
+    def suns(self) -> Floats:
+        """Unit vectors (T, 3) to the sun in world axes."""
+        return sun_directions(self.times, self.latitude, self.longitude)
+
+    def skies(self, height: int = 64) -> Skies:
+        """Its clear skies."""
+        return clear_skies(self.suns(), self.turbidity, self.ground_albedo, height)
+
+
+def utc_times(date: str, hours: Floats) -> NDArray[np.datetime64]:
+    """UTC times (T,) of a date.
+
+    Args:
+        date: such as 2024-03-21.
+        hours: (T,) h of that day, 0 to 24.
+    """
+    seconds = np.round(np.asarray(hours, dtype=np.float64) * 3600).astype("timedelta64[s]")
+    return np.datetime64(date, "s") + seconds
 
 
 @dataclass(frozen=True)

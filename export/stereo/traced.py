@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from export.stereo.dataset import CaptureDay
+from export.stereo.renders import CaptureDay
 from export.stereo.surfaces import TriangleMesh, read_mesh
 from lighting.errors import require_extra
 from lighting.geometry import Floats

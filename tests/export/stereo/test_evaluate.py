@@ -9,7 +9,6 @@ from click.testing import CliRunner
 
 import export.stereo.evaluate as evaluation
 from export.__main__ import export_cli
-from export.stereo.dataset import CaptureDay, utc_times
 from export.stereo.evaluate import (
     SEASONS,
     TABLES,
@@ -22,7 +21,7 @@ from export.stereo.evaluate import (
     run_session,
 )
 from export.stereo.noise_gain import LIFTS, _cost_of_an_hour, _estimates, _triplet
-from export.stereo.renders import Subject
+from export.stereo.renders import CaptureDay, Subject, utc_times
 from export.stereo.surfaces import _of_height, rotate_surface
 from lighting.errors import LightingError
 from lighting.geometry import angle_between

@@ -8,22 +8,19 @@ import pytest
 import torch
 
 from export.data.panoramas import DataError
-from export.stereo.dataset import (
+from export.stereo.renders import CaptureDay, utc_times
+from export.stereo.train import (
     CROP,
     HELD_OUT_LATITUDES,
-    CaptureDay,
-    _believed,
-    _random_day,
-    generate_samples,
-    utc_times,
-)
-from export.stereo.train import (
     TOLERANCE,
     Config,
     _averaged_network,
     _batch,
+    _believed,
+    _generate_samples,
     _NormalsNetwork,
     _parity,
+    _random_day,
     _Served,
     train_normals,
 )
@@ -31,7 +28,7 @@ from lighting.stereo.solver import BY_IMAGE, SHARED, _packaged_network
 
 
 def test_a_fresh_network_repeats_the_search_and_mirrors_with_its_input() -> None:
-    chosen = list(islice(generate_samples([], seed=3), 2))
+    chosen = list(islice(_generate_samples([], seed=3), 2))
     by_image, present, shared, _ = _batch(chosen)
     network = _NormalsNetwork().eval()
     with torch.inference_mode():
@@ -107,7 +104,7 @@ def test_training_days_keep_off_the_latitudes_that_are_held_out() -> None:
 
 
 def test_samples_are_the_same_for_the_same_seed() -> None:
-    first, second = (next(generate_samples([], seed=5)) for _ in range(2))
+    first, second = (next(_generate_samples([], seed=5)) for _ in range(2))
     assert first.truth.shape == (3, CROP, CROP)
     np.testing.assert_array_equal(first.by_image, second.by_image)
     inside = first.shared[-1] > 0
