@@ -371,7 +371,7 @@ CROP_WIDTH, CROP_HEIGHT, CROP_FOV = 800, 600, 60.0  # pixels; deg, vertical
 
 _TRIED = 7  # panoramas of the library for each crop, the cheapest
 _SEEN_CROPS = 100  # of those by which panoramas are chosen, whose maps are looked at
-_UNLIKE_COST = 0.04  # of a thousandth by which a map's views are unlike true ones
+_UNLIKE_COST = 0.045  # of a thousandth by which a map's views are unlike true ones
 _FEW = 5  # maps with a panorama, beside which those of its own count half
 
 DETAIL_NOTE = (
