@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from export.stereo import traced
+import export.stereo.evaluate as evaluate
 from export.stereo.evaluate import SEASONS
 from export.stereo.renders import Material, cast_shadows, read_subjects, shade_surface
 from export.stereo.surfaces import _of_height, project_mesh, random_relief, random_rotation, read_mesh, rotate_surface
@@ -133,12 +133,12 @@ def test_a_ball_under_a_sky_is_as_bright_as_its_light_vectors_say(
 ) -> None:
     """A ball reflects nothing onto itself, so the path tracer must agree with the integrals."""
     pytest.importorskip("mitsuba")
-    monkeypatch.setattr(traced, "_SIDE", 20)
-    monkeypatch.setattr(traced, "_SAMPLES", 128)
+    monkeypatch.setattr(evaluate, "_SIDE", 20)
+    monkeypatch.setattr(evaluate, "_SAMPLES", 128)
     write_sphere(tmp_path / "ball.obj")
     day = SEASONS["47° N, June"]
     skies = gray_skies(day.skies(32)).at(np.array([1, 5]))
-    images, normals, mask = traced.trace_mesh(tmp_path / "ball.obj", np.eye(3), day, skies, ALBEDO)
+    images, normals, mask = evaluate._trace_mesh(tmp_path / "ball.obj", np.eye(3), day, skies, ALBEDO)
     world = camera_to_world(normals[mask], day.pose)
     vectors = illumination_matrices(skies, world)[..., 0]
     expected = ALBEDO * np.einsum("ptj,pj->tp", vectors, world)
