@@ -213,42 +213,42 @@ class VideoError(LightingError):
     default_code = ErrorCode.UNREADABLE
 
 
-class ParameterTypeError(ParameterError, TypeError):
+class _ParameterTypeError(ParameterError, TypeError):
     """A parameter is of the wrong type."""
 
     default_code = ErrorCode.WRONG_TYPE
 
 
-class PhotoTypeError(PhotoError, TypeError):
+class _PhotoTypeError(PhotoError, TypeError):
     """What is given is neither a photo nor where one is."""
 
     default_code = ErrorCode.WRONG_TYPE
 
 
-class ModelTypeError(ModelError, TypeError):
+class _ModelTypeError(ModelError, TypeError):
     """What is given is not where a network is."""
 
     default_code = ErrorCode.WRONG_TYPE
 
 
-class EnvironmentMapTypeError(EnvironmentMapError, TypeError):
+class _EnvironmentMapTypeError(EnvironmentMapError, TypeError):
     """What is given is neither an environment map nor where one is written."""
 
     default_code = ErrorCode.WRONG_TYPE
 
 
-class SceneTypeError(SceneError, TypeError):
+class _SceneTypeError(SceneError, TypeError):
     """What is given is neither a scene nor where one is written."""
 
     default_code = ErrorCode.WRONG_TYPE
 
 
 _TYPE_ERRORS: dict[type[LightingError], type[LightingError]] = {
-    ParameterError: ParameterTypeError,
-    PhotoError: PhotoTypeError,
-    ModelError: ModelTypeError,
-    EnvironmentMapError: EnvironmentMapTypeError,
-    SceneError: SceneTypeError,
+    ParameterError: _ParameterTypeError,
+    PhotoError: _PhotoTypeError,
+    ModelError: _ModelTypeError,
+    EnvironmentMapError: _EnvironmentMapTypeError,
+    SceneError: _SceneTypeError,
 }
 
 

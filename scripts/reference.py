@@ -181,9 +181,9 @@ sentence. In programs read `error.code` and `error.field`: what is wrong, and wi
 
 
 def _exceptions() -> list[type[LightingError]]:
-    """The package's errors, in the order of their definition."""
+    """The package's public errors, in the order of their definition."""
     found = [value for value in vars(errors).values() if isinstance(value, type) and issubclass(value, LightingError)]
-    return [kind for kind in found if kind.__module__ == errors.__name__]
+    return [kind for kind in found if kind.__module__ == errors.__name__ and not kind.__name__.startswith("_")]
 
 
 def _first_paragraph(kind: type) -> str:

@@ -323,22 +323,13 @@ def figures_table(rows: dict[str, dict[str, float]], digits: int | None = None) 
         digits: decimals of all columns; None for those of DECIMALS.
     """
     columns = list(next(iter(rows.values())))
-    places = {column: column_decimals(column) if digits is None else digits for column in columns}
+    places = {column: DECIMALS.get(column, 1) if digits is None else digits for column in columns}
     cells = [[name, *(_number(row[c], places[c]) for c in columns)] for name, row in rows.items()]
     return markdown_table(["", *columns], cells)
 
 
 def _number(value: float, digits: int) -> str:
     return f"{value:.{digits}f}" if math.isfinite(value) else "-"
-
-
-def column_decimals(column: str) -> int:
-    """How many decimals a column shows.
-
-    Args:
-        column: its name.
-    """
-    return DECIMALS.get(column, 1)
 
 
 def format_interval(ends: tuple[float, float], decimals: int = 1) -> str:

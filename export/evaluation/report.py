@@ -13,6 +13,7 @@ import numpy as np
 from export.data.labels import Label
 from export.data.panoramas import read_table
 from export.evaluation.metrics import (
+    DECIMALS,
     Answers,
     Bools,
     Names,
@@ -21,7 +22,6 @@ from export.evaluation.metrics import (
     auc,
     camera_figures,
     camera_scores,
-    column_decimals,
     difference_interval,
     elevation_error,
     figures_table,
@@ -326,5 +326,5 @@ def stated_figures(truth: Truth, ours: Answers) -> Figures:
     """
     sun = sun_figures(select_crops(truth, truth.scored), select_crops(ours, truth.scored))
     measured = ((sun, SUN), (camera_figures(truth, ours), CAMERA_AND_SKY))
-    stated = [(name, values[column], column_decimals(column)) for values, of in measured for column, name in of.items()]
+    stated = [(name, values[column], DECIMALS.get(column, 1)) for values, of in measured for column, name in of.items()]
     return {n: round(value, digits or None) if math.isfinite(value) else None for n, value, digits in stated}

@@ -66,15 +66,6 @@ class _InvertedResidual(nn.Module):
         return x + y
 
 
-def empty_output(photo: Tensor) -> Tensor:
-    """The answer (B, 0) of a head that the network lacks.
-
-    Args:
-        photo: (B, 3, H, W).
-    """
-    return photo[:, 0, 0, :0]
-
-
 _STAGES = (  # expansion, kernel, stride, channels, repeats
     (1, 3, 1, 16, 1),
     (6, 3, 2, 24, 2),

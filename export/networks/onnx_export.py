@@ -89,13 +89,16 @@ def _flattened_nodes(graph: Any, outputs: set[str], shapes: dict[str, tuple[int,
         source, target = node.input[0] if node.input else "", node.output[0]
         if target in outputs:
             nodes.append(_reshape(graph, source, f"{target}.flat", (0, 0, -1)))
-            inputs, kernel = [f"{target}.flat", *node.input[1:]], {"kernel_shape": [1]}
+            inputs = [f"{target}.flat", *node.input[1:]]
         elif source in rows and node.op_type == "Clip":
-            inputs, kernel = [rows[source], *node.input[1:]], {}
+            inputs = [rows[source], *node.input[1:]]
         else:
             nodes.append(node)
             continue
-        nodes.append(helper.make_node(node.op_type, inputs, [f"{target}.row"], **kernel))
+        row = helper.make_node(node.op_type, inputs, [f"{target}.row"])
+        if node.op_type == "Conv":
+            row.attribute.append(helper.make_attribute("kernel_shape", [1]))
+        nodes.append(row)
         if target not in rows:
             nodes.append(_reshape(graph, f"{target}.row", target, (0, 0, *shapes[target])))
     return nodes

@@ -18,7 +18,7 @@ from torch import Tensor, nn
 
 from export.crops.targets import CELLS
 from export.data.panoramas import DataError
-from export.networks.backbone import Backbone, NetworkOutput, conv_batch_norm, empty_output, load_imagenet
+from export.networks.backbone import Backbone, NetworkOutput, conv_batch_norm, load_imagenet
 from lighting.model import PARAMETERS
 from lighting.records import ModelSpec
 from lighting.sun_grid import grid_directions
@@ -172,11 +172,11 @@ class Outdoor(nn.Module):
     def forward(self, photo: Tensor) -> NetworkOutput:
         middle, last, pooled = self.backbone(photo)
         features = torch.cat([pooled, self.where(last)], dim=1)
-        sun_in_view = self.seen(middle, pooled) if self.seen else empty_output(photo)
-        surroundings = self.around(features) if self.around else empty_output(photo)
-        light = self.light(features) if self.light else empty_output(photo)
-        camera = self.camera(middle, pooled) if self.camera else empty_output(photo)
-        suitable = self.suitable(pooled) if self.suitable else empty_output(photo)
+        sun_in_view = self.seen(middle, pooled) if self.seen else _empty_output(photo)
+        surroundings = self.around(features) if self.around else _empty_output(photo)
+        light = self.light(features) if self.light else _empty_output(photo)
+        camera = self.camera(middle, pooled) if self.camera else _empty_output(photo)
+        suitable = self.suitable(pooled) if self.suitable else _empty_output(photo)
         sun, raw = self.sun(features), self.values(features)
         return NetworkOutput(sun, raw, sun_in_view, surroundings, camera, light, suitable)
 
@@ -221,7 +221,7 @@ class _DeepOutdoor(nn.Module):
 
     def forward(self, photo: Tensor) -> NetworkOutput:
         shared = self.shared(self.convolutions(photo))
-        return NetworkOutput(self.sun(shared), self.values(shared), *[empty_output(photo)] * 5)
+        return NetworkOutput(self.sun(shared), self.values(shared), *[_empty_output(photo)] * 5)
 
 
 def build_network(
@@ -286,3 +286,8 @@ def network_specs(version: str) -> dict[str, ModelSpec]:
         "outdoor": ModelSpec("outdoor", version, 224, 224, _BACKBONE_MEAN, _BACKBONE_STD, "fibonacci:1024"),
         "cvpr2017": ModelSpec("cvpr2017", version, 320, 240, _BACKBONE_MEAN, _BACKBONE_STD, "rings:5x32"),
     }
+
+
+def _empty_output(photo: Tensor) -> Tensor:
+    """The answer (B, 0) of a head that the network lacks, to photos (B, 3, H, W)."""
+    return photo[:, 0, 0, :0]

@@ -287,17 +287,6 @@ def training_photos(config: TrainConfig) -> list[PhotoSource]:
     return load_photos(require_photo_rows(config.data, licensed_only=config.licensed_only))
 
 
-def synthetic_sources(config: TrainConfig) -> list[Source]:
-    """The rendered places that the run mixes in, if any.
-
-    Args:
-        config: of the run.
-    """
-    if not config.synthetic:
-        return []
-    return load_sources(read_index(config.synthetic, "train"), Path(config.synthetic) / LABELS)
-
-
 def write_samples(folder: Path, target: Path) -> None:
     """Draw one crop of each of the first 48 places, before augmentation; DataError if there are fewer.
 

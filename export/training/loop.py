@@ -26,8 +26,9 @@ from torch.nn import functional as F
 from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader
 
-from export.crops.crops import load_sources
-from export.data.panoramas import DataError, Panorama
+from export.crops.crops import Source, load_sources
+from export.data.panoramas import DataError, Panorama, read_index
+from export.data.rendered_towns import LABELS
 from export.networks.backbone import NetworkOutput
 from export.networks.outdoor import (
     build_network,
@@ -54,7 +55,6 @@ from export.training.dataset import (
     Batch,
     TrainConfig,
     TrainingCrops,
-    synthetic_sources,
     training_panoramas,
     training_photos,
 )
@@ -452,7 +452,7 @@ def train_network(config: TrainConfig) -> Path:
     photos = training_photos(config)
     run = _Run(config)
     run.resume()
-    sources, synthetic = load_sources(kept, config.labels), synthetic_sources(config)
+    sources, synthetic = load_sources(kept, config.labels), _synthetic_sources(config)
     dataset = TrainingCrops(sources, run.spec, config, synthetic=synthetic, photos=photos)
     tune = TrainingCrops(load_sources(held_out, config.labels), run.spec, config, tune=True) if held_out else None
     Path(config.out).mkdir(parents=True, exist_ok=True)
@@ -484,3 +484,10 @@ def _log(run: _Run, values: dict[str, float]) -> None:
     print(line, flush=True)
     with (Path(run.config.out) / "log.jsonl").open("a") as file:
         file.write(line + "\n")
+
+
+def _synthetic_sources(config: TrainConfig) -> list[Source]:
+    """The rendered places that the run mixes in, if any."""
+    if not config.synthetic:
+        return []
+    return load_sources(read_index(config.synthetic, "train"), Path(config.synthetic) / LABELS)

@@ -245,7 +245,7 @@ def read_labelled_pictures(folder: Path, split: str) -> list[LabelledPicture]:
     return [_picture(folder, row, groups) for row in rows]
 
 
-def read_more_pictures(folder: Path) -> list[LabelledPicture]:
+def _read_more_pictures(folder: Path) -> list[LabelledPicture]:
     """The pictures of the folder whose grids lie beside this program; they may train, and judge nothing.
 
     Args:
@@ -442,7 +442,7 @@ def train_segmentation(data: Path, out: Path) -> str:
     Raises:
         DataError: a table is missing, or a grid cannot be read.
     """
-    pictures, more = read_labelled_pictures(data, "train"), read_more_pictures(data)
+    pictures, more = read_labelled_pictures(data, "train"), _read_more_pictures(data)
     network = _train(pictures, more)
     version = out.stem.rpartition("-")[2]
     source = "pictures with grids of what they show, most with no stated licence"
@@ -476,7 +476,7 @@ def cross_validate(data: Path) -> str:
         data: folder with `ground.csv`.
     """
     pictures = [picture for picture in read_labelled_pictures(data, "train") if not picture.weak]
-    more, folds = read_more_pictures(data), _folds(pictures)
+    more, folds = _read_more_pictures(data), _folds(pictures)
     ground, right, cells = np.zeros(2), 0, 0
     for fold in range(_FOLDS):
         unseen = {picture.group for picture, number in zip(pictures, folds, strict=True) if number == fold}

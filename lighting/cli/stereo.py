@@ -14,7 +14,8 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_bytes
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
 from lighting.cli.photos import check_json
-from lighting.files import escape_undecodable
+from lighting.errors import ErrorCode, ParameterError
+from lighting.files import escape_undecodable, output_folder_error
 from lighting.start import silence_libraries
 
 if TYPE_CHECKING:
@@ -228,13 +229,14 @@ def _normals(
     """
     if options["probes"] and (options["sky"] or options["turbidity"]):
         raise click.UsageError("--sky and --turbidity are of modelled skies; --probes takes measured ones.")
-    from lighting.stereo.output import check_normals_folder, estimate_normals, write_normals
+    from lighting.stereo.output import estimate_normals, write_normals
 
     common.check_coordinates(options["latitude"], options["longitude"])
     folder = Path(console.choose_folder(str(day), output, "-normals"))
     if folder.resolve() == day.resolve():
         raise click.UsageError(f"{folder} holds the photos; the results need another folder.")
-    check_normals_folder(folder, overwrite=overwrite)
+    if objection := output_folder_error(folder, overwrite=overwrite):
+        raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
     with silence_libraries() as stderr:
         result = estimate_normals(
             day, _normals_options(**options), _network() if network else None, _watch(quiet, stderr)

@@ -14,7 +14,7 @@ from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
 from lighting.cli.photos import choose_sun, strict_status
-from lighting.files import escape_undecodable
+from lighting.files import escape_undecodable, output_folder_error
 from lighting.scene import EXPORTERS, animated_tools
 
 if TYPE_CHECKING:
@@ -89,7 +89,8 @@ def _video(
     options["sun"] = choose_sun(options["sun"], options["adjustments"])
     folder = Path(console.choose_folder(clip, output, "-lighting"))
     job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
-    results.check_video_folder(job.folder, overwrite=overwrite)
+    if objection := output_folder_error(job.folder, overwrite=overwrite):
+        raise VideoError(objection)
     console.check_apart([clip], [str(job.folder / results.FILM_FILE)] if job.options.film else [])
     network = Model.load(model)
     try:

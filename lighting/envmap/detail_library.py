@@ -49,7 +49,7 @@ _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
 
 
 @dataclass(frozen=True, eq=False)
-class DetailLibrary:
+class _DetailLibrary:
     """N panoramas of detail and their features."""
 
     names: tuple[str, ...]
@@ -81,12 +81,12 @@ class DetailChoice:
 
 
 @lru_cache(maxsize=1)
-def _load_detail_library() -> DetailLibrary:
+def _load_detail_library() -> _DetailLibrary:
     """The library in this package."""
     with np.load(LIBRARY_PATH) as stored:
         ends, raw = np.cumsum(stored["sizes"]), stored["pictures"].tobytes()
         low, high = FEATURE_RANGE
-        return DetailLibrary(
+        return _DetailLibrary(
             names=tuple(map(str, stored["names"])),
             pictures=tuple(raw[end - size : end] for end, size in zip(ends, stored["sizes"], strict=True)),
             features=stored["features"] * np.float32((high - low) / 255) + np.float32(low),
@@ -153,7 +153,7 @@ def class_features(segments: Segments, size: tuple[int, int], cell: NDArray[np.i
 
 
 def choose_detail(
-    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: DetailLibrary | None = None
+    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: _DetailLibrary | None = None
 ) -> DetailChoice:
     """The panorama, of all rotations and both ways round, that costs least.
 
@@ -179,7 +179,7 @@ def cheapest_choice(cost: Floats) -> DetailChoice:
 
 
 def choice_costs(
-    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: DetailLibrary | None = None
+    target: Image, weight: Image, sun_azimuth: float | None, snow: bool = False, library: _DetailLibrary | None = None
 ) -> Floats:
     """Squared differences of features (2, N, turns), but for what is the same for all: panoramas, and flipped ones.
 
@@ -205,7 +205,7 @@ def choice_costs(
     return np.stack(costs) + around[:, None]
 
 
-def _around_cost(library: DetailLibrary, target: Image, weight: Image) -> Floats:
+def _around_cost(library: _DetailLibrary, target: Image, weight: Image) -> Floats:
     """What it costs (N,) that places have more or less of plants, buildings and water around than is expected."""
     shares = np.stack(_class_shares(library.features, np.ones(library.features.shape[2:], np.bool_))[0], axis=-1)
     shown, known = _class_shares(target, weight[FEATURES.index("plants")] > 0)
@@ -231,7 +231,7 @@ def _class_shares(features: Image, seen: NDArray[np.bool_]) -> tuple[list[Floats
     return means, np.array([band, band, water, band])
 
 
-def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:
+def _sun_cost(library: _DetailLibrary, flipped: bool, sun_azimuth: float | None) -> Floats:
     """What the library's suns cost (N, turns) where the sun is; a panorama in shade fits any."""
     turns = np.arange(2 * FEATURE_ROWS) * 180.0 / FEATURE_ROWS
     known = np.isfinite(library.sun_azimuth) & library.sunlit
@@ -243,7 +243,7 @@ def _sun_cost(library: DetailLibrary, flipped: bool, sun_azimuth: float | None) 
 
 
 @dataclass(frozen=True, eq=False)
-class DetailPicture:
+class _DetailPicture:
     """A panorama of the library as it lies around the camera, as wide as a map but not as high."""
 
     pixels: NDArray[np.uint8]
@@ -262,8 +262,8 @@ class DetailPicture:
 
 
 def detail_picture(
-    choice: DetailChoice, height: int, saturation: float = 1.0, library: DetailLibrary | None = None
-) -> DetailPicture:
+    choice: DetailChoice, height: int, saturation: float = 1.0, library: _DetailLibrary | None = None
+) -> _DetailPicture:
     """The chosen panorama.
 
     Args:
@@ -281,7 +281,7 @@ def detail_picture(
     if choice.flipped:
         picture = picture.transpose(Pictures.Transpose.FLIP_LEFT_RIGHT)
     wide = np.asarray(picture.resize((2 * height, picture.height), _kernel(picture.height, height)))
-    return DetailPicture(np.roll(wide, round(choice.yaw / 360.0 * 2 * height), axis=1), height)
+    return _DetailPicture(np.roll(wide, round(choice.yaw / 360.0 * 2 * height), axis=1), height)
 
 
 def _kernel(rows: int, height: int) -> Pictures.Resampling:

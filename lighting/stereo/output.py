@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from lighting.errors import ErrorCode, ParameterError, PhotoError, require_extra
 from lighting.fields import check_location
-from lighting.files import atomic_write, output_folder_error
+from lighting.files import atomic_write
 from lighting.files.exr import SOFTWARE
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats
@@ -53,20 +53,6 @@ MESH_FILE, RECORD_FILE = "mesh.ply", "normals.json"
 
 _HUNDREDTHS = 100.0  # of a degree, in the PNG of the uncertainty
 _MIN_SUN_MOTION = np.radians(2.0)  # apart, for light to differ
-
-
-def check_normals_folder(folder: Path, *, overwrite: bool) -> None:
-    """Check that results can be written.
-
-    Args:
-        folder: where they go.
-        overwrite: whether earlier ones may be replaced.
-
-    Raises:
-        ParameterError: they cannot or must not be written.
-    """
-    if objection := output_folder_error(folder, overwrite=overwrite):
-        raise ParameterError(objection, "folder", ErrorCode.UNWRITABLE)
 
 
 def _encode_pictures(normals: NormalMap, pose: Pose) -> list[tuple[str, Image, Floats]]:

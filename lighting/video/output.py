@@ -36,7 +36,7 @@ from lighting.envmap.relighting import Adjustments, radiance_gain, rotate_envmap
 from lighting.envmap.render import add_sun, cap_map, render
 from lighting.envmap.surroundings import PhotoContext, render_view
 from lighting.errors import EnvironmentMapError, ErrorCode, SceneError, VideoError
-from lighting.files import atomic_write, encode_png, escape_undecodable, output_folder_error, write_envmap
+from lighting.files import atomic_write, encode_png, escape_undecodable, write_envmap
 from lighting.files.exr import read_exr_attributes
 from lighting.fusion.user_input import UserInput
 from lighting.geometry import Floats, camera_axes, wrap_azimuth
@@ -69,9 +69,9 @@ from lighting.video.shot import (
     analyze_shots,
     frame_lights,
     lighting_in_frame,
-    metadata_of_clip,
     shot_lighting,
 )
+from lighting.video.tracking import ClipMetadata
 
 _VIEW_SIDE = 1000  # pixels of the longer side of a frame that maps show
 
@@ -485,20 +485,6 @@ def _shot_map(number: int) -> str:
     return f"shot-{number}.exr"
 
 
-def check_video_folder(folder: Path, *, overwrite: bool) -> None:
-    """Check that results can be written.
-
-    Args:
-        folder: where they go.
-        overwrite: whether earlier ones may be replaced.
-
-    Raises:
-        VideoError: they cannot or must not be written.
-    """
-    if objection := output_folder_error(folder, overwrite=overwrite):
-        raise VideoError(objection)
-
-
 def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] | None = None) -> VideoResult:
     """Process a clip and write all that the job asks for.
 
@@ -518,7 +504,7 @@ def process_video(job: VideoJob, model: Model, progress: Callable[[float], Any] 
     """
     result, lights, kept = VideoResult(), list[FrameLight](), _Kept()
     with Clip(job.source) as clip, _ViewReader(job.source) as views:
-        metadata_of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
+        ClipMetadata.of_clip(clip, job.user_input).prior_at(0.0)  # what cannot be is refused before anything is written
         job.folder.mkdir(exist_ok=True)
         with (job.folder / PARTIAL_FILE).open("w", encoding="utf-8") as lines:
             for shot in analyze_shots(clip, model, job.user_input, job.every, progress):

@@ -571,18 +571,6 @@ def _round_heading(degrees: float) -> float:
     return _round_angle(degrees % 360.0) % 360.0
 
 
-def metadata_of_clip(clip: Clip, user_input: UserInput) -> ClipMetadata:
-    """Collect what is known of an open clip beside its pixels.
-
-    Args:
-        clip: an open one.
-        user_input: of its first frame; may forbid the clip's own metadata.
-    """
-    if not user_input.metadata:
-        return ClipMetadata(user_input=user_input)
-    return ClipMetadata(clip.info.metadata, clip.info.gimbal, user_input)
-
-
 def analyze_shots(
     clip: Clip,
     model: Model,
@@ -607,7 +595,7 @@ def analyze_shots(
         ModelError: the network fails.
         ParameterError: the user's time and place are of night at the clip's first frame.
     """
-    clip_metadata = metadata_of_clip(clip, user_input)
+    clip_metadata = ClipMetadata.of_clip(clip, user_input)
     for tracked in observe_shots(clip.frames(), model, every, progress, clip_metadata.vertical_fov):
         try:
             yield solve_shot(tracked, clip_metadata)

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from functools import cached_property, partial
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ from lighting.registration.two_view import (
     resize_to,
     to_centered,
 )
-from lighting.video.decode import Frame, Gimbal
+from lighting.video.decode import Clip, Frame, Gimbal
 
 MAX_POINTS = 200  # sought in a keyframe
 MIN_POINTS = 24  # followed, below which a frame counts as lost
@@ -368,6 +369,18 @@ class ClipMetadata:
     """What the user states of the clip."""
     subject: str = "clip"
     """What warnings call it."""
+
+    @classmethod
+    def of_clip(cls, clip: Clip, user_input: UserInput) -> Self:
+        """Collect what is known of an open clip beside its pixels.
+
+        Args:
+            clip: an open one.
+            user_input: of its first frame; may forbid the clip's own metadata.
+        """
+        if not user_input.metadata:
+            return cls(user_input=user_input)
+        return cls(clip.info.metadata, clip.info.gimbal, user_input)
 
     @property
     def vertical_fov(self) -> float | None:

@@ -7,7 +7,7 @@ import torch
 from export.crops.crops import Camera, Crop
 from export.crops.targets import CELL, CELLS, sun_in_view_target
 from export.data.panoramas import DataError
-from export.networks.backbone import _InvertedResidual, conv_batch_norm, empty_output
+from export.networks.backbone import _InvertedResidual, conv_batch_norm
 from export.networks.onnx_export import (
     SUN_IN_VIEW_PRIOR,
     _cell_directions,
@@ -21,6 +21,7 @@ from export.networks.outdoor import (
     ROLL_SCALE,
     TARGET_WIDTH,
     Outdoor,
+    _empty_output,
     build_network,
     camera_bin_targets,
     decode_parameters,
@@ -281,4 +282,4 @@ def test_dropped_blocks_pass_their_input_in_training_alone() -> None:
 
 
 def test_a_missing_head_answers_nothing() -> None:
-    assert empty_output(torch.zeros(3, 3, 8, 8)).shape == (3, 0)
+    assert _empty_output(torch.zeros(3, 3, 8, 8)).shape == (3, 0)

@@ -55,7 +55,7 @@ def test_more_pictures_are_those_that_the_folder_has(tmp_path: Path, monkeypatch
     table = tmp_path / "more.csv"
     table.write_text(f"file,columns,rows,grid\nb.png,12,9,{GRID}\nmissing.png,12,9,{GRID}\n")
     monkeypatch.setattr(segmentation, "_MORE", table)
-    (picture,) = segmentation.read_more_pictures(tmp_path)
+    (picture,) = segmentation._read_more_pictures(tmp_path)
     assert (picture.group, picture.weak, picture.grid.shape) == ("anna", False, (9, 12))
 
 
