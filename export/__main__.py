@@ -38,7 +38,7 @@ _network = _option("--model", "Network to ask. [default: the one in the package]
 _labels = _option("--labels", "CSV file of `label`.", default="runs/labels.csv")
 
 
-@click.group(cls=Group, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=Group)
 def export_cli() -> None:
     """From a folder of panoramas to the network that ships. export/README.md describes the folder's format."""
 

@@ -42,7 +42,6 @@ _WIDTH = 10_000  # columns: nothing is wrapped
 def write_command_line() -> str:
     """Return the page of commands: usage, options with defaults, and examples, as `--help` prints them."""
     context = click.Context(cli, info_name="lighting", terminal_width=_WIDTH, max_content_width=_WIDTH)
-    context.help_option_names = ["-h", "--help"]
     commands = list(_walk(cli, context))
     index = [f"- [`{c.command_path}`](#{c.command_path.replace(' ', '-')}): {_short_help(c.command)}" for c in commands]
     head = [

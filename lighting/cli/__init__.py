@@ -44,7 +44,19 @@ _NEAR = 0.6  # share of the letters that a suggestion has in common with what wa
 _CLIPS = frozenset([".mp4", ".mov", ".m4v", ".mkv", ".avi", ".webm", ".mts", ".m2ts", ".3gp"])
 
 
-class Command(click.Command):
+class _Helped(click.Command):
+    """A command or group that shows its help by -h and --help, in any context."""
+
+    def get_help_option_names(self, ctx: click.Context) -> list[str]:  # noqa: ARG002
+        """Return the names of the option that shows the help.
+
+        Args:
+            ctx: of click.
+        """
+        return ["-h", "--help"]
+
+
+class Command(_Helped):
     """A command whose help ends with examples, and that knows the old names of its options."""
 
     def __init__(
@@ -98,7 +110,7 @@ class Command(click.Command):
         return self.renamed.get(name, name) + equals + value
 
 
-class Group(click.Group):
+class Group(_Helped, click.Group):
     """Commands whose help ends with examples; an unknown one is answered by what was probably meant."""
 
     command_class = Command
@@ -227,7 +239,6 @@ class _Program(Group):
 
 @click.group(
     cls=_Program,
-    context_settings={"help_option_names": ["-h", "--help"]},
     examples=(
         "lighting envmap photo.jpg                      # photo.exr, a map that lights like the photo",
         "lighting scene photo.jpg --for blender         # a folder that Blender opens",
