@@ -369,6 +369,13 @@ def test_neither_is_the_preview_beside_a_map(photo_path: Path, tmp_path: Path) -
     assert not (tmp_path / "a.exr").exists()
 
 
+def test_a_preview_is_no_folder(photo_path: Path, tmp_path: Path) -> None:
+    (tmp_path / "a.png").mkdir()
+    arguments = ["envmap", photo_path, "-o", tmp_path / "a.exr", "--preview", tmp_path / "a.png"]
+    assert "a.png is a folder." in error_of(invoke_command(*arguments), 2)
+    assert not (tmp_path / "a.exr").exists()
+
+
 def test_several_photos_go_to_a_folder(network: Path, photo_path: Path, other_path: Path, tmp_path: Path) -> None:
     maps = tmp_path / "maps"
     result = invoke_command("envmap", photo_path, other_path, "-o", f"{maps}/", *SMALL, "--model", network)

@@ -34,6 +34,8 @@ from tests.helpers.predictions import METADATA, MORNING, ZONELESS, observations_
         ((55.75, 37.62), datetime(2012, 7, 1, 12, 0), [4.0]),  # Moscow's summer all year
         ((43.83, 87.6), datetime(2024, 6, 1, 12, 0), [8.0, 6.0]),  # Urumqi keeps two times
         ((44.95, 34.1), datetime(2024, 12, 1, 12, 0), [3.0, 2.0]),  # Crimea
+        ((48.0, 37.8), datetime(2024, 12, 1, 12, 0), [2.0, 3.0]),  # Donetsk
+        ((43.0, 41.0), datetime(2024, 12, 1, 12, 0), [4.0, 3.0]),  # Abkhazia
         ((1.87, -157.4), datetime(2024, 6, 1, 12, 0), [14.0]),  # Kiritimati
     ],
 )

@@ -70,6 +70,28 @@ def test_times_and_masks_beside_photos_without_exif(tmp_path: Path) -> None:
     assert shots.images.shape[-1] == 1
 
 
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        (None, "is not a mask that can be read."),
+        (np.full((64, 32), 255, dtype=np.uint8), "is 32 x 64 pixels; it does not have the photos' shape."),
+        (np.zeros((64, 64), dtype=np.uint8), "is black all over; white marks the thing."),
+    ],
+)
+def test_a_mask_that_marks_nothing_is_refused(content: NDArray[np.uint8] | None, sentence: str, tmp_path: Path) -> None:
+    for index in range(3):
+        _write_png16(tmp_path / f"{index}.png", 60000 * gray_blocks()[..., None])
+    (tmp_path / "times.csv").write_text(
+        "file,time\n" + "".join(f"{i}.png,2024-06-21T1{3 - i}:00+00:00\n" for i in range(3))
+    )
+    if content is None:
+        (tmp_path / "mask.png").write_text("no picture")
+    else:
+        Image.fromarray(content).save(tmp_path / "mask.png")
+    with pytest.raises(PhotoError, match=sentence):
+        read_day_photos(tmp_path)
+
+
 def test_a_day_of_one_light_and_photos_that_are_only_listed_are_told(tmp_path: Path) -> None:
     for index, strength in enumerate((0.5, 1.0, 0.7)):
         _write_png16(tmp_path / f"{index}.png", strength * 60000 * gray_blocks()[..., None])
