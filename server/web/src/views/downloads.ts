@@ -17,7 +17,7 @@ interface Target {
 }
 
 const TOOL_LABELS: Record<string, string> = {
-  ...{ blender: "Blender", unreal: "Unreal", unity: "Unity", godot: "Godot", houdini: "Houdini", nuke: "Nuke" },
+  ...{ blender: "Blender", unreal: "Unreal", unity: "Unity", godot: "Godot" },
   ...{ usd: "USD", gltf: "glTF", filament: "Filament", cubemap: "Cubemap", threejs: "three.js", mitsuba: "Mitsuba" },
 };
 const CHOSEN_TARGET = "lighting-download-for"; // under which the browser keeps the latest one
