@@ -3,10 +3,10 @@
     python -m benchmarks.fuzz --minutes 60 [--seed 1] [--keep FOLDER] [--corpus FOLDER]
 
 Small photos of every kind, with and without metadata, and the files of a corpus are changed at random: bits, numbers,
-lengths, pieces cut out, doubled, moved and exchanged with other photos'. Each is read by `apart.Decoder` as the service
-and a batch read it. What must not happen: a process that ends (crash), more than 5 s of processor time (hang), more
-memory than `memory.allowance` states (memory), and an error that is no PhotoError (error). Such photos are kept in
-FOLDER. Needs Linux.
+lengths, pieces cut out, doubled, moved and exchanged with other photos'. Each is read by a process of
+`lighting.photo.sandbox`, as the service and a batch read it. What must not happen: a process that ends (crash), more
+than 5 s of processor time (hang), more memory than `memory_budget` states (memory), and an error that is no PhotoError
+(error). Such photos are kept in FOLDER. Needs Linux.
 """
 
 import argparse

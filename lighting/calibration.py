@@ -60,7 +60,7 @@ _HORIZONTAL_SHARE = 0.35  # of the edges, that run along one of the two headings
 _HORIZONTAL_STD = 1.0  # deg, of horizontals about the true direction
 _HORIZONTAL_WEIGHT = 0.5  # of an edge as long as the picture is tall; others count by the root of their length
 _MAX_VERTICALS = 80  # the longest, which tell as much as all
-_VERTICAL_SHARE = 0.3  # of the edges, that are verticals; the rest has any angle within MAX_LEAN
+_VERTICAL_SHARE = 0.3  # of the edges, that are verticals; the rest has any angle within _MAX_LEAN
 _VERTICAL_STD = 0.8  # deg, of verticals about the true vertical
 _VERTICAL_WEIGHT = 1.5  # of an edge as long as the picture is tall; others count by the root of their length
 
@@ -141,7 +141,7 @@ class _Lines:
 class _Edges:
     """The edges of a picture by their direction."""
 
-    upright: _Lines  # within MAX_LEAN of verticals
+    upright: _Lines  # within _MAX_LEAN of verticals
     other: _Lines
 
 

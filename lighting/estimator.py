@@ -13,7 +13,7 @@ from lighting.decoding import with_dappled_sun, with_ground_color
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance, snow_gain
 from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
-from lighting.errors import ErrorCode, ParameterError, PhotoError
+from lighting.errors import ErrorCode, ParameterError, PhotoError, warn_of_old_name
 from lighting.fields import clip_color
 from lighting.fusion.estimate import PhotoPrediction, build_estimate, predict_with_metadata
 from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
@@ -157,8 +157,6 @@ class Estimator:
             headings: as there.
             match: `register` there.
         """
-        from lighting.errors import warn_of_old_name
-
         warn_of_old_name("lighting.Estimator.together")
         return self.estimate_views(photos, given, headings, register=match)
 

@@ -2,7 +2,7 @@
 
 Input `photo`, float32 (N, 3, H, W), is what `preprocess` makes. Output `sun_probability`, float32 (N, G), sums to 1
 over the cells of the sun grid; output `parameters`, float32 (N, 6), holds PARAMETERS in final units. Two more outputs
-are optional: `light`, float32 (N, 8), holds LIGHT_OUTPUT in final units, and `around`, float32 (N, 12, 24, 3), the
+are optional: `light`, float32 (N, 8), holds _LIGHT_OUTPUT in final units, and `around`, float32 (N, 12, 24, 3), the
 radiance of the surroundings without the sun. The metadata key `spec` holds a ModelSpec as JSON.
 """
 

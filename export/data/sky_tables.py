@@ -168,7 +168,7 @@ def _read_sky(
         direction: (N, 3) unit vectors above the horizon.
         sun_direction: (3,) unit vector within the set's range.
         visibility: km, within the set's range.
-        rgb: (C, 3) of `rgb_weights`; None: computed.
+        rgb: (C, 3) of `_rgb_weights`; None: computed.
     """
     d, sun = np.asarray(direction, dtype=np.float64), np.asarray(sun_direction, dtype=np.float64)
     elevation = float(angles(sun)[1])

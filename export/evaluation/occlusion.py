@@ -76,7 +76,7 @@ def _draw_occlusion(photo: NDArray[np.uint8], added: Floats) -> NDArray[np.uint8
 
     Args:
         photo: (H, W, 3) sRGB.
-        added: (h, w) [nat] of `occlusion_map`.
+        added: (h, w) [nat] of `_occlusion_map`.
     """
     height, width = photo.shape[:2]
     image = Image.fromarray(added.astype(np.float32)).resize((width, height), Image.Resampling.BICUBIC)

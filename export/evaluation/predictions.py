@@ -137,7 +137,7 @@ def collect_truth(panoramas: Sequence[Panorama], crops: Sequence[Crop]) -> Truth
 
 
 def _name_view(panorama: Panorama, crop: Crop) -> str:
-    """By geometry: a visible sun, or more than SKY_SHARE of the frame above the horizon, or neither."""
+    """By geometry: a visible sun, or more than MIN_SKY_SHARE of the frame above the horizon, or neither."""
     if panorama.sun == "visible" and crop.sun_pixel:
         return "sun in view"
     rays = camera_directions(pinhole_camera(crop.camera, 32, 24))

@@ -27,12 +27,7 @@ from torch import Tensor, nn
 from export.crops.targets import CELL, COLUMNS, MIN_RADIANCE, ROWS
 from export.data.panoramas import DataError
 from export.networks.backbone import NetworkOutput
-from export.networks.outdoor import (
-    ROLL_SCALE,
-    decode_parameters,
-    mean_of_camera_bins,
-    roll_bins_std,
-)
+from export.networks.outdoor import ROLL_SCALE, decode_parameters, mean_of_camera_bins, roll_bins_std
 from export.networks.weights import (
     describe_data,
     have_different_specs,

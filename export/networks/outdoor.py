@@ -4,7 +4,7 @@ The network tells in which cell of the picture the sun or its glare is, if in an
 cell into a direction. That direction gets the probability that the sun is in view; the head of the sun's direction
 keeps the rest.
 
-All networks take the normalised canvas (B, 3, H, W) of `lighting.photo` and return `NetworkOutput`. The names of layers
+All networks take the normalised canvas (B, 3, H, W) of `lighting.model` and return `NetworkOutput`. The names of layers
 are the names of weights in checkpoints and ONNX files: they stay.
 
 References:

@@ -11,7 +11,7 @@ import shlex
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import timedelta, timezone
 from itertools import combinations, product
 from pathlib import Path
@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, TextIO
 import click
 
 from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
-from lighting.files import MAP_FORMATS, escape_undecodable
+from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe
@@ -87,8 +87,6 @@ def print_estimate(
         as_json: which of both; stdout must hold nothing else.
         quiet: print no warnings.
     """
-    from dataclasses import asdict
-
     from lighting.records import json_line
 
     if as_json:
@@ -381,8 +379,6 @@ def write_bytes(output: str, data: bytes) -> None:
         output: its name; "-" is stdout.
         data: what it holds.
     """
-    from lighting.files import atomic_write
-
     if output == "-":
         sys.stdout.buffer.write(data)
         sys.stdout.buffer.flush()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from lighting.cli.console import check_file_name
-from lighting.errors import LightingError, ParameterError
+from lighting.errors import EnvironmentMapError, LightingError, ParameterError
 from lighting.sky import SKY_MODELS, format_sky_models
 
 if TYPE_CHECKING:
@@ -128,7 +128,6 @@ class _Compression(RegistryChoice):
         super().__init__(_compressions)
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
-        from lighting.errors import EnvironmentMapError
         from lighting.files.exr import check_exr_compression
 
         try:

@@ -15,14 +15,7 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.geometry import (
-    SUN_RADIUS,
-    Floats,
-    angle_between,
-    latlong_directions,
-    latlong_solid_angle,
-    sample_latlong,
-)
+from lighting.geometry import SUN_RADIUS, Floats, angle_between, latlong_directions, latlong_solid_angle, sample_latlong
 
 Image = NDArray[np.float32]
 

@@ -10,10 +10,7 @@ from numpy.typing import NDArray
 import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR
 from lighting.envmap.latlong import Image, column_blocks, fits_block, irradiance_by_columns, max_channel, row_irradiance
-from lighting.geometry import (
-    Floats,
-    Pinhole,
-)
+from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
 from lighting.segmentation import Segments, SurfaceClass, class_share
 

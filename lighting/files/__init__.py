@@ -18,8 +18,6 @@ from typing import TYPE_CHECKING, Any
 
 from lighting.errors import EnvironmentMapError, ErrorCode
 
-_RANDOM_BYTES = 8  # in a temporary name
-
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -28,6 +26,8 @@ if TYPE_CHECKING:
     from lighting.geometry import Floats
     from lighting.light_probe import LightProbe
     from lighting.records import Lighting
+
+_RANDOM_BYTES = 8  # in a temporary name
 
 
 @dataclass(frozen=True)

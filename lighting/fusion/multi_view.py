@@ -35,6 +35,7 @@ from lighting.sun_grid import (
     grid_directions,
     grid_solid_angle,
     heading_from_probability,
+    smooth_density,
     von_mises,
 )
 
@@ -42,7 +43,6 @@ if TYPE_CHECKING:
     from lighting.registration.photo_set import RegisteredView
 
     Views = Sequence[RegisteredView]
-from lighting.sun_grid import smooth_density
 
 _ELEVATION_CORRELATION = 0.6  # of the sun's elevation alone; by `python -m export evaluate --with-metadata`
 _RELATIVE_HEADING_STD = 10.0  # deg between two compass headings of one phone, whose larger error is shared

@@ -1,4 +1,4 @@
-"""Photos: the pixels, EXIF data and time in a file, and the network's input tensor."""
+"""Photos: the pixels in a file, and what it says of camera, time and place."""
 
 
 def __getattr__(name: str) -> object:

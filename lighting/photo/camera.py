@@ -21,14 +21,7 @@ from typing import Any
 from PIL import ExifTags
 
 from lighting.geometry import MIN_STEEP_ELEVATION, zoomed_fov
-from lighting.photo.tags import (
-    EXIF_NAMESPACE,
-    Tags,
-    read_number,
-    read_text,
-    read_xmp_number,
-    try_read,
-)
+from lighting.photo.tags import EXIF_NAMESPACE, Tags, read_number, read_text, read_xmp_number, try_read
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, to which 35 mm equivalents refer
 

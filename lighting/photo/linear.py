@@ -20,13 +20,7 @@ from lighting.errors import PhotoError, PhotoExtraError, require_extra
 from lighting.photo.containers import open_raw_header, photo_page
 from lighting.photo.formats import kind_name
 from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
-from lighting.photo.pixels import (
-    check_bit_depth,
-    gray_16_bit,
-    is_gamma_encoded,
-    make_upright,
-    read_color_encoding,
-)
+from lighting.photo.pixels import check_bit_depth, gray_16_bit, is_gamma_encoded, make_upright, read_color_encoding
 from lighting.photo.tags import read_sidecar
 
 Pixels = NDArray[np.float32]

@@ -24,7 +24,7 @@ from PIL import Image, UnidentifiedImageError
 
 import lighting.photo.containers as containers
 from lighting.color import check_pixels
-from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError
+from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLargeError, warn_of_old_name
 from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
@@ -134,8 +134,6 @@ class Photo:
     @property
     def facts(self) -> PhotoMetadata:
         """The old name of `metadata`; warns of it."""
-        from lighting.errors import warn_of_old_name
-
         warn_of_old_name("lighting.photo.reader.Photo.facts")
         return self.metadata
 
@@ -303,7 +301,7 @@ def _pixel_limit(image: Image.Image, data: bytes, max_pixels: int) -> tuple[int,
 
 
 def _max_pixels_of_format(kind: str, max_pixels: int) -> int:
-    """How many pixels a picture of a kind of PER_PIXEL may have."""
+    """How many pixels a picture of a kind of _DECODER_BYTES_PER_PIXEL may have."""
     return min(max_pixels, int(max_pixels * _BYTES_PER_PIXEL / _DECODER_BYTES_PER_PIXEL[kind]))
 
 

@@ -33,16 +33,7 @@ import lighting.runtime as runtime
 from lighting.errors import ErrorCode, LightingError, ParameterError, PhotoError, PhotoTooLargeError
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS
-from lighting.photo.reader import (
-    MAX_BYTES,
-    MAX_PIXELS,
-    TARGET,
-    Photo,
-    PhotoCrop,
-    memory_budget,
-    read_bytes,
-    read_photo,
-)
+from lighting.photo.reader import MAX_BYTES, MAX_PIXELS, TARGET, Photo, PhotoCrop, memory_budget, read_bytes, read_photo
 from lighting.photo.tags import read_sidecar
 from lighting.records import CodedWarning, Json, WarningCode, warning_code
 

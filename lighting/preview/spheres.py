@@ -24,16 +24,7 @@ from lighting.color import SRGB_LINEAR, srgb_bytes
 from lighting.envmap.latlong import blur_envmap, envmap_irradiance, remove_sun, shrink_envmap
 from lighting.envmap.projection import photo_camera
 from lighting.envmap.shadow_mask import ground_shadow_mask, is_in_shade, shadow_receivers
-from lighting.geometry import (
-    Floats,
-    Pinhole,
-    angles,
-    camera_axes,
-    direction,
-    dot_product,
-    ray_sphere,
-    sample_latlong,
-)
+from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, dot_product, ray_sphere, sample_latlong
 from lighting.ground import object_radius
 from lighting.records import Lighting
 from lighting.segmentation import Segments

@@ -396,7 +396,7 @@ def _in_common(matches: Matches, rotation: Floats, zoom: float, lens: _Lens) -> 
     return np.asarray(np.all(at <= half, axis=1))
 
 
-# A camera that also moved: the essential matrix [1, 2].
+# A camera that also moved: the essential matrix [3, 4].
 
 
 @dataclass(frozen=True, eq=False)

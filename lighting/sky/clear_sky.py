@@ -4,8 +4,8 @@ Directions are unit vectors in the frame of geometry.py (+Y up), colors are line
 W m^-2 sr^-1 nm^-1 seen through RGB and divided by CIE_Y_INTEGRAL, which makes the numbers those of Mitsuba 3's
 `sunsky`. A radiance is never negative, though the published fits dip slightly below zero in the blue of a setting sun.
 
-The Prague model is for suns from -4.2 to 90 deg, at ground level. The ground's albedo is 1/3, as in the data set that
-its table was made from.
+The Prague model [3, 4] is for suns from -4.2 to 90 deg, at ground level. The ground's albedo is 1/3, as in the data set
+that its table was made from.
 
 References:
     [1] Hosek and Wilkie, An Analytic Model for Full Spectral Sky-Dome Radiance, SIGGRAPH 2012.
@@ -258,7 +258,7 @@ def prague_radiance(direction: ArrayLike, sun_direction: ArrayLike, turbidity: f
     Args:
         direction: (..., 3) unit vectors; float32 gives float32, all others float64.
         sun_direction: (3,) vector, not lower than 4.2 deg below the horizon, else ParameterError.
-        turbidity: 1 to 10, by `visibility_from_turbidity`.
+        turbidity: 1 to 10, by `_visibility_from_turbidity`.
     """
     d = np.asarray(direction)
     d = d if d.dtype == np.float32 else d.astype(np.float64)
@@ -280,7 +280,7 @@ def prague_by_angles(zenith_angle: Floats, sun_angle: Floats, sun_elevation: flo
         zenith_angle: (R,) deg, 0 to 90.
         sun_angle: (N,) deg, 0 to 180.
         sun_elevation: deg, -4.2 to 90, else ParameterError.
-        turbidity: 1 to 10, by `visibility_from_turbidity`.
+        turbidity: 1 to 10, by `_visibility_from_turbidity`.
     """
     table = _radiance_table(_checked_elevation(sun_elevation), turbidity)
     down, part = _cell(ZENITH_ANGLES, zenith_angle)

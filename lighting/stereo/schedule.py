@@ -26,11 +26,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import check_range
 from lighting.geometry import Floats, direction
 from lighting.records import Json
-from lighting.stereo.light_vectors import (
-    DAY_MINUTES,
-    SkyDay,
-    illumination_matrices,
-)
+from lighting.stereo.light_vectors import DAY_MINUTES, SkyDay, illumination_matrices
 
 HOURS = (1, 2, 3, 6)  # the lengths of windows compared
 MIN_SHOTS, MAX_SHOTS = 3, 1000

@@ -5,9 +5,8 @@ Each frame has its own time, so that a rate may vary. Damaged parts are left out
 How the clip was taken is told by the container's metadata and by the subtitles that DJI's drones write beside it. Both
 are hostile input: whatever cannot be read, or cannot be true, counts as absent.
 
-HDR curves are those of Rec. ITU-R BT.2100: hybrid log-gamma (HLG) and the perceptual quantiser (PQ, also SMPTE ST
-2084). Diffuse white, which is 1 in a photo, is where Report ITU-R BT.2408 puts it: 75 % of HLG's signal, 203 cd/m2 of
-PQ. What is brighter is clipped, as photos clip it. Primaries go from BT.2020 to BT.709 by the matrix of Rec. BT.2087.
+HDR curves and their diffuse white are those of `lighting.color`. Primaries go from BT.2020 to BT.709 by the
+matrix of Rec. BT.2087.
 """
 
 import math

@@ -63,14 +63,7 @@ from lighting.segmentation import packaged_segmenter
 from lighting.tracing import trace_step
 from lighting.video.decode import Clip, local_address
 from lighting.video.observation import NETWORK_INTERVAL
-from lighting.video.shot import (
-    FrameLight,
-    Shot,
-    analyze_shots,
-    frame_lights,
-    lighting_in_frame,
-    shot_lighting,
-)
+from lighting.video.shot import FrameLight, Shot, analyze_shots, frame_lights, lighting_in_frame, shot_lighting
 from lighting.video.tracking import ClipMetadata
 
 _VIEW_SIDE = 1000  # pixels of the longer side of a frame that maps show

@@ -29,15 +29,7 @@ from lighting.light_probe import LightProbe, MainLight
 from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.reader import Photo, PhotoCrop, PhotoOrigin, photo_from_array
-from lighting.records import (
-    EstimatedLight,
-    Light,
-    Lighting,
-    ModelSpec,
-    Prediction,
-    SunDistribution,
-    SunEstimate,
-)
+from lighting.records import EstimatedLight, Light, Lighting, ModelSpec, Prediction, SunDistribution, SunEstimate
 from lighting.scene.records import CameraMotion, Scene
 from tests.helpers.pages import ROOT
 

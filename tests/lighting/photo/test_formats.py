@@ -11,14 +11,7 @@ import pytest
 from PIL import Image
 
 from lighting.errors import PhotoError
-from lighting.photo.formats import (
-    UNREADABLE,
-    _heif_kind,
-    _turns_picture,
-    complete_avif,
-    open_heif,
-    unreadable_sentence,
-)
+from lighting.photo.formats import UNREADABLE, _heif_kind, _turns_picture, complete_avif, open_heif, unreadable_sentence
 from lighting.photo.linear import read_linear
 from lighting.photo.reader import read_photo
 from tests.conftest import encode, exif, scene
