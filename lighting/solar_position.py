@@ -63,7 +63,7 @@ _DISTANCE = (
 def sun_position(time_utc: ArrayLike | datetime, latitude: ArrayLike, longitude: ArrayLike) -> tuple[Floats, Floats]:
     """Azimuth [deg clockwise from true north, 0 to 360] and apparent elevation [deg] at sea level.
 
-    All arguments broadcast. Refraction is that of 1010 hPa and 10 degrees Celsius, and none below SUNSET.
+    All arguments broadcast. Refraction is that of 1010 hPa and 10 degrees Celsius, and none below _SUNSET.
 
     Args:
         time_utc: (...) numpy's datetime64, in UTC; or one aware datetime.

@@ -246,7 +246,7 @@ def _min_lit_albedo(step: float, visibility: float) -> float:
 
 
 def _shrink_photo(photo: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The photo (h, w, 3) with at most _SIDE pixels along its longer side."""
+    """The photo (h, w, 3) with at most _MAX_SIDE pixels along its longer side."""
     size = shrink_size(photo.shape[1], photo.shape[0], _MAX_SIDE)
     return np.asarray(Image.fromarray(photo).resize(size, Image.Resampling.BOX, reducing_gap=2.0))
 

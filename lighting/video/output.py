@@ -90,7 +90,7 @@ class _ShotSky:
 
 @dataclass(frozen=True)
 class _Balls:
-    """The balls in the shot's light for cameras at multiples of STEP, rendered when they are needed."""
+    """The balls in the shot's light for cameras at multiples of BALL_STEP, rendered when they are needed."""
 
     size: tuple[int, int]
     pictures: dict[tuple[int, int], NDArray[np.float32]]
@@ -212,7 +212,7 @@ def _fit_layout(width: int, panel: int) -> _Layout:
 
 
 def _frame_text(light: FrameLight) -> tuple[str, str, str]:
-    """What is told of a frame, none longer than that of _LONGEST."""
+    """What is told of a frame, none longer than that of _LONGEST_TEXT."""
     lighting = light.lighting
     relative = round(float(wrap_azimuth(lighting.relative_heading or 0.0)), 1)
     absolute = lighting.camera_heading
