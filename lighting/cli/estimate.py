@@ -149,9 +149,11 @@ def _warn_unregistered(quiet: bool, together: bool, headings: Sequence[float] | 
         together: whether the photos are of one place and light.
         headings: deg, that the user stated; None without.
     """
+    if quiet or not together or headings is not None:
+        return
     from lighting.registration.two_view import has_opencv
 
-    if together and headings is None and not quiet and not has_opencv():
+    if not has_opencv():
         reason = f"because OpenCV is not installed: {errors.install_command('all')}."
         click.echo(f"Warning: The photos were not matched with each other, {reason}", err=True)
 

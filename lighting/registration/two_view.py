@@ -662,7 +662,7 @@ def ransac_rotation(matches: Matches, focal: tuple[float, float], zooms: Sequenc
     return result
 
 
-def _pairs(count: int, rng: np.random.Generator) -> NDArray[np.intp]:
+def _pairs(count: int, rng: "np.random.Generator") -> NDArray[np.intp]:
     """Indices (SAMPLES, 2) of two different matches each."""
     first = rng.integers(0, count, SAMPLES)
     return np.stack([first, (first + rng.integers(1, count, SAMPLES)) % count], axis=1)

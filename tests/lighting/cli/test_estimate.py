@@ -1,6 +1,8 @@
 """Tests of estimate."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -35,6 +37,15 @@ def test_a_bad_photo_does_not_stop_the_others(network: Path, photo_path: Path, t
         "3 of 4 photos failed.",
     ]
     assert result.exit_code == 1
+
+
+def test_one_photo_imports_nothing_that_matches_several(network: Path, photo_path: Path) -> None:
+    code = "import sys; from lighting.cli import cli; cli(sys.argv[1:], standalone_mode=False); print(*sys.modules)"
+    command = [sys.executable, "-c", code, "estimate", photo_path, "-q", "--model", network]
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=60, check=True)
+    modules = set(done.stdout.split())
+    assert "lighting.estimator" in modules
+    assert not {"lighting.registration", "numpy.random", "tqdm"} & modules
 
 
 def test_one_bad_photo_is_not_counted(network: Path) -> None:
