@@ -29,7 +29,6 @@ from lighting.records import Json, Lighting, check_lighting
 from lighting.sky import SKY_MODEL
 from lighting.sky.clear_sky import CIE_Y_INTEGRAL
 
-COUNT = 9  # of functions
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
 BASIS_FACTORS = np.sqrt(
     np.array([1 / 4, 3 / 4, 3 / 4, 3 / 4, 15 / 4, 15 / 4, 5 / 16, 15 / 4, 15 / 16]) / math.pi

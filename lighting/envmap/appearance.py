@@ -1,4 +1,4 @@
-"""Ground albedo and sky color read from the photo."""
+"""Ground albedo, snow and sky color read from the photo."""
 
 import numpy as np
 from numpy.typing import NDArray
