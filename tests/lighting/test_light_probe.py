@@ -1,3 +1,5 @@
+"""Light probes: their coefficients, those of engines, and the main light beside them."""
+
 import json
 import re
 import shutil

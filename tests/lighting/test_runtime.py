@@ -1,4 +1,4 @@
-"""The number of CPUs."""
+"""The number of CPUs and threads, and what helper processes may do."""
 
 import ctypes
 import os

@@ -1,4 +1,4 @@
-"""What is no photo is named when it is refused."""
+"""What is no photo is named when it is refused; and HEIF files, by their brands and boxes."""
 
 import gzip
 import subprocess

@@ -1,4 +1,4 @@
-"""The sky and the sun against Mitsuba's, stored and live, and against the published formula."""
+"""Clear skies and their suns against Mitsuba's, the published formula, and the Prague model's own data set."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Clips read frame by frame: rotation, HDR, times, damage."""
+"""Clips read frame by frame: rotation, HDR, times, damage; and what files say of how they were taken."""
 
 import os
 import socket

@@ -1,10 +1,11 @@
-"""What `lighting video` writes of whole clips."""
+"""What `lighting video` writes of whole clips, and the words in its film."""
 
 import json
 import os
 import shutil
 import sys
 from contextlib import nullcontext
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import cv2
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from numpy.typing import NDArray
 from PIL import Image
 
 import lighting.envmap.latlong as latlong
@@ -22,11 +24,14 @@ from lighting.envmap.relighting import rotate_envmap
 from lighting.files import write_envmap
 from lighting.files.exr import read_exr, read_exr_attributes
 from lighting.geometry import Pinhole, camera_axes, camera_directions, latlong_pixel
-from lighting.light_probe import compute_light_probe, project_latlong
+from lighting.light_probe import LightProbe, compute_light_probe, main_light, project_latlong
 from lighting.model import Model
+from lighting.preview.drawing import text_width
 from lighting.records import Lighting
 from lighting.video import output
 from lighting.video.observation import estimate_frame
+from lighting.video.output import _draw_overlay, _fit_layout
+from lighting.video.shot import FrameLight
 from tests.conftest import LIT, write_network
 from tests.helpers.cameras import poles
 from tests.helpers.clips import SIZE, Pixels, pan, write_clip
@@ -497,3 +502,36 @@ def test_the_balls_of_the_film_show_the_place(results: Path) -> None:
 
 def _difference(image: latlong.Image, other: latlong.Image) -> float:
     return float(np.abs(image - other).mean() / other.mean())
+
+
+# The film.
+
+BEHIND = Lighting(sun_azimuth=-149.9, sun_elevation=68.3, turbidity=3.0, exposure=0.1, vertical_fov=50.0)
+
+
+def words_of(width: int, height: int, balls: NDArray[np.float32]) -> Pixels:
+    """Where (height, width) the words of a frame in a hurry differ from those of a slow one."""
+    grey = np.full((height, width, 3), 110, np.uint8)
+    probe = LightProbe(np.zeros((9, 3)), main_light(BEHIND))
+    slow = FrameLight(1, 0, 0.4, replace(BEHIND, relative_heading=5.0), (1.0, 1.0, 1.0), False, probe)
+    far = FrameLight(1, 0, 8888.8, replace(BEHIND, relative_heading=200.0), (1.0, 1.0, 1.0), True, probe)
+    return np.asarray(np.any(_draw_overlay(grey, slow, balls) != _draw_overlay(grey, far, balls), axis=-1))
+
+
+@pytest.mark.parametrize(("width", "height"), [(432, 768), (360, 640), (640, 360), (320, 180), (100, 200)])
+def test_words_stand_inside_the_picture_and_beside_the_balls(width: int, height: int) -> None:
+    balls = np.ones((round(0.25 * width), round(0.6 * width), 3), np.float32)
+    rows, columns = np.nonzero(words_of(width, height, balls))
+    assert columns.min() >= 4
+    assert columns.max() <= width - 10
+    below = _fit_layout(width, balls.shape[1]).below
+    over_balls = (rows < height - below) & (rows >= height - below - balls.shape[0]) & (columns < 12 + balls.shape[1])
+    assert not over_balls.any()
+    assert rows.min() >= height - below  # all words are under the balls
+
+
+def test_where_there_is_room_words_and_balls_share_a_line() -> None:
+    layout = _fit_layout(768, 246)
+    assert layout.lines == ((0, 1, 2),)
+    assert layout.below == 12
+    assert text_width("8888.8 s   sun -149.9°, 68.3° high   turned -160.0° (bridged)", layout.size) < 768 - 246 - 40
