@@ -27,7 +27,7 @@ from lighting.fields import describe_fields, round_all, round_significant
 from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
 from lighting.records import Json, Lighting, check_lighting
 from lighting.sky import SKY_MODEL
-from lighting.sky.clear_sky import CIE_Y_INTEGRAL
+from lighting.sky.clear_sky import LUX
 
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
 BASIS_FACTORS = np.sqrt(
@@ -106,7 +106,6 @@ def rotate_harmonics(coefficients: ArrayLike, yaw: float) -> Floats:
 
 _MAX_LEVEL = 100.0  # irradiance of level ground that any map holds
 _MAP_HEIGHT = 96  # rows of the map that is projected; more change no coefficient by 1 % of the first
-_LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 _CLEAREST_AIR = 1.0  # turbidity
 _NEUTRAL_LUMENS = 1000.0  # of ARKit: white faces it and shows as 1
 _MIRRORED = np.array([1, 1, -1, 1, 1, -1, 1, -1, 1])[:, None]  # signs of the functions where +Z becomes -Z
@@ -215,7 +214,7 @@ def main_light(lighting: Lighting, *, sun: bool | None = None) -> MainLight:
     clearest = replace(
         lighting, turbidity=_CLEAREST_AIR, exposure=1.0, sun_irradiance=None, sky_irradiance=None, sky_cover=None
     )
-    lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(sun_irradiance(clearest)))) * _LUX
+    lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(sun_irradiance(clearest)))) * LUX
     return MainLight(lighting.sun_direction, irradiance, lux, color_temperature(irradiance))
 
 

@@ -17,6 +17,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.photos import UNSUITABLE_STATUS, choose_sun
+from lighting.errors import join_words
 from lighting.files import escape_undecodable
 
 if TYPE_CHECKING:
@@ -156,7 +157,7 @@ def _refuse_idle_options(ctx: click.Context) -> None:
     explicit = {name for name in ctx.params if ctx.get_parameter_source(name) is ParameterSource.COMMANDLINE}
     options = {param.name: param.opts[0] for param in ctx.command.params}
     if not ctx.params["envmap"] and (idle := [options[name] for name in options if name in explicit & _OF_MAPS]):
-        raise click.UsageError(f"{console.join_words(idle, 'and')} {'needs' if len(idle) == 1 else 'need'} --envmap.")
+        raise click.UsageError(f"{join_words(idle, 'and')} {'needs' if len(idle) == 1 else 'need'} --envmap.")
     if ctx.params["engine"] == "pool" and "address" in explicit:
         raise click.UsageError("--address needs --engine ray.")
     if ctx.params["engine"] == "ray" and "parquet" in explicit:

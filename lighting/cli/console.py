@@ -19,7 +19,15 @@ from typing import TYPE_CHECKING, Any, BinaryIO, Self, TextIO
 
 import click
 
-from lighting.errors import EnvironmentMapError, ErrorCode, ParameterError, PhotoError, ProbeError, describe_error
+from lighting.errors import (
+    EnvironmentMapError,
+    ErrorCode,
+    ParameterError,
+    PhotoError,
+    ProbeError,
+    describe_error,
+    join_words,
+)
 from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable
 
 if TYPE_CHECKING:
@@ -568,16 +576,6 @@ def _file_error(name: str, suffixes: Sequence[str]) -> str | None:
     if not folder.is_dir():
         return f"There is no folder {folder}."
     return None if os.access(folder, os.W_OK) else f"The folder {folder} cannot be written to."
-
-
-def join_words(words: Sequence[str], link: str = "or") -> str:
-    """Return words as a choice or a list: a, b or c.
-
-    Args:
-        words: one or more.
-        link: before the last one.
-    """
-    return f" {link} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 def _is_folder(name: str) -> bool:

@@ -41,7 +41,7 @@ from lighting.geometry import (
 from lighting.records import GROUND_REFLECTANCE, MAX_HEIGHT, MIN_HEIGHT, Lighting, check_lighting
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, Weather, sky_shape
 from lighting.sky.clear_sky import (
-    CIE_Y_INTEGRAL,
+    LUX,
     sky_gradation,
     sky_lobe,
     sky_parameters,
@@ -55,7 +55,6 @@ _CHUNK_PIXELS = 1 << 17  # painted at once, few enough for the processor's cache
 _GLOW_STEPS, _PEAK_SHARE = 200, 0.9  # attempts to flatten a sun's glow, and what each leaves of its peak
 _MAX_PEAK = 500.0  # radiance of the brightest part of any sky over the irradiance of the ground
 _IRRADIANCE_ROWS = 128  # of the sky that is integrated to light the ground; accurate to 2e-4
-_LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 _EFFICACY = 120.0  # lm / W of skylight
 
 _FINE_HEIGHT = 8192  # rows of the grid that samples the disc: 24 across it
@@ -266,7 +265,7 @@ def _weather(lighting: Lighting) -> Weather:
     sun = sun_irradiance(lighting)
     sky = clear * lighting.exposure if lighting.sky_irradiance is None else np.array(lighting.sky_irradiance)
     beam = float(luminance(sun)) / max(float(luminance(sky)), EPSILON_IRRADIANCE)
-    diffuse = float(luminance(clear)) * _LUX / _EFFICACY
+    diffuse = float(luminance(clear)) * LUX / _EFFICACY
     return Weather(lighting.turbidity, lighting.ground_albedo, beam, diffuse)
 
 

@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lighting.errors import EnvironmentMapError, ErrorCode
+from lighting.errors import EnvironmentMapError, ErrorCode, join_words
 
 if TYPE_CHECKING:
     import numpy as np
@@ -159,7 +159,7 @@ def check_map_name(path: str | os.PathLike[str]) -> str:
         )
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix not in MAP_FORMATS:
-        suffixes = _join_with_or([f".{name}" for name in MAP_FORMATS])
+        suffixes = join_words([f".{name}" for name in MAP_FORMATS])
         raise EnvironmentMapError(f"The name {os.fspath(path)!r} must end in {suffixes}.")
     return suffix
 
@@ -169,17 +169,13 @@ def _writer_of(
 ) -> Callable[..., None]:
     if name not in MAP_FORMATS:
         raise EnvironmentMapError(
-            f"The format {name!r} is not known; an environment map is {_join_with_or(list(MAP_FORMATS))}."
+            f"The format {name!r} is not known; an environment map is {join_words(list(MAP_FORMATS))}."
         )
     entry = MAP_FORMATS[name]
     if colours != "rec709" and not entry.has_header:
         raise EnvironmentMapError(f"The colours {colours} need an .exr file.", "colours", ErrorCode.CONTRADICTION)
     options = {"compression": compression, "overwrite": overwrite} if entry.takes_compression else {}
     return partial(entry.write, **options, **({"probe": probe, "colours": colours} if entry.has_header else {}))
-
-
-def _join_with_or(names: list[str]) -> str:
-    return f"{', '.join(names[:-1])} or {names[-1]}"
 
 
 # Files that appear whole, pictures in memory, and folders.

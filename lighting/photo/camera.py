@@ -79,7 +79,7 @@ _APPLE = b"Apple iOS\0"
 _APPLE_TAGS = 14  # bytes before the number of its tags
 _ACCELERATION, _FRONT = 0x0008, 0x0045
 _AT_REST = (0.9, 1.1)  # g; beyond, the phone was shaken, and acceleration is not gravity
-_DJI = "http://www.dji.com/drone-dji/1.0"
+DJI_NAMESPACE = "http://www.dji.com/drone-dji/1.0"
 _PIX4D = "http://pix4d.com/camera/1.0"
 _FLIGHT_HEIGHTS = (0.5, 20000.0)  # m over the place of take-off, at which a drone flies
 _UNKNOWN = (-1, 0xFFFFFFFF)  # denominators of an elevation that is not known, as EXIF says
@@ -393,7 +393,7 @@ def _tilt_from_gimbal(xmp: Mapping[str, str], orientation: int | None) -> _Camer
         xmp: properties by "namespace name".
         orientation: 1 to 8 by EXIF; None: absent.
     """
-    for up_by, names in ((_up_by_dji, _property_names(_DJI)), (_up_by_pix4d, _property_names(_PIX4D))):
+    for up_by, names in ((_up_by_dji, _property_names(DJI_NAMESPACE)), (_up_by_pix4d, _property_names(_PIX4D))):
         angles = _gimbal_angles(xmp, names)
         if angles is not None and (up := up_by(*angles)) is not None:
             return _camera_tilt(_rotate_to_upright(up, orientation or 1), TILT_STD, "gimbal")
@@ -406,7 +406,7 @@ def _heading_from_xmp(xmp: Mapping[str, str]) -> float | None:
     Args:
         xmp: properties by "namespace name".
     """
-    for names in (_property_names(_DJI), _property_names(_PIX4D)):
+    for names in (_property_names(DJI_NAMESPACE), _property_names(_PIX4D)):
         if (angles := _gimbal_angles(xmp, names)) is not None:
             return heading_from_gimbal(*angles)
     return None
@@ -419,7 +419,7 @@ def _height_from_xmp(xmp: Mapping[str, str]) -> float | None:
         xmp: properties by "namespace name".
     """
     try:
-        height = float(xmp[f"{_DJI} RelativeAltitude"])
+        height = float(xmp[f"{DJI_NAMESPACE} RelativeAltitude"])
     except (KeyError, ValueError):
         return None
     return height if _FLIGHT_HEIGHTS[0] <= height <= _FLIGHT_HEIGHTS[1] else None
@@ -503,7 +503,7 @@ def _is_back(lens: str, note: Mapping[int, Any]) -> bool:
 
 def _property_names(namespace: str) -> tuple[str, str, str]:
     """Those of pitch, roll and yaw."""
-    pattern = "Gimbal{}Degree" if namespace == _DJI else "{}"
+    pattern = "Gimbal{}Degree" if namespace == DJI_NAMESPACE else "{}"
     pitch, roll, yaw = (f"{namespace} {pattern.format(name)}" for name in ("Pitch", "Roll", "Yaw"))
     return pitch, roll, yaw
 

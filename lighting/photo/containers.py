@@ -88,7 +88,7 @@ _MAX_JPEGS = 64  # beginnings of a JPEG that are tried
 _RAW_STARTS = (  # CR2, Olympus, Panasonic, Fujifilm, Sigma
     b"II*\0\x10\0\0\0CR", b"IIRO", b"IIRS", b"MMOR", b"IIU\0", b"FUJIFILMCCD-RAW", b"FOVb",
 )  # fmt: skip
-_TIFF_STARTS = (b"II*\0", b"MM\0*")
+TIFF_STARTS = (b"II*\0", b"MM\0*")  # and how an EXIF block begins
 _JPEG_START = b"\xff\xd8\xff"
 _PREVIEW_HEAD = 1 << 18  # bytes that must hold a preview's size
 _DNG_VERSION = 0xC612
@@ -429,7 +429,7 @@ def is_raw(data: bytes) -> bool:
     """
     if data.startswith(_RAW_STARTS) or data[4:12] == b"ftypcrx ":
         return True
-    if not data.startswith(_TIFF_STARTS) or not is_moderate(data):
+    if not data.startswith(TIFF_STARTS) or not is_moderate(data):
         return False
     try:
         tags = Image.open(BytesIO(data), formats=["TIFF"]).getexif()

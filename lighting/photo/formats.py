@@ -16,6 +16,8 @@ from typing import Any, Literal
 
 from PIL import ExifTags, Image
 
+from lighting.photo.tags import UTF_16
+
 _HeifKind = Literal["HEIF", "AVIF"]
 
 _HEIC_BRANDS = {b"heic", b"heix", b"heim", b"heis", b"hevc", b"hevx", b"hevm", b"hevs"}
@@ -221,7 +223,6 @@ _TGA_UNCOMPRESSED = (1, 2, 3)
 _TEXT_HEAD = 4096  # bytes
 _PDF_HEAD = 1024  # bytes, within which a PDF may begin
 _JSON = re.compile(rb"(?:\xef\xbb\xbf)?\s*(?:\{\s*\"|\[\s*[\[{\"\d])")
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 _GZIP, _ZIP = b"\x1f\x8b", b"PK\x03\x04"
 _IN_ZIP = (
     (b"image/openraster", "an OpenRaster document (ORA)"), (b"application/x-krita", "a Krita document (KRA)"),
@@ -330,7 +331,7 @@ def _picture_name(data: bytes) -> str | None:
 
 
 def _is_svg(data: bytes) -> bool:
-    if data[:2] in _UTF_16:
+    if data[:2] in UTF_16:
         data = data[: 2 * _TEXT_HEAD].decode("utf-16", "ignore").encode()
     return bool(_MARKUP.match(data)) and b"<svg" in data[:_TEXT_HEAD].lower() and not _is_html(data)
 

@@ -19,7 +19,7 @@ from PIL import ExifTags, Image
 
 from lighting.fields import describe_fields
 from lighting.geometry import wrap_azimuth
-from lighting.photo.camera import PhotoFrame, read_lens, read_pose
+from lighting.photo.camera import DJI_NAMESPACE, PhotoFrame, read_lens, read_pose
 from lighting.photo.clock import read_clock, read_gps_time
 from lighting.photo.tags import (
     EXIF_NAMESPACE,
@@ -35,7 +35,6 @@ from lighting.photo.tags import (
 
 Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, positive north and east
 
-_DJI = "http://www.dji.com/drone-dji/1.0"
 _DJI_NAMES = (  # the second is how DJI's first drones spelled it
     ("GpsLatitude", "GpsLongitude"), ("GpsLatitude", "GpsLongtitude"), ("Latitude", "Longitude"),
 )  # fmt: skip
@@ -83,7 +82,7 @@ def _read_locations(gps: Tags, xmp: Mapping[str, str]) -> Locations:
     exif = ("GPSLatitude", "GPSLatitudeRef", "GPSLongitude", "GPSLongitudeRef")
     sources.append(tuple(xmp.get(f"{EXIF_NAMESPACE} {name}") for name in exif))
     for latitude, longitude in _DJI_NAMES:
-        sources.append((xmp.get(f"{_DJI} {latitude}"), "", xmp.get(f"{_DJI} {longitude}"), ""))
+        sources.append((xmp.get(f"{DJI_NAMESPACE} {latitude}"), "", xmp.get(f"{DJI_NAMESPACE} {longitude}"), ""))
     return next((found for source in sources if (found := _locations(*source))), ())
 
 

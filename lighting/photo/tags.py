@@ -25,14 +25,13 @@ from xml.parsers import expat
 
 from PIL import Image, ImageFile
 
-from lighting.photo.containers import is_moderate
+from lighting.photo.containers import TIFF_STARTS, is_moderate
 
 Tags = Mapping[int, Any]
 _Value = TypeVar("_Value")
-_UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
 _EXIF_PREFIX, _XMP_PREFIX = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"  # of a JPEG's segments
-_TIFF_STARTS = (b"II*\0", b"MM\0*")  # how an EXIF block begins
 _XMP_KEYWORD = "XML:com.adobe.xmp"  # of a PNG's text
 _MAX_EXIF_BLOCKS = _MAX_XMP_PACKETS = 4  # that are read
 _IPTC_TAG = 33723  # of a TIFF
@@ -84,7 +83,7 @@ def _read_exif(image: Image.Image) -> Image.Exif:
     exif = Image.Image.getexif(image) if is_decoded_png else image.getexif()
     if not exif and (block := _raw_profile(image, "exif") or _raw_profile(image, "app1")):
         block = block.removeprefix(_EXIF_PREFIX)
-        exif = _load_exif(_EXIF_PREFIX + block) if block.startswith(_TIFF_STARTS) else exif
+        exif = _load_exif(_EXIF_PREFIX + block) if block.startswith(TIFF_STARTS) else exif
     return exif if _is_cheap(exif) else Image.Exif()
 
 
@@ -123,7 +122,7 @@ def _later_exif(image: Image.Image) -> Iterator[Image.Exif]:
         if name != "APP1" or not segment.startswith(_EXIF_PREFIX):
             continue
         body = segment[len(_EXIF_PREFIX) :]
-        if blocks and not body.startswith(_TIFF_STARTS):
+        if blocks and not body.startswith(TIFF_STARTS):
             blocks[-1] += body  # one that goes on
         elif len(blocks) < _MAX_EXIF_BLOCKS:
             blocks.append(body)
@@ -290,7 +289,7 @@ def _read_xmp(packet: Any) -> dict[str, str]:
     if not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
         return {}
     reader = _Reader()
-    blanks = b" \t\r\n" if packet.startswith(_UTF_16) else b"\0 \t\r\n"
+    blanks = b" \t\r\n" if packet.startswith(UTF_16) else b"\0 \t\r\n"
     try:
         reader.parser.Parse(packet.rstrip(blanks), True)
     except expat.ExpatError:

@@ -25,6 +25,7 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import SUN_RADIUS, Floats, angles, direction
 
 CIE_Y_INTEGRAL = 106.75  # nm, the integral of the CIE 1931 luminosity curve
+LUX = 683.0 * CIE_Y_INTEGRAL  # lm m^-2 of irradiance 1 in the units of Hosek and Wilkie's sky
 SUN_RGB_FACTOR = 467.069280386  # nm, what takes the published sun's RGB fit to the sky's units before the division
 SUN_SOLID_ANGLE = float(2 * np.pi * (1 - np.cos(np.radians(SUN_RADIUS))))  # sr
 
