@@ -5,7 +5,7 @@ nothing reads the sentences. Old names work until a release that is named here; 
 """
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
@@ -315,13 +315,3 @@ def warn_of_old_name(old: str, stacklevel: int = 3) -> None:
     new = RENAMED[old]
     sentence = f"{old} is now {new.module}.{new.name}; the old name goes in {new.gone_in}."
     warnings.warn(sentence, DeprecationWarning, stacklevel)
-
-
-def join_words(words: Sequence[str], link: str = "or") -> str:
-    """Return words as a choice or a list: a, b or c.
-
-    Args:
-        words: one or more.
-        link: before the last one.
-    """
-    return f" {link} ".join(filter(None, (", ".join(words[:-1]), words[-1])))

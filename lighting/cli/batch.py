@@ -17,8 +17,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.photos import UNSUITABLE_STATUS, choose_sun
-from lighting.errors import join_words
-from lighting.files import escape_undecodable
+from lighting.files import escape_undecodable, join_words
 
 if TYPE_CHECKING:
     from lighting.batch.job import BatchJob, Summary

@@ -26,9 +26,8 @@ from lighting.errors import (
     PhotoError,
     ProbeError,
     describe_error,
-    join_words,
 )
-from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable
+from lighting.files import MAP_FORMATS, atomic_write, escape_undecodable, join_words
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe

@@ -9,14 +9,14 @@ import io
 import os
 import re
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from lighting.errors import EnvironmentMapError, ErrorCode, join_words
+from lighting.errors import EnvironmentMapError, ErrorCode
 
 if TYPE_CHECKING:
     import numpy as np
@@ -176,6 +176,16 @@ def _writer_of(
         raise EnvironmentMapError(f"The colours {colours} need an .exr file.", "colours", ErrorCode.CONTRADICTION)
     options = {"compression": compression, "overwrite": overwrite} if entry.takes_compression else {}
     return partial(entry.write, **options, **({"probe": probe, "colours": colours} if entry.has_header else {}))
+
+
+def join_words(words: Sequence[str], link: str = "or") -> str:
+    """Return words as a choice or a list: a, b or c.
+
+    Args:
+        words: one or more.
+        link: before the last one.
+    """
+    return f" {link} ".join(filter(None, (", ".join(words[:-1]), words[-1])))
 
 
 # Files that appear whole, pictures in memory, and folders.
