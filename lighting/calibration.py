@@ -22,10 +22,10 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from PIL import Image
 
-from lighting.geometry import Floats, focal_length, level_in_camera, shrink_size, up_in_camera
+from lighting.geometry import Floats, focal_length, shrink_size
 from lighting.records import Prediction
 
 _Bytes = NDArray[np.uint8]
@@ -89,8 +89,8 @@ def calibrate_from_lines(prediction: Prediction, pixels: _Bytes, vertical_fov: f
     """
     full_size = Image.fromarray(pixels).convert("L")
     gray = np.asarray(full_size.resize(shrink_size(*full_size.size, MAX_SIDE), Image.Resampling.BOX))
-    up = up_in_camera(prediction.camera_elevation, prediction.camera_roll)
-    edges = _edges_of(gray, up, focal_length(len(gray), prediction.vertical_fov))
+    focal = focal_length(len(gray), prediction.vertical_fov)
+    edges = _edges_of(gray, up_in_camera(prediction.camera_elevation, prediction.camera_roll), focal)
     known_lens = _known_log_lens(prediction, vertical_fov)
     if not (len(edges.upright.length) or len(edges.other.length)) and known_lens is None:
         return prediction
@@ -106,6 +106,33 @@ def _known_log_lens(prediction: Prediction, vertical_fov: float | None) -> Float
     if vertical_fov is None or lens_ratio(prediction.vertical_fov, vertical_fov) > MAX_LENS_RATIO:
         return None
     return np.array([math.log(math.tan(math.radians(vertical_fov) / 2) / _tan_half_fov(prediction))])
+
+
+# What of the world stands and lies, as cameras see it.
+
+
+def up_in_camera(elevation: ArrayLike, roll: ArrayLike) -> Floats:
+    """The world's up (3, ...) along the right, up and forward of cameras.
+
+    Args:
+        elevation: deg (...), positive looks up.
+        roll: deg (...), positive turns the camera clockwise.
+    """
+    el, ro = np.radians(elevation), np.radians(roll)
+    level = np.cos(el)
+    return np.stack(np.broadcast_arrays(-np.sin(ro) * level, np.cos(ro) * level, np.sin(el)))
+
+
+def _level_in_camera(heading: Floats, elevation: Floats, roll: float) -> Floats:
+    """Level directions (3, ...) along the right, up and forward of cameras.
+
+    `heading` (...) is clockwise from where each camera points, `elevation` (...) and `roll` its own [deg].
+    """
+    he, el, ro = np.radians(heading), np.radians(elevation), np.radians(roll)
+    lateral, ahead = np.sin(he), np.cos(he)
+    above = -np.sin(el) * ahead
+    c, s = np.cos(ro), np.sin(ro)
+    return np.stack(np.broadcast_arrays(c * lateral - s * above, s * lateral + c * above, np.cos(el) * ahead))
 
 
 # Straight edges of a picture, those separate that run about as the verticals of the world would.
@@ -322,7 +349,7 @@ def _log_level_prior(roll: Floats) -> Floats:
 def _log_likelihood_of_horizontals(lines: _Lines, height: int, cameras: _Cameras, roll: float) -> Floats:
     """Logarithm of the likelihood (L, E) of lines in a picture `height` pixels tall, by cameras with a roll [deg]."""
     lines = lines.longest(_MAX_HORIZONTALS)
-    level = level_in_camera(_HEADINGS[:, None, None], cameras.elevation, roll)
+    level = _level_in_camera(_HEADINGS[:, None, None], cameras.elevation, roll)
     bell = _squared_sines(lines, _in_picture(level, cameras.tan_half_fov[:, None]).reshape(3, -1))
     std = np.radians(np.hypot(_HORIZONTAL_STD, _SEGMENT_STD / lines.length)).astype(np.float32)[:, None]
     bell *= -0.5 / (std * std)

@@ -1,4 +1,4 @@
-"""Network output -> sun direction, credible radii, irradiances."""
+"""Network output -> a light: the sun with credible radii, irradiances, colors."""
 
 import math
 from dataclasses import replace
@@ -6,23 +6,14 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import luminance
 from lighting.fields import clip_color, clip_to_range, round_significant
-from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
+from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
 from lighting.sky import PAINTED_SKY
 from lighting.sky.clear_sky import sun_radiance
 from lighting.sun_grid import MODE_SMOOTHING, MODE_WIDTH, circular_mode, credible_radii, grid_directions
-
-_CANDIDATE_CELLS = 64  # the likeliest; only they may be the answer, so that it never lies between two modes
-_MIN_CANDIDATE_SHARE = 0.05  # least probability of such a cell, as a share of the likeliest cell's
-_MAX_ERROR = 45.0  # deg; larger errors count as this one
-_REFINEMENT_ANGLE = 40.0  # deg from the best cell, at which the biweight of the answer's mean has fallen to 0
-_HIGH_ELEVATION = 55.0  # deg, over which a broad answer is too high
-_NEAR_ANGLE = 25.0  # deg from the best cell; the probability within says how broad the answer is
-_TARGET_STD = 4.0  # deg, of the lobes about true suns that networks are trained to predict
 
 _MIN_SURE_VISIBILITY = 0.8  # from which the sun has its full irradiance
 _VISIBILITY_EXPONENT = 5.0  # of the fall below it, by panoramas of `train` that the networks asked never saw
@@ -42,65 +33,7 @@ _CLIPPED_PARAMETERS = ("sun_visibility", "turbidity", "exposure", "camera_elevat
 _EPSILON_IRRADIANCE = 1e-6  # stands for none where logarithms are averaged
 
 
-# Direction: one answer with credible radii from a distribution.
-
-
-def bayes_direction(probability: ArrayLike, layout: str) -> Floats:
-    """The sun's direction (3,), a Bayes estimate under bounded errors.
-
-    Of the likeliest cells it takes the one with the least expected error. Errors over 45 deg count as 45 deg, because
-    an unbounded error would pull the answer between two modes, where no sun is likely. The mean of the cells about
-    that cell, with the biweight [1], then removes the error of the grid. Near the horizon that mean is too high. High
-    in the sky it is too high where the distribution is broad. So what it has over 55 deg shrinks to the share of the
-    probability near that cell.
-
-    Args:
-        probability: (N,) of the cells.
-        layout: of the sun grid.
-
-    References:
-        [1] Beaton and Tukey, The Fitting of Power Series, Technometrics 1974.
-    """
-    p = np.asarray(probability, dtype=np.float64)
-    cells = grid_directions(layout)
-    candidates = np.argpartition(p, -min(_CANDIDATE_CELLS, len(p)))[-_CANDIDATE_CELLS:]
-    candidates = candidates[p[candidates] >= _MIN_CANDIDATE_SHARE * p.max()]
-    center = candidates[int(np.argmin(_bounded_errors(layout)[candidates] @ p.astype(np.float32)))]
-    distance = angle_between(cells, cells[center])
-    biweight = np.maximum(1.0 - (distance / _REFINEMENT_ANGLE) ** 2, 0.0) ** 2
-    azimuth, elevation = angles((p * biweight) @ cells)
-    elevation = np.interp(elevation, *_lobe_elevations())
-    near = p[distance <= _NEAR_ANGLE].sum() / p.sum()
-    return direction(azimuth, elevation - (1.0 - near) * max(elevation - _HIGH_ELEVATION, 0.0))
-
-
-@lru_cache(maxsize=1)
-def _lobe_elevations() -> tuple[Floats, Floats]:
-    """Mean elevations [deg] of the lobes that networks are trained to predict, and the elevations of their suns.
-
-    The horizon cuts the lobes off: the mean of a normal distribution that is cut off so, for a sun on the horizon 3.2.
-    """
-    sun = np.append(np.arange(0.0, 5.0, 0.25) * _TARGET_STD, 90.0)
-    kept = [0.5 * (1.0 + math.erf(math.sqrt(0.5) * e / _TARGET_STD)) for e in sun]
-    density = np.exp(-0.5 * (sun / _TARGET_STD) ** 2) / math.sqrt(2.0 * math.pi)
-    return sun + _TARGET_STD * density / np.array(kept), sun
-
-
-@lru_cache(maxsize=8)
-def _bounded_errors(layout: str) -> NDArray[np.float32]:
-    """Angles [deg] (N, N) between cells, at most _MAX_ERROR."""
-    cells = grid_directions(layout).astype(np.float32)
-    cosine = np.clip(cells @ cells.T, np.float32(-1), np.float32(1))
-    return np.asarray(np.minimum(np.degrees(np.arccos(cosine)), np.float32(_MAX_ERROR)))
-
-
-def predicted_sun_elevation(prediction: Prediction) -> float:
-    """The sun's elevation [deg] by the pixels alone.
-
-    Args:
-        prediction: of the network.
-    """
-    return float(angles(bayes_direction(prediction.sun_probability, prediction.spec.sun_grid))[1])
+# The sun's direction with credible radii, from a distribution.
 
 
 def sun_from_prediction(prediction: Prediction) -> SunEstimate:
@@ -109,10 +42,9 @@ def sun_from_prediction(prediction: Prediction) -> SunEstimate:
     Args:
         prediction: of the network.
     """
-    grid = prediction.spec.sun_grid
-    sun = bayes_direction(prediction.sun_probability, grid)
+    sun, cells = prediction.sun_direction, grid_directions(prediction.spec.sun_grid)
+    radius_50, radius_90 = credible_radii(prediction.sun_probability, cells, sun)
     azimuth, elevation = angles(sun)
-    radius_50, radius_90 = credible_radii(prediction.sun_probability, grid_directions(grid), sun)
     return SunEstimate(float(azimuth), float(elevation), radius_50, radius_90)
 
 

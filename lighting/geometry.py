@@ -12,7 +12,7 @@ holder sees it, so that the horizon in the picture turns counter-clockwise. Fiel
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -140,33 +140,6 @@ def camera_axes(azimuth: float, elevation: float, roll: float) -> Floats:
     return np.stack([c * right - s * up, s * right + c * up, forward])
 
 
-def up_in_camera(elevation: ArrayLike, roll: ArrayLike) -> Floats:
-    """Return the world's up (3, ...) along the right, up and forward of cameras.
-
-    Args:
-        elevation: deg (...), positive looks up.
-        roll: deg (...), positive turns the camera clockwise.
-    """
-    el, ro = np.radians(elevation), np.radians(roll)
-    level = np.cos(el)
-    return np.stack(np.broadcast_arrays(-np.sin(ro) * level, np.cos(ro) * level, np.sin(el)))
-
-
-def level_in_camera(heading: ArrayLike, elevation: ArrayLike, roll: ArrayLike) -> Floats:
-    """Return level directions (3, ...) along the right, up and forward of cameras.
-
-    Args:
-        heading: deg (...) clockwise from where each camera points.
-        elevation: deg (...), positive looks up.
-        roll: deg (...), positive turns the camera clockwise.
-    """
-    he, el, ro = np.radians(heading), np.radians(elevation), np.radians(roll)
-    lateral, ahead = np.sin(he), np.cos(he)
-    above = -np.sin(el) * ahead
-    c, s = np.cos(ro), np.sin(ro)
-    return np.stack(np.broadcast_arrays(c * lateral - s * above, s * lateral + c * above, np.cos(el) * ahead))
-
-
 def zoomed_fov(vertical_fov: float, zoom: float) -> float:
     """Return the vertical field of view [deg] of a zoomed lens, or of a crop.
 
@@ -204,12 +177,14 @@ class Pinhole:
     roll: float = 0.0
     """Roll, deg."""
 
-    @property
+    @cached_property
     def axes(self) -> Floats:
-        """The camera's right, up and forward unit vectors as rows (3, 3)."""
-        return camera_axes(self.azimuth, self.elevation, self.roll)
+        """The camera's right, up and forward unit vectors as rows (3, 3); read-only."""
+        axes = camera_axes(self.azimuth, self.elevation, self.roll)
+        axes.flags.writeable = False
+        return axes
 
-    @property
+    @cached_property
     def focal_length(self) -> float:
         """Focal length [pixels]."""
         return focal_length(self.height, self.vertical_fov)

@@ -30,6 +30,7 @@ from lighting.fields import (
 from lighting.geometry import EYE_HEIGHT, Floats, direction
 from lighting.sky import PAINTED_SKY, SKY_MODEL, SKY_MODELS, format_sky_models
 from lighting.sky.clear_sky import sky_coefficients
+from lighting.sun_grid import bayes_direction
 
 if TYPE_CHECKING:
     from lighting.light_probe import LightProbe
@@ -208,6 +209,13 @@ class Prediction:
     """Deg, about 1 to 170, of the upright photo."""
     light: Light | None = None
     """How strong the light is. None: the network says nothing of it."""
+
+    @cached_property
+    def sun_direction(self) -> Floats:
+        """Unit vector (3,) towards the sun by the pixels alone, in the frame of geometry.py; read-only."""
+        vector = bayes_direction(self.sun_probability, self.spec.sun_grid)
+        vector.flags.writeable = False
+        return vector
 
 
 @describe_fields

@@ -19,13 +19,21 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ModelError
-from lighting.geometry import Floats, angle_between, direction, wrap_azimuth
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 
 _GOLDEN_ANGLE = 180.0 * (3.0 - 5.0**0.5)  # deg
 _SMOOTHING = 200.0  # von Mises-Fisher concentration (4 deg) of densities between cells
+
+_CANDIDATE_CELLS = 64  # the likeliest; only they may be the answer, so that it never lies between two modes
+_MIN_CANDIDATE_SHARE = 0.05  # least probability of such a cell, as a share of the likeliest cell's
+_MAX_ERROR = 45.0  # deg; larger errors count as this one
+_REFINEMENT_ANGLE = 40.0  # deg from the best cell, at which the biweight of the answer's mean has fallen to 0
+_HIGH_ELEVATION = 55.0  # deg, over which a broad answer is too high
+_NEAR_ANGLE = 25.0  # deg from the best cell; the probability within says how broad the answer is
+_TARGET_STD = 4.0  # deg, of the lobes about true suns that networks are trained to predict
 
 
 def grid_directions(layout: str) -> Floats:
@@ -170,6 +178,60 @@ def splat_to_grid(probability: ArrayLike, directions: ArrayLike, layout: str) ->
         return np.asarray(probability)
     return np.asarray(np.asarray(probability) @ soft_label(directions, _SMOOTHING, layout))
 
+
+# The answer of a distribution: one direction.
+
+
+def bayes_direction(probability: ArrayLike, layout: str) -> Floats:
+    """The sun's direction (3,), a Bayes estimate under bounded errors.
+
+    Of the likeliest cells it takes the one with the least expected error. Errors over 45 deg count as 45 deg, because
+    an unbounded error would pull the answer between two modes, where no sun is likely. The mean of the cells about
+    that cell, with the biweight [1], then removes the error of the grid. Near the horizon that mean is too high. High
+    in the sky it is too high where the distribution is broad. So what it has over 55 deg shrinks to the share of the
+    probability near that cell.
+
+    Args:
+        probability: (N,) of the cells.
+        layout: of the sun grid.
+
+    References:
+        [1] Beaton and Tukey, The Fitting of Power Series, Technometrics 1974.
+    """
+    p = np.asarray(probability, dtype=np.float64)
+    cells, lobes = grid_directions(layout), _lobe_elevations()
+    candidates = np.argpartition(p, -min(_CANDIDATE_CELLS, len(p)))[-_CANDIDATE_CELLS:]
+    candidates = candidates[p[candidates] >= _MIN_CANDIDATE_SHARE * p.max()]
+    center = candidates[int(np.argmin(_bounded_errors(layout)[candidates] @ p.astype(np.float32)))]
+    distance = angle_between(cells, cells[center])
+    biweight = np.maximum(1.0 - (distance / _REFINEMENT_ANGLE) ** 2, 0.0) ** 2
+    azimuth, elevation = angles((p * biweight) @ cells)
+    elevation = np.interp(elevation, *lobes)
+    near = p[distance <= _NEAR_ANGLE].sum() / p.sum()
+    return direction(azimuth, elevation - (1.0 - near) * max(elevation - _HIGH_ELEVATION, 0.0))
+
+
+@lru_cache(maxsize=1)
+def _lobe_elevations() -> tuple[Floats, Floats]:
+    """Mean elevations [deg] of the lobes that networks are trained to predict, and the elevations of their suns.
+
+    The horizon cuts the lobes off: the mean of a normal distribution that is cut off so, for a sun on the horizon 3.2.
+    """
+    sun = np.append(np.arange(0.0, 5.0, 0.25) * _TARGET_STD, 90.0)
+    kept = [0.5 * (1.0 + math.erf(math.sqrt(0.5) * e / _TARGET_STD)) for e in sun]
+    density = np.exp(-0.5 * (sun / _TARGET_STD) ** 2) / math.sqrt(2.0 * math.pi)
+    return sun + _TARGET_STD * density / np.array(kept), sun
+
+
+@lru_cache(maxsize=8)
+def _bounded_errors(layout: str) -> NDArray[np.float32]:
+    """Angles [deg] (N, N) between cells, at most _MAX_ERROR."""
+    cells = grid_directions(layout).astype(np.float32)
+    cosine = np.clip(cells @ cells.T, np.float32(-1), np.float32(1))
+    return np.asarray(np.minimum(np.degrees(np.arccos(cosine)), np.float32(_MAX_ERROR)))
+
+
+# Circular statistics.
 
 HEADINGS = np.arange(360.0)  # deg clockwise from true north
 MODE_WIDTH = 25.5  # deg about the strongest mode over which the decoding averages: 25 bins to either side

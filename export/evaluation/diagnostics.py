@@ -42,7 +42,7 @@ from export.evaluation.multi_view import place_halves
 from export.evaluation.predictions import MIN_DENSITY, View, sun_nll
 from export.evaluation.report import CONSTANT, IN_VIEW, sun_bins
 from lighting.color import tone_map
-from lighting.decoding import bayes_direction, sun_from_prediction
+from lighting.decoding import sun_from_prediction
 from lighting.files import atomic_write
 from lighting.geometry import Floats, angle_between, angles, direction
 from lighting.records import Prediction
@@ -303,7 +303,7 @@ def _density_levels(predictions: Sequence[Prediction], sun: Floats) -> Floats:
 def _cone_level(prediction: Prediction, sun: Floats) -> float:
     """Probability of the cone around the answer that just reaches the true sun (3,)."""
     probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
-    answer = bayes_direction(probability, prediction.spec.sun_grid)
+    answer = prediction.sun_direction
     return float(np.interp(angle_between(sun, answer), *cumulative_by_angle(probability, cells, answer)))
 
 

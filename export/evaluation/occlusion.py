@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageOps
 
-from lighting.decoding import bayes_direction
 from lighting.files import atomic_write
 from lighting.geometry import Floats
 from lighting.model import Model, fit_size, preprocess
 from lighting.photo.reader import Photo, read_photo
-from lighting.sun_grid import grid_directions
+from lighting.sun_grid import bayes_direction, grid_directions
 
 _PATCH = 48  # pixels of the network's canvas, along each side of the cover
 _STEP = 12  # pixels between neighbouring covers

@@ -15,12 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.calibration import MAX_LENS_RATIO, calibrate_from_lines
-from lighting.decoding import correct_sun_color, lighting_from_prediction, predicted_sun_elevation
+from lighting.decoding import correct_sun_color, lighting_from_prediction
 from lighting.fields import clip_to_range, round_significant
 from lighting.fusion.instants import Instant, resolve_hemisphere
 from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
+from lighting.geometry import angles
 from lighting.model import Model, preprocess
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import is_blank, is_panorama
@@ -199,7 +200,7 @@ def _with_sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrio
         return lighting
     predicted = posterior.predicted_sun_elevation
     if predicted is None:
-        predicted = predicted_sun_elevation(posterior.prediction)
+        predicted = float(angles(posterior.prediction.sun_direction)[1])
     elevation = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in posterior.used else predicted
     return replace(lighting, sun_irradiance=correct_sun_color(irradiance, predicted, elevation))
 

@@ -21,11 +21,12 @@ from numpy.typing import NDArray
 
 import lighting.fusion.single_view as single_view
 import lighting.sun_grid as sun_grid
-from lighting.decoding import light_from_vector, light_to_vector, predicted_sun_elevation
+from lighting.calibration import up_in_camera
+from lighting.decoding import light_from_vector, light_to_vector
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fusion.single_view import Observations, Posterior, posterior_on_grid, posterior_on_rings
 from lighting.fusion.user_input import check_headings
-from lighting.geometry import Floats, angle_between, angles, direction, up_in_camera, wrap_azimuth
+from lighting.geometry import Floats, angle_between, angles, direction, wrap_azimuth
 from lighting.records import CodedWarning, EvidenceKind, Light, Prediction, SunEstimate, WarningCode
 from lighting.sun_grid import (
     HEADINGS,
@@ -231,7 +232,7 @@ def fuse_views(
     frames = _frames(observations, headings, views)
     shared = _share_sky(_with_registered_cameras(predictions, views) if views else predictions)
     timed = _share_time(observations)
-    elevation = float(np.mean([predicted_sun_elevation(p) for p in predictions]))  # as of their light, the mean
+    elevation = float(np.mean([angles(p.sun_direction)[1] for p in predictions]))  # as of their light, the mean
     posteriors = (_fuse_on_rings if timed[0].candidates else _fuse_on_grid)(shared, timed, frames)
     fused = []
     for i, (posterior, single) in enumerate(zip(posteriors, singles, strict=True)):
@@ -401,7 +402,8 @@ def _fuse_on_grid(predictions: list[Prediction], observations: list[Observations
         pooled = _pool_on_grid([predictions[i] for i in group], frames.subset(group))
         by_photo |= dict(zip(group.tolist(), pooled, strict=True))
     probability = _share_elevation(predictions, [by_photo[i] for i in range(len(predictions))], frames)
-    alone = [posterior_on_grid(p, o, w) for p, o, w in zip(predictions, observations, probability, strict=True)]
+    fused = [replace(p, sun_probability=w) for p, w in zip(predictions, probability, strict=True)]
+    alone = list(map(posterior_on_grid, fused, observations))
     posteriors = [replace(one, sun=_sun_of_group(i, alone, frames)) for i, one in enumerate(alone)]
     if frames.source != EvidenceKind.TURNS and not frames.group.any():
         return posteriors

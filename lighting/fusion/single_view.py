@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 import lighting.geometry as geometry
 from lighting.calibration import MAX_LENS_RATIO, lens_ratio
 from lighting.color import luminance
-from lighting.decoding import bayes_direction, sun_from_prediction, sun_from_rings
+from lighting.decoding import sun_from_prediction, sun_from_rings
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import RANGES, format_tilt
 from lighting.geometry import Floats, Pinhole, angles, camera_axes, direction, wrap_azimuth
@@ -34,6 +34,7 @@ from lighting.records import CodedWarning, EvidenceKind, Prediction, SunDistribu
 from lighting.sun_grid import (
     HEADINGS,
     Heading,
+    bayes_direction,
     blur_headings,
     credible_radii,
     grid_directions,
@@ -195,7 +196,7 @@ def fuse_with_gravity(leveled: _GravityFused) -> Posterior:
         weight = likelihood * compass_prior(observations) * candidate_weights(observations)[:, None]
         posterior = posterior_on_rings(prediction, observations, weight)
     else:
-        posterior = posterior_on_grid(prediction, observations, prediction.sun_probability)
+        posterior = posterior_on_grid(prediction, observations)
     compass = None if observations.heading is None else (observations.heading, observations.heading_std)
     lens, subject = observations.vertical_fov, observations.subject
     contradictions = _consistency_warnings(prediction, candidates, likelihood, compass, lens, subject)
@@ -331,17 +332,16 @@ def compass_prior(observations: Observations) -> Floats:
     return np.asarray((1 - COMPASS_OUTLIER_RATE) * bell / bell.sum() + COMPASS_OUTLIER_RATE / 360)
 
 
-def posterior_on_grid(prediction: Prediction, observations: Observations, probability: Floats) -> Posterior:
+def posterior_on_grid(prediction: Prediction, observations: Observations) -> Posterior:
     """Posterior of a sun whose elevation is open.
 
     Args:
-        prediction: with the fused camera.
+        prediction: with the fused camera, and the fused probabilities of the network's cells.
         observations: from metadata and user.
-        probability: (N,) of the network's cells, sums to 1.
     """
-    sun = sun_from_prediction(replace(prediction, sun_probability=probability))
-    cells, used = grid_directions(prediction.spec.sun_grid), _used_evidence(prediction, observations)
-    return Posterior(_with_lens(prediction, observations), sun, cells, probability, used)
+    sun, cells = sun_from_prediction(prediction), grid_directions(prediction.spec.sun_grid)
+    camera, used = _with_lens(prediction, observations), _used_evidence(prediction, observations)
+    return Posterior(camera, sun, cells, prediction.sun_probability, used, predicted_sun_elevation=sun.elevation)
 
 
 def posterior_on_rings(prediction: Prediction, observations: Observations, weight: Floats) -> Posterior:
@@ -415,7 +415,7 @@ def visible_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None)
     if prediction.sun_visibility < 0.5:
         return None
     probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
-    sun = bayes_direction(probability, prediction.spec.sun_grid)
+    sun = prediction.sun_direction
     right, up, forward = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll) @ sun
     edge = forward * math.tan(math.radians(prediction.vertical_fov) / 2)
     is_inside = abs(up) <= edge and abs(right) <= _MAX_ASPECT_RATIO * edge
@@ -471,7 +471,7 @@ def _tilt_to_ephemeris(posterior: Posterior, prediction: Prediction, tilt_std: f
     if posterior.camera_heading is None:
         return posterior
     grid = prediction.spec.sun_grid
-    visible = bayes_direction(prediction.sun_probability, grid)
+    visible = prediction.sun_direction
     ephemeris = direction(posterior.sun.azimuth, posterior.sun.elevation)
     lobe = soft_label(ephemeris, _lobe_std(prediction, visible) ** -2, grid)
     (azimuth, elevation), (true_azimuth, true_elevation) = (angles(s) for s in (visible, bayes_direction(lobe, grid)))

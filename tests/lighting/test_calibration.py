@@ -4,10 +4,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from lighting.calibration import _MAX_LEAN, MAX_SIDE, _edges_of, _Lines, calibrate_from_lines, lens_ratio
-from lighting.geometry import Floats, Pinhole, camera_directions, up_in_camera
+from lighting.calibration import (
+    _MAX_LEAN,
+    MAX_SIDE,
+    _edges_of,
+    _level_in_camera,
+    _Lines,
+    calibrate_from_lines,
+    lens_ratio,
+    up_in_camera,
+)
+from lighting.geometry import Floats, Pinhole, camera_axes, camera_directions, direction
 from lighting.records import Prediction
 from tests.helpers.cameras import FINER, poles
 from tests.helpers.predictions import prediction
@@ -142,6 +153,14 @@ def test_everything_else_stays() -> None:
     after = calibrate_from_lines(before, poles(0.0, 0.0, 50.0))
     for name in ("spec", "sun_probability", "sun_visibility", "turbidity", "exposure", "light"):
         assert getattr(after, name) is getattr(before, name)
+
+
+@given(st.floats(-180.0, 180.0), st.floats(-89.0, 89.0), st.floats(-180.0, 180.0))
+def test_up_and_level_directions_are_those_of_the_cameras_axes(heading: float, elevation: float, roll: float) -> None:
+    axes = camera_axes(0.0, elevation, roll)
+    assert up_in_camera(elevation, roll) == pytest.approx(axes @ [0.0, 1.0, 0.0], abs=1e-9)
+    level = _level_in_camera(np.array(heading), np.array(elevation), roll)
+    assert level == pytest.approx(axes @ direction(heading, 0.0), abs=1e-9)
 
 
 FOCAL = 300.0  # pixels

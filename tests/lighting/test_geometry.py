@@ -22,13 +22,11 @@ from lighting.geometry import (
     latlong_directions,
     latlong_pixel,
     latlong_solid_angle,
-    level_in_camera,
     pixel_window,
     ray_sphere,
     sample_latlong,
     scale_size,
     shrink_size,
-    up_in_camera,
     wrap_azimuth,
 )
 
@@ -244,13 +242,6 @@ def test_camera_axes_are_a_rotation(azimuth: float, elevation: float, roll: floa
     np.testing.assert_allclose(axes @ axes.T, np.eye(3), atol=1e-12)
     assert axes[2] == pytest.approx(direction(azimuth, elevation))
     assert np.cross(axes[0], axes[1]) == pytest.approx(-axes[2])
-
-
-@given(azimuths, tilts, rolls)
-def test_up_and_level_directions_are_those_of_the_cameras_axes(heading: float, elevation: float, roll: float) -> None:
-    axes = camera_axes(0.0, elevation, roll)
-    assert up_in_camera(elevation, roll) == pytest.approx(axes @ [0.0, 1.0, 0.0], abs=1e-9)
-    assert level_in_camera(heading, elevation, roll) == pytest.approx(axes @ direction(heading, 0.0), abs=1e-9)
 
 
 @given(azimuths, tilts)

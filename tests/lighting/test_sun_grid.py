@@ -1,5 +1,7 @@
 """The discrete sky: cells, targets, decoding."""
 
+import math
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,6 +11,7 @@ from lighting.errors import ModelError
 from lighting.geometry import angle_between, angles, direction, wrap_azimuth
 from lighting.sun_grid import (
     HEADINGS,
+    bayes_direction,
     blur_headings,
     circular_correlation,
     circular_mode,
@@ -184,3 +187,77 @@ def test_a_weighted_median_is_where_half_of_the_weight_lies() -> None:
     assert weighted_median(np.array([9.0, 1.0, 2.0, 3.0]), weight) == 3.0
     assert weighted_median(np.array([1.0, 9.0, 8.0, 7.0]), weight) == 1.0
     assert np.isnan(weighted_median(np.empty(0), np.empty(0)))
+
+
+@given(azimuths, st.floats(15.0, 90.0))
+def test_the_fine_grid_gives_the_sun_back_within_half_a_degree(az: float, el: float) -> None:
+    sun = direction(az, el)
+    assert angle_between(bayes_direction(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 0.5
+
+
+@given(azimuths, elevations)
+def test_the_fine_grid_gives_a_low_sun_back_within_six_degrees(az: float, el: float) -> None:
+    """Cells end at the horizon, so the mean around a low sun lies above it."""
+    sun = direction(az, el)
+    assert angle_between(bayes_direction(soft_label(sun, CONCENTRATION, FINE), FINE), sun) < 6.0
+
+
+def test_the_best_guess_follows_the_stronger_of_two_modes() -> None:
+    left, right = direction(-90.0, 40.0), direction(90.0, 40.0)
+    p = 0.6 * soft_label(left, CONCENTRATION, FINE) + 0.4 * soft_label(right, CONCENTRATION, FINE)
+    assert angle_between(bayes_direction(p, FINE), left) < 0.5
+
+
+def test_the_best_guess_prefers_a_broad_mode_to_one_stray_cell() -> None:
+    sun = direction(30.0, 50.0)
+    p = soft_label(sun, CONCENTRATION, FINE)
+    p[np.argmin(grid_directions(FINE) @ sun)] = 1.1 * p.max()
+    assert angle_between(bayes_direction(p, FINE), sun) < 0.5
+
+
+def test_two_modes_side_by_side_outweigh_a_single_one_opposite() -> None:
+    """The single mode is the strongest, but more suns lie on the other side."""
+    modes = [direction(az, 40.0) for az in (-60.0, -20.0, 140.0)]
+    p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.32, 0.3, 0.38))
+    assert angle_between(bayes_direction(p, FINE), modes[0]) < 35.0
+
+
+def test_errors_beyond_a_bound_count_alike() -> None:
+    """By the mean error the strongest mode would lose to two far away from it, either of which is weaker."""
+    modes = [direction(az, 20.0) for az in (0.0, 110.0, 155.0)]
+    p = np.average([soft_label(mode, CONCENTRATION, FINE) for mode in modes], axis=0, weights=(0.42, 0.29, 0.29))
+    assert angle_between(bayes_direction(p, FINE), modes[0]) < 6.0
+
+
+@pytest.mark.parametrize("apart", [34.0, 38.0, 60.0])
+def test_the_best_guess_is_not_in_the_gap_between_two_sharp_modes(apart: float) -> None:
+    modes = direction(np.array([-apart / 2, apart / 2]), 20.0)
+    p = soft_label(modes, math.radians(2.0) ** -2, FINE).mean(axis=0)
+    assert min(angle_between(bayes_direction(p, FINE), modes)) < 6.0
+
+
+def test_a_few_cells_with_all_probability_are_answered_by_one_of_them() -> None:
+    p = np.zeros(1024, np.float32)
+    p[[140, 316, 724]] = 0.287, 0.383, 0.330
+    assert min(angle_between(bayes_direction(p, FINE), grid_directions(FINE)[[140, 316, 724]])) < 0.01
+
+
+@given(st.floats(20.0, 60.0))
+def test_the_best_guess_is_where_suns_are_likely(el: float) -> None:
+    """With every azimuth as likely, the direction that errs least would be the zenith, where no sun is."""
+    ring = soft_label(direction(np.arange(-180.0, 180.0, 2.0), np.full(180, el)), CONCENTRATION, FINE).mean(axis=0)
+    assert abs(float(angles(bayes_direction(ring, FINE))[1]) - el) < 6.0
+
+
+@pytest.mark.parametrize(("spread", "low", "high"), [(4.0, 74.5, 75.5), (12.0, 70.0, 75.0), (30.0, 55.0, 65.0)])
+def test_a_broad_answer_high_in_the_sky_is_lowered(spread: float, low: float, high: float) -> None:
+    broad = soft_label(direction(40.0, 75.0), math.radians(spread) ** -2, FINE)
+    assert low < float(angles(bayes_direction(broad, FINE))[1]) < high
+
+
+@pytest.mark.parametrize("elevation", [0.0, 2.0, 5.0, 10.0, 40.0])
+def test_a_sun_near_the_horizon_stands_as_low_as_networks_are_trained_to_say(elevation: float) -> None:
+    """Half of the lobe around a sun on the horizon is cut off, which lifts its mean by 3.2 deg."""
+    lobes = soft_label(direction(np.arange(-180.0, 180.0, 20.0), elevation), math.radians(4.0) ** -2, FINE)
+    found = [float(angles(bayes_direction(lobe, FINE))[1]) for lobe in lobes]
+    assert np.mean(found) == pytest.approx(elevation, abs=0.5)

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from lighting.decoding import bayes_direction
 from lighting.fusion.estimate import _choose_lens, build_estimate, predict_photo, refine_camera
 from lighting.fusion.metadata_prior import observations_from_metadata
 from lighting.fusion.multi_view import fuse_views
@@ -178,7 +177,7 @@ def test_a_lens_of_the_file_or_of_the_user_enters_the_camera(network: Path) -> N
 
 
 def seen_sun(predicted: Prediction) -> Floats:
-    return bayes_direction(predicted.sun_probability, predicted.spec.sun_grid)
+    return predicted.sun_direction
 
 
 def lens(*fovs: float, is_consistent: bool = True) -> PhotoMetadata:
