@@ -613,8 +613,7 @@ def _measure_maps(views: Iterator[_TrueView], render: Render, features: Features
         plain = _render_plain(view.lighting, view.context)
         photo = project_photo(view.lighting, view.context.photo, MAP_ROWS)
         hidden = np.zeros(image.shape[:2], np.bool_)
-        if photo is not None:
-            hidden[photo.rows, photo.columns] = photo.whole.weight > 0
+        hidden[photo.rows, photo.columns] = photo.whole.weight > 0
         sun = view.lighting.sun_direction if view.lighting.sun_painted else None
         looks.suns.append(_second_sun(image, plain, sun, hidden))
         looks.changes.append(_diffuse_change(image, plain))

@@ -30,14 +30,13 @@ from lighting.envmap.detail_library import (
 from lighting.envmap.latlong import (
     Image,
     column_blocks,
-    fits_block,
     interpolate_cells,
     max_channel,
     multiply_cells,
     shrink_blocks,
     shrink_envmap,
 )
-from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, continue_photo, sample_photo
+from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, project_photo, sample_photo
 from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.segmentation import Segments
@@ -150,10 +149,10 @@ class LibraryDetail:
     """A panorama of the library over what is coarse in it, to the power _CONTRAST."""
 
     def __init__(self, source: DetailSource, height: int) -> None:
-        self.height = height
+        self.height, blocks = height, column_blocks(height)
         self._picture = detail_picture(source.choice, height, source.saturation)
-        self._kept = self._picture.columns(slice(0, 2 * height)) if fits_block(height) else None
-        reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in column_blocks(height)], axis=1)
+        self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
+        reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
         self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
         coarse = _coarse_colors(reduced, self._log_offset)
         self._gains = np.exp(-coarse * _contrast(_CELL_ROWS)[:, None, None])
@@ -161,7 +160,7 @@ class LibraryDetail:
         """(R, 2R, 3) means of the detail."""
         self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
         """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
-        self.whole = self.block(slice(0, 2 * height)) if fits_block(height) else None
+        self.whole = self.block(blocks[0]) if len(blocks) == 1 else None
         """(H, 2H, 3) of a map that is worked on at once; else None."""
 
     def _pixels(self, columns: slice) -> NDArray[np.uint8]:
@@ -207,7 +206,7 @@ class _PhotoDetail:
     """The library's detail with the photo's own, calm around the sun, in blocks of columns."""
 
     def __init__(
-        self, library: LibraryDetail, photo: PhotoProjection | None, coarse: Image, sun: Floats | None, tint: Image
+        self, library: LibraryDetail, photo: PhotoProjection, coarse: Image, sun: Floats | None, tint: Image
     ) -> None:
         self._library, self._photo, self._coarse, self._sun, self._tint = library, photo, coarse, sun, tint
         self._ceiling: Image | None = None
@@ -230,9 +229,8 @@ class _PhotoDetail:
         return bool(rows.size)
 
     def _finish(self, detail: Image, columns: slice) -> Image:
-        block = None if self._photo is None else self._photo.block(columns)
         _color_dark(detail, columns, self._tint)
-        if block is not None:
+        if (block := self._photo.block(columns)) is not None:
             _blend_continuation(detail, columns, block, self._coarse)
         if self._sun is not None:
             _calm_sun(detail, columns, self._sun)
@@ -253,7 +251,7 @@ def add_detail(
     library: LibraryDetail,
     lighting: Lighting,
     photo: NDArray[np.uint8],
-    continued: PhotoProjection | None,
+    continued: PhotoProjection,
     gain: float = 1.0,
 ) -> None:
     """Give a coarse map detail; its light stays where the photo will not be laid over it.
@@ -263,18 +261,15 @@ def add_detail(
         library: the detail of a panorama, of as many rows; it cannot be used again.
         lighting: of the map; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
-        continued: the photo in the map with its continuation; None: it is too narrow to be seen.
+        continued: the photo in the map with its continuation.
         gain: over 0, by which the photo's linear values are multiplied.
     """
-    edge, rim, covered = (np.zeros((_CELL_ROWS, 2 * _CELL_ROWS, count), np.float32) for count in (3, 1, 1))
-    coarse = np.ones_like(edge)
-    if continued is not None:
-        log, shown, clipped = _photo_cells(photo, lighting)
-        coarse = _match_continuation(library.cells, lighting, photo, continued.segments)
-        covered = _covered_share(continued)
-        rim[:] = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
-        covered *= 1 - clipped
-        edge[:] = log + np.float32(math.log(max(gain, _MIN_GAIN)))
+    log, shown, clipped = _photo_cells(photo, lighting)
+    coarse = _match_continuation(library.cells, lighting, photo, continued.segments)
+    covered = _covered_share(continued)
+    rim = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
+    covered *= 1 - clipped
+    edge = log + np.float32(math.log(max(gain, _MIN_GAIN)))
     sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
     before = shrink_envmap(image, _CELL_ROWS)
     detail = _PhotoDetail(library, continued, coarse, sun, _own_tint(before, library.color))
@@ -382,9 +377,7 @@ def _match_continuation(
     library: Image, lighting: Lighting, photo: NDArray[np.uint8], segments: Segments | None
 ) -> Image:
     """Factors (R, 2R, 3) that make a continued photo as bright as the library's cells (R, 2R, 3), over some degrees."""
-    continued = continue_photo(lighting, photo, 4 * _CELL_ROWS, segments)
-    if continued is None:
-        return np.ones_like(library)
+    continued = project_photo(lighting, photo, 4 * _CELL_ROWS, continued=True, segments=segments)
     linear = np.zeros((continued.height, 2 * continued.height, 4), np.float32)
     window = linear[continued.rows, continued.columns]
     whole = continued.whole

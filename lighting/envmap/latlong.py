@@ -40,23 +40,15 @@ def row_irradiance(height: int) -> Floats:
     return irradiance
 
 
-def fits_block(height: int) -> bool:
-    """Whether all of a map is worked on at once.
-
-    Args:
-        height: rows of the map.
-    """
-    return 2 * height**2 <= _BLOCK_PIXELS
-
-
 def column_blocks(height: int) -> list[slice]:
-    """The columns of a map in blocks, so that what is computed of each takes little memory.
+    """The columns of a map in blocks, so that what is computed of each takes little memory; one of a small map.
 
     Args:
         height: rows of the map.
     """
     width = 2 * height
-    step = width if fits_block(height) else max(_BLOCK_PIXELS // height // _BLOCK_STEP, 1) * _BLOCK_STEP
+    fits = width * height <= _BLOCK_PIXELS
+    step = width if fits else max(_BLOCK_PIXELS // height // _BLOCK_STEP, 1) * _BLOCK_STEP
     return [slice(start, min(start + step, width)) for start in range(0, width, step)]
 
 
@@ -188,7 +180,7 @@ def _convolve_envmap(image: Image, lobe: Callable[[Image], Image]) -> Image:
     return np.asarray(blurred, dtype=np.float32)
 
 
-def scale_colors(image: Image, gain: Floats) -> None:
+def scale_colors(image: Image, gain: Floats, columns: slice | None = None) -> None:
     """Multiply an image by a color in place.
 
     Whole rows are multiplied, since numpy takes ten times as long with an innermost axis of 3.
@@ -196,20 +188,23 @@ def scale_colors(image: Image, gain: Floats) -> None:
     Args:
         image: (R, W, 3), contiguous in memory.
         gain: (3,).
+        columns: of the image; None: all.
     """
-    scale_columns(image, slice(0, image.shape[1]), gain)
+    rows = image.reshape(len(image), -1)
+    if columns is not None:
+        rows = rows[:, 3 * columns.start : 3 * columns.stop]
+    rows *= np.tile(np.asarray(gain, dtype=np.float32), rows.shape[1] // 3)
 
 
-def scale_columns(image: Image, columns: slice, gain: Floats) -> None:
-    """Multiply some columns of an image by a color in place.
+def set_irradiance(levels: Floats, rows: Image, irradiance: Floats) -> None:
+    """Give some rows of a map an irradiance of level ground, by a factor on each channel.
 
     Args:
-        image: (R, W, 3), contiguous in memory.
-        columns: of the image.
-        gain: (3,).
+        levels: (R,) the `row_irradiance` of these rows.
+        rows: (R, W, 3) linear radiance, contiguous in memory, changed in place.
+        irradiance: (3,).
     """
-    rows = image.reshape(len(image), -1)[:, 3 * columns.start : 3 * columns.stop]
-    rows *= np.tile(np.asarray(gain, dtype=np.float32), rows.shape[1] // 3)
+    scale_colors(rows, irradiance / np.maximum(irradiance_from_rows(levels, rows), EPSILON_IRRADIANCE))
 
 
 def max_channel(image: Image) -> Image:

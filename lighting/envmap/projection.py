@@ -1,6 +1,5 @@
 """Where a photo lies in a map, and its pixels there."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -9,7 +8,16 @@ from numpy.typing import NDArray
 
 import lighting.geometry as geometry
 from lighting.color import SRGB_LINEAR
-from lighting.envmap.latlong import Image, column_blocks, fits_block, irradiance_by_columns, max_channel, row_irradiance
+from lighting.envmap.latlong import (
+    EPSILON_IRRADIANCE,
+    Image,
+    column_blocks,
+    irradiance_by_columns,
+    irradiance_from_rows,
+    row_irradiance,
+    scale_colors,
+    set_irradiance,
+)
 from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
 from lighting.segmentation import Segments, SurfaceClass, class_share
@@ -26,6 +34,8 @@ _MIN_UPWARD = 0.5  # probability of plants or sky from which a cell goes on upwa
 _SAMPLED_SIDE = 96  # pixels along the longer side at which a photo's colors are sampled
 _WINDOW_ROWS = 48  # rows of a map in which the photo's window is sought
 _MAX_SIDE = 2048  # pixels of the photo's longer side
+_REST_SCALE_RANGE = (0.1, 4.0)  # of what the photo does not show; beyond it the photo is scaled too
+_IRRADIANCE_TOLERANCE = 1e-5  # share by which an irradiance may differ from the target
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +60,10 @@ class ProjectedPhoto:
             image: (H, 2H, 3) the map.
             gain: over 0.
         """
-        clipped = max_channel(self.linear) > CLIPPED
+        red, green, blue = np.moveaxis(self.linear > CLIPPED, -1, 0)
+        clipped = (red | green | blue)[..., None].repeat(3, axis=2)
         linear = self.linear * np.float32(gain)
-        np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped[..., None].repeat(3, axis=2))
+        np.maximum(linear, image[self.rows, self.columns], out=linear, where=clipped)
         return replace(self, linear=linear)
 
 
@@ -74,62 +85,70 @@ class PhotoProjection:
     """Whether it goes on beyond its edges as its own mirror image."""
     segments: Segments | None
     """What the photo shows; None: unknown."""
+    blocks: list[slice]
+    """Of the map's columns, in which its pixels are found; one of a small map."""
 
-    def reaches(self, rows: slice) -> bool:
-        """Whether it lies in some rows of the map.
+    def lay(self, image: Image, half: slice, irradiance: Floats, gain: float, *, shown: bool = True) -> None:
+        """Lay it times a gain over one half of a map, and scale what it leaves open.
 
         Args:
-            rows: of the map.
+            image: (H, 2H, 3) the map, changed in place.
+            half: rows of the map, above or below the horizon.
+            irradiance: (3,) of level ground by this half, which it then has.
+            gain: of the photo, over 0.
+            shown: False leaves it out, but the rest is as bright as with it.
         """
+        levels = row_irradiance(self.height)
+        if not self._reaches(half):
+            set_irradiance(levels[half], image[half], irradiance)
+            return
+        only = self._over(image, half, self.blocks[0], gain) if len(self.blocks) == 1 else None
+        by_photo, behind = [], []
+        for columns in self.blocks:
+            if (part := only or self._over(image, half, columns, gain)) is not None:
+                window, level = image[part.rows, part.columns], levels[part.rows]
+                weight = part.weight[..., None].repeat(3, axis=2)
+                by_photo.append(irradiance_by_columns(level, weight * part.linear))
+                behind.append(irradiance_by_columns(level, weight * window))
+        share = (self.columns.stop - self.columns.start) / image.shape[1]
+        added = np.concatenate(by_photo).mean(axis=0, dtype=np.float64) * share
+        hidden = np.concatenate(behind).mean(axis=0, dtype=np.float64) * share
+        left = irradiance_from_rows(levels[half], image[half]) - hidden
+        rest = np.clip((irradiance - added) / np.maximum(left, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
+        for columns in self.blocks:
+            part = only or self._over(image, half, columns, gain)
+            scale_colors(image[half], rest, columns)
+            if part is not None and shown:
+                window = image[part.rows, part.columns]
+                window += part.weight[..., None].repeat(3, axis=2) * (part.linear - window)
+        reached = rest * left + added
+        if shown and np.any(np.abs(reached - irradiance) > _IRRADIANCE_TOLERANCE * irradiance):
+            scale_colors(image[half], irradiance / np.maximum(reached, EPSILON_IRRADIANCE))
+
+    def _reaches(self, rows: slice) -> bool:
+        """Whether it lies in some rows of the map."""
         return bool(max(self.rows.start, rows.start) < min(self.rows.stop, rows.stop))
 
-    def blocks(self, rows: slice) -> Iterator[ProjectedPhoto]:
-        """Its pixels in some rows of the map, in each block of columns.
-
-        Args:
-            rows: of the map, some of which it reaches.
-        """
-        for columns in column_blocks(self.height):
-            block = self.block(columns, rows)
-            if block is not None:
-                yield block
+    def _over(self, image: Image, rows: slice, columns: slice, gain: float) -> ProjectedPhoto | None:
+        """`ProjectedPhoto.over` in some rows and columns of a map; None where it has no pixels there."""
+        block = self.block(columns, rows)
+        return None if block is None else block.over(image, gain)
 
     def block(self, columns: slice, rows: slice | None = None) -> ProjectedPhoto | None:
         """Its pixels in some columns of the map; None where it has none. Those of a small map are found once.
 
         Args:
-            columns: of the map, one of `column_blocks`.
+            columns: of the map, one of `blocks`.
             rows: of the map, some of which it reaches; None: all that it reaches.
         """
         rows = self.rows if rows is None else rows
         top, bottom = max(self.rows.start, rows.start), min(self.rows.stop, rows.stop)
-        if self._is_small:
+        if len(self.blocks) == 1:
             part, whole = slice(top - self.rows.start, bottom - self.rows.start), self.whole
             pixels = whole.linear[part], whole.weight[part], whole.share[part]
             return ProjectedPhoto(slice(top, bottom), self.columns, *pixels)
         left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
         return self._pixels(slice(top, bottom), slice(left, right)) if left < right else None
-
-    def irradiances(self, image: Image, rows: slice, gain: float) -> tuple[Floats, Floats]:
-        """Irradiance (3,) of level ground by the photo in some rows of a map, and that by what it hides there.
-
-        Args:
-            image: (H, 2H, 3) the map.
-            rows: of the map, some of which it reaches.
-            gain: of the photo, over 0.
-        """
-        levels, shown, hidden = row_irradiance(self.height), [], []
-        for block in self.blocks(rows):
-            weight = block.weight[..., None].repeat(3, axis=2)
-            shown.append(irradiance_by_columns(levels[block.rows], weight * block.over(image, gain).linear))
-            hidden.append(irradiance_by_columns(levels[block.rows], weight * image[block.rows, block.columns]))
-        share = (self.columns.stop - self.columns.start) / image.shape[1]
-        by_photo, behind = (np.concatenate(part).mean(axis=0, dtype=np.float64) * share for part in (shown, hidden))
-        return by_photo, behind
-
-    @cached_property
-    def _is_small(self) -> bool:
-        return fits_block(self.height)
 
     @cached_property
     def whole(self) -> ProjectedPhoto:
@@ -173,42 +192,31 @@ def photo_camera(lighting: Lighting, width: int, height: int) -> Pinhole:
     return Pinhole(width, height, lighting.vertical_fov, elevation=lighting.camera_elevation, roll=lighting.camera_roll)
 
 
-def project_photo(lighting: Lighting, photo: NDArray[np.uint8], height: int) -> PhotoProjection | None:
-    """A photo in the pixels of a map; None where it is under a few degrees wide.
+def project_photo(
+    lighting: Lighting,
+    photo: NDArray[np.uint8],
+    height: int,
+    *,
+    continued: bool = False,
+    segments: Segments | None = None,
+) -> PhotoProjection:
+    """A photo in the pixels of a map; it reaches none where it is under a few degrees wide.
+
+    Continued, its mirror image lies beyond its edges and fades out. People and vehicles are not seen twice. Upwards
+    only plants and sky go on.
 
     Args:
         lighting: with the photo's camera.
         photo: (h, w, 3) sRGB.
         height: rows of the map.
-    """
-    return _find_photo(lighting, photo, height, 0.0, None)
-
-
-def continue_photo(
-    lighting: Lighting, photo: NDArray[np.uint8], height: int, segments: Segments | None = None
-) -> PhotoProjection | None:
-    """`project_photo`, with the photo's mirror image beyond its edges, fading out.
-
-    People and vehicles are not seen twice. Upwards only plants and sky go on.
-
-    Args:
-        lighting: with the photo's camera.
-        photo: (h, w, 3) sRGB.
-        height: rows of the map.
+        continued: whether it goes on beyond its edges.
         segments: what the photo shows; None: unknown, and nothing goes on upwards.
     """
-    reach = max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM)
-    return _find_photo(lighting, photo, height, reach, segments)
-
-
-def _find_photo(
-    lighting: Lighting, photo: NDArray[np.uint8], height: int, reach: float, segments: Segments | None
-) -> PhotoProjection | None:
-    """Where a photo, and a share of its half sides beyond it, lies in a map."""
+    reach = max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM) if continued else 0.0
     picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
     camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
-    window = _find_window(camera, height, reach)
-    return None if window is None else PhotoProjection(*window, height, picture, camera, reach > 0, segments)
+    window = _find_window(camera, height, reach) or (slice(0, 0), slice(0, 0))
+    return PhotoProjection(*window, height, picture, camera, continued, segments, column_blocks(height))
 
 
 def _inner_weight(x: Image, y: Image) -> Image:

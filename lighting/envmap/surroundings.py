@@ -21,16 +21,12 @@ from lighting.color import check_pixels, luminance
 from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     Image,
-    column_blocks,
     irradiance_from_rows,
     multiply_cells,
-    scale_colors,
-    scale_columns,
 )
 from lighting.envmap.projection import (
     CLIPPED,
     PhotoProjection,
-    continue_photo,
     project_photo,
     sample_photo,
     size_in_envmap,
@@ -45,8 +41,6 @@ from lighting.sky import SKY_MODEL
 _CELL_ROWS = 24  # of the cells in which the map is changed
 _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for each cell
 _CELL_RATIO_RANGE = (0.05, 4.0)  # by which a cell of the bare map may be dimmed or lit
-_REST_SCALE_RANGE = (0.1, 4.0)  # of what the photo does not show; beyond it the photo is scaled too
-_IRRADIANCE_TOLERANCE = 1e-5  # share by which an irradiance may differ from the target
 _FINE_SIDE = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _CONTRAST = 0.7  # power of the network's panorama, whose contrast is too high at places that it has not learnt
 
@@ -228,7 +222,7 @@ def render_with_surroundings(
     if detail is not None:
         map_detail.add_detail(image, detail, lighting, context.photo, photo, gain)
         for rows, target in zip(_halves(height), targets, strict=True):
-            _lay_photo(image, rows, target, photo, gain)
+            photo.lay(image, rows, target, gain)
     cap_map(image, lighting)
     if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)
@@ -249,13 +243,10 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
     return _surroundings_factors(_pool_cells(bare), lighting, context)
 
 
-def _project_photo(lighting: Lighting, context: PhotoContext, height: int, goes_on: bool) -> PhotoProjection | None:
+def _project_photo(lighting: Lighting, context: PhotoContext, height: int, continued: bool) -> PhotoProjection:
     """The photo in the pixels of a map, with its continuation for detail."""
-    if goes_on:
-        photo = continue_photo(lighting, context.photo, height, context.segments)
-    else:
-        photo = project_photo(lighting, context.photo, height)
-    if photo is not None and latlong.fits_block(height):
+    photo = project_photo(lighting, context.photo, height, continued=continued, segments=context.segments)
+    if len(photo.blocks) == 1:
         _ = photo.whole  # found here, beside other work
     return photo
 
@@ -416,42 +407,11 @@ def _half_irradiances(image: Image) -> tuple[Floats, Floats]:
 
 
 def _lay_surroundings(
-    image: Image, half: slice, target: Floats, cells: Image, photo: PhotoProjection | None, gain: float, lay: bool
+    image: Image, half: slice, target: Floats, cells: Image, photo: PhotoProjection, gain: float, shown: bool
 ) -> None:
     """Give one half of the bare map its cells' factors, and the photo times a gain. Its irradiance stays.
 
-    `lay` False leaves the photo out, but the rest is as bright as with it.
+    `shown` False leaves the photo out, but the rest is as bright as with it.
     """
     multiply_cells(image[half], cells)
-    if lay or photo is None or not photo.reaches(half):
-        _lay_photo(image, half, target, photo, gain)
-    else:
-        scale_colors(image[half], _rest_scale(image, half, target, photo, gain)[0])
-
-
-def _lay_photo(image: Image, half: slice, target: Floats, photo: PhotoProjection | None, gain: float) -> None:
-    """Lay the photo times a gain over one half of a map, which gets the irradiance (3,) of the target."""
-    if photo is None or not photo.reaches(half):
-        total = irradiance_from_rows(latlong.row_irradiance(len(image))[half], image[half])
-        scale_colors(image[half], target / np.maximum(total, EPSILON_IRRADIANCE))
-        return
-    rest, reached = _rest_scale(image, half, target, photo, gain)
-    for columns in column_blocks(len(image)):
-        block = photo.block(columns, half)
-        shown = None if block is None else block.over(image, gain)
-        scale_columns(image[half], columns, rest)
-        if shown is not None:
-            window = image[shown.rows, shown.columns]
-            window += shown.weight[..., None].repeat(3, axis=2) * (shown.linear - window)
-    if np.any(np.abs(reached - target) > _IRRADIANCE_TOLERANCE * target):
-        scale_colors(image[half], target / np.maximum(reached, EPSILON_IRRADIANCE))
-
-
-def _rest_scale(
-    image: Image, half: slice, target: Floats, photo: PhotoProjection, gain: float
-) -> tuple[Floats, Floats]:
-    """The gain (3,) of what the photo leaves open in one half of a map, and the irradiance (3,) that it then has."""
-    total = irradiance_from_rows(latlong.row_irradiance(len(image))[half], image[half])
-    from_photo, hidden = photo.irradiances(image, half, gain)
-    rest = np.clip((target - from_photo) / np.maximum(total - hidden, EPSILON_IRRADIANCE), *_REST_SCALE_RANGE)
-    return rest, rest * (total - hidden) + from_photo
+    photo.lay(image, half, target, gain, shown=shown)

@@ -18,7 +18,7 @@ from lighting.envmap.detail_library import (
     feature_weights,
 )
 from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
-from lighting.envmap.projection import ProjectedPhoto, continue_photo, project_photo
+from lighting.envmap.projection import ProjectedPhoto, project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
 from lighting.geometry import angle_between, latlong_angles, latlong_directions
@@ -101,7 +101,6 @@ def test_what_is_coarse_stays() -> None:
 def test_the_photo_stays_where_it_lies() -> None:
     plain, detailed = maps()
     shown = project_photo(LIGHT, photo(), HEIGHT)
-    assert shown is not None
     inside = shown.whole.weight > 0.999
     window = np.s_[shown.rows, shown.columns]
     np.testing.assert_allclose(detailed[window][inside], plain[window][inside], rtol=0.02)
@@ -168,9 +167,7 @@ def test_no_second_sun() -> None:
 
 
 def continued_pixels(pixels: np.ndarray, segments: np.ndarray) -> ProjectedPhoto:
-    projection = continue_photo(LIGHT, pixels, 256, segments)
-    assert projection is not None
-    return projection.whole
+    return project_photo(LIGHT, pixels, 256, continued=True, segments=segments).whole
 
 
 def test_people_are_not_repeated() -> None:
