@@ -10,10 +10,10 @@ import inspect
 import math
 import reprlib
 import textwrap
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import fields
 from enum import Enum
-from typing import Any, TypeGuard, TypeVar
+from typing import Any, TypeGuard
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -95,7 +95,6 @@ SHORT_NAMES: dict[str, str] = {  # of the fields that URLs and options call othe
     "first": "date",
     "last": "until",
 }
-Record = TypeVar("Record")
 
 
 def record_path(field: str) -> str:
@@ -123,15 +122,6 @@ def option_name(field: str) -> str:
         field: as Python names it.
     """
     return "--" + parameter_name(field).replace("_", "-")
-
-
-def are_finite(values: Iterable[object]) -> bool:
-    """Tell whether all values are finite numbers that a float can hold; a bool is not a number.
-
-    Args:
-        values: any.
-    """
-    return all(map(_is_finite, values))
 
 
 def _is_finite(value: object) -> TypeGuard[int | float]:
@@ -162,28 +152,6 @@ def check_range(field: str, value: object, low: float, high: float, subject: str
     if subject is not None:
         raise ParameterError(f"{subject} {predicate}", field, code)
     raise ParameterError.about(field, predicate, code)
-
-
-def check_fields(record: object, ranges: Mapping[str, tuple[float, float]]) -> None:
-    """Raise a one-sentence ParameterError unless fields of a light lie in their ranges.
-
-    Those that are not in RANGES may be None.
-
-    Args:
-        record: whose fields they are: numbers, and red, green and blue where COLOR_RANGES has them.
-        ranges: least and largest allowed value, by field.
-    """
-    for name, limits in ranges.items():
-        value = getattr(record, name)
-        if value is None and name not in RANGES:
-            continue
-        if name not in COLOR_RANGES:
-            check_range(name, value, *limits)
-        elif not isinstance(value, tuple) or len(value) != 3:
-            raise ParameterError.about(name, "must be three numbers: red, green and blue.", ErrorCode.WRONG_TYPE)
-        else:
-            for part in value:
-                check_range(name, part, *limits)
 
 
 def check_location(latitude: float | None, longitude: float | None) -> None:
@@ -265,14 +233,14 @@ class _RecordDoc:
         return self._text
 
 
-def describe_fields(record: type[Record]) -> type[Record]:
-    """Let `help` list the fields of a dataclass with their docstrings.
+def describe_fields(*records: type) -> None:
+    """Let `help` list the fields of dataclasses with their docstrings; a module calls it below its last one.
 
     Args:
-        record: a dataclass; the decorator stands above `dataclass`.
+        records: dataclasses.
     """
-    record.__doc__ = _RecordDoc(record.__doc__ or "")  # type: ignore[assignment]  # Python asks it, as any descriptor
-    return record
+    for record in records:
+        record.__doc__ = _RecordDoc(record.__doc__ or "")  # type: ignore[assignment]  # Python asks it, as any descriptor
 
 
 def field_docstrings(record: type) -> dict[str, str]:

@@ -111,7 +111,6 @@ _NEUTRAL_LUMENS = 1000.0  # of ARKit: white faces it and shows as 1
 _MIRRORED = np.array([1, 1, -1, 1, 1, -1, 1, -1, 1])[:, None]  # signs of the functions where +Z becomes -Z
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class MainLight:
     """The sun as a directional light."""
@@ -135,7 +134,6 @@ class MainLight:
         }
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class LightProbe:
     """Radiance from all directions but the sun, and the sun as the main light."""
@@ -156,6 +154,9 @@ class LightProbe:
     def to_dict(self) -> Json:
         """Return it as `light_probe` of a JSON record."""
         return {"coefficients": [round_all(row) for row in self.coefficients], "main_light": self.main_light.to_dict()}
+
+
+describe_fields(MainLight, LightProbe)
 
 
 def compute_light_probe(

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 _MAP_HEIGHT = 512  # rows
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False, repr=False)
 class Estimate(EstimatedLight):
     """The answer about one photo, with the photo: what `estimate` and an Estimator return.
@@ -294,6 +293,9 @@ class Estimate(EstimatedLight):
     def _unchanged(self) -> Self:
         """The estimate of the light that the photo shows."""
         return dataclasses.replace(self, lighting=self.photo_lighting)
+
+
+describe_fields(Estimate)
 
 
 def _check_flags(**flags: object) -> None:

@@ -3,6 +3,7 @@
 import json
 import math
 import reprlib
+import sys
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
@@ -20,8 +21,6 @@ from lighting.fields import (
     OPTIONAL_RANGES,
     RANGES,
     RECORD_PATHS,
-    are_finite,
-    check_fields,
     check_range,
     convert_numpy_numbers,
     describe_fields,
@@ -45,8 +44,12 @@ MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400
 SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
 _PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
+# Section and name in a JSON record, and attribute, of each plain number and of each color.
+_NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.items() if attribute in _PLAIN_RANGES]
+_COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 _SPOT = {"spot_pixel": (2, 0.0, 1e6), "spot_direction": (3, -1.0, 1.0)}  # how many numbers, and their range
 MIN_SPOT_DESCENT = 1e-3  # sine of the angle below the horizon at which an object may stand
+_LARGEST = sys.float_info.max
 _UNIT_TOLERANCE = 1e-3  # of a unit vector's length
 
 
@@ -115,7 +118,6 @@ def warning_code(warning: str) -> WarningCode:
     return warning.code if isinstance(warning, CodedWarning) else WarningCode.OTHER
 
 
-@describe_fields
 @dataclass(frozen=True)
 class ModelSpec:
     """A network's input, output layout and licence; stored as JSON in the ONNX file's metadata."""
@@ -145,7 +147,7 @@ class ModelSpec:
         for name in ("width", "height"):
             _check_spec(name, type(getattr(self, name)) is int and getattr(self, name) > 0)
         for name in ("mean", "std"):
-            _check_spec(name, len(getattr(self, name)) == 3 and are_finite(getattr(self, name)))
+            _check_spec(name, len(getattr(self, name)) == 3 and _are_within(getattr(self, name), -_LARGEST, _LARGEST))
         _check_spec("std", min(self.std) > 0)
 
     def to_json(self) -> str:
@@ -169,7 +171,6 @@ class ModelSpec:
             raise ModelError(f"The model's metadata does not describe its input: {error}.") from error
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class Light:
     """What a network says of the light's strength; in the photo's linear units (sRGB decoded, 1 = white)."""
@@ -186,7 +187,6 @@ class Light:
     """(12, 24, 3) RGB, 0 or more: radiance all around, without the sun, zenith first. None: not said."""
 
 
-@describe_fields
 @dataclass(frozen=True)
 class Prediction:
     """The network's output for one photo; units as in RANGES, values not yet clipped to them."""
@@ -218,7 +218,6 @@ class Prediction:
         return vector
 
 
-@describe_fields
 @dataclass(frozen=True)
 class SunEstimate:
     """The sun's direction and radii by a distribution; units as in RANGES."""
@@ -233,7 +232,6 @@ class SunEstimate:
     """Deg, 0 to 180: the cone that holds nine tenths."""
 
 
-@describe_fields
 @dataclass(frozen=True)
 class Lighting:
     """The light of one photo, and the camera that took it. A value out of range is a ParameterError."""
@@ -312,9 +310,14 @@ class Lighting:
     """Unit vector, each -1 to 1, from the camera to the spot, +Y up. None: as `spot_pixel`."""
 
     def __post_init__(self) -> None:
-        convert_numpy_numbers(self, *RANGES, *OPTIONAL_RANGES, *COLOR_RANGES, *_SPOT, "camera_heading_probability")
-        check_fields(self, _PLAIN_RANGES | COLOR_RANGES)
-        _check_headings(self.camera_heading_probability)
+        for name, (low, high) in _PLAIN_RANGES.items():
+            value = getattr(self, name)
+            if not _is_within(value, low, high) and (value is not None or name in RANGES):
+                convert_numpy_numbers(self, name)
+                check_range(name, getattr(self, name), low, high)
+        for name, (low, high) in COLOR_RANGES.items():
+            self._check_numbers(name, "three numbers: red, green and blue", 3, low, high)
+        self._check_headings()
         for name in ("model_name", "model_version"):
             if not isinstance(text := getattr(self, name), str):
                 raise ParameterError.about(name, f"must be a text, not {reprlib.repr(text)}.", ErrorCode.WRONG_TYPE)
@@ -333,13 +336,36 @@ class Lighting:
             raise ParameterError.about("sky_cover", predicate, ErrorCode.CONTRADICTION)
         self._check_spot()
 
+    def _check_numbers(self, name: str, what: str, count: int, low: float, high: float) -> None:
+        """Check a tuple of numbers, which may be None."""
+        value = getattr(self, name)
+        if value is None or (_are_within(value, low, high) and len(value) == count):
+            return
+        convert_numpy_numbers(self, name)
+        value = getattr(self, name)
+        if not isinstance(value, tuple) or len(value) != count:
+            raise ParameterError.about(name, f"must be {what}.", ErrorCode.WRONG_TYPE)
+        for number in value:
+            check_range(name, number, low, high)
+
+    def _check_headings(self) -> None:
+        name, value = "camera_heading_probability", self.camera_heading_probability
+        if _are_within(value, 0.0, 1.0) and len(value) in (0, 360):
+            return
+        convert_numpy_numbers(self, name)
+        values: object = self.camera_heading_probability
+        if not isinstance(values, tuple):
+            predicate = f"must be a list of numbers, not {reprlib.repr(values)}."
+            raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
+        if values and len(values) != 360:
+            predicate = f"has {len(values)} values; it must have 360."
+            raise ParameterError.about(name, predicate, ErrorCode.OUT_OF_RANGE)
+        for number in values:
+            check_range(name, number, 0.0, 1.0)
+
     def _check_spot(self) -> None:
         for name, (count, low, high) in _SPOT.items():
-            if (value := getattr(self, name)) is not None:
-                if not isinstance(value, tuple) or len(value) != count:
-                    raise ParameterError.about(name, f"must be {count} numbers.", ErrorCode.WRONG_TYPE)
-                for number in value:
-                    check_range(name, number, low, high)
+            self._check_numbers(name, f"{count} numbers", count, low, high)
         if (self.spot_pixel is None) != (self.spot_direction is None):
             missing = "spot_pixel" if self.spot_pixel is None else "spot_direction"
             sentence = "ground.spot.pixel and ground.spot.direction go together; the record has only one of them."
@@ -410,7 +436,6 @@ def check_lighting(thing: object) -> None:
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class SunDistribution:
     """Where the sun may be: a probability for each cell of a grid over the upper hemisphere."""
@@ -421,7 +446,6 @@ class SunDistribution:
     """(N,) of the grid's cells, 0 to 1; sums to 1."""
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class EstimatedLight:
     """The answer about one photo: its light, and where else the sun may be."""
@@ -446,6 +470,9 @@ class EstimatedLight:
         return self.lighting.warnings
 
 
+describe_fields(ModelSpec, Light, Prediction, SunEstimate, Lighting, SunDistribution, EstimatedLight)
+
+
 def check_estimate(thing: object) -> None:
     """Raise ParameterError for what is no Estimate.
 
@@ -457,16 +484,14 @@ def check_estimate(thing: object) -> None:
         raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
 
 
-def _check_headings(probability: object) -> None:
-    name = "camera_heading_probability"
-    if not isinstance(probability, tuple):
-        predicate = f"must be a list of numbers, not {reprlib.repr(probability)}."
-        raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
-    if probability and len(probability) != 360:
-        predicate = f"has {len(probability)} values; it must have 360."
-        raise ParameterError.about(name, predicate, ErrorCode.OUT_OF_RANGE)
-    for value in probability:
-        check_range(name, value, 0.0, 1.0)
+def _is_within(value: object, low: float, high: float) -> bool:
+    """Whether a value is a plain number of a range; of any other, `check_range` says what is wrong, if anything."""
+    return type(value) in (float, int) and low <= value <= high  # type: ignore[operator]
+
+
+def _are_within(values: object, low: float, high: float) -> bool:
+    """Whether values are a tuple of plain numbers of a range."""
+    return type(values) is tuple and all(_is_within(value, low, high) for value in values)
 
 
 def _check_sky_model(field: str, name: object) -> None:
@@ -503,9 +528,7 @@ def _check_spec(name: str, fits: bool) -> None:
         raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
 
 
-# JSON in and out: section, name in it and attribute of each plain number, and of each color.
-_NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.items() if attribute in _PLAIN_RANGES]
-_COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
+# JSON in and out.
 
 
 def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Json:

@@ -180,7 +180,6 @@ def _model_sky_irradiance(lighting: Lighting) -> Floats:
     return np.asarray((1 - cover) * clear + cover * float(luminance(clear)))
 
 
-@describe_fields
 @dataclass(frozen=True)
 class Adjustments:
     """What a user changes of a light by hand, under the same names everywhere. None: as it was.
@@ -211,6 +210,9 @@ class Adjustments:
         if not isinstance(self.overcast, bool):
             predicate = f"must be True or False, not {reprlib.repr(self.overcast)}."
             raise ParameterError.about("overcast", predicate, ErrorCode.WRONG_TYPE)
+
+
+describe_fields(Adjustments)
 
 
 def parse_sun(text: str) -> tuple[float, float]:

@@ -17,7 +17,6 @@ _RANGES["camera_height"] = RANGES["camera_height"]
 _RANGES |= {name: OPTIONAL_RANGES[name] for name in ("latitude", "longitude")}
 
 
-@describe_fields
 @dataclass(frozen=True, init=False)
 class UserInput:
     """What the user states of a photo; it replaces what the photo's metadata say. None: not stated."""
@@ -107,12 +106,12 @@ class UserInput:
             if not isinstance(getattr(self, name), bool):
                 predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
                 raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
+        self._check_time()
         convert_numpy_numbers(self, *_RANGES)
         for name, (low, high) in _RANGES.items():
             if (value := getattr(self, name)) is not None:
                 check_range(name, value, low, high)
         check_location(self.latitude, self.longitude)
-        self._check_time()
 
     def explicit_fields(self) -> dict[str, object]:
         """The fields that the user stated, by name."""
@@ -134,6 +133,9 @@ class UserInput:
         if not self.metadata and (self.time is None) != (self.latitude is None):
             missing = "time" if self.time is None else "latitude"
             raise ParameterError("A time needs a place, and a place a time.", missing, ErrorCode.MISSING)
+
+
+describe_fields(UserInput)
 
 
 def _stated_once(name: str, value: float | None, short: float | None) -> float | None:

@@ -186,7 +186,6 @@ def _heading(value: Any) -> float | None:
 _EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others are damage
 
 
-@describe_fields
 @dataclass(frozen=True)
 class PhotoMetadata:
     """How a photo was taken; None is unknown. The repr omits the location, so that no log shows it."""
@@ -236,6 +235,9 @@ class PhotoMetadata:
     def location(self) -> tuple[float, float] | None:
         """Latitude and longitude [deg], positive north and east; None where they are unknown."""
         return None if self.latitude is None or self.longitude is None else (self.latitude, self.longitude)
+
+
+describe_fields(PhotoMetadata)
 
 
 def read_metadata(

@@ -68,7 +68,6 @@ _DECODER_BYTES_PER_PIXEL = {  # by `python -m benchmarks.decoding` (Pillow 13.0.
 _FORMAT_NAMES = {"JPEG": "JPEG", "PNG": "PNG", "WEBP": "WebP", "HEIF": "HEIC", "TIFF": "TIFF", "AVIF": "AVIF"}
 
 
-@describe_fields
 @dataclass(frozen=True)
 class PhotoCrop:
     """The part of an upright picture that is its photo, in pixels of the file."""
@@ -87,7 +86,6 @@ class PhotoCrop:
     """Rows of the whole picture, pixels, its border included."""
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class PhotoOrigin:
     """Where a photo was read from, and the limits of that, so that it can be read again."""
@@ -107,7 +105,6 @@ class PhotoOrigin:
         return self.data.name if isinstance(self.data, Path) else None
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class Photo:
     """An upright photo. Of a picture with a border, it is what lies inside."""
@@ -136,6 +133,9 @@ class Photo:
         """The old name of `metadata`; warns of it."""
         warn_of_old_name("lighting.photo.reader.Photo.facts")
         return self.metadata
+
+
+describe_fields(PhotoCrop, PhotoOrigin, Photo)
 
 
 def check_photo(thing: object) -> None:

@@ -77,7 +77,6 @@ class _Placeholder:
         return 0.06 * self.ball_radius
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A photo as the plate behind a scene, the camera that took it, and the light: sun, map and ground."""
@@ -232,7 +231,6 @@ class Scene:
         return self.spot - self.camera_position
 
 
-@describe_fields
 @dataclass(frozen=True, eq=False)
 class CameraMotion:
     """How the camera of a clip moves in a scene: N frames of one shot."""
@@ -249,6 +247,9 @@ class CameraMotion:
     """First frame of the shot, 0 or more, counted in the clip."""
     clip: str
     """The clip's file, from the scene's folder."""
+
+
+describe_fields(Scene, CameraMotion)
 
 
 def make_scene(

@@ -111,7 +111,8 @@ def test_help_lists_the_fields(record: type) -> None:
 def test_a_record_without_its_source_keeps_its_sentence() -> None:
     namespace: dict[str, type] = {}
     exec('from dataclasses import dataclass\n@dataclass\nclass Made:\n    """One."""\n    x: int\n', namespace)
-    made: type = describe_fields(namespace["Made"])
+    made = namespace["Made"]
+    describe_fields(made)
     assert made.__doc__ == "One."
     assert field_docstrings(made) == {}
 
