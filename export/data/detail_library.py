@@ -179,7 +179,7 @@ def _classes(linear: NDArray[np.float32]) -> NDArray[np.float32]:
         x, y = np.moveaxis(latlong_pixel(directions, FEATURE_ROWS), -1, 0)
         cell = np.minimum(y, FEATURE_ROWS - 1).astype(np.intp) * shape[1] + x.astype(np.intp) % shape[1]
         seen = np.bincount(cell.reshape(-1), minlength=shape[0] * shape[1]).reshape(shape)
-        total += class_features(segments, (len(cell), cell.shape[1]), cell.reshape(-1)) * seen
+        total += class_features(segments, cell) * seen
         count += seen
     rows = np.flatnonzero((count > 0).all(axis=1))
     mean = total / np.maximum(count, 1)

@@ -29,8 +29,7 @@ from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from export.evaluation.relighting import rgb_angle
 from lighting.color import luminance, srgb_encode, tone_map
-from lighting.envmap.detail import DetailSource, PhotoFeatures
-from lighting.envmap.detail_library import LIBRARY_PATH, cheapest_choice, choice_costs
+from lighting.envmap.detail_library import LIBRARY_PATH, DetailSource, PhotoFeatures, cheapest_choice, choice_costs
 from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import rotate_envmap

@@ -8,49 +8,34 @@ smooth, and no part of the sky becomes much brighter than its brightest was: the
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import SRGB_LINEAR, luminance
-from lighting.envmap.appearance import shows_snow
-from lighting.envmap.detail_library import (
-    FEATURE_CLASSES,
-    FEATURE_ROWS,
-    LOG_OFFSET,
-    DetailChoice,
-    cell_features,
-    choose_detail,
-    class_features,
-    detail_picture,
-    feature_weights,
-)
+from lighting.color import luminance
+from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, LibraryDetail
 from lighting.envmap.latlong import (
     Image,
+    blur_cells,
     column_blocks,
     interpolate_cells,
-    max_channel,
     multiply_cells,
     shrink_blocks,
     shrink_envmap,
 )
-from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, project_photo, sample_photo
-from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions
+from lighting.envmap.projection import CLIPPED, PhotoProjection, ProjectedPhoto, project_photo, sample_cells
+from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions
 from lighting.records import Lighting
 from lighting.segmentation import Segments
 
 MIN_ROWS = 48  # of maps that have room for detail
 
-_CELL_ROWS = 48  # of the cells whose light stays
-_COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
 _MATCHED_DEG = 7.0  # standard deviation: what is coarser in the photo's continuation is as in the library's detail
 _HORIZON_DEG = 10.0  # standard deviation by which the map is smoothed, so that its horizon vanishes
 _LIGHT_DEG = 9.0  # standard deviation over which light stays as bright as it was
 _COLOR_DEG = 40.0  # and over which its color stays
 _DETAIL_RANGE = (0.1, 2.5)  # of a pixel over what is coarse
-_CONTRAST = {20.0: 0.84, 0.0: 0.78}  # power of the library's detail at elevations [deg], linear between them
 _TINT_RANGE = (0.4, 2.5)  # of the color of what is dark before the sky
 _HAND_OVER_DEG = (14.0, 7.0, 3.5)  # standard deviations over which the photo's own brightness reaches beyond its edges
 _RIM_WEIGHT = 0.85  # of the photo in a cell, up to which the cell lies at the photo's edge
@@ -61,145 +46,8 @@ _GAIN_RANGE = (0.25, 4.0)
 _SUN_DEG = (4.0, 14.0)  # around the sun: no detail within the first, all of it beyond the second
 _GLARE_DEG = 20.0  # around the sun, where the sky may be bright
 _BRIGHTEST = 1.15  # times the brightest cell of the sky, which no other part exceeds
-_MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
-_COLORFUL = 0.12  # spread of a photo's colors, in logarithms, from which the library's are shown in full
 _SEAM = 0.35  # how far the darker of two neighbors is preferred between photo and library
 _SEAM_WIDTH = 0.15  # of the continuation's reach
-
-
-@dataclass(frozen=True)
-class DetailSource:
-    """What is chosen for a photo: a panorama of the library, and how colorful it may be."""
-
-    choice: DetailChoice
-    """What the detail is taken from."""
-    saturation: float
-    """Factor, 0 or more, on the detail's color."""
-
-
-@dataclass(frozen=True, eq=False)
-class PhotoFeatures:
-    """By what the detail for a photo is chosen."""
-
-    target: Image
-    """(F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES."""
-    weight: Image
-    """As `target`."""
-    sun_azimuth: float | None
-    """deg; None: without a sun that shines."""
-    saturation: float
-    """0 for a grey photo to 1."""
-    snow: bool = False
-    """Whether the photo shows snow."""
-
-
-def describe_photo(
-    lighting: Lighting, photo: NDArray[np.uint8], around: Image, segments: Segments | None = None
-) -> PhotoFeatures:
-    """What of a photo counts for its detail.
-
-    Args:
-        lighting: of the photo; its camera and its sun count.
-        photo: (h, w, 3) sRGB, upright.
-        around: (FEATURE_ROWS, 2 FEATURE_ROWS, 3) linear, the coarse map that it lies in.
-        segments: what the photo shows; None: unknown.
-    """
-    samples, directions = sample_photo(photo, lighting)
-    colors = samples.reshape(-1, 3)
-    cell = _cell_indices(directions.reshape(-1, 3), FEATURE_ROWS)
-    four, count = cell_features(colors, cell)
-    kinds = np.zeros((len(FEATURE_CLASSES), *count.shape), np.float32)
-    if segments is not None:
-        kinds = class_features(segments, (len(samples), samples.shape[1]), cell)
-    level = np.cos(np.radians(latlong_angles(FEATURE_ROWS)[1]))[:, None].repeat(2 * FEATURE_ROWS, axis=1)
-    seen = np.where(count >= _MIN_SAMPLES, level, 0.0)
-    broad = np.log(np.maximum(luminance(around), 1e-3))
-    target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
-    weight = feature_weights(seen, level, segments is not None)
-    shines = lighting.sun_painted and lighting.sun_shines
-    azimuth = lighting.sun_azimuth if shines else None
-    return PhotoFeatures(target, weight, azimuth, _saturation(colors), shows_snow(photo, lighting, segments))
-
-
-def choose_source(features: PhotoFeatures) -> DetailSource:
-    """The detail that suits a photo.
-
-    Args:
-        features: of the photo.
-    """
-    choice = choose_detail(features.target, features.weight, features.sun_azimuth, features.snow)
-    return DetailSource(choice, features.saturation)
-
-
-def _cell_indices(directions: Floats, rows: int) -> NDArray[np.intp]:
-    """Row x 2 rows + column (P,) of the cells in which directions (P, 3) lie."""
-    azimuth, elevation = angles(directions)
-    row = np.minimum((90.0 - elevation) / 180.0 * rows, rows - 1).astype(np.intp)
-    return np.asarray(row * 2 * rows + np.minimum((azimuth + 180.0) / 180.0 * rows, 2 * rows - 1).astype(np.intp))
-
-
-def _saturation(colors: Image) -> float:
-    """How colorful detail may be beside samples (P, 3) of a photo: 0 for a grey one."""
-    log = np.log(np.maximum(colors, LOG_OFFSET))
-    spread = float(np.std(log[:, 0] - log[:, 1]) + np.std(log[:, 2] - log[:, 1]))
-    return round(min(spread / _COLORFUL, 1.0), 2)
-
-
-class LibraryDetail:
-    """A panorama of the library over what is coarse in it, to the power _CONTRAST."""
-
-    def __init__(self, source: DetailSource, height: int) -> None:
-        self.height, blocks = height, column_blocks(height)
-        self._picture = detail_picture(source.choice, height, source.saturation)
-        self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
-        reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
-        self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
-        coarse = _coarse_colors(reduced, self._log_offset)
-        self._gains = np.exp(-coarse * _contrast(_CELL_ROWS)[:, None, None])
-        self.cells = self._gains * _mean_power(reduced, self._log_offset)
-        """(R, 2R, 3) means of the detail."""
-        self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
-        """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
-        self.whole = self.block(blocks[0]) if len(blocks) == 1 else None
-        """(H, 2H, 3) of a map that is worked on at once; else None."""
-
-    def _pixels(self, columns: slice) -> NDArray[np.uint8]:
-        return self._picture.columns(columns) if self._kept is None else self._kept
-
-    def block(self, columns: slice) -> Image:
-        """Some columns (H, C, 3) of the detail.
-
-        Args:
-            columns: of a map of as many rows.
-        """
-        picture, contrast = self._pixels(columns), _contrast(self.height)
-        detail = np.empty(picture.shape, np.float32)
-        first = 0
-        for last in [*(np.flatnonzero(np.diff(contrast)) + 1), self.height]:  # rows of one contrast
-            table = np.exp(self._log_offset * contrast[first]).astype(np.float32)
-            detail[first:last] = table.take(picture[first:last])
-            first = last
-        multiply_cells(detail, self._gains, columns)
-        return detail
-
-
-def _coarse_colors(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
-    """What is coarse in a picture (H, 2H, 3): logarithms (R, 2R, 3), as bright as its mean logarithm.
-
-    Their color is that of the mean light. So what is bright in the picture, as the sky between leaves, gets the color
-    of the map, and what is dark keeps its own.
-    """
-    brightness = _blur_cells(shrink_envmap(log_offset.take(picture), _CELL_ROWS), _COARSE_DEG)
-    linear = shrink_envmap(SRGB_LINEAR.take(picture), _CELL_ROWS)
-    color = np.log(_blur_cells(linear, _COARSE_DEG) + LOG_OFFSET)
-    color += brightness.mean(axis=2, keepdims=True) - color.mean(axis=2, keepdims=True)
-    return np.asarray(color, dtype=np.float32)
-
-
-def _mean_power(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
-    """The means (R, 2R, 3) of a picture (H, 2H, 3) to the power _CONTRAST."""
-    powers = np.exp(log_offset.take(picture) * _contrast(len(picture))[:, None, None])
-    return shrink_envmap(powers.astype(np.float32), _CELL_ROWS)
 
 
 class _PhotoDetail:
@@ -271,12 +119,12 @@ def add_detail(
     covered *= 1 - clipped
     edge = log + np.float32(math.log(max(gain, _MIN_GAIN)))
     sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
-    before = shrink_envmap(image, _CELL_ROWS)
+    before = shrink_envmap(image, DETAIL_ROWS)
     detail = _PhotoDetail(library, continued, coarse, sun, _own_tint(before, library.color))
-    level = np.cos(np.radians(latlong_angles(_CELL_ROWS)[1])).astype(np.float32)[:, None, None]
+    level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
     open_share = (1 - covered) * level
     log = np.log(np.maximum(before, np.float32(1e-9)))
-    blurred = np.exp(_blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
+    blurred = np.exp(blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
     cells = before * _mean_detail(detail, len(image))
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
@@ -315,7 +163,7 @@ def _color_dark(detail: Image, columns: slice, tint: Image) -> None:
 
 def _mean_detail(detail: _PhotoDetail, height: int) -> Image:
     """The detail's means (R, 2R, 3) in the cells of a map of so many rows."""
-    return shrink_blocks((block for _, block in detail.blocks()), height, _CELL_ROWS)
+    return shrink_blocks((block for _, block in detail.blocks()), height, DETAIL_ROWS)
 
 
 def _covered_share(photo: PhotoProjection) -> Image:
@@ -328,28 +176,12 @@ def _covered_share(photo: PhotoProjection) -> Image:
                 weight[block.rows, _shifted(block.columns, columns), 0] = block.weight
             yield weight
 
-    return shrink_blocks(weights(), photo.height, _CELL_ROWS)
+    return shrink_blocks(weights(), photo.height, DETAIL_ROWS)
 
 
 def _shifted(columns: slice, block: slice) -> slice:
     """Columns of a map as those of a block of its columns."""
     return slice(columns.start - block.start, columns.stop - block.start)
-
-
-def _contrast(height: int) -> Image:
-    """_CONTRAST of the rows (H,) of a map, in steps of a hundredth."""
-    below, above = min(_CONTRAST), max(_CONTRAST)
-    contrast = np.interp(latlong_angles(height)[1], [below, above], [_CONTRAST[below], _CONTRAST[above]])
-    return np.asarray(np.round(contrast, 2), dtype=np.float32)
-
-
-def _reduce(pixels: NDArray[np.uint8], height: int, columns: slice) -> NDArray[np.uint8]:
-    """Some columns (H, C, 3) of a picture (H, 2H, 3) at a quarter of its pixels or so, for its cells."""
-    step = max(1, height // (4 * _CELL_ROWS))
-    rest = (height // step) * step
-    first = columns.start + (step // 2 - columns.start) % step  # of the columns that count
-    last = min(columns.stop, 2 * rest)
-    return pixels[step // 2 : rest : step, first - columns.start : max(last - columns.start, 0) : step]
 
 
 def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto, coarse: Image) -> None:
@@ -377,13 +209,13 @@ def _match_continuation(
     library: Image, lighting: Lighting, photo: NDArray[np.uint8], segments: Segments | None
 ) -> Image:
     """Factors (R, 2R, 3) that make a continued photo as bright as the library's cells (R, 2R, 3), over some degrees."""
-    continued = project_photo(lighting, photo, 4 * _CELL_ROWS, continued=True, segments=segments)
+    continued = project_photo(lighting, photo, 4 * DETAIL_ROWS, continued=True, segments=segments)
     linear = np.zeros((continued.height, 2 * continued.height, 4), np.float32)
     window = linear[continued.rows, continued.columns]
     whole = continued.whole
     window[..., 3] = whole.share > 0
     window[..., :3] = whole.linear * window[..., 3:]
-    cells = shrink_envmap(linear, _CELL_ROWS)
+    cells = shrink_envmap(linear, DETAIL_ROWS)
     own = np.log(cells[..., :3] / np.maximum(cells[..., 3:], np.float32(1e-6)) + LOG_OFFSET)
     return np.exp(_spread(np.log(library) - own, cells[..., 3:], _MATCHED_DEG)[0])
 
@@ -393,32 +225,32 @@ def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, I
 
     Where it is clipped, the map shows through.
     """
-    samples, directions = sample_photo(photo, lighting)
-    cell = _cell_indices(directions.reshape(-1, 3), _CELL_ROWS)
-    cells, shape = 2 * _CELL_ROWS**2, (_CELL_ROWS, 2 * _CELL_ROWS, -1)
+    samples, cell = sample_cells(photo, lighting, DETAIL_ROWS)
     colors = samples.reshape(-1, 3)
-    values = np.concatenate([np.log(colors + LOG_OFFSET), max_channel(colors)[:, None] > CLIPPED], axis=1)
-    count = np.bincount(cell, minlength=cells)[:, None]
-    total = np.stack([np.bincount(cell, channel, cells) for channel in values.T], axis=-1)
+    cells, shape = 2 * DETAIL_ROWS**2, (DETAIL_ROWS, 2 * DETAIL_ROWS, -1)
+    clipped = colors.max(axis=1, keepdims=True) > CLIPPED
+    values = np.concatenate([np.log(colors + LOG_OFFSET), clipped], axis=1)
+    count = np.bincount(cell.reshape(-1), minlength=cells)[:, None]
+    total = np.stack([np.bincount(cell.reshape(-1), channel, cells) for channel in values.T], axis=-1)
     mean, shown = (total / np.maximum(count, 1)).astype(np.float32).reshape(shape), (count > 0).astype(np.float32)
     return mean[..., :3], shown.reshape(shape), mean[..., 3:]
 
 
 def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:
     """Values (R, 2R, 3) of the cells that are shown, spread to all, and the weight (R, 2R, 1) of what was spread."""
-    share = _blur_cells(shown, deg)
-    return np.asarray(_blur_cells(values * shown, deg) / np.maximum(share, np.float32(1e-6))), share
+    share = blur_cells(shown, deg)
+    return np.asarray(blur_cells(values * shown, deg) / np.maximum(share, np.float32(1e-6))), share
 
 
 def _calm_sun(detail: Image, columns: slice, sun: Floats) -> None:
     """Fade some columns (H, C, 3) of the detail out around the sun."""
-    cells = angle_between(latlong_directions(_CELL_ROWS), sun)
+    cells = angle_between(latlong_directions(DETAIL_ROWS), sun)
     share = np.clip((cells - _SUN_DEG[0]) / (_SUN_DEG[1] - _SUN_DEG[0]), 0, 1)
     share = np.asarray(share * share * (3 - 2 * share), dtype=np.float32)[..., None].repeat(3, axis=2)
     rows = np.flatnonzero((share < 1).any(axis=(1, 2)))
     if not rows.size:
         return
-    window = _rows_between(rows, len(detail), _CELL_ROWS)
+    window = _rows_between(rows, len(detail), DETAIL_ROWS)
     part = detail[window]
     part -= 1
     part *= interpolate_cells(share, len(detail), window, columns)
@@ -436,7 +268,7 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
     gains = np.ones_like(before)
     for _ in range(2):
         for deg in (_COLOR_DEG, _LIGHT_DEG):
-            wanted, reached = (_blur_cells(one * open_share, deg) for one in (before, lit))
+            wanted, reached = (blur_cells(one * open_share, deg) for one in (before, lit))
             if deg == _LIGHT_DEG:
                 wanted, reached = luminance(wanted)[..., None], luminance(reached)[..., None]
             change = np.clip(wanted / np.maximum(reached, np.float32(1e-9)), *_GAIN_RANGE)
@@ -524,21 +356,3 @@ def _sky_limit(before: Image, open_share: Image, sun: Floats | None) -> Floats:
     if sun is not None:
         away &= angle_between(latlong_directions(len(before))[: len(sky)], sun) > _GLARE_DEG
     return np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky)
-
-
-def _blur_cells(cells: Image, deg: float) -> Image:
-    """Cells (r, 2R, C), some rows of a map, blurred; columns wrap and rows end."""
-    rows, columns = cells.shape[:2]
-    down, across = _blur_matrix(rows, columns // 2, deg, False), _blur_matrix(columns, columns // 2, deg, True)
-    blurred = (down @ cells.reshape(rows, -1)).reshape(cells.shape)
-    return np.asarray(across @ blurred, dtype=np.float32)
-
-
-@lru_cache(maxsize=8)
-def _blur_matrix(count: int, map_rows: int, deg: float, wraps: bool) -> Image:
-    """Weights (count, count) of a normal distribution between cells; rows sum to 1."""
-    index = np.arange(count)
-    distance = np.abs(index[:, None] - index)
-    distance = np.minimum(distance, count - distance) if wraps else distance
-    weight = np.exp(-0.5 * (distance * (180.0 / map_rows) / deg) ** 2)
-    return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)

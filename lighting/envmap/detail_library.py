@@ -1,4 +1,4 @@
-"""The library of detail: small CC0 panoramas of real places, and which of them suits a photo.
+"""The library of detail: small CC0 panoramas of real places, which of them suits a photo, and its detail in a map.
 
 A map takes from one of them what is finer than the network's cells. What the photo shows in each cell decides which:
 brightness, contrast, colors; plants, buildings, water. So does what the network predicts around it, and how much of
@@ -17,8 +17,12 @@ from numpy.typing import NDArray
 from PIL import Image as Pictures
 from PIL import ImageEnhance, WebPImagePlugin
 
-from lighting.envmap.latlong import Image
-from lighting.geometry import Floats, wrap_azimuth
+from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
+from lighting.envmap.appearance import shows_snow
+from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
+from lighting.envmap.projection import sample_cells
+from lighting.geometry import Floats, latlong_angles, wrap_azimuth
+from lighting.records import Lighting
 from lighting.segmentation import Segments, SurfaceClass
 
 LIBRARY_PATH = Path(__file__).parent.parent / "data" / "detail.npz"
@@ -30,6 +34,7 @@ FEATURES = ("brightness", "contrast", "red", "blue", "broad brightness", "plants
 FEATURE_RANGE = (-6.0, 2.0)  # that 8 bits hold
 
 LOG_OFFSET = np.float32(0.006)  # linear value added before a logarithm
+DETAIL_ROWS = 48  # of the cells in which what is coarse is told from detail
 
 _DARKEST = 1e-3  # linear value that counts in a logarithm
 _LEAST_CONTRAST = 0.02
@@ -46,6 +51,10 @@ _AROUND_WEIGHTS = (30.0, 6.0, 6.0, 6.0)  # cost of squared differences from each
 _WIDE_CELLS = 36, 45  # cells of the band, and of water's rows, that a photo must show to count in full
 _SUN_WEIGHT = 0.1  # cost of a sun 90 deg off, in squared logarithms
 _SHADE_COST = 0.1  # of a sunlit panorama where there is no sun
+_MIN_SAMPLES = 8  # sampled pixels of the photo by which a cell counts as visible
+_COLORFUL = 0.12  # spread of a photo's colors, in logarithms, from which the library's are shown in full
+_COARSE_DEG = 30.0  # standard deviation: what is coarser comes from the network
+_CONTRAST = {20.0: 0.84, 0.0: 0.78}  # power of the library's detail at elevations [deg], linear between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +87,32 @@ class DetailChoice:
     """Whether left and right are swapped."""
     yaw: float
     """Deg; what was at azimuth a (-a if flipped) is at a + yaw."""
+
+
+@dataclass(frozen=True)
+class DetailSource:
+    """What is chosen for a photo: a panorama of the library, and how colorful it may be."""
+
+    choice: DetailChoice
+    """What the detail is taken from."""
+    saturation: float
+    """Factor, 0 or more, on the detail's color."""
+
+
+@dataclass(frozen=True, eq=False)
+class PhotoFeatures:
+    """By what the detail for a photo is chosen."""
+
+    target: Image
+    """(F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES."""
+    weight: Image
+    """As `target`."""
+    sun_azimuth: float | None
+    """deg; None: without a sun that shines."""
+    saturation: float
+    """0 for a grey photo to 1."""
+    snow: bool = False
+    """Whether the photo shows snow."""
 
 
 @lru_cache(maxsize=1)
@@ -116,6 +151,39 @@ def cell_features(colors: Image, cell: NDArray[np.intp]) -> tuple[Image, NDArray
     return np.asarray(values.reshape(4, *shape), dtype=np.float32), count.reshape(shape)
 
 
+def describe_photo(
+    lighting: Lighting, photo: NDArray[np.uint8], around: Image, segments: Segments | None = None
+) -> PhotoFeatures:
+    """What of a photo counts for its detail.
+
+    Args:
+        lighting: of the photo; its camera and its sun count.
+        photo: (h, w, 3) sRGB, upright.
+        around: (FEATURE_ROWS, 2 FEATURE_ROWS, 3) linear, the coarse map that it lies in.
+        segments: what the photo shows; None: unknown.
+    """
+    colors, cell = sample_cells(photo, lighting, FEATURE_ROWS)
+    flat = colors.reshape(-1, 3)
+    four, count = cell_features(flat, cell.reshape(-1))
+    kinds = np.zeros((len(FEATURE_CLASSES), *count.shape), np.float32)
+    if segments is not None:
+        kinds = class_features(segments, cell)
+    level = np.cos(np.radians(latlong_angles(FEATURE_ROWS)[1]))[:, None].repeat(2 * FEATURE_ROWS, axis=1)
+    seen = np.where(count >= _MIN_SAMPLES, level, 0.0)
+    broad = np.log(np.maximum(around @ LUMINANCE_WEIGHTS, 1e-3))
+    target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
+    weight = feature_weights(seen, level, segments is not None)
+    saturation, azimuth = _saturation(flat), lighting.sun_azimuth if lighting.sun_shines else None
+    return PhotoFeatures(target, weight, azimuth, saturation, shows_snow(photo, lighting, segments))
+
+
+def _saturation(colors: Image) -> float:
+    """How colorful detail may be beside samples (P, 3) of a photo: 0 for a grey one."""
+    log = np.log(np.maximum(colors, LOG_OFFSET))
+    spread = float(np.std(log[:, 0] - log[:, 1]) + np.std(log[:, 2] - log[:, 1]))
+    return round(min(spread / _COLORFUL, 1.0), 2)
+
+
 def feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image:
     """How much each cell counts (F, FEATURE_ROWS, 2 FEATURE_ROWS), as FEATURES.
 
@@ -134,22 +202,31 @@ def feature_weights(seen: Floats, level: Floats, classes: bool = True) -> Image:
     return np.stack(weights).astype(np.float32)
 
 
-def class_features(segments: Segments, size: tuple[int, int], cell: NDArray[np.intp]) -> Image:
+def class_features(segments: Segments, cell: NDArray[np.intp]) -> Image:
     """Probabilities of FEATURE_CLASSES (C, FEATURE_ROWS, 2 FEATURE_ROWS), the means of samples in each cell.
 
     Args:
         segments: (R, C, classes) of a picture.
-        size: rows and columns of the samples, which are spread evenly over the picture.
-        cell: (rows x columns,) row x 2 FEATURE_ROWS + column of each sample.
+        cell: (h, w) row x 2 FEATURE_ROWS + column of each sample; samples are spread evenly over the picture.
     """
     height, width = segments.shape[:2]
-    rows, columns = size
+    rows, columns = cell.shape
     row, column = np.arange(rows) * height // rows, np.arange(columns) * width // columns
     shown = segments[row[:, None], column].reshape(rows * columns, -1)
-    cells = 2 * FEATURE_ROWS**2
+    cells, cell = 2 * FEATURE_ROWS**2, cell.reshape(-1)
     count = np.maximum(np.bincount(cell, minlength=cells), 1)
     means = [np.bincount(cell, shown[:, kind], cells) / count for kind in FEATURE_CLASSES]
     return np.stack(means).reshape(-1, FEATURE_ROWS, 2 * FEATURE_ROWS).astype(np.float32)
+
+
+def choose_source(features: PhotoFeatures) -> DetailSource:
+    """The detail that suits a photo.
+
+    Args:
+        features: of the photo.
+    """
+    choice = choose_detail(features.target, features.weight, features.sun_azimuth, features.snow)
+    return DetailSource(choice, features.saturation)
 
 
 def choose_detail(
@@ -287,3 +364,79 @@ def detail_picture(
 def _kernel(rows: int, height: int) -> Pictures.Resampling:
     """By what a picture of so many rows gets the height of a map."""
     return Pictures.Resampling.BICUBIC if height > rows else Pictures.Resampling.BOX
+
+
+# A panorama in a map.
+
+
+class LibraryDetail:
+    """A panorama of the library over what is coarse in it, to the power _CONTRAST."""
+
+    def __init__(self, source: DetailSource, height: int) -> None:
+        self.height, blocks = height, column_blocks(height)
+        self._picture = detail_picture(source.choice, height, source.saturation)
+        self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
+        reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
+        self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
+        coarse = _coarse_colors(reduced, self._log_offset)
+        self._gains = np.exp(-coarse * _contrast(DETAIL_ROWS)[:, None, None])
+        self.cells = self._gains * _mean_power(reduced, self._log_offset)
+        """(R, 2R, 3) means of the detail."""
+        self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
+        """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
+        self.whole = self.block(blocks[0]) if len(blocks) == 1 else None
+        """(H, 2H, 3) of a map that is worked on at once; else None."""
+
+    def _pixels(self, columns: slice) -> NDArray[np.uint8]:
+        return self._picture.columns(columns) if self._kept is None else self._kept
+
+    def block(self, columns: slice) -> Image:
+        """Some columns (H, C, 3) of the detail.
+
+        Args:
+            columns: of a map of as many rows.
+        """
+        picture, contrast = self._pixels(columns), _contrast(self.height)
+        detail = np.empty(picture.shape, np.float32)
+        first = 0
+        for last in [*(np.flatnonzero(np.diff(contrast)) + 1), self.height]:  # rows of one contrast
+            table = np.exp(self._log_offset * contrast[first]).astype(np.float32)
+            detail[first:last] = table.take(picture[first:last])
+            first = last
+        multiply_cells(detail, self._gains, columns)
+        return detail
+
+
+def _coarse_colors(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
+    """What is coarse in a picture (H, 2H, 3): logarithms (R, 2R, 3), as bright as its mean logarithm.
+
+    Their color is that of the mean light. So what is bright in the picture, as the sky between leaves, gets the color
+    of the map, and what is dark keeps its own.
+    """
+    brightness = blur_cells(shrink_envmap(log_offset.take(picture), DETAIL_ROWS), _COARSE_DEG)
+    linear = shrink_envmap(SRGB_LINEAR.take(picture), DETAIL_ROWS)
+    color = np.log(blur_cells(linear, _COARSE_DEG) + LOG_OFFSET)
+    color += brightness.mean(axis=2, keepdims=True) - color.mean(axis=2, keepdims=True)
+    return np.asarray(color, dtype=np.float32)
+
+
+def _mean_power(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
+    """The means (R, 2R, 3) of a picture (H, 2H, 3) to the power _CONTRAST."""
+    powers = np.exp(log_offset.take(picture) * _contrast(len(picture))[:, None, None])
+    return shrink_envmap(powers.astype(np.float32), DETAIL_ROWS)
+
+
+def _contrast(height: int) -> Image:
+    """_CONTRAST of the rows (H,) of a map, in steps of a hundredth."""
+    below, above = min(_CONTRAST), max(_CONTRAST)
+    contrast = np.interp(latlong_angles(height)[1], [below, above], [_CONTRAST[below], _CONTRAST[above]])
+    return np.asarray(np.round(contrast, 2), dtype=np.float32)
+
+
+def _reduce(pixels: NDArray[np.uint8], height: int, columns: slice) -> NDArray[np.uint8]:
+    """Some columns (H, C, 3) of a picture (H, 2H, 3) at a quarter of its pixels or so, for its cells."""
+    step = max(1, height // (4 * DETAIL_ROWS))
+    rest = (height // step) * step
+    first = columns.start + (step // 2 - columns.start) % step  # of the columns that count
+    last = min(columns.stop, 2 * rest)
+    return pixels[step // 2 : rest : step, first - columns.start : max(last - columns.start, 0) : step]

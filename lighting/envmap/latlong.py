@@ -162,6 +162,29 @@ def blur_envmap(image: Image, concentration: float) -> Image:
     return _convolve_envmap(image, lambda cosine: np.exp(np.float32(concentration) * (cosine - 1)))
 
 
+def blur_cells(cells: Image, deg: float) -> Image:
+    """Cells (r, 2R, C), some rows of a map, blurred along both axes; columns wrap and rows end.
+
+    Args:
+        cells: (r, 2R, C).
+        deg: standard deviation.
+    """
+    rows, columns = cells.shape[:2]
+    down, across = _blur_matrix(rows, columns // 2, deg, False), _blur_matrix(columns, columns // 2, deg, True)
+    blurred = (down @ cells.reshape(rows, -1)).reshape(cells.shape)
+    return np.asarray(across @ blurred, dtype=np.float32)
+
+
+@lru_cache(maxsize=8)
+def _blur_matrix(count: int, map_rows: int, deg: float, wraps: bool) -> Image:
+    """Weights (count, count) of a normal distribution between cells; rows sum to 1."""
+    index = np.arange(count)
+    distance = np.abs(index[:, None] - index)
+    distance = np.minimum(distance, count - distance) if wraps else distance
+    weight = np.exp(-0.5 * (distance * (180.0 / map_rows) / deg) ** 2)
+    return np.asarray(weight / weight.sum(axis=1, keepdims=True), dtype=np.float32)
+
+
 def _convolve_envmap(image: Image, lobe: Callable[[Image], Image]) -> Image:
     """The map (H, 2H, 3) as a lobe averages it in each direction.
 

@@ -239,10 +239,26 @@ def sample_photo(pixels: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, 
         pixels: (H, W, 3) sRGB.
         lighting: with the photo's camera.
     """
+    small = _few_pixels(pixels)
+    return SRGB_LINEAR.take(small), _sample_directions(photo_camera(lighting, small.shape[1], small.shape[0]))
+
+
+def sample_cells(pixels: NDArray[np.uint8], lighting: Lighting, rows: int) -> tuple[Image, NDArray[np.intp]]:
+    """The linear values (h, w, 3) of `sample_photo`, and in which cell (h, w) of a map each lies.
+
+    Args:
+        pixels: (H, W, 3) sRGB.
+        lighting: with the photo's camera.
+        rows: of the cells; a cell is told by row x 2 rows + column.
+    """
+    small = _few_pixels(pixels)
+    return SRGB_LINEAR.take(small), _cells_of_samples(photo_camera(lighting, small.shape[1], small.shape[0]), rows)
+
+
+def _few_pixels(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
     step = max(1, -(-max(pixels.shape[:2]) // _SAMPLED_SIDE))
     first = [min(step, count) // 2 for count in pixels.shape[:2]]
-    small = pixels[first[0] :: step, first[1] :: step]
-    return SRGB_LINEAR.take(small), _sample_directions(photo_camera(lighting, small.shape[1], small.shape[0]))
+    return pixels[first[0] :: step, first[1] :: step]
 
 
 @lru_cache(maxsize=1)  # the sky, the ground and the edges of a photo are sampled one after the other
@@ -251,6 +267,17 @@ def _sample_directions(camera: Pinhole) -> Floats:
     directions = geometry.camera_directions(camera)
     directions.setflags(write=False)  # since others get it as well
     return directions
+
+
+@lru_cache(maxsize=2)  # of the coarse map, and of the detail's cells
+def _cells_of_samples(camera: Pinhole, rows: int) -> NDArray[np.intp]:
+    """In which cell (h, w) of a map each sampled pixel lies."""
+    azimuth, elevation = geometry.angles(_sample_directions(camera))
+    row = np.minimum((90.0 - elevation) / 180.0 * rows, rows - 1).astype(np.intp)
+    column = np.minimum((azimuth + 180.0) / 180.0 * rows, 2 * rows - 1).astype(np.intp)
+    cell = np.asarray(row * 2 * rows + column)
+    cell.setflags(write=False)
+    return cell
 
 
 def size_in_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:

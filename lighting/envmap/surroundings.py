@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import lighting.envmap.detail as map_detail
+import lighting.envmap.detail_library as detail_library
 import lighting.envmap.latlong as latlong
 from lighting.color import check_pixels, luminance
 from lighting.envmap.latlong import (
@@ -28,12 +29,12 @@ from lighting.envmap.projection import (
     CLIPPED,
     PhotoProjection,
     project_photo,
-    sample_photo,
+    sample_cells,
     size_in_envmap,
 )
 from lighting.envmap.render import add_sun, cap_map, check_height, render
 from lighting.errors import ErrorCode, ParameterError
-from lighting.geometry import Floats, angle_between, angles, latlong_angles, latlong_directions, wrap_azimuth
+from lighting.geometry import Floats, angle_between, latlong_angles, latlong_directions, wrap_azimuth
 from lighting.records import EstimatedLight, Lighting, check_estimate, check_lighting
 from lighting.segmentation import Segments
 from lighting.sky import SKY_MODEL
@@ -71,7 +72,7 @@ class PhotoContext:
     """What the photo shows, of `segmentation`; None: unknown."""
     detail: bool = False
     """Whether the map has detail all around."""
-    source: map_detail.DetailSource | None = None
+    source: detail_library.DetailSource | None = None
     """What its detail is taken from; None: what suits the photo."""
 
     def __post_init__(self) -> None:
@@ -251,14 +252,14 @@ def _project_photo(lighting: Lighting, context: PhotoContext, height: int, conti
     return photo
 
 
-def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> map_detail.LibraryDetail:
+def _find_detail(lighting: Lighting, context: PhotoContext, height: int) -> detail_library.LibraryDetail:
     """The detail of the library for a photo."""
     source = context.source
-    source = map_detail.choose_source(describe_place(lighting, context)) if source is None else source
-    return map_detail.LibraryDetail(source, height)
+    source = detail_library.choose_source(describe_place(lighting, context)) if source is None else source
+    return detail_library.LibraryDetail(source, height)
 
 
-def describe_place(lighting: Lighting, context: PhotoContext) -> map_detail.PhotoFeatures:
+def describe_place(lighting: Lighting, context: PhotoContext) -> detail_library.PhotoFeatures:
     """By what a photo's detail is chosen: by the light that it shows, so that the detail stays under another sun.
 
     Args:
@@ -268,7 +269,7 @@ def describe_place(lighting: Lighting, context: PhotoContext) -> map_detail.Phot
     light = context.light or lighting
     bare = _pool_cells(render(light, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False))
     around = bare * _surroundings_factors(bare, light, context)
-    return map_detail.describe_photo(light, context.photo, around, context.segments)
+    return detail_library.describe_photo(light, context.photo, around, context.segments)
 
 
 def _check_context(thing: object) -> None:
@@ -363,13 +364,11 @@ def _photo_ratios(
 
     Where the photo is clipped and the map is brighter, the map counts.
     """
-    photo, directions = sample_photo(pixels, lighting)
-    azimuth, elevation = angles(directions.reshape(-1, 3))
     rows, columns = cells.shape[:2]
-    row = np.minimum((90.0 - elevation) / 180.0 * rows, rows - 1).astype(np.intp)
-    cell = row * columns + np.minimum((azimuth + 180.0) / 360.0 * columns, columns - 1).astype(np.intp)
+    photo, cell = sample_cells(pixels, lighting, rows)
+    cell = cell.reshape(-1)
     colors, map_colors = photo.reshape(-1, 3), cells.reshape(-1, 3)
-    clipped = latlong.max_channel(colors) > CLIPPED
+    clipped = colors.max(axis=1) > CLIPPED
     colors = colors * np.float32(gain)
     colors = np.where(clipped[:, None], np.maximum(colors, map_colors[cell]), colors)
     count = np.bincount(cell, minlength=rows * columns)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lighting.color import luminance
-from lighting.envmap.detail import MIN_ROWS, _blur_cells, _color_dark, _match_continuation
+from lighting.envmap.detail import MIN_ROWS, _color_dark, _match_continuation
 from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_ROWS,
@@ -17,7 +17,7 @@ from lighting.envmap.detail_library import (
     detail_picture,
     feature_weights,
 )
-from lighting.envmap.latlong import envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
+from lighting.envmap.latlong import blur_cells, envmap_irradiance, irradiance_from_rows, row_irradiance, shrink_envmap
 from lighting.envmap.projection import ProjectedPhoto, project_photo
 from lighting.envmap.relighting import edit_lighting
 from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
@@ -92,7 +92,7 @@ def test_matte_objects_look_the_same_where_the_photo_is_clipped() -> None:
 
 
 def test_what_is_coarse_stays() -> None:
-    plain, detailed = (_blur_cells(shrink_envmap(image, 24), 20.0) for image in maps())
+    plain, detailed = (blur_cells(shrink_envmap(image, 24), 20.0) for image in maps())
     ratio = luminance(detailed) / luminance(plain)
     assert np.abs(np.log(ratio)).max() < 0.35
     assert np.abs(np.log(ratio)).mean() < 0.1
