@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from lighting.color import luminance
+from lighting.color import LUMINANCE_WEIGHTS
 from lighting.fields import clip_color, clip_to_range, round_significant
 from lighting.geometry import Floats, angles, direction, wrap_azimuth
 from lighting.records import Color, EvidenceKind, Light, Lighting, Prediction, SunEstimate
@@ -87,28 +87,32 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
     raw = {"sun_azimuth": sun.azimuth, "sun_elevation": sun.elevation}
     raw |= {name: getattr(sun, name) for name in ("radius_50", "radius_90")}
     raw |= {name: getattr(prediction, name) for name in _CLIPPED_PARAMETERS}
-    values: Any = {name: clip_to_range(name, value) for name, value in raw.items()}
-    lighting = Lighting(
+    stated = {} if prediction.light is None else _stated_light(prediction.light, prediction.sun_visibility)
+    values: Any = {name: clip_to_range(name, value) for name, value in raw.items()} | stated
+    return Lighting(
         **values,
         model_name=spec.name,
         model_version=spec.version,
         evidence=(EvidenceKind.PIXELS,),
         sky_painted=PAINTED_SKY,
     )
-    return _with_light(lighting, prediction.light, prediction.sun_visibility) if prediction.light else lighting
 
 
-def _with_light(lighting: Lighting, light: Light, visibility: float) -> Lighting:
-    """The lighting with the strength of a predicted light, of a sun with this visibility (0 to 1).
+def _stated_light(light: Light, visibility: float) -> dict[str, Color | float]:
+    """The fields of a Lighting that a predicted light states, of a sun with this visibility (0 to 1).
 
     Of a sun that shines the network predicts a little less than such suns give, for it keeps to the middle. Under cloud
     it predicts too weak a sky, for most such skies that it learned from are clipped pictures.
     """
     cover, suitable = (float(np.clip(share, 0.0, 1.0)) for share in (light.cover, light.suitable))
-    sun = clip_color(light.sun_irradiance * 2.0**_SUN_STOPS * _visibility_attenuation(visibility), "sun_irradiance")
-    sky = clip_color(light.sky_irradiance * 2.0 ** (_OVERCAST_STOPS * cover), "sky_irradiance")
-    lighting = replace(lighting, sun_irradiance=sun, sky_irradiance=sky)
-    return replace(lighting, sky_cover=round_significant(cover), suitable=round_significant(suitable))
+    sun = light.sun_irradiance * 2.0**_SUN_STOPS * _visibility_attenuation(visibility)
+    sky = light.sky_irradiance * 2.0 ** (_OVERCAST_STOPS * cover)
+    return {
+        "sun_irradiance": clip_color(sun, "sun_irradiance"),
+        "sky_irradiance": clip_color(sky, "sky_irradiance"),
+        "sky_cover": round_significant(cover),
+        "suitable": round_significant(suitable),
+    }
 
 
 def _visibility_attenuation(visibility: float) -> float:
@@ -120,27 +124,36 @@ def _visibility_attenuation(visibility: float) -> float:
     return float(np.clip(visibility / _MIN_SURE_VISIBILITY, 0.0, 1.0) ** _VISIBILITY_EXPONENT)
 
 
-def with_dappled_sun(lighting: Lighting, share: float, step: float) -> Lighting:
-    """The lighting with as much sun as its ground has in patches, where the network doubts that the sun shines.
+def doubts_sun(lighting: Lighting) -> bool:
+    """Whether the network doubts that the sun shines, where patches of it on the ground would tell how strong it is.
 
-    Its visibility is then 0.5 at least. Elsewhere the lighting stays: where the network is sure of sun or shade, or
-    where it sees next to no sun.
+    It does not where it is sure of sun or shade, or where it sees next to no sun.
 
     Args:
-        lighting: with irradiances, else it stays as well.
+        lighting: with irradiances, else it tells nothing.
+    """
+    if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
+        return False
+    low, high = _DAPPLED_VISIBILITY
+    if not low <= lighting.sun_visibility < high or lighting.sun_elevation < _MIN_DAPPLED_ELEVATION:
+        return False
+    sun, sky = (
+        float(color @ LUMINANCE_WEIGHTS) for color in np.array([lighting.sun_irradiance, lighting.sky_irradiance])
+    )
+    level = sun / _visibility_attenuation(lighting.sun_visibility) * math.sin(math.radians(lighting.sun_elevation))
+    return bool(sun > 0 and level >= _MIN_DAPPLED_SUN * sky)
+
+
+def with_dappled_sun(lighting: Lighting, share: float, step: float) -> Lighting:
+    """The lighting with as much sun as its ground has in patches. Its visibility is then 0.5 at least.
+
+    Args:
+        lighting: whose sun is in doubt, by `doubts_sun`.
         share: of the ground that the sun reaches, 0 to 1.
         step: stops between sun and shade there, which say how strong the sun is beside the sky.
     """
-    if lighting.sun_irradiance is None or lighting.sky_irradiance is None:
-        return lighting
-    low, high = _DAPPLED_VISIBILITY
-    sun, sky = np.array(lighting.sun_irradiance), float(luminance(np.array(lighting.sky_irradiance)))
-    own = float(luminance(sun))
-    if not low <= lighting.sun_visibility < high or lighting.sun_elevation < _MIN_DAPPLED_ELEVATION or own <= 0:
-        return lighting
-    height = math.sin(math.radians(lighting.sun_elevation))
-    if own / _visibility_attenuation(lighting.sun_visibility) * height < _MIN_DAPPLED_SUN * sky:
-        return lighting
+    sun, sky = np.array(lighting.sun_irradiance), float(np.array(lighting.sky_irradiance) @ LUMINANCE_WEIGHTS)
+    own, height = float(sun @ LUMINANCE_WEIGHTS), math.sin(math.radians(lighting.sun_elevation))
     strength = share * min((2.0**step - 1) * sky / height, _MAX_SUN_OVER_SKY * sky)
     reached = replace(lighting, sun_visibility=max(lighting.sun_visibility, _LEAST_DAPPLED))
     if strength <= own:
@@ -195,7 +208,7 @@ def correct_sun_color(irradiance: Color, predicted_elevation: float, known_eleva
         known_elevation: deg, of the sun by all evidence.
     """
     predicted = np.array(irradiance)
-    if float(luminance(predicted)) == 0.0:
+    if float(predicted @ LUMINANCE_WEIGHTS) == 0.0:
         return irradiance
     blended = blend_to_clear_sun(predicted, predicted_elevation, _CLEAR_SUN_EXPONENT)
     corrected = blended * _elevation_factors(predicted_elevation, known_elevation)
@@ -216,7 +229,7 @@ def blend_to_clear_sun(irradiance: Floats, elevation: float, exponent: float) ->
 
 def _match_luminance(values: Floats, other: Floats) -> Floats:
     """Values (3,) with the luminance of others."""
-    return values * (float(luminance(other)) / float(luminance(values)))
+    return values * (float(other @ LUMINANCE_WEIGHTS) / float(values @ LUMINANCE_WEIGHTS))
 
 
 def _elevation_factors(predicted: float, fused: float) -> Floats:

@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING, Any, Union
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.decoding import with_dappled_sun, with_ground_color
+from lighting.decoding import doubts_sun, with_dappled_sun, with_ground_color
 from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance, snow_gain
 from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError, warn_of_old_name
 from lighting.fields import clip_color
 from lighting.fusion.estimate import PhotoPrediction, build_estimate, predict_with_metadata
-from lighting.fusion.metadata_prior import MetadataPrior, observations_multi, observations_single
+from lighting.fusion.metadata_prior import observations_multi, observations_single
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
 from lighting.ground import describe_ground
@@ -125,7 +125,7 @@ class Estimator:
         predictions = [one.prediction for one in predicted]
         observed = observations_multi([one.metadata for one in predicted], user_input)
         observed = [
-            _with_warnings(prior, (*photo.warnings, *one.warnings))
+            replace(prior, warnings=(*photo.warnings, *one.warnings, *prior.warnings))
             for prior, photo, one in zip(observed, photos, predicted, strict=True)
         ]
         observations = [one.observations for one in observed]
@@ -247,7 +247,7 @@ def estimate_from_prediction(
         ParameterError: the user's time and place are of night.
     """
     prior = observations_single(predicted.metadata, user_input)
-    observed = _with_warnings(prior, (*photo.warnings, *predicted.warnings))
+    observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
     posterior = fuse_single_view(predicted.prediction, observed.observations, photo.pixels)
     estimate = describe_ground(photo, build_estimate(posterior, observed), observed.is_aerial)
     return Estimate.of_photo(photo, apply_photo_colors([photo], [estimate])[0])
@@ -285,7 +285,7 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLig
 def _with_ground_light(photo: Photo, estimate: EstimatedLight) -> Lighting:
     """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
     light = estimate.lighting
-    if (dapple := dappled_sunlight(photo.pixels, light)) is not None:
+    if doubts_sun(light) and (dapple := dappled_sunlight(photo.pixels, light)) is not None:
         light = with_dappled_sun(light, *dapple)
     gain = snow_gain(photo.pixels, light, estimate.segments)
     if gain == 1:
@@ -304,10 +304,6 @@ def _check_arguments(photos: object, user_input: object) -> None:
     for photo in photos:
         check_photo(photo)
     check_user_input(user_input)
-
-
-def _with_warnings(prior: MetadataPrior, warnings: tuple[str, ...]) -> MetadataPrior:
-    return replace(prior, warnings=(*warnings, *prior.warnings))
 
 
 def _view(photo: Photo, prediction: Prediction, observations: Observations) -> "View":

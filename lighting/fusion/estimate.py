@@ -26,7 +26,16 @@ from lighting.model import Model, preprocess
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import is_blank, is_panorama
 from lighting.photo.reader import Photo
-from lighting.records import MIN_SUITABLE, CodedWarning, EstimatedLight, EvidenceKind, Lighting, Prediction, WarningCode
+from lighting.records import (
+    MIN_SUITABLE,
+    CodedWarning,
+    Color,
+    EstimatedLight,
+    EvidenceKind,
+    Lighting,
+    Prediction,
+    WarningCode,
+)
 
 _UNSUITABLE = "Probably not an outdoor daylight {}: do not trust this result."
 _PANORAMA = "The file says that this is a panorama: do not trust this result."
@@ -149,22 +158,34 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
         posterior: of the photo.
         prior: the photo's observations, with their warnings.
     """
-    lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
     instant = _chosen_instant(posterior, prior)
     conflict = prior.instants.conflict_warnings(instant)
+    lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
     suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
     if suitable is not None:
         suitable = _suitable(suitable, prior)
         warnings = (*warnings, *(_unsuitable_warnings(prior.observations) if suitable < MIN_SUITABLE else ()))
+    elevation, visibility, irradiance = _sunlight(lighting, posterior, prior)
     latitude, longitude = prior.location or (None, None)
-    answer = _with_headings(_with_sunlight(lighting, posterior, prior), posterior)
-    answer = replace(answer, evidence=posterior.used, warnings=warnings, suitable=suitable)
-    height = round_significant(prior.camera_height)
-    answer = replace(answer, latitude=latitude, longitude=longitude, camera_height=height)
-    if instant is not None:
-        answer = replace(answer, utc_time=instant.utc_time, utc_offset=instant.utc_offset, time_source=instant.source)
+    time, offset, source = (None,) * 3 if instant is None else (instant.utc_time, instant.utc_offset, instant.source)
+    answer = replace(
+        lighting,
+        sun_elevation=elevation,
+        sun_visibility=visibility,
+        sun_irradiance=irradiance,
+        evidence=posterior.used,
+        warnings=warnings,
+        suitable=suitable,
+        latitude=latitude,
+        longitude=longitude,
+        camera_height=round_significant(prior.camera_height),
+        utc_time=time,
+        utc_offset=offset,
+        time_source=source,
+    )
     light = posterior.prediction.light
-    return EstimatedLight(answer, posterior.on_cells(), light.surroundings if light else None)
+    around = light.surroundings if light else None
+    return EstimatedLight(_with_headings(answer, posterior), posterior.on_cells(), around)
 
 
 def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | None:
@@ -189,20 +210,22 @@ def _with_headings(lighting: Lighting, posterior: Posterior) -> Lighting:
     )
 
 
-def _with_sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) -> Lighting:
-    """The same with a sun of the color of its height, which does not shine from below the horizon."""
+def _sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) -> tuple[float, float, Color | None]:
+    """Elevation [deg], visibility and irradiance of the sun, in the color of its height; below the horizon it is dark.
+
+    The irradiance is None where the lighting states none.
+    """
     irradiance = lighting.sun_irradiance
     if prior.twilight_sun is not None:
         elevation = clip_to_range("sun_elevation", prior.twilight_sun)
-        none = None if irradiance is None else (0.0, 0.0, 0.0)
-        return replace(lighting, sun_elevation=elevation, sun_visibility=0.0, sun_irradiance=none)
-    if irradiance is None:
-        return lighting
-    predicted = posterior.predicted_sun_elevation
-    if predicted is None:
-        predicted = float(angles(posterior.prediction.sun_direction)[1])
-    elevation = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in posterior.used else predicted
-    return replace(lighting, sun_irradiance=correct_sun_color(irradiance, predicted, elevation))
+        return elevation, 0.0, None if irradiance is None else (0.0, 0.0, 0.0)
+    if irradiance is not None:
+        predicted = posterior.predicted_sun_elevation
+        if predicted is None:
+            predicted = float(angles(posterior.prediction.sun_direction)[1])
+        known = lighting.sun_elevation if EvidenceKind.TIME_AND_PLACE in posterior.used else predicted
+        irradiance = correct_sun_color(irradiance, predicted, known)
+    return lighting.sun_elevation, lighting.sun_visibility, irradiance
 
 
 def _suitable(by_pixels: float, prior: MetadataPrior) -> float:
@@ -235,8 +258,9 @@ def _choose_lens(metadata: PhotoMetadata, pixel_fov: float) -> tuple[PhotoMetada
         pixel_fov: deg, the vertical field of view by the pixels.
     """
     if metadata.vertical_fov is None:
-        is_lost = metadata.focal_length is not None and not metadata.is_panorama
-        return metadata, (CodedWarning(_CROPPED, WarningCode.LENS_OPEN),) * is_lost
+        if metadata.focal_length is None or metadata.is_panorama:
+            return metadata, ()
+        return metadata, (CodedWarning(_CROPPED, WarningCode.LENS_OPEN),)
     fovs = (metadata.vertical_fov, *metadata.other_vertical_fovs)
     longer = [math.log(_tangent(pixel_fov) / _tangent(fov)) for fov in fovs]
     errors = [abs(ratio - _LENS_BIAS) for ratio in longer]

@@ -414,13 +414,13 @@ def visible_sun(prediction: Prediction, pixels: NDArray[np.uint8] | None = None)
     """
     if prediction.sun_visibility < 0.5:
         return None
-    probability, cells = prediction.sun_probability, grid_directions(prediction.spec.sun_grid)
     sun = prediction.sun_direction
     right, up, forward = camera_axes(0.0, prediction.camera_elevation, prediction.camera_roll) @ sun
     edge = forward * math.tan(math.radians(prediction.vertical_fov) / 2)
-    is_inside = abs(up) <= edge and abs(right) <= _MAX_ASPECT_RATIO * edge
-    is_sure = float(probability @ (cells @ sun >= math.cos(math.radians(_NEAR_ANGLE)))) >= _MIN_VISIBLE_SHARE
-    if not (is_inside and is_sure):
+    if abs(up) > edge or abs(right) > _MAX_ASPECT_RATIO * edge:
+        return None
+    near = grid_directions(prediction.spec.sun_grid) @ sun >= math.cos(math.radians(_NEAR_ANGLE))
+    if float(prediction.sun_probability @ near) < _MIN_VISIBLE_SHARE:
         return None
     return sun if pixels is None or _has_glare(pixels, prediction, sun) else None
 

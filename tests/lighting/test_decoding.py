@@ -13,9 +13,9 @@ from hypothesis import strategies as st
 from lighting.color import luminance
 from lighting.decoding import (
     _visibility_attenuation,
-    _with_light,
     blend_to_clear_sun,
     correct_sun_color,
+    doubts_sun,
     light_from_vector,
     light_to_vector,
     lighting_from_prediction,
@@ -104,7 +104,7 @@ def test_a_sun_that_hardly_shines_keeps_little_of_its_power() -> None:
     assert 0.05 < _visibility_attenuation(0.5) < 0.15
     assert _visibility_attenuation(0.1) < 1e-3
     light = Light(np.array([4.0, 4.0, 4.0]), np.ones(3), 0.5, 1.0)
-    doubtful, sure = (_with_light(BARE, light, visibility) for visibility in (0.4, 0.9))
+    doubtful, sure = (lighting_from_prediction(prediction(sun_visibility=v, light=light)) for v in (0.4, 0.9))
     assert np.array(sure.sun_irradiance) == pytest.approx(4.0 * 2**0.11, rel=1e-5)
     assert np.array(doubtful.sun_irradiance) == pytest.approx(0.125 * 2**0.11, rel=1e-5)
     assert doubtful.sky_irradiance == sure.sky_irradiance
@@ -141,7 +141,7 @@ def test_a_sun_s_colour_goes_to_that_of_a_clear_one_as_high() -> None:
 
 def test_an_overcast_sky_is_brighter_than_the_network_states() -> None:
     clear, overcast = (Light(np.ones(3), np.ones(3), cover, 1.0) for cover in (0.0, 1.0))
-    skies = [_with_light(BARE, light, 1.0).sky_irradiance for light in (clear, overcast)]
+    skies = [lighting_from_prediction(prediction(light=light)).sky_irradiance for light in (clear, overcast)]
     assert skies[0] == (1.0, 1.0, 1.0)
     assert skies[1] == pytest.approx((2**0.7,) * 3, rel=1e-5)
 
@@ -174,8 +174,9 @@ def test_a_doubtful_sun_in_patches_is_as_strong_as_they_say() -> None:
         Lighting(0.0, 30.0, 3.0, 1.0, sun_visibility=0.5),
     ],
 )
-def test_a_sure_or_a_missing_sun_stays(light: Lighting) -> None:
-    assert with_dappled_sun(light, 0.5, 3.0) is light
+def test_a_sure_or_a_missing_sun_is_not_sought_on_the_ground(light: Lighting) -> None:
+    assert not doubts_sun(light)
+    assert doubts_sun(doubtful(0.5))
 
 
 def test_patches_take_nothing_from_a_sun() -> None:
