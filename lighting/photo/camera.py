@@ -14,6 +14,7 @@ top to its foot.
 import math
 import struct
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
@@ -21,7 +22,7 @@ from typing import Any
 from PIL import ExifTags
 
 from lighting.geometry import MIN_STEEP_ELEVATION, zoomed_fov
-from lighting.photo.tags import EXIF_NAMESPACE, Tags, read_number, read_text, read_xmp_number, try_read
+from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, Tags, read_number, read_text, read_xmp_number
 
 FULL_FRAME_DIAGONAL = math.hypot(36.0, 24.0)  # mm, to which 35 mm equivalents refer
 
@@ -197,9 +198,13 @@ def _sensor_diagonal(camera: Tags, xmp: Mapping[str, str]) -> float | None:
 
 def _positive(camera: Tags, xmp: Mapping[str, str], tag: int, name: str) -> float | None:
     """A number over 0 by EXIF, or else by XMP."""
-    number = try_read(lambda tags: read_number(_first(tags[tag])), camera) if tag in camera else None
+    number = None
+    if tag in camera:
+        with suppress(*TAG_ERRORS):
+            number = read_number(_first(camera[tag]))
     if number is None and (text := xmp.get(f"{EXIF_NAMESPACE} {name}")) is not None:
-        number = try_read(lambda _: read_xmp_number(text), {})
+        with suppress(*TAG_ERRORS):
+            number = read_xmp_number(text)
     return number if number is not None and number > 0 else None
 
 
@@ -216,7 +221,9 @@ def _digital_zooms(main: Tags, camera: Tags, xmp: Mapping[str, str]) -> tuple[fl
 
 
 def _make(main: Tags) -> str:
-    return try_read(lambda tags: read_text(tags[ExifTags.Base.Make]).lower(), main) or ""
+    with suppress(*TAG_ERRORS):
+        return read_text(main[ExifTags.Base.Make]).lower()
+    return ""
 
 
 # What a crop left of the frame.
@@ -357,28 +364,27 @@ def read_pose(tags: Tags, xmp: Mapping[str, str], orientation: int | None, size:
         orientation: 1 to 8 by EXIF; None: absent.
         size: width and height of the upright photo in pixels.
     """
-    by_phone = try_read(lambda t: _tilt_from_accelerometer(t, orientation, size), tags)
-    tilt = by_phone or _tilt_from_gimbal(xmp, orientation) or try_read(_tilt_from_elevation_angle, tags)
+    by_phone = _tilt_from_accelerometer(tags, orientation, size)
+    tilt = by_phone or _tilt_from_gimbal(xmp, orientation) or _tilt_from_elevation_angle(tags)
     return _CameraPose(tilt, _heading_from_xmp(xmp), _height_from_xmp(xmp))
 
 
-def _tilt_from_accelerometer(
-    tags: Mapping[int, Any], orientation: int | None, size: tuple[int, int]
-) -> _CameraTilt | None:
+def _tilt_from_accelerometer(tags: Tags, orientation: int | None, size: tuple[int, int]) -> _CameraTilt | None:
     """Tilt by the maker note of an iPhone or iPad; None for front cameras, whose pictures are mirrored.
-
-    Raises what arithmetic, indexing and struct raise where the note is damaged.
 
     Args:
         tags: of EXIF's directory of the camera.
         orientation: 1 to 8 by EXIF; None: absent.
         size: width and height of the upright photo in pixels.
     """
-    note = _apple_note(tags[ExifTags.Base.MakerNote])
+    try:
+        note = _apple_note(tags[ExifTags.Base.MakerNote])
+        x, y, z = note[_ACCELERATION]
+    except TAG_ERRORS:
+        return None
+    norm = math.hypot(x, y, z)
     if not _is_back(str(tags.get(ExifTags.Base.LensModel, "")), note):
         return None
-    x, y, z = note[_ACCELERATION]
-    norm = math.hypot(x, y, z)
     if not _AT_REST[0] <= norm <= _AT_REST[1]:
         return None
     in_sensor = (y / norm, -x / norm, z / norm)
@@ -438,14 +444,17 @@ def heading_from_gimbal(pitch: float, roll: float, yaw: float) -> float:
     return (yaw + 180.0 * upside_down) % 360.0
 
 
-def _tilt_from_elevation_angle(tags: Mapping[int, Any]) -> _CameraTilt | None:
+def _tilt_from_elevation_angle(tags: Tags) -> _CameraTilt | None:
     """Tilt by EXIF's CameraElevationAngle, which says nothing of the roll; None where it is unknown.
 
     Args:
         tags: of EXIF's directory of the camera.
     """
-    angle = tags[ExifTags.Base.CameraElevationAngle]
-    elevation = float(angle)
+    try:
+        angle = tags[ExifTags.Base.CameraElevationAngle]
+        elevation = float(angle)
+    except TAG_ERRORS:
+        return None
     valid = getattr(angle, "denominator", 1) not in _UNKNOWN and abs(elevation) <= 90.0  # False for what is no number
     return _CameraTilt(elevation, None, TILT_STD, "elevation angle") if valid else None
 

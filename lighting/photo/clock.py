@@ -18,12 +18,12 @@ from lighting.errors import ErrorCode, ParameterError
 from lighting.photo.tags import (
     EXIF_NAMESPACE,
     PNG_CREATION_TIME,
+    TAG_ERRORS,
     TAKEOUT_TIME,
     Tags,
     read_number,
     read_text,
     read_xmp_number,
-    try_read,
 )
 
 YEAR_RANGE = (1900, 2100)  # outside them no ephemeris is computed
@@ -321,7 +321,7 @@ def _exif_stamps(tags: Tags) -> Iterator[_Stamp]:
         offset = _first_known(original.utc_offset, _offset(tags, base.OffsetTimeOriginal, original))
         alone = digitized is None or digitized.time == original.time
         scan = _offset(tags, base.OffsetTimeDigitized, original) if offset is None and alone else None
-        yield _Stamp(original.time, _first_known(offset, scan, try_read(_time_zone_offset, tags)))
+        yield _Stamp(original.time, _first_known(offset, scan, _time_zone_offset(tags)))
     if digitized:
         yield _Stamp(
             digitized.time, _first_known(digitized.utc_offset, _offset(tags, base.OffsetTimeDigitized, digitized))
@@ -353,7 +353,9 @@ def _offset_beside(xmp: Mapping[str, str], time: datetime, is_located: bool) -> 
 
 
 def _text(tags: Tags, tag: int) -> str:
-    return try_read(lambda found: read_text(found[tag]), tags) or ""
+    with suppress(*TAG_ERRORS):
+        return read_text(tags[tag])
+    return ""
 
 
 def _offset_of_edit(tags: Tags, time: datetime, is_located: bool) -> float | None:
@@ -369,10 +371,12 @@ def _offset(tags: Tags, tag: int, stamp: _Stamp) -> float | None:
 
 
 def _time_zone_offset(tags: Tags) -> float | None:
-    value = tags[_TIME_ZONE_OFFSET]
-    hours = read_number(value[0] if isinstance(value, tuple | list) else value)
-    hours -= 65536 * (hours > 32767)  # of writers that take it as without a sign
-    return hours if UTC_OFFSET_RANGE[0] <= hours <= UTC_OFFSET_RANGE[1] else None
+    with suppress(*TAG_ERRORS):
+        value = tags[_TIME_ZONE_OFFSET]
+        hours = read_number(value[0] if isinstance(value, tuple | list) else value)
+        hours -= 65536 * (hours > 32767)  # of writers that take it as without a sign
+        return hours if UTC_OFFSET_RANGE[0] <= hours <= UTC_OFFSET_RANGE[1] else None
+    return None
 
 
 def _first_known(*values: float | None) -> float | None:
@@ -439,8 +443,8 @@ def read_gps_time(
         local_time: naive, of the photo's clock.
         longitude: deg, positive east, of the place.
     """
-    date = try_read(_gps_date, gps)
-    clock = try_read(lambda tags: _gps_time_of_day(tags, date), gps)
+    date = _gps_date(gps)
+    clock = _gps_time_of_day(gps, date)
     if clock is not None and date is not None:
         return _datable(date + clock)
     if clock is not None and local_time is not None:
@@ -454,11 +458,16 @@ def read_gps_time(
 
 
 def _gps_time_of_day(tags: Tags, date: datetime | None) -> timedelta | None:
-    value = tags[ExifTags.GPS.GPSTimeStamp]
-    is_text = isinstance(value, str | bytes)
-    parts = [read_xmp_number(part) for part in _RATIONAL.findall(_plain_text(value))] if is_text else value
-    hours, minutes = map(read_number, parts[:2])
-    seconds = try_read(lambda _: read_number(parts[2]), tags) or 0.0  # 0/0 where it is unknown
+    seconds = 0.0
+    try:
+        value = tags[ExifTags.GPS.GPSTimeStamp]
+        is_text = isinstance(value, str | bytes)
+        parts = [read_xmp_number(part) for part in _RATIONAL.findall(_plain_text(value))] if is_text else value
+        hours, minutes = map(read_number, parts[:2])
+        with suppress(*TAG_ERRORS):  # 0/0 where it is unknown
+            seconds = read_number(parts[2])
+    except TAG_ERRORS:
+        return None
     is_epoch = date is not None and date.year <= _LAST_YEAR_OF_EPOCHS
     valid = hours or minutes or seconds or is_epoch  # many programs write 0, 0, 0 where the time is unknown
     if not (valid and 0 <= hours < 24 and 0 <= minutes < 60 and 0 <= seconds < 61):
@@ -466,12 +475,14 @@ def _gps_time_of_day(tags: Tags, date: datetime | None) -> timedelta | None:
     return timedelta(hours=hours, minutes=minutes, seconds=seconds)
 
 
-def _gps_date(tags: Tags) -> datetime:
-    parts = re.fullmatch(r"(\d{4})\D?(\d\d?)\D?(\d\d?)", _plain_text(tags[ExifTags.GPS.GPSDateStamp]))
-    if parts is None:
-        raise ValueError("not a date")
+def _gps_date(tags: Tags) -> datetime | None:
+    text = _plain_text(tags.get(ExifTags.GPS.GPSDateStamp))
+    if (parts := re.fullmatch(r"(\d{4})\D?(\d\d?)\D?(\d\d?)", text)) is None:
+        return None
     year, month, day = map(int, parts.groups())
-    return datetime(year, month, day, tzinfo=UTC)
+    with suppress(ValueError):
+        return datetime(year, month, day, tzinfo=UTC)
+    return None
 
 
 def _gps_time_near(clock: timedelta, local_time: datetime, longitude: float) -> datetime:

@@ -19,9 +19,9 @@ from lighting.color import SRGB_LINEAR, srgb_decode
 from lighting.errors import PhotoError, PhotoExtraError, require_extra
 from lighting.photo.containers import open_raw_header, photo_page
 from lighting.photo.formats import kind_name
-from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata, read_orientation
+from lighting.photo.metadata import PhotoMetadata, read_exposure, read_metadata
 from lighting.photo.pixels import check_bit_depth, gray_16_bit, is_gamma_encoded, make_upright, read_color_encoding
-from lighting.photo.tags import read_sidecar
+from lighting.photo.tags import PhotoTags, read_sidecar, read_tags
 
 Pixels = NDArray[np.float32]
 Curve = Literal["linear", "srgb"]
@@ -64,7 +64,7 @@ class _Stored:
 
     samples: NDArray[Any]  # (H, W, C) of 8 or 16 bits, as the sensor had it; C is 1 for gray, else 3
     header: Image.Image
-    exif_source: Image.Image  # whose EXIF block counts
+    tags: PhotoTags  # of the picture whose EXIF block counts
     orientation: int | None  # by EXIF
     to_rec709: NDArray[np.float32] | None  # (3, 3) by the file's primaries; None: they are Rec.709's
 
@@ -123,8 +123,8 @@ def _read_picture(file: Path, curve: Curve | None, upright: bool) -> LinearPhoto
         linear = np.maximum(linear @ matrix.T, 0.0)  # wide primaries: what was clipped stays over white
     doubtful = full > 255 and curve is None and is_gamma_encoded(stored.header)
     white, step = (float(srgb_decode(_CLIPPED_FROM)), 1 / full / 12.92) if coded else (_CLIPPED_FROM, 1 / full)
-    exposure = read_exposure(stored.exif_source)
-    metadata = read_metadata(stored.exif_source, linear.shape[1], linear.shape[0], read_sidecar(file))
+    exposure = read_exposure(stored.tags.camera)
+    metadata = read_metadata(stored.tags, linear.shape[1], linear.shape[0], read_sidecar(file))
     warnings, gray = _curve_warnings(stored.header, full == 255 and curve is None, doubtful), samples.shape[2] == 1
     return LinearPhoto(linear, white, step, exposure, metadata, warnings, gray, coded, doubtful)
 
@@ -136,14 +136,14 @@ def _read_stored(data: bytes) -> _Stored:
     check_bit_depth(image, all_bits=True)
     if image.format != "TIFF":  # EXIF comes after the samples, for Pillow decodes a PNG to find it
         samples = _read_samples(image, first_page)
-        encoding = read_color_encoding(image, first_page, image)
-        return _Stored(samples, image, image, read_orientation(image), encoding.to_rec709)
-    exif_source, orientation = _open(first_page if page and page.has_exif else data), read_orientation(image)
-    samples = _undo_upright(_read_samples(image, first_page), orientation)  # Pillow has rotated it
-    if page and not page.has_orientation:
-        orientation = read_orientation(exif_source)
-    encoding = read_color_encoding(image, first_page, exif_source)
-    return _Stored(samples, image, exif_source, orientation, encoding.to_rec709)
+        tags = read_tags(image)
+        encoding = read_color_encoding(image, first_page, tags, tags)
+        return _Stored(samples, image, tags, tags.orientation, encoding.to_rec709)
+    own, tags = read_tags(image), read_tags(_open(first_page if page and page.has_exif else data))
+    samples = _undo_upright(_read_samples(image, first_page), own.orientation)  # Pillow has rotated it
+    orientation = tags.orientation if page and not page.has_orientation else own.orientation
+    encoding = read_color_encoding(image, first_page, own, tags)
+    return _Stored(samples, image, tags, orientation, encoding.to_rec709)
 
 
 def _open(data: bytes) -> Image.Image:
@@ -262,8 +262,8 @@ def read_metadata_and_exposure(file: str | Path) -> tuple[PhotoMetadata, float |
     """
     try:
         with open_header(file) as image:
-            beside = read_sidecar(file)
-            return read_metadata(image, image.width, image.height, beside), read_exposure(image)
+            tags, beside = read_tags(image), read_sidecar(file)
+            return read_metadata(tags, image.width, image.height, beside), read_exposure(tags.camera)
     except Exception:  # an absent or strange block is no reason to refuse the pixels
         return PhotoMetadata(), None
 

@@ -9,13 +9,14 @@ sign nor a letter tells the hemisphere, each possible place is a candidate.
 import math
 import re
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from enum import StrEnum
 from itertools import product
 from typing import Any
 
-from PIL import ExifTags, Image
+from PIL import ExifTags
 
 from lighting.fields import describe_fields
 from lighting.geometry import wrap_azimuth
@@ -23,14 +24,12 @@ from lighting.photo.camera import DJI_NAMESPACE, PhotoFrame, read_lens, read_pos
 from lighting.photo.clock import read_clock, read_gps_time
 from lighting.photo.tags import (
     EXIF_NAMESPACE,
+    TAG_ERRORS,
+    PhotoTags,
     Tags,
-    read_ifd,
-    read_iptc,
     read_number,
-    read_packet,
     read_text,
     read_xmp_number,
-    try_read,
 )
 
 Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, positive north and east
@@ -87,6 +86,8 @@ def _read_locations(gps: Tags, xmp: Mapping[str, str]) -> Locations:
 
 
 def _locations(latitude: Any, latitude_reference: Any, longitude: Any, longitude_reference: Any) -> Locations:
+    if latitude is None or longitude is None:
+        return ()
     north = _coordinate(latitude, latitude_reference, "NS", 90.0)
     east = _coordinate(longitude, longitude_reference, "EW", 180.0)
     if north is None or east is None or north.size == east.size == 0:  # many programs write 0, 0 for an unknown place
@@ -147,16 +148,15 @@ def _parse_text(text: str) -> tuple[list[float], bool, str]:
 
 def _hemisphere(reference: Any) -> str:
     """The first letter of a hemisphere's English name; another, or none, where that is open."""
-    word = try_read(lambda _: read_text(reference).lower(), {})
-    return _HEMISPHERES.get(word or "", _first_letter(reference))
+    word = _word(reference)
+    return _HEMISPHERES.get(word.lower(), word[:1].upper())
 
 
-def _first_letter(reference: Any) -> str:
-    """The first letter of a reference; empty where there is none, as of what is no text."""
-    try:
-        return read_text(reference)[:1].upper()
-    except (TypeError, ValueError):
-        return ""
+def _word(reference: Any) -> str:
+    """The text of a reference; empty where there is none, as of what is no text."""
+    with suppress(TypeError, ValueError):
+        return "" if reference is None else read_text(reference)
+    return ""
 
 
 def _read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, HeadingReference | None]:
@@ -166,21 +166,24 @@ def _read_heading(gps: Tags, xmp: Mapping[str, str]) -> tuple[float | None, Head
         gps: tags of EXIF's GPS directory.
         xmp: properties by "namespace name".
     """
-    heading = try_read(lambda tags: _heading(tags[ExifTags.GPS.GPSImgDirection]), gps)
+    heading = _heading(gps.get(ExifTags.GPS.GPSImgDirection))
     reference = gps.get(ExifTags.GPS.GPSImgDirectionRef)
     if heading is None and (text := xmp.get(f"{EXIF_NAMESPACE} GPSImgDirection")):
-        heading = try_read(lambda _: _heading(text), {})
-        reference = xmp.get(f"{EXIF_NAMESPACE} GPSImgDirectionRef")
+        heading, reference = _heading(text), xmp.get(f"{EXIF_NAMESPACE} GPSImgDirectionRef")
     references = {"T": HeadingReference.TRUE, "M": HeadingReference.MAGNETIC}
-    return heading, references.get(_first_letter(reference))
+    return heading, references.get(_word(reference)[:1].upper())
 
 
 def _heading(value: Any) -> float | None:
-    if isinstance(value, str | bytes):
-        heading = read_xmp_number(read_text(value).replace(",", "."))
-    else:
-        heading = read_number(value[0] if isinstance(value, tuple) else value)
-    return heading % 360.0 if -180.0 <= heading <= 360.0 else None
+    if value is None:
+        return None
+    with suppress(*TAG_ERRORS):
+        if isinstance(value, str | bytes):
+            heading = read_xmp_number(read_text(value).replace(",", "."))
+        else:
+            heading = read_number(value[0] if isinstance(value, tuple) else value)
+        return heading % 360.0 if -180.0 <= heading <= 360.0 else None
+    return None
 
 
 _EXPOSURE_VALUES = (-20.0, 25.0)  # EV at ISO 100 that a photo can have; others are damage
@@ -241,30 +244,29 @@ describe_fields(PhotoMetadata)
 
 
 def read_metadata(
-    image: Image.Image, width: int, height: int, beside: Mapping[str, str] | None = None, *, is_inside: bool = False
+    tags: PhotoTags, width: int, height: int, beside: Mapping[str, str] | None = None, *, is_inside: bool = False
 ) -> PhotoMetadata:
-    """The metadata in an image's EXIF, XMP and IPTC. Never raises.
+    """What the EXIF, XMP and IPTC of an image say. Never raises.
 
     Args:
-        image: opened by Pillow.
+        tags: of the image.
         width: of the upright photo, pixels.
         height: of the upright photo, pixels.
         beside: XMP properties of files beside the photo, where its own say nothing; None: there are none.
         is_inside: whether the photo lies inside a border of the picture.
     """
-    camera, gps = (read_ifd(image, ifd) for ifd in (ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo))
-    main, xmp = read_ifd(image), {**(beside or {}), **read_packet(image)}
-    locations = _read_locations(gps, xmp)
+    camera, orientation, xmp = tags.camera, tags.orientation, {**(beside or {}), **tags.xmp}
+    exposure_value = _exposure_value(camera)
+    heading, reference = _read_heading(tags.gps, xmp)
+    locations = _read_locations(tags.gps, xmp)
     latitude, longitude = locations[0] if len(locations) == 1 else (None, None)
-    stamp = read_clock(camera, main, xmp, read_iptc(image), is_located=bool(locations))
+    stamp = read_clock(camera, tags.main, xmp, tags.iptc, is_located=bool(locations))
     local_time, utc_offset = (stamp.time, stamp.utc_offset) if stamp else (None, None)
-    gps_time = read_gps_time(gps, xmp, local_time, longitude)
-    orientation = read_orientation(image)
+    gps_time = read_gps_time(tags.gps, xmp, local_time, longitude)
     pose = read_pose(camera, xmp, orientation, (width, height))
-    heading, reference = _read_heading(gps, xmp)
     if heading is None and pose.heading is not None:
         heading, reference = pose.heading, HeadingReference.TRUE
-    lens = read_lens(main, camera, xmp, PhotoFrame(width, height, orientation in (5, 6, 7, 8), is_inside))
+    lens = read_lens(tags.main, camera, xmp, PhotoFrame(width, height, orientation in (5, 6, 7, 8), is_inside))
     known = PhotoMetadata(local_time, utc_offset, gps_time, latitude, longitude, heading, reference, lens.focal_length)
     known = replace(
         known,
@@ -273,7 +275,7 @@ def read_metadata(
         other_vertical_fovs=lens.vertical_fovs[1:],
         is_lens_consistent=lens.is_consistent or not lens.vertical_fovs,
         is_panorama=lens.is_panorama,
-        exposure_value=try_read(_exposure_value, camera),
+        exposure_value=exposure_value,
         camera_height=pose.height,
         orientation=orientation,
     )
@@ -285,43 +287,33 @@ def read_metadata(
     return replace(known, gravity_source=tilt.source, gravity_spread=tilt.std)
 
 
-def read_exposure(image: Image.Image) -> float | None:
-    """Exposure time [s] x ISO / 100 / f-number^2 in an image's EXIF block; None without a time. Never raises.
+def read_exposure(camera: Tags) -> float | None:
+    """Exposure time [s] x ISO / 100 / f-number^2 by EXIF; None without a time. Never raises.
 
     Two photos by one lens differ in this as their pixels do. A sensitivity or an f-number that is absent counts as
     ISO 100 and f/1, for lenses without contacts note none.
 
     Args:
-        image: opened by Pillow.
+        camera: tags of EXIF's directory of the camera.
     """
-    return try_read(_exposure, read_ifd(image, ExifTags.IFD.Exif))
-
-
-def read_orientation(image: Image.Image) -> int | None:
-    """Orientation 1 to 8 by EXIF, or else by XMP, which Pillow reads for it; None without. Never raises.
-
-    Args:
-        image: opened by Pillow.
-    """
-    value = read_ifd(image).get(ExifTags.Base.Orientation)
-    return value if isinstance(value, int) else None
-
-
-def _exposure(tags: Tags) -> float | None:
     base = ExifTags.Base
-    iso = _iso(tags.get(base.ISOSpeedRatings, 100)) or 100.0
-    aperture = read_number(tags.get(base.FNumber, 1)) or 1.0
-    exposure = read_number(tags[base.ExposureTime]) * iso / 100.0 / aperture**2
-    return exposure if exposure > 0 else None
+    with suppress(*TAG_ERRORS):
+        iso = _iso(camera.get(base.ISOSpeedRatings, 100)) or 100.0
+        aperture = read_number(camera.get(base.FNumber, 1)) or 1.0
+        exposure = read_number(camera[base.ExposureTime]) * iso / 100.0 / aperture**2
+        return exposure if exposure > 0 else None
+    return None
 
 
-def _exposure_value(tags: Tags) -> float | None:
+def _exposure_value(camera: Tags) -> float | None:
     """log2(f-number^2 / time x 100 / ISO); absent unless all three exist."""
     base = ExifTags.Base
-    time, aperture = read_number(tags[base.ExposureTime]), read_number(tags[base.FNumber])
-    value = math.log2(aperture**2 / time * 100.0 / _iso(tags[base.ISOSpeedRatings]))
-    low, high = _EXPOSURE_VALUES
-    return value if low <= value <= high else None
+    with suppress(*TAG_ERRORS):
+        time, aperture = read_number(camera[base.ExposureTime]), read_number(camera[base.FNumber])
+        value = math.log2(aperture**2 / time * 100.0 / _iso(camera[base.ISOSpeedRatings]))
+        low, high = _EXPOSURE_VALUES
+        return value if low <= value <= high else None
+    return None
 
 
 def _iso(value: Any) -> float:

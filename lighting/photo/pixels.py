@@ -22,6 +22,7 @@ References:
 
 import struct
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import lru_cache
 from io import BytesIO
@@ -43,7 +44,7 @@ from lighting.color import (
 )
 from lighting.errors import PhotoError
 from lighting.geometry import Floats
-from lighting.photo.tags import EXIF_NAMESPACE, read_ifd, read_packet, read_text, try_read
+from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, read_text
 
 Pixels = NDArray[np.uint8]
 
@@ -239,13 +240,14 @@ def gray_16_bit(image: Image.Image, tags: Mapping[int, Any] | None = None) -> ND
 # What the values mean, by the file.
 
 
-def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Image) -> _ColorEncoding:
+def read_color_encoding(image: Image.Image, data: bytes, own: PhotoTags, tags: PhotoTags) -> _ColorEncoding:
     """How a picture's values are coded, by its file. Never raises.
 
     Args:
         image: opened by Pillow.
         data: of its file.
-        exif_source: whose EXIF block counts, opened by Pillow.
+        own: of the picture itself.
+        tags: of the file that it is embedded in; else its own.
     """
     profile = image.info.get("icc_profile")
     for code_points in (_png_code_points(data), _profile_code_points(profile), _nclx_code_points(image)):
@@ -254,7 +256,7 @@ def read_color_encoding(image: Image.Image, data: bytes, exif_source: Image.Imag
     read = _by_known_profile if profile and len(profile) <= _MAX_KNOWN_PROFILE else _by_profile
     if profile and (encoding := read(profile)) is not None:
         return encoding
-    return _by_png_chunks(image.info) or _by_exif(image, exif_source) or _by_xmp(image, exif_source)
+    return _by_png_chunks(image.info) or _by_exif(own, tags) or _by_xmp(image, own, tags)
 
 
 # Code points.
@@ -323,13 +325,14 @@ def _by_png_chunks(info: Mapping[str | tuple[int, int], Any]) -> _ColorEncoding 
     return _ColorEncoding("srgb" if like_srgb else 1 / gamma, matrix)
 
 
-def _by_exif(image: Image.Image, exif_source: Image.Image) -> _ColorEncoding | None:
+def _by_exif(*sources: PhotoTags) -> _ColorEncoding | None:
     """Adobe RGB where EXIF states it, of the picture itself or of the file that it is embedded in."""
-    for source in (image, exif_source):
+    for source in sources:
         if source.format not in _WITH_DCF:
             continue
-        space = read_ifd(source, ExifTags.IFD.Exif).get(ExifTags.Base.ColorSpace)
-        index = try_read(lambda tags: read_text(tags[_INTEROP_INDEX]), read_ifd(source, ExifTags.IFD.Interop))
+        space, index = source.camera.get(ExifTags.Base.ColorSpace), None
+        with suppress(*TAG_ERRORS):
+            index = read_text(source.interoperability[_INTEROP_INDEX])
         if space == _ADOBE_RGB or (space in (_UNCALIBRATED, None) and index == "R03"):
             return _ColorEncoding(ADOBE_RGB_GAMMA, chromaticities_to_rec709(ADOBE_RGB_CHROMATICITIES))
         if space is not None:
@@ -340,9 +343,9 @@ def _by_exif(image: Image.Image, exif_source: Image.Image) -> _ColorEncoding | N
 # XMP.
 
 
-def _by_xmp(image: Image.Image, exif_source: Image.Image) -> _ColorEncoding:
+def _by_xmp(image: Image.Image, own: PhotoTags, tags: PhotoTags) -> _ColorEncoding:
     """The space that XMP states or whose profile it names, where neither PNG nor XMP states sRGB; else sRGB."""
-    xmp = {**read_packet(exif_source), **read_packet(image)}
+    xmp = {**tags.xmp, **own.xmp}
     space = xmp.get(f"{EXIF_NAMESPACE} ColorSpace")
     if "srgb" in image.info or space == str(_SRGB):
         return _ColorEncoding()

@@ -9,8 +9,7 @@ picture behind it. A damaged EXIF block or colour profile never rejects a photo.
 import os
 import threading
 import warnings
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from io import BytesIO, TextIOBase
 from math import ceil
@@ -28,9 +27,9 @@ from lighting.errors import ErrorCode, ParameterError, PhotoError, PhotoTooLarge
 from lighting.fields import describe_fields
 from lighting.geometry import zoomed_fov
 from lighting.photo.borders import find_layout
-from lighting.photo.metadata import PhotoMetadata, read_metadata, read_orientation
+from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import MAX_KEPT_PIXELS, check_bit_depth, read_color_encoding, upright_pixels
-from lighting.photo.tags import read_sidecar
+from lighting.photo.tags import read_sidecar, read_tags
 from lighting.records import CodedWarning, WarningCode
 
 Source = str | os.PathLike[str] | bytes | bytearray | memoryview | BinaryIO
@@ -47,7 +46,7 @@ _UNREADABLE_TIFF = "The TIFF is damaged or not supported, such as 32 bits per co
 _BORDER = "Only the photo inside a border was used: {width} x {height} pixels."
 _STEREO_PAIR = "Only one half of a stereo pair was used: {width} x {height} pixels."
 _COLLAGE = "Probably a collage of several photos: do not trust this result."
-_WARNING_FILTERS = threading.Lock()
+_WARNING_FILTERS = threading.Lock()  # they belong to the whole process, so one thread at a time is silent
 _CHUNK_BYTES = 1 << 22  # read at once, so that small files need no buffer of the limit's size
 _FORMATS = ("JPEG", "PNG", "WEBP", "TIFF")  # that Pillow opens, beside ISO media files
 _ARRAY_FORMAT = "PIXELS"  # the Photo's `format`
@@ -186,21 +185,25 @@ def read_photo(
     modified = _modified(file) if file else None
     data = read_bytes(source, max_bytes)
     try:
-        with _no_warnings():
+        with _WARNING_FILTERS, warnings.catch_warnings(action="ignore"):
             raw = containers.is_raw(data)
-        page = None if raw else containers.photo_page(data)
-        picture = page.as_first(data) if page else containers.embedded_preview(data) if raw else data
-        image = _open_photo(picture, max_pixels)
+            page = None if raw else containers.photo_page(data)
+            picture = page.as_first(data) if page else containers.embedded_preview(data) if raw else data
+            image = _open_photo(picture, max_pixels)
+            embedded = raw or (page is not None and not page.has_exif)
+            exif_source = containers.open_exif_source(data, image) if embedded else image
         width, height = image.size
-        exif_source = image
-        if raw or (page and not page.has_exif):
-            with _no_warnings():
-                exif_source = containers.open_exif_source(data, image)
         side = target or max(image.size)
         _decode_image(image, side)
-        with _no_warnings():
-            orientation = read_orientation(image if page and page.has_orientation else exif_source)
-            encoding = read_color_encoding(image, picture, exif_source)
+        beside = source if isinstance(source, str | os.PathLike) else path
+        with _WARNING_FILTERS, warnings.catch_warnings(action="ignore"):
+            own = tags = read_tags(image)
+            if exif_source is not image:
+                tags = read_tags(exif_source)
+            if sidecar is None and beside is not None:
+                sidecar = read_sidecar(beside)
+            encoding = read_color_encoding(image, picture, own, tags)
+        orientation = (own if page and page.has_orientation else tags).orientation
         pixels = upright_pixels(image, side, orientation, encoding)
     except PhotoError:
         raise
@@ -210,12 +213,7 @@ def read_photo(
         raise PhotoError(f"The photo is damaged or cut short ({_reason(error)}).") from error
     width, height = (height, width) if orientation in (5, 6, 7, 8) else (width, height)
     photo = _without_border(Photo(pixels, width, height, containers.RAW_FORMAT if raw else str(image.format)))
-    with _no_warnings():
-        beside = source if isinstance(source, str | os.PathLike) else path
-        if sidecar is None and beside is not None:
-            sidecar = read_sidecar(beside)
-        inside = photo.crop is not None
-        metadata = read_metadata(exif_source, photo.width, photo.height, sidecar, is_inside=inside)
+    metadata = read_metadata(tags, photo.width, photo.height, sidecar, is_inside=photo.crop is not None)
     return replace(photo, metadata=metadata, source=PhotoOrigin(file or data, modified, max_bytes, max_pixels))
 
 
@@ -366,8 +364,7 @@ def _open_photo(data: bytes, max_pixels: int = MAX_PIXELS) -> Image.Image:
     if size := containers.webp_size(data):
         _check_size(*size, _max_pixels_of_format("WEBP", max_pixels), _FORMAT_NAMES["WEBP"])
     try:
-        with _no_warnings():
-            image = _open_image(data)
+        image = _open_image(data)
     except (UnidentifiedImageError, SyntaxError) as error:
         from lighting.photo.formats import unreadable_sentence
 
@@ -409,14 +406,6 @@ def _check_size(width: int, height: int, limit: int, kind: str) -> None:
 
 def _reason(error: Exception) -> str:
     return str(error).strip().rstrip(".").splitlines()[0] if str(error).strip() else type(error).__name__
-
-
-@contextmanager
-def _no_warnings() -> Iterator[None]:
-    """Silence about oddities of a file; the filters belong to the whole process, so one thread at a time."""
-    with _WARNING_FILTERS, warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
 
 
 def _decode_image(image: Image.Image, target: int) -> None:

@@ -15,22 +15,25 @@ import os
 import re
 import struct
 import unicodedata
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from io import BytesIO
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from xml.parsers import expat
 
-from PIL import Image, ImageFile
+from PIL import ExifTags, Image, ImageFile
 
 from lighting.photo.containers import TIFF_STARTS, is_moderate
 
 Tags = Mapping[int, Any]
-_Value = TypeVar("_Value")
+# What reading a value raises where its tag is absent, damaged or impossible.
+TAG_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error)
 UTF_16 = (b"\xff\xfe", b"\xfe\xff")
 
+_DIRECTORIES = (None, ExifTags.IFD.Exif, ExifTags.IFD.GPSInfo, ExifTags.IFD.Interop)  # None: the main one
 _EXIF_PREFIX, _XMP_PREFIX = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"  # of a JPEG's segments
 _XMP_KEYWORD = "XML:com.adobe.xmp"  # of a PNG's text
 _MAX_EXIF_BLOCKS = _MAX_XMP_PACKETS = 4  # that are read
@@ -69,6 +72,28 @@ _EXIFTOOL_NAMES = {  # of properties, by the names that ExifTool has for them; t
     **{f"GPS{name}{end}": (f"GPS{name}{end}",) for name in ("Latitude", "Longitude") for end in ("", "Ref")},
     **{name: (name,) for name in ("GPSImgDirection", "GPSImgDirectionRef")},
 }
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class PhotoTags:
+    """What a picture's metadata hold, as plain values."""
+
+    format: str | None
+    """Of the picture, as Pillow names it."""
+    orientation: int | None
+    """1 to 8 by EXIF, or else by XMP, which Pillow reads for it. None: absent."""
+    main: Tags
+    """Of EXIF's main directory."""
+    camera: Tags
+    """Of EXIF's directory of the camera."""
+    gps: Tags
+    """Of EXIF's GPS directory."""
+    interoperability: Tags
+    """Of EXIF's directory of interoperability."""
+    xmp: Mapping[str, str]
+    """Properties of the XMP packet by "namespace name"."""
+    iptc: Mapping[Any, Any]
+    """IPTC's datasets by record and number, bytes or lists of them."""
 
 
 def _read_exif(image: Image.Image) -> Image.Exif:
@@ -131,34 +156,36 @@ def _later_exif(image: Image.Image) -> Iterator[Image.Exif]:
             yield _load_exif(_EXIF_PREFIX + block)
 
 
-def read_ifd(image: Image.Image, ifd: int | None = None) -> Tags:
-    """The tags of one directory of an image's EXIF blocks; empty where it cannot be read. Never raises.
+def read_tags(image: Image.Image) -> PhotoTags:
+    """What an image's EXIF blocks, XMP packet and IPTC datasets hold; empty where it cannot be read. Never raises.
 
     Of two tags with one number, in different blocks, the first counts.
 
     Args:
         image: opened by Pillow.
-        ifd: number of the directory, of `ExifTags.IFD`; None: the main one.
     """
-
-    def read(exif: Image.Exif) -> dict[int, Any]:
-        return dict(exif if ifd is None else exif.get_ifd(ifd))
-
-    merged: dict[int, Any] = {}
+    blocks: list[Image.Exif] = []
     with suppress(Exception):  # Pillow raises nearly anything on hostile bytes
-        merged = read(_read_exif(image))
+        blocks.append(_read_exif(image))
     with suppress(Exception):
-        for exif in _later_exif(image):
-            merged = {**read(exif), **merged}
+        blocks.extend(_later_exif(image))
+    main, camera, gps, interoperability = (_merge_directories(blocks, ifd) for ifd in _DIRECTORIES)
+    value = main.get(ExifTags.Base.Orientation)
+    orientation, xmp, iptc = value if isinstance(value, int) else None, _read_packet(image), _read_iptc(image)
+    return PhotoTags(image.format, orientation, main, camera, gps, interoperability, xmp, iptc)
+
+
+def _merge_directories(blocks: Sequence[Image.Exif], ifd: int | None) -> dict[int, Any]:
+    """The tags of one directory of EXIF blocks; None: the main one."""
+    merged: dict[int, Any] = {}
+    for exif in blocks:
+        with suppress(Exception):
+            merged = {**dict(exif if ifd is None else exif.get_ifd(ifd)), **merged}
     return merged
 
 
-def read_packet(image: Image.Image) -> dict[str, str]:
-    """The properties of an image's XMP packet, as `_read_xmp` returns them.
-
-    Args:
-        image: opened by Pillow.
-    """
+def _read_packet(image: Image.Image) -> dict[str, str]:
+    """The properties of an image's XMP packet, as `_read_xmp` returns them."""
     segments = (data for name, data in getattr(image, "applist", ()) if name == "APP1")
     packets = [data.removeprefix(_XMP_PREFIX) for data in segments if data.startswith(_XMP_PREFIX)]
     if len(packets) > 1:  # of which Pillow has the last
@@ -193,12 +220,8 @@ def _png_properties(image: Image.Image) -> dict[str, str]:
     return properties
 
 
-def read_iptc(image: Image.Image) -> Mapping[Any, Any]:
-    """The IPTC datasets of an image by record and number, bytes or lists of them; empty without. Never raises.
-
-    Args:
-        image: opened by Pillow.
-    """
+def _read_iptc(image: Image.Image) -> Mapping[Any, Any]:
+    """The IPTC datasets of an image; empty without."""
     try:
         if image.format == "PNG" and (block := _raw_profile(image, "iptc") or _raw_profile(image, "8bim")):
             image = _jpeg_header_with(block)
@@ -219,19 +242,6 @@ def _jpeg_header_with(resources: bytes) -> Image.Image:
     segment = _PHOTOSHOP_PREFIX + resources.removeprefix(_PHOTOSHOP_PREFIX)
     head = b"\xff\xd8\xff\xed" + struct.pack(">H", len(segment) + 2) + segment
     return Image.open(BytesIO(head + _SMALLEST_FRAME), formats=("JPEG",))
-
-
-def try_read(read: Callable[[Tags], _Value | None], tags: Tags) -> _Value | None:
-    """What a function reads of tags; None where they are absent, damaged or impossible.
-
-    Args:
-        read: a function of the tags.
-        tags: of one directory.
-    """
-    try:
-        return read(tags)
-    except (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, struct.error):
-        return None
 
 
 def read_number(value: Any) -> float:

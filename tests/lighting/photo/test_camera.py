@@ -16,7 +16,7 @@ from lighting.photo.camera import PhotoFrame, _PhotoLens, _rotate_to_upright, re
 from lighting.photo.metadata import PhotoMetadata, read_metadata
 from lighting.photo.pixels import upright_pixels
 from lighting.photo.reader import read_photo
-from lighting.photo.tags import Tags
+from lighting.photo.tags import Tags, read_tags
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import BASE, DJI, FRONT, PIX4D, apple_note, drone, note_of, packet, phone, with_note, with_xmp
 
@@ -444,7 +444,7 @@ def test_an_impossible_elevation_angle_counts_as_absent(angle: object) -> None:
     image = Image.fromarray(LYING)
     block = exif({BASE.CameraElevationAngle: angle})
     image.getexif = lambda: block  # type: ignore[method-assign]  # what a file cannot hold as such
-    assert read_metadata(image, 160, 120) == ABSENT
+    assert read_metadata(read_tags(image), 160, 120) == ABSENT
 
 
 @given(note=st.binary(max_size=120), orientation=st.integers(-3, 300) | st.none())
@@ -452,7 +452,7 @@ def test_no_note_whatever_raises(note: bytes, orientation: int | None) -> None:
     image = Image.fromarray(LYING)
     block = with_note(b"Apple iOS\0\0\x01MM" + note, orientation)
     image.getexif = lambda: block  # type: ignore[method-assign]
-    metadata = read_metadata(image, 160, 120)
+    metadata = read_metadata(read_tags(image), 160, 120)
     assert metadata.camera_elevation is None or -90.0 <= metadata.camera_elevation <= 90.0
 
 

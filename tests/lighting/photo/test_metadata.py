@@ -18,7 +18,7 @@ from lighting.fusion.instants import resolve_hemisphere
 from lighting.photo.camera import vertical_fov_from_focal_length
 from lighting.photo.metadata import PhotoMetadata, _read_heading, _read_locations, read_metadata
 from lighting.photo.reader import read_photo
-from lighting.photo.tags import _MAX_XMP_BYTES, _read_xmp
+from lighting.photo.tags import _MAX_XMP_BYTES, _read_xmp, read_tags
 from tests.conftest import encode, exif, munich, scene
 from tests.helpers.photos import DJI, RDF, drone, packet
 
@@ -134,7 +134,7 @@ def test_a_bad_tag_is_an_absent_one(name: str, value: object, lost: str) -> None
     image.info["exif"] = b""
     block = munich(**{name: value})
     image.getexif = lambda: block  # type: ignore[method-assign]  # what a file cannot hold as such
-    metadata = read_metadata(image, 160, 120)
+    metadata = read_metadata(read_tags(image), 160, 120)
     assert getattr(good, lost) is not None
     assert getattr(metadata, lost) is None
     told = [field for field, value in vars(good).items() if value is not None]
@@ -243,7 +243,7 @@ TAGS = st.sampled_from(
 def test_any_value_of_any_tag_gives_facts(tags: dict[int, Any]) -> None:
     image = Image.new("RGB", (40, 60))
     image.getexif = lambda: exif(tags, tags)  # type: ignore[method-assign]
-    metadata = read_metadata(image, 40, 60)
+    metadata = read_metadata(read_tags(image), 40, 60)
     assert metadata.vertical_fov is None or 5.0 <= metadata.vertical_fov <= 120.0
     assert (metadata.latitude is None) is (metadata.longitude is None)
     assert metadata.latitude is None or abs(metadata.latitude) <= 90

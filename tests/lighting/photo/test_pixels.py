@@ -17,6 +17,7 @@ from lighting.photo import pixels
 from lighting.photo.linear import read_linear
 from lighting.photo.pixels import _profile_to_rec709, is_blank, is_gamma_encoded, is_panorama, read_color_encoding
 from lighting.photo.reader import read_photo
+from lighting.photo.tags import read_tags
 from lighting.records import Lighting
 from tests.conftest import encode, exif, scene
 from tests.helpers.photos import WIDE_PRIMARIES, chunk, display_profile, packet, png
@@ -247,7 +248,8 @@ def test_adobe_rgb_as_cameras_state_it(kind: str, space: int, index: str | None)
 @pytest.mark.parametrize(("space", "index"), [(1, "R98"), (1, "R03"), (65535, "R98"), (65535, None)])
 def test_other_statements_of_cameras_leave_srgb(space: int, index: str | None) -> None:
     with Image.open(BytesIO(adobe(space, index))) as image:
-        assert read_color_encoding(image, b"", image).curve == "srgb"
+        tags = read_tags(image)
+        assert read_color_encoding(image, b"", tags, tags).curve == "srgb"
 
 
 def test_the_index_of_adobe_rgb_may_stand_alone() -> None:
@@ -335,7 +337,8 @@ def test_linear_values_become_those_of_rec709(tmp_path: Any) -> None:
 @pytest.mark.parametrize("end", range(8, 60))
 def test_a_png_cut_anywhere_has_an_encoding(end: int) -> None:
     with Image.open(BytesIO(PNGS["cICP, P3"])) as image:
-        assert read_color_encoding(image, PNGS["cICP, P3"][:end], image).curve in ("srgb",)
+        tags = read_tags(image)
+        assert read_color_encoding(image, PNGS["cICP, P3"][:end], tags, tags).curve in ("srgb",)
 
 
 @pytest.mark.parametrize("grey", [0, 3, 128, 255])
