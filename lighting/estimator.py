@@ -15,7 +15,7 @@ from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError, warn_of_old_name
 from lighting.fields import clip_color
-from lighting.fusion.estimate import PhotoPrediction, build_estimate, predict_with_metadata
+from lighting.fusion.estimate import PhotoPrediction, build_estimate, refine_prediction
 from lighting.fusion.metadata_prior import observations_multi, observations_single
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput, check_headings, check_user_input
@@ -25,6 +25,7 @@ from lighting.photo.reader import Photo, Source, check_photo, photo_from_array, 
 from lighting.photo_estimate import Estimate
 from lighting.records import EstimatedLight, Lighting, Prediction, check_lighting
 from lighting.runtime import ONE_BLAS_THREAD
+from lighting.segmentation import Segments, packaged_segmenter
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -75,7 +76,7 @@ class Estimator:
 
     def _predict(self, photo: Photo, user_input: UserInput) -> PhotoPrediction:
         _check_arguments([photo], user_input)
-        return predict_with_metadata(self.model, photo, user_input)
+        return refine_prediction(self.model.predict_one(photo), photo, user_input)
 
     def __call__(self, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Estimate:
         """Estimate the photo's light from its pixels, its metadata and what the user states.
@@ -89,7 +90,8 @@ class Estimator:
             PhotoError: `photo` is no Photo.
             ParameterError: the user's time and place are of night.
         """
-        return estimate_from_prediction(photo, self._predict(photo, user_input), user_input)
+        predicted = self._predict(photo, user_input)
+        return estimate_from_prediction(photo, predicted, packaged_segmenter()(photo.pixels), user_input)
 
     def estimate_views(
         self,
@@ -137,8 +139,9 @@ class Estimator:
 
         posteriors = fuse_views(predictions, observations, headings, views)
         estimates = list(map(build_estimate, posteriors, observed))
+        segments = [packaged_segmenter()(photo.pixels) for photo in photos]
         aerial = [one.is_aerial for one in observed]
-        lights = apply_photo_colors(photos, list(map(describe_ground, photos, estimates, aerial)))
+        lights = apply_photo_colors(photos, list(map(describe_ground, photos, estimates, segments, aerial)))
         return list(map(Estimate.of_photo, photos, lights))
 
     def together(
@@ -234,13 +237,14 @@ def _packaged_estimator() -> Estimator:
 
 
 def estimate_from_prediction(
-    photo: Photo, predicted: PhotoPrediction, user_input: UserInput = NO_USER_INPUT
+    photo: Photo, predicted: PhotoPrediction, segments: Segments, user_input: UserInput = NO_USER_INPUT
 ) -> Estimate:
-    """Estimate a photo's light from the network's prediction, its metadata and what the user states.
+    """Estimate a photo's light from what both networks say of it, its metadata and what the user states.
 
     Args:
         photo: as `lighting.read_photo` returns it.
-        predicted: by `predict_with_metadata`, of this photo and this input.
+        predicted: by `refine_prediction`, of this photo and this input.
+        segments: by `packaged_segmenter`, of this photo.
         user_input: what the user states of the photo.
 
     Raises:
@@ -249,7 +253,7 @@ def estimate_from_prediction(
     prior = observations_single(predicted.metadata, user_input)
     observed = replace(prior, warnings=(*photo.warnings, *predicted.warnings, *prior.warnings))
     posterior = fuse_single_view(predicted.prediction, observed.observations, photo.pixels)
-    estimate = describe_ground(photo, build_estimate(posterior, observed), observed.is_aerial)
+    estimate = describe_ground(photo, build_estimate(posterior, observed), segments, observed.is_aerial)
     return Estimate.of_photo(photo, apply_photo_colors([photo], [estimate])[0])
 
 

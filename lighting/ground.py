@@ -15,7 +15,7 @@ from lighting.fields import round_significant
 from lighting.geometry import Floats, Pinhole
 from lighting.photo.reader import Photo
 from lighting.records import EstimatedLight, Lighting
-from lighting.segmentation import Segments, SurfaceClass, class_share, packaged_segmenter, pixel_share
+from lighting.segmentation import Segments, SurfaceClass, class_share, pixel_share
 
 OBJECT_RADIUS = 0.055  # of a ball that stands on the spot, in picture heights
 ROW_WIDTH = 3.6  # half the width of three such balls side by side, in radii
@@ -121,18 +121,18 @@ class GroundSpot:
     """Unit vector from the camera."""
 
 
-def describe_ground(photo: Photo, estimate: EstimatedLight, is_aerial: bool = False) -> EstimatedLight:
+def describe_ground(
+    photo: Photo, estimate: EstimatedLight, segments: Segments, is_aerial: bool = False
+) -> EstimatedLight:
     """Return the estimate of a photo with what the photo shows, and where in it an object may stand.
 
     Args:
         photo: as `read_photo` returns it.
         estimate: of its light and camera.
+        segments: of the photo.
         is_aerial: whether the camera flies at an unknown height; there is no spot then.
-
-    Raises:
-        ModelError: the network that says what photos show cannot be read.
     """
-    segments, light = packaged_segmenter()(photo.pixels), estimate.lighting
+    light = estimate.lighting
     camera = photo_camera(light, photo.width, photo.height)
     spot = None if is_aerial else _find_ground_spot(segments, camera, light.camera_height)
     light = replace(

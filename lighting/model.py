@@ -97,6 +97,17 @@ class Model:
         outputs = self._run(batch)
         return [_prediction(self.spec, dict(zip(self.outputs, row, strict=True))) for row in zip(*outputs, strict=True)]
 
+    def predict_one(self, photo: "Photo") -> Prediction:
+        """Run the network on one photo.
+
+        Args:
+            photo: of any size.
+
+        Raises:
+            ModelError: the network fails, or its answer is none.
+        """
+        return self.predict(preprocess(photo, self.spec))[0]
+
     def _run(self, batch: NDArray[np.float32]) -> list[NDArray[np.float32]]:
         try:
             outputs: list[NDArray[np.float32]] = self.session.run(self.outputs, {"photo": batch})

@@ -14,14 +14,16 @@ from lighting.errors import LightingError
 from lighting.start import exit_on_interrupt
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     from lighting.envmap.relighting import Adjustments
     from lighting.estimator import Estimator
-    from lighting.fusion.estimate import PhotoPrediction
     from lighting.fusion.user_input import UserInput
     from lighting.model import Model
     from lighting.photo.reader import Photo
     from lighting.photo_estimate import Estimate
-    from lighting.records import Lighting
+    from lighting.records import Lighting, Prediction
+    from lighting.segmentation import Segments
 
 UNSUITABLE_STATUS = 3  # of --strict, where a photo is probably none of outdoors by daylight
 
@@ -262,38 +264,37 @@ def estimate_photo(
     """Decode a photo and estimate its light.
 
     The network is loaded in a thread while the photo is decoded. While it answers, what comes after it is imported, and
-    `meanwhile` is called. One network at a time is in memory: the second is loaded after the first is gone. Ctrl-C
-    ends the process at once, for nothing is written yet.
+    `meanwhile` is called. While the prediction is refined, the other network says what the photo shows. One network at
+    a time is in memory: the second is loaded after the first is gone. Ctrl-C ends the process at once, for nothing is
+    written yet.
 
     Args:
         name: of the photo's file, beside which sidecars may lie; "-" is stdin.
         data: the photo's bytes.
         user_input: what the user states of it.
         model: a network's file; None is the one in this package.
-        meanwhile: what to do while the network runs.
+        meanwhile: what to do while the networks run.
     """
-    picture, predicted = _read_and_predict(name, data, user_input, model, meanwhile)
-    from lighting.estimator import estimate_from_prediction  # imported while the network ran
-
-    return picture, estimate_from_prediction(picture, predicted, user_input)
-
-
-def _read_and_predict(
-    name: str, data: bytes, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object]
-) -> "tuple[Photo, PhotoPrediction]":
-    """The photo, and the network's prediction for it; on return the network is gone."""
     from concurrent.futures import ThreadPoolExecutor
 
-    with exit_on_interrupt(), ThreadPoolExecutor(1) as pool:
-        network = pool.submit(_load_for_one_photo, model)
-        from lighting.photo.reader import read_photo
+    from lighting.photo.reader import read_photo
 
-        picture = read_photo(data, path=path_of(name))
-        predicted = pool.submit(lambda: _predict(network.result(), picture, user_input))
-        import lighting.estimator  # noqa: F401 - of what comes after it
+    with exit_on_interrupt(), ThreadPoolExecutor(1) as decoder, ThreadPoolExecutor(1) as networks:
+        decoded = decoder.submit(read_photo, data, path=path_of(name))
+        prediction = networks.submit(_predict, model, decoded)
+        segments = networks.submit(_segment, decoded)
+        from lighting.estimator import estimate_from_prediction
+        from lighting.fusion.estimate import refine_prediction
 
         meanwhile()
-    return picture, predicted.result()
+        picture = decoded.result()
+        predicted = refine_prediction(prediction.result(), picture, user_input)
+        return picture, estimate_from_prediction(picture, predicted, segments.result(), user_input)
+
+
+def _predict(model: str | None, decoded: "Future[Photo]") -> "Prediction":
+    """What the network that estimates the light says; on return it is gone, and its memory is the next one's."""
+    return _load_for_one_photo(model).predict_one(decoded.result())
 
 
 def _load_for_one_photo(model: str | None) -> "Model":
@@ -306,7 +307,7 @@ def _load_for_one_photo(model: str | None) -> "Model":
     return Model.from_session(started, packaged_model())
 
 
-def _predict(network: "Model", photo: "Photo", user_input: "UserInput") -> "PhotoPrediction":
-    from lighting.fusion.estimate import predict_with_metadata  # in the thread that waits for the network
+def _segment(decoded: "Future[Photo]") -> "Segments":
+    from lighting.segmentation import packaged_segmenter
 
-    return predict_with_metadata(network, photo, user_input)
+    return packaged_segmenter()(decoded.result().pixels)

@@ -22,7 +22,7 @@ from lighting.fusion.metadata_prior import MetadataPrior, camera_observations
 from lighting.fusion.single_view import Observations, Posterior, reproject_sun, visible_sun
 from lighting.fusion.user_input import NO_USER_INPUT, UserInput
 from lighting.geometry import angles
-from lighting.model import Model, preprocess
+from lighting.model import Model
 from lighting.photo.metadata import PhotoMetadata
 from lighting.photo.pixels import is_blank, is_panorama
 from lighting.photo.reader import Photo
@@ -69,27 +69,26 @@ class PhotoPrediction:
 
 
 def predict_photo(model: Model, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> Prediction:
-    """The prediction of `predict_with_metadata`.
-
-    Args:
-        model: as there.
-        photo: as there.
-        user_input: as there.
-    """
-    return predict_with_metadata(model, photo, user_input).prediction
-
-
-def predict_with_metadata(model: Model, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> PhotoPrediction:
-    """The network's prediction for a photo, with the camera by its straight lines too, and what metadata count.
-
-    Where the photo or its user tells the lens, elevation and roll are those of a camera with it.
+    """The network's prediction for a photo, with the camera of `refine_prediction`.
 
     Args:
         model: the network.
         photo: as `read_photo` returns it.
         user_input: what the user states of the photo.
     """
-    prediction = model.predict(preprocess(photo, model.spec))[0]
+    return refine_prediction(model.predict_one(photo), photo, user_input).prediction
+
+
+def refine_prediction(prediction: Prediction, photo: Photo, user_input: UserInput = NO_USER_INPUT) -> PhotoPrediction:
+    """The network's prediction for a photo, with the camera by its straight lines too, and what metadata count.
+
+    Where the photo or its user tells the lens, elevation and roll are those of a camera with it.
+
+    Args:
+        prediction: of the network alone.
+        photo: as `read_photo` returns it.
+        user_input: what the user states of the photo.
+    """
     metadata, warnings = _check_metadata(photo.metadata, prediction, user_input)
     if photo.is_collage or (user_input.metadata and photo.metadata.is_panorama):
         return PhotoPrediction(_as_unsuitable(prediction), metadata, warnings)

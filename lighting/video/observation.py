@@ -40,7 +40,7 @@ from lighting.fusion.single_view import (
     posterior_on_rings,
 )
 from lighting.geometry import Floats, direction
-from lighting.model import Model, preprocess
+from lighting.model import Model
 from lighting.photo.pixels import is_blank
 from lighting.photo.reader import Photo
 from lighting.records import EvidenceKind, Light, Prediction
@@ -405,7 +405,7 @@ def estimate_frame(model: Model, pixels: Pixels, vertical_fov: float | None = No
     """
     photo = Photo(pixels, pixels.shape[1], pixels.shape[0], "frame of a clip")
     with trace_step("network"):
-        prediction = model.predict(preprocess(photo, model.spec))[0]
+        prediction = model.predict_one(photo)
     estimate = _apply_colors(screen_prediction(prediction, pixels), pixels)
     estimate = replace(estimate, sharpness=_measure_sharpness(pixels))
     if vertical_fov is None:

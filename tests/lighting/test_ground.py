@@ -137,13 +137,14 @@ def test_a_foot_beside_the_photo_counts_as_at_its_edge() -> None:
 
 def test_an_estimate_says_what_its_photo_shows() -> None:
     pixels = np.full((120, 160, 3), 128, dtype=np.uint8)
-    answer = describe_ground(photo_from_array(pixels), EstimatedLight(LIGHT, distribution()))
+    segments, estimate = packaged_segmenter()(pixels), EstimatedLight(LIGHT, distribution())
+    answer = describe_ground(photo_from_array(pixels), estimate, segments)
     assert answer.segments is not None
     assert answer.segments.shape == (18, 24, 10)
     assert answer.lighting.ground_visible is not None
     record = answer.lighting.to_dict()["ground"]
     assert {"spot", "visible"} <= set(record)
-    flying = describe_ground(photo_from_array(pixels), EstimatedLight(LIGHT, distribution()), is_aerial=True)
+    flying = describe_ground(photo_from_array(pixels), estimate, segments, is_aerial=True)
     assert flying.lighting.to_dict()["ground"]["spot"] is None
 
 
