@@ -21,13 +21,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from lighting.color import color_and_intensity, color_temperature, luminance, srgb_encode
 from lighting.envmap.render import level_irradiance, render, sun_irradiance
-from lighting.envmap.surroundings import PhotoContext, render_with_surroundings
+from lighting.envmap.surroundings import COARSE_ROWS, PhotoContext, render_coarse
 from lighting.errors import ErrorCode, ParameterError
 from lighting.fields import describe_fields, round_all, round_significant
 from lighting.geometry import Floats, latlong_angles, latlong_solid_angle
 from lighting.records import Json, Lighting, check_lighting
 from lighting.sky import SKY_MODEL
-from lighting.sky.clear_sky import LUX
+from lighting.sky.clear_sky import LUX, sun_disc_points, sun_disc_radiance
 
 _BANDS = np.array([0, 1, 1, 1, 2, 2, 2, 2, 2])  # of the functions
 BASIS_FACTORS = np.sqrt(
@@ -105,7 +105,6 @@ def rotate_harmonics(coefficients: ArrayLike, yaw: float) -> Floats:
 
 
 _MAX_LEVEL = 100.0  # irradiance of level ground that any map holds
-_MAP_HEIGHT = 96  # rows of the map that is projected; more change no coefficient by 1 % of the first
 _CLEAREST_AIR = 1.0  # turbidity
 _NEUTRAL_LUMENS = 1000.0  # of ARKit: white faces it and shows as 1
 _MIRRORED = np.array([1, 1, -1, 1, 1, -1, 1, -1, 1])[:, None]  # signs of the functions where +Z becomes -Z
@@ -188,10 +187,9 @@ def compute_light_probe(
 
         dimmed = scale_exposure(lighting, np.full(3, gain))
     if context is None:
-        image = render(dimmed, _MAP_HEIGHT, sun=sun, disc=False)
+        image = render(dimmed, COARSE_ROWS, sun=sun, disc=False)
     else:
-        plain = replace(context, detail=False)
-        image = render_with_surroundings(dimmed, plain, _MAP_HEIGHT, sun=sun, disc=False)
+        image = render_coarse(dimmed, context, sun=sun)
     coefficients = project_latlong(image) / gain
     if yaw:
         from lighting.envmap.relighting import rotate_lighting
@@ -212,11 +210,17 @@ def main_light(lighting: Lighting, *, sun: bool | None = None) -> MainLight:
     """
     shines = lighting.sun_painted if sun is None else sun
     irradiance = sun_irradiance(lighting) if shines else np.zeros(3)
-    clearest = replace(
-        lighting, turbidity=_CLEAREST_AIR, exposure=1.0, sun_irradiance=None, sky_irradiance=None, sky_cover=None
-    )
-    lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(sun_irradiance(clearest)))) * LUX
+    clearest = _clearest_sun(lighting)
+    lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(clearest))) * LUX
     return MainLight(lighting.sun_direction, irradiance, lux, color_temperature(irradiance))
+
+
+def _clearest_sun(lighting: Lighting) -> Floats:
+    """Return the irradiance (3,) of a surface that faces the sun through the clearest air, in the sky model's unit."""
+    if lighting.sun_elevation < 0:
+        return np.zeros(3)
+    points, weight = sun_disc_points(lighting.sun_direction)
+    return np.asarray(weight @ sun_disc_radiance(points, lighting.sun_direction, _CLEAREST_AIR))
 
 
 def encode_light_probe(probe: LightProbe, format: str) -> str:

@@ -305,7 +305,7 @@ def _render_by_angles(image: Image, lighting: Lighting, by_angles: Callable[...,
     zenith = 90.0 - latlong_angles(2 * len(image))[1][: len(image)]
     steps = np.linspace(0.0, 1.0, _TABLE_STEPS + 1)
     sun_angle = np.degrees(2 * np.arctan2(steps, 1 - steps))
-    table = np.asarray(by_angles(zenith, sun_angle, lighting.sun_elevation, _weather(lighting)), dtype=np.float32)
+    table = np.asarray(by_angles(zenith, sun_angle, lighting.sun_elevation, lighting.turbidity), dtype=np.float32)
     step = np.diff(table, axis=2, append=table[..., -1:])
     for part, share in _sun_shares(image, lighting):
         share *= np.float32(_TABLE_STEPS)

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 import lighting.envmap.detail as map_detail
 import lighting.envmap.detail_library as detail_library
 import lighting.envmap.latlong as latlong
-from lighting.color import check_pixels, luminance
+from lighting.color import LUMINANCE_WEIGHTS, check_pixels
 from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     Image,
@@ -41,6 +41,7 @@ from lighting.sky import SKY_MODEL
 
 _CELL_ROWS = 24  # of the cells in which the map is changed
 _SAMPLES_PER_CELL = 4  # rows and columns of the bare map that are sampled for each cell
+COARSE_ROWS = _CELL_ROWS * _SAMPLES_PER_CELL  # of a map that light probes are made of: more change hardly any by 1 %
 _CELL_RATIO_RANGE = (0.05, 4.0)  # by which a cell of the bare map may be dimmed or lit
 _FINE_SIDE = 1000  # pixels along the longer side of a photo of which a map shows more than the network takes
 _CONTRAST = 0.7  # power of the network's panorama, whose contrast is too high at places that it has not learnt
@@ -77,6 +78,16 @@ class PhotoContext:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "photo", check_pixels(self.photo))
+
+    @cached_property
+    def coarse(self) -> tuple[Image, Image] | None:
+        """The bare map (96, 192, 3) of `light` without the disc, and the factors on its cells, to be read alone."""
+        if self.light is None:
+            return None
+        coarse = _render_coarse(self.light, self)
+        for values in coarse:
+            values.setflags(write=False)
+        return coarse
 
     def gain(self, lighting: Lighting) -> float:
         """The factor that brings photo and panorama to the exposure of a light.
@@ -203,8 +214,8 @@ def render_with_surroundings(
         disc: False leaves the sun's disc for a light of its own.
     """
     _check_context(context)
-    check_height(height)
     check_lighting(lighting)
+    check_height(height)
     detailed = context.detail and height >= map_detail.MIN_ROWS
     with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
         projection = pool.submit(_project_photo, lighting, context, height, detailed)
@@ -230,6 +241,28 @@ def render_with_surroundings(
     return image
 
 
+def render_coarse(lighting: Lighting, context: PhotoContext, *, sun: bool | None = None) -> Image:
+    """`render_with_surroundings` in 96 rows, without detail and the sun's disc: enough for a light probe.
+
+    Args:
+        lighting: of the photo, perhaps changed since.
+        context: the photo and its surroundings.
+        sun: whether the sun is in it; None: by `Lighting.sun_painted`.
+    """
+    _check_context(context)
+    if lighting == context.light and sun in (None, lighting.sun_painted) and context.coarse is not None:
+        bare, factors = context.coarse
+    else:
+        bare = render(lighting, COARSE_ROWS, sun=sun, disc=False)
+        factors = _context_factors(bare, lighting, context)
+    photo, gain, image = project_photo(lighting, context.photo, len(bare)), context.gain(lighting), bare.copy()
+    targets = _half_irradiances(bare)
+    for rows, target, cells in zip(_halves(len(bare)), targets, np.split(factors, 2), strict=True):
+        _lay_surroundings(image, rows, target, cells, photo, gain, True)
+    cap_map(image, lighting)
+    return image
+
+
 def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
     """Factors (24, 48, 3) on the cells of the bare map beside the photo's view, before its halves are scaled.
 
@@ -240,8 +273,7 @@ def surroundings_gain(lighting: Lighting, context: PhotoContext) -> Image:
         context: the photo and its surroundings.
     """
     _check_context(context)
-    bare = render(lighting, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False)
-    return _surroundings_factors(_pool_cells(bare), lighting, context)
+    return _coarse_map(lighting, context)[1]
 
 
 def _project_photo(lighting: Lighting, context: PhotoContext, height: int, continued: bool) -> PhotoProjection:
@@ -267,9 +299,18 @@ def describe_place(lighting: Lighting, context: PhotoContext) -> detail_library.
         context: the photo and its surroundings.
     """
     light = context.light or lighting
-    bare = _pool_cells(render(light, _CELL_ROWS * _SAMPLES_PER_CELL, disc=False))
-    around = bare * _surroundings_factors(bare, light, context)
-    return detail_library.describe_photo(light, context.photo, around, context.segments)
+    bare, factors = _coarse_map(light, context)
+    return detail_library.describe_photo(light, context.photo, _pool_cells(bare) * factors, context.segments)
+
+
+def _coarse_map(lighting: Lighting, context: PhotoContext) -> tuple[Image, Image]:
+    """The bare map of a light, and the factors (_CELL_ROWS, 2 _CELL_ROWS, 3) on its cells."""
+    return context.coarse if context.coarse and lighting == context.light else _render_coarse(lighting, context)
+
+
+def _render_coarse(lighting: Lighting, context: PhotoContext) -> tuple[Image, Image]:
+    bare = render(lighting, COARSE_ROWS, disc=False)
+    return bare, _surroundings_factors(_pool_cells(bare), lighting, context)
 
 
 def _check_context(thing: object) -> None:
@@ -280,14 +321,15 @@ def _check_context(thing: object) -> None:
 
 def _context_factors(image: Image, lighting: Lighting, context: PhotoContext) -> Image:
     """Factors (_CELL_ROWS, 2 _CELL_ROWS, 3) on the cells of the bare map; what is finer stays."""
-    if context.light is None or _sky_parameters(context.light) == _sky_parameters(lighting):
+    if context.light is None or _have_same_sky(context.light, lighting):
         return _surroundings_factors(_pool_cells(image), lighting, context)
     return _move_glow(surroundings_gain(context.light, context), context.light, lighting)
 
 
-def _sky_parameters(lighting: Lighting) -> tuple[object, ...]:
-    """What the sky's gradation follows from."""
-    return lighting.sun_azimuth, lighting.sun_elevation, lighting.turbidity, lighting.map_sky, lighting.sky_cover
+def _have_same_sky(one: Lighting, other: Lighting) -> bool:
+    """Whether the gradation of two lights' skies is the same."""
+    names = "sun_azimuth", "sun_elevation", "turbidity", "sky_cover", "map_sky"
+    return all(getattr(one, name) == getattr(other, name) for name in names)
 
 
 def _move_glow(factors: Image, before: Lighting, now: Lighting) -> Image:
@@ -336,7 +378,7 @@ def _panorama_ratio(panorama: Image, bare: Image) -> Image:
 def _reduce_contrast(ratio: Image) -> Image:
     """Ratios (R, 2R, 3) drawn to their geometric mean in each half: above the horizon in brightness alone."""
     sky, ground = np.split(np.log(ratio), 2)
-    gray = np.log(luminance(ratio[: len(sky)]))[..., None]
+    gray = np.log(ratio[: len(sky)] @ LUMINANCE_WEIGHTS)[..., None]
     sky -= np.float32(1 - _CONTRAST) * (gray - gray.mean())
     ground -= np.float32(1 - _CONTRAST) * (ground - ground.mean(axis=(0, 1)))
     return np.asarray(np.exp(np.concatenate([sky, ground])))
@@ -380,17 +422,25 @@ def _photo_ratios(
 
 def _spread_ratios(values: Image, visible: NDArray[np.bool_], rows: int, part: slice) -> Image:
     """Values (P, 2R, 3) of a part of a map's rows, spread from the cells (P, 2R) that the photo shows to all others."""
-    azimuth, elevation = (np.asarray(angle, dtype=np.float32) for angle in latlong_angles(rows))
+    elevation = np.asarray(latlong_angles(rows)[1], dtype=np.float32)
     row, column = np.nonzero(visible)
     level = np.cos(np.radians(elevation[part]))[:, None, None]
-    turn = np.asarray(wrap_azimuth(azimuth[:, None] - azimuth[column]), dtype=np.float32)
-    beside2 = (level * turn) ** 2  # (P, 2R, K)
+    beside2 = (level * _column_turns(rows).take(column, axis=1)) ** 2  # (P, 2R, K)
     above2 = (elevation[part][:, None, None] - elevation[part][row]) ** 2
     distance2 = np.float32(_NEAR_DEG**2) + beside2 + np.float32(_VERTICAL_STRETCH**2) * above2
     weight = distance2 ** np.float32(-_DISTANCE_POWER)
     mean = weight @ values[visible] / weight.sum(axis=2, keepdims=True)
     fading = np.exp(-np.sqrt((beside2 + 4 * above2).min(axis=2)) / np.float32(_FADE_DEG))
     return np.where(visible[..., None], values, fading[..., None] * mean).astype(np.float32)
+
+
+@lru_cache(maxsize=1)
+def _column_turns(rows: int) -> Image:
+    """The turns [deg] (2R, 2R) from each column of a map to each, to be read alone."""
+    azimuth = np.asarray(latlong_angles(rows)[0], dtype=np.float32)
+    turns = np.asarray(wrap_azimuth(azimuth[:, None] - azimuth), dtype=np.float32)
+    turns.setflags(write=False)
+    return turns
 
 
 def _halves(height: int) -> tuple[slice, slice]:

@@ -42,8 +42,8 @@ class SkyModel:
     """Of unit vectors, the sun's direction and the weather: radiance."""
     sun_glow: Callable[["ArrayLike", "ArrayLike"], "Floats"] | None = None
     """(...) at any scale; None: a disc."""
-    # (3, R, N) by R angles [deg] from the zenith, N from the sun, and the sun's elevation [deg]: paints maps fast
-    by_angles: Callable[["Floats", "Floats", float, Weather], "Floats"] | None = None
+    # (3, R, N) by R angles [deg] from the zenith, N from the sun, the sun's elevation [deg] and the turbidity
+    by_angles: Callable[["Floats", "Floats", float, float], "Floats"] | None = None
     """The same by angles, which is faster. None: it has none."""
     advanced: bool = False
     """Help names its kind as a range."""
@@ -61,10 +61,10 @@ def _prague(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather
     return prague_radiance(direction, sun_direction, weather.turbidity)
 
 
-def _prague_by_angles(zenith: "Floats", sun: "Floats", sun_elevation: float, weather: Weather) -> "Floats":
+def _prague_by_angles(zenith: "Floats", sun: "Floats", sun_elevation: float, turbidity: float) -> "Floats":
     from lighting.sky.clear_sky import prague_by_angles
 
-    return prague_by_angles(zenith, sun, sun_elevation, weather.turbidity)
+    return prague_by_angles(zenith, sun, sun_elevation, turbidity)
 
 
 def _preetham(direction: "ArrayLike", sun_direction: "ArrayLike", weather: Weather) -> "Floats":
