@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.decoding import doubts_sun, with_dappled_sun, with_ground_color
-from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance, snow_gain
+from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sky_white_balance, snow_gain
 from lighting.envmap.render import check_height, render, sky_irradiance
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError, warn_of_old_name
@@ -268,31 +268,24 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLig
         estimates: one a photo.
     """
     lights = [estimate.lighting for estimate in estimates]
+    samples = [PhotoSamples(p.pixels, e.lighting, e.segments) for p, e in zip(photos, estimates, strict=True)]
     if len(photos) == 1:
-        lights = [_with_ground_light(photos[0], estimates[0])]
-    balances = [
-        sky_white_balance(photo.pixels, light, one.segments)
-        for photo, light, one in zip(photos, lights, estimates, strict=True)
-    ]
+        lights = [_with_ground_light(samples[0], lights[0])]
+    balances = map(sky_white_balance, samples, lights)
     if tints := [tint for tint in balances if tint is not None]:
         tint = np.exp(np.mean(np.log(tints), axis=0))
         skies = (clip_color(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
         lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
-    each = zip(photos, lights, estimates, strict=True)
-    grounds = [
-        estimate_ground_albedo(photo.pixels, light, one.surroundings, one.segments) for photo, light, one in each
-    ]
-    lights = list(map(with_ground_color, lights, grounds))
+    around = (estimate.surroundings for estimate in estimates)
+    lights = list(map(with_ground_color, lights, map(estimate_ground_albedo, samples, lights, around)))
     return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
 
 
-def _with_ground_light(photo: Photo, estimate: EstimatedLight) -> Lighting:
+def _with_ground_light(samples: PhotoSamples, light: Lighting) -> Lighting:
     """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
-    light = estimate.lighting
-    if doubts_sun(light) and (dapple := dappled_sunlight(photo.pixels, light)) is not None:
+    if doubts_sun(light) and (dapple := dappled_sunlight(samples.pixels, light)) is not None:
         light = with_dappled_sun(light, *dapple)
-    gain = snow_gain(photo.pixels, light, estimate.segments)
-    if gain == 1:
+    if (gain := snow_gain(samples, light)) == 1:
         return light
     from lighting.envmap.relighting import scale_exposure
 

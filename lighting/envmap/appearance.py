@@ -1,10 +1,13 @@
 """Ground albedo, snow and sky color read from the photo."""
 
+from dataclasses import dataclass
+from functools import cached_property
+
 import numpy as np
 from numpy.typing import NDArray
 
 from lighting.color import luminance
-from lighting.envmap.latlong import EPSILON_IRRADIANCE, irradiance_from_rows, max_channel, row_irradiance
+from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, max_channel, row_irradiance
 from lighting.envmap.projection import CLIPPED, sample_photo
 from lighting.envmap.render import level_irradiance, render
 from lighting.geometry import Floats, sample_latlong
@@ -56,7 +59,61 @@ _NETWORK_SHARE = 0.6  # how far the brightness goes, under a clear sky, to that 
 _NETWORK_BIAS_STOPS = 0.2  # by which the panorama's ground is too dark
 
 
-def sky_white_balance(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None) -> Floats | None:
+@dataclass(frozen=True, eq=False)
+class PhotoSamples:
+    """A few of a photo's pixels, taken once, and which of them may show ground and sky."""
+
+    pixels: NDArray[np.uint8]
+    """(H, W, 3) sRGB, of the photo."""
+    lighting: Lighting
+    """Of the photo; its camera counts."""
+    segments: Segments | None = None
+    """What the photo shows. None: unknown, and all below the horizon may be ground."""
+
+    @cached_property
+    def _sampled(self) -> tuple[Image, Floats]:
+        return sample_photo(self.pixels, self.lighting)
+
+    @property
+    def colors(self) -> Image:
+        """Linear values (h, w, 3)."""
+        return self._sampled[0]
+
+    @property
+    def directions(self) -> Floats:
+        """Unit vectors (h, w, 3)."""
+        return self._sampled[1]
+
+    @cached_property
+    def largest(self) -> NDArray[np.float32]:
+        """The largest channel (h, w)."""
+        return max_channel(self.colors)
+
+    @cached_property
+    def ground(self) -> NDArray[np.bool_] | None:
+        """Which (h, w) show ground: well below the horizon, near which things stand upright. None: too few.
+
+        People, vehicles, plants and other things do not count. Where little else is below the horizon, plants and
+        things do, and people and vehicles never.
+        """
+        down = -self.directions[..., 1]
+        for hiding in (THINGS, _NEVER_GROUND):
+            free = self.segments is None or pixel_share(self.segments, *down.shape[::-1], *hiding) < _MAX_HIDDEN
+            for sine in _MIN_SIN_DEPRESSION:
+                below = free & (down > sine)
+                if np.mean(below) >= _MIN_GROUND_SHARE:
+                    return below
+        return None
+
+    @cached_property
+    def sky(self) -> NDArray[np.bool_] | None:
+        """Which (h, w) may show sky: smooth, not clipped, above the estimated horizon. None: too few."""
+        smooth = _brightness_steps(np.sqrt(luminance(self.colors))) < _MAX_STEP
+        above = smooth & (self.directions[..., 1] > _MIN_SIN_ELEVATION) & (self.largest < CLIPPED)
+        return above if above.sum() >= _MIN_SKY_SHARE * above.size else None
+
+
+def sky_white_balance(samples: PhotoSamples, lighting: Lighting) -> Floats | None:
     """Factors (3,) that bring the sky's irradiance nearer to the color of the sky in a photo; luminance stays.
 
     A cloudy sky has one color, so the photo counts for much. A clear one differs from place to place, and the sky low
@@ -64,20 +121,24 @@ def sky_white_balance(pixels: NDArray[np.uint8], lighting: Lighting, segments: S
     little sky, or irradiances are unknown.
 
     Args:
-        pixels: (h, w, 3) sRGB.
+        samples: of the photo; by its segments no orange wall counts as the sky of a sunset.
         lighting: estimated for the photo.
-        segments: of the photo, so that no orange wall counts as the sky of a sunset; None: unknown.
     """
-    colors = _sky_colors(pixels, lighting)
-    if colors is None:
+    if lighting.sky_irradiance is None or samples.sky is None:
+        return None
+    bare_sky = render(lighting, _MAP_ROWS, sun=False)
+    if (colors := _sky_colors(samples, samples.sky, lighting, bare_sky)) is None:
         return None
     irradiance = np.array(lighting.sky_irradiance) + EPSILON_IRRADIANCE
     exponent = _TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2
     tint = _color_ratio(*colors) ** exponent
-    seen = colors if segments is None else _sky_colors(pixels, lighting, segments)
-    if seen is not None:
-        warm = _color_ratio(seen[0], irradiance) ** _sunset_exponent(seen[0], lighting.sun_elevation)
-        tint = warm if warm[0] / warm[2] > max(tint[0] / tint[2], 1.0) else tint
+    if lighting.sun_elevation < _SUNSET_SUN[1]:
+        if samples.segments is not None:
+            share = pixel_share(samples.segments, *samples.sky.shape[::-1], SurfaceClass.SKY)
+            colors = _sky_colors(samples, samples.sky & (share > _MIN_SKY_PROBABILITY), lighting, bare_sky)
+        if colors is not None:
+            warm = _color_ratio(colors[0], irradiance) ** _sunset_exponent(colors[0], lighting.sun_elevation)
+            tint = warm if warm[0] / warm[2] > max(tint[0] / tint[2], 1.0) else tint
     return np.asarray(tint * float(luminance(irradiance) / luminance(irradiance * tint)))
 
 
@@ -88,16 +149,18 @@ def _sunset_exponent(sky: Floats, sun_elevation: float) -> float:
     return low * float(np.interp(np.log2(red / blue), *_SUNSET_SHARES))
 
 
-def sky_color_ratio(pixels: NDArray[np.uint8], lighting: Lighting) -> Floats | None:
+def sky_color_ratio(samples: PhotoSamples, lighting: Lighting) -> Floats | None:
     """The color (3,) of the sky in a photo over that of the bare map in the same directions; green is 1.
 
     Smooth, bright pixels above the estimated horizon count as sky. None as in `sky_white_balance`.
 
     Args:
-        pixels: (h, w, 3) sRGB.
+        samples: of the photo.
         lighting: estimated for the photo.
     """
-    colors = _sky_colors(pixels, lighting)
+    if lighting.sky_irradiance is None or samples.sky is None:
+        return None
+    colors = _sky_colors(samples, samples.sky, lighting, render(lighting, _MAP_ROWS, sun=False))
     return None if colors is None else _color_ratio(*colors)
 
 
@@ -108,27 +171,22 @@ def _color_ratio(colors: Floats, map_colors: Floats) -> Floats:
 
 
 def _sky_colors(
-    pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None
+    samples: PhotoSamples, candidates: NDArray[np.bool_], lighting: Lighting, bare_sky: Image
 ) -> tuple[Floats, Floats] | None:
-    """The mean colors (3,) of the sky in a photo and of the bare map there; None as in `sky_white_balance`."""
-    if lighting.sky_irradiance is None:
+    """The mean colors (3,) of a photo and of the bare map where candidates (h, w) are sky; None where too few are."""
+    needed = _MIN_SKY_SHARE * candidates.size
+    rows, columns = np.nonzero(candidates)
+    if len(rows) < needed:
         return None
-    photo, directions = sample_photo(pixels, lighting)
-    smooth = _brightness_steps(np.sqrt(luminance(photo))) < _MAX_STEP
-    if segments is not None:
-        smooth &= pixel_share(segments, smooth.shape[1], smooth.shape[0], SurfaceClass.SKY) > _MIN_SKY_PROBABILITY
-    candidates = np.nonzero(smooth & (directions[..., 1] > _MIN_SIN_ELEVATION) & (max_channel(photo) < CLIPPED))
-    needed = _MIN_SKY_SHARE * smooth.size
-    if len(candidates[0]) < needed:
-        return None
-    chosen = tuple(axis[:: len(axis) // _MAX_SAMPLES + 1] for axis in candidates)
-    colors = photo[chosen]
-    map_colors = sample_latlong(render(lighting, _MAP_ROWS, sun=False), directions[chosen])
+    step = len(rows) // _MAX_SAMPLES + 1
+    chosen = rows[::step], columns[::step]
+    colors = samples.colors[chosen]
+    map_colors = sample_latlong(bare_sky, samples.directions[chosen])
     least = np.full(len(colors), _MIN_SKY_LUMINANCE)
     if lighting.sun_elevation < _SUNSET_SUN[0]:
         least[colors[:, 0] > 2**_MIN_ORANGE_STOPS * colors[:, 2]] = _MIN_SUNSET_LUMINANCE
     sky = luminance(colors) > least * luminance(map_colors)
-    if sky.mean() * len(candidates[0]) < needed:
+    if sky.mean() * len(rows) < needed:
         return None
     return colors[sky].mean(axis=0), map_colors[sky].mean(axis=0)
 
@@ -141,111 +199,85 @@ def _brightness_steps(gray: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def estimate_ground_albedo(
-    pixels: NDArray[np.uint8],
-    lighting: Lighting,
-    panorama: NDArray[np.float32] | None = None,
-    segments: Segments | None = None,
+    samples: PhotoSamples, lighting: Lighting, panorama: NDArray[np.float32] | None = None
 ) -> Floats | None:
     """Reflectance (3,) of the ground that a photo shows under the lighting's irradiances.
 
-    It is the mean of the linear values well below the estimated horizon, over (sky + sin(elevation) x sun) / pi. Near
-    the horizon things stand upright; the darkest and the brightest quarter do not count. It is the grayer the more of
-    them is clipped. None where the photo shows too little ground or the irradiances are unknown.
+    It is the mean of the linear values of the ground, over (sky + sin(elevation) x sun) / pi. The darkest and the
+    brightest quarter do not count. It is the grayer the more of them is clipped. None where the photo shows too little
+    ground or the irradiances are unknown.
 
     Args:
-        pixels: (h, w, 3) sRGB.
+        samples: of the photo.
         lighting: estimated for the photo.
         panorama: (R, 2R, 3) the network's surroundings. They draw the brightness to that of the ground which the photo
             does not show, the less the cloudier the sky is, for then the network errs more. None: the photo alone.
-        segments: of the photo. People, vehicles, plants and other things do not count then; where little else is below
-            the horizon, plants and things do, and people and vehicles never. None: all below the horizon counts.
     """
-    if lighting.sky_irradiance is None or lighting.sun_irradiance is None:
+    if lighting.sky_irradiance is None or lighting.sun_irradiance is None or samples.ground is None:
         return None
-    ground = _ground_pixels(pixels, lighting, segments)
-    if ground is None:
-        return None
-    radiance = _middle_mean(ground)
+    radiance = _middle_mean(samples.colors[samples.ground])
     if panorama is not None:
         share = _NETWORK_SHARE * (1 - (lighting.sky_cover or 0.0))
-        brightness = max(float(luminance(radiance)), EPSILON_IRRADIANCE)
-        radiance = radiance * (2**_NETWORK_BIAS_STOPS * ground_luminance(panorama) / brightness) ** share
-    level = np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
-    reflectance = np.pi * radiance / level
-    known = float(np.mean(max_channel(ground) < CLIPPED))  # what is clipped is white, whatever its color was
+        around = 2**_NETWORK_BIAS_STOPS * ground_luminance(panorama)
+        radiance = radiance * (around / max(float(luminance(radiance)), EPSILON_IRRADIANCE)) ** share
+    reflectance = np.pi * radiance / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
+    # what is clipped is white, whatever its color was
+    known = float(np.mean(samples.largest[samples.ground] < CLIPPED))
     gray = float(luminance(reflectance))
     return np.asarray(np.clip(gray + known * (reflectance - gray), *_REFLECTANCE_RANGE))
 
 
-def snow_gain(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None) -> float:
+def snow_gain(samples: PhotoSamples, lighting: Lighting) -> float:
     """The factor, 1 to 4, that makes a light so bright that the snow in a photo reflects no more of it than snow does.
 
     Ground is snow where most of it is bright and hardly colored; clipped, it is at least as bright as it seems. 1 where
     the photo shows no snow or the irradiances are unknown.
 
     Args:
-        pixels: (h, w, 3) sRGB.
+        samples: of the photo.
         lighting: estimated for the photo.
-        segments: which pixels are no ground; None: unknown.
     """
-    reflectance = _snow_reflectance(pixels, lighting, segments)
+    reflectance = _snow_reflectance(samples, lighting)
     if reflectance is None:
         return 1.0
     return float(np.clip(luminance(reflectance) / _SNOW_REFLECTANCE, 1.0, _MAX_SNOW_GAIN))
 
 
-def shows_snow(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None = None) -> bool:
+def shows_snow(samples: PhotoSamples, lighting: Lighting) -> bool:
     """Whether the ground that a photo shows is snow, and no white pavement before buildings.
 
     Args:
-        pixels: (h, w, 3) sRGB.
+        samples: of the photo.
         lighting: of the photo, after `snow_gain`.
-        segments: which pixels are no ground; None: unknown.
     """
+    segments = samples.segments
     if segments is not None and float(class_share(segments, SurfaceClass.BUILDING).mean()) > _MAX_SNOW_BUILDING:
         return False
-    reflectance = _snow_reflectance(pixels, lighting, segments, shaded=True)
+    reflectance = _snow_reflectance(samples, lighting, shaded=True)
     return reflectance is not None and float(luminance(reflectance)) > _MIN_SNOW_REFLECTANCE
 
 
-def _snow_reflectance(
-    pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None, *, shaded: bool = False
-) -> Floats | None:
+def _snow_reflectance(samples: PhotoSamples, lighting: Lighting, *, shaded: bool = False) -> Floats | None:
     """Reflectance (3,) of ground that is bright and hardly colored; None where the photo shows no such ground.
 
-    Args:
-        pixels: (h, w, 3) sRGB.
-        lighting: of the photo.
-        segments: which pixels are no ground; None: unknown.
-        shaded: whether it may be blue, as in shade, but hardly warm.
+    Where it is `shaded` it may be blue, but hardly warm.
     """
-    ground = None if lighting.sky_irradiance is None else _ground_pixels(pixels, lighting, segments)
-    if ground is None:
+    if lighting.sky_irradiance is None or samples.ground is None:
         return None
-    high = max_channel(ground)
+    ground, high = samples.colors[samples.ground], samples.largest[samples.ground]
     spread = high - ground.min(axis=1)
     pale = spread < _MAX_SNOW_SATURATION * high
     if shaded:
         cool = (np.diff(ground, axis=1) > -_BLUE_TOLERANCE * ground[:, 1:2]).all(axis=1)
         pale |= cool & (spread < _MAX_BLUE_SATURATION * high)
-    white = (luminance(ground) > (_MIN_SHADED_LUMINANCE if shaded else _MIN_SNOW_LUMINANCE)) & pale
+    white = pale & (luminance(ground) > (_MIN_SHADED_LUMINANCE if shaded else _MIN_SNOW_LUMINANCE))
+    if white.mean() < _MIN_SNOW_SHARE:
+        return None
     reflectance = np.pi * _middle_mean(ground) / np.maximum(level_irradiance(lighting), EPSILON_IRRADIANCE)
     tint = _MAX_SNOW_TINT
     if shaded:
         tint = _MAX_WARM_TINT if reflectance[0] > reflectance[2] else _MAX_BLUE_TINT
-    if white.mean() < _MIN_SNOW_SHARE or reflectance.max() > tint * reflectance.min():
-        return None
-    return np.asarray(reflectance)
-
-
-def _ground_pixels(pixels: NDArray[np.uint8], lighting: Lighting, segments: Segments | None) -> Floats | None:
-    """Linear values (N, 3) well below the horizon in a photo; None where it shows too little of that."""
-    photo, directions = sample_photo(pixels, lighting)
-    down = -directions[..., 1]
-    free = _free_of_things(segments, down.shape)
-    shows_ground = (mask & (down > sine) for mask in free for sine in _MIN_SIN_DEPRESSION)
-    below = next((mask for mask in shows_ground if np.mean(mask) >= _MIN_GROUND_SHARE), None)
-    return None if below is None else np.asarray(photo[below])
+    return None if reflectance.max() > tint * reflectance.min() else np.asarray(reflectance)
 
 
 def _middle_mean(ground: Floats) -> Floats:
@@ -253,15 +285,6 @@ def _middle_mean(ground: Floats) -> Floats:
     gray = ground.mean(axis=1)
     low, high = _quantiles(gray, _QUANTILES)
     return np.asarray(ground[(gray >= low) & (gray <= high)].mean(axis=0))
-
-
-def _free_of_things(segments: Segments | None, shape: tuple[int, ...]) -> list[NDArray[np.bool_]]:
-    """Which pixels (h, w) of a photo may count as ground, the better choice first."""
-    if segments is None:
-        return [np.ones(shape, dtype=bool)]
-    height, width = shape
-    hidden = pixel_share(segments, width, height, *THINGS), pixel_share(segments, width, height, *_NEVER_GROUND)
-    return [share < _MAX_HIDDEN for share in hidden]
 
 
 def ground_luminance(panorama: NDArray[np.float32]) -> float:

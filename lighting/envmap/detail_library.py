@@ -18,7 +18,7 @@ from PIL import Image as Pictures
 from PIL import ImageEnhance, WebPImagePlugin
 
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
-from lighting.envmap.appearance import shows_snow
+from lighting.envmap.appearance import PhotoSamples, shows_snow
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
 from lighting.envmap.projection import sample_cells
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
@@ -174,7 +174,8 @@ def describe_photo(
     target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
     weight = feature_weights(seen, level, segments is not None)
     saturation, azimuth = _saturation(flat), lighting.sun_azimuth if lighting.sun_shines else None
-    return PhotoFeatures(target, weight, azimuth, saturation, shows_snow(photo, lighting, segments))
+    snow = shows_snow(PhotoSamples(photo, lighting, segments), lighting)
+    return PhotoFeatures(target, weight, azimuth, saturation, snow)
 
 
 def _saturation(colors: Image) -> float:

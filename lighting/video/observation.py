@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from lighting.color import luminance, srgb_decode
 from lighting.decoding import light_from_vector, light_to_vector, lighting_from_prediction
-from lighting.envmap.appearance import estimate_ground_albedo, sky_white_balance
+from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sky_white_balance
 from lighting.fusion.estimate import screen_prediction
 from lighting.fusion.multi_view import (
     AZIMUTH_CORRELATION,
@@ -424,10 +424,12 @@ def _apply_colors(prediction: Prediction, pixels: Pixels) -> FrameEstimate:
     """The estimate of a frame, in the colors that it shows."""
     if (light := prediction.light) is None:
         return FrameEstimate(prediction)
-    if (tint := sky_white_balance(pixels, lighting_from_prediction(prediction))) is not None:
+    lighting = lighting_from_prediction(prediction)
+    samples = PhotoSamples(pixels, lighting)
+    if (tint := sky_white_balance(samples, lighting)) is not None:
         prediction = replace(prediction, light=replace(light, sky_irradiance=light.sky_irradiance * tint))
-    ground = estimate_ground_albedo(pixels, lighting_from_prediction(prediction), light.surroundings)
-    return FrameEstimate(prediction, ground)
+        lighting = lighting_from_prediction(prediction)
+    return FrameEstimate(prediction, estimate_ground_albedo(samples, lighting, light.surroundings))
 
 
 def is_dark(pixels: Pixels) -> bool:

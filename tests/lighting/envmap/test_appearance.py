@@ -8,6 +8,7 @@ import pytest
 
 from lighting.color import luminance, tone_map
 from lighting.envmap.appearance import (
+    PhotoSamples,
     _quantiles,
     estimate_ground_albedo,
     ground_luminance,
@@ -29,37 +30,57 @@ def photo(reflectance: list[float], sky: float = 0.8) -> np.ndarray:
     return tone_map(linear)
 
 
+def albedo_of(
+    picture: np.ndarray, light: Lighting, around: np.ndarray | None = None, segments: np.ndarray | None = None
+) -> np.ndarray | None:
+    return estimate_ground_albedo(PhotoSamples(picture, light, segments), light, around)
+
+
+def gain_of(picture: np.ndarray, light: Lighting) -> float:
+    return snow_gain(PhotoSamples(picture, light), light)
+
+
+def is_snow(picture: np.ndarray, light: Lighting, segments: np.ndarray | None = None) -> bool:
+    return shows_snow(PhotoSamples(picture, light, segments), light)
+
+
+def balance_of(picture: np.ndarray, light: Lighting, segments: np.ndarray | None = None) -> np.ndarray | None:
+    return sky_white_balance(PhotoSamples(picture, light, segments), light)
+
+
+def ratio_of(picture: np.ndarray, light: Lighting) -> np.ndarray | None:
+    return sky_color_ratio(PhotoSamples(picture, light), light)
+
+
 def test_the_ground_is_what_lies_below_the_horizon_over_its_light() -> None:
-    assert estimate_ground_albedo(photo([0.2, 0.15, 0.1]), stated_light()) == pytest.approx([0.2, 0.15, 0.1], rel=0.05)
+    assert albedo_of(photo([0.2, 0.15, 0.1]), stated_light()) == pytest.approx([0.2, 0.15, 0.1], rel=0.05)
 
 
 def test_few_glints_do_not_count() -> None:
     spotted = photo([0.2, 0.2, 0.2])
     spotted[40:43] = 255
-    assert estimate_ground_albedo(spotted, stated_light()) == pytest.approx([0.2] * 3, rel=0.1)
+    assert albedo_of(spotted, stated_light()) == pytest.approx([0.2] * 3, rel=0.1)
 
 
 def test_a_camera_that_looks_up_sees_no_ground() -> None:
-    assert estimate_ground_albedo(photo([0.2] * 3), stated_light(camera_elevation=50.0)) is None
+    assert albedo_of(photo([0.2] * 3), stated_light(camera_elevation=50.0)) is None
 
 
 @pytest.mark.parametrize("cover", [0.0, 0.5, 1.0])
 def test_the_network_s_ground_counts_for_brightness_the_less_the_cloudier_and_not_for_colour(cover: float) -> None:
     picture, light = photo([0.2, 0.15, 0.1]), stated_light(sky_cover=cover)
-    shown = estimate_ground_albedo(picture, light)
+    shown = albedo_of(picture, light)
     assert shown is not None
     radiance = shown * LEVEL / np.pi
     for stops in (-1.0, 0.0, 1.5):
         around = np.full((12, 24, 3), 9.0, np.float32)  # its sky does not count
         around[6:] = luminance(radiance) * 2.0 ** (stops - 0.2)
-        found = estimate_ground_albedo(picture, light, around)
+        found = albedo_of(picture, light, around)
         assert found == pytest.approx(shown * 2.0 ** (0.6 * (1 - cover) * stops), rel=1e-4)
 
 
 def test_a_network_without_ground_stays_in_range() -> None:
-    assert estimate_ground_albedo(photo([0.2] * 3), stated_light(), np.zeros((12, 24, 3), np.float32)) == pytest.approx(
-        [0.02] * 3
-    )
+    assert albedo_of(photo([0.2] * 3), stated_light(), np.zeros((12, 24, 3), np.float32)) == pytest.approx([0.02] * 3)
 
 
 def test_brightness_below_is_that_of_a_level_surface_facing_down() -> None:
@@ -70,12 +91,12 @@ def test_brightness_below_is_that_of_a_level_surface_facing_down() -> None:
 
 
 def test_without_irradiances_nothing_is_known() -> None:
-    assert estimate_ground_albedo(photo([0.2] * 3), Lighting(0.0, 30.0, 3.0, 1.0)) is None
+    assert albedo_of(photo([0.2] * 3), Lighting(0.0, 30.0, 3.0, 1.0)) is None
 
 
 def test_a_black_or_white_picture_stays_in_range() -> None:
-    assert estimate_ground_albedo(np.zeros((40, 60, 3), np.uint8), stated_light()) == pytest.approx([0.02] * 3)
-    assert estimate_ground_albedo(np.full((40, 60, 3), 255, np.uint8), stated_light(1.0)) is not None
+    assert albedo_of(np.zeros((40, 60, 3), np.uint8), stated_light()) == pytest.approx([0.02] * 3)
+    assert albedo_of(np.full((40, 60, 3), 255, np.uint8), stated_light(1.0)) is not None
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 50, 999])
@@ -89,7 +110,7 @@ def test_clipped_ground_is_grey() -> None:
     half = np.full((40, 60, 3), 255, np.uint8)
     half[:, ::2] = (150, 150, 150)
     clear, mixed, clipped = (
-        estimate_ground_albedo(picture, light)
+        albedo_of(picture, light)
         for picture in (np.full((40, 60, 3), 150, np.uint8), half, np.full((40, 60, 3), 255, np.uint8))
     )
     assert clear is not None
@@ -102,14 +123,14 @@ def test_clipped_ground_is_grey() -> None:
 
 def test_snow_says_how_bright_the_light_is_at_least() -> None:
     """Ground that is white reflects 85 % and no more, so the light is brighter than was said."""
-    assert snow_gain(photo([1.2, 1.2, 1.2]), stated_light()) == pytest.approx(1.2 / 0.85, rel=0.05)
-    assert snow_gain(photo([0.8, 0.8, 0.8]), stated_light()) == 1.0
-    assert snow_gain(photo([1.2, 1.2, 0.6]), stated_light()) == 1.0  # yellow
+    assert gain_of(photo([1.2, 1.2, 1.2]), stated_light()) == pytest.approx(1.2 / 0.85, rel=0.05)
+    assert gain_of(photo([0.8, 0.8, 0.8]), stated_light()) == 1.0
+    assert gain_of(photo([1.2, 1.2, 0.6]), stated_light()) == 1.0  # yellow
     spotted = photo([1.2, 1.2, 1.2])
     spotted[:, ::2] = (30, 60, 20)  # half of it is grass
-    assert snow_gain(spotted, stated_light()) == 1.0
-    assert snow_gain(np.full((40, 60, 3), 255, np.uint8), stated_light(sky_irradiance=(0.01,) * 3)) <= 4.0
-    assert snow_gain(photo([1.2, 1.2, 1.2]), Lighting(0.0, 30.0, 3.0, 1.0)) == 1.0
+    assert gain_of(spotted, stated_light()) == 1.0
+    assert gain_of(np.full((40, 60, 3), 255, np.uint8), stated_light(sky_irradiance=(0.01,) * 3)) <= 4.0
+    assert gain_of(photo([1.2, 1.2, 1.2]), Lighting(0.0, 30.0, 3.0, 1.0)) == 1.0
 
 
 def test_snow_is_white_ground_without_buildings() -> None:
@@ -118,12 +139,12 @@ def test_snow_is_white_ground_without_buildings() -> None:
         np.broadcast_to(np.eye(len(SurfaceClass), dtype=np.float32)[kinds], (12, 16, len(SurfaceClass)))
         for kinds in ([[SurfaceClass.BUILDING] * 8 + [SurfaceClass.GROUND] * 8] * 12, SurfaceClass.GROUND)
     )
-    assert shows_snow(white, stated_light())
-    assert shows_snow(white, stated_light(), ground)
-    assert not shows_snow(white, stated_light(), buildings)
-    assert not shows_snow(photo([0.3, 0.3, 0.3]), stated_light())
-    assert shows_snow(photo([0.65, 0.75, 1.0]), stated_light())  # in shade
-    assert not shows_snow(photo([0.9, 0.75, 0.65]), stated_light())  # pavement
+    assert is_snow(white, stated_light())
+    assert is_snow(white, stated_light(), ground)
+    assert not is_snow(white, stated_light(), buildings)
+    assert not is_snow(photo([0.3, 0.3, 0.3]), stated_light())
+    assert is_snow(photo([0.65, 0.75, 1.0]), stated_light())  # in shade
+    assert not is_snow(photo([0.9, 0.75, 0.65]), stated_light())  # pavement
 
 
 SKY = np.array(SKY_IRRADIANCE)
@@ -144,7 +165,7 @@ def overcast(**changes: float) -> Lighting:
 
 def balanced_sky(picture: np.ndarray, light: Lighting) -> np.ndarray:
     """The sky's irradiance with the factors that the photo gives."""
-    factors = sky_white_balance(picture, light)
+    factors = balance_of(picture, light)
     assert factors is not None
     return np.asarray(factors * np.array(light.sky_irradiance))
 
@@ -163,7 +184,7 @@ def test_under_cloud_the_sky_takes_most_of_the_photos_colour() -> None:
 @pytest.mark.parametrize(("cover", "trust"), [(0.0, 0.11), (0.5, 0.11 + 0.51 / 4), (1.0, 0.11 + 0.51)])
 def test_the_photos_colour_counts_by_the_square_of_the_cover(cover: float, trust: float) -> None:
     light = stated_light(sky_cover=cover)
-    off = sky_color_ratio(photo_of_sky(SUNSET), light)
+    off = ratio_of(photo_of_sky(SUNSET), light)
     assert off is not None
     assert np.ptp(off) > 0.3
     assert relative_to_green(balanced_sky(photo_of_sky(SUNSET), light)) == pytest.approx(
@@ -198,7 +219,7 @@ def test_an_orange_wall_is_no_sunset() -> None:
     segments = np.zeros((15, 20, len(SurfaceClass)), np.float32)
     segments[:2, :, SurfaceClass.SKY] = 1
     segments[2:, :, SurfaceClass.BUILDING] = 1
-    with_wall, without = (sky_white_balance(picture, light, known) for known in (segments, None))
+    with_wall, without = (balance_of(picture, light, known) for known in (segments, None))
     assert with_wall is not None
     assert without is not None
     assert with_wall[0] / with_wall[2] < 0.8 * without[0] / without[2]
@@ -209,7 +230,7 @@ def test_an_orange_sky_counts_beside_the_glow_of_the_map() -> None:
     light = replace(stated_light(3.0, sky_cover=0.0), sun_elevation=6.0, sun_azimuth=0.0)
     found = balanced_sky(photo_of_sky(0.5 * ORANGE), light)
     assert found[0] / found[2] > 3 * SKY[0] / SKY[2]
-    assert sky_color_ratio(photo_of_sky(0.5 * SKY / np.pi), light) is None
+    assert ratio_of(photo_of_sky(0.5 * SKY / np.pi), light) is None
 
 
 def test_its_brightness_stays() -> None:
@@ -246,23 +267,23 @@ def test_a_sky_of_the_colour_that_was_said_changes_nothing() -> None:
     ],
 )
 def test_without_sky_nothing_is_known(picture: np.ndarray, changes: dict[str, float]) -> None:
-    assert sky_white_balance(picture, overcast(**changes)) is None
+    assert balance_of(picture, overcast(**changes)) is None
 
 
 def test_a_black_sky_stays_black() -> None:
-    factors = sky_white_balance(photo_of_sky(SUNSET), replace(overcast(), sky_irradiance=(0.0, 0.0, 0.0)))
+    factors = balance_of(photo_of_sky(SUNSET), replace(overcast(), sky_irradiance=(0.0, 0.0, 0.0)))
     assert factors is not None
     assert np.isfinite(factors).all()
 
 
 def test_sky_colour_without_irradiances_nothing_is_known() -> None:
-    assert sky_white_balance(photo_of_sky(SUNSET), Lighting(0.0, 30.0, 3.0, 1.0)) is None
+    assert balance_of(photo_of_sky(SUNSET), Lighting(0.0, 30.0, 3.0, 1.0)) is None
 
 
 def test_a_sky_without_green_gives_bounded_factors() -> None:
     violet = np.zeros((40, 60, 3), np.uint8)
     violet[..., 2] = 248
-    factors = sky_white_balance(violet, overcast(camera_elevation=40.0))
+    factors = balance_of(violet, overcast(camera_elevation=40.0))
     assert factors is not None
     assert np.isfinite(factors).all()
     assert (factors > 0).all()
@@ -276,8 +297,8 @@ def test_an_orange_jacket_does_not_colour_the_ground() -> None:
     segments = np.zeros((18, 24, 10), dtype=np.float32)
     segments[..., SurfaceClass.GROUND] = 1.0
     segments[7:, 4:20] = np.eye(10, dtype=np.float32)[SurfaceClass.PERSON]
-    masked, plain = (estimate_ground_albedo(picture, light, segments=one) for one in (segments, None))
-    bare = estimate_ground_albedo(np.full_like(picture, 110), light)
+    masked, plain = (albedo_of(picture, light, segments=one) for one in (segments, None))
+    bare = albedo_of(np.full_like(picture, 110), light)
     assert masked is not None
     assert plain is not None
     assert masked == pytest.approx(bare, rel=1e-3)
@@ -291,6 +312,6 @@ def test_ground_that_is_all_people_has_no_colour_and_all_plants_has_theirs() -> 
     for kind in (SurfaceClass.PERSON, SurfaceClass.PLANTS):
         segments = np.zeros((18, 24, 10), dtype=np.float32)
         segments[..., kind] = 1.0
-        colors[kind] = estimate_ground_albedo(green, light, segments=segments)
+        colors[kind] = albedo_of(green, light, segments=segments)
     assert colors[SurfaceClass.PERSON] is None
-    assert colors[SurfaceClass.PLANTS] == pytest.approx(estimate_ground_albedo(green, light))
+    assert colors[SurfaceClass.PLANTS] == pytest.approx(albedo_of(green, light))
