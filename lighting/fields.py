@@ -1,4 +1,4 @@
-"""The fields of records: ranges and units of a light's, checks against them, values clipped to them, words.
+"""The fields of records: ranges and units of a light's, checks against them, values clipped to them, JSON, words.
 
 Names and units are the same in Python, HTTP parameters of a sky, EXR attributes and columns of tables. JSON groups them
 (RECORD_PATHS). Some have other names where people type them (SHORT_NAMES). Python itself keeps the docstrings of fields
@@ -10,13 +10,14 @@ import inspect
 import math
 import reprlib
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
+from datetime import UTC, datetime
 from enum import Enum
 from typing import Any, TypeGuard
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from lighting.errors import ErrorCode, ParameterError
 
@@ -53,6 +54,8 @@ COLOR_RANGES: dict[str, tuple[float, float]] = {  # red, green and blue, not alw
     "sky_irradiance": (0.0, 1e6),  # of open level ground by the sky without the sun, in the same units
     "ground_color": (0.0, 1.0),  # reflectance of the ground
 }
+
+PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
 
 RECORD_PATHS: dict[str, str] = {  # where the JSON record has the fields of a Lighting that are not at its top
     "model_name": "model.name",
@@ -280,6 +283,110 @@ def _attribute_docstrings(definition: ast.ClassDef) -> Iterator[tuple[str, str]]
 def _list_fields(record: type, summary: str) -> str:
     lines = [f"    {name}: {text}" for name, text in field_docstrings(record).items()]
     return "\n".join([summary, "", "Fields:", *lines]) if lines else summary
+
+
+# JSON in and out.
+
+# Section and name in a JSON record, and attribute, of each plain number and of each color.
+_NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.items() if attribute in PLAIN_RANGES]
+_COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
+
+
+def nest_fields(values: Mapping[str, Any], sun_direction: NDArray[np.floating]) -> dict[str, Any]:
+    """Return the JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown.
+
+    Args:
+        values: of the fields, by name.
+        sun_direction: unit vector (3,).
+    """
+    record: dict[str, Any] = {"model": {"name": values["model_name"], "version": values["model_version"]}}
+    for section, name, attribute in _NUMBERS:
+        group = record.setdefault(section, {})
+        if values[attribute] is not None:
+            group[name] = values[attribute]
+    record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
+    for section, name, attribute in _COLORS:
+        if (color := values[attribute]) is not None:
+            record.setdefault(section, {})[name] = list(color)
+    if values["spot_pixel"] is not None:
+        record["ground"]["spot"] = {name: list(values[f"spot_{name}"]) for name in ("pixel", "direction")}
+    elif values["ground_visible"] is not None:
+        record["ground"]["spot"] = None  # it was sought, and there is none
+    if not record["ground"]:
+        del record["ground"]
+    record["sky"]["model"] = values["sky_model"]
+    if values["sky_painted"] is not None:
+        record["sky"]["painted"] = values["sky_painted"]
+    if values["suitable"] is not None:
+        record["suitable"] = values["suitable"]
+    if values["camera_heading_probability"]:
+        record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
+    if (time := values["utc_time"]) is not None:
+        record["time"]["utc"] = time.astimezone(UTC).isoformat().replace("+00:00", "Z")
+    if values["time_source"] is not None:
+        record["time"]["source"] = values["time_source"]
+    for section in ("place", "time"):
+        if not record[section]:
+            del record[section]
+    return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
+
+
+def flatten_record(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the fields of a Lighting, by name, that a JSON record holds.
+
+    Args:
+        record: an object of JSON.
+
+    Raises:
+        ParameterError: one is missing or of the wrong type; the error's field is the path in the record.
+    """
+    if not isinstance(record, Mapping):
+        sentence = f"A lighting record must be an object, not {reprlib.repr(record)}."
+        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
+    names = dict.fromkeys((*(section for section, _, _ in _NUMBERS), "model", "ground"))
+    sections = {name: _section(record, name) for name in names}
+    values: dict[str, Any] = {attribute: sections[section].get(name) for section, name, attribute in _NUMBERS}
+    for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
+        if values[name] is None:
+            path = RECORD_PATHS[name]
+            raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
+    values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
+    values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
+    values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
+    values |= {attribute: _numbers(sections, section, name) for section, name, attribute in _COLORS}
+    if sections["ground"].get("spot") is not None:
+        spots = {"spot": _section(sections["ground"], "spot")}
+        values |= {f"spot_{name}": _numbers(spots, "spot", name) for name in ("pixel", "direction")}
+    values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
+    values["utc_time"], values["time_source"] = _time(sections["time"].get("utc")), sections["time"].get("source")
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str) -> tuple[float, ...] | None:
+    """A list in a record; None where it is absent, which an empty one is not."""
+    numbers = sections[section].get(name)
+    if numbers is not None and not isinstance(numbers, list | tuple):
+        predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
+        raise ParameterError.about(f"{section}.{name}", predicate, ErrorCode.WRONG_TYPE)
+    return None if numbers is None else tuple(numbers)
+
+
+def _time(text: object) -> object:
+    """The time that a record's text says; any other value as it is, to be refused."""
+    try:
+        return datetime.fromisoformat(text) if isinstance(text, str) else text
+    except ValueError:
+        return text
+
+
+def _section(record: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    section = record.get(name)
+    if section is None and name not in ("sun", "sky"):
+        return {}
+    if not isinstance(section, Mapping):
+        code = ErrorCode.MISSING if section is None else ErrorCode.WRONG_TYPE
+        raise ParameterError(f"The lighting record needs an object {name!r}.", name, code)
+    return section
 
 
 # In words, the same wherever they are printed or drawn.

@@ -7,7 +7,7 @@ import sys
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
@@ -18,12 +18,13 @@ from numpy.typing import NDArray
 from lighting.errors import ErrorCode, ModelError, ParameterError
 from lighting.fields import (
     COLOR_RANGES,
-    OPTIONAL_RANGES,
+    PLAIN_RANGES,
     RANGES,
-    RECORD_PATHS,
     check_range,
     convert_numpy_numbers,
     describe_fields,
+    flatten_record,
+    nest_fields,
     record_path,
 )
 from lighting.geometry import EYE_HEIGHT, Floats, direction
@@ -43,10 +44,6 @@ MIN_SUITABLE = 0.5  # `suitable` below it earns a warning
 MAX_RECORD_BYTES = 1_000_000  # the service's longest answer has 50,000, and 400,000 indented in UTF-16
 SURROUNDINGS_SHAPE = (12, 24, 3)  # rows from zenith to nadir, columns of azimuth with 0 in the middle, RGB
 GROUND_REFLECTANCE = 0.12  # of ground that a photo does not show: about the median under overcast HDR panoramas
-_PLAIN_RANGES = RANGES | OPTIONAL_RANGES  # of plain numbers
-# Section and name in a JSON record, and attribute, of each plain number and of each color.
-_NUMBERS = [(*path.split("."), attribute) for attribute, path in RECORD_PATHS.items() if attribute in _PLAIN_RANGES]
-_COLORS = [(*RECORD_PATHS[attribute].split("."), attribute) for attribute in COLOR_RANGES]
 _SPOT = {"spot_pixel": (2, 0.0, 1e6), "spot_direction": (3, -1.0, 1.0)}  # how many numbers, and their range
 MIN_SPOT_DESCENT = 1e-3  # sine of the angle below the horizon at which an object may stand
 _LARGEST = sys.float_info.max
@@ -310,7 +307,7 @@ class Lighting:
     """Unit vector, each -1 to 1, from the camera to the spot, +Y up. None: as `spot_pixel`."""
 
     def __post_init__(self) -> None:
-        for name, (low, high) in _PLAIN_RANGES.items():
+        for name, (low, high) in PLAIN_RANGES.items():
             value = getattr(self, name)
             if not _is_within(value, low, high) and (value is not None or name in RANGES):
                 convert_numpy_numbers(self, name)
@@ -404,7 +401,7 @@ class Lighting:
 
     def to_dict(self) -> Json:
         """Return the JSON record; it adds `sun.direction` and omits what is unknown."""
-        return _record_from_values(vars(self), self.sun_direction)
+        return nest_fields(vars(self), self.sun_direction)
 
     @classmethod
     def from_dict(cls, record: Mapping[str, Any]) -> "Lighting":
@@ -418,7 +415,7 @@ class Lighting:
         Raises:
             ParameterError: a field is missing, of the wrong type or out of range; named as in the record, sun.azimuth.
         """
-        values = _values_from_record(record)
+        values = flatten_record(record)
         try:
             return cls(**values)
         except ParameterError as error:
@@ -526,97 +523,6 @@ def _evidence_kind(word: str) -> str:
 def _check_spec(name: str, fits: bool) -> None:
     if not fits:
         raise ModelError(f"The model's metadata does not describe its input: {name} is not as it should be.")
-
-
-# JSON in and out.
-
-
-def _record_from_values(values: Mapping[str, Any], sun_direction: Floats) -> Json:
-    """The JSON record of the fields of a Lighting, with `sun.direction` and without what is unknown."""
-    record: Json = {"model": {"name": values["model_name"], "version": values["model_version"]}}
-    for section, name, attribute in _NUMBERS:
-        group = record.setdefault(section, {})
-        if values[attribute] is not None:
-            group[name] = values[attribute]
-    record["sun"]["direction"] = [round(float(v), 6) for v in sun_direction]
-    for section, name, attribute in _COLORS:
-        if (color := values[attribute]) is not None:
-            record.setdefault(section, {})[name] = list(color)
-    if values["spot_pixel"] is not None:
-        record["ground"]["spot"] = {name: list(values[f"spot_{name}"]) for name in ("pixel", "direction")}
-    elif values["ground_visible"] is not None:
-        record["ground"]["spot"] = None  # it was sought, and there is none
-    if not record["ground"]:
-        del record["ground"]
-    record["sky"]["model"] = values["sky_model"]
-    if values["sky_painted"] is not None:
-        record["sky"]["painted"] = values["sky_painted"]
-    if values["suitable"] is not None:
-        record["suitable"] = values["suitable"]
-    if values["camera_heading_probability"]:
-        record["camera"]["heading_probability"] = list(values["camera_heading_probability"])
-    if (time := values["utc_time"]) is not None:
-        record["time"]["utc"] = time.astimezone(UTC).isoformat().replace("+00:00", "Z")
-    if values["time_source"] is not None:
-        record["time"]["source"] = values["time_source"]
-    for section in ("place", "time"):
-        if not record[section]:
-            del record[section]
-    return record | {"evidence": list(values["evidence"]), "warnings": list(values["warnings"])}
-
-
-def _values_from_record(record: Mapping[str, Any]) -> Json:
-    """The fields of a Lighting that a record holds; ParameterError for one that is missing or of the wrong type.
-
-    The error's field is the path in the record.
-    """
-    if not isinstance(record, Mapping):
-        sentence = f"A lighting record must be an object, not {reprlib.repr(record)}."
-        raise ParameterError(sentence, code=ErrorCode.WRONG_TYPE)
-    names = dict.fromkeys((*(section for section, _, _ in _NUMBERS), "model", "ground"))
-    sections = {name: _section(record, name) for name in names}
-    values: Json = {attribute: sections[section].get(name) for section, name, attribute in _NUMBERS}
-    for name in ("sun_azimuth", "sun_elevation", "turbidity", "exposure"):
-        if values[name] is None:
-            path = RECORD_PATHS[name]
-            raise ParameterError(f"The lighting record lacks {path}.", path, ErrorCode.MISSING)
-    values |= {f"model_{name}": sections["model"].get(name) for name in ("name", "version")}
-    values |= {name: record.get(name) for name in ("evidence", "warnings", "suitable")}
-    values["camera_heading_probability"] = _numbers(sections, "camera", "heading_probability")
-    values |= {attribute: _numbers(sections, section, name) for section, name, attribute in _COLORS}
-    if sections["ground"].get("spot") is not None:
-        spots = {"spot": _section(sections["ground"], "spot")}
-        values |= {f"spot_{name}": _numbers(spots, "spot", name) for name in ("pixel", "direction")}
-    values |= {"sky_model": sections["sky"].get("model"), "sky_painted": sections["sky"].get("painted")}
-    values["utc_time"], values["time_source"] = _time(sections["time"].get("utc")), sections["time"].get("source")
-    return {name: value for name, value in values.items() if value is not None}
-
-
-def _numbers(sections: Mapping[str, Mapping[str, Any]], section: str, name: str) -> tuple[float, ...] | None:
-    """A list in a record; None where it is absent, which an empty one is not."""
-    numbers = sections[section].get(name)
-    if numbers is not None and not isinstance(numbers, list | tuple):
-        predicate = f"must be a list of numbers, not {reprlib.repr(numbers)}."
-        raise ParameterError.about(f"{section}.{name}", predicate, ErrorCode.WRONG_TYPE)
-    return None if numbers is None else tuple(numbers)
-
-
-def _time(text: object) -> object:
-    """The time that a record's text says; any other value as it is, to be refused."""
-    try:
-        return datetime.fromisoformat(text) if isinstance(text, str) else text
-    except ValueError:
-        return text
-
-
-def _section(record: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    section = record.get(name)
-    if section is None and name not in ("sun", "sky"):
-        return {}
-    if not isinstance(section, Mapping):
-        code = ErrorCode.MISSING if section is None else ErrorCode.WRONG_TYPE
-        raise ParameterError(f"The lighting record needs an object {name!r}.", name, code)
-    return section
 
 
 def record_with_coefficients(lighting: Lighting, probe: "LightProbe | None" = None) -> Json:

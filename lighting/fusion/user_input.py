@@ -107,11 +107,11 @@ class UserInput:
                 predicate = f"must be True or False, not {reprlib.repr(getattr(self, name))}."
                 raise ParameterError.about(name, predicate, ErrorCode.WRONG_TYPE)
         self._check_time()
-        convert_numpy_numbers(self, *_RANGES)
-        for name, (low, high) in _RANGES.items():
-            if (value := getattr(self, name)) is not None:
-                check_range(name, value, low, high)
-        check_location(self.latitude, self.longitude)
+        if stated := [name for name in _RANGES if getattr(self, name) is not None]:
+            convert_numpy_numbers(self, *stated)
+            for name in stated:
+                check_range(name, getattr(self, name), *_RANGES[name])
+            check_location(self.latitude, self.longitude)
 
     def explicit_fields(self) -> dict[str, object]:
         """The fields that the user stated, by name."""
