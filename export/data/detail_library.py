@@ -1,4 +1,4 @@
-"""Make lighting/data/detail.npz out of the panoramas of `train` that Poly Haven gives away (CC0).
+"""Make lighting/data/detail.npy out of the panoramas of `train` that Poly Haven gives away (CC0).
 
     python -m export.data.detail_library --data DIR
 
@@ -10,7 +10,6 @@ chosen too often.
 import argparse
 import io
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_RANGE,
     FEATURE_ROWS,
+    FEATURES,
     LIBRARY_PATH,
     PICTURE_ROWS,
     cell_features,
@@ -39,14 +39,21 @@ from lighting.geometry import (
 )
 from lighting.segmentation import INPUT_SIZE, packaged_segmenter
 
-LICENCE = "poly haven"  # in the field of a row whose panorama may ship
-LEFT_OUT = (
+_LICENCE = "poly haven"  # in the field of a row whose panorama may ship
+_LEFT_OUT = (
     *("mfecane_1189", "mfecane_1194", "mfecane_1195", "mfecane_1204", "mfecane_1213"),  # others show the same
     *("mfecane_1193", "outdoor_umbrellas"),  # coloured umbrellas all over the sky
     "industrial_sunset_02",  # no detail but rows of plants
 )
-SNOW = ("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01")
-QUALITY = 60  # of WebP, 0 to 100
+_SNOW = ("horn_koppe_snow", "snowy_forest_path_01", "stierberg_sunrise", "winter_lake_01")
+_QUALITY = 60  # of WebP, 0 to 100
+_ROW = np.dtype(
+    [
+        *(("name", "U40"), ("size", "i8")),  # bytes of the picture
+        ("features", "u1", (len(FEATURES), FEATURE_ROWS, 2 * FEATURE_ROWS)),  # FEATURE_RANGE in 255 steps
+        *(("sun_azimuth", "f8"), ("sunlit", "?"), ("snow", "?"), ("cost", "f4")),
+    ]
+)
 
 _BRIGHT, _BRIGHT_SHARE, _MEAN = (
     0.9,
@@ -62,27 +69,38 @@ _COST_STEP, _BALANCE_STEPS = 0.002, 5000
 _BROAD_DEG = 15.0  # standard deviation by which broad brightness is smoothed
 
 
-def _make_detail_library(data: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of the library's file.
+def _make_detail_library(data: Path) -> tuple[NDArray[np.void], NDArray[np.uint8]]:
+    """The table and the pictures of the library's file.
 
     Args:
         data: folder of panoramas.
     """
-    chosen = [p for p in read_index(data, "train") if _may_ship(p) and p.name not in LEFT_OUT]
+    chosen = [p for p in read_index(data, "train") if _may_ship(p) and p.name not in _LEFT_OUT]
     linear = [_prepare(p) for p in chosen]
     pictures = [_encode(one) for one in linear]
     low, high = FEATURE_RANGE
     features = np.stack([_features(one) for one in linear])
-    return {
-        "names": np.array([p.name for p in chosen]),
-        "sizes": np.array([len(picture) for picture in pictures]),
-        "pictures": np.frombuffer(b"".join(pictures), dtype=np.uint8),
-        "features": np.round((np.clip(features, low, high) - low) * (255 / (high - low))).astype(np.uint8),
-        "sun_azimuth": np.array([np.nan if p.sun_azimuth is None else p.sun_azimuth for p in chosen]),
-        "sunlit": np.array([p.direct in ("yes", "partly") and p.sun_azimuth is not None for p in chosen]),
-        "snow": np.array([p.name in SNOW for p in chosen]),
-        "cost": np.zeros(len(chosen), np.float32),
-    }
+    table = np.zeros(len(chosen), _ROW)
+    table["name"] = [p.name for p in chosen]
+    table["size"] = [len(picture) for picture in pictures]
+    table["features"] = np.round((np.clip(features, low, high) - low) * (255 / (high - low)))
+    table["sun_azimuth"] = [np.nan if p.sun_azimuth is None else p.sun_azimuth for p in chosen]
+    table["sunlit"] = [p.direct in ("yes", "partly") and p.sun_azimuth is not None for p in chosen]
+    table["snow"] = [p.name in _SNOW for p in chosen]
+    return table, np.frombuffer(b"".join(pictures), dtype=np.uint8)
+
+
+def write_detail_library(file: Path, table: NDArray[np.void], pictures: NDArray[np.uint8]) -> None:
+    """Write a library, as `read_detail_library` reads it.
+
+    Args:
+        file: the library's.
+        table: (N,) a row for each panorama.
+        pictures: bytes of all, one after the other.
+    """
+    with file.open("wb") as stream:
+        np.save(stream, table, allow_pickle=False)
+        np.save(stream, pictures, allow_pickle=False)
 
 
 def _may_ship(panorama: Panorama) -> bool:
@@ -92,7 +110,7 @@ def _may_ship(panorama: Panorama) -> bool:
         panorama: a row of the index.
     """
     licence = panorama.licence.lower()
-    return LICENCE in licence and "cc0" in licence
+    return _LICENCE in licence and "cc0" in licence
 
 
 def balance_library(costs: NDArray[np.floating], least: NDArray[np.floating] | None = None) -> NDArray[np.float32]:
@@ -152,7 +170,7 @@ def _gaussian(count: int, rows: int, wraps: bool) -> NDArray[np.float32]:
 
 
 def _encode(linear: NDArray[np.float32]) -> bytes:
-    Image.fromarray(tone_map(linear)).save(stream := io.BytesIO(), "WEBP", quality=QUALITY, method=6)
+    Image.fromarray(tone_map(linear)).save(stream := io.BytesIO(), "WEBP", quality=_QUALITY, method=6)
     return stream.getvalue()
 
 
@@ -203,9 +221,9 @@ def _smooth(cells: NDArray[np.float32]) -> NDArray[np.float32]:
 def _main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, required=True, help="folder with panoramas.csv and the pictures")
-    library = _make_detail_library(parser.parse_args().data)
-    np.savez_compressed(LIBRARY_PATH, allow_pickle=False, **library)
-    print(f"{LIBRARY_PATH}: {len(library['names'])} panoramas, {LIBRARY_PATH.stat().st_size} bytes")
+    table, pictures = _make_detail_library(parser.parse_args().data)
+    write_detail_library(LIBRARY_PATH, table, pictures)
+    print(f"{LIBRARY_PATH}: {len(table)} panoramas, {LIBRARY_PATH.stat().st_size} bytes")
 
 
 if __name__ == "__main__":

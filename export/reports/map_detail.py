@@ -24,12 +24,19 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from export.data.detail_library import balance_library
+from export.data.detail_library import balance_library, write_detail_library
 from export.data.panoramas import Panorama, linearize, read_index, read_picture
 from export.evaluation.metrics import figures_table
 from export.evaluation.relighting import rgb_angle
 from lighting.color import luminance, srgb_encode, tone_map
-from lighting.envmap.detail_library import LIBRARY_PATH, DetailSource, PhotoFeatures, cheapest_choice, choice_costs
+from lighting.envmap.detail_library import (
+    LIBRARY_PATH,
+    DetailSource,
+    PhotoFeatures,
+    cheapest_choice,
+    choice_costs,
+    read_detail_library,
+)
 from lighting.envmap.latlong import shrink_envmap
 from lighting.envmap.projection import project_photo
 from lighting.envmap.relighting import rotate_envmap
@@ -446,9 +453,9 @@ def balance_detail(data: Path, model: Model, count: int, cache: Path) -> str:
     views = zip(_read_views(seen_files, seen), order, strict=True)
     looks = np.stack([_look_with(view, indices, features) for view, indices in views])
     extra = balance_library(cheapest, _cost_of_unlike(order, looks, true, cheapest.shape[1]))
-    with np.load(LIBRARY_PATH) as stored:
-        arrays = {**stored, "cost": extra}
-    np.savez_compressed(LIBRARY_PATH, allow_pickle=False, **arrays)
+    table, pictures = read_detail_library(LIBRARY_PATH)
+    table["cost"] = extra
+    write_detail_library(LIBRARY_PATH, table, pictures)
     used = np.bincount((cheapest + extra).argmin(axis=1))
     return f"{LIBRARY_PATH}: {np.count_nonzero(used)} of {len(extra)} panoramas suit {len(files)} crops."
 

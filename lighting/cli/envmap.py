@@ -44,7 +44,7 @@ def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **
     _check_preview(chosen, names, preview)
     for name in names:
         _check_exr_options(name, view["compression"], view["colours"])
-    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, _warm_up)
+    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, _import_renderer)
     sun = photos.choose_sun(chosen.sun, chosen.adjustments)
 
     def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
@@ -307,14 +307,11 @@ def _context_of_record(
     return _map_context(data, picture, answer, height, surroundings, detail)
 
 
-def _warm_up() -> None:
-    """Render and pack a small map, so that all it takes is imported and read."""
-    from lighting.envmap.render import render
-    from lighting.files import encode_envmap
-    from lighting.records import MIN_HEIGHT, Lighting
-
-    light = Lighting(sun_azimuth=0.0, sun_elevation=45.0, turbidity=3.0, exposure=1.0)
-    encode_envmap(render(light, MIN_HEIGHT), light)
+def _import_renderer() -> None:
+    """Import what renders maps and writes EXR files."""
+    import lighting.envmap.surroundings
+    import lighting.files.exr
+    import lighting.light_probe  # noqa: F401 - all three
 
 
 def _map_context(

@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO
 
 import numpy as np
+import OpenEXR
 from numpy.typing import NDArray
 
 from lighting import __version__
@@ -192,8 +193,6 @@ def set_compression_threads(count: int) -> None:
 @cache
 def _library() -> Any:
     """OpenEXR with little effort in ZIP, and a thread for each CPU unless the program has set their number itself."""
-    import OpenEXR
-
     with suppress(OSError, AttributeError):  # Python's module has no name for it; without it ZIP is as good, but slower
         getattr(ctypes.CDLL(OpenEXR.__file__), _SET_EFFORT)(ctypes.c_int(_EFFORT))
     if OpenEXR.global_thread_count() == 0:
@@ -249,8 +248,6 @@ def write_exr(
             written.
         ParameterError: `lighting` is no Lighting.
     """
-    import OpenEXR
-
     if not isinstance(attributes, Mapping | None):
         raise EnvironmentMapError(
             f"The attributes of an EXR have names, which {type(attributes).__name__} has not.",
@@ -353,8 +350,6 @@ def read_exr_attributes(source: WriteTarget) -> _Attributes:
     Args:
         source: path or binary stream of an EXR file, else EnvironmentMapError.
     """
-    import OpenEXR
-
     if not isinstance(source, str | os.PathLike):
         try:
             return dict(OpenEXR.File(io.BytesIO(_read(source)), header_only=True).header())
@@ -404,8 +399,6 @@ def open_target(target: WriteTarget) -> Iterator[BinaryIO]:
 
 def _try_attributes(header: Mapping[str, Any]) -> None:
     """Write a picture of one pixel with this header; EnvironmentMapError where OpenEXR knows no such attributes."""
-    import OpenEXR
-
     try:
         OpenEXR.File(dict(header), {"RGB": np.zeros((1, 1, 3), np.float32)}).write(io.BytesIO())
     except (RuntimeError, ValueError, TypeError) as error:
@@ -494,8 +487,6 @@ def check_read_size(width: int, height: int, kind: str) -> None:
 
 def _check_exr_size(data: bytes) -> None:
     """Raise EnvironmentMapError for an EXR whose headers announce more than is read, before anything is decoded."""
-    import OpenEXR
-
     if int.from_bytes(data[4:8], "little") & _DEEP:
         raise EnvironmentMapError("The EXR file is a deep picture, which is not read.")
     try:
@@ -513,8 +504,6 @@ def _check_exr_size(data: bytes) -> None:
 
 def _decode(data: bytes) -> tuple[_Attributes, _Attributes]:
     """The header, and the channels by their names."""
-    import OpenEXR
-
     try:
         file = OpenEXR.File(io.BytesIO(data), separate_channels=True)
         return file.header(), file.channels()

@@ -162,10 +162,10 @@ def test_loading_reports_to_nobody(network: Path, tmp_path: Path) -> None:
 
 
 def test_the_network_is_the_one_that_was_published() -> None:
-    """The container's build checks the same file, which `sha256sum *.onnx *.data *.f32 *.f16 *.npz` writes."""
+    """The container's build checks the same file, which `sha256sum *.onnx *.data *.f32 *.f16 *.npy` writes."""
     folder = packaged_model().parent
     sums = dict(line.split()[::-1] for line in (folder / "SHA256SUMS").read_text().splitlines())
-    kinds = (".onnx", ".data", ".f32", ".f16", ".npz")
+    kinds = (".onnx", ".data", ".f32", ".f16", ".npy")
     assert sums == {p.name: sha256(p.read_bytes()).hexdigest() for p in folder.iterdir() if p.suffix in kinds}
 
 

@@ -7,7 +7,14 @@ import pytest
 from PIL import Image
 
 import lighting.envmap.detail_library as detail_library
-from export.data.detail_library import _MOST_USED, _make_detail_library, _may_ship, _remove_glare, balance_library
+from export.data.detail_library import (
+    _MOST_USED,
+    _make_detail_library,
+    _may_ship,
+    _remove_glare,
+    balance_library,
+    write_detail_library,
+)
 from export.data.panoramas import Panorama
 from lighting.geometry import angle_between, direction, latlong_directions
 
@@ -57,10 +64,10 @@ def test_the_library_is_made_of_the_rows_of_train_that_may_ship(
         Image.fromarray(rng.integers(0, 255, (96, 192, 3), dtype=np.uint8)).save(tmp_path / f"{name}.png")
         rows.append(f"{name},{name}.png,ldr,{name},{split},visible,-20,30,yes,{licence}")
     (tmp_path / "panoramas.csv").write_text("\n".join(rows))
-    arrays = _make_detail_library(tmp_path)
-    assert arrays["names"].tolist() == ["a"]
-    np.savez(tmp_path / "detail.npz", allow_pickle=False, **arrays)
-    monkeypatch.setattr(detail_library, "LIBRARY_PATH", tmp_path / "detail.npz")
+    table, pictures = _make_detail_library(tmp_path)
+    assert table["name"].tolist() == ["a"]
+    write_detail_library(tmp_path / "detail.npy", table, pictures)
+    monkeypatch.setattr(detail_library, "LIBRARY_PATH", tmp_path / "detail.npy")
     detail_library._load_detail_library.cache_clear()
     try:
         library = detail_library._load_detail_library()
