@@ -87,8 +87,9 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
     raw = {"sun_azimuth": sun.azimuth, "sun_elevation": sun.elevation}
     raw |= {name: getattr(sun, name) for name in ("radius_50", "radius_90")}
     raw |= {name: getattr(prediction, name) for name in _CLIPPED_PARAMETERS}
-    stated = {} if prediction.light is None else _stated_light(prediction.light, prediction.sun_visibility)
-    values: Any = {name: clip_to_range(name, value) for name, value in raw.items()} | stated
+    values: Any = dict(zip(raw, map(clip_to_range, raw, raw.values()), strict=True))
+    if prediction.light is not None:
+        values |= _stated_light(prediction.light, prediction.sun_visibility)
     return Lighting(
         **values,
         model_name=spec.name,

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from lighting.decoding import doubts_sun, with_dappled_sun, with_ground_color
-from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, sky_white_balance, snow_gain
-from lighting.envmap.render import check_height, render, sky_irradiance
+from lighting.envmap.appearance import PhotoSamples, estimate_ground_albedo, share_sky_color, snow_gain
+from lighting.envmap.projection import sample_photo
+from lighting.envmap.render import check_height, render
 from lighting.envmap.shadow_mask import dappled_sunlight
 from lighting.errors import ErrorCode, ParameterError, PhotoError, warn_of_old_name
-from lighting.fields import clip_color
 from lighting.fusion.estimate import PhotoPrediction, build_estimate, refine_prediction
 from lighting.fusion.metadata_prior import observations_multi, observations_single
 from lighting.fusion.single_view import Observations, camera_elevation_std, fuse_gravity, fuse_single_view
@@ -268,22 +268,19 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLig
         estimates: one a photo.
     """
     lights = [estimate.lighting for estimate in estimates]
-    samples = [PhotoSamples(p.pixels, e.lighting, e.segments) for p, e in zip(photos, estimates, strict=True)]
+    each = zip(photos, estimates, strict=True)
+    samples = [PhotoSamples(*sample_photo(p.pixels, e.lighting), e.segments) for p, e in each]
     if len(photos) == 1:
-        lights = [_with_ground_light(samples[0], lights[0])]
-    balances = map(sky_white_balance, samples, lights)
-    if tints := [tint for tint in balances if tint is not None]:
-        tint = np.exp(np.mean(np.log(tints), axis=0))
-        skies = (clip_color(sky_irradiance(light) * tint, "sky_irradiance") for light in lights)
-        lights = [replace(light, sky_irradiance=sky) for light, sky in zip(lights, skies, strict=True)]
+        lights = [_with_ground_light(photos[0], samples[0], lights[0])]
+    lights = share_sky_color(samples, lights)
     around = (estimate.surroundings for estimate in estimates)
     lights = list(map(with_ground_color, lights, map(estimate_ground_albedo, samples, lights, around)))
     return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
 
 
-def _with_ground_light(samples: PhotoSamples, light: Lighting) -> Lighting:
+def _with_ground_light(photo: Photo, samples: PhotoSamples, light: Lighting) -> Lighting:
     """The light of a photo whose ground may show patches of sun, or snow, which reflects no more than it can."""
-    if doubts_sun(light) and (dapple := dappled_sunlight(samples.pixels, light)) is not None:
+    if doubts_sun(light) and (dapple := dappled_sunlight(photo.pixels, light)) is not None:
         light = with_dappled_sun(light, *dapple)
     if (gain := snow_gain(samples, light)) == 1:
         return light

@@ -132,12 +132,12 @@ def describe_ground(
         segments: of the photo.
         is_aerial: whether the camera flies at an unknown height; there is no spot then.
     """
-    light = estimate.lighting
+    light, visible = estimate.lighting, _visible_ground(segments)
     camera = photo_camera(light, photo.width, photo.height)
     spot = None if is_aerial else _find_ground_spot(segments, camera, light.camera_height)
     light = replace(
         light,
-        ground_visible=round_significant(_visible_ground(segments)),
+        ground_visible=round_significant(visible),
         spot_pixel=None if spot is None else spot.pixel,
         spot_direction=None if spot is None else spot.direction,
     )
@@ -201,7 +201,7 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     """
     small = replace(camera, width=max(1, round(camera.width * _ROWS / camera.height)), height=_ROWS)
     ground = pixel_share(segments, small.width, small.height, SurfaceClass.GROUND)
-    rays = geometry.camera_directions(small)
+    rays, focal = geometry.camera_directions(small), camera.focal_length
     radius = object_radius(small, -rays[..., 1] / (rays @ small.axes[2]), camera_height)
     stretch = _stretches(small, radius)
     score = np.where(stretch <= _MAX_STRETCH, _spot_scores(ground, radius) - _STRETCH_COST * (stretch - 1), -np.inf)
@@ -209,8 +209,8 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     if not np.isfinite(score[row, column]):
         return None
     x, y = (np.array([column, row]) + 0.5) * [camera.width / small.width, camera.height / small.height]
-    right, up, forward = camera.axes
-    ray = camera.focal_length * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
+    right, up, forward = small.axes
+    ray = focal * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
     lateral, vertical, depth = (round(float(part), 6) for part in ray / np.linalg.norm(ray))
     return GroundSpot((round(float(x), 1), round(float(y), 1)), (lateral, vertical, depth))
 

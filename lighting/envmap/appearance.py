@@ -1,6 +1,7 @@
 """Ground albedo, snow and sky color read from the photo."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -8,8 +9,9 @@ from numpy.typing import NDArray
 
 from lighting.color import luminance
 from lighting.envmap.latlong import EPSILON_IRRADIANCE, Image, irradiance_from_rows, max_channel, row_irradiance
-from lighting.envmap.projection import CLIPPED, sample_photo
+from lighting.envmap.projection import CLIPPED
 from lighting.envmap.render import level_irradiance, render
+from lighting.fields import clip_color
 from lighting.geometry import Floats, sample_latlong
 from lighting.records import Lighting
 from lighting.segmentation import THINGS, Segments, SurfaceClass, class_share, pixel_share
@@ -61,28 +63,14 @@ _NETWORK_BIAS_STOPS = 0.2  # by which the panorama's ground is too dark
 
 @dataclass(frozen=True, eq=False)
 class PhotoSamples:
-    """A few of a photo's pixels, taken once, and which of them may show ground and sky."""
+    """A few of a photo's pixels, as `sample_photo` takes them, and which of them may show ground and sky."""
 
-    pixels: NDArray[np.uint8]
-    """(H, W, 3) sRGB, of the photo."""
-    lighting: Lighting
-    """Of the photo; its camera counts."""
+    colors: Image
+    """Linear values (h, w, 3)."""
+    directions: Floats
+    """Unit vectors (h, w, 3)."""
     segments: Segments | None = None
     """What the photo shows. None: unknown, and all below the horizon may be ground."""
-
-    @cached_property
-    def _sampled(self) -> tuple[Image, Floats]:
-        return sample_photo(self.pixels, self.lighting)
-
-    @property
-    def colors(self) -> Image:
-        """Linear values (h, w, 3)."""
-        return self._sampled[0]
-
-    @property
-    def directions(self) -> Floats:
-        """Unit vectors (h, w, 3)."""
-        return self._sampled[1]
 
     @cached_property
     def largest(self) -> NDArray[np.float32]:
@@ -140,6 +128,23 @@ def sky_white_balance(samples: PhotoSamples, lighting: Lighting) -> Floats | Non
             warm = _color_ratio(colors[0], irradiance) ** _sunset_exponent(colors[0], lighting.sun_elevation)
             tint = warm if warm[0] / warm[2] > max(tint[0] / tint[2], 1.0) else tint
     return np.asarray(tint * float(luminance(irradiance) / luminance(irradiance * tint)))
+
+
+def share_sky_color(samples: Sequence[PhotoSamples], lights: Sequence[Lighting]) -> list[Lighting]:
+    """Give the lights of photos under one sky its color: the geometric mean of what `sky_white_balance` finds.
+
+    Args:
+        samples: of each photo.
+        lights: estimated for each photo; they stay as they are where no photo tells the color.
+    """
+    balances = list(map(sky_white_balance, samples, lights))
+    tints = [np.log(tint) for tint in balances if tint is not None]
+    if not tints:
+        return list(lights)
+    tint = np.exp(np.mean(tints, axis=0))
+    return [
+        replace(light, sky_irradiance=clip_color(tint * light.sky_irradiance, "sky_irradiance")) for light in lights
+    ]
 
 
 def _sunset_exponent(sky: Floats, sun_elevation: float) -> float:

@@ -20,7 +20,7 @@ from PIL import ImageEnhance, WebPImagePlugin
 from lighting.color import LUMINANCE_WEIGHTS, SRGB_LINEAR
 from lighting.envmap.appearance import PhotoSamples, shows_snow
 from lighting.envmap.latlong import Image, blur_cells, column_blocks, multiply_cells, shrink_envmap
-from lighting.envmap.projection import sample_cells
+from lighting.envmap.projection import sample_cells, sample_photo
 from lighting.geometry import Floats, latlong_angles, wrap_azimuth
 from lighting.records import Lighting
 from lighting.segmentation import Segments, SurfaceClass
@@ -173,6 +173,7 @@ def describe_photo(
         around: (FEATURE_ROWS, 2 FEATURE_ROWS, 3) linear, the coarse map that it lies in.
         segments: what the photo shows; None: unknown.
     """
+    samples = PhotoSamples(*sample_photo(photo, lighting), segments)
     colors, cell = sample_cells(photo, lighting, FEATURE_ROWS)
     flat = colors.reshape(-1, 3)
     four, count = cell_features(flat, cell.reshape(-1))
@@ -185,8 +186,7 @@ def describe_photo(
     target = np.concatenate([four, broad[None], kinds]).astype(np.float32)
     weight = feature_weights(seen, level, segments is not None)
     saturation, azimuth = _saturation(flat), lighting.sun_azimuth if lighting.sun_shines else None
-    snow = shows_snow(PhotoSamples(photo, lighting, segments), lighting)
-    return PhotoFeatures(target, weight, azimuth, saturation, snow)
+    return PhotoFeatures(target, weight, azimuth, saturation, shows_snow(samples, lighting))
 
 
 def _saturation(colors: Image) -> float:

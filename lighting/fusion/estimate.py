@@ -10,6 +10,7 @@ References:
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,7 +158,7 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
         posterior: of the photo.
         prior: the photo's observations, with their warnings.
     """
-    instant = _chosen_instant(posterior, prior)
+    headings, instant = _heading_fields(posterior), _chosen_instant(posterior, prior)
     conflict = prior.instants.conflict_warnings(instant)
     lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
     suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
@@ -181,10 +182,11 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
         utc_time=time,
         utc_offset=offset,
         time_source=source,
+        **headings,
     )
     light = posterior.prediction.light
     around = light.surroundings if light else None
-    return EstimatedLight(_with_headings(answer, posterior), posterior.on_cells(), around)
+    return EstimatedLight(answer, posterior.on_cells(), around)
 
 
 def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | None:
@@ -194,19 +196,17 @@ def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | Non
     return max(matching, key=lambda instant: instant.weight, default=prior.instants.likeliest)
 
 
-def _with_headings(lighting: Lighting, posterior: Posterior) -> Lighting:
-    """The same with the camera's heading, as far as it is known."""
+def _heading_fields(posterior: Posterior) -> dict[str, Any]:
+    """The fields of a Lighting about the camera's heading, as far as it is known."""
+    fields: dict[str, Any] = {}
     if (relative := posterior.relative_heading) is not None:
-        lighting = replace(lighting, relative_heading=round(relative.best, 2) % 360.0)
-    if (heading := posterior.camera_heading) is None:
-        return lighting
-    return replace(
-        lighting,
-        camera_heading=round(heading.best, 2) % 360.0,
-        camera_heading_radius_50=round(heading.radius_50, 2),
-        camera_heading_radius_90=round(heading.radius_90, 2),
-        camera_heading_probability=tuple(round(float(p), 6) for p in heading.probability),
-    )
+        fields["relative_heading"] = round(relative.best, 2) % 360.0
+    if (heading := posterior.camera_heading) is not None:
+        fields["camera_heading"] = round(heading.best, 2) % 360.0
+        fields["camera_heading_radius_50"] = round(heading.radius_50, 2)
+        fields["camera_heading_radius_90"] = round(heading.radius_90, 2)
+        fields["camera_heading_probability"] = tuple(round(float(p), 6) for p in heading.probability)
+    return fields
 
 
 def _sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) -> tuple[float, float, Color | None]:

@@ -339,8 +339,8 @@ def posterior_on_grid(prediction: Prediction, observations: Observations) -> Pos
         prediction: with the fused camera, and the fused probabilities of the network's cells.
         observations: from metadata and user.
     """
-    sun, cells = sun_from_prediction(prediction), grid_directions(prediction.spec.sun_grid)
     camera, used = _with_lens(prediction, observations), _used_evidence(prediction, observations)
+    sun, cells = sun_from_prediction(prediction), grid_directions(prediction.spec.sun_grid)
     return Posterior(camera, sun, cells, prediction.sun_probability, used, predicted_sun_elevation=sun.elevation)
 
 
