@@ -49,7 +49,7 @@ from benchmarks.common import (
 from export.data.panoramas import DataError
 from export.data.rendered_towns import find_llvm
 from lighting.calibration import MAX_SIDE, calibrate_from_lines
-from lighting.envmap.projection import size_in_envmap
+from lighting.envmap.projection import photo_camera, size_in_envmap
 from lighting.envmap.render import render
 from lighting.envmap.surroundings import PhotoContext, photo_context_for_height, render_with_surroundings
 from lighting.estimator import Estimator
@@ -174,7 +174,7 @@ def measure_parts(
     context = PhotoContext(photo.pixels, estimate.surroundings)
     image = render_with_surroundings(light, context, height, sun=True)
     assert estimate.surroundings is not None
-    coarse, size = estimate.surroundings, size_in_envmap(photo.pixels, light.vertical_fov, height)
+    coarse, size = estimate.surroundings, size_in_envmap(photo_camera(light, *photo.pixels.shape[1::-1]), height)
     exr = (folder / f"{number}.exr" for number in count())
 
     def whole() -> None:

@@ -7,18 +7,17 @@ smooth, and no part of the sky becomes much brighter than its brightest was: the
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from lighting.color import luminance
+from lighting.color import LUMINANCE_WEIGHTS
 from lighting.envmap.detail_library import DETAIL_ROWS, LOG_OFFSET, LibraryDetail
 from lighting.envmap.latlong import (
     Image,
     blur_cells,
-    column_blocks,
     interpolate_cells,
     multiply_cells,
     shrink_blocks,
@@ -50,38 +49,46 @@ _SEAM = 0.35  # how far the darker of two neighbors is preferred between photo a
 _SEAM_WIDTH = 0.15  # of the continuation's reach
 
 
-class _PhotoDetail:
+class _MapDetail:
     """The library's detail with the photo's own, calm around the sun, in blocks of columns."""
 
     def __init__(
-        self, library: LibraryDetail, photo: PhotoProjection, coarse: Image, sun: Floats | None, tint: Image
+        self, library: LibraryDetail, photo: PhotoProjection, coarse: Image, sun_angle: Floats | None, tint: Image
     ) -> None:
-        self._library, self._photo, self._coarse, self._sun, self._tint = library, photo, coarse, sun, tint
+        self._library, self._photo, self._coarse, self._tint = library, photo, coarse, tint
+        self._calm = None if sun_angle is None else _share_off_sun(sun_angle)
         self._ceiling: Image | None = None
         self._limited = slice(0)  # rows of the map where the ceiling is low
-        self._whole = None if library.whole is None else self._finish(library.whole, slice(0, 2 * library.height))
+        self._whole = None if library.whole is None else self._finish(library.whole, photo.blocks[0])
 
     def blocks(self) -> Iterator[tuple[slice, Image]]:
         """Columns of the map, and the detail (H, C, 3) in them."""
-        for columns in column_blocks(self._library.height):
+        for columns in self._photo.blocks:
             yield columns, self._finish(self._library.block(columns), columns) if self._whole is None else self._whole
+
+    def means(self) -> Image:
+        """The detail's means (R, 2R, 3) in the cells."""
+        if self._whole is not None:
+            return shrink_envmap(self._whole, DETAIL_ROWS)
+        return shrink_blocks((block for _, block in self.blocks()), self._library.height, DETAIL_ROWS)
 
     def limit(self, ceiling: Image) -> bool:
         """Bring the sky's detail under cells (R, 2R, 3), which are the sky over its mirror image; False if it is."""
         rows = np.flatnonzero((ceiling[: len(ceiling) // 2] < _DETAIL_RANGE[1]).any(axis=(1, 2)))
         if rows.size:
-            height = self._library.height
-            self._ceiling, self._limited = ceiling, _rows_between(rows, height // 2, len(ceiling) // 2)
+            self._ceiling = ceiling
+            self._limited = _rows_between(rows, self._library.height // 2, len(ceiling) // 2)
             if self._whole is not None:
-                self._darken(self._whole, slice(0, 2 * height))
+                self._darken(self._whole, self._photo.blocks[0])
         return bool(rows.size)
 
     def _finish(self, detail: Image, columns: slice) -> Image:
+        block = self._photo.block(columns)
         _color_dark(detail, columns, self._tint)
-        if (block := self._photo.block(columns)) is not None:
+        if block is not None:
             _blend_continuation(detail, columns, block, self._coarse)
-        if self._sun is not None:
-            _calm_sun(detail, columns, self._sun)
+        if self._calm is not None:
+            _calm_sun(detail, columns, self._calm)
         np.clip(detail, *_DETAIL_RANGE, out=detail)
         if self._ceiling is not None:
             self._darken(detail, columns)
@@ -96,7 +103,7 @@ class _PhotoDetail:
 
 def add_detail(
     image: Image,
-    library: LibraryDetail,
+    read_library: Callable[[], LibraryDetail],
     lighting: Lighting,
     photo: NDArray[np.uint8],
     continued: PhotoProjection,
@@ -106,31 +113,35 @@ def add_detail(
 
     Args:
         image: (H, 2H, 3) linear, MIN_ROWS rows at least, without photo and disc, changed in place.
-        library: the detail of a panorama, of as many rows; it cannot be used again.
+        read_library: returns the detail of a panorama, of as many rows, which is changed. It is called late, so that
+            the panorama may be read meanwhile.
         lighting: of the map; its camera and its sun count.
         photo: (h, w, 3) sRGB, upright.
         continued: the photo in the map with its continuation.
         gain: over 0, by which the photo's linear values are multiplied.
     """
-    log, shown, clipped = _photo_cells(photo, lighting)
-    coarse = _match_continuation(library.cells, lighting, photo, continued.segments)
-    covered = _covered_share(continued)
-    rim = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (log.max(axis=2, keepdims=True) < _CLIPPED_LOG)
-    covered *= 1 - clipped
-    edge = log + np.float32(math.log(max(gain, _MIN_GAIN)))
-    sun = lighting.sun_direction if lighting.sun_painted and lighting.sun_elevation > 0 else None
+    edge, shown, clipped = _photo_cells(photo, lighting)
+    own = _continuation_cells(lighting, photo, continued.segments)
+    covered = continued.covered_share(DETAIL_ROWS)
     before = shrink_envmap(image, DETAIL_ROWS)
-    detail = _PhotoDetail(library, continued, coarse, sun, _own_tint(before, library.color))
-    level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
-    open_share = (1 - covered) * level
     log = np.log(np.maximum(before, np.float32(1e-9)))
     blurred = np.exp(blur_cells(log, _HORIZON_DEG) - log)  # the horizon is where the detail has it
-    cells = before * _mean_detail(detail, len(image))
+    rim = shown * ((covered > 0.02) & (covered < _RIM_WEIGHT)) * (edge.max(axis=2, keepdims=True) < _CLIPPED_LOG)
+    edge += np.float32(math.log(max(gain, _MIN_GAIN)))
+    level = np.cos(np.radians(latlong_angles(DETAIL_ROWS)[1])).astype(np.float32)[:, None, None]
+    open_share = (1 - covered * (1 - clipped)) * level
+    has_sun = lighting.sun_painted and lighting.sun_elevation > 0
+    sun_angle = angle_between(_cell_directions(), lighting.sun_direction) if has_sun else None
+
+    library = read_library()
+    tint = _own_tint(before, library.color)
+    detail = _MapDetail(library, continued, _match_continuation(own, library.cells), sun_angle, tint)
+    cells = before * detail.means()
     lit = cells * blurred
     gains = blurred * _light_gains(before, lit, open_share)
     gains *= _hand_over(lit, edge, rim, _HAND_OVER_DEG[0])
-    if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun))):
-        cells = before * _mean_detail(detail, len(image))
+    if detail.limit(_detail_ceiling(before * gains, _sky_limit(before, open_share, sun_angle))):
+        cells = before * detail.means()
     for deg in _HAND_OVER_DEG:  # the photo's edges and the light on matte objects both come near what they are to be
         gains *= _hand_over(cells * gains, edge, rim, deg)
         _keep_moments(gains, before, cells, open_share)
@@ -138,6 +149,14 @@ def add_detail(
         image[:, columns] *= block
     for half, cells in zip(np.split(image, 2), np.split(gains, 2), strict=True):
         multiply_cells(half, cells)
+
+
+@lru_cache(maxsize=1)
+def _cell_directions() -> Floats:
+    """Unit vectors (R, 2R, 3) of the cells, to be read alone."""
+    directions = latlong_directions(DETAIL_ROWS)
+    directions.setflags(write=False)
+    return directions
 
 
 def _own_tint(cells: Image, color: Image) -> Image:
@@ -159,24 +178,6 @@ def _color_dark(detail: Image, columns: slice, tint: Image) -> None:
     share = np.clip(1 - sky[..., 1:2], 0, 1)
     cells = np.concatenate([tint, np.ones_like(tint)]) - 1
     sky *= 1 + share * interpolate_cells(cells, len(detail), slice(0, len(sky)), columns)
-
-
-def _mean_detail(detail: _PhotoDetail, height: int) -> Image:
-    """The detail's means (R, 2R, 3) in the cells of a map of so many rows."""
-    return shrink_blocks((block for _, block in detail.blocks()), height, DETAIL_ROWS)
-
-
-def _covered_share(photo: PhotoProjection) -> Image:
-    """How much (R, 2R, 1) of each cell a photo covers."""
-
-    def weights() -> Iterator[Image]:
-        for columns in column_blocks(photo.height):
-            weight = np.zeros((photo.height, columns.stop - columns.start, 1), np.float32)
-            if (block := photo.block(columns)) is not None:
-                weight[block.rows, _shifted(block.columns, columns), 0] = block.weight
-            yield weight
-
-    return shrink_blocks(weights(), photo.height, DETAIL_ROWS)
 
 
 def _shifted(columns: slice, block: slice) -> slice:
@@ -205,19 +206,25 @@ def _blend_continuation(detail: Image, columns: slice, continued: ProjectedPhoto
     window += own
 
 
-def _match_continuation(
-    library: Image, lighting: Lighting, photo: NDArray[np.uint8], segments: Segments | None
-) -> Image:
-    """Factors (R, 2R, 3) that make a continued photo as bright as the library's cells (R, 2R, 3), over some degrees."""
+def _continuation_cells(lighting: Lighting, photo: NDArray[np.uint8], segments: Segments | None) -> Image:
+    """The means of a continued photo's linear values in each cell, times the share (R, 2R, 4) of it, the last."""
     continued = project_photo(lighting, photo, 4 * DETAIL_ROWS, continued=True, segments=segments)
     linear = np.zeros((continued.height, 2 * continued.height, 4), np.float32)
-    window = linear[continued.rows, continued.columns]
-    whole = continued.whole
+    window, whole = linear[continued.rows, continued.columns], continued.whole
     window[..., 3] = whole.share > 0
     window[..., :3] = whole.linear * window[..., 3:]
-    cells = shrink_envmap(linear, DETAIL_ROWS)
-    own = np.log(cells[..., :3] / np.maximum(cells[..., 3:], np.float32(1e-6)) + LOG_OFFSET)
-    return np.exp(_spread(np.log(library) - own, cells[..., 3:], _MATCHED_DEG)[0])
+    return shrink_envmap(linear, DETAIL_ROWS)
+
+
+def _match_continuation(own: Image, library: Image) -> Image:
+    """Factors (R, 2R, 3) that make a continued photo as bright as the library's cells (R, 2R, 3), over some degrees.
+
+    Args:
+        own: of `_continuation_cells`.
+        library: linear.
+    """
+    log = np.log(own[..., :3] / np.maximum(own[..., 3:], np.float32(1e-6)) + LOG_OFFSET)
+    return np.exp(_spread(np.log(library) - log, own[..., 3:], _MATCHED_DEG)[0])
 
 
 def _photo_cells(photo: NDArray[np.uint8], lighting: Lighting) -> tuple[Image, Image, Image]:
@@ -242,11 +249,14 @@ def _spread(values: Image, shown: Image, deg: float) -> tuple[Image, Image]:
     return np.asarray(blur_cells(values * shown, deg) / np.maximum(share, np.float32(1e-6))), share
 
 
-def _calm_sun(detail: Image, columns: slice, sun: Floats) -> None:
-    """Fade some columns (H, C, 3) of the detail out around the sun."""
-    cells = angle_between(latlong_directions(DETAIL_ROWS), sun)
-    share = np.clip((cells - _SUN_DEG[0]) / (_SUN_DEG[1] - _SUN_DEG[0]), 0, 1)
-    share = np.asarray(share * share * (3 - 2 * share), dtype=np.float32)[..., None].repeat(3, axis=2)
+def _share_off_sun(sun_angle: Floats) -> Image:
+    """How far (R, 2R, 3) there is detail, by the angle [deg] (R, 2R) from the sun."""
+    share = np.clip((sun_angle - _SUN_DEG[0]) / (_SUN_DEG[1] - _SUN_DEG[0]), 0, 1)
+    return np.asarray(share * share * (3 - 2 * share), dtype=np.float32)[..., None].repeat(3, axis=2)
+
+
+def _calm_sun(detail: Image, columns: slice, share: Image) -> None:
+    """Fade some columns (H, C, 3) of the detail out where cells (R, 2R, 3) are less than 1."""
     rows = np.flatnonzero((share < 1).any(axis=(1, 2)))
     if not rows.size:
         return
@@ -265,14 +275,15 @@ def _light_gains(before: Image, lit: Image, open_share: Image) -> Image:
         lit: (R, 2R, 3) the map with detail; it is changed.
         open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
     """
-    gains = np.ones_like(before)
-    for _ in range(2):
-        for deg in (_COLOR_DEG, _LIGHT_DEG):
-            wanted, reached = (blur_cells(one * open_share, deg) for one in (before, lit))
-            if deg == _LIGHT_DEG:
-                wanted, reached = luminance(wanted)[..., None], luminance(reached)[..., None]
-            change = np.clip(wanted / np.maximum(reached, np.float32(1e-9)), *_GAIN_RANGE)
-            _multiply_both(gains, lit, change.astype(np.float32))
+    gains, light = np.ones_like(before), before * open_share
+    color, level = blur_cells(light, _COLOR_DEG), blur_cells(light, _LIGHT_DEG) @ LUMINANCE_WEIGHTS
+    for deg, wanted in 2 * ((_COLOR_DEG, color), (_LIGHT_DEG, level[..., None])):
+        reached = blur_cells(lit * open_share, deg)
+        if deg == _LIGHT_DEG:
+            reached = (reached @ LUMINANCE_WEIGHTS)[..., None]
+        change = np.clip(wanted / np.maximum(reached, np.float32(1e-9)), *_GAIN_RANGE).astype(np.float32)
+        gains *= change
+        lit *= change
     return gains
 
 
@@ -305,7 +316,8 @@ def _detail_ceiling(cells: Image, limit: Floats) -> Image:
         cells: (R, 2R, 3) what it will be multiplied with.
         limit: (R / 2, 2R) luminance that no part of the sky may exceed.
     """
-    ceiling = np.maximum(limit / np.maximum(luminance(cells[: len(limit)]), 1e-9), 1).astype(np.float32)
+    level = cells[: len(limit)] @ LUMINANCE_WEIGHTS
+    ceiling = np.maximum(limit / np.maximum(level, 1e-9), 1).astype(np.float32)
     return np.concatenate([ceiling, ceiling[::-1]])[..., None].repeat(3, axis=2)
 
 
@@ -324,7 +336,7 @@ def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) 
         cells: (R, 2R, 3) the map with detail, before the gains.
         open_share: (R, 2R, 1) how much of each cell the photo will leave open, times its solid angle.
     """
-    lit, moments = cells * gains, _moments(len(before))
+    lit, moments = cells * gains, _moments()
     flat = moments.reshape(-1, moments.shape[-1])
     for channel in range(3):
         power = (open_share[..., 0] * lit[..., channel]).reshape(-1)
@@ -335,24 +347,19 @@ def _keep_moments(gains: Image, before: Image, cells: Image, open_share: Image) 
 
 
 @lru_cache(maxsize=1)
-def _moments(rows: int) -> Floats:
+def _moments() -> Floats:
     """Spherical harmonics (R, 2R, 10) up to the second order, of any scale, and the cosine of level ground."""
-    x, y, z = np.moveaxis(latlong_directions(rows), -1, 0)
+    x, y, z = np.moveaxis(_cell_directions(), -1, 0)
     terms = [np.ones_like(x), x, y, z, x * y, y * z, x * z, x * x - z * z, 3 * y * y - 1, np.abs(y)]
     moments = np.stack(terms, axis=-1)
     moments.setflags(write=False)
     return moments
 
 
-def _multiply_both(gains: Image, lit: Image, change: Image) -> None:
-    gains *= change
-    lit *= change
-
-
-def _sky_limit(before: Image, open_share: Image, sun: Floats | None) -> Floats:
+def _sky_limit(before: Image, open_share: Image, sun_angle: Floats | None) -> Floats:
     """The luminance (R / 2, 2R) that no part of the sky may exceed."""
-    sky = luminance(before[: len(before) // 2])
+    sky = before[: len(before) // 2] @ LUMINANCE_WEIGHTS
     away = open_share[: len(sky), :, 0] > 0
-    if sun is not None:
-        away &= angle_between(latlong_directions(len(before))[: len(sky)], sun) > _GLARE_DEG
+    if sun_angle is not None:
+        away &= sun_angle[: len(sky)] > _GLARE_DEG
     return np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky)

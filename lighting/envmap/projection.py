@@ -17,6 +17,7 @@ from lighting.envmap.latlong import (
     row_irradiance,
     scale_colors,
     set_irradiance,
+    shrink_blocks,
 )
 from lighting.geometry import Floats, Pinhole
 from lighting.records import Lighting
@@ -150,6 +151,22 @@ class PhotoProjection:
         left, right = max(self.columns.start, columns.start), min(self.columns.stop, columns.stop)
         return self._pixels(slice(top, bottom), slice(left, right)) if left < right else None
 
+    def covered_share(self, rows: int) -> Image:
+        """How much (R, 2R, 1) of each of a map's cells it covers.
+
+        Args:
+            rows: of the cells.
+        """
+        return shrink_blocks((self._weights(columns) for columns in self.blocks), self.height, rows)
+
+    def _weights(self, columns: slice) -> Image:
+        """Its weight (H, C, 1) in some columns of the map."""
+        weight = np.zeros((self.height, columns.stop - columns.start, 1), np.float32)
+        if (block := self.block(columns)) is not None:
+            left, right = block.columns.start - columns.start, block.columns.stop - columns.start
+            weight[block.rows, left:right, 0] = block.weight
+        return weight
+
     @cached_property
     def whole(self) -> ProjectedPhoto:
         """All its pixels at once."""
@@ -213,9 +230,14 @@ def project_photo(
         segments: what the photo shows; None: unknown, and nothing goes on upwards.
     """
     reach = max(_CONTINUED_SIDES, _CONTINUED_TOP, _CONTINUED_BOTTOM) if continued else 0.0
-    picture = _resize_for_envmap(photo, lighting.vertical_fov, height)
-    camera = photo_camera(lighting, picture.shape[1], picture.shape[0])
-    window = _find_window(camera, height, reach) or (slice(0, 0), slice(0, 0))
+    camera = photo_camera(lighting, photo.shape[1], photo.shape[0])
+    width, rows = size_in_envmap(camera, height)
+    camera = replace(camera, width=width, height=rows)
+    x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
+    right, below = reach / 2 * camera.width, reach / 2 * camera.height
+    inside = (x >= -right) & (x < camera.width + right) & (y >= -below) & (y < camera.height + below)  # false for NaN
+    window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
+    picture = _resize_photo(photo, (width, rows))
     return PhotoProjection(*window, height, picture, camera, continued, segments, column_blocks(height))
 
 
@@ -280,33 +302,22 @@ def _cells_of_samples(camera: Pinhole, rows: int) -> NDArray[np.intp]:
     return cell
 
 
-def size_in_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> tuple[int, int]:
+def size_in_envmap(camera: Pinhole, height: int) -> tuple[int, int]:
     """Width and height in pixels at which a photo has about the resolution of a map.
 
     Args:
-        photo: (h, w, 3).
-        vertical_fov: deg, of the photo.
+        camera: of the photo, in its pixels.
         height: rows of the map.
     """
-    camera = Pinhole(photo.shape[1], photo.shape[0], vertical_fov)
-    scale = min(height / np.pi / camera.focal_length * 1.2, _MAX_SIDE / max(photo.shape[:2]))
+    scale = min(height / np.pi / camera.focal_length * 1.2, _MAX_SIDE / max(camera.width, camera.height))
     return geometry.scale_size(camera.width, camera.height, scale)
 
 
-def _resize_for_envmap(photo: NDArray[np.uint8], vertical_fov: float, height: int) -> NDArray[np.uint8]:
+def _resize_photo(photo: NDArray[np.uint8], size: tuple[int, int]) -> NDArray[np.uint8]:
     """The photo at about the map's resolution, so that single pixels may be taken from it."""
     from PIL import Image as Picture
 
-    size = size_in_envmap(photo, vertical_fov, height)
     return np.asarray(Picture.fromarray(photo).resize(size, Picture.Resampling.HAMMING, reducing_gap=1.0))
-
-
-def _find_window(camera: Pinhole, height: int, reach: float = 0.0) -> tuple[slice, slice] | None:
-    """Rows and columns of a map (H, 2H) that hold the picture, and a share of its half sides beyond it."""
-    x, y = np.moveaxis(geometry.camera_pixel(geometry.latlong_directions(_WINDOW_ROWS), camera), -1, 0)
-    right, below = reach / 2 * camera.width, reach / 2 * camera.height
-    inside = (x >= -right) & (x < camera.width + right) & (y >= -below) & (y < camera.height + below)  # false for NaN
-    return geometry.pixel_window(inside, height, 2 * height)
 
 
 def _map_to_picture(camera: Pinhole, height: int, rows: slice, columns: slice) -> tuple[Image, Image]:

@@ -15,10 +15,10 @@ from functools import cached_property, lru_cache, partial
 import numpy as np
 from numpy.typing import NDArray
 
-import lighting.envmap.detail as map_detail
 import lighting.envmap.detail_library as detail_library
 import lighting.envmap.latlong as latlong
 from lighting.color import LUMINANCE_WEIGHTS, check_pixels
+from lighting.envmap.detail import MIN_ROWS, add_detail
 from lighting.envmap.latlong import (
     EPSILON_IRRADIANCE,
     Image,
@@ -28,6 +28,7 @@ from lighting.envmap.latlong import (
 from lighting.envmap.projection import (
     CLIPPED,
     PhotoProjection,
+    photo_camera,
     project_photo,
     sample_cells,
     size_in_envmap,
@@ -163,7 +164,8 @@ def photo_context_for_height(
     """
     check_height(height)
     context = photo_context(estimate, photo, surroundings=surroundings, exposure=exposure, detail=detail)
-    if context is None or max(size_in_envmap(photo, estimate.lighting.vertical_fov, height)) <= max(photo.shape[:2]):
+    camera = photo_camera(estimate.lighting, photo.shape[1], photo.shape[0])
+    if context is None or max(size_in_envmap(camera, height)) <= max(photo.shape[:2]):
         return context
     return replace(context, photo=read_finer(_FINE_SIDE))
 
@@ -216,7 +218,7 @@ def render_with_surroundings(
     _check_context(context)
     check_lighting(lighting)
     check_height(height)
-    detailed = context.detail and height >= map_detail.MIN_ROWS
+    detailed = context.detail and height >= MIN_ROWS
     with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
         projection = pool.submit(_project_photo, lighting, context, height, detailed)
         found = pool.submit(_find_detail, lighting, context, height) if detailed else None
@@ -230,11 +232,10 @@ def render_with_surroundings(
         upper_done = pool.submit(upper, not detailed)
         lower(not detailed)
         upper_done.result()
-        detail = None if found is None else found.result()
-    if detail is not None:
-        map_detail.add_detail(image, detail, lighting, context.photo, photo, gain)
-        for rows, target in zip(_halves(height), targets, strict=True):
-            photo.lay(image, rows, target, gain)
+        if found is not None:
+            add_detail(image, found.result, lighting, context.photo, photo, gain)
+            for rows, target in zip(_halves(height), targets, strict=True):
+                photo.lay(image, rows, target, gain)
     cap_map(image, lighting)
     if disc and (lighting.sun_painted if sun is None else sun):
         add_sun(image, lighting)

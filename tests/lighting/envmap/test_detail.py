@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from lighting.color import luminance
-from lighting.envmap.detail import MIN_ROWS, _color_dark, _match_continuation
+from lighting.envmap.detail import MIN_ROWS, _color_dark, _continuation_cells, _match_continuation
 from lighting.envmap.detail_library import (
     FEATURE_CLASSES,
     FEATURE_ROWS,
@@ -265,7 +265,7 @@ def test_what_is_dark_before_the_sky_has_its_own_color() -> None:
 
 def test_the_photo_goes_on_as_bright_as_the_library() -> None:
     library = np.ones((48, 96, 3), np.float32) * np.linspace(1.5, 0.5, 96, dtype=np.float32)[:, None]
-    factors = _match_continuation(library, LIGHT, np.full((60, 80, 3), 128, np.uint8), None)
+    factors = _match_continuation(_continuation_cells(LIGHT, np.full((60, 80, 3), 128, np.uint8), None), library)
     grey = 0.2158605 + 0.006  # of 128 in sRGB, and the offset
     shown = np.s_[22:26, 40:56]
     np.testing.assert_allclose(factors[shown] * grey, library[shown], rtol=0.05)
