@@ -16,7 +16,7 @@ import lighting.cli.console as console
 from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
-from lighting.cli.photos import UNSUITABLE_STATUS, choose_sun
+from lighting.cli.photos import UNSUITABLE_STATUS
 from lighting.files import escape_undecodable, join_words
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class _Options:
         maps = None
         if self.envmap:
             compression = self.compression or "zip"
-            view = self.height, choose_sun(self.sun, self.adjustments), self.yaw, self.sky
+            view = self.height, common.choose_sun(self.sun, self.adjustments), self.yaw, self.sky
             place = self.surroundings, self.detail
             maps = MapOptions(*view, compression, *place, self.colours or "rec709", self.adjustments)
         return BatchJob(self.input, self.out, self.model, maps, self.engine, self.user_input)
@@ -81,8 +81,8 @@ class _Options:
     ),
 )
 @click.argument("input", type=common.FileName())
-@click.argument("out", required=False, type=common.FileName(), callback=console.check_folder_name)
-@click.option("-o", "--output", metavar="OUT", callback=console.check_folder_name, help="The same as OUT.")
+@click.argument("out", required=False, type=common.FileName(), callback=common.check_folder_name)
+@click.option("-o", "--output", metavar="OUT", callback=common.check_folder_name, help="The same as OUT.")
 @click.option("--envmap", is_flag=True, help="Also render each photo's environment map, as PHOTO.jpg.exr.")
 @common.map_options
 @common.adjustment_options

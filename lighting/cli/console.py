@@ -37,11 +37,7 @@ if TYPE_CHECKING:
 _PHOTO_HEADS = (b"\xff\xd8\xff", b"\x89PNG", b"II*\0", b"MM\0*")  # of JPEG, PNG and TIFF
 _CONTROLS = re.compile("[\\x00-\\x1f\\x7f-\\x9f\\u2028-\\u202e\\u2066-\\u2069]")  # and what turns writing round
 _MAPS_OF_PROGRAMS = (".exr", ".hdr")  # which systems have no program for
-_EMPTY_NAME = "the name of the file is empty."
 _HINT = "'-o' / '--output'"  # how click names the option in an error
-
-Decorator = Callable[[Callable[..., Any]], Callable[..., Any]]
-overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that are there.")
 
 
 def photo_progress(items: Sequence[str], quiet: bool) -> Any:
@@ -143,13 +139,12 @@ def _format_summary(name: str, lighting: "Lighting") -> str:
     """
     from lighting.fields import format_azimuth, format_sun_elevation, format_tilt
 
-    roll = round(lighting.camera_roll, 1) + 0.0  # without -0.0
+    sun = f"sun {format_azimuth(lighting.sun_azimuth, 1)}, {format_sun_elevation(lighting.sun_elevation, 1)}"
+    tilt, roll = format_tilt(lighting.camera_elevation, 1), round(lighting.camera_roll, 1) + 0.0  # without -0.0
     return (
-        f"{escape_path(name)}: sun {format_azimuth(lighting.sun_azimuth, 1)}, "
-        f"{format_sun_elevation(lighting.sun_elevation, 1)}"
-        f"{_format_radii(lighting)}, direct sunlight {100 * lighting.sun_visibility:.0f} %, "
-        f"turbidity {lighting.turbidity:.1f}; "
-        f"camera looks {format_tilt(lighting.camera_elevation, 1)}, roll {roll:.1f}°, "
+        f"{escape_path(name)}: {sun}{_format_radii(lighting)}, "
+        f"direct sunlight {100 * lighting.sun_visibility:.0f} %, turbidity {lighting.turbidity:.1f}; "
+        f"camera looks {tilt}, roll {roll:.1f}°, "
         f"vertical field of view {lighting.vertical_fov:.1f}°{_format_headings(lighting)}"
         f"{_format_time(lighting)}{_format_evidence(lighting)}"
     )
@@ -245,7 +240,7 @@ def _open_input(name: str) -> Iterator[BinaryIO]:
     if name == "-":
         yield _stdin()
     elif not name:  # which would be the current folder
-        raise FileNotFoundError(errno.ENOENT, "The name of the file is empty")
+        raise _no_name()
     else:
         with Path(name).open("rb") as stream:
             yield stream
@@ -282,10 +277,13 @@ def read_photo_bytes(name: str) -> bytes:
     """
     from lighting.photo.reader import read_bytes
 
-    if name not in ("", "-") and Path(name).is_dir():
+    if name == "-":
+        return read_bytes(_stdin())
+    if not name:
+        raise _no_name()
+    if Path(name).is_dir():
         raise IsADirectoryError(errno.EISDIR, f"It is a folder: try `lighting batch {shlex.quote(name)}`", name)
-    with _open_input(name) as stream:
-        return read_bytes(stream)
+    return read_bytes(Path(name))
 
 
 @contextmanager
@@ -308,6 +306,10 @@ def path_of(name: str) -> str | None:
         name: of the file; "-" is stdin.
     """
     return None if name == "-" else name
+
+
+def _no_name() -> FileNotFoundError:
+    return FileNotFoundError(errno.ENOENT, "The name of the file is empty")
 
 
 def _stdin() -> BinaryIO:
@@ -398,13 +400,15 @@ def write_bytes(output: str, data: bytes) -> None:
 
 
 @dataclass(frozen=True)
-class _OutputKind:
+class OutputKind:
     """What a command writes of one source."""
 
     ending: str
     """Behind the source's name without its suffix."""
     suffixes: tuple[str, ...]
     """That a name may end in."""
+    names: str
+    """The same in words."""
 
     def beside(self, source: str) -> Path:
         """Return the default: beside the source.
@@ -423,69 +427,33 @@ class _OutputKind:
         return ("stdin" if source == "-" else Path(source).stem) + self.ending
 
 
-MAPS = _OutputKind(".exr", tuple(f".{name}" for name in MAP_FORMATS))
+_MAP_SUFFIXES = tuple(f".{name}" for name in MAP_FORMATS)
+MAPS = OutputKind(".exr", _MAP_SUFFIXES, join_words(_MAP_SUFFIXES))
+PREVIEWS = OutputKind("-preview.png", (".png",), ".png")
 
 
-PREVIEWS = _OutputKind("-preview.png", (".png",))
-
-
-def file_output(kind: _OutputKind, *, several: bool = False) -> Decorator:
-    """Add -o for a file, and --overwrite.
-
-    Args:
-        kind: of file.
-        several: whether several sources go to a folder.
-    """
-    folder = ", or FOLDER/" if several else ""
-    text = f'{join_words(kind.suffixes)}{folder}; "-" is stdout.  [default: {kind.ending} beside the input]'
-    if kind is MAPS:
-        text = f'{join_words(kind.suffixes)}{folder}; "-" is EXR on stdout.  [default: .exr beside the input]'
-    option = click.option("-o", "--output", metavar="FILE", callback=check_file_name, help=text)
-    return lambda command: option(overwrite_option(command))
-
-
-def folder_output(default: str, text: str = "New or empty unless --overwrite.") -> Decorator:
-    """Add -o for a folder, and --overwrite.
+def check_stdin(photos: Sequence[str]) -> None:
+    """Raise UsageError where stdin is read twice.
 
     Args:
-        default: how the help names the default.
-        text: what the help says.
+        photos: names of files; "-" is stdin.
     """
-    option = click.option(
-        "-o", "--output", metavar="FOLDER", callback=check_folder_name, help=f"{text}  [default: {default}]"
-    )
-    return lambda command: option(overwrite_option(command))
+    if photos.count("-") > 1:
+        raise click.UsageError("Only one of the photos can be stdin.")
 
 
-def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-    """Refuse what names no folder, as an empty variable of a shell, which would be the current one.
+def check_json(as_json: bool, names: Sequence[str | None]) -> None:
+    """Raise UsageError where JSON and a file both go to stdout.
 
     Args:
-        _ctx: of click.
-        _param: of click.
-        name: of the folder; None where not stated.
+        as_json: whether JSON is wanted.
+        names: of the files; "-" is stdout.
     """
-    if name == "":
-        raise click.BadParameter("the name of the folder is empty.")
-    if name == "-":
-        raise click.BadParameter("the results are a folder, which stdout cannot be.")
-    return name
+    if as_json and "-" in names:
+        raise click.UsageError("--json and the file would both go to stdout.")
 
 
-def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
-    """Refuse an empty name, as an empty variable of a shell is.
-
-    Args:
-        _ctx: of click.
-        _param: of click.
-        name: of the file; None where not stated.
-    """
-    if name == "":
-        raise click.BadParameter(_EMPTY_NAME)
-    return name
-
-
-def choose_files(sources: Sequence[str], output: str | None, kind: _OutputKind, *, overwrite: bool) -> list[str]:
+def choose_files(sources: Sequence[str], output: str | None, kind: OutputKind, *, overwrite: bool) -> list[str]:
     """Return the file for each source, before any work: where it could not be written later, an error says so.
 
     Args:
@@ -498,6 +466,7 @@ def choose_files(sources: Sequence[str], output: str | None, kind: _OutputKind, 
         click.UsageError: the outputs are no such files.
         click.ClickException: a file is there.
     """
+    check_stdin(sources)
     folder = output is not None and output != "-" and (len(sources) > 1 or _is_folder(output))
     if folder:
         assert output is not None
@@ -517,7 +486,7 @@ def choose_files(sources: Sequence[str], output: str | None, kind: _OutputKind, 
     return names
 
 
-def _default_file(source: str, kind: _OutputKind) -> str:
+def _default_file(source: str, kind: OutputKind) -> str:
     if source == "-":
         raise click.UsageError("What is read from stdin needs an output: -o FILE, or -o - for stdout.")
     name = str(kind.beside(source))
@@ -526,7 +495,7 @@ def _default_file(source: str, kind: _OutputKind) -> str:
     return name
 
 
-def _check_folder(output: str, kind: _OutputKind) -> None:
+def _check_folder(output: str, kind: OutputKind) -> None:
     if output.lower().endswith(kind.suffixes) and not _is_folder(output):
         raise click.UsageError(f"Several photos need a folder: -o FOLDER/, not {output}.")
     check_parent(output)

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING, Any
 import click
 
 import lighting.cli.console as console
-import lighting.cli.photos as photos
 from lighting.cli import cli
 from lighting.cli import options as common
-from lighting.cli.photos import PhotoOptions, choose_sun, estimate_file, photo_estimator
+from lighting.cli.options import PhotoOptions
+from lighting.cli.photos import EstimatedPhoto, estimate_file, process_photos
 
 if TYPE_CHECKING:
     import numpy as np
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from lighting.envmap.surroundings import PhotoContext
     from lighting.fusion.user_input import UserInput
     from lighting.light_probe import LightProbe
-    from lighting.photo.reader import Photo
-    from lighting.photo_estimate import Estimate
     from lighting.records import Lighting
 
 
@@ -32,46 +30,43 @@ if TYPE_CHECKING:
         "lighting envmap *.jpg -o maps/ --height 1024        # a map of each photo",
     ),
 )
-@console.file_output(console.MAPS, several=True)
+@common.file_output(console.MAPS, several=True)
 @common.map_options
-@photos.photo_options
-@click.option("--preview", metavar="FILE.png", callback=console.check_file_name, help="Also draw the preview.")
+@common.photo_options
+@click.option("--preview", metavar="FILE.png", callback=common.check_file_name, help="Also draw the preview.")
 @click.pass_context
 def _envmap(ctx: click.Context, /, chosen: PhotoOptions, preview: str | None, **view: Any) -> None:
     """Render the environment map of each PHOTO."""
-    photos.check_stdin(chosen.photos)
     names = console.choose_files(chosen.photos, chosen.output, console.MAPS, overwrite=chosen.overwrite)
-    _check_preview(chosen, names, preview)
+    console.check_json(chosen.as_json, (*names, preview))
+    if preview is not None:
+        _check_preview(chosen, names, preview)
     for name in names:
         _check_exr_options(name, view["compression"], view["colours"])
-    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model, _import_renderer)
-    sun = photos.choose_sun(chosen.sun, chosen.adjustments)
+    sun = common.choose_sun(chosen.sun, chosen.adjustments)
 
-    def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
-        data, picture, answer = photos.estimate_file(estimate, photo)
-        context = _map_context(data, picture, answer, view["height"], chosen.surroundings, chosen.detail)
-        lighting, output = chosen.adjust(answer.lighting), names[number]
+    def work(number: int, photo: EstimatedPhoto) -> list[str]:
+        context = _map_context(photo, view["height"], chosen.surroundings, chosen.detail)
+        lighting, output = chosen.adjust(photo.estimate.lighting), names[number]
         _make_parent(output)
         _write_output_map(output, lighting, sun=sun, context=context, **view)
         files = {"output": output}
         if preview:
-            _write_preview(preview, data, answer, lighting, chosen)
+            _write_preview(preview, photo, lighting, chosen)
             files["preview"] = preview
-        chosen.print_estimate(photo, answer, lighting, answer.warnings, files)
-        return answer.lighting, list(files.values())
+        chosen.print_estimate(photo.name, photo.estimate, lighting, photo.estimate.lighting.warnings, files)
+        return list(files.values())
 
-    photos.process_photos(ctx, chosen, work)
+    process_photos(ctx, chosen, work, meanwhile=_import_renderer)
 
 
-def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str | None) -> None:
-    """Raise an error where the preview is not a file of its own, or JSON and a file both go to stdout."""
-    if preview is not None:
-        if len(chosen.photos) > 1:
-            raise click.UsageError("--preview is of one photo; `lighting preview` draws those of several.")
-        console.check_file(preview, console.PREVIEWS.suffixes, "'--preview'")
-        console.check_apart(chosen.photos, (*names, preview))
-        console.check_absent([preview], overwrite=chosen.overwrite)
-    photos.check_json(chosen.as_json, (*names, preview))
+def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str) -> None:
+    """Raise an error where the preview is not a file of its own."""
+    if len(chosen.photos) > 1:
+        raise click.UsageError("--preview is of one photo; `lighting preview` draws those of several.")
+    console.check_file(preview, console.PREVIEWS.suffixes, "'--preview'")
+    console.check_apart(chosen.photos, (*names, preview))
+    console.check_absent([preview], overwrite=chosen.overwrite)
 
 
 @cli.command(
@@ -82,29 +77,25 @@ def _check_preview(chosen: PhotoOptions, names: Sequence[str], preview: str | No
         "lighting preview *.jpg -o previews/                 # one of each photo",
     ),
 )
-@console.file_output(console.PREVIEWS, several=True)
-@photos.photo_options
+@common.file_output(console.PREVIEWS, several=True)
+@common.photo_options
 @click.pass_context
 def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
     """Draw each PHOTO, its light and three spheres lit by it."""
     from lighting.ground import spot_warnings
 
-    photos.check_stdin(chosen.photos)
     names = console.choose_files(chosen.photos, chosen.output, console.PREVIEWS, overwrite=chosen.overwrite)
-    photos.check_json(chosen.as_json, names)
-    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model)
+    console.check_json(chosen.as_json, names)
 
-    def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
-        data, _, answer = photos.estimate_file(estimate, photo)
-        lighting, output = chosen.adjust(answer.lighting), names[number]
+    def work(number: int, photo: EstimatedPhoto) -> list[str]:
+        lighting, output = chosen.adjust(photo.estimate.lighting), names[number]
         _make_parent(output)
-        _write_preview(output, data, answer, lighting, chosen)
-        warnings = (*answer.warnings, *spot_warnings(lighting))
-        files = {"output": output}
-        chosen.print_estimate(photo, answer, lighting, warnings, files)
-        return answer.lighting, [output]
+        _write_preview(output, photo, lighting, chosen)
+        warnings = (*photo.estimate.warnings, *spot_warnings(lighting))
+        chosen.print_estimate(photo.name, photo.estimate, lighting, warnings, {"output": output})
+        return [output]
 
-    photos.process_photos(ctx, chosen, work)
+    process_photos(ctx, chosen, work)
 
 
 @cli.command(
@@ -116,12 +107,12 @@ def _preview(ctx: click.Context, /, chosen: PhotoOptions) -> None:
     ),
 )
 @click.argument("record", metavar="LIGHTING.json", type=common.FileName())
-@console.file_output(console.MAPS)
+@common.file_output(console.MAPS)
 @click.option(
     "--photo",
     metavar="PHOTO",
     type=common.FileName(),
-    callback=console.check_file_name,
+    callback=common.check_file_name,
     help="The record's photo: the map then shows the place. Without it, sky and ground.",
 )
 @common.map_options
@@ -146,8 +137,8 @@ def _render(record: str, output: str | None, overwrite: bool, photo: str | None,
     console.check_apart(sources, [name])
     _check_exr_options(name, options["compression"], options["colours"])
     as_json, quiet, adjustments = (options.pop(key) for key in ("as_json", "quiet", "adjustments"))
-    photos.check_json(as_json, [name])
-    options["sun"] = photos.choose_sun(options["sun"], adjustments)
+    console.check_json(as_json, [name])
+    options["sun"] = common.choose_sun(options["sun"], adjustments)
     place = {key: options.pop(key) for key in ("surroundings", "detail", "user_input", "model")}
     if photo is None:
         _refuse_place(**place)
@@ -226,9 +217,7 @@ def _light_probe(
     if source.lower().endswith((".json", ".jsonl")):
         probe = _probe_of_record(source, sun, surroundings, user_input, model)
     else:
-        with console.prefix_errors(source):
-            data = console.read_photo_bytes(source)
-            _, estimate = photos.estimate_photo(source, data, user_input, model)
+        estimate = estimate_file(source, user_input, model).estimate
         probe = estimate.light_probe(sun=sun, surroundings=surroundings)
         console.report_warnings(source, estimate.warnings, quiet)
     click.echo(encode_light_probe(probe, format))
@@ -269,23 +258,22 @@ def _make_parent(name: str) -> None:
         Path(name).parent.mkdir(exist_ok=True)
 
 
-def _write_preview(output: str, photo: bytes, estimate: "Estimate", lighting: "Lighting", chosen: PhotoOptions) -> None:
+def _write_preview(output: str, photo: EstimatedPhoto, lighting: "Lighting", chosen: PhotoOptions) -> None:
     """Draw a photo, its light and three spheres lit by it.
 
     Args:
         output: the PNG's file; "-" is stdout.
-        photo: its bytes.
-        estimate: of its light.
-        lighting: that light, perhaps changed since.
+        photo: estimated.
+        lighting: of the photo, perhaps changed since.
         chosen: says whether sun, place and detail are in its map.
     """
     from lighting.photo.reader import read_photo
     from lighting.preview.picture import PHOTO_SIDE, draw_preview_pixels, encode_preview_png
 
-    pixels = read_photo(photo, target=PHOTO_SIDE).pixels
-    sun = choose_sun(chosen.sun, chosen.adjustments)
+    pixels = read_photo(photo.data, target=PHOTO_SIDE).pixels
+    sun = common.choose_sun(chosen.sun, chosen.adjustments)
     picture = draw_preview_pixels(
-        pixels, estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
+        pixels, photo.estimate, surroundings=chosen.surroundings, detail=chosen.detail, lighting=lighting, sun=sun
     )
     console.write_bytes(output, encode_preview_png(picture))
 
@@ -303,8 +291,7 @@ def _context_of_record(
         surroundings: whether the map shows the place; None where the network predicts it.
         detail: whether the map then has detail all around the photo.
     """
-    data, picture, answer = estimate_file(photo_estimator([photo], user_input, model), photo)
-    return _map_context(data, picture, answer, height, surroundings, detail)
+    return _map_context(estimate_file(photo, user_input, model), height, surroundings, detail)
 
 
 def _import_renderer() -> None:
@@ -314,15 +301,11 @@ def _import_renderer() -> None:
     import lighting.light_probe  # noqa: F401 - all three
 
 
-def _map_context(
-    data: bytes, photo: "Photo", estimate: "Estimate", height: int, surroundings: bool | None, detail: bool
-) -> "PhotoContext | None":
+def _map_context(photo: EstimatedPhoto, height: int, surroundings: bool | None, detail: bool) -> "PhotoContext | None":
     """Return the surroundings for a photo's map, as `photo_context_for_height` does.
 
     Args:
-        data: the photo's bytes.
-        photo: decoded.
-        estimate: of its light.
+        photo: estimated.
         height: rows of the map.
         surroundings: whether the map shows them; None where the network predicts them.
         detail: whether the map then has detail all around the photo.
@@ -331,9 +314,10 @@ def _map_context(
     from lighting.photo.reader import read_photo
 
     def finer(side: int) -> "NDArray[np.uint8]":
-        return read_photo(data, target=side).pixels
+        return read_photo(photo.data, target=side).pixels
 
-    return photo_context_for_height(estimate, photo.pixels, height, finer, surroundings=surroundings, detail=detail)
+    pixels = photo.picture.pixels
+    return photo_context_for_height(photo.estimate, pixels, height, finer, surroundings=surroundings, detail=detail)
 
 
 def _write_output_map(

@@ -10,7 +10,7 @@ from lighting.cli import cli, console
 from lighting.cli import options as common
 from lighting.cli.console import path_of, read_photo_bytes
 from lighting.cli.options import usage_errors
-from lighting.cli.photos import check_stdin, estimate_photo, load_estimator, strict_status
+from lighting.cli.photos import estimate_photo, load_estimator, strict_status
 from lighting.errors import ParameterError, PhotoError
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def _estimate(
     Time, place and lens are taken from the photo's metadata unless stated here. A photo that cannot be read does not
     stop the others; the exit status is 1 then.
     """
-    check_stdin(photos)
+    console.check_stdin(photos)
     _check_together(len(photos), user_input, **taken_together)
     _warn_unregistered(quiet, **taken_together)
     lights = list["Lighting"]()

@@ -1,24 +1,29 @@
 """Options that several commands share."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass, fields
 from datetime import datetime
 from difflib import get_close_matches
 from functools import wraps
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from lighting.cli.console import check_file_name
+from lighting.cli.console import MAPS, OutputKind, print_estimate
 from lighting.errors import EnvironmentMapError, LightingError, ParameterError
 from lighting.sky import SKY_MODELS, format_sky_models
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
+    from lighting.envmap.relighting import Adjustments
+    from lighting.fusion.user_input import UserInput
+    from lighting.photo_estimate import Estimate
+    from lighting.records import Lighting
 
-Command = TypeVar("Command", bound=Callable[..., None])
+Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 
 
 def _height(_ctx: click.Context, _param: click.Parameter, value: int) -> int:
@@ -150,6 +155,35 @@ def _compressions() -> Iterable[str]:
     return COMPRESSIONS
 
 
+def check_folder_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
+    """Refuse what names no folder, as an empty variable of a shell, which would be the current one.
+
+    Args:
+        _ctx: of click.
+        _param: of click.
+        name: of the folder; None where not stated.
+    """
+    if name == "":
+        raise click.BadParameter("the name of the folder is empty.")
+    if name == "-":
+        raise click.BadParameter("the results are a folder, which stdout cannot be.")
+    return name
+
+
+def check_file_name(_ctx: click.Context, _param: click.Parameter, name: str | None) -> str | None:
+    """Refuse an empty name, as an empty variable of a shell is.
+
+    Args:
+        _ctx: of click.
+        _param: of click.
+        name: of the file; None where not stated.
+    """
+    if name == "":
+        raise click.BadParameter("the name of the file is empty.")
+    return name
+
+
+overwrite_option = click.option("--overwrite", is_flag=True, help="Replace files that are there.")
 height_option = click.option(
     "--height", default=512, show_default=True, callback=_height, help="Rows of the map; columns are twice that."
 )
@@ -162,44 +196,73 @@ no_sun_option = click.option(
 )
 
 
-def map_options(command: Command) -> Command:
+_MAP_OPTIONS: tuple[Decorator, ...] = (
+    height_option,
+    click.option(
+        "--sky",
+        metavar="MODEL",
+        type=RegistryChoice(lambda: SKY_MODELS),
+        help=f"The sky's shape: {format_sky_models(' or ')}, which are advanced.",
+    ),
+    click.option(
+        "--yaw",
+        default=0.0,
+        metavar="DEG",
+        type=Number("90"),
+        callback=_check_finite,
+        help="Turn the map, with its sun, to the right.",
+    ),
+    click.option(
+        "--compression",
+        metavar="NAME",
+        type=_Compression(),
+        help="How an EXR is packed: zip (the default), pxr24 or none.",
+    ),
+    click.option(
+        "--colours",
+        metavar="NAME",
+        type=RegistryChoice(_colour_spaces),
+        help="Primaries of an EXR: rec709 (the default), acescg or linear-p3. A record stays in Rec.709.",
+    ),
+)
+
+
+def map_options(command: Callable[..., None]) -> Callable[..., None]:
     """Add the options that say how a map is rendered; a command receives them together as `view`.
 
     Args:
         command: that receives them.
     """
-    options = [
-        height_option,
-        click.option(
-            "--sky",
-            metavar="MODEL",
-            type=RegistryChoice(lambda: SKY_MODELS),
-            help=f"The sky's shape: {format_sky_models(' or ')}, which are advanced.",
-        ),
-        click.option(
-            "--yaw",
-            default=0.0,
-            metavar="DEG",
-            type=Number("90"),
-            callback=_check_finite,
-            help="Turn the map, with its sun, to the right.",
-        ),
-        click.option(
-            "--compression",
-            metavar="NAME",
-            type=_Compression(),
-            help="How an EXR is packed: zip (the default), pxr24 or none.",
-        ),
-        click.option(
-            "--colours",
-            metavar="NAME",
-            type=RegistryChoice(_colour_spaces),
-            help="Primaries of an EXR: rec709 (the default), acescg or linear-p3. A record stays in Rec.709.",
-        ),
-    ]
-    for option in reversed(options):
+    for option in reversed(_MAP_OPTIONS):
         command = option(command)
     return command
+
+
+def file_output(kind: OutputKind, *, several: bool = False) -> Decorator:
+    """Add -o for a file, and --overwrite.
+
+    Args:
+        kind: of file.
+        several: whether several sources go to a folder.
+    """
+    folder = ", or FOLDER/" if several else ""
+    what = "EXR on stdout" if kind is MAPS else "stdout"
+    text = f'{kind.names}{folder}; "-" is {what}.  [default: {kind.ending} beside the input]'
+    option = click.option("-o", "--output", metavar="FILE", callback=check_file_name, help=text)
+    return lambda command: option(overwrite_option(command))
+
+
+def folder_output(default: str, text: str = "New or empty unless --overwrite.") -> Decorator:
+    """Add -o for a folder, and --overwrite.
+
+    Args:
+        default: how the help names the default.
+        text: what the help says.
+    """
+    option = click.option(
+        "-o", "--output", metavar="FOLDER", callback=check_folder_name, help=f"{text}  [default: {default}]"
+    )
+    return lambda command: option(overwrite_option(command))
 
 
 surroundings_option = click.option(
@@ -318,7 +381,6 @@ def adjustment_options(command: Callable[..., None]) -> Callable[..., None]:
     return decorated
 
 
-Decorator = Callable[[Callable[..., None]], Callable[..., None]]
 _NO_EXPOSURE = "0"
 
 _ADJUSTMENTS: tuple[Decorator, ...] = (
@@ -419,6 +481,110 @@ def _options(*names: str) -> Decorator:
 # What the user states of a photo; a command receives it as `user_input`. Contradictions are wrong usage.
 user_input_options = _options(*_OPTIONS)
 batch_input_options = _options(*(name for name in _OPTIONS if name not in ("time", "heading")))
+
+
+@dataclass(frozen=True)
+class PhotoOptions:
+    """The options of a command that makes something of each photo."""
+
+    photos: Sequence[str]
+    """Names of files; "-" is stdin."""
+    output: str | None
+    """Name of a file or folder. None: beside each photo."""
+    overwrite: bool
+    """Whether a file may be replaced."""
+    surroundings: bool | None
+    """Whether maps show the place. None: where the network predicts it."""
+    detail: bool
+    """Whether they then have detail all around the photo."""
+    sun: bool | None
+    """Whether it is in maps and scenes."""
+    adjustments: "Adjustments | None"
+    """What the user changes of the light. None: nothing."""
+    user_input: "UserInput"
+    """What the user states of the photos."""
+    model: str | None
+    """A network's file. None: the one in this package."""
+    strict: bool
+    """Whether an unsuitable photo gives another exit status."""
+    as_json: bool
+    """Whether lines are JSON."""
+    quiet: bool
+    """Whether there are no progress, summaries and warnings."""
+
+    def adjust(self, lighting: "Lighting") -> "Lighting":
+        """Return a light as the user adjusts it.
+
+        Args:
+            lighting: before.
+        """
+        if self.adjustments is None:
+            return lighting
+        from lighting.envmap.relighting import adjust_lighting
+
+        return adjust_lighting(lighting, self.adjustments)
+
+    def print_estimate(
+        self, photo: str, answer: "Estimate", lighting: "Lighting", warnings: Sequence[str], files: dict[str, str]
+    ) -> None:
+        """Print the line of a photo, and its warnings.
+
+        Args:
+            photo: name of the file.
+            answer: about the photo.
+            lighting: as the user adjusted it.
+            warnings: of the answer and of what was made of it.
+            files: that were written, by what they are.
+        """
+        probe = None
+        if self.as_json:
+            sun = choose_sun(self.sun, self.adjustments)
+            probe = answer.replace(lighting=lighting).light_probe(sun=sun, surroundings=self.surroundings)
+        crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
+        print_estimate(photo, lighting, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
+
+
+def photo_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Add the options that PhotoOptions holds, apart from -o; the command receives it as `chosen`.
+
+    Args:
+        command: that receives them.
+    """
+
+    @wraps(command)
+    def with_chosen(*args: Any, **options: Any) -> None:
+        chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
+        command(*args, chosen=chosen, **options)
+
+    added = (
+        adjustment_options,
+        no_sun_option,
+        surroundings_option,
+        detail_option,
+        user_input_options,
+        model_option,
+        strict_option,
+        json_option,
+        silent_option,
+    )
+    decorated: Callable[..., None] = with_chosen
+    for add in reversed(added):
+        decorated = add(decorated)
+    return click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=FileName())(decorated)
+
+
+def choose_sun(sun: bool | None, adjustments: "Adjustments | None") -> bool | None:
+    """Return whether the sun is painted; one that the user moved is. UsageError where it is also to be left out.
+
+    Args:
+        sun: False where it is left out; None without a word.
+        adjustments: may move it; None: nothing.
+    """
+    if adjustments is None or adjustments.sun is None:
+        return sun
+    if sun is False:
+        raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
+    return True
 
 
 @contextmanager

@@ -1,22 +1,20 @@
-"""What commands about photos share: their options, one photo after the other, and the exit status."""
+"""What commands about photos share: an estimate of one photo after the other, and the exit status."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
-from functools import wraps
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import click
 
 import lighting.cli.console as console
-from lighting.cli import options as common
 from lighting.cli.console import path_of
+from lighting.cli.options import PhotoOptions
 from lighting.errors import LightingError
 from lighting.start import exit_on_interrupt
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
 
-    from lighting.envmap.relighting import Adjustments
     from lighting.estimator import Estimator
     from lighting.fusion.user_input import UserInput
     from lighting.model import Model
@@ -27,179 +25,29 @@ if TYPE_CHECKING:
 
 UNSUITABLE_STATUS = 3  # of --strict, where a photo is probably none of outdoors by daylight
 
-EstimatePhoto = Callable[[str, bytes], "tuple[Photo, Estimate]"]  # by name and bytes
 
+@dataclass(frozen=True, eq=False, repr=False)
+class EstimatedPhoto:
+    """A photo that a command read, and the estimate of its light."""
 
-@dataclass(frozen=True)
-class PhotoOptions:
-    """The options of a command that makes something of each photo."""
-
-    photos: Sequence[str]
-    """Names of files; "-" is stdin."""
-    output: str | None
-    """Name of a file or folder. None: beside each photo."""
-    overwrite: bool
-    """Whether a file may be replaced."""
-    surroundings: bool | None
-    """Whether maps show the place. None: where the network predicts it."""
-    detail: bool
-    """Whether they then have detail all around the photo."""
-    sun: bool | None
-    """Whether it is in maps and scenes."""
-    adjustments: "Adjustments | None"
-    """What the user changes of the light. None: nothing."""
-    user_input: "UserInput"
-    """What the user states of the photos."""
-    model: str | None
-    """A network's file. None: the one in this package."""
-    strict: bool
-    """Whether an unsuitable photo gives another exit status."""
-    as_json: bool
-    """Whether lines are JSON."""
-    quiet: bool
-    """Whether there are no progress, summaries and warnings."""
-
-    def adjust(self, lighting: "Lighting") -> "Lighting":
-        """Return a light as the user adjusts it.
-
-        Args:
-            lighting: before.
-        """
-        if self.adjustments is None:
-            return lighting
-        from lighting.envmap.relighting import adjust_lighting
-
-        return adjust_lighting(lighting, self.adjustments)
-
-    def print_estimate(
-        self, photo: str, answer: "Estimate", lighting: "Lighting", warnings: Sequence[str], files: dict[str, str]
-    ) -> None:
-        """Print the line of a photo, and its warnings.
-
-        Args:
-            photo: name of the file.
-            answer: about the photo.
-            lighting: as the user adjusted it.
-            warnings: of the answer and of what was made of it.
-            files: that were written, by what they are.
-        """
-        probe = None
-        if self.as_json:
-            sun = choose_sun(self.sun, self.adjustments)
-            probe = answer.replace(lighting=lighting).light_probe(sun=sun, surroundings=self.surroundings)
-        crop, as_json, quiet = answer.photo.crop, self.as_json, self.quiet
-        console.print_estimate(photo, lighting, warnings, files, probe=probe, crop=crop, as_json=as_json, quiet=quiet)
-
-
-def choose_sun(sun: bool | None, adjustments: "Adjustments | None") -> bool | None:
-    """Return whether the sun is painted; one that the user moved is. UsageError where it is also to be left out.
-
-    Args:
-        sun: False where it is left out; None without a word.
-        adjustments: may move it; None: nothing.
-    """
-    if adjustments is None or adjustments.sun is None:
-        return sun
-    if sun is False:
-        raise click.UsageError("--sun moves the sun, and --no-sun leaves it out: choose one.")
-    return True
-
-
-def photo_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Add the options that PhotoOptions holds, apart from -o; the command receives it as `chosen`.
-
-    Args:
-        command: that receives them.
-    """
-
-    @wraps(command)
-    def with_chosen(*args: Any, **options: Any) -> None:
-        chosen = PhotoOptions(**{field.name: options.pop(field.name) for field in fields(PhotoOptions)})
-        command(*args, chosen=chosen, **options)
-
-    added = (
-        common.adjustment_options,
-        common.no_sun_option,
-        common.surroundings_option,
-        common.detail_option,
-        common.user_input_options,
-        common.model_option,
-        common.strict_option,
-        common.json_option,
-        common.silent_option,
-    )
-    decorated: Callable[..., None] = with_chosen
-    for add in reversed(added):
-        decorated = add(decorated)
-    return click.argument("photos", nargs=-1, required=True, metavar="PHOTO...", type=common.FileName())(decorated)
-
-
-def check_stdin(photos: Sequence[str]) -> None:
-    """Raise UsageError where stdin is read twice.
-
-    Args:
-        photos: names of files; "-" is stdin.
-    """
-    if photos.count("-") > 1:
-        raise click.UsageError("Only one of the photos can be stdin.")
-
-
-def check_json(as_json: bool, names: Sequence[str | None]) -> None:
-    """Raise UsageError where JSON and a file both go to stdout.
-
-    Args:
-        as_json: whether JSON is wanted.
-        names: of the files; "-" is stdout.
-    """
-    if as_json and "-" in names:
-        raise click.UsageError("--json and the file would both go to stdout.")
-
-
-def photo_estimator(
-    photos: Sequence[str], user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
-) -> EstimatePhoto:
-    """Return a function that reads a photo and estimates its light.
-
-    The network is loaded now for several photos, and beside the decoding of one alone. Raises ModelError.
-
-    Args:
-        photos: names of all photos.
-        user_input: what the user states of them.
-        model: a network's file; None is the one in this package.
-        meanwhile: what to do while the network runs on the one photo.
-    """
-    if len(photos) == 1:
-        return lambda name, data: estimate_photo(name, data, user_input, model, meanwhile)
-    estimator = load_estimator(model)
-
-    def estimate(name: str, data: bytes) -> "tuple[Photo, Estimate]":
-        from lighting.photo.reader import read_photo
-
-        photo = read_photo(data, path=console.path_of(name))
-        return photo, estimator(photo, user_input)
-
-    return estimate
-
-
-def estimate_file(estimate: EstimatePhoto, name: str) -> "tuple[bytes, Photo, Estimate]":
-    """Return the bytes of a photo, its pixels and its light; errors name the file.
-
-    Args:
-        estimate: of `photo_estimator`.
-        name: of the photo's file; "-" is stdin.
-    """
-    with console.prefix_errors(name):
-        data = console.read_photo_bytes(name)
-        return data, *estimate(name, data)
+    name: str
+    """Of the file; "-" is stdin."""
+    data: bytes
+    """What the file holds."""
+    picture: "Photo"
+    """The photo decoded."""
+    estimate: "Estimate"
+    """Of its light."""
 
 
 def process_photos(
     ctx: click.Context,
     chosen: PhotoOptions,
-    work: "Callable[[int, str], tuple[Lighting, list[str]]]",
+    work: Callable[[int, EstimatedPhoto], list[str]],
     how_to_open: Callable[[str], str] = console.open_command,
+    meanwhile: Callable[[], object] = lambda: None,
 ) -> None:
-    """Work on each photo, say what was written, and end the command with its status.
+    """Estimate the light of each photo, work on it, say what was written, and end the command with its status.
 
     That is 1 where a photo failed, and 3 where --strict finds one unfit. An error of the only photo ends the command;
     of several, the others go on.
@@ -207,14 +55,17 @@ def process_photos(
     Args:
         ctx: of click.
         chosen: the command's options.
-        work: takes number and name, writes what the command writes, and returns the photo's light and the files.
+        work: takes a photo's number and answer, writes what the command writes, and returns the files.
         how_to_open: of the first file.
+        meanwhile: what to do while the network runs on the only photo.
     """
     failed, lights, written = 0, list["Lighting"](), list[str]()
+    estimate = _photo_estimator(chosen, meanwhile)
     with console.photo_progress(chosen.photos, chosen.quiet) as progress:
         for number, name in enumerate(progress):
             try:
-                light, files = work(number, name)
+                answer = estimate(name)
+                written += work(number, answer)
             except (LightingError, OSError) as error:
                 if console.is_broken_pipe(error):
                     raise
@@ -225,12 +76,47 @@ def process_photos(
                 failed += 1
                 console.report_failure(name, error, progress)
                 continue
-            lights.append(light)
-            written += files
+            lights.append(answer.estimate.lighting)
     if failed:
         click.echo(f"{failed} of {len(chosen.photos)} photos failed.", err=True)
     console.report_written(written, how_to_open, quiet=chosen.quiet or chosen.as_json)
     ctx.exit(1 if failed else strict_status(lights, chosen.strict))
+
+
+def _photo_estimator(chosen: PhotoOptions, meanwhile: Callable[[], object]) -> Callable[[str], EstimatedPhoto]:
+    """A function that reads a photo and estimates its light; raises ModelError.
+
+    The network is loaded now for several photos, and beside the decoding of one alone.
+    """
+    if len(chosen.photos) == 1:
+        return lambda name: estimate_file(name, chosen.user_input, chosen.model, meanwhile)
+    estimator = load_estimator(chosen.model)
+
+    def estimate(name: str) -> EstimatedPhoto:
+        from lighting.photo.reader import read_photo
+
+        with console.prefix_errors(name):
+            data = console.read_photo_bytes(name)
+            photo = read_photo(data, path=path_of(name))
+            return EstimatedPhoto(name, data, photo, estimator(photo, chosen.user_input))
+
+    return estimate
+
+
+def estimate_file(
+    name: str, user_input: "UserInput", model: str | None, meanwhile: Callable[[], object] = lambda: None
+) -> EstimatedPhoto:
+    """Read a photo and estimate its light as `estimate_photo` does; errors name the file.
+
+    Args:
+        name: of the photo's file; "-" is stdin.
+        user_input: what the user states of it.
+        model: a network's file; None is the one in this package.
+        meanwhile: what to do while the networks run.
+    """
+    with console.prefix_errors(name):
+        data = console.read_photo_bytes(name)
+        return EstimatedPhoto(name, data, *estimate_photo(name, data, user_input, model, meanwhile))
 
 
 def strict_status(lights: Sequence["Lighting"], strict: bool) -> int:

@@ -96,7 +96,7 @@ def _pair(text: str, what: str) -> tuple[float, float]:
     metavar="PATH",
     help="A file .exr, or a folder to fill.  [default: FIRST-probe.exr, of a series FIRST-probes]",
 )
-@console.overwrite_option
+@common.overwrite_option
 @common.json_option
 @common.quiet_option
 def _merge(exposures: tuple[Path, ...], series: bool, output: str | None, quiet: bool, **options: Any) -> None:

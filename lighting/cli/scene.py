@@ -3,18 +3,16 @@
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 import lighting.cli.console as console
-from lighting.cli import Command, cli, photos
+from lighting.cli import Command, cli
 from lighting.cli import options as common
-from lighting.cli.photos import PhotoOptions
+from lighting.cli.options import PhotoOptions
+from lighting.cli.photos import EstimatedPhoto, process_photos
 from lighting.scene import EXPORTERS, unsupported_options
-
-if TYPE_CHECKING:
-    from lighting.records import Lighting
 
 
 @dataclass(frozen=True)
@@ -59,19 +57,17 @@ def _tool_options() -> list[click.Option]:
 @click.option(
     "--for", "tool", required=True, type=common.RegistryChoice(lambda: EXPORTERS), help="The tool that opens the scene."
 )
-@console.folder_output(
-    "PHOTO-TOOL", "Must be new or empty without --overwrite. Several photos get a folder each in it."
-)
+@common.folder_output("PHOTO-TOOL", "Must be new or empty without --overwrite. Several photos get a folder each in it.")
 @click.option(
     "--lighting",
     "record",
     metavar="LIGHTING.json",
     type=common.FileName(),
-    callback=console.check_file_name,
+    callback=common.check_file_name,
     help="Take the light from this record. PHOTO gives the background and the ground.",
 )
 @common.height_option
-@photos.photo_options
+@common.photo_options
 @click.pass_context
 def _scene(
     ctx: click.Context, /, chosen: PhotoOptions, tool: str, record: str | None, height: int, **of_tool: Any
@@ -86,26 +82,25 @@ def _scene(
     _check(chosen, options)
     folders = _choose_folders(chosen, options)
     stored = console.read_lighting(record) if record else None
-    estimate = photos.photo_estimator(chosen.photos, chosen.user_input, chosen.model)
 
-    def work(number: int, photo: str) -> "tuple[Lighting, list[str]]":
+    def work(number: int, photo: EstimatedPhoto) -> list[str]:
         from lighting.envmap.surroundings import photo_context
         from lighting.photo.reader import read_photo
         from lighting.scene.records import PLATE_SIDE, make_scene
         from lighting.scene.writer import write_scene
 
-        data, _, answer = photos.estimate_file(estimate, photo)
-        plate = read_photo(data, target=PLATE_SIDE)
+        answer = photo.estimate
+        plate = read_photo(photo.data, target=PLATE_SIDE)
         lighting = chosen.adjust(stored or answer.lighting)
         context = photo_context(answer, plate.pixels, surroundings=chosen.surroundings, detail=chosen.detail)
-        sun = photos.choose_sun(chosen.sun, chosen.adjustments)
+        sun = common.choose_sun(chosen.sun, chosen.adjustments)
         scene = make_scene(plate, lighting, map_height=height, sun=sun, context=context, segments=answer.segments)
         write_scene(scene, tool, folders[number], overwrite=chosen.overwrite, **stated)
         files = {"output": folders[number]}
-        chosen.print_estimate(photo, answer, lighting, scene.warnings, files)
-        return answer.lighting, [folders[number]]
+        chosen.print_estimate(photo.name, answer, lighting, scene.warnings, files)
+        return [folders[number]]
 
-    photos.process_photos(ctx, chosen, work, EXPORTERS[tool].opening_command)
+    process_photos(ctx, chosen, work, EXPORTERS[tool].opening_command)
 
 
 def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
@@ -129,7 +124,7 @@ def _choose_folders(chosen: PhotoOptions, options: _SceneOptions) -> list[str]:
 
 def _check(chosen: PhotoOptions, options: _SceneOptions) -> None:
     """Raise UsageError for an option that would do nothing, or stdin read twice."""
-    photos.check_stdin([*chosen.photos, *([options.record] if options.record else [])])
+    console.check_stdin([*chosen.photos, *([options.record] if options.record else [])])
     for name, tool in unsupported_options(options.of_tool, options.tool).items():
         raise click.UsageError(f"--{name.replace('_', '-')} goes with --for {tool}.")
     if options.record and len(chosen.photos) > 1:

@@ -13,7 +13,6 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path, write_bytes
 from lighting.cli.options import FiniteRange, Number, parse_utc_offset_option, quiet_option, usage_errors
-from lighting.cli.photos import check_json
 from lighting.errors import ErrorCode, ParameterError
 from lighting.files import encode_png, escape_undecodable, output_folder_error
 from lighting.start import silence_libraries
@@ -85,9 +84,9 @@ def _day(_ctx: click.Context, _param: click.Parameter, text: str | None) -> date
     help="Of the clock: +02:00 or 2; else the longitude's, or UTC of --probes.",
 )
 @click.option(
-    "-o", "--output", metavar="FILE.png", callback=console.check_file_name, help='Also draw it; "-" is stdout.'
+    "-o", "--output", metavar="FILE.png", callback=common.check_file_name, help='Also draw it; "-" is stdout.'
 )
-@console.overwrite_option
+@common.overwrite_option
 @common.json_option
 @quiet_option
 def _plan(
@@ -101,7 +100,7 @@ def _plan(
     from lighting.stereo.planner import plan_photos, plan_record
     from lighting.stereo.schedule import PlanRequest
 
-    check_json(as_json, [output])
+    console.check_json(as_json, [output])
     overwrite = options.pop("overwrite")
     if output is not None:
         console.check_file(output, console.PREVIEWS.suffixes)
@@ -199,7 +198,7 @@ _FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
     ),
 )
 @click.argument("day", type=_FOLDER)
-@console.folder_output("DAY-normals")
+@common.folder_output("DAY-normals")
 @click.option("--latitude", "--lat", type=FiniteRange(-90, 90), metavar="DEG", help="Where, if EXIF lacks it.")
 @click.option("--longitude", "--lon", type=FiniteRange(-180, 180), metavar="DEG", help="Longitude, positive east.")
 @click.option("--heading", type=FiniteRange(-360, 360), metavar="DEG", help="Where the camera looks, if EXIF lacks it.")

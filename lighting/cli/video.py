@@ -13,7 +13,7 @@ from lighting.cli import cli
 from lighting.cli import options as common
 from lighting.cli.console import escape_path
 from lighting.cli.options import FiniteRange, RegistryChoice
-from lighting.cli.photos import choose_sun, strict_status
+from lighting.cli.photos import strict_status
 from lighting.files import escape_undecodable, output_folder_error
 from lighting.scene import EXPORTERS, animated_tools
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     ),
 )
 @click.argument("clip", metavar="SHOT.mp4", type=common.FileName())
-@console.folder_output("SHOT-lighting")
+@common.folder_output("SHOT-lighting")
 @click.option(
     "--every",
     type=FiniteRange(0.04, 60.0),
@@ -86,7 +86,7 @@ def _video(
     if clip == "-":
         raise click.UsageError("A clip is read from a file, not from stdin.")
     every, overwrite = options.pop("every"), options.pop("overwrite")
-    options["sun"] = choose_sun(options["sun"], options["adjustments"])
+    options["sun"] = common.choose_sun(options["sun"], options["adjustments"])
     folder = Path(console.choose_folder(clip, output, "-lighting"))
     job = results.VideoJob(Path(clip), folder, user_input, every, results.OutputOptions(**options))
     if objection := output_folder_error(job.folder, overwrite=overwrite):
