@@ -26,7 +26,7 @@ _SUN_STOPS = 0.11  # by which a shining sun is understated; `python -m export fi
 _OVERCAST_STOPS = 0.7  # by which an overcast sky is understated, by the overcast HDR panoramas of `train`
 _CLEAR_SUN_EXPONENT = 0.4  # of a sun's way to the clear sun's color, by `python -m export fit sun-color` on `train`
 _CLEAR_TURBIDITY = 3.0  # of those suns
-_WHITE_ELEVATION = 60.0  # deg, of the clear sun that cameras show as white
+_WHITE_SUN = np.array([21908.559615977054, 18350.301859756382, 14137.675617182045])  # such a sun, 60 deg high: white
 _LOW_ELEVATIONS = (3.0, 12.0)  # deg between which the sun's color follows its known elevation
 _ELEVATION_EXPONENT = 0.5  # of the ratio of clear suns' colors; fitted to the HDR panoramas of `train`
 _CLIPPED_PARAMETERS = ("sun_visibility", "turbidity", "exposure", "camera_elevation", "camera_roll", "vertical_fov")
@@ -87,9 +87,9 @@ def lighting_from_prediction(prediction: Prediction, sun: SunEstimate | None = N
     raw = {"sun_azimuth": sun.azimuth, "sun_elevation": sun.elevation}
     raw |= {name: getattr(sun, name) for name in ("radius_50", "radius_90")}
     raw |= {name: getattr(prediction, name) for name in _CLIPPED_PARAMETERS}
-    values: Any = dict(zip(raw, map(clip_to_range, raw, raw.values()), strict=True))
-    if prediction.light is not None:
-        values |= _stated_light(prediction.light, prediction.sun_visibility)
+    light = prediction.light
+    values: Any = {} if light is None else _stated_light(light, prediction.sun_visibility)
+    values |= zip(raw, map(clip_to_range, raw, raw.values()), strict=True)
     return Lighting(
         **values,
         model_name=spec.name,
@@ -224,7 +224,7 @@ def blend_to_clear_sun(irradiance: Floats, elevation: float, exponent: float) ->
         elevation: deg, of the clear sun.
         exponent: 0 keeps the color, 1 is the clear sun's.
     """
-    clear = _clear_sun(max(elevation, _LOW_ELEVATIONS[0])) / _clear_sun(_WHITE_ELEVATION)
+    clear = _clear_sun(max(elevation, _LOW_ELEVATIONS[0])) / _WHITE_SUN
     return _match_luminance(irradiance ** (1 - exponent) * _match_luminance(clear, irradiance) ** exponent, irradiance)
 
 

@@ -268,12 +268,12 @@ def apply_photo_colors(photos: Sequence[Photo], estimates: Sequence[EstimatedLig
         estimates: one a photo.
     """
     lights = [estimate.lighting for estimate in estimates]
+    around = [estimate.surroundings for estimate in estimates]
     each = zip(photos, estimates, strict=True)
     samples = [PhotoSamples(*sample_photo(p.pixels, e.lighting), e.segments) for p, e in each]
     if len(photos) == 1:
         lights = [_with_ground_light(photos[0], samples[0], lights[0])]
     lights = share_sky_color(samples, lights)
-    around = (estimate.surroundings for estimate in estimates)
     lights = list(map(with_ground_color, lights, map(estimate_ground_albedo, samples, lights, around)))
     return [replace(estimate, lighting=light) for estimate, light in zip(estimates, lights, strict=True)]
 

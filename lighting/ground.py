@@ -112,7 +112,7 @@ def is_in_sun(sunny: NDArray[np.bool_], foot: Floats) -> bool:
 
 
 @dataclass(frozen=True)
-class GroundSpot:
+class _GroundSpot:
     """Where an object may stand."""
 
     pixel: tuple[float, float]
@@ -188,7 +188,7 @@ def max_object_meters(camera_height: float) -> float:
     return min(_MAX_RADIUS_METERS, _MAX_RADIUS_SHARE * camera_height)
 
 
-def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) -> GroundSpot | None:
+def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float) -> _GroundSpot | None:
     """Return where an object may stand in a picture; None where it shows no ground for one.
 
     The ground must be below the horizon, and so near that a ball is seen there. Of such places the one counts most
@@ -211,8 +211,9 @@ def _find_ground_spot(segments: Segments, camera: Pinhole, camera_height: float)
     x, y = (np.array([column, row]) + 0.5) * [camera.width / small.width, camera.height / small.height]
     right, up, forward = small.axes
     ray = focal * forward + (x - camera.width / 2) * right - (y - camera.height / 2) * up
-    lateral, vertical, depth = (round(float(part), 6) for part in ray / np.linalg.norm(ray))
-    return GroundSpot((round(float(x), 1), round(float(y), 1)), (lateral, vertical, depth))
+    lateral, vertical, depth = (ray / np.linalg.norm(ray)).tolist()
+    pixel = round(float(x), 1), round(float(y), 1)
+    return _GroundSpot(pixel, (round(lateral, 6), round(vertical, 6), round(depth, 6)))
 
 
 def _stretches(camera: Pinhole, radius: Floats) -> Floats:
@@ -230,9 +231,10 @@ def _spot_scores(ground: NDArray[np.float32], radius: Floats) -> Floats:
     rows, columns = ground.shape
     y, x = np.arange(rows)[:, None] + 0.5, np.arange(columns) + 0.5
     under_one = _box_means(ground, radius, _FOOT_HEIGHT * radius)
-    shift = np.round((ROW_WIDTH - 1) * radius).astype(np.intp)
-    sides = (np.clip(np.arange(columns) + side * shift, 0, columns - 1) for side in (-1, 1))
-    under_all = np.minimum.reduce([under_one, *(np.take_along_axis(under_one, side, axis=1) for side in sides)])
+    middle, shift = np.arange(columns), np.round((ROW_WIDTH - 1) * radius).astype(np.intp)
+    left = np.take_along_axis(under_one, np.maximum(middle - shift, 0), axis=1)
+    right = np.take_along_axis(under_one, np.minimum(middle + shift, columns - 1), axis=1)
+    under_all = np.minimum(np.minimum(under_one, left), right)
     fits = (np.abs(x - columns / 2) + ROW_WIDTH * radius <= columns / 2 + 0.5) & (y <= _MAX_FOOT_ROW * rows)
     stands = (under_one >= _MIN_SUPPORT) & (under_all >= _MIN_ROW_SUPPORT) & (radius >= _MIN_RADIUS * rows)
     away = _LATERAL_COST * np.abs(x / columns - 0.5) + _VERTICAL_COST * np.abs(y / rows - _BEST_ROW)

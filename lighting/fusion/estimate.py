@@ -103,16 +103,14 @@ def _check_metadata(
     """The metadata of a PhotoPrediction, and its warnings, none of what the user replaces."""
     if not user_input.metadata:
         return metadata, ()
-    warnings: tuple[CodedWarning, ...] = ()
-    if metadata.is_panorama:
-        warnings = (CodedWarning(_PANORAMA, WarningCode.PANORAMA),)
-    if user_input.latitude is None:
-        metadata, about_place = resolve_hemisphere(metadata)
-        warnings = (*warnings, *about_place)
+    about_kind = (CodedWarning(_PANORAMA, WarningCode.PANORAMA),) if metadata.is_panorama else ()
+    about_lens: tuple[CodedWarning, ...] = ()
+    about_place: tuple[CodedWarning, ...] = ()
     if user_input.vertical_fov is None:
         metadata, about_lens = _choose_lens(metadata, prediction.vertical_fov)
-        warnings = (*warnings, *about_lens)
-    return metadata, warnings
+    if user_input.latitude is None:
+        metadata, about_place = resolve_hemisphere(metadata)
+    return metadata, (*about_kind, *about_place, *about_lens)
 
 
 def screen_prediction(
@@ -158,7 +156,8 @@ def build_estimate(posterior: Posterior, prior: MetadataPrior) -> EstimatedLight
         posterior: of the photo.
         prior: the photo's observations, with their warnings.
     """
-    headings, instant = _heading_fields(posterior), _chosen_instant(posterior, prior)
+    headings: Any = _heading_fields(posterior)
+    instant = _chosen_instant(posterior, prior)
     conflict = prior.instants.conflict_warnings(instant)
     lighting = lighting_from_prediction(posterior.prediction, posterior.sun)
     suitable, warnings = lighting.suitable, (*prior.warnings, *conflict, *posterior.warnings)
@@ -196,9 +195,9 @@ def _chosen_instant(posterior: Posterior, prior: MetadataPrior) -> Instant | Non
     return max(matching, key=lambda instant: instant.weight, default=prior.instants.likeliest)
 
 
-def _heading_fields(posterior: Posterior) -> dict[str, Any]:
+def _heading_fields(posterior: Posterior) -> dict[str, float | tuple[float, ...]]:
     """The fields of a Lighting about the camera's heading, as far as it is known."""
-    fields: dict[str, Any] = {}
+    fields: dict[str, float | tuple[float, ...]] = {}
     if (relative := posterior.relative_heading) is not None:
         fields["relative_heading"] = round(relative.best, 2) % 360.0
     if (heading := posterior.camera_heading) is not None:

@@ -29,10 +29,10 @@ def _sun_candidates(instants: Sequence[Instant], location: Location | None) -> t
     """Elevations and compass azimuths [deg] of the sun, one for each instant.
 
     Args:
-        instants: at which the photo may have been taken.
+        instants: at which the photo may have been taken, one or more.
         location: where; without it there are no candidates.
     """
-    if location is None or not instants:
+    if location is None:
         return ()
     azimuth, elevation = sun_position(_utc_times(instants), *location)
     return tuple(zip(elevation.tolist(), azimuth.tolist(), strict=True))
@@ -146,7 +146,7 @@ def _observe(
     allow_night: bool = False,
 ) -> MetadataPrior:
     """The observations of merged metadata; ParameterError where the user's own time or location is at night."""
-    candidates = _sun_candidates(instants.instants, merged.location)
+    candidates = _sun_candidates(instants.instants, merged.location) if instants.instants else ()
     is_stated = user_input.time is not None or user_input.latitude is not None
     if (highest := _max_elevation(candidates)) < CIVIL_TWILIGHT and is_stated and not allow_night:
         stated = "latitude" if user_input.time is None else "time"

@@ -192,14 +192,14 @@ def fuse_with_gravity(leveled: _GravityFused) -> Posterior:
     prediction, observations = leveled.prediction, leveled.observations
     candidates = candidates_above_horizon(observations)
     likelihood = likelihood_by_heading(prediction, candidates)
+    compass = None if observations.heading is None else (observations.heading, observations.heading_std)
+    lens, subject = observations.vertical_fov, observations.subject
+    contradictions = tuple(_consistency_warnings(prediction, candidates, likelihood, compass, lens, subject))
     if len(candidates):
         weight = likelihood * compass_prior(observations) * candidate_weights(observations)[:, None]
         posterior = posterior_on_rings(prediction, observations, weight)
     else:
         posterior = posterior_on_grid(prediction, observations)
-    compass = None if observations.heading is None else (observations.heading, observations.heading_std)
-    lens, subject = observations.vertical_fov, observations.subject
-    contradictions = _consistency_warnings(prediction, candidates, likelihood, compass, lens, subject)
     return replace(posterior, warnings=(*contradictions, *leveled.warnings))
 
 
