@@ -362,4 +362,4 @@ def _sky_limit(before: Image, open_share: Image, sun_angle: Floats | None) -> Fl
     away = open_share[: len(sky), :, 0] > 0
     if sun_angle is not None:
         away &= sun_angle[: len(sky)] > _GLARE_DEG
-    return np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky)
+    return np.asarray(np.maximum(_BRIGHTEST * float(sky[away].max()) if away.any() else np.inf, sky))

@@ -26,6 +26,7 @@ from lighting.envmap.latlong import (
     irradiance_from_rows,
     row_irradiance,
     scale_colors,
+    set_irradiance,
 )
 from lighting.errors import ErrorCode, ParameterError
 from lighting.geometry import (
@@ -210,12 +211,11 @@ def _render_mixed_sky(upper: Image, lighting: Lighting, sky: str, irradiance: Fl
         upper[:] = _overcast_rows(len(upper)) * np.asarray(irradiance, dtype=np.float32)
         return
     _render_sky_shape(upper, lighting, sky)
-    level = irradiance_from_rows(row_irradiance(2 * len(upper))[: len(upper)], upper)
-    scale_colors(upper, (1 - cover) * irradiance / np.maximum(level, EPSILON_IRRADIANCE))
+    overcast = _overcast_rows(len(upper))[:, 0]
+    set_irradiance(row_irradiance(2 * len(upper))[: len(upper)], upper, (1 - cover) * irradiance)
     if cover > 0:
-        flat, color = upper.reshape(len(upper), -1), np.asarray(cover * irradiance, dtype=np.float32)
-        added = np.tile(color, upper.shape[1])  # to whole rows, as in `scale_colors`
-        for row, radiance in zip(flat, _overcast_rows(len(upper))[:, 0], strict=True):
+        added = np.tile(np.asarray(cover * irradiance, dtype=np.float32), upper.shape[1])  # as in `scale_colors`
+        for row, radiance in zip(upper.reshape(len(upper), -1), overcast, strict=True):
             row += radiance * added
 
 
@@ -388,53 +388,62 @@ def _splat_sun_disc(image: Image, lighting: Lighting, power: Floats) -> None:
     """
     height, width = image.shape[:2]
     row, column, directions = _fine_grid(lighting, height)
-    disc = _model_disc if lighting.sun_irradiance is None else _gray_disc
-    radiance = disc(directions, lighting)
+    solid_angle = latlong_solid_angle(height)
+    if lighting.sun_irradiance is None:
+        radiance = sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
+    else:  # in one color: through haze, the model's of a setting sun lacks channels or is black
+        clearest = sun_disc_radiance(directions, lighting.sun_direction, 1.0)
+        radiance = np.repeat(clearest.mean(axis=-1, keepdims=True), 3, axis=-1)
     share = radiance * np.hypot(directions[..., 0], directions[..., 2])[..., None]  # x the cell's relative solid angle
     lit = radiance.any(axis=-1)
     pixels, inverse = np.unique((row[:, None] * width + column % width)[lit], return_inverse=True)
     sums = np.stack([np.bincount(inverse, share[lit][:, channel], len(pixels)) for channel in range(3)], axis=-1)
     scale = power / np.maximum(sums.sum(axis=0), np.finfo(np.float64).tiny)
-    added = sums * scale / latlong_solid_angle(height)[pixels // width, None]
+    added = sums * scale / solid_angle[pixels // width, None]
     flat = image.reshape(-1, 3)
     if (flat[pixels] + added).max(initial=0.0) > MAX_RADIANCE:
-        pixels, added = _spread_power(image, pixels, added)
+        pixels, added = _spread_power(image, pixels, added, solid_angle)
     flat[pixels] += np.asarray(added, dtype=np.float32)
 
 
-def _spread_power(image: Image, pixels: NDArray[np.intp], added: Floats) -> tuple[NDArray[np.intp], Floats]:
+def _spread_power(
+    image: Image, pixels: NDArray[np.intp], added: Floats, solid_angle: Floats
+) -> tuple[NDArray[np.intp], Floats]:
     """Pixels (M,) and radiance (M, 3) of a wider sun, which gives a surface that faces it and level ground the same.
 
     Args:
         image: (H, 2H, 3) to which it is to be added.
         pixels: (N,) indices of the pixels of the sun.
         added: (N, 3) its radiance there.
+        solid_angle: (H,) of a pixel of each row.
     """
     height = len(image)
-    weighted = added * latlong_solid_angle(height)[pixels // (2 * height), None]
+    weighted = added * solid_angle[pixels // (2 * height), None]
     vectors = weighted.T @ _pixel_directions(pixels, height)  # (channels, 3)
     total = vectors.sum(axis=0)
     sun = total / np.linalg.norm(total)
+    elevation = float(angles(sun)[1])
     facing = vectors @ sun
     shrink = 1 - min(facing.max() / MAX_RADIANCE / math.pi / 2, 1.0)
     radius = max(math.degrees(math.acos(shrink)), SUN_RADIUS)
     while radius <= _MAX_RADIUS:
-        wider, share = _even_disc(sun, radius, height)
-        share = _at_height(share, wider, height, sun)
-        weight = latlong_solid_angle(height)[wider // (2 * height)] * share
-        spread = share[:, None] * (facing / (weight @ (_pixel_directions(wider, height) @ sun)))
+        wider, share, directions = _even_disc(sun, elevation, radius, height)
+        solid = solid_angle[wider // (2 * height)]
+        share = _at_height(share, solid, directions, sun)
+        spread = share[:, None] * (facing / (solid * share @ (directions @ sun)))
         if (over := float((image.reshape(-1, 3)[wider] + spread).max()) / MAX_RADIANCE) <= _FITS:
             return wider, spread
         radius *= min(max(math.sqrt(over), _MIN_GROWTH), _MAX_GROWTH)
     raise _too_bright()
 
 
-def _even_disc(sun: Floats, radius: float, height: int) -> tuple[NDArray[np.intp], Floats]:
-    """Pixels (M,) above the horizon of a map and their shares (M,) of a disc [deg] around a direction (3,).
+def _even_disc(sun: Floats, elevation: float, radius: float, height: int) -> tuple[NDArray[np.intp], Floats, Floats]:
+    """A disc [deg] around a direction (3,) and its elevation: pixels (M,) above the horizon of a map.
 
-    A disc that would reach below the horizon is as flat and wide as keeps its height, up to a ratio.
+    Also their shares (M,) of it and their directions (M, 3). A disc that would reach below the horizon is as flat and
+    wide as keeps its height, up to a ratio.
     """
-    pixel, elevation = 180.0 / height, float(angles(sun)[1])
+    pixel = 180.0 / height
     vertical = max(min(radius, max(elevation, pixel / 2)), radius / _FLATTEST)
     horizontal = radius**2 / vertical
     rows = np.arange(max(0, math.floor((90.0 - elevation - vertical) / pixel - 1)), height // 2)
@@ -445,13 +454,13 @@ def _even_disc(sun: Floats, radius: float, height: int) -> tuple[NDArray[np.intp
     beside2 = np.maximum(np.square(angle_between(directions, sun)) - np.square(up), 0.0)
     outward = np.sqrt(np.square(up / vertical) + beside2 / horizontal**2)
     share = np.clip((1 - outward) * min(vertical, horizontal) / pixel + 0.5, 0.0, 1.0)
-    return pixels[share > 0], share[share > 0]
+    inside = share > 0
+    return pixels[inside], share[inside], directions[inside]
 
 
-def _at_height(share: Floats, pixels: NDArray[np.intp], height: int, sun: Floats) -> Floats:
+def _at_height(share: Floats, solid_angle: Floats, directions: Floats, sun: Floats) -> Floats:
     """Shares (M,) of a disc, more above or below, so that level ground gets as much of it as from a direction (3,)."""
-    directions = _pixel_directions(pixels, height)
-    weight = share * latlong_solid_angle(height)[pixels // (2 * height)]
+    weight = share * solid_angle
     up, facing = directions[:, 1], directions @ sun
     off = up - weight @ up / weight.sum()
     missing = sun[1] * (weight @ facing) - weight @ up
@@ -468,17 +477,6 @@ def _pixel_directions(pixels: NDArray[np.intp], height: int) -> Floats:
     return direction((column + 0.5) * (180.0 / height) - 180.0, 90.0 - (row + 0.5) * (180.0 / height))
 
 
-def _gray_disc(directions: Floats, lighting: Lighting) -> Floats:
-    """The disc at any scale in one color: through haze, that of a setting sun lacks channels or is black."""
-    clearest = sun_disc_radiance(directions, lighting.sun_direction, 1.0)
-    return np.repeat(clearest.mean(axis=-1, keepdims=True), 3, axis=-1)
-
-
-def _model_disc(directions: Floats, lighting: Lighting) -> Floats:
-    """Radiance (..., 3) of the model's disc along unit vectors (..., 3), in the photo's linear values."""
-    return sun_disc_radiance(directions, lighting.sun_direction, lighting.turbidity) * lighting.exposure
-
-
 def disc_power(lighting: Lighting) -> tuple[Floats, Floats]:
     """Radiance x solid angle (3,) of the part of the disc above the horizon, and the irradiance (3,) of the ground.
 
@@ -490,7 +488,7 @@ def disc_power(lighting: Lighting) -> tuple[Floats, Floats]:
     if lighting.sun_elevation < 0:
         return np.zeros(3), np.zeros(3)
     points, weight = sun_disc_points(lighting.sun_direction)
-    radiance = _model_disc(points, lighting)
+    radiance = sun_disc_radiance(points, lighting.sun_direction, lighting.turbidity) * lighting.exposure
     return np.asarray(weight @ radiance), np.asarray((weight * points[:, 1]) @ radiance)
 
 
@@ -511,7 +509,7 @@ def _fine_grid(lighting: Lighting, height: int) -> tuple[NDArray[np.intp], NDArr
     The map's row (R,) and column (C,) of each of its rows and columns, and its directions (R, C, 3); columns may run
     over the seam.
     """
-    azimuth, elevation = map(float, angles(lighting.sun_direction))
+    azimuth, elevation = lighting.sun_azimuth, lighting.sun_elevation
     widest = math.cos(math.radians(max(elevation - SUN_RADIUS, 0.0)))
     split = max(_FINE_PER_PIXEL, -(-_FINE_HEIGHT // height))
     across = math.ceil(split * widest)
