@@ -75,7 +75,7 @@ def project_latlong(image: NDArray[np.floating]) -> Floats:
         -0.5 * level2 * xz,
         0.5 * level2 * (mean - cos2) - up**2 * mean,
     ]
-    return np.stack([terms.sum(axis=0) for terms in polynomials]) * BASIS_FACTORS[:, None]
+    return np.asarray(np.stack(polynomials).sum(axis=1) * BASIS_FACTORS[:, None])
 
 
 def _irradiance_from_harmonics(coefficients: ArrayLike, normals: ArrayLike) -> Floats:
@@ -208,9 +208,9 @@ def main_light(lighting: Lighting, *, sun: bool | None = None) -> MainLight:
         lighting: any.
         sun: whether the sun shines; None: by `Lighting.sun_painted`.
     """
+    clearest = _clearest_sun(lighting)
     shines = lighting.sun_painted if sun is None else sun
     irradiance = sun_irradiance(lighting) if shines else np.zeros(3)
-    clearest = _clearest_sun(lighting)
     lux = min(float(luminance(irradiance)) / lighting.exposure, float(luminance(clearest))) * LUX
     return MainLight(lighting.sun_direction, irradiance, lux, color_temperature(irradiance))
 

@@ -390,9 +390,10 @@ class LibraryDetail:
         self._kept = self._picture.columns(blocks[0]) if len(blocks) == 1 else None
         reduced = np.concatenate([_reduce(self._pixels(part), height, part) for part in blocks], axis=1)
         self._log_offset = np.log(SRGB_LINEAR + LOG_OFFSET)
+        contrast, powers = _contrast(DETAIL_ROWS), self._raise_to_contrast(reduced)
         coarse = _coarse_colors(reduced, self._log_offset)
-        self._gains = np.exp(-coarse * _contrast(DETAIL_ROWS)[:, None, None])
-        self.cells = self._gains * _mean_power(reduced, self._log_offset)
+        self._gains = np.exp(-coarse * contrast[:, None, None])
+        self.cells = self._gains * shrink_envmap(powers, DETAIL_ROWS)
         """(R, 2R, 3) means of the detail."""
         self.color = np.exp(coarse - coarse.mean(axis=2, keepdims=True))
         """(R, 2R, 3) of what is coarse in it, of mean logarithm 0."""
@@ -408,15 +409,19 @@ class LibraryDetail:
         Args:
             columns: of a map of as many rows.
         """
-        picture, contrast = self._pixels(columns), _contrast(self.height)
-        detail = np.empty(picture.shape, np.float32)
-        first = 0
-        for last in [*(np.flatnonzero(np.diff(contrast)) + 1), self.height]:  # rows of one contrast
-            table = np.exp(self._log_offset * contrast[first]).astype(np.float32)
-            detail[first:last] = table.take(picture[first:last])
-            first = last
+        detail = self._raise_to_contrast(self._pixels(columns))
         multiply_cells(detail, self._gains, columns)
         return detail
+
+    def _raise_to_contrast(self, picture: NDArray[np.uint8]) -> Image:
+        """Some columns (h, C, 3) of a panorama of h rows to the power _CONTRAST."""
+        contrast, raised = _contrast(len(picture)), np.empty(picture.shape, np.float32)
+        first = 0
+        for last in [*(np.flatnonzero(np.diff(contrast)) + 1), len(picture)]:  # rows of one contrast
+            table = np.exp(self._log_offset * contrast[first]).astype(np.float32)
+            raised[first:last] = table.take(picture[first:last])
+            first = last
+        return raised
 
 
 def _coarse_colors(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
@@ -430,12 +435,6 @@ def _coarse_colors(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
     color = np.log(blur_cells(linear, _COARSE_DEG) + LOG_OFFSET)
     color += brightness.mean(axis=2, keepdims=True) - color.mean(axis=2, keepdims=True)
     return np.asarray(color, dtype=np.float32)
-
-
-def _mean_power(picture: NDArray[np.uint8], log_offset: Floats) -> Image:
-    """The means (R, 2R, 3) of a picture (H, 2H, 3) to the power _CONTRAST."""
-    powers = np.exp(log_offset.take(picture) * _contrast(len(picture))[:, None, None])
-    return shrink_envmap(powers.astype(np.float32), DETAIL_ROWS)
 
 
 def _contrast(height: int) -> Image:

@@ -237,8 +237,9 @@ def project_photo(
     right, below = reach / 2 * camera.width, reach / 2 * camera.height
     inside = (x >= -right) & (x < camera.width + right) & (y >= -below) & (y < camera.height + below)  # false for NaN
     window = geometry.pixel_window(inside, height, 2 * height) or (slice(0, 0), slice(0, 0))
+    blocks = column_blocks(height)
     picture = _resize_photo(photo, (width, rows))
-    return PhotoProjection(*window, height, picture, camera, continued, segments, column_blocks(height))
+    return PhotoProjection(*window, height, picture, camera, continued, segments, blocks)
 
 
 def _inner_weight(x: Image, y: Image) -> Image:

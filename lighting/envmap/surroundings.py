@@ -217,6 +217,7 @@ def render_with_surroundings(
     """
     _check_context(context)
     check_lighting(lighting)
+    has_disc = disc and (lighting.sun_painted if sun is None else sun)
     check_height(height)
     detailed = context.detail and height >= MIN_ROWS
     with ThreadPoolExecutor(1 + detailed) as pool:  # the photo and its detail are read while the sky is painted
@@ -224,20 +225,20 @@ def render_with_surroundings(
         found = pool.submit(_find_detail, lighting, context, height) if detailed else None
         image = render(lighting, height, sun=sun, disc=False)
         factors, photo = _context_factors(image, lighting, context), projection.result()
-        gain, targets = context.gain(lighting), _half_irradiances(image)
+        gain, halves, targets = context.gain(lighting), _halves(height), _half_irradiances(image)
         upper, lower = (
             partial(_lay_surroundings, image, rows, target, cells, photo, gain)
-            for rows, target, cells in zip(_halves(height), targets, np.split(factors, 2), strict=True)
+            for rows, target, cells in zip(halves, targets, np.split(factors, 2), strict=True)
         )
         upper_done = pool.submit(upper, not detailed)
         lower(not detailed)
         upper_done.result()
         if found is not None:
             add_detail(image, found.result, lighting, context.photo, photo, gain)
-            for rows, target in zip(_halves(height), targets, strict=True):
+            for rows, target in zip(halves, targets, strict=True):
                 photo.lay(image, rows, target, gain)
     cap_map(image, lighting)
-    if disc and (lighting.sun_painted if sun is None else sun):
+    if has_disc:
         add_sun(image, lighting)
     return image
 
@@ -251,15 +252,18 @@ def render_coarse(lighting: Lighting, context: PhotoContext, *, sun: bool | None
         sun: whether the sun is in it; None: by `Lighting.sun_painted`.
     """
     _check_context(context)
-    if lighting == context.light and sun in (None, lighting.sun_painted) and context.coarse is not None:
+    own = lighting == context.light and (sun is None or sun == lighting.sun_painted)
+    if own and context.coarse is not None:
         bare, factors = context.coarse
     else:
         bare = render(lighting, COARSE_ROWS, sun=sun, disc=False)
         factors = _context_factors(bare, lighting, context)
-    photo, gain, image = project_photo(lighting, context.photo, len(bare)), context.gain(lighting), bare.copy()
-    targets = _half_irradiances(bare)
-    for rows, target, cells in zip(_halves(len(bare)), targets, np.split(factors, 2), strict=True):
-        _lay_surroundings(image, rows, target, cells, photo, gain, True)
+    gain, halves, targets, image = context.gain(lighting), _halves(len(bare)), _half_irradiances(bare), bare.copy()
+    for rows, cells in zip(halves, np.split(factors, 2), strict=True):
+        multiply_cells(image[rows], cells)
+    photo = project_photo(lighting, context.photo, len(bare))
+    for rows, target in zip(halves, targets, strict=True):
+        photo.lay(image, rows, target, gain)
     cap_map(image, lighting)
     return image
 
@@ -322,7 +326,7 @@ def _check_context(thing: object) -> None:
 
 def _context_factors(image: Image, lighting: Lighting, context: PhotoContext) -> Image:
     """Factors (_CELL_ROWS, 2 _CELL_ROWS, 3) on the cells of the bare map; what is finer stays."""
-    if context.light is None or _have_same_sky(context.light, lighting):
+    if context.light is None or context.light == lighting or _have_same_sky(context.light, lighting):
         return _surroundings_factors(_pool_cells(image), lighting, context)
     return _move_glow(surroundings_gain(context.light, context), context.light, lighting)
 
