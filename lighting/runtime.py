@@ -298,16 +298,31 @@ def _filter_calls(library: ctypes.CDLL, machine: str, *, processes: bool = False
     library.prctl(_SET_FILTER, _FILTER_MODE, struct.pack("@HP", len(program), ctypes.addressof(steps)), 0, 0)
 
 
-def keep_memory() -> None:
-    """Reuse freed memory, in one heap for all threads; only where the C library is glibc.
+def keep_memory(heaps: int = 1) -> None:
+    """Reuse freed memory, in few heaps for all threads; only where the C library is glibc.
 
     By itself glibc takes each large buffer from the system and gives it back, in one heap per thread; taking fresh
     pages costs as much as filling them.
+
+    Args:
+        heaps: 1 takes the least memory; with 2, a thread that loads a network does not wait for one that imports.
     """
-    keep = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    if keep:  # musl has none
-        for option, value in ((_M_ARENA_MAX, 1), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
+    keep = _c_function("mallopt")
+    if keep:
+        for option, value in ((_M_ARENA_MAX, heaps), (_M_TRIM_THRESHOLD, _KEPT), (_M_MMAP_THRESHOLD, _BUFFER)):
             keep(option, value)
+
+
+def release_memory() -> None:
+    """Give freed memory back to the system, so that all threads may take it; only where the C library is glibc."""
+    release = _c_function("malloc_trim")
+    if release:
+        release(0)
+
+
+def _c_function(name: str) -> Any:
+    """A function of the C library; None where it has none, as musl, or outside Linux."""
+    return getattr(ctypes.CDLL(None), name, None) if sys.platform == "linux" else None
 
 
 def available_cpus() -> int:

@@ -14,10 +14,12 @@ import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout, suppress
 from pathlib import Path
-from threading import Thread
-from typing import Any, TextIO
+from typing import TYPE_CHECKING, Any, TextIO
 
 from lighting.runtime import keep_memory
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 _BRIEF_COMMANDS = frozenset({"estimate", "envmap", "preview", "render"})  # that mostly end in less than a second
 _ONE_PHOTO_COMMANDS = frozenset({"envmap", "estimate", "preview", "scene"})  # commands that run the network once
@@ -39,34 +41,22 @@ def prepare_process(arguments: Sequence[str]) -> None:
         return
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(_GC_THRESHOLD)
-    keep_memory()
+    keep_memory(heaps=2)
 
 
 class _EarlySession:
-    """The session of the packaged network, made in a thread; onnxruntime lets others run meanwhile."""
+    """The session of the packaged network, made in the thread that runs networks; it lets others run meanwhile."""
 
     def __init__(self) -> None:
+        from concurrent.futures import ThreadPoolExecutor
+
         from lighting.onnx_session import create_session, import_onnxruntime, packaged_network
 
-        self._session: Any = None
-        self._error: Exception | None = None
         import_onnxruntime()  # here, for two threads that import wait for each other
-
-        def load() -> None:
-            try:
-                self._session = create_session(packaged_network(_DATA, "outdoor"), 0, for_one_run=True)
-            except Exception as error:  # which `result` raises
-                self._error = error
-
-        self._thread = Thread(target=load)
-        self._thread.start()
-
-    def result(self) -> Any:
-        """The session, once it is made; raises ModelError where it cannot be."""
-        self._thread.join()
-        if self._error:
-            raise self._error
-        return self._session
+        self.thread = ThreadPoolExecutor(1)
+        self.session = self.thread.submit(
+            lambda: create_session(packaged_network(_DATA, "outdoor"), 0, for_one_run=True)
+        )
 
 
 _started: list[_EarlySession] = []
@@ -103,7 +93,14 @@ def _is_file(name: str) -> bool:
 
 def started_session() -> Any:
     """Return the session that `start_network` began to make, for one use; None where it began none."""
-    return _started.pop().result() if _started else None
+    return _started.pop().session.result() if _started else None
+
+
+def network_thread() -> "ThreadPoolExecutor":
+    """The thread in which the networks of one photo run: that of `start_network`, or a new one."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    return _started[-1].thread if _started else ThreadPoolExecutor(1)
 
 
 class _ClosedStdout(io.TextIOBase):

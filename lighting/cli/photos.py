@@ -10,7 +10,8 @@ import lighting.cli.console as console
 from lighting.cli.console import path_of
 from lighting.cli.options import PhotoOptions
 from lighting.errors import LightingError
-from lighting.start import exit_on_interrupt
+from lighting.runtime import release_memory
+from lighting.start import exit_on_interrupt, network_thread
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -149,9 +150,9 @@ def estimate_photo(
 ) -> "tuple[Photo, Estimate]":
     """Decode a photo and estimate its light.
 
-    The network is loaded in a thread while the photo is decoded. While it answers, what comes after it is imported, and
-    `meanwhile` is called. While the prediction is refined, the other network says what the photo shows. One network at
-    a time is in memory: the second is loaded after the first is gone. Ctrl-C ends the process at once, for nothing is
+    One thread loads the network, decodes the photo and runs the network, so that one's memory is the next one's.
+    Meanwhile this thread imports what comes after, and calls `meanwhile`. While it refines the prediction, the other
+    runs the second network, which is loaded after the first is gone. Ctrl-C ends the process at once, for nothing is
     written yet.
 
     Args:
@@ -161,14 +162,13 @@ def estimate_photo(
         model: a network's file; None is the one in this package.
         meanwhile: what to do while the networks run.
     """
-    from concurrent.futures import ThreadPoolExecutor
-
     from lighting.photo.reader import read_photo
 
-    with exit_on_interrupt(), ThreadPoolExecutor(1) as decoder, ThreadPoolExecutor(1) as networks:
-        decoded = decoder.submit(read_photo, data, path=path_of(name))
-        prediction = networks.submit(_predict, model, decoded)
-        segments = networks.submit(_segment, decoded)
+    with exit_on_interrupt(), network_thread() as thread:
+        decoded = thread.submit(read_photo, data, path=path_of(name))
+        prediction = thread.submit(_predict, model, decoded)
+        segments = thread.submit(_segment, decoded)
+        thread.submit(release_memory)
         from lighting.estimator import estimate_from_prediction
         from lighting.fusion.estimate import refine_prediction
 
