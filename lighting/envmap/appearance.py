@@ -117,16 +117,16 @@ def sky_white_balance(samples: PhotoSamples, lighting: Lighting) -> Floats | Non
     bare_sky = render(lighting, _MAP_ROWS, sun=False)
     if (colors := _sky_colors(samples, samples.sky, lighting, bare_sky)) is None:
         return None
+    sunset = colors if lighting.sun_elevation < _SUNSET_SUN[1] else None
+    if sunset is not None and samples.segments is not None:
+        share = pixel_share(samples.segments, *samples.sky.shape[::-1], SurfaceClass.SKY)
+        sunset = _sky_colors(samples, samples.sky & (share > _MIN_SKY_PROBABILITY), lighting, bare_sky)
     irradiance = np.array(lighting.sky_irradiance) + EPSILON_IRRADIANCE
     exponent = _TINT_EXPONENT[0] + _TINT_EXPONENT[1] * (lighting.sky_cover or 0.0) ** 2
     tint = _color_ratio(*colors) ** exponent
-    if lighting.sun_elevation < _SUNSET_SUN[1]:
-        if samples.segments is not None:
-            share = pixel_share(samples.segments, *samples.sky.shape[::-1], SurfaceClass.SKY)
-            colors = _sky_colors(samples, samples.sky & (share > _MIN_SKY_PROBABILITY), lighting, bare_sky)
-        if colors is not None:
-            warm = _color_ratio(colors[0], irradiance) ** _sunset_exponent(colors[0], lighting.sun_elevation)
-            tint = warm if warm[0] / warm[2] > max(tint[0] / tint[2], 1.0) else tint
+    if sunset is not None:
+        warm = _color_ratio(sunset[0], irradiance) ** _sunset_exponent(sunset[0], lighting.sun_elevation)
+        tint = warm if warm[0] / warm[2] > max(tint[0] / tint[2], 1.0) else tint
     return np.asarray(tint * float(luminance(irradiance) / luminance(irradiance * tint)))
 
 

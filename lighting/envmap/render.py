@@ -156,7 +156,7 @@ def level_irradiance(lighting: Lighting) -> Floats:
 
 
 def _level_sun_irradiance(lighting: Lighting) -> Floats:
-    return sun_irradiance(lighting) * max(float(lighting.sun_direction[1]), 0.0)
+    return sun_irradiance(lighting) * max(float(np.sin(np.radians(lighting.sun_elevation))), 0.0)
 
 
 def ground_reflectance(lighting: Lighting) -> Floats:

@@ -228,9 +228,10 @@ def _sunlight(lighting: Lighting, posterior: Posterior, prior: MetadataPrior) ->
 
 def _suitable(by_pixels: float, prior: MetadataPrior) -> float:
     """The probability that this is an ordinary photo of outdoors by daylight, by the metadata too."""
-    exposure_value = prior.observations.exposure_value
-    by_exposure = by_pixels if exposure_value is None else by_pixels * _daylight_probability(exposure_value)
-    return round_significant(min(by_exposure, 1.0 if prior.twilight_sun is None else _MAX_SUITABLE_IN_TWILIGHT))
+    suitable, exposure_value = by_pixels, prior.observations.exposure_value
+    if exposure_value is not None:
+        suitable = round_significant(suitable * _daylight_probability(exposure_value))
+    return suitable if prior.twilight_sun is None else min(suitable, _MAX_SUITABLE_IN_TWILIGHT)
 
 
 def _daylight_probability(exposure_value: float) -> float:
