@@ -10,7 +10,6 @@ Commands and groups show examples in their help, know old names of options, and 
 import os
 import shlex
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from importlib import import_module
 from pathlib import Path
 from typing import Any
@@ -177,6 +176,8 @@ def _write_examples(examples: Sequence[str], formatter: click.HelpFormatter) -> 
 
 def _describe_unknown(name: str, program: str, commands: Sequence[str]) -> str:
     """What to type in place of a word that is no command, in one sentence or two."""
+    from difflib import get_close_matches
+
     known = get_close_matches(name.lower(), commands, n=1, cutoff=_NEAR)
     if known:
         return f"There is no command {name!r}. Did you mean {known[0]}?"

@@ -5,9 +5,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from datetime import datetime
-from difflib import get_close_matches
 from functools import wraps
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
@@ -120,10 +119,21 @@ class RegistryChoice(click.Choice):  # type: ignore[type-arg]  # which click bef
         try:
             return super().convert(value, param, ctx)
         except click.BadParameter as error:
-            near = get_close_matches(str(value).lower(), self.choices, n=1)
-            if not near:
-                raise
-            self.fail(f"{error.message} Did you mean {near[0]}?", param, ctx)
+            self.refuse(error.message, value, param, ctx)
+
+    def refuse(self, sentence: str, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> NoReturn:
+        """Raise BadParameter, with a similar name if there is any.
+
+        Args:
+            sentence: what is wrong.
+            value: as the user typed it.
+            param: of click.
+            ctx: of click.
+        """
+        from difflib import get_close_matches
+
+        near = get_close_matches(str(value).lower(), self.choices, n=1)
+        self.fail(f"{sentence} Did you mean {near[0]}?" if near else sentence, param, ctx)
 
 
 class _Compression(RegistryChoice):
@@ -138,8 +148,7 @@ class _Compression(RegistryChoice):
         try:
             check_exr_compression(value)
         except EnvironmentMapError as error:
-            near = get_close_matches(str(value).lower(), self.choices, n=1)
-            self.fail(f"{error} Did you mean {near[0]}?" if near else str(error), param, ctx)
+            self.refuse(str(error), value, param, ctx)
         return value
 
 

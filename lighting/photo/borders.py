@@ -58,7 +58,7 @@ _MIN_SHADES, _MIN_SHADE_SHARE = 6, 0.005  # of a photo's pixels in each of them
 _COLLAGE_RATIO = 6.0  # of areas, up to which the largest and the second picture are equals
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Rectangle:
     """A part of a picture, in shares of its width and height."""
 
@@ -82,7 +82,7 @@ class _Rectangle:
         return left, top, math.floor(self.right * width + 1e-6), math.floor(self.bottom * height + 1e-6)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Layout:
     """How a picture is made up."""
 
@@ -94,7 +94,7 @@ class _Layout:
     """Whether the picture shows one view for each eye."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Box:
     """A part of the searched picture, in pixels."""
 

@@ -42,7 +42,7 @@ _SENSOR_ASPECTS = (4 / 3, 3 / 2, 16 / 9)  # longer by shorter side
 _CENTERED = 0.02  # of a side, by which a crop's middle may differ from the photo's
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _PhotoLens:
     """What a photo's file says of its lens and of its frame."""
 
@@ -60,7 +60,7 @@ class _PhotoLens:
     """Of several frames."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class PhotoFrame:
     """A photo's sizes in pixels."""
 
@@ -87,7 +87,7 @@ _UNKNOWN = (-1, 0xFFFFFFFF)  # denominators of an elevation that is not known, a
 _LANDSCAPE, _PORTRAIT = (1, 3), (6, 8)  # orientations that keep the sensor's longer side across, and that raise it
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _CameraTilt:
     """Elevation and roll of a camera."""
 
@@ -101,7 +101,7 @@ class _CameraTilt:
     """"accelerometer", "gimbal" or "elevation angle"."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _CameraPose:
     """How a camera stood; None is unknown."""
 
@@ -267,7 +267,7 @@ def _possible_fovs(length: float, recorded: tuple[float, float] | None, frame: P
     return ()
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Crop:
     """A crop that a raw developer made, in shares of the whole."""
 

@@ -34,8 +34,8 @@ MAX_CLOCK_DIFFERENCE = timedelta(minutes=2)  # of two clocks that show one time
 _UTC_OFFSETS = (*range(-12, 15), -9.5, -8.5, -4.5, -3.5, -2.5, 3.5, 4.5, 5.5, 5.75, 6.5, 8.5, 8.75)
 UTC_OFFSETS = frozenset(map(float, (*_UTC_OFFSETS, 9.5, 9.75, 10.5, 11.5, 12.75, 13.75)))
 
-_TIME = re.compile(r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?")  # Python's reader takes any character for T and space
-_OFFSET = re.compile(r"([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)", re.ASCII)
+_TIME = r"[0-9W-]+[Tt ][0-9:.,]+ ?(Z|[+-][0-9:.]+)?"  # Python's reader takes any character for T and space
+_OFFSET = r"(?a)([+-]?)(\d\d?):?([0-5]\d)|([+-]?\d\d?(?:\.\d+)?)|(Z)"
 
 
 def parse_time(text: str) -> datetime:
@@ -53,7 +53,7 @@ def parse_time(text: str) -> datetime:
         raise _no_time(text) from error
     if len(text.strip()) <= len("2024-06-01"):
         raise ParameterError(f"{text!r} is a day without a time.", "time", ErrorCode.MALFORMED)
-    if not _TIME.fullmatch(text.strip()):
+    if not re.fullmatch(_TIME, text.strip()):
         raise _no_time(text)
     if (offset := time.utcoffset()) is not None:
         _check_offset(offset / timedelta(hours=1))
@@ -76,7 +76,7 @@ def parse_utc_offset(text: str) -> float:
     Args:
         text: such as "+02:00", "-0330", "5.5" or "Z".
     """
-    parts = _OFFSET.fullmatch(text.strip()) if isinstance(text, str) else None
+    parts = re.fullmatch(_OFFSET, text.strip()) if isinstance(text, str) else None
     if not parts:
         sentence = f"{reprlib.repr(text)} is not an offset from UTC such as +02:00 or -3.5."
         raise ParameterError(sentence, "utc_offset", _code_of_text(text))
@@ -106,7 +106,7 @@ def to_utc(local_time: datetime, utc_offset: float) -> datetime:
     return local_time.replace(tzinfo=timezone(timedelta(hours=utc_offset))).astimezone(UTC)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Stamp:
     """One date and time that a file holds."""
 
@@ -116,24 +116,23 @@ class _Stamp:
     """Hours, local minus universal time."""
 
 
-# Dates as texts.
+# Dates as texts, by patterns that are compiled when a photo first has such a text.
 
-_SEPARATED = re.compile(  # a date, whichever number is the year, and a time of day
-    r"(\d{1,4}) ?[:/.\-年년] ?(\d{1,2}) ?[:/.\-月월] ?(\d{1,4})"
+_SEPARATED = (  # a date, whichever number is the year, and a time of day
+    r"(?s)(\d{1,4}) ?[:/.\-年년] ?(\d{1,2}) ?[:/.\-月월] ?(\d{1,4})"
     r"(?:[T ,;_日일]|-(?=\d\d?[-:]\d\d?[-:]\d))*([^\d+\-]*)"
     r"(\d{1,2}) ?[:.\-h時时시] ?(\d{1,2})"
-    r"(?: ?(?:[:.m分분]|(?<=-\d\d)-) ?(\d{1,2})(?:[.,:]\d+|[秒초])?)?(.*)",
-    re.DOTALL,
+    r"(?: ?(?:[:.m分분]|(?<=-\d\d)-) ?(\d{1,2})(?:[.,:]\d+|[秒초])?)?(.*)"
 )
-_COMPACT = re.compile(r"(\d{4})(\d\d)(\d\d)[T _-]?()(\d\d)(\d\d)(?:(\d\d)(?:[.,]\d+)?)?(.*)", re.DOTALL)
+_COMPACT = r"(?s)(\d{4})(\d\d)(\d\d)[T _-]?()(\d\d)(\d\d)(?:(\d\d)(?:[.,]\d+)?)?(.*)"
 _MONTHS = "jan feb mar apr may jun jul aug sep oct nov dec"
-_MONTH_NAME = re.compile(rf"\b({_MONTHS.replace(' ', '|')})[a-z]*\b", re.IGNORECASE)
-_YEAR, _DAY = re.compile(r"\b(?:19|20)\d\d\b"), re.compile(r"(?<![:.+-])\b(\d{1,2})(?:st|nd|rd|th)?\b(?![:.])")
-_TIME_OF_DAY = re.compile(r"\d{1,2}:\d\d.*", re.DOTALL)
-_SECONDS = re.compile(r"([1-4]\d{9})(?:\d{3})?")  # since 1970 in UTC, after 2001, or thousandths of them
-_OFFSET_TEXT = re.compile(r"(?:UTC|GMT|UT)?([+-]?\d{1,2}(?::?[0-5]\d|\.\d+)?)(?!\d)|(?:UTC|GMT|UT|Z)(?![A-Z])")
-_MINUTES_BEHIND_DOT = re.compile(r"\.(?=(?:30|45)$)")
-_ZONE_NAME = re.compile(r"[A-Z][A-Za-z]+(?:/[A-Z][A-Za-z_-]+)+")
+_MONTH_NAME = rf"(?i)\b({_MONTHS.replace(' ', '|')})[a-z]*\b"
+_YEAR, _DAY = r"\b(?:19|20)\d\d\b", r"(?<![:.+-])\b(\d{1,2})(?:st|nd|rd|th)?\b(?![:.])"
+_TIME_OF_DAY = r"(?s)\d{1,2}:\d\d.*"
+_SECONDS = r"([1-4]\d{9})(?:\d{3})?"  # since 1970 in UTC, after 2001, or thousandths of them
+_OFFSET_TEXT = r"(?:UTC|GMT|UT)?([+-]?\d{1,2}(?::?[0-5]\d|\.\d+)?)(?!\d)|(?:UTC|GMT|UT|Z)(?![A-Z])"
+_MINUTES_BEHIND_DOT = r"\.(?=(?:30|45)$)"
+_ZONE_NAME = r"[A-Z][A-Za-z]+(?:/[A-Z][A-Za-z_-]+)+"
 _MAX_LENGTH = 64  # characters of a date that are read
 _BUDDHIST_ERA = 543  # years by which Thai phones count ahead
 _ABBREVIATIONS = {  # of zones, h from UTC; others, such as CST, are of several
@@ -161,9 +160,9 @@ def _read_stamp(value: Any) -> _Stamp | None:
         value: of a tag: "2024:06:01 18:49:00", "2024-06-01T16:49Z" or "2024:06:01 06:49:00 PM".
     """
     text = _with_month_number(_plain_text(value).strip("\"'"))
-    if seconds := _SECONDS.fullmatch(text):
+    if seconds := re.fullmatch(_SECONDS, text):
         return _Stamp(datetime.fromtimestamp(int(seconds[1]), UTC).replace(tzinfo=None), 0.0)
-    parts = _SEPARATED.fullmatch(text) or _COMPACT.fullmatch(text)
+    parts = re.fullmatch(_SEPARATED, text) or re.fullmatch(_COMPACT, text)
     if parts is None or (date := _date(*parts.group(1, 2, 3))) is None:
         return None
     hour, minute, second = (int(part or 0) for part in parts.group(5, 6, 7))
@@ -193,10 +192,10 @@ def _plain_text(value: Any) -> str:
 
 def _with_month_number(text: str) -> str:
     """A date such as "Sat Jun 01 18:49:00 GMT+02:00 2024" or "1 June 2024 18:49" as "2024:6:1 18:49" has it."""
-    if not (month := _MONTH_NAME.search(text)) or not (year := _YEAR.search(text)):
+    if not (month := re.search(_MONTH_NAME, text)) or not (year := re.search(_YEAR, text)):
         return text
-    others = _YEAR.sub("", text, count=1)
-    day, time = _DAY.search(others), _TIME_OF_DAY.search(others)
+    others = re.sub(_YEAR, "", text, count=1)
+    day, time = re.search(_DAY, others), re.search(_TIME_OF_DAY, others)
     return (
         f"{year[0]}:{_MONTHS.index(month[1].lower()) // 4 + 1}:{day[1]} {' '.join(time[0].split())}"
         if day and time
@@ -237,12 +236,12 @@ def _offset_in_text(text: str, time: datetime) -> float | None:
     text = (before.strip() or name.strip(" ]")).strip(" ()\"'")
     if text in _ABBREVIATIONS:
         return float(_ABBREVIATIONS[text])
-    if _ZONE_NAME.fullmatch(text):
+    if re.fullmatch(_ZONE_NAME, text):
         return _offset_of_zone(text, time)
-    if not (parts := _OFFSET_TEXT.match(text.replace(" ", "").upper())):
+    if not (parts := re.match(_OFFSET_TEXT, text.replace(" ", "").upper())):
         return None
     try:
-        hours = parse_utc_offset(_MINUTES_BEHIND_DOT.sub(":", parts[1] or "Z"))
+        hours = parse_utc_offset(re.sub(_MINUTES_BEHIND_DOT, ":", parts[1] or "Z"))
     except ParameterError:
         return None
     return hours if (4.0 * hours).is_integer() else None
@@ -272,8 +271,8 @@ _XMP_TIMES = (
 )
 _XMP_WRITING_TIMES = (f"{_TIFF} DateTime", f"{_XMP} ModifyDate")
 _XMP_SOFTWARE = (f"{_TIFF} Software", f"{_XMP} CreatorTool")
-_FIRMWARE = re.compile(  # versions and builds of cameras; names of programs are words
-    r"(?i:v|ver|version|firmware|fw)?[ ._]*\d[\d.,_ vr-]*|(?=[^a-z ]*\d)[A-Z\d._/-]{6,}|HDR\+ .*|MediaTek .*", re.ASCII
+_FIRMWARE = (  # versions and builds of cameras; names of programs are words
+    r"(?a)(?i:v|ver|version|firmware|fw)?[ ._]*\d[\d.,_ vr-]*|(?=[^a-z ]*\d)[A-Z\d._/-]{6,}|HDR\+ .*|MediaTek .*"
 )
 _IPTC_TIMES = (((2, 55), (2, 60)), ((2, 62), (2, 63)))  # date and time, of the picture and of its digital form
 
@@ -340,7 +339,7 @@ def _was_edited(tags: Tags, xmp: Mapping[str, str]) -> bool:
     base = ExifTags.Base
     software, make, model = (_text(tags, tag) for tag in (base.Software, base.Make, base.Model))
     names = [name.lower() for name in (make, model) if name]
-    of_camera = bool(_FIRMWARE.fullmatch(software)) or any(software.lower().startswith(name) for name in names)
+    of_camera = bool(re.fullmatch(_FIRMWARE, software)) or any(software.lower().startswith(name) for name in names)
     by_camera = not software or (bool(names) and of_camera)
     return not by_camera or any(xmp.get(name, software) != software for name in _XMP_SOFTWARE)
 
@@ -427,7 +426,7 @@ def nearest_utc_offset(ahead: timedelta, tolerance: timedelta = MAX_CLOCK_DIFFER
 # The satellites' clock.
 
 _LAST_YEAR_OF_EPOCHS = 1980  # which receivers without a fix show
-_RATIONAL = re.compile(r"\d+(?:\.\d*)?(?:/\d+)?")
+_RATIONAL = r"\d+(?:\.\d*)?(?:/\d+)?"
 
 
 def read_gps_time(
@@ -462,7 +461,7 @@ def _gps_time_of_day(tags: Tags, date: datetime | None) -> timedelta | None:
     try:
         value = tags[ExifTags.GPS.GPSTimeStamp]
         is_text = isinstance(value, str | bytes)
-        parts = [read_xmp_number(part) for part in _RATIONAL.findall(_plain_text(value))] if is_text else value
+        parts = [read_xmp_number(part) for part in re.findall(_RATIONAL, _plain_text(value))] if is_text else value
         hours, minutes = map(read_number, parts[:2])
         with suppress(*TAG_ERRORS):  # 0/0 where it is unknown
             seconds = read_number(parts[2])

@@ -111,7 +111,7 @@ _HEAD = 1 << 22  # bytes that hold all directories
 _USUAL_SHAPE = (3, 2)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Page:
     """A page behind a TIFF's thumbnail."""
 
@@ -126,7 +126,7 @@ class _Page:
         return b"".join((memoryview(data)[:start], self.offset, memoryview(data)[stop:]))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Layout:
     """How a TIFF writes offsets and counts."""
 
@@ -136,7 +136,7 @@ class _Layout:
     tag: struct.Struct  # a tag's number, type, count of values, and the values or their offset
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _DirectoryCost:
     """What Pillow would make of a directory."""
 

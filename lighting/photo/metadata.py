@@ -37,9 +37,9 @@ Locations = tuple[tuple[float, float], ...]  # latitudes and longitudes, deg, po
 _DJI_NAMES = (  # the second is how DJI's first drones spelled it
     ("GpsLatitude", "GpsLongitude"), ("GpsLatitude", "GpsLongtitude"), ("Latitude", "Longitude"),
 )  # fmt: skip
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:/\d+)?", re.ASCII)
-_LETTERS = re.compile(r"[^\W\d_ºª]+")  # an ordinal's sign stands for the degree's
-_DECIMAL_COMMA = re.compile(r"([-+]?\d+),(\d{3,})(?=\D*$)", re.ASCII)  # minutes have two digits before a point
+_NUMBER = r"(?a)[-+]?\d+(?:\.\d*)?(?:/\d+)?"
+_LETTERS = r"[^\W\d_ºª]+"  # an ordinal's sign stands for the degree's
+_DECIMAL_COMMA = r"(?a)([-+]?\d+),(\d{3,})(?=\D*$)"  # minutes have two digits before a point
 _UNITS = ("deg", "degree", "degrees", "min", "minutes", "sec", "seconds", "d", "m")
 _LATIN_1_REST = "Â"  # what Latin-1 makes of the first byte of a degree sign in UTF-8
 _MAX_ANGLE = 360.0  # deg
@@ -59,7 +59,7 @@ class HeadingReference(StrEnum):
     MAGNETIC = "magnetic"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class _Coordinate:
     """A latitude or a longitude."""
 
@@ -138,8 +138,8 @@ def _parse_text(text: str) -> tuple[list[float], bool, str]:
     if len(text) > _MAX_TEXT:
         raise ValueError("too long for an angle")
     text = text.replace(_LATIN_1_REST, "")
-    words = [word for word in _LETTERS.findall(text) if word.lower() not in _UNITS]
-    found = _NUMBER.findall(_DECIMAL_COMMA.sub(r"\1.\2", text))
+    words = [word for word in re.findall(_LETTERS, text) if word.lower() not in _UNITS]
+    found = re.findall(_NUMBER, re.sub(_DECIMAL_COMMA, r"\1.\2", text))
     if not 1 <= len(found) <= 3 or len(words) > 1:
         raise ValueError("no angle")
     numbers = [read_xmp_number(number) for number in found]

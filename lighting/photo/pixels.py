@@ -23,15 +23,15 @@ References:
 import struct
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import lru_cache
 from io import BytesIO
 from math import ceil
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from PIL import ExifTags, Image, ImageCms
+from PIL import ExifTags, Image
 
 from lighting.color import (
     ADOBE_RGB_CHROMATICITIES,
@@ -45,6 +45,9 @@ from lighting.color import (
 from lighting.errors import PhotoError
 from lighting.geometry import Floats
 from lighting.photo.tags import EXIF_NAMESPACE, TAG_ERRORS, PhotoTags, read_text
+
+if TYPE_CHECKING:
+    from PIL import ImageCms
 
 Pixels = NDArray[np.uint8]
 
@@ -101,7 +104,7 @@ _MIN_COLUMN_STEP = 2.0  # gray levels
 _MAX_POLE_STD = 15.0  # gray levels, along the first row
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class _ColorEncoding:
     """What values in [0, 1] mean."""
 
@@ -109,7 +112,7 @@ class _ColorEncoding:
     """From stored values to linear light."""
     to_rec709: _Matrix | None = None
     """(3, 3) from linear values; None: the primaries are Rec.709's."""
-    profile: bytes | None = field(default=None, repr=False)
+    profile: bytes | None = None
     """An ICC profile, which then counts for 8-bit values."""
     full_range: bool = True
     """False: 8-bit values go from 16 to 235."""
@@ -375,7 +378,9 @@ def _by_profile(profile: bytes) -> _ColorEncoding | None:
 _by_known_profile = lru_cache(maxsize=16)(_by_profile)  # most photos have one of few, and asking lcms takes 4 ms
 
 
-def _open_profile(profile: bytes) -> ImageCms.ImageCmsProfile | None:
+def _open_profile(profile: bytes) -> "ImageCms.ImageCmsProfile | None":
+    from PIL import ImageCms  # which a photo without a profile is spared
+
     try:
         return ImageCms.ImageCmsProfile(BytesIO(profile))
     except Exception:  # a bad profile must not reject a photo
@@ -383,7 +388,9 @@ def _open_profile(profile: bytes) -> ImageCms.ImageCmsProfile | None:
 
 
 @lru_cache(maxsize=1)
-def _srgb_profile() -> ImageCms.ImageCmsProfile:
+def _srgb_profile() -> "ImageCms.ImageCmsProfile":
+    from PIL import ImageCms
+
     return ImageCms.ImageCmsProfile(ImageCms.createProfile("sRGB"))
 
 
@@ -393,6 +400,8 @@ def _profile_to_rec709(profile: bytes | None) -> _Matrix | None:
     Args:
         profile: bytes of an ICC profile, damaged ones too; None: no profile.
     """
+    from PIL import ImageCms
+
     try:
         source = ImageCms.ImageCmsProfile(BytesIO(profile or b"")).profile
         matrix = np.linalg.solve(_to_xyz(_srgb_profile().profile), _to_xyz(source))
@@ -465,14 +474,16 @@ def _profile_transform(profile: bytes) -> Callable[[Image.Image], NDArray[np.uin
     return convert
 
 
-def _build_transform(icc: ImageCms.ImageCmsProfile | None, mode: str) -> Callable[[Image.Image], NDArray[np.uint8]]:
+def _build_transform(icc: "ImageCms.ImageCmsProfile | None", mode: str) -> Callable[[Image.Image], NDArray[np.uint8]]:
     """A function of pictures in a mode; raises nearly anything for a profile that does not fit it."""
     assert icc is not None
+    from PIL import ImageCms
+
     transform = ImageCms.buildTransform(icc, _srgb_profile(), mode, "RGB")
     return lambda image: np.asarray(ImageCms.applyTransform(image, transform))
 
 
-def _is_srgb(icc: ImageCms.ImageCmsProfile) -> bool:
+def _is_srgb(icc: "ImageCms.ImageCmsProfile") -> bool:
     """Whether a profile makes sRGB's colors of values, whatever its name says."""
     samples = _sample_colors()
     try:

@@ -443,6 +443,7 @@ def _load_decoders() -> None:
     Image.preinit()
     for name in _MODULES:
         import_module(f"PIL.{name}")
-    import_module("lighting.photo.formats")
+    for name in ("lighting.photo.formats", "xml.parsers.expat"):
+        import_module(name)
     for encoding in _XML_ENCODINGS:
         codecs.lookup(encoding)

@@ -22,7 +22,6 @@ from datetime import UTC, datetime, timedelta
 from io import BytesIO
 from pathlib import Path
 from typing import Any
-from xml.parsers import expat
 
 from PIL import ExifTags, Image, ImageFile
 
@@ -298,6 +297,8 @@ def _read_xmp(packet: Any) -> dict[str, str]:
     """
     if not isinstance(packet, bytes) or len(packet) > _MAX_XMP_BYTES:
         return {}
+    from xml.parsers import expat
+
     reader = _Reader()
     blanks = b" \t\r\n" if packet.startswith(UTF_16) else b"\0 \t\r\n"
     try:
@@ -313,6 +314,8 @@ class _Reader:
     """Collects the properties while expat reads; nothing of it nests, however deep the packet is."""
 
     def __init__(self) -> None:
+        from xml.parsers import expat
+
         self.properties: dict[str, str] = {}
         self.is_complete = False  # whether the packet's outermost element has ended; junk may follow
         self._depth = 0
